@@ -1,0 +1,140 @@
+"""handctl sim …: simulated devices as servers, and control of a running one. Loaded by the root by name."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import click
+
+from handctl.sim import create, model_class
+
+
+class SimError(click.ClickException):
+    """The place to serve at, or the running simulator, cannot be reached: exit code of a link error."""
+
+    exit_code = 3
+
+
+@click.group("sim", context_settings={"help_option_names": ["-h", "--help"]})
+def cli() -> None:
+    """Simulated devices that any client can talk to, over a pty or a TCP port.
+
+    A server prints one JSON line when it is ready, {"ready": true, "link": LINK}, and serves until it gets SIGTERM or
+    SIGINT. SIGUSR1 is a power cycle. Whatever a client learns here says nothing about a real device.
+    """
+
+
+class _ServerCommand(click.Command):
+    """Shows the faults and the further options of the device in its help; imports the model only then."""
+
+    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        from handctl.sim.line import LINE_FAULTS, LINE_OPTIONS
+
+        model = model_class(str(self.name))
+        flags = {option.lstrip("-") for param in self.params for option in param.opts} | {"clock", "power-cycle"}
+        options = {name: text for name, text in LINE_OPTIONS.items() if name not in flags}
+        for title, rows in (
+            ("Faults of the line", LINE_FAULTS),
+            ("Faults and states of the device", model.FAULTS),
+            ("Further options, for --set", {"power-cycle": LINE_OPTIONS["power-cycle"], **options, **model.OPTIONS}),
+        ):
+            with formatter.section(title):
+                formatter.write_dl(list(rows.items()))
+
+
+def _address(ctx: click.Context, param: click.Parameter, text: str | None) -> tuple[str, int] | None:
+    """HOST:PORT; an IPv6 host in brackets."""
+    if text is None:
+        return None
+    host, colon, port = text.rpartition(":")
+    if not colon or not port.isdigit() or int(port) > 65535:
+        raise click.BadParameter("say HOST:PORT, for example 127.0.0.1:0 (0 takes any free port)")
+    return host.removeprefix("[").removesuffix("]") or "127.0.0.1", int(port)
+
+
+def _raw_options(given: dict[str, Any], fault: tuple[str, ...], settings: tuple[str, ...]) -> dict[str, str]:
+    """The options as a fake:// link would spell them."""
+    raw: dict[str, str] = {}
+    for text in settings:
+        name, equals, value = text.partition("=")
+        if not equals or not name:
+            raise click.UsageError(f"--set {text}: say KEY=VALUE")
+        raw[name.strip().replace("_", "-")] = value.strip()
+    raw.update({name: str(value) for name, value in given.items() if value is not None})
+    if fault:
+        raw["fault"] = ",".join([*([raw["fault"]] if "fault" in raw else []), *fault])
+    return raw
+
+
+def _server(kind: str, summary: str) -> click.Command:
+    """The command that serves one kind of byte device."""
+
+    @click.command(kind, cls=_ServerCommand, short_help=summary)
+    @click.option("--pty", "on_pty", is_flag=True, help="Serve on a new pseudo terminal.")
+    @click.option("--tcp", metavar="HOST:PORT", callback=_address, help="Serve on a TCP port; port 0 is any free one.")
+    @click.option("--seed", metavar="N", help="Start of the random generator.")
+    @click.option(
+        "--fault", metavar="NAME[,NAME]", multiple=True, help="Faults and states, see below; may be repeated."
+    )
+    @click.option("--after", metavar="N", help="The first N requests are healthy.")
+    @click.option("--every", metavar="N", help="Of the later requests only each N-th is hit.")
+    @click.option("--wire", metavar="BAUD", help="Emulate the transmission time at this speed ('auto': the device's).")
+    @click.option("--state", metavar="FILE", help="Keep memory, flash and positions in this file.")
+    @click.option("--duration", metavar="S", type=click.FloatRange(min=0.0), help="Stop by itself after S seconds.")
+    @click.option("--control", metavar="PATH", help="Unix socket for commands, see 'sim control'.")
+    @click.option("--set", "settings", metavar="KEY=VALUE", multiple=True, help="A further option, see below.")
+    def command(
+        on_pty: bool,
+        tcp: tuple[str, int] | None,
+        fault: tuple[str, ...],
+        duration: float | None,
+        control: str | None,
+        settings: tuple[str, ...],
+        **given: str | None,
+    ) -> None:
+        if on_pty == (tcp is not None):
+            raise click.UsageError("say where to serve: either --pty or --tcp HOST:PORT")
+        try:
+            line = create(kind, _raw_options(given, fault, settings))
+        except ValueError as exc:
+            raise click.UsageError(str(exc)) from exc
+        from handctl.sim import serve
+
+        try:
+            if tcp is None:
+                serve.serve_pty(line, duration=duration, control=control)
+            else:
+                serve.serve_tcp(line, tcp[0], tcp[1], duration=duration, control=control)
+        except (serve.ServeError, OSError) as exc:
+            raise SimError(str(exc)) from exc
+
+    command.help = f"{summary}\n\nPrints one JSON line when ready and serves until SIGTERM, SIGINT or --duration."
+    return command
+
+
+@cli.command("control", short_help="Send a command to a running simulator.")
+@click.argument("path")
+@click.argument("command", nargs=-1, required=True)
+def control(path: str, command: tuple[str, ...]) -> None:
+    """Send COMMAND to the simulator that was started with --control PATH, and print its answer.
+
+    \b
+    power-cycle            switch off and on
+    power off | power on
+    fault NAME[,NAME]      these faults from now on; 'fault none' ends them
+    requests               how many requests the device understood
+    help                   these and the commands of the device
+    """
+    from handctl.sim import serve
+
+    try:
+        answer = serve.send_control(path, " ".join(command))
+    except serve.ServeError as exc:
+        raise SimError(str(exc)) from exc
+    status, _, text = answer.partition(" ")
+    if status != "ok":
+        raise SimError(text)
+    click.echo(text)
+
+
+cli.add_command(_server("exo", "Inspire EH55BF1 exoskeleton hand."))

@@ -1,0 +1,176 @@
+"""What every simulated device shares: its contract with the line, replies, options, a small random generator.
+
+Knows nothing of any wire format. Time is always passed in (seconds, monotone); nothing here reads a clock or sleeps.
+"""
+
+from __future__ import annotations
+
+TYPE_CHECKING = False  # the typing and collections.abc modules are not worth their import time here
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+    from typing import Any, ClassVar
+
+NOTHING: frozenset[str] = frozenset()
+
+
+class Random:
+    """Xorshift generator of 32 bits: the same seed gives the same run on every Python version."""
+
+    __slots__ = ("_state",)
+
+    def __init__(self, seed: int) -> None:
+        self._state = (seed * 2654435761 + 2463534242) % 4294967296 or 1
+
+    def _next(self) -> int:
+        state = self._state
+        state ^= (state << 13) % 4294967296
+        state ^= state >> 17
+        state ^= (state << 5) % 4294967296
+        self._state = state
+        return state
+
+    def between(self, low: int, high: int) -> int:
+        """A whole number, both ends included."""
+        return low + (self._next() >> 3) % (high - low + 1)
+
+    def junk(self, count: int, liked: bytes) -> bytes:
+        """`count` bytes; every second one, about, is one of `liked` (the header bytes of the protocol)."""
+        return bytes(
+            liked[self.between(0, len(liked) - 1)] if liked and self.between(0, 1) else self.between(0, 255)
+            for _ in range(count)
+        )
+
+
+class Options:
+    """The raw strings of a link, read with their ranges. Every complaint is a ValueError of one line."""
+
+    def __init__(self, kind: str, raw: dict[str, str], known: Iterable[str]) -> None:
+        self.kind = kind
+        self._raw = {name.replace("_", "-"): text for name, text in raw.items()}
+        names = set(known)
+        for name in self._raw:
+            if name not in names:
+                raise ValueError(f"unknown option {name!r} of the simulated {kind}; known: {', '.join(sorted(names))}")
+
+    def text(self, name: str) -> str | None:
+        return self._raw.get(name)
+
+    def choice(self, name: str, default: str, allowed: tuple[str, ...]) -> str:
+        text = self._raw.get(name, default)
+        if text not in allowed:
+            raise ValueError(f"option {name}={text}: not one of {', '.join(allowed)}")
+        return text
+
+    def whole(self, name: str, default: int, low: int, high: int) -> int:
+        text = self._raw.get(name)
+        if text is None:
+            return default
+        try:
+            value = int(text, 10)
+        except ValueError:
+            raise ValueError(f"option {name}={text}: not a whole number ({low} to {high})") from None
+        if not low <= value <= high:
+            raise ValueError(f"option {name}={text}: out of range {low} to {high}")
+        return value
+
+    def seconds(self, name: str, default: float, high: float) -> float:
+        text = self._raw.get(name)
+        if text is None:
+            return default
+        try:
+            value = float(text)
+        except ValueError:
+            raise ValueError(f"option {name}={text}: not a number of seconds") from None
+        if not 0.0 <= value <= high:
+            raise ValueError(f"option {name}={text}: out of range 0 to {high:g} seconds")
+        return value
+
+
+class Reply:
+    """One frame that leaves the device: not before `due`; `hits` are the faults that befall it."""
+
+    __slots__ = ("data", "due", "hits")
+
+    def __init__(self, due: float, data: bytes, hits: frozenset[str]) -> None:
+        self.due = due
+        self.data = data
+        self.hits = hits
+
+
+class Model:
+    """A device without its wire, powered off when made.
+
+    `Line` sets `judge` and `faults`, calls `power(True)`, then `boot` once, then `advance`, `feed` and `take` in time
+    order.
+    """
+
+    KIND = ""
+    OPTIONS: ClassVar[dict[str, str]] = {}  # name -> help; in addition to those of the line
+    FAULTS: ClassVar[dict[str, str]] = {}  # name -> help; states of the device, in addition to the faults of the line
+    HEADER = b""  # bytes that start frames here; noise is made of them to trap naive framers
+    speed: int | None = None  # the serial speed in force, bit/s; None: no serial port
+
+    def __init__(self, options: Options, random: Random) -> None:
+        self.random = random
+        self.now = 0.0
+        self.powered = False
+        self.dirty = False  # something that a state file keeps has changed
+        self.faults: frozenset[str] = NOTHING
+        self.judge: Callable[[], frozenset[str]] = lambda: NOTHING  # asked once for each request that is understood
+        self._replies: list[Reply] = []
+
+    def boot(self, now: float) -> None:
+        """The first moment of simulated time."""
+        self.now = now
+
+    def advance(self, now: float) -> None:
+        self.now = now
+
+    def feed(self, data: bytes) -> None:
+        """Bytes that reached the device at the present time."""
+
+    def due(self, pending: bytes) -> int | None:
+        """How many of these bytes, still on the wire, the device needs before it acts; None: it will not.
+
+        Lets the line feed a request at the exact time of its last bit without waking for each byte.
+        """
+        return 1 if pending else None
+
+    def take(self) -> list[Reply]:
+        """The replies made since the last call; some may be due in the future."""
+        replies, self._replies = self._replies, []
+        return replies
+
+    def next_event(self) -> float | None:
+        """When the device acts by itself next, apart from replies that are already due."""
+        return None
+
+    def power(self, on: bool) -> None:
+        self.powered = on
+
+    def set_faults(self, faults: frozenset[str]) -> None:
+        """The faults now present, those of the line included."""
+        self.faults = faults
+
+    def spoil(self, data: bytes) -> bytes:
+        """The frame with a check value that does not fit."""
+        return data
+
+    def readdress(self, data: bytes) -> bytes:
+        """The frame as another device on the line would have sent it: valid, but with another id."""
+        return data
+
+    def twin(self, data: bytes) -> bytes:
+        """The frame as a second device with the same id would have sent it, live values a little different."""
+        return data
+
+    def command(self, words: list[str]) -> str:
+        """A control command of this device; returns one line, raises ValueError."""
+        raise ValueError(f"unknown command {' '.join(words)!r}")
+
+    def snapshot(self) -> dict[str, Any]:
+        """What a state file keeps."""
+        return {}
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Takes a snapshot back; KeyError, TypeError or ValueError when it does not fit."""

@@ -1,0 +1,385 @@
+"""Drives a simulated line in real time behind a pty or a TCP port: one select loop, no threads.
+
+Knows file descriptors and the clock, no protocol. A server prints one JSON line when it is ready, then serves until
+SIGTERM, SIGINT or the end of its duration; it exits in order, with the state saved.
+"""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import json
+import os
+import pty
+import select
+import signal
+import socket
+import stat
+import sys
+import termios
+import time
+import tty
+from collections.abc import Callable
+from contextlib import ExitStack, suppress
+from types import FrameType, TracebackType
+from typing import Protocol
+
+from handctl.sim.line import Line
+
+SPIN = 0.0003  # s before an event that are waited for busily: select alone wakes up to 0.1 ms late
+UNREAD = 65536  # bytes kept for a client that does not read; what comes beyond is lost, as on a serial line
+SPEEDS = {getattr(termios, name): int(name[1:]) for name in dir(termios) if name[0] == "B" and name[1:].isdigit()}
+
+
+class ServeError(Exception):
+    """The place to serve at cannot be had; the text says what and why."""
+
+
+class Port(Protocol):
+    """Where clients come in."""
+
+    link: str  # what a client passes to --port
+
+    def readers(self) -> list[int]: ...
+
+    def read(self, ready: list[int]) -> bytes | None:
+        """What came in; b"" nothing, None: a new client took the place of the old one."""
+
+    def write(self, data: bytes) -> int:
+        """Writes what fits without waiting, returns how much."""
+
+    def writer(self) -> int | None: ...
+
+    def baud(self) -> int | None:
+        """The serial speed of the client, None if the link has none."""
+
+    def hang_up(self) -> bool:
+        """Drops the client; True when nobody can come any more."""
+
+    def close(self) -> None: ...
+
+
+class PtyPort:
+    """A pseudo terminal. Its slave side is kept open here, so that clients can come and go."""
+
+    def __init__(self, speed: int | None) -> None:
+        try:
+            self._master, self._slave = pty.openpty()
+        except OSError as exc:
+            raise ServeError(f"cannot open a pty: {exc.strerror}") from exc
+        tty.setraw(self._slave)
+        attributes = termios.tcgetattr(self._slave)
+        constant = {rate: value for value, rate in SPEEDS.items()}.get(speed or 0)
+        if constant is not None:
+            # A client that sets no speed, such as a shell redirection, then talks at the right one.
+            attributes[4] = attributes[5] = constant
+            termios.tcsetattr(self._slave, termios.TCSANOW, attributes)
+        os.set_blocking(self._master, False)
+        self._closed = False
+        self.link = os.ttyname(self._slave)
+
+    def readers(self) -> list[int]:
+        return [self._master]
+
+    def read(self, ready: list[int]) -> bytes:
+        if self._master not in ready:
+            return b""
+        try:
+            return os.read(self._master, 4096)
+        except BlockingIOError:
+            return b""
+
+    def write(self, data: bytes) -> int:
+        try:
+            return os.write(self._master, data)
+        except BlockingIOError:
+            return 0
+
+    def writer(self) -> int:
+        return self._master
+
+    def baud(self) -> int:
+        """The termios speed that the client set, visible on the master side; -1 for a speed without a constant."""
+        return SPEEDS.get(termios.tcgetattr(self._master)[5], -1)
+
+    def hang_up(self) -> bool:
+        # Closing the master throws away what the client has not read: let it have the first half of the reply. The
+        # kernel hands bytes to the slave side a little later, so a count of 0 means nothing at once.
+        time.sleep(0.02)
+        patience = time.monotonic() + 0.2
+        while any(fcntl.ioctl(self._slave, termios.FIONREAD, bytes(4))) and time.monotonic() < patience:
+            time.sleep(0.002)
+        self.close()
+        return True
+
+    def close(self) -> None:
+        if not self._closed:
+            self._closed = True
+            os.close(self._master)
+            os.close(self._slave)
+
+
+class TcpPort:
+    """A listening port that serves one client at a time; others wait until it leaves."""
+
+    def __init__(self, host: str, port: int) -> None:
+        try:
+            family, kind, proto, _, address = socket.getaddrinfo(
+                host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
+            )[0]
+            self._listener = socket.socket(family, kind, proto)
+            self._listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            self._listener.bind(address)
+            self._listener.listen(8)
+        except OSError as exc:
+            raise ServeError(f"cannot listen on {host}:{port}: {exc.strerror or exc}") from exc
+        self._listener.setblocking(False)
+        self._client: socket.socket | None = None
+        shown = f"[{host}]" if ":" in host else host
+        self.link = f"tcp://{shown}:{self._listener.getsockname()[1]}"
+
+    def readers(self) -> list[int]:
+        return [self._listener.fileno() if self._client is None else self._client.fileno()]
+
+    def read(self, ready: list[int]) -> bytes | None:
+        if not ready:
+            return b""
+        try:
+            if self._client is None:
+                self._client, _ = self._listener.accept()
+                self._client.setblocking(False)
+                self._client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                return None
+            data = self._client.recv(4096)
+        except (BlockingIOError, ConnectionAbortedError):
+            return b""
+        except OSError:
+            data = b""
+        if not data:
+            self.hang_up()
+        return data
+
+    def write(self, data: bytes) -> int:
+        if self._client is None:
+            return len(data)  # nobody there: a line without a listener loses its bytes
+        try:
+            return self._client.send(data)
+        except BlockingIOError:
+            return 0
+        except OSError:
+            self.hang_up()
+            return len(data)
+
+    def writer(self) -> int | None:
+        return None if self._client is None else self._client.fileno()
+
+    def baud(self) -> None:
+        return None
+
+    def hang_up(self) -> bool:
+        if self._client is not None:
+            self._client.close()
+            self._client = None
+        return False
+
+    def close(self) -> None:
+        self.hang_up()
+        self._listener.close()
+
+
+class ControlPort:
+    """A Unix socket beside the line: one command a line, one answer a line ("ok …" or "error …")."""
+
+    def __init__(self, path: str) -> None:
+        self.path = path
+        self._clients: dict[int, tuple[socket.socket, bytearray]] = {}
+        self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        try:
+            _remove_dead_socket(path)
+            self._listener.bind(path)
+        except OSError as exc:
+            self._listener.close()
+            raise ServeError(f"cannot open the control socket {path}: {exc.strerror or exc}") from exc
+        self._listener.listen(8)
+        self._listener.setblocking(False)
+
+    def readers(self) -> list[int]:
+        return [self._listener.fileno(), *self._clients]
+
+    def serve(self, ready: list[int], line: Line) -> None:
+        if self._listener.fileno() in ready:
+            with suppress(OSError):
+                client, _ = self._listener.accept()
+                client.setblocking(False)
+                self._clients[client.fileno()] = (client, bytearray())
+        for descriptor in [number for number in ready if number in self._clients]:
+            self._serve_client(descriptor, line)
+
+    def _serve_client(self, descriptor: int, line: Line) -> None:
+        client, text = self._clients[descriptor]
+        try:
+            data = client.recv(4096)
+            text += data
+            while b"\n" in text:
+                command, _, rest = bytes(text).partition(b"\n")
+                text[:] = rest
+                client.send(_answer(line, command.decode("utf-8", "replace")).encode() + b"\n")
+        except BlockingIOError:
+            return
+        except OSError:
+            data = b""
+        if not data or len(text) > 4096:
+            del self._clients[descriptor]
+            client.close()
+
+    def close(self) -> None:
+        for client, _ in self._clients.values():
+            client.close()
+        self._listener.close()
+        with suppress(OSError):
+            os.unlink(self.path)
+
+
+class _Signals:
+    """SIGTERM and SIGINT end the server, SIGUSR1 is a power cycle; each wakes the select at once."""
+
+    def __init__(self) -> None:
+        self.stop = False
+        self.power_cycles = 0
+        self.reader, self._writer = os.pipe()
+        for descriptor in (self.reader, self._writer):
+            os.set_blocking(descriptor, False)
+        self._old = {name: signal.signal(name, self._note) for name in (signal.SIGTERM, signal.SIGINT, signal.SIGUSR1)}
+        self._old_wakeup = signal.set_wakeup_fd(self._writer, warn_on_full_buffer=False)
+
+    def _note(self, number: int, frame: FrameType | None) -> None:
+        if number == signal.SIGUSR1:
+            self.power_cycles += 1
+        else:
+            self.stop = True
+
+    def drain(self) -> None:
+        with suppress(BlockingIOError):
+            os.read(self.reader, 4096)
+
+    def __enter__(self) -> _Signals:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, exc: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        signal.set_wakeup_fd(self._old_wakeup)
+        for number, handler in self._old.items():
+            signal.signal(number, handler)
+        os.close(self.reader)
+        os.close(self._writer)
+
+
+def serve_pty(line: Line, *, duration: float | None = None, control: str | None = None) -> None:
+    """Serves the line on a new pty; returns when asked to stop. Raises ServeError, or OSError for a state file."""
+    _serve(line, lambda: PtyPort(line.device.speed), duration, control)
+
+
+def serve_tcp(line: Line, host: str, port: int, *, duration: float | None = None, control: str | None = None) -> None:
+    """Serves the line on a TCP port (0: any free one); returns when asked to stop."""
+    _serve(line, lambda: TcpPort(host, port), duration, control)
+
+
+def _serve(line: Line, open_port: Callable[[], Port], duration: float | None, control: str | None) -> None:
+    with ExitStack() as stack:
+        signals = stack.enter_context(_Signals())
+        port = open_port()
+        stack.callback(port.close)
+        panel = None if control is None else ControlPort(control)
+        if panel is not None:
+            stack.callback(panel.close)
+        stack.callback(line.close)
+        print(json.dumps({"ready": True, "link": port.link}), flush=True)
+        _loop(line, port, panel, signals, None if duration is None else time.monotonic() + duration)
+
+
+def _loop(line: Line, port: Port, panel: ControlPort | None, signals: _Signals, end: float | None) -> None:
+    unsent = bytearray()
+    while not signals.stop:
+        now = time.monotonic()
+        if end is not None and now >= end:
+            return
+        line.advance(now)
+        while signals.power_cycles:
+            signals.power_cycles -= 1
+            line.power_cycle()
+        unsent += line.take()
+        if unsent:
+            del unsent[: port.write(bytes(unsent))]
+            del unsent[UNREAD:]
+        if line.hung_up:
+            print("simulator: hung up in the middle of a reply (fault disconnect)", file=sys.stderr, flush=True)
+            if port.hang_up():
+                return
+            line.reconnect()
+            unsent.clear()
+        readers = [signals.reader, *port.readers(), *(panel.readers() if panel is not None else ())]
+        ready = _wait(now, line.next_event(), end, readers, port.writer() if unsent else None)
+        line.advance(time.monotonic())
+        if signals.reader in ready:
+            signals.drain()
+        if panel is not None:
+            panel.serve(ready, line)
+        data = port.read([descriptor for descriptor in port.readers() if descriptor in ready])
+        if data is None:
+            line.reconnect()
+            unsent.clear()
+        elif data:
+            line.client_baud = port.baud()
+            line.feed(data)
+
+
+def _wait(now: float, event: float | None, end: float | None, readers: list[int], writer: int | None) -> list[int]:
+    """Sleeps until something comes in, or shortly before the next event; the rest of that is waited for busily."""
+    times = [when for when in (event, end) if when is not None]
+    timeout = max(0.0, min(times) - now - SPIN) if times else None
+    ready, _, _ = select.select(readers, [] if writer is None else [writer], [], timeout)
+    return ready
+
+
+def _answer(line: Line, command: str) -> str:
+    try:
+        return f"ok {line.command(command)}"
+    except (ValueError, OSError) as exc:
+        return f"error {exc}"
+
+
+def _remove_dead_socket(path: str) -> None:
+    """Takes away what a killed server left; anything else at this path is left alone and makes bind fail."""
+    try:
+        if not stat.S_ISSOCK(os.stat(path).st_mode):
+            return
+    except FileNotFoundError:
+        return
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:
+        try:
+            probe.connect(path)
+        except ConnectionRefusedError:
+            os.unlink(path)
+        else:
+            raise OSError(errno.EADDRINUSE, "another simulator listens there")
+
+
+def send_control(path: str, command: str, timeout: float = 5.0) -> str:
+    """Sends one command to the control socket of a running server; returns its answer. Raises ServeError."""
+    if "\n" in command:
+        raise ServeError("a control command is one line")
+    try:
+        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as link:
+            link.settimeout(timeout)
+            link.connect(path)
+            link.sendall(command.encode() + b"\n")
+            answer = b""
+            while not answer.endswith(b"\n"):
+                data = link.recv(4096)
+                if not data:
+                    raise ServeError(f"control socket {path}: the simulator left without an answer")
+                answer += data
+            return answer.decode("utf-8", "replace").rstrip("\n")
+    except OSError as exc:
+        raise ServeError(f"control socket {path}: {exc.strerror or exc}") from exc

@@ -1,0 +1,49 @@
+"""The state file of a simulated device: JSON, written atomically. Loaded only when a state file is used."""
+
+from __future__ import annotations
+
+import json
+import os
+
+from handctl.sim.model import Model
+
+FORMAT = "handctl-sim/1"
+
+
+def load(path: str, device: Model) -> None:
+    """Puts the state into the device when the file exists; ValueError when it cannot be used."""
+    folder = os.path.dirname(path) or "."
+    if not os.path.isdir(folder):
+        raise ValueError(f"state file {path}: there is no directory {folder}")
+    try:
+        with open(path, encoding="utf-8") as file:
+            text = file.read()
+    except FileNotFoundError:
+        return
+    except (OSError, UnicodeDecodeError) as exc:
+        raise ValueError(f"state file {path} cannot be read: {exc}") from exc
+    try:
+        state = json.loads(text)
+        if state["format"] != FORMAT or state["kind"] != device.KIND:
+            raise ValueError(f"it is {state['format']!r} of {state['kind']!r}, expected {FORMAT!r} of {device.KIND!r}")
+        device.restore(state)
+    except (AttributeError, KeyError, TypeError, ValueError, RecursionError) as exc:
+        reason = f"{exc} is missing" if isinstance(exc, KeyError) else str(exc)
+        raise ValueError(f"state file {path} is damaged or foreign ({reason}); remove it to start afresh") from exc
+
+
+def save(path: str, device: Model) -> None:
+    """Whole or not at all: a temporary file beside it, synced, then renamed."""
+    state = {"format": FORMAT, "kind": device.KIND, "simulated": True, **device.snapshot()}
+    temporary = f"{path}.{os.getpid()}.tmp"
+    try:
+        with open(temporary, "w", encoding="utf-8") as file:
+            json.dump(state, file, indent=1)
+            file.write("\n")
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(temporary, path)
+    except BaseException:
+        if os.path.exists(temporary):
+            os.unlink(temporary)
+        raise
