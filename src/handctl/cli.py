@@ -1,0 +1,44 @@
+"""Entry point: the root command, and the one place where errors become exit codes.
+
+`--version` loads nothing; help and completion load click and the data in `families`, no device family.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Sequence
+
+from handctl import __version__
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run handctl; returns the process exit code (cli contract, section 5)."""
+    args = list(sys.argv[1:] if argv is None else argv)
+    if args in (["--version"], ["-V"]):
+        return _finish(0, f"handctl {__version__}\n")
+    from handctl.clikit import run_root
+
+    return _finish(run_root(args))
+
+
+def _finish(code: int, text: str = "") -> int:
+    """Flush stdout while it can still be reported: a full disk is one line and not 0, a closed pipe is quiet."""
+    try:
+        if text:
+            sys.stdout.write(text)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        _discard_stdout()
+    except OSError as exc:
+        _discard_stdout()
+        sys.stderr.write(f"handctl: error: stdout cannot be written: {exc.strerror or exc}\n")
+        return code or 1
+    return code
+
+
+def _discard_stdout() -> None:
+    """What is still buffered must not fail a second time when the interpreter shuts down."""
+    null = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(null, 1)
+    os.close(null)

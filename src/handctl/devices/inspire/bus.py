@@ -1,0 +1,229 @@
+"""Register access over the serial wire: one question, one answer, a deadline, retries for reads only.
+
+`read(address, n)` and `write(address, data)`; what the bytes mean is not known here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from handctl.devices.inspire import eb90
+from handctl.devices.inspire.eb90 import Decoder, Frame
+from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError
+from handctl.link import ByteLink, Deadline
+from handctl.result import Journal, hex_bytes
+
+DEFAULT_TIMEOUT = 0.3
+"""Seconds of silence allowed per reply beyond wire time: USB (4 ms), FTDI latency (16 ms) and Bluetooth with room."""
+DEFAULT_RETRIES = 2
+
+
+class Bus:
+    """The serial wire to one device id.
+
+    timeout   seconds allowed for a reply, beyond the time its bits need on the wire
+    retries   repetitions of a read that got no valid answer; writes are never repeated
+    bound     deadline of the whole command, None = none
+    """
+
+    def __init__(
+        self,
+        link: ByteLink,
+        device_id: int,
+        journal: Journal,
+        *,
+        timeout: float = DEFAULT_TIMEOUT,
+        retries: int = DEFAULT_RETRIES,
+        bound: Deadline | None = None,
+    ) -> None:
+        eb90.check_id(device_id)
+        self.link = link
+        self.id = device_id
+        self.journal = journal
+        self.timeout = timeout
+        self.retries = retries
+        self.bound = bound
+
+    # -- registers -----------------------------------------------------------------------------------------------
+
+    def read(self, address: int, count: int, *, device_id: int | None = None, retries: int | None = None) -> bytes:
+        """`count` bytes (1..252) from `address` (exo §2.2.3). Raises UsageError, NoAnswer, ProtocolError, LinkError."""
+        target = self.id if device_id is None else device_id
+        request = eb90.read_request(target, address, count)
+        prefix = eb90.read_reply_prefix(target, address, count)
+        attempts = 1 + (self.retries if retries is None else retries)
+        for attempt in range(attempts):
+            if attempt:
+                self.journal.counters.retries += 1
+            try:
+                return self.exchange(request, [prefix], reply_size=count + 8).data
+            except (NoAnswer, ProtocolError) as exc:
+                error: HandctlError = exc
+            if self.bound is not None and self.bound.expired:
+                break
+        raise error
+
+    def write(self, address: int, data: bytes, *, acknowledged_by: Sequence[int] = ()) -> Frame:
+        """Write `data` once and return the acknowledgement (exo §2.2.4). Never repeated.
+
+        `acknowledged_by` lists further ids whose acknowledgement counts (an id change answers from the new one).
+        Raises DeviceRefused when the acknowledgement byte is not 01; NoAnswer, ProtocolError when it is unknown
+        whether the write arrived.
+        """
+        request = eb90.write_request(self.id, address, data)
+        prefixes = [eb90.write_ack_prefix(target, address) for target in dict.fromkeys((self.id, *acknowledged_by))]
+        ack = self.exchange(request, prefixes, reply_size=9)
+        if ack.data != bytes([eb90.ACCEPTED]):
+            raise DeviceRefused(
+                f"{self.where}: the device answered {hex_bytes(ack.data)} instead of 01 to the write at {address}",
+                hint="it did not take the value; the manual does not say what other bytes mean (exo §2.2.4)",
+            )
+        return ack
+
+    def command(self, flag: int, values: Sequence[int]) -> list[int]:
+        """Send a force (0x31) or position (0x32) command once; the values of its reply (exo §2.2.1, §2.2.2)."""
+        request = eb90.command_request(self.id, flag, values)
+        prefix = eb90.command_reply_prefix(self.id, flag)
+        return eb90.unpack_s16(self.exchange(request, [prefix], reply_size=prefix[3] + eb90.OVERHEAD).payload)
+
+    # -- the wire ------------------------------------------------------------------------------------------------
+
+    def exchange(self, request: bytes, prefixes: Sequence[bytes], *, reply_size: int) -> Frame:
+        """Send one request, wait for one frame that begins with one of `prefixes`. One attempt."""
+        self.drain()
+        deadline = self._reply_deadline(len(request), reply_size)
+        self.send(request, deadline)
+        decoder = Decoder(prefixes)
+        received = bytearray()
+        while True:
+            frame = self._next(decoder)
+            if frame is not None:
+                self.journal.counters.received += 1
+                self.journal.counters.stray_bytes += decoder.skipped + decoder.pending
+                return frame
+            chunk = self.link.read(deadline)
+            if not chunk:
+                self.journal.counters.stray_bytes += decoder.skipped + decoder.pending
+                raise self._failure(request, bytes(received))
+            received += chunk
+            decoder.feed(chunk)
+
+    def send(self, request: bytes, deadline: Deadline | None = None) -> None:
+        """Write one or more request frames."""
+        self.link.write(request, deadline or self._reply_deadline(len(request), 0))
+        self.journal.counters.sent += 1
+
+    def listen(self, prefixes: Sequence[bytes], seconds: float) -> Frame | None:
+        """Wait for a frame that the device sends later by itself; None when it does not come. Sends nothing."""
+        deadline = self.link.deadline(seconds)
+        if self.bound is not None:
+            deadline = deadline.earlier(self.bound)
+        decoder = Decoder(prefixes)
+        while True:
+            frame = self._next(decoder)
+            if frame is not None:
+                self.journal.counters.received += 1
+                break
+            chunk = self.link.read(deadline)
+            if not chunk:
+                break
+            decoder.feed(chunk)
+        self.journal.counters.stray_bytes += decoder.skipped + decoder.pending
+        return frame
+
+    def drain(self) -> bytes:
+        """Throw away what lies in the input: late answers belong to nobody. Returns and counts it."""
+        stale = b""
+        now = self.link.deadline(0)
+        while chunk := self.link.read(now):
+            stale += chunk
+            if len(stale) > 65536:
+                break
+        self.journal.counters.stray_bytes += len(stale)
+        return stale
+
+    def wire_seconds(self, count: int) -> float:
+        """Time that `count` bytes need on the line, 10 bits each (exo §2.1); 0 where the speed is unknown."""
+        return count * 10 / self.link.baud if self.link.baud else 0.0
+
+    def _next(self, decoder: Decoder) -> Frame | None:
+        while True:
+            try:
+                return decoder.next()
+            except ProtocolError:
+                self.journal.counters.bad_frames += 1
+
+    def _reply_deadline(self, sent: int, expected: int) -> Deadline:
+        return self.link.deadline(self.wire_seconds(sent + expected) + self.timeout).earlier(self.bound)
+
+    @property
+    def where(self) -> str:
+        """Device, id and link for messages."""
+        speed = f" at {self.link.baud} baud" if self.link.baud and self.link.can_set_baud else ""
+        return f"id {self.id} on {self.link.name}{speed}"
+
+    def _failure(self, request: bytes, received: bytes) -> HandctlError:
+        if not received:
+            return NoAnswer(
+                f"{self.where}: no answer to {hex_bytes(request)} within {self.timeout:g} s",
+                hint=SILENCE_HINT,
+            )
+        code, text = explain(request, received)
+        return ProtocolError(
+            f"{self.where}: {text}; sent {hex_bytes(request)}, got {_shorten(received)}", hint=HINTS[code], code=code
+        )
+
+
+SILENCE_HINT = (
+    "silence means a wrong id, a wrong speed, no power or no cable alike. Check in this order: --id 1 at 115200, "
+    "`handctl exo scan`, power (7..9 V), TX/RX and RS-232 wiring; plugging power and data in again is worth a try"
+)
+HINTS = {
+    "echo": "only our own bytes come back: an echo or a TX-RX short, no device answers. Check the wiring",
+    "wrong-id": "another id answers: use the --id it shows, or look with `handctl exo scan`",
+    "bad-checksum": "bytes were damaged on the way: check cable and ground, the speed, and that one device only has this id",
+    "cut-short": "the reply was cut off: check cable and adapter, and that no other program reads the port",
+    "stale": "a valid frame came, but it answers something else: another program or a second master may use this line",
+    "garbage": "no frame in it: most likely a wrong speed (--baud 115200, 57600, 19200) or another kind of device",
+}
+
+
+def explain(request: bytes, received: bytes) -> tuple[str, str]:
+    """Name what came instead of the answer: (code, text). Codes are the keys of HINTS."""
+    rest = received
+    if request in rest:
+        rest = rest.replace(request, b"", 1)
+        if not rest:
+            return "echo", "only our own bytes came back"
+    sniffer = Decoder()
+    sniffer.feed(rest)
+    bad_sums = 0
+    frames: list[Frame] = []
+    while sniffer.pending:
+        try:
+            frame = sniffer.next()
+        except ProtocolError:
+            bad_sums += 1
+            continue
+        if frame is None:
+            break
+        frames.append(frame)
+    pending = sniffer.pending
+    frames += sniffer.finish()
+    replies = [frame for frame in frames if frame.from_device]
+    wanted_id = request[2] if len(request) > 2 else None
+    for frame in replies:
+        if frame.id != wanted_id:
+            return "wrong-id", f"id {frame.id} answered instead"
+    if bad_sums:
+        return "bad-checksum", "the answer's checksum is wrong"
+    if replies:
+        return "stale", "a valid frame came, but not the answer to this request"
+    if pending >= 2 and eb90.DEVICE in rest:
+        return "cut-short", f"the answer was cut off after {len(rest)} bytes"
+    return "garbage", f"{len(rest)} bytes came that form no frame"
+
+
+def _shorten(data: bytes, limit: int = 40) -> str:
+    text = hex_bytes(data[:limit])
+    return text if len(data) <= limit else f"{text} … ({len(data)} bytes)"

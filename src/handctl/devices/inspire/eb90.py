@@ -1,0 +1,219 @@
+"""The EB 90 frame of the Inspire family, bytes <-> frames. Sans I/O: knows no link, no clock, no register names.
+
+    byte            0    1    2    3      4     5        6        7 ...            last
+    read  request   EB   90   id   04     11    addr_lo  addr_hi  n                sum
+    read  reply     90   EB   id   n+3    11    addr_lo  addr_hi  d0 .. d(n-1)     sum
+    write request   EB   90   id   n+3    12    addr_lo  addr_hi  d0 .. d(n-1)     sum
+    write ack       90   EB   id   04     12    addr_lo  addr_hi  01               sum
+    force command   EB   90   id   0B     31    5 x s16                            sum     exo §2.2.1
+          reply     90   EB   id   0D     31    6 x s16, positions now             sum
+    position comm.  EB   90   id   0B     32    5 x s16                            sum     exo §2.2.2
+          reply     90   EB   id   0B     32    5 x s16, forces now                sum
+
+The length byte counts from the flag up to, without, the sum, so a frame has length + 5 bytes. 16-bit values are
+little-endian. The sum is the low byte of the sum of everything between header and sum (exo §2.2.1 note 2).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+from handctl.errors import ProtocolError, UsageError
+
+HOST = b"\xeb\x90"
+DEVICE = b"\x90\xeb"
+READ, WRITE = 0x11, 0x12
+FORCE_COMMAND, POSITION_COMMAND = 0x31, 0x32
+ACCEPTED = 0x01
+MAX_COUNT = 252
+"""Largest count of one read or write: its reply's length byte n + 3 must fit into 255."""
+MIN_LENGTH = 1
+OVERHEAD = 5
+
+
+class Frame(NamedTuple):
+    """One frame without its envelope: `payload` is what follows the flag, before the sum."""
+
+    header: bytes
+    id: int
+    flag: int
+    payload: bytes
+
+    @property
+    def from_device(self) -> bool:
+        """Whether the header says that a device sent it."""
+        return self.header == DEVICE
+
+    @property
+    def address(self) -> int | None:
+        """The register address of a register frame, None for a command frame or a shorter one."""
+        if self.flag in (FORCE_COMMAND, POSITION_COMMAND) and len(self.payload) >= 10:
+            return None
+        return int.from_bytes(self.payload[:2], "little") if len(self.payload) >= 2 else None
+
+    @property
+    def data(self) -> bytes:
+        """What follows the address."""
+        return self.payload[2:]
+
+    def encode(self) -> bytes:
+        """The frame as it stands on the wire."""
+        body = bytes([self.id, len(self.payload) + 1, self.flag]) + self.payload
+        return self.header + body + bytes([checksum(body)])
+
+
+def checksum(body: bytes) -> int:
+    """Low byte of the sum of everything between header and sum."""
+    return sum(body) & 0xFF
+
+
+def check_id(device_id: int) -> None:
+    """Refuse ids that the manual does not define: 1..254 (exo §2.3.1). Raises UsageError."""
+    if not 1 <= device_id <= 254:
+        raise UsageError(f"id {device_id} does not exist", hint="ids are 1 to 254 (exo §2.3.1). Nothing was sent.")
+
+
+def check_span(address: int, count: int) -> None:
+    """Refuse a register span that no frame can carry. Raises UsageError."""
+    if not 0 <= address <= 0xFFFF:
+        raise UsageError(
+            f"address {address} is not a register address", hint="addresses are 0 to 65535, 16 bits (exo §2.2.3)"
+        )
+    if not 1 <= count <= MAX_COUNT:
+        raise UsageError(
+            f"{count} bytes do not fit into one frame",
+            hint=f"1 to {MAX_COUNT}: the reply's length byte is count + 3 and must stay below 256 (exo §2.2.3)",
+        )
+    if address + count > 0x10000:
+        raise UsageError(f"address {address} + {count} bytes runs past 65535")
+
+
+def read_request(device_id: int, address: int, count: int, flag: int = READ) -> bytes:
+    """Ask for `count` bytes (1..252) from `address`. Raises UsageError."""
+    check_id(device_id)
+    check_span(address, count)
+    return Frame(HOST, device_id, flag, address.to_bytes(2, "little") + bytes([count])).encode()
+
+
+def write_request(device_id: int, address: int, data: bytes, flag: int = WRITE) -> bytes:
+    """Write 1..252 bytes from `address` on. Raises UsageError."""
+    check_id(device_id)
+    check_span(address, len(data))
+    return Frame(HOST, device_id, flag, address.to_bytes(2, "little") + data).encode()
+
+
+def command_request(device_id: int, flag: int, values: Sequence[int]) -> bytes:
+    """A force (0x31) or position (0x32) command: five signed 16-bit values, little to thumb (exo §2.2.1, §2.2.2)."""
+    check_id(device_id)
+    return Frame(HOST, device_id, flag, pack_s16(values)).encode()
+
+
+def pack_s16(values: Iterable[int]) -> bytes:
+    """Signed 16-bit values, little-endian."""
+    return b"".join(value.to_bytes(2, "little", signed=True) for value in values)
+
+
+def unpack_s16(data: bytes) -> list[int]:
+    """The signed 16-bit values of `data`, little-endian."""
+    return [int.from_bytes(data[i : i + 2], "little", signed=True) for i in range(0, len(data) - 1, 2)]
+
+
+def read_reply_prefix(device_id: int, address: int, count: int, flag: int = READ) -> bytes:
+    """The seven bytes with which the answer to a read begins."""
+    return DEVICE + bytes([device_id, count + 3, flag]) + address.to_bytes(2, "little")
+
+
+def write_ack_prefix(device_id: int, address: int, flag: int = WRITE) -> bytes:
+    """The seven bytes with which the answer to a write begins."""
+    return DEVICE + bytes([device_id, 4, flag]) + address.to_bytes(2, "little")
+
+
+def command_reply_prefix(device_id: int, flag: int) -> bytes:
+    """The five bytes with which the answer to a force or position command begins (6 or 5 values)."""
+    length = 0x0D if flag == FORCE_COMMAND else 0x0B
+    return DEVICE + bytes([device_id, length, flag])
+
+
+class Decoder:
+    """Finds the expected frames in a stream: `feed` bytes, then call `next` until it returns None.
+
+    Only frames that begin with one of `prefixes` (header, id, length, flag, and the address where there is one) are
+    candidates, at every offset; a candidate counts only if its sum fits. One that fails costs its first byte, never
+    the buffer, so an answer behind a false header, an echo or a stale reply is still found. With no `prefixes`, any
+    frame of either direction is a candidate (for sniffing).
+
+    `skipped` counts bytes that belonged to no frame.
+    """
+
+    def __init__(self, prefixes: Sequence[bytes] = ()) -> None:
+        self._prefixes = tuple(prefixes)
+        self._buffer = bytearray()
+        self.skipped = 0
+
+    def feed(self, data: bytes) -> None:
+        """Add received bytes."""
+        self._buffer += data
+
+    def next(self) -> Frame | None:
+        """The next frame, or None until more bytes come. Raises ProtocolError for a candidate whose sum is wrong."""
+        buffer = self._buffer
+        start = self._candidate()
+        self.skipped += start
+        del buffer[:start]
+        if len(buffer) < 4 or len(buffer) < buffer[3] + OVERHEAD:
+            return None
+        end = buffer[3] + OVERHEAD
+        frame = bytes(buffer[:end])
+        expected = checksum(frame[2:-1])
+        if frame[-1] != expected:
+            del buffer[:1]
+            self.skipped += 1
+            raise ProtocolError(
+                f"bad checksum {frame[-1]:02X}, expected {expected:02X}, in {frame.hex(' ').upper()}",
+                code="bad-checksum",
+            )
+        del buffer[:end]
+        return Frame(frame[:2], frame[2], frame[4], frame[5:-1])
+
+    def finish(self) -> list[Frame]:
+        """The stream has ended: whole frames that a false, never completed header was hiding."""
+        found = []
+        while self._buffer:
+            try:
+                frame = self.next()
+            except ProtocolError:
+                continue
+            if frame is not None:
+                found.append(frame)
+            elif self._buffer:
+                del self._buffer[:1]
+                self.skipped += 1
+        return found
+
+    @property
+    def pending(self) -> int:
+        """Bytes held back because they may still become a frame."""
+        return len(self._buffer)
+
+    def _candidate(self) -> int:
+        """Offset of the first place where a frame may begin; len(buffer) if there is none."""
+        buffer = self._buffer
+        if self._prefixes:
+            return min(_find_prefix(buffer, prefix) for prefix in self._prefixes)
+        start = min(_find_prefix(buffer, HOST), _find_prefix(buffer, DEVICE))
+        while start + 3 < len(buffer) and buffer[start + 3] < MIN_LENGTH:
+            rest = buffer[start + 1 :]
+            start += 1 + min(_find_prefix(rest, HOST), _find_prefix(rest, DEVICE))
+        return start
+
+
+def _find_prefix(buffer: bytearray, prefix: bytes) -> int:
+    """Offset of `prefix`, or of a beginning of it at the very end of the buffer, or len(buffer)."""
+    found = buffer.find(prefix)
+    if found >= 0:
+        return found
+    for size in range(min(len(prefix) - 1, len(buffer)), 0, -1):
+        if buffer.endswith(prefix[:size]):
+            return len(buffer) - size
+    return len(buffer)

@@ -1,0 +1,370 @@
+"""The EH55BF1 exoskeleton hand: reading, writing and judging its registers. Returns readings and Tables.
+
+Someone may be wearing it: everything is checked against the manual before a byte is sent. Longer procedures (id, baud,
+save, calibration …) are in `exo_procedures`, the search for hands in `scan`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from handctl.devices.inspire import eb90
+from handctl.devices.inspire.blocks import BlockReader, Memory
+from handctl.devices.inspire.bus import Bus
+from handctl.devices.inspire.registers import BAUD_RATES, EXO, FINGERS, register_of
+from handctl.errors import CheckFailed, HandctlError, NoAnswer, ProtocolError
+from handctl.param import Element, Number, Reading, Step, elements_of
+from handctl.result import Cell, Column, Grid, Journal, Row, Table, hex_bytes
+
+LIVE = ("position_actual", "force_actual", "current", "error", "temperature")
+"""What changes by itself: the default of `watch`."""
+COMMAND_FLAGS = {"force": eb90.FORCE_COMMAND, "position": eb90.POSITION_COMMAND}
+
+
+class ExoHand:
+    """One hand on a bus. Satisfies `verbs.MapDevice`."""
+
+    kind = "exo"
+    map = EXO
+    live = LIVE
+    columns = (
+        Column("name", "Name"),
+        Column("finger", "Finger"),
+        Column("address", "Address", right=True),
+        Column("value", "Value", right=True),
+        Column("unit", "Unit"),
+        Column("label", "Meaning"),
+        Column("raw", "Raw"),
+    )
+    not_covered = (
+        "what calibration measured (no register holds it)",
+        "the flash: restored values last until power-off unless `handctl exo save` keeps them, "
+        "and the manual marks only id and baud_code as kept",
+        "triggers (clear_errors, save, factory_reset, calibrate)",
+    )
+
+    def __init__(self, bus: Bus) -> None:
+        self.bus = bus
+        self._reader = BlockReader(bus)
+        self.last_blocks: list[tuple[int, bytes]] = []
+
+    @property
+    def journal(self) -> Journal:
+        """Where messages and counters go."""
+        return self.bus.journal
+
+    def identity(self) -> dict[str, object]:
+        """What tells this hand from another. The manual documents no serial number, model or firmware register."""
+        return {"kind": self.kind, "id": self.bus.id}
+
+    # -- reading -------------------------------------------------------------------------------------------------
+
+    def read(self, elements: Sequence[Element]) -> list[Reading]:
+        """Read elements in the fewest transactions. An element that cannot be read carries its error.
+
+        Raises NoAnswer, ProtocolError when nothing at all could be read, LinkError when the link is lost.
+        """
+        registers = {element.param.name: register_of(element) for element in elements}
+        memory = self._reader.read(registers.values())
+        self.last_blocks = sorted(memory.blocks)
+        return [_reading(element, memory) for element in elements]
+
+    def row(self, reading: Reading) -> Row:
+        """The data row of one reading (cli contract, row keys of exo)."""
+        register = register_of(reading.element)
+        row: Row = {
+            "name": register.name,
+            "finger": reading.element.part,
+            "address": register.address_of(reading.element.index),
+        }
+        if reading.error is not None or reading.value is None:
+            return {**row, "error": reading.error or "not read", "unit": register.unit, "raw": None}
+        label = register.label(reading.value) or register.note or None
+        return {**row, "value": reading.value, "unit": register.unit, "raw": hex_bytes(reading.raw), "label": label}
+
+    # -- writing -------------------------------------------------------------------------------------------------
+
+    def plan(self, changes: Sequence[tuple[Element, Number]]) -> list[Step]:
+        """The frames that write checked `changes`: adjacent elements of one group share a frame; never across groups."""
+        steps = []
+        for run in _runs(changes):
+            register = register_of(run[0][0])
+            data = b"".join(register.encode(value) for _, value in run)
+            address = register.address_of(run[0][0].index)
+            meaning = ", ".join(f"{element.full_name} = {value}" for element, value in run)
+            steps.append(
+                Step(
+                    f"write {meaning} (address {address})",
+                    eb90.write_request(self.bus.id, address, data),
+                    register.moves,
+                    register.strands,
+                )
+            )
+        return steps
+
+    def write(self, changes: Sequence[tuple[Element, Number]]) -> list[Reading]:
+        """Write checked changes one frame at a time and read all of them back.
+
+        A write without an answer is not repeated: the read-back decides. Raises DeviceRefused when a write is
+        refused; CheckFailed when the read-back differs, which it says with both values. The id has a procedure of
+        its own, since the hand answers elsewhere afterwards.
+        """
+        calm = [change for change in changes if change[0].param.name != "id"]
+        readings = self._write_plain(calm) if calm else []
+        for element, value in changes:
+            if element.param.name == "id":
+                from handctl.devices.inspire.exo_procedures import change_id
+
+                change_id(self, int(value))
+                readings += self.read([element])
+        return readings
+
+    def _write_plain(self, changes: Sequence[tuple[Element, Number]]) -> list[Reading]:
+        written: list[str] = []
+        for run in _runs(changes):
+            register = register_of(run[0][0])
+            address = register.address_of(run[0][0].index)
+            names = ", ".join(element.full_name for element, _ in run)
+            try:
+                self.bus.write(address, b"".join(register.encode(value) for _, value in run))
+            except (NoAnswer, ProtocolError) as exc:
+                self.journal.warn(
+                    "ack-lost", f"the write of {names} was not acknowledged ({exc.text}); reading it back"
+                )
+            except HandctlError as exc:
+                if written:
+                    exc.hint = f"already written: {', '.join(written)}. {exc.hint}"
+                raise
+            written.append(names)
+        readings = self.read([element for element, _ in changes])
+        self._verify(changes, readings)
+        return readings
+
+    def _verify(self, changes: Sequence[tuple[Element, Number]], readings: Sequence[Reading]) -> None:
+        wrong = []
+        for (element, value), reading in zip(changes, readings, strict=True):
+            if reading.error is not None:
+                wrong.append(f"{element.full_name} could not be read back")
+            elif reading.value != value:
+                wrong.append(f"{element.full_name} reads {reading.value} after {value} was written")
+        if wrong:
+            raise CheckFailed(
+                f"{self.bus.where}: {'; '.join(wrong)}",
+                hint="the device did not take the value, or changed it: look with `handctl exo get` before writing again",
+                code="read-back",
+            )
+
+    def find_for_restore(self, values: dict[str, Number]) -> None:
+        """Make `bus.id` the one that answers: after an interrupted restore that may be the snapshot's id already."""
+        from handctl.devices.inspire.exo_procedures import probe
+
+        stored = values.get("id")
+        if stored is None or stored == self.bus.id or probe(self.bus, self.bus.id):
+            return
+        if probe(self.bus, int(stored)):
+            self.journal.info("found", f"nobody answers to id {self.bus.id}; using the snapshot's id {stored}")
+            self.bus.id = int(stored)
+
+    def command(self, which: str, values: Sequence[int]) -> Table:
+        """Send a force or position command and show its reply: positions after force, forces after position."""
+        replied = EXO["position_actual"] if which == "force" else EXO["force_actual"]
+        numbers = self.bus.command(COMMAND_FLAGS[which], values)
+        readings = [
+            Reading(element, number, eb90.pack_s16([number]))
+            for element, number in zip(elements_of(replied), numbers, strict=True)
+        ]
+        return self.table(readings)
+
+    # -- tables --------------------------------------------------------------------------------------------------
+
+    def table(self, readings: Sequence[Reading], title: str = "") -> Table:
+        """Readings as a Table; for people one line per register, fingers side by side."""
+        return Table(
+            rows=[self.row(reading) for reading in readings],
+            columns=self.columns,
+            title=title,
+            view=registers_view,
+            failure=self._partial(readings),
+        )
+
+    def _partial(self, readings: Sequence[Reading]) -> HandctlError | None:
+        failed = {reading.element.param.name: reading.error for reading in readings if reading.error is not None}
+        if not failed:
+            return None
+        return ProtocolError(
+            f"{self.bus.where}: {len(failed)} of the quantities could not be read: {', '.join(failed)}",
+            hint=next(iter(failed.values())) or "",
+            code="partial",
+        )
+
+    def dump(self) -> Table:
+        """Everything documented, in two transactions where the device allows it (exo §2.3)."""
+        table = self.table(self.read([element for param in EXO if param.readable for element in elements_of(param)]))
+        table.extra = {"blocks": [{"address": start, "raw": hex_bytes(data)} for start, data in self.last_blocks]}
+        return table
+
+    def status(self, check: bool) -> Table:
+        """What a technician looks at first, per finger. With `check`, anything unhealthy is a CheckFailed (exit 7)."""
+        names = ("id", "baud_code", "system_voltage", "position_set", "force_set", *LIVE)
+        readings = self.read([element for name in names for element in elements_of(EXO[name])])
+        table = self.table(readings)
+        table.view = status_view
+        findings = unhealthy(readings)
+        for finding in findings:
+            self.journal.warn("unhealthy", finding)
+        if check and table.failure is None and findings:
+            table.failure = CheckFailed(
+                f"{self.bus.where}: {len(findings)} findings: {'; '.join(findings)}",
+                hint="`handctl exo clear-errors` clears all but over_temperature, which goes away by cooling (exo §2.3.3)",
+                code="unhealthy",
+            )
+        return table
+
+    def check_identity(self) -> None:
+        """Refuse to go on when the registers do not look like an EH55BF1's. Raises CheckFailed.
+
+        On another hand of the same maker address 1005 is the factory reset, so save and reset look first.
+        """
+        readings = self.read([element for param in EXO if param.readable for element in elements_of(param)])
+        odd = [
+            f"{reading.element.full_name} = {reading.value if reading.error is None else 'unreadable'}"
+            for reading in readings
+            if reading.error is not None or not _plausible(reading)
+        ]
+        if odd:
+            raise CheckFailed(
+                f"{self.bus.where}: this does not look like an EH55BF1: {', '.join(odd)}",
+                hint="on another hand this address may erase settings. Check the type plate; "
+                "--skip-identity-check overrides. Nothing was written.",
+                code="not-an-exo",
+            )
+
+
+def _plausible(reading: Reading) -> bool:
+    value = reading.value
+    assert value is not None
+    if reading.element.param.name == "system_voltage":
+        return value != 0
+    return reading.element.param.allowed(value)
+
+
+def unhealthy(readings: Sequence[Reading]) -> list[str]:
+    """What a technician must look at: error bits, values outside the documented range, a supply reading of 0."""
+    by_name = {reading.element.full_name: reading.value for reading in readings}
+    found = []
+    for reading in readings:
+        param, value = reading.element.param, reading.value
+        if value is None:
+            continue
+        if param.bits and value:
+            text = f"{reading.element.part}: {param.label(value)} (0x{int(value):02X})"
+            if "over_temperature" in (param.label(value) or ""):
+                text += f", clears by cooling, now {by_name.get(f'temperature.{reading.element.part}')} °C"
+            found.append(text)
+        elif not _plausible(reading):
+            found.append(
+                f"{reading.element.full_name} = {value} is outside {param.range_text or 'the plausible'} ({param.source})"
+            )
+    return found
+
+
+def _reading(element: Element, memory: Memory) -> Reading:
+    register = register_of(element)
+    data = memory.bytes_at(register.address_of(element.index), register.size)
+    if data is None:
+        error = memory.errors.get(register.name)
+        return Reading(element, None, b"", error.text if error is not None else "not read")
+    return Reading(element, register.decode(data), data)
+
+
+def _runs(changes: Sequence[tuple[Element, Number]]) -> list[list[tuple[Element, Number]]]:
+    """Changes grouped into runs of adjacent elements of one register group."""
+    runs: list[list[tuple[Element, Number]]] = []
+    for element, value in changes:
+        if runs:
+            last = runs[-1][-1][0]
+            if last.param.name == element.param.name and last.index + 1 == element.index:
+                runs[-1].append((element, value))
+                continue
+        runs.append([(element, value)])
+    return runs
+
+
+# -- how people see it -------------------------------------------------------------------------------------------
+
+
+def cell(row: Row) -> str | Cell:
+    """One value for people: error bits by name, -1 as "-1", a failed read as "?"."""
+    if "error" in row:
+        return Cell("?", "bad")
+    if row["name"] == "error":
+        return Cell(f"{row['value']:02X}", "bad" if row["value"] else "")
+    return str(row["value"])
+
+
+def registers_view(rows: list[Row]) -> list[Grid]:
+    """One line per register: name, address, unit, then the fingers side by side; remarks below."""
+    names = list(dict.fromkeys(row["name"] for row in rows))
+    fingers = [finger for finger in (*FINGERS, "thumb_rotation") if any(row["finger"] == finger for row in rows)]
+    scalars = any(row["finger"] is None for row in rows)
+    heads = {"thumb_rotation": "rot"}
+    headings = [
+        "Name",
+        "Addr",
+        *(["Value"] if scalars else []),
+        *(heads.get(finger, finger) for finger in fingers),
+        "Unit",
+    ]
+    lines: list[tuple[str | Cell, ...]] = []
+    notes: list[str] = []
+    for name in names:
+        mine = {row["finger"]: row for row in rows if row["name"] == name}
+        first = next(iter(mine.values()))
+        values: list[str | Cell] = [cell(mine[None]) if None in mine else ""] if scalars else []
+        values += [cell(mine[finger]) if finger in mine else "" for finger in fingers]
+        lines.append((name, "" if first["address"] is None else str(first["address"]), *values, first["unit"] or ""))
+        notes += _remarks(name, mine)
+    right = frozenset(range(1, len(headings) - 1))
+    return [Grid(tuple(headings), tuple(lines), right=right, notes=tuple(notes))]
+
+
+def _remarks(name: str, rows: dict[str | None, Row]) -> list[str]:
+    labels: dict[str, list[str]] = {}
+    for finger, row in rows.items():
+        label = row.get("label")
+        if label and not (name == "error" and label == "ok"):
+            labels.setdefault(label, []).append(finger or "")
+    remarks = []
+    for label, fingers in labels.items():
+        who = "" if len(fingers) == len(rows) else f" {', '.join(fingers)}"
+        remarks.append(f"{name}{who}: {label}")
+    failed = next((row["error"] for row in rows.values() if "error" in row), None)
+    return [*remarks, f"{name}: {failed}"] if failed else remarks
+
+
+def status_view(rows: list[Row]) -> list[Grid]:
+    """Per finger: position against set point, force against set point, current, temperature, errors in words."""
+    at = {(row["name"], row["finger"]): row for row in rows}
+
+    def text(name: str, finger: str | None) -> str | Cell:
+        row = at.get((name, finger))
+        if row is None:
+            return ""
+        if name == "error" and "error" not in row:
+            return Cell(row["label"], "bad" if row["value"] else "good")
+        if name == "position_set" and row.get("value") == -1:
+            return Cell("-", "dim")
+        return cell(row)
+
+    columns = ("position_actual", "position_set", "force_actual", "force_set", "current", "temperature", "error")
+    lines = tuple((finger, *(text(name, finger) for name in columns)) for finger in FINGERS)
+    rotation = ("rotation", text("position_actual", "thumb_rotation"), *[""] * 6)
+    code = at[("baud_code", None)].get("value")
+    head = (
+        f"id {at[('id', None)].get('value', '?')}, "
+        f"{BAUD_RATES.get(code, '?') if isinstance(code, int) else '?'} baud (code {code if code is not None else '?'}), "
+        f"supply {at[('system_voltage', None)].get('value', '?')} (raw, scale unknown)"
+    )
+    notes = ("position 0 bent .. 1000 open; force: set + opens the hand, measured + is the user closing it (raw)",)
+    headings = ("Finger", "Position", "Set", "Force", "Set", "Current [mA]", "Temp [°C]", "Errors")
+    return [Grid(headings, (*lines, rotation), title=head, right=frozenset(range(1, 7)), notes=notes)]

@@ -1,0 +1,461 @@
+"""`handctl exo …`: the commands of the EH55BF1. Each body checks its arguments, asks a device, returns a Table."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from handctl import verbs
+from handctl.clikit import Family, Group, Run
+from handctl.devices.inspire import eb90
+from handctl.devices.inspire.bus import DEFAULT_RETRIES, DEFAULT_TIMEOUT, Bus
+from handctl.devices.inspire.exo import ExoHand
+from handctl.devices.inspire.registers import BAUD_RATES, EXO
+from handctl.errors import HandctlError, NoAnswer, UsageError
+from handctl.result import Table
+
+if TYPE_CHECKING:
+    from handctl.clikit import Settings
+    from handctl.link import ByteLink
+    from handctl.result import Journal
+
+
+def open_exo(link: ByteLink, settings: Settings, journal: Journal) -> ExoHand:
+    """An EH55BF1 behind `link` with the options the user gave."""
+    bus = Bus(
+        link,
+        settings.id if settings.id is not None else 1,
+        journal,
+        timeout=settings.timeout if settings.timeout is not None else DEFAULT_TIMEOUT,
+        retries=settings.retries if settings.retries is not None else DEFAULT_RETRIES,
+        bound=link.deadline(settings.deadline) if settings.deadline is not None else None,
+    )
+    return ExoHand(bus)
+
+
+def explain(device: ExoHand, error: HandctlError) -> HandctlError:
+    """Whether the silent hand is there at another speed."""
+    from handctl.devices.inspire.exo_procedures import explain_silence
+
+    return explain_silence(device, error)
+
+
+cli = Group(
+    "exo",
+    family=Family("exo", open_exo, 115200, explain),
+    help="Inspire EH55BF1 exoskeleton hand, over RS-232 or a Bluetooth serial port. A person may be wearing it: "
+    "commands that move it or change it for good ask first.",
+)
+
+
+class _Signed(click.ParamType):  # type: ignore[type-arg,unused-ignore]
+    """A whole number that may be negative; the range is the manual's."""
+
+    name = "integer"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        try:
+            return int(value)
+        except (TypeError, ValueError):
+            self.fail(f"{value!r} is not a whole number", param, ctx)
+
+
+NEGATIVE_NUMBERS = {"ignore_unknown_options": True}
+"""Lets `-100` be an argument; a mistyped option then fails as "not a whole number"."""
+
+
+# -- reading ------------------------------------------------------------------------------------------------------
+
+
+@cli.verb("status")
+@click.option("--check", is_flag=True, help="Exit 7 when anything is unhealthy.")
+def status(run: Run, check: bool) -> Table:
+    """What to look at first, per finger: position, force, current, temperature, errors in words."""
+    return run.device().status(check)  # type: ignore[no-any-return]
+
+
+@cli.verb("dump")
+def dump(run: Run) -> Table:
+    """Every readable documented register, in two transactions."""
+    return run.device().dump()  # type: ignore[no-any-return]
+
+
+@cli.verb("get")
+@click.argument("names", nargs=-1, required=True, metavar="NAME[.FINGER]...")
+def get(run: Run, names: tuple[str, ...]) -> Table:
+    """Read quantities by name, e.g. `position_actual.index temperature`."""
+    return verbs.get(run, EXO, names)
+
+
+@cli.verb("describe")
+@click.argument("names", nargs=-1, metavar="[NAME]...")
+def describe(run: Run, names: tuple[str, ...]) -> Table:
+    """The register map itself: address, type, range, access, manual section. Needs no device."""
+    return verbs.describe(EXO, names)
+
+
+@cli.verb("watch")
+@click.argument("names", nargs=-1, metavar="[NAME]...")
+@click.option(
+    "--rate",
+    type=click.FloatRange(min=0),
+    default=verbs.DEFAULT_RATE,
+    show_default=True,
+    metavar="HZ",
+    help="Samples per second; 0 = as fast as the hand answers.",
+)
+@click.option("--count", type=click.IntRange(min=1), metavar="N", help="End after N samples.")
+@click.option("--duration", type=click.FloatRange(min=0, min_open=True), metavar="S", help="End after S seconds.")
+def watch(run: Run, names: tuple[str, ...], rate: float, count: int | None, duration: float | None) -> Table:
+    """Live view on a terminal, a stream of rows elsewhere. Without names: what changes by itself."""
+    return verbs.watch(run, EXO, names, rate=rate, count=count, duration=duration)  # fmt: skip
+
+
+@cli.verb("read")
+@click.argument("address", type=click.IntRange(0, 65535))
+@click.argument("count", type=int)
+def read(run: Run, address: int, count: int) -> Table:
+    """Read COUNT bytes (1 to 252) from any ADDRESS; documented registers are decoded."""
+    from handctl.devices.inspire import exo_raw
+
+    eb90.check_span(address, count)
+    return exo_raw.read(run.device(), address, count)
+
+
+# -- writing ------------------------------------------------------------------------------------------------------
+
+
+@cli.verb("set", writes=True)
+@click.argument("assignments", nargs=-1, required=True, metavar="NAME[.FINGER]=VALUE...")
+def set_(run: Run, assignments: tuple[str, ...]) -> Table:
+    """Write quantities by name and read them back, e.g. `position_set.index=300 force_set=0,0,0,0,0`."""
+    return verbs.set_values(run, EXO, assignments)
+
+
+@cli.verb("write", writes=True)
+@click.argument("address", type=click.IntRange(0, 65535))
+@click.argument("data", metavar="HEX")
+@click.option("--undocumented", is_flag=True, help="Allow an address that the manual does not document.")
+def write(run: Run, address: int, data: str, undocumented: bool) -> Table:
+    """Write bytes at ADDRESS, low byte first, and read them back. Checked against the manual; asks first."""
+    from handctl.devices.inspire import exo_raw
+
+    step = exo_raw.plan_write(run.planner(), address, exo_raw.parse_hex(data), undocumented)
+    if run.settings.dry_run:
+        return run.dry_run([step])
+    run.confirm(f"This writes to the hand, which may be worn: {step.meaning}", [step])
+    return exo_raw.write(run.device(), address, exo_raw.parse_hex(data))
+
+
+@cli.verb("raw", writes=True)
+@click.argument("data", nargs=-1, required=True, metavar="HEX...")
+@click.option(
+    "--wait",
+    type=click.FloatRange(min=0, min_open=True),
+    default=0.5,
+    show_default=True,
+    metavar="S",
+    help="Seconds to listen after the last byte.",
+)
+@click.option(
+    "--force-ambiguous",
+    is_flag=True,
+    help="Send a frame that another device of this maker would take for something else.",
+)
+def raw(run: Run, data: tuple[str, ...], wait: float, force_ambiguous: bool) -> Table:
+    """Send these bytes exactly and show what comes back, decoded. Anything but a read asks first."""
+    from handctl.devices.inspire import exo_raw
+
+    frame = exo_raw.parse_hex("".join(data))
+    step = exo_raw.plan_raw(frame, force_ambiguous)
+    if run.settings.dry_run:
+        return run.dry_run([step])
+    if step.moves or step.strands:
+        run.confirm(f"This may move or change the hand, which may be worn: {step.meaning}", [step])
+    return exo_raw.exchange(run.device(), frame, wait)  # fmt: skip
+
+
+@cli.verb("id", writes=True)
+@click.argument("new", required=False, type=int)
+def id_(run: Run, new: int | None) -> Table:
+    """Show the id, or give the hand a NEW one (1 to 254). Acts at once; `save` keeps it. One hand on the line."""
+    from handctl.devices.inspire import exo_procedures
+
+    if new is None:
+        _only_reads(run, "id")
+        return verbs.get(run, EXO, ["id"])
+    EXO["id"].check(new, "id")
+    steps = run.planner().plan([(EXO.find("id")[1][0], new)])
+    if run.settings.dry_run:
+        return run.dry_run(steps)
+    run.confirm(f"This changes the id to {new} at once; every hand on this line with the old id would change", steps)
+    return exo_procedures.change_id(run.device(), new)
+
+
+@cli.verb("baud", writes=True)
+@click.argument("rate", required=False, type=int)
+@click.option(
+    "--save",
+    "save_too",
+    is_flag=True,
+    help="Save to flash afterwards: the speed acts only after that and a power cycle.",
+)
+@click.option(
+    "--verify", is_flag=True, help="Then wait for the power cycle (up to 120 s) and find the hand at the new speed."
+)
+def baud(run: Run, rate: int | None, save_too: bool, verify: bool) -> Table:
+    """Show the speed code, or write a new RATE: 115200, 57600 or 19200. Effective after save and a power cycle."""
+    from handctl.devices.inspire import exo_procedures
+
+    if rate is None:
+        _only_reads(run, "baud")
+        return verbs.get(run, EXO, ["baud_code"])
+    code = exo_procedures.code_of(rate)
+    if code is None:
+        raise UsageError(
+            f"{rate} baud does not exist",
+            hint=f"the hand knows {', '.join(map(str, BAUD_RATES.values()))} (exo §2.3.2). Nothing was sent.",
+        )
+    if verify and not save_too:
+        raise UsageError("--verify needs --save: without it the hand keeps its old speed", hint="add --save")
+    planner = run.planner()
+    steps = planner.plan([(EXO.find("baud_code")[1][0], code)])
+    if save_too:
+        steps.append(exo_procedures.trigger_step(planner, "save", "save to flash"))
+    if run.settings.dry_run:
+        return run.dry_run(steps)
+    run.confirm(
+        f"After save and power cycle the hand speaks {rate} baud only, and a Bluetooth module may be left behind at the "
+        "old speed (have an RS-232 cable ready)",
+        steps,
+    )
+    hand = run.device()
+    table = exo_procedures.change_baud(hand, rate)
+    if save_too or run.offer("Save it to flash now"):
+        hand.check_identity()
+        table.rows += exo_procedures.save(hand, run.guide).rows
+        if verify or run.offer("Wait for the power cycle and look for the hand at the new speed"):
+            _verify_speed(run, hand, rate, table)
+        else:
+            run.journal.info(
+                "power-cycle",
+                f"power-cycle the hand, then use --baud {rate}",
+                hint="until then it speaks the old speed",
+            )
+    else:
+        run.journal.warn(
+            "not-saved",
+            f"{rate} baud is not saved: the hand keeps its old speed",
+            hint="`handctl exo save`, then power-cycle",
+        )
+    return table  # fmt: skip
+
+
+def _verify_speed(run: Run, hand: ExoHand, rate: int, table: Table) -> None:
+    from handctl.devices.inspire import exo_procedures
+
+    if exo_procedures.wait_for_speed(hand, rate, run.guide):
+        table.rows.append(
+            {"name": "verified_baud", "finger": None, "address": None, "value": rate, "unit": "baud", "raw": None}
+        )
+        return
+    found = exo_procedures.find_speed(hand.bus)
+    where = f"it answers at {found} baud" if found else "it answers at none of the three speeds"
+    table.failure = NoAnswer(
+        f"{hand.bus.link.name}: no hand at {rate} baud after the power cycle; {where}",
+        hint="a Bluetooth module may still be at the old speed: use the RS-232 cable; `handctl exo scan` looks everywhere",
+    )
+
+
+def _only_reads(run: Run, name: str) -> None:
+    if run.settings.dry_run:
+        raise UsageError(
+            f"`handctl exo {name}` without a value only reads", hint="run it without -n: it changes nothing"
+        )
+
+
+@cli.verb("clear-errors", writes=True)
+def clear_errors(run: Run) -> Table:
+    """Clear actuator errors and show what is left. Over-temperature is not clearable: it goes away by cooling."""
+    from handctl.devices.inspire import exo_procedures
+
+    if run.settings.dry_run:
+        return run.dry_run([exo_procedures.trigger_step(run.planner(), "clear_errors", "clear errors")])
+    return exo_procedures.clear_errors(run.device())
+
+
+SKIP_IDENTITY = click.option(
+    "--skip-identity-check", is_flag=True, help="Do not check first that the registers look like an EH55BF1's."
+)
+
+
+@cli.verb("save", writes=True)
+@SKIP_IDENTITY
+def save(run: Run, skip_identity_check: bool) -> Table:
+    """Keep the present parameters in flash; waits for the hand's result (about 1 s)."""
+    from handctl.devices.inspire import exo_procedures
+
+    steps = [exo_procedures.trigger_step(run.planner(), "save", "save to flash")]
+    if run.settings.dry_run:
+        return run.dry_run(steps)
+    run.confirm("Save the present parameters to flash (the manual marks id and baud_code as kept)", steps)
+    hand = run.device()
+    if not skip_identity_check:
+        hand.check_identity()
+    return exo_procedures.save(hand, run.guide)
+
+
+@cli.verb("factory-reset", writes=True)
+@click.option(
+    "--undocumented-address",
+    is_flag=True,
+    help="Yes, write to address 1006: this manual names none, it is taken from the RH56 hand.",
+)
+@click.option(
+    "--backup", metavar="FILE", help="Snapshot to write first (default: exo-before-reset.json); never overwritten."
+)
+@SKIP_IDENTITY
+def factory_reset(run: Run, undocumented_address: bool, backup: str | None, skip_identity_check: bool) -> Table:
+    """Restore factory defaults. The address is undocumented for this hand; writes a backup first."""
+    import os
+
+    from handctl.devices.inspire import exo_procedures
+
+    if not undocumented_address:
+        raise UsageError(
+            "the manual documents a factory reset but no address for it (exo §2.3.5)",
+            hint="--undocumented-address uses 1006, the address of the RH56 hand. Nothing was sent.",
+        )
+    steps = [exo_procedures.trigger_step(run.planner(), "factory_reset", "factory reset at an undocumented address")]
+    if run.settings.dry_run:
+        return run.dry_run(steps)
+    path = backup or "exo-before-reset.json"
+    if os.path.exists(path):
+        raise UsageError(f"{path} exists and is not overwritten", hint="choose another file with --backup FILE")
+    run.confirm("This restores factory defaults for good, at an address this manual does not name", steps, word="reset")
+    hand = run.device()
+    if not skip_identity_check:
+        hand.check_identity()
+    verbs.snapshot(run, path)
+    return exo_procedures.factory_reset(hand)  # fmt: skip
+
+
+@cli.verb("calibrate", writes=True)
+def calibrate(run: Run) -> Table:
+    """Guided calibration of forces and positions. The hand must be worn, and it moves the wearer's fingers."""
+    from handctl.devices.inspire import exo_procedures
+
+    steps = [exo_procedures.trigger_step(run.planner(), "calibrate", "calibrate")]
+    if run.settings.dry_run:
+        return run.dry_run(steps)
+    for number, (seconds, text) in enumerate(exo_procedures.CALIBRATION_STEPS, 1):
+        run.guide.say(f"  step {number}: {text}; holds {seconds} s")
+    run.confirm("The hand must be worn and moves all fingers through the steps above; no command stops it", steps)
+    return exo_procedures.calibrate(run.device(), run.guide)
+
+
+@cli.verb("force", writes=True)
+@click.argument("values", nargs=5, type=_Signed(), metavar="LITTLE RING MIDDLE INDEX THUMB")
+def force(run: Run, values: tuple[int, ...]) -> Table:
+    """Command forces, -1000 to 1000: positive opens the hand, negative closes it. Shows the positions it answers.
+
+    The force stays until another is commanded; `force 0 0 0 0 0` releases.
+    """
+    return _command(run, "force", values)
+
+
+@cli.verb("position", writes=True)
+@click.argument("values", nargs=5, type=_Signed(), metavar="LITTLE RING MIDDLE INDEX THUMB")
+@click.option(
+    "--wait",
+    type=click.FloatRange(min=0, min_open=True),
+    metavar="S",
+    help="Watch up to S seconds until the fingers stand still; Ctrl-C holds them where they are.",
+)
+def position(run: Run, values: tuple[int, ...], wait: float | None) -> Table:
+    """Command positions, 0 (bent) to 1000 (open). Shows the forces it answers; --wait shows where the fingers end."""
+    return _command(run, "position", values, wait)  # fmt: skip
+
+
+for _command_with_numbers in (force, position):
+    _command_with_numbers.context_settings.update(NEGATIVE_NUMBERS)
+
+
+def _command(run: Run, which: str, values: tuple[int, ...], wait: float | None = None) -> Table:
+    from handctl.devices.inspire import exo_procedures
+
+    register = EXO[f"{which}_set"]
+    for finger, value in zip(register.elements, values, strict=True):
+        if value == -1 and which == "position":
+            raise UsageError(
+                "the position command has no -1 (exo §2.2.2)",
+                hint=f"to leave a finger alone: `handctl exo set position_set.{finger}=…`",
+            )
+        register.check(value, f"{which} of {finger}")
+    step = exo_procedures.command_step(run.planner(), which, list(values))
+    if run.settings.dry_run:
+        return run.dry_run([step])
+    run.confirm(f"This moves a hand that may be worn: {step.meaning}", [step])
+    hand = run.device()
+    if wait is not None:
+        return exo_procedures.move(hand, list(values), run.guide, wait=wait)
+    table: Table = hand.command(which, list(values))
+    if which == "force" and any(values):
+        run.journal.info("stays", "the force stays until another is commanded; `handctl exo force 0 0 0 0 0` releases")
+    return table
+
+
+# -- files --------------------------------------------------------------------------------------------------------
+
+
+@cli.verb("snapshot")
+@click.argument("file", type=click.Path(dir_okay=False))
+def snapshot(run: Run, file: str) -> Table:
+    """Write every setting to FILE, with device identity, tool version, time and checksum."""
+    return verbs.snapshot(run, file)
+
+
+@cli.verb("diff")
+@click.argument("a", type=click.Path(dir_okay=False))
+@click.argument("b", required=False, type=click.Path(dir_okay=False))
+def diff(run: Run, a: str, b: str | None) -> Table:
+    """Compare two snapshots, or snapshot A with the live hand. Exit 7 when they differ."""
+    return verbs.diff(run, EXO, a, b)
+
+
+@cli.verb("restore", writes=True)
+@click.argument("file", type=click.Path(dir_okay=False))
+def restore(run: Run, file: str) -> Table:
+    """Write what differs from a snapshot, read it back. Shows the plan; safe to run again after an interruption."""
+    return verbs.restore(run, EXO, file)
+
+
+# -- looking for hands --------------------------------------------------------------------------------------------
+
+
+@cli.verb("scan")
+@click.option("--ids", default="1-254", show_default=True, metavar="FROM-TO", help="Ids to ask.")
+@click.option("--speeds", default="115200,57600,19200", show_default=True, metavar="LIST", help="Speeds to try.")
+@click.option(
+    "--window",
+    type=click.IntRange(1, 254),
+    default=8,
+    show_default=True,
+    metavar="K",
+    help="Ids asked per reply window; 1 = one by one (RS-485).",
+)
+@click.option(
+    "--reply-window",
+    type=click.FloatRange(min=1, max=1000),
+    metavar="MS",
+    help="Wait per window (default: 20, or 30 with an FTDI adapter whose latency timer is high).",
+)
+@click.option(
+    "--all", "find_all", is_flag=True, help="Go through all ids and speeds instead of ending at the first hand."
+)
+def scan(run: Run, ids: str, speeds: str, window: int, reply_window: float | None, find_all: bool) -> Table:
+    """Look for hands by read-only probes: id 1 at each speed, then all ids. Bounded; confirms each hit twice."""
+    from handctl.devices.inspire import exo_scan
+
+    return exo_scan.scan(run.device(), run.guide, exo_scan.parse_ids(ids), exo_scan.parse_speeds(speeds), window, reply_window, find_all)  # fmt: skip

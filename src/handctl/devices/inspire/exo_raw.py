@@ -1,0 +1,253 @@
+"""Registers and frames by number: read, write, raw. What the manual says about an address is still checked."""
+
+from __future__ import annotations
+
+from handctl.devices.inspire import eb90
+from handctl.devices.inspire.bus import explain
+from handctl.devices.inspire.exo import ExoHand
+from handctl.devices.inspire.registers import EXO, Register
+from handctl.errors import CheckFailed, NoAnswer, ProtocolError, UsageError
+from handctl.param import Element, Reading, Step
+from handctl.result import Column, Row, Table, hex_bytes
+
+
+def parse_hex(text: str) -> bytes:
+    """``"EB 90 01"``, ``"eb9001"``, ``"EB:90:01"`` -> bytes. Raises UsageError."""
+    try:
+        data = bytes.fromhex(text.replace(":", " ").replace(",", " ").replace("0x", " "))
+    except ValueError as exc:
+        raise UsageError(f"{text!r} is not hexadecimal bytes", hint="two digits a byte, e.g. 2C 01") from exc
+    if not data:
+        raise UsageError("no bytes given", hint="two hex digits a byte, e.g. 2C 01")
+    return data
+
+
+def read(hand: ExoHand, address: int, count: int) -> Table:
+    """Bytes from any address; whole documented elements are decoded, the rest stays raw."""
+    data = hand.bus.read(address, count)
+    return Table(rows=_rows(hand, address, data), columns=hand.columns)
+
+
+def _rows(hand: ExoHand, address: int, data: bytes) -> list[Row]:
+    rows: list[Row] = []
+    position = 0
+    while position < len(data):
+        element = _element_at(address + position)
+        size = element[1].size if element is not None else 1
+        if element is not None and position + size <= len(data):
+            raw = data[position : position + size]
+            rows.append(hand.row(Reading(Element(element[1], element[0]), element[1].decode(raw), raw)))
+            position += size
+            continue
+        start = position
+        position += 1
+        while position < len(data) and _element_at(address + position) is None:
+            position += 1
+        rows.append(
+            {
+                "name": None,
+                "finger": None,
+                "address": address + start,
+                "value": None,
+                "unit": None,
+                "raw": hex_bytes(data[start:position]),
+                "label": "undocumented",
+            }
+        )
+    return rows
+
+
+def _element_at(address: int) -> tuple[int, Register] | None:
+    """The documented, readable element that begins at `address`: (index, register)."""
+    for register in EXO:
+        if register.readable and address in register.span and (address - register.address) % register.size == 0:
+            return (address - register.address) // register.size, register
+    return None
+
+
+def plan_write(hand: ExoHand, address: int, data: bytes, undocumented: bool) -> Step:
+    """Check a write against the map: within one documented group, whole elements, legal values. Raises UsageError."""
+    eb90.check_span(address, len(data))
+    touched = [register for register in EXO if _overlap(register, address, len(data))]
+    meaning = f"write {hex_bytes(data)} at {address}"
+    frame = eb90.write_request(hand.bus.id, address, data)
+    if len(touched) == 1 and address in touched[0].span and address + len(data) <= touched[0].span.stop:
+        return Step(f"{meaning}: {_checked(touched[0], address, data)}", frame, touched[0].moves, touched[0].strands)
+    if touched:
+        names = ", ".join(register.name for register in touched)
+        raise UsageError(
+            f"this write would span {names} and bytes around",
+            hint="a write stays within one documented group (exo §2.3): split it. Nothing was sent.",
+        )
+    if not undocumented:
+        raise UsageError(
+            f"{address} is not a documented register of this hand",
+            hint="--undocumented allows it, if you know what it does there. Nothing was sent.",
+            code="undocumented",
+        )
+    return Step(f"{meaning}: UNDOCUMENTED", frame, moves=True, strands=True)
+
+
+def _overlap(register: Register, address: int, count: int) -> bool:
+    return address < register.span.stop and register.address < address + count
+
+
+def _checked(register: Register, address: int, data: bytes) -> str:
+    if register.trigger:
+        raise UsageError(
+            f"{address} is {register.name}: writing it starts something",
+            hint=f"use `handctl exo {register.verb}`. Nothing was sent.",
+        )
+    if "w" not in register.access:
+        raise UsageError(
+            f"{address} is {register.name}, which is read-only ({register.source})", hint="nothing was sent"
+        )
+    if register.name == "id":
+        raise UsageError(
+            f"{address} is the id", hint="use `handctl exo id NEW`: it finds the hand again. Nothing was sent."
+        )
+    if (address - register.address) % register.size or len(data) % register.size:
+        raise UsageError(
+            f"{register.name} has {register.size} bytes an element: this write would cut one", hint="nothing was sent"
+        )
+    texts = []
+    for offset in range(0, len(data), register.size):
+        element = Element(register, (address + offset - register.address) // register.size)
+        value = register.decode(data[offset : offset + register.size])
+        register.check(value, element.full_name)
+        texts.append(f"{element.full_name} = {value}")
+    return ", ".join(texts)
+
+
+def write(hand: ExoHand, address: int, data: bytes) -> Table:
+    """Write once, read back. Raises CheckFailed when the read-back differs."""
+    try:
+        hand.bus.write(address, data)
+    except (NoAnswer, ProtocolError) as exc:
+        hand.journal.warn("ack-lost", f"the write was not acknowledged ({exc.text}); reading it back")
+    now = hand.bus.read(address, len(data))
+    table = Table(rows=_rows(hand, address, now), columns=hand.columns)
+    if now != data:
+        table.failure = CheckFailed(
+            f"{hand.bus.where}: {address} reads {hex_bytes(now)} after {hex_bytes(data)} was written", code="read-back"
+        )
+    return table
+
+
+def plan_raw(data: bytes, force_ambiguous: bool) -> Step:
+    """What these bytes would do, as far as they form a frame. Reads are harmless; anything else is not."""
+    decoder = eb90.Decoder([eb90.HOST])
+    decoder.feed(data)
+    try:
+        frame = decoder.next()
+    except ProtocolError as exc:
+        return Step(f"not a valid frame ({exc.text}); the hand should stay silent", data)
+    if frame is None or decoder.pending or decoder.skipped:
+        return Step("not one whole frame; what the hand makes of it is unknown", data, moves=True)
+    if frame.flag == eb90.READ and len(frame.payload) == 3:
+        return Step(f"read {frame.payload[2]} bytes at {frame.address} from id {frame.id}", data)
+    if frame.flag == eb90.WRITE and frame.address is not None:
+        return Step(
+            f"write {hex_bytes(frame.data)} at {frame.address} to id {frame.id}", data, moves=True, strands=True
+        )
+    if frame.flag in (eb90.FORCE_COMMAND, eb90.POSITION_COMMAND) and len(frame.payload) == 10:
+        return _raw_command(frame, data, force_ambiguous)
+    return Step(f"flag {frame.flag:02X}, which this hand's manual does not have", data, moves=True)
+
+
+def _raw_command(frame: eb90.Frame, data: bytes, force_ambiguous: bool) -> Step:
+    name = "force" if frame.flag == eb90.FORCE_COMMAND else "position"
+    values = eb90.unpack_s16(frame.payload)
+    if name == "force" and 1020 <= values[0] <= 1043 and not force_ambiguous:
+        raise UsageError(
+            f"a wrist module takes this frame for a write of 8 bytes at {values[0]}, this hand for a force command",
+            hint="--force-ambiguous sends it all the same. Nothing was sent.",
+            code="ambiguous",
+        )
+    register = EXO[f"{name}_set"]
+    for finger, value in zip(register.elements, values, strict=True):
+        legal = register.allowed(value) and not (name == "position" and value == -1)
+        if not legal and not force_ambiguous:
+            raise UsageError(
+                f"{name} command with {value} for {finger}: out of range",
+                hint=f"allowed: {register.low}..{register.high} ({register.source}). Nothing was sent.",
+                code="out-of-range",
+            )
+    return Step(f"{name} command, little to thumb: {' '.join(map(str, values))}, to id {frame.id}", data, moves=True)
+
+
+def exchange(hand: ExoHand, data: bytes, wait: float) -> Table:
+    """Send bytes once, listen for `wait` seconds after the last byte came, show every frame in the answer."""
+    bus = hand.bus
+    bus.drain()
+    bus.send(data)
+    received = b""
+    while chunk := bus.link.read(bus.link.deadline(wait + bus.wire_seconds(len(data))).earlier(bus.bound)):
+        received += chunk
+        if len(received) > 65536:
+            break
+    if not received:
+        raise NoAnswer(f"{bus.where}: no answer to {hex_bytes(data)} within {wait:g} s", hint="--wait S listens longer")
+    decoder = eb90.Decoder()
+    decoder.feed(received)
+    rows: list[Row] = []
+    for frame in _frames(decoder):
+        rows.append(_frame_row(frame, frame.encode() == data))
+    bus.journal.counters.received += len(rows)
+    bus.journal.counters.stray_bytes += decoder.skipped
+    table = Table(rows=rows, columns=RAW_COLUMNS, extra={"received": hex_bytes(received)})
+    if not any(frame["direction"] == "device" for frame in rows):
+        code, text = explain(data, received)
+        table.failure = ProtocolError(f"{bus.where}: {text}: {hex_bytes(received)}", code=code)
+    return table
+
+
+RAW_COLUMNS = (
+    Column("direction", "From"),
+    Column("id", "Id", right=True),
+    Column("flag", "Flag"),
+    Column("address", "Address", right=True),
+    Column("data", "Data"),
+    Column("meaning", "Meaning"),
+    Column("raw", "Frame"),
+)
+
+
+def _frames(decoder: eb90.Decoder) -> list[eb90.Frame]:
+    frames: list[eb90.Frame] = []
+    while True:
+        try:
+            frame = decoder.next()
+        except ProtocolError:
+            continue
+        if frame is None:
+            return [*frames, *decoder.finish()]
+        frames.append(frame)
+
+
+def _frame_row(frame: eb90.Frame, echo: bool) -> Row:
+    return {
+        "direction": "device" if frame.from_device else "host",
+        "id": frame.id,
+        "flag": f"{frame.flag:02X}",
+        "address": frame.address,
+        "data": hex_bytes(frame.data if frame.address is not None else frame.payload),
+        "meaning": "our own bytes" if echo else _meaning(frame),
+        "raw": hex_bytes(frame.encode()),
+    }
+
+
+def _meaning(frame: eb90.Frame) -> str:
+    if frame.address is None:
+        return f"values {' '.join(map(str, eb90.unpack_s16(frame.payload)))}"
+    if frame.flag == eb90.WRITE:
+        return "accepted" if frame.data == b"\x01" else "not accepted"
+    parts = []
+    offset = 0
+    while offset < len(frame.data):
+        found = _element_at(frame.address + offset)
+        if found is not None and offset + found[1].size <= len(frame.data):
+            raw = frame.data[offset : offset + found[1].size]
+            parts.append(f"{Element(found[1], found[0]).full_name} = {found[1].decode(raw)}")
+        offset += found[1].size if found is not None else 1
+    return ", ".join(parts) or "undocumented"

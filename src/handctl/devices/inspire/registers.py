@@ -1,0 +1,199 @@
+"""The register maps of the Inspire family: where each name lives. The single source for everything that names one.
+
+Finger order everywhere: little, ring, middle, index, thumb (exo §2.2.1). Element k of a 2-byte group lies at
+address + 2k, of a 1-byte group at address + k. Knows no wire.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from handctl.param import Element, Number, Param, ParamMap
+
+FINGERS = ("little", "ring", "middle", "index", "thumb")
+DEGREES_OF_FREEDOM = (*FINGERS, "thumb_rotation")
+
+ERROR_BITS = ("locked_rotor", "over_temperature", "over_current", "motor_abnormal", "communication")
+"""exo §2.3.12, bit 0 first."""
+OVER_TEMPERATURE = 1 << ERROR_BITS.index("over_temperature")
+"""Not clearable: goes away when the actuator has cooled (exo §2.3.3)."""
+
+BAUD_RATES = {0: 115200, 1: 57600, 2: 19200}
+"""exo §2.3.2."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Register(Param):
+    """A Param with its place: `address` of element 0, `size` in bytes of one element, `signed`."""
+
+    address: int
+    size: int = 2
+    signed: bool = True
+
+    @property
+    def span(self) -> range:
+        """All byte addresses of the register group."""
+        return range(self.address, self.address + self.size * self.count)
+
+    def address_of(self, index: int) -> int:
+        """Address of element `index`."""
+        return self.address + self.size * index
+
+    @property
+    def type_name(self) -> str:
+        """``u8``, ``s16`` …"""
+        return f"{'s' if self.signed else 'u'}{8 * self.size}"
+
+    def decode(self, data: bytes) -> Number:
+        """The value of one element's bytes (little-endian)."""
+        return self.from_raw(int.from_bytes(data, "little", signed=self.signed))
+
+    def encode(self, value: Number) -> bytes:
+        """One element's bytes for a checked value."""
+        return self.to_raw(value).to_bytes(self.size, "little", signed=self.signed)
+
+
+def register_of(element: Element) -> Register:
+    """The register that an element of one of these maps belongs to."""
+    assert isinstance(element.param, Register)
+    return element.param
+
+
+def _u8(address: int, name: str, doc: str, source: str, **more: object) -> Register:
+    return Register(address=address, name=name, doc=doc, source=source, size=1, signed=False, **more)  # type: ignore[arg-type]
+
+
+def _s16(address: int, name: str, doc: str, source: str, **more: object) -> Register:
+    return Register(address=address, name=name, doc=doc, source=source, **more)  # type: ignore[arg-type]
+
+
+_NOT_COMMANDED = {-1: "not commanded"}
+
+EXO: ParamMap[Register] = ParamMap(
+    "exo",
+    [
+        _u8(
+            1000,
+            "id",
+            "id of the hand on its line",
+            "exo §2.3.1",
+            access="rw",
+            low=1,
+            high=254,
+            persistent="yes",
+            strands=True,
+        ),
+        _u8(
+            1001,
+            "baud_code",
+            "speed after save and power cycle",
+            "exo §2.3.2",
+            access="rw",
+            choices={code: f"{rate} baud" for code, rate in BAUD_RATES.items()},
+            persistent="yes",
+            strands=True,
+        ),
+        _u8(
+            1004,
+            "clear_errors",
+            "write 1: clear the clearable actuator errors",
+            "exo §2.3.3",
+            access="rw",
+            low=0,
+            high=1,
+            trigger=True,
+            verb="clear-errors",
+        ),
+        _u8(
+            1005,
+            "save",
+            "write 1: keep the present parameters in flash",
+            "exo §2.3.4",
+            access="rw",
+            low=0,
+            high=1,
+            trigger=True,
+            verb="save",
+            strands=True,
+        ),
+        _u8(
+            1006,
+            "factory_reset",
+            "write 1: restore factory defaults; undocumented address, taken from the RH56 hand",
+            "exo §2.3.5 gives no address; RH56 §2.4.5",
+            access="w",
+            low=0,
+            high=1,
+            trigger=True,
+            verb="factory-reset",
+            strands=True,
+        ),
+        _u8(
+            1009,
+            "calibrate",
+            "write 1: calibrate forces and positions on the worn hand",
+            "exo §2.3.6",
+            access="rw",
+            low=0,
+            high=1,
+            persistent="unknown",
+            trigger=True,
+            verb="calibrate",
+            moves=True,
+        ),
+        _s16(
+            1472,
+            "system_voltage",
+            "supply voltage as the hand counts it",
+            "exo §2.3",
+            note="raw, scale unknown",
+        ),
+        _s16(
+            1486,
+            "position_set",
+            "commanded position, 0 bent to 1000 open; -1 leaves a finger alone",
+            "exo §2.3.7",
+            access="rw",
+            low=0,
+            high=1000,
+            special=_NOT_COMMANDED,
+            elements=FINGERS,
+            persistent="unknown",
+            moves=True,
+        ),
+        _s16(
+            1498,
+            "force_set",
+            "commanded force; positive opens the hand, negative closes it",
+            "exo §2.3.8",
+            access="rw",
+            low=-1000,
+            high=1000,
+            elements=FINGERS,
+            persistent="unknown",
+            moves=True,
+        ),
+        _s16(
+            1546,
+            "position_actual",
+            "measured position, 0 bent to 1000 open; thumb rotation 0 inside the palm",
+            "exo §2.3.9",
+            low=0,
+            high=1000,
+            elements=DEGREES_OF_FREEDOM,
+        ),
+        _s16(
+            1582,
+            "force_actual",
+            "measured force; positive: the user closes the hand, negative: opens it",
+            "exo §2.3.10",
+            low=-1000,
+            high=1000,
+            elements=FINGERS,
+        ),
+        _s16(1594, "current", "actuator current", "exo §2.3.11", unit="mA", low=0, high=1000, elements=FINGERS),
+        _u8(1606, "error", "actuator error bits", "exo §2.3.12", bits=ERROR_BITS, elements=FINGERS),
+        _u8(1618, "temperature", "actuator temperature", "exo §2.3.13", unit="°C", low=0, high=100, elements=FINGERS),
+    ],
+)
+"""EH55BF1 (exo §2.3). 1609 is the index finger although §2.3.12 prints "thumb": its own example says so."""

@@ -1,0 +1,97 @@
+"""The error tree. Each error names a meaning and carries the process exit code that goes with it.
+
+    HandctlError (1)
+    ├── UsageError      2  impossible request; nothing was sent
+    ├── LinkError       3  cannot be opened, busy, not permitted, lost
+    ├── NoAnswer        4  silence until the deadline
+    ├── ProtocolError   5  bytes came, none of them a valid answer
+    ├── DeviceRefused   6  the device said no, or reported an error
+    ├── CheckFailed     7  read-back differs, unhealthy, files differ
+    ├── NotConfirmed    8  --yes missing without a terminal, or the answer was no
+    └── Interrupted   130  Ctrl-C
+
+This module imports nothing. Foreign exceptions are translated where they arise, `from exc`.
+"""
+
+from __future__ import annotations
+
+
+class HandctlError(Exception):
+    """Base of all errors that handctl raises on purpose.
+
+    `text` says what happened, to which device, what was expected and what came; `hint` says the next step;
+    `code` is a short stable word for scripts, e.g. ``bad-checksum``.
+    """
+
+    exit_code = 1
+    default_code = "error"
+    shown = False
+    """True once it stands in the output (the JSON envelope)."""
+
+    def __init__(self, text: str, *, hint: str = "", code: str = "") -> None:
+        super().__init__(text)
+        self.text = text
+        self.hint = hint
+        self.code = code or self.default_code
+
+
+class OutputError(HandctlError):
+    """The output could not be written (full disk, lost file). Exit code 1, never a device matter."""
+
+    default_code = "output"
+
+
+class UsageError(HandctlError):
+    """Impossible request, or a value out of the documented range. Nothing was sent. Exit code 2."""
+
+    exit_code = 2
+    default_code = "usage"
+
+
+class LinkError(HandctlError):
+    """The link cannot be opened, is busy, is not permitted, or was lost. Exit code 3."""
+
+    exit_code = 3
+    default_code = "link"
+
+
+class NoAnswer(HandctlError):
+    """Silence until the deadline. Exit code 4."""
+
+    exit_code = 4
+    default_code = "no-answer"
+
+
+class ProtocolError(HandctlError):
+    """Bytes came, but no valid answer: bad checksum, wrong id, echo, garbage, wrong speed. Exit code 5."""
+
+    exit_code = 5
+    default_code = "bad-answer"
+
+
+class DeviceRefused(HandctlError):
+    """The device refused the request or reported an error. Exit code 6."""
+
+    exit_code = 6
+    default_code = "refused"
+
+
+class CheckFailed(HandctlError):
+    """A check failed: read-back differs, unhealthy under --check, files differ. Exit code 7."""
+
+    exit_code = 7
+    default_code = "check-failed"
+
+
+class NotConfirmed(HandctlError):
+    """The confirmation is missing or was denied. Nothing was sent. Exit code 8."""
+
+    exit_code = 8
+    default_code = "not-confirmed"
+
+
+class Interrupted(HandctlError):
+    """Ctrl-C. Exit code 130."""
+
+    exit_code = 130
+    default_code = "interrupted"

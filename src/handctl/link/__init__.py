@@ -1,0 +1,154 @@
+"""Links: where the device is. `open_link(LINK)` picks the back end; nothing here knows a protocol.
+
+    /dev/ttyUSB0, COM3, spy:// socket:// rfc2217:// loop://   serial.py   (pyserial)
+    usb:VID:PID[:SERIAL]                                      serial.py   (found by pyserial, then opened)
+    tcp://host:port                                           tcp.py      (socket)
+    fake://exo?seed=1                                         fake.py     (a simulator in this process)
+    replay:FILE                                               replay.py   (a transcript plays the device)
+
+The clock belongs to the link: deadlines are made by it, so a link may run on virtual time.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from handctl.errors import LinkError, UsageError
+
+if TYPE_CHECKING:
+    from handctl.link.tap import Tap
+
+FOREVER = float("inf")
+
+
+class Deadline:
+    """A moment on a monotonic clock. Handed down through every wait, so that waits do not add up."""
+
+    __slots__ = ("_now", "at")
+
+    def __init__(self, now: Callable[[], float], at: float) -> None:
+        self._now = now
+        self.at = at
+
+    @property
+    def remaining(self) -> float:
+        """Seconds left, never negative."""
+        return max(0.0, self.at - self._now())
+
+    @property
+    def expired(self) -> bool:
+        """Whether the moment has passed."""
+        return self._now() >= self.at
+
+    def earlier(self, other: Deadline | None) -> Deadline:
+        """The earlier of two deadlines on the same clock."""
+        return self if other is None or self.at <= other.at else other
+
+
+class ByteLink:
+    """A stream of bytes to one device. Base of all byte links; also states what each must do.
+
+    name   as the user gave it (for messages and the JSON envelope)
+    fake   True when a simulator in this process answers
+    baud   current speed in bit/s, None where the link has none (TCP)
+    can_set_baud   whether `set_baud` reaches the device's line
+    """
+
+    name: str = ""
+    fake: bool = False
+    baud: int | None = None
+    can_set_baud: bool = False
+    replayed: bool = False
+
+    def now(self) -> float:
+        """Seconds on the link's monotonic clock."""
+        return time.monotonic()
+
+    def sleep(self, seconds: float) -> None:
+        """Let `seconds` pass on the link's clock."""
+        if seconds > 0:
+            time.sleep(seconds)
+
+    def deadline(self, seconds: float) -> Deadline:
+        """The deadline `seconds` from now."""
+        return Deadline(self.now, self.now() + seconds)
+
+    def write(self, data: bytes, deadline: Deadline) -> None:
+        """Hand all of `data` to the line before `deadline`. Raises LinkError."""
+        raise NotImplementedError(type(self).__name__)
+
+    def read(self, deadline: Deadline, size: int = 4096) -> bytes:
+        """What has arrived, at most `size` bytes, waiting until `deadline` for the first; b"" on silence.
+
+        Raises LinkError when the link is lost.
+        """
+        raise NotImplementedError(type(self).__name__)
+
+    def set_baud(self, baud: int) -> None:
+        """Change this end's speed. Raises LinkError where there is none."""
+        raise NotImplementedError(type(self).__name__)
+
+    def event(self, text: str) -> None:
+        """Note something beside the bytes (speed change, power cycle) in a transcript, if one is recorded."""
+
+    def power_cycle(self) -> bool:
+        """Switch the device off and on. Only simulators can: False means the operator must."""
+        return False
+
+    def close(self) -> None:
+        """Release the link. May be called twice."""
+        raise NotImplementedError(type(self).__name__)
+
+
+class NoLink(ByteLink):
+    """No device: for plans that are only printed. Refuses every byte."""
+
+    name = "(dry run)"
+
+    def write(self, data: bytes, deadline: Deadline) -> None:
+        raise LinkError("a dry run sends nothing")
+
+    def read(self, deadline: Deadline, size: int = 4096) -> bytes:
+        raise LinkError("a dry run reads nothing")
+
+    def set_baud(self, baud: int) -> None:
+        self.baud = baud
+
+    def close(self) -> None:
+        """Nothing to release."""
+
+
+def open_link(link: str, *, baud: int | None = None, tap: Tap | None = None) -> ByteLink:
+    """Open `link` exclusively; `baud` in bit/s for serial ports. With `tap`, everything that passes is recorded.
+
+    Raises UsageError for a LINK that cannot be understood, LinkError for one that cannot be opened.
+    """
+    opened = _open(link, baud)
+    return tap.around(opened) if tap is not None else opened
+
+
+def _open(link: str, baud: int | None) -> ByteLink:
+    # Imported on use: a fake or a TCP link must not pay for pyserial.
+    if link.startswith("fake://"):
+        from handctl.link.fake import FakeLink
+
+        return FakeLink(link, baud)
+    if link.startswith("replay:"):
+        from handctl.link.replay import ReplayLink
+
+        return ReplayLink(link, baud)
+    if link.startswith("tcp://"):
+        from handctl.link.tcp import TcpLink
+
+        return TcpLink(link)
+    if link.startswith("can:"):
+        raise UsageError(
+            f"{link}: this device has no CAN wire", hint="give a serial port, usb:VID:PID or tcp://host:port"
+        )
+    if not link:
+        raise UsageError("the LINK is empty", hint="give a port, e.g. -p /dev/ttyUSB0, or --fake")
+    from handctl.link.serial import open_serial
+
+    return open_serial(link, baud)

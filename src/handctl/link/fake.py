@@ -1,0 +1,122 @@
+"""A link around a simulated device: `fake://exo?seed=1&fault=noise&state=FILE&clock=virtual`.
+
+Begins where the cable would: it hands bytes to a simulator and takes bytes from it. Knows no protocol.
+"""
+
+from __future__ import annotations
+
+import time
+
+from handctl.errors import LinkError, UsageError
+from handctl.link import ByteLink, Deadline
+
+
+def split_url(link: str) -> tuple[str, dict[str, str]]:
+    """``fake://exo?seed=1&fault=noise`` -> ("exo", {"seed": "1", "fault": "noise"}). Raises UsageError."""
+    kind, _, query = link.removeprefix("fake://").partition("?")
+    options: dict[str, str] = {}
+    for item in filter(None, query.split("&")):
+        key, equals, value = item.partition("=")
+        if not equals:
+            raise UsageError(f"{link}: {item!r} is not KEY=VALUE")
+        options[key] = _unquote(value)
+    return kind.rstrip("/"), options
+
+
+def _unquote(value: str) -> str:
+    if "%" not in value:
+        return value
+    from urllib.parse import unquote
+
+    return unquote(value)
+
+
+class FakeLink(ByteLink):
+    """A simulator in this process, in real time or (`clock=virtual`) in time that jumps from event to event."""
+
+    fake = True
+    can_set_baud = True
+
+    def __init__(self, link: str, baud: int | None = None) -> None:
+        from handctl.sim import create
+
+        self.name = link
+        kind, options = split_url(link)
+        clock = options.pop("clock", "real")
+        if clock not in ("real", "virtual"):
+            raise UsageError(f"{link}: clock={clock}: expected real or virtual")
+        try:
+            self._line = create(kind, options)
+        except ValueError as exc:
+            raise UsageError(f"{link}: {exc}") from exc
+        except OSError as exc:
+            raise UsageError(f"{link}: {exc.filename or ''}: {exc.strerror or exc}") from exc
+        self._virtual: float | None = 0.0 if clock == "virtual" else None
+        self._rest = b""
+        self._closed = False
+        self.baud = baud
+        self._line.client_baud = baud
+        self._line.advance(self.now())
+
+    def now(self) -> float:
+        return time.monotonic() if self._virtual is None else self._virtual
+
+    def sleep(self, seconds: float) -> None:
+        self._sleep_until(self.now() + max(0.0, seconds))
+
+    def _sleep_until(self, moment: float) -> None:
+        if self._virtual is not None:
+            self._virtual = max(self._virtual, moment)
+        else:
+            time.sleep(max(0.0, moment - time.monotonic()))
+
+    def write(self, data: bytes, deadline: Deadline) -> None:
+        self._line.advance(self.now())
+        self._check()
+        try:
+            self._line.feed(data)
+        except OSError as exc:
+            raise self._state_lost(exc) from exc
+
+    def read(self, deadline: Deadline, size: int = 4096) -> bytes:
+        while True:
+            now = self.now()
+            self._line.advance(now)
+            self._rest += self._line.take()
+            if self._rest:
+                data, self._rest = self._rest[:size], self._rest[size:]
+                return data
+            self._check()
+            if now >= deadline.at:
+                return b""
+            event = self._line.next_event()
+            self._sleep_until(deadline.at if event is None else min(deadline.at, max(event, now)))
+
+    def _check(self) -> None:
+        if self._line.hung_up:
+            raise LinkError(
+                f"{self.name}: the simulated device hung up", hint="that is the disconnect fault", code="lost"
+            )
+
+    def set_baud(self, baud: int) -> None:
+        self.baud = baud
+        self._line.client_baud = baud
+
+    def power_cycle(self) -> bool:
+        self._line.advance(self.now())
+        self._line.power_cycle()
+        self._rest = b""
+        return True
+
+    def close(self) -> None:
+        if self._closed:
+            return
+        self._closed = True
+        try:
+            self._line.advance(self.now())
+            self._line.close()
+        except OSError as exc:
+            raise self._state_lost(exc) from exc
+
+    def _state_lost(self, exc: OSError) -> LinkError:
+        return LinkError(f"{self.name}: the state file cannot be written: {exc.strerror or exc}", code="state")

@@ -1,0 +1,264 @@
+"""Serial ports and pyserial URLs. The only user of pyserial.
+
+Opens exclusively, names the cause when it cannot, and reads without pyserial's per-call timeouts: on POSIX it waits in
+`select` for the exact deadline and takes whatever has arrived.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import sys
+from typing import Any
+
+import serial
+
+from handctl.errors import LinkError, UsageError
+from handctl.link import ByteLink, Deadline
+
+WRITE_SECONDS = 2.0
+SLICE_SECONDS = 0.05  # polling step where the port has no file descriptor to wait on (Windows, rfc2217://)
+
+
+def open_serial(link: str, baud: int | None) -> ByteLink:
+    """Open a port by name, `usb:VID:PID[:SERIAL]`, or pyserial URL. Raises UsageError, LinkError."""
+    device = find_usb(link) if link.startswith("usb:") else link
+    return SerialLink(link, device, baud or 115200)
+
+
+def find_usb(link: str) -> str:
+    """The device path of `usb:VID:PID[:SERIAL]` (hex). Exactly one port must match; never another one."""
+    from serial.tools import list_ports
+
+    parts = link.split(":")[1:]
+    try:
+        vid, pid = int(parts[0], 16), int(parts[1], 16)
+    except (IndexError, ValueError) as exc:
+        raise UsageError(
+            f"{link}: expected usb:VID:PID or usb:VID:PID:SERIAL, hexadecimal", hint="e.g. usb:0403:6001"
+        ) from exc
+    wanted = ":".join(parts[2:])
+    ports = [port for port in list_ports.comports() if (port.vid, port.pid) == (vid, pid)]
+    if wanted:
+        ports = [port for port in ports if (port.serial_number or "") == wanted]
+    if not ports:
+        present = ", ".join(
+            f"{port.device} (usb:{port.vid:04X}:{port.pid:04X}:{port.serial_number or ''})"
+            for port in list_ports.comports()
+            if port.vid is not None
+        )
+        raise LinkError(
+            f"{link}: no such USB serial port is plugged in",
+            hint=f"present: {present}" if present else "no USB serial port is present at all: check the cable",
+            code="not-found",
+        )
+    if len(ports) > 1:
+        names = ", ".join(f"{port.device} (serial number {port.serial_number or 'none'})" for port in ports)
+        raise LinkError(
+            f"{link}: {len(ports)} ports match: {names}",
+            hint="add the serial number, or give the path",
+            code="ambiguous",
+        )
+    return str(ports[0].device)
+
+
+class SerialLink(ByteLink):
+    """A serial port, 8N1, no flow control."""
+
+    can_set_baud = True
+
+    def __init__(self, link: str, device: str, baud: int) -> None:
+        self.name = link
+        self.baud = baud
+        self._device = device
+        is_url = "://" in device
+        if not is_url:
+            _refuse_if_held(link, device)
+        try:
+            options: dict[str, Any] = {"baudrate": baud, "timeout": 0, "write_timeout": WRITE_SECONDS}
+            if not is_url:
+                options["exclusive"] = True
+            self._port = serial.serial_for_url(device, **options)
+        except (serial.SerialException, OSError) as exc:
+            raise _cannot_open(link, device, exc) from exc
+        except ValueError as exc:
+            raise UsageError(f"{link}: {exc}") from exc
+        self.can_set_baud = not device.startswith("socket://")
+        self._fd = self._descriptor()
+        if self._fd is not None and not device.startswith("/dev/pts/"):
+            _low_latency(self._port)
+
+    def _descriptor(self) -> int | None:
+        if os.name != "posix" or "://" in self._device:
+            return None
+        try:
+            return int(self._port.fileno())
+        except (OSError, AttributeError, ValueError):
+            return None
+
+    def write(self, data: bytes, deadline: Deadline) -> None:
+        try:
+            if self._fd is None:
+                self._port.write(data)
+            else:
+                self._write_fd(data, deadline)
+        except serial.SerialTimeoutException as exc:
+            raise self._stuck() from exc
+        except (serial.SerialException, OSError) as exc:
+            raise self._lost(exc) from exc
+
+    def _write_fd(self, data: bytes, deadline: Deadline) -> None:
+        import select
+
+        assert self._fd is not None
+        view = memoryview(data)
+        while view:
+            try:
+                view = view[os.write(self._fd, view) :]
+            except BlockingIOError as exc:
+                if not select.select([], [self._fd], [], deadline.remaining)[1]:
+                    raise self._stuck() from exc
+
+    def read(self, deadline: Deadline, size: int = 4096) -> bytes:
+        try:
+            if self._fd is None:
+                return self._read_slices(deadline, size)
+            import select
+
+            if not select.select([self._fd], [], [], deadline.remaining)[0]:
+                return b""
+            data = os.read(self._fd, size)
+        except BlockingIOError:
+            return b""
+        except (serial.SerialException, OSError, TypeError) as exc:
+            # TypeError: what pyserial raises when the port is torn down in the middle of a read.
+            raise self._lost(exc) from exc
+        if not data:
+            raise self._lost(None)
+        return data
+
+    def _read_slices(self, deadline: Deadline, size: int) -> bytes:
+        while True:
+            self._port.timeout = min(SLICE_SECONDS, deadline.remaining)
+            data = bytes(self._port.read(1))
+            if data:
+                waiting = int(self._port.in_waiting)
+                self._port.timeout = 0
+                return data + bytes(self._port.read(min(waiting, size - 1))) if waiting and size > 1 else data
+            if deadline.expired:
+                return b""
+
+    def set_baud(self, baud: int) -> None:
+        try:
+            self._port.baudrate = baud
+        except (serial.SerialException, OSError, ValueError) as exc:
+            raise LinkError(f"{self.name}: the port cannot be set to {baud} baud: {exc}", code="baud") from exc
+        self.baud = baud
+
+    def _stuck(self) -> LinkError:
+        return LinkError(
+            f"{self.name}: the port takes no data",
+            hint="flow control, a stopped terminal, or an adapter that hangs: unplug it and plug it in again",
+            code="write-timeout",
+        )
+
+    def _lost(self, exc: Exception | None) -> LinkError:
+        why = f": {getattr(exc, 'strerror', None) or exc}" if exc is not None else ""
+        return LinkError(
+            f"{self.name}: the port is gone{why}",
+            hint="check the cable; the adapter was unplugged or the other end closed. `ls -l /dev/serial/by-id` shows what is left",
+            code="lost",
+        )
+
+    def close(self) -> None:
+        try:
+            self._port.close()
+        except (serial.SerialException, OSError):
+            return  # the port went away before us: nothing is left to release
+
+
+def _low_latency(port: Any) -> None:
+    """Ask the driver for low latency (an FTDI chip then waits 1 ms instead of 16 for more bytes); best effort."""
+    try:
+        port.set_low_latency_mode(True)
+    except (OSError, ValueError, NotImplementedError, AttributeError):
+        return
+
+
+def _refuse_if_held(link: str, device: str) -> None:
+    """Refuse a real port that another process has open: two readers would each get half of the bytes."""
+    if not sys.platform.startswith("linux") or os.path.realpath(device).startswith("/dev/pts/"):
+        return  # a pseudo-terminal is always open in its server
+    names = holders(device)
+    if names:
+        raise _busy(link, names)
+
+
+def holders(device: str) -> list[str]:
+    """Processes that have `device` open, as far as the system tells: ["screen (pid 4711)"]. Linux only."""
+    target = os.path.realpath(device)
+    found = []
+    try:
+        pids = [entry for entry in os.listdir("/proc") if entry.isdecimal()]
+    except OSError:
+        return []
+    for pid in pids:
+        if int(pid) == os.getpid():
+            continue
+        try:
+            descriptors = os.listdir(f"/proc/{pid}/fd")
+        except OSError:
+            continue  # not ours to look at, or just ended
+        for descriptor in descriptors:
+            try:
+                if os.readlink(f"/proc/{pid}/fd/{descriptor}") == target:
+                    found.append(f"{_process_name(pid)} (pid {pid})")
+                    break
+            except OSError:
+                continue
+    return found
+
+
+def _process_name(pid: str) -> str:
+    try:
+        with open(f"/proc/{pid}/comm", encoding="utf-8", errors="replace") as file:
+            return file.read().strip()
+    except OSError:
+        return "a process"
+
+
+def _busy(link: str, names: list[str]) -> LinkError:
+    who = ", ".join(names) if names else "another program (the system does not tell which)"
+    return LinkError(
+        f"{link}: the port is in use by {who}", hint="close that program, then run the command again", code="busy"
+    )
+
+
+def _cannot_open(link: str, device: str, exc: Exception) -> LinkError | UsageError:
+    number = getattr(exc, "errno", None)
+    if number == errno.EACCES:
+        return LinkError(f"{link}: not permitted", hint=_permission_hint(device), code="not-permitted")
+    if number in (errno.ENOENT, errno.ENODEV, errno.ENXIO):
+        return LinkError(f"{link}: no such port", hint=_ports_hint(), code="not-found")
+    if number in (errno.EAGAIN, errno.EBUSY):
+        return _busy(link, holders(device) if "://" not in device else [])
+    if number in (errno.ENOTTY, errno.EINVAL):
+        return LinkError(f"{link}: this is not a serial port", hint=_ports_hint(), code="not-a-port")
+    return LinkError(f"{link}: cannot open: {exc}", code="cannot-open")
+
+
+def _permission_hint(device: str) -> str:
+    try:
+        import grp
+
+        group = grp.getgrgid(os.stat(device).st_gid).gr_name
+    except (OSError, KeyError, ImportError):
+        return "ask for access to the port"
+    return f"the port belongs to group {group}: sudo usermod -aG {group} $USER, then log in again"
+
+
+def _ports_hint() -> str:
+    import glob
+
+    present = sorted(glob.glob("/dev/serial/by-id/*") or glob.glob("/dev/ttyUSB*") + glob.glob("/dev/ttyACM*"))
+    return f"present: {', '.join(present)}" if present else "no serial port is plugged in; `--fake` needs none"

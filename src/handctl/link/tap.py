@@ -1,0 +1,141 @@
+"""Transcripts: the one text format of `--trace`, `-v`, `replay:` and the vectors in the tests.
+
+    # what this shows, manual section
+    0.000000 > EB 90 01 04 11 E8 03 01 02
+    0.004120 < 90 EB 01 04 11 E8 03 01 02
+    0.010000 > can 11000001 [1] 04
+    0.020000 ! baud 57600
+
+`>` host, `<` device, `!` an event; time in seconds since the start, may be absent. A tap sits around a link and
+writes such lines; `parse` reads them. Knows no protocol.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import NamedTuple
+
+from handctl.errors import UsageError
+from handctl.link import ByteLink, Deadline
+
+
+class Entry(NamedTuple):
+    """One line of a transcript: `mark` is ">", "<" or "!"; `can_id` is None for serial bytes."""
+
+    time: float | None
+    mark: str
+    data: bytes
+    text: str = ""
+    can_id: int | None = None
+    line: int = 0
+
+
+def parse(lines: Iterable[str], source: str = "transcript") -> list[Entry]:
+    """Read a transcript. Comments and empty lines are left out. Raises UsageError with the line number."""
+    entries = []
+    for number, raw in enumerate(lines, 1):
+        line = raw.strip()
+        if not line or line.startswith("#"):
+            continue
+        try:
+            entries.append(_parse_line(line, number))
+        except ValueError as exc:
+            raise UsageError(f"{source}, line {number}: {exc}", hint="a line is: [SECONDS] > HEX BYTES") from exc
+    return entries
+
+
+def _parse_line(line: str, number: int) -> Entry:
+    words = line.split()
+    time = None
+    if words[0] not in (">", "<", "!"):
+        try:
+            time = float(words[0])
+        except ValueError:
+            raise ValueError(f"expected a time or one of > < !, found {words[0]!r}") from None
+        words = words[1:]
+    if not words or words[0] not in (">", "<", "!"):
+        raise ValueError("expected > < or !")
+    mark, rest = words[0], words[1:]
+    if mark == "!":
+        return Entry(time, mark, b"", " ".join(rest), None, number)
+    can_id = None
+    if rest and rest[0] == "can":
+        if len(rest) < 3:
+            raise ValueError("expected: can IDENTIFIER [DLC] HEX BYTES")
+        can_id = int(rest[1], 16)
+        dlc, rest = int(rest[2].strip("[]")), rest[3:]
+        if dlc != len(rest):
+            raise ValueError(f"{dlc} bytes announced, {len(rest)} given")
+    for word in rest:
+        if len(word) != 2:
+            raise ValueError(f"expected two hex digits, found {word!r}")
+    try:
+        data = bytes.fromhex("".join(rest))
+    except ValueError:
+        raise ValueError("not hexadecimal") from None
+    return Entry(time, mark, data, "", can_id, number)
+
+
+class Tap:
+    """Writes every byte that passes to `write` (one line, with newline), time counted from the first opening."""
+
+    def __init__(self, write: Callable[[str], None]) -> None:
+        self._write = write
+        self._start: float | None = None
+
+    def around(self, link: ByteLink) -> ByteLink:
+        """The same link, recorded."""
+        if self._start is None:
+            self._start = link.now()
+        return TappedLink(link, self)
+
+    def line(self, now: float, mark: str, text: str) -> None:
+        """Write one line of the transcript."""
+        elapsed = max(0.0, now - (self._start if self._start is not None else now))
+        self._write(f"{elapsed:.6f} {mark} {text}\n")
+
+
+class TappedLink(ByteLink):
+    """A byte link with a tap on the wire."""
+
+    def __init__(self, link: ByteLink, tap: Tap) -> None:
+        self._link = link
+        self._tap = tap
+        self.name = link.name
+        self.fake = link.fake
+        self.replayed = link.replayed
+        self.can_set_baud = link.can_set_baud
+        self.baud = link.baud
+
+    def now(self) -> float:
+        return self._link.now()
+
+    def sleep(self, seconds: float) -> None:
+        self._link.sleep(seconds)
+
+    def write(self, data: bytes, deadline: Deadline) -> None:
+        self._tap.line(self.now(), ">", data.hex(" ").upper())
+        self._link.write(data, deadline)
+
+    def read(self, deadline: Deadline, size: int = 4096) -> bytes:
+        data = self._link.read(deadline, size)
+        if data:
+            self._tap.line(self.now(), "<", data.hex(" ").upper())
+        return data
+
+    def set_baud(self, baud: int) -> None:
+        self._link.set_baud(baud)
+        self.baud = self._link.baud
+        self.event(f"baud {baud}")
+
+    def event(self, text: str) -> None:
+        self._tap.line(self.now(), "!", text)
+
+    def power_cycle(self) -> bool:
+        done = self._link.power_cycle()
+        if done:
+            self.event("power-cycle")
+        return done
+
+    def close(self) -> None:
+        self._link.close()

@@ -1,0 +1,87 @@
+"""Bytes over TCP. The only user of `socket` below `link`."""
+
+from __future__ import annotations
+
+import select
+import socket
+
+from handctl.errors import LinkError, UsageError
+from handctl.link import ByteLink, Deadline
+
+CONNECT_SECONDS = 5.0
+
+
+def split_address(link: str, default_port: int | None = None) -> tuple[str, int]:
+    """``tcp://host:port`` or ``tcp://[::1]:port`` -> (host, port). Raises UsageError."""
+    text = link.removeprefix("tcp://").rstrip("/")
+    if text.startswith("["):
+        host, _, rest = text[1:].partition("]")
+        port = rest.removeprefix(":")
+    else:
+        host, _, port = text.partition(":")
+    if not port and default_port is not None:
+        return host, default_port
+    if not host or not port.isdecimal() or not 0 < int(port) < 65536:
+        raise UsageError(
+            f"{link}: expected tcp://HOST:PORT with a port 1 to 65535", hint="e.g. tcp://192.168.1.20:8000"
+        )
+    return host, int(port)
+
+
+class TcpLink(ByteLink):
+    """One TCP connection with TCP_NODELAY: a request is a packet, never held back."""
+
+    def __init__(self, link: str, default_port: int | None = None) -> None:
+        self.name = link
+        host, port = split_address(link, default_port)
+        try:
+            self._socket = socket.create_connection((host, port), timeout=CONNECT_SECONDS)
+        except TimeoutError as exc:
+            raise LinkError(
+                f"{link}: no connection within {CONNECT_SECONDS:g} s",
+                hint=f"check the address and that {host} is reachable: ping {host}",
+                code="connect-timeout",
+            ) from exc
+        except ConnectionRefusedError as exc:
+            raise LinkError(
+                f"{link}: connection refused",
+                hint="nothing listens on that port: check the port number and that the device or its server is running",
+                code="refused",
+            ) from exc
+        except OSError as exc:
+            raise LinkError(f"{link}: cannot connect: {exc.strerror or exc}", code="cannot-open") from exc
+        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._socket.setblocking(False)
+
+    def write(self, data: bytes, deadline: Deadline) -> None:
+        view = memoryview(data)
+        while view:
+            try:
+                view = view[self._socket.send(view) :]
+            except BlockingIOError as exc:
+                if not select.select([], [self._socket], [], deadline.remaining)[1]:
+                    raise LinkError(f"{self.name}: the other end takes no more data", code="write-timeout") from exc
+            except OSError as exc:
+                raise self._lost(exc) from exc
+
+    def read(self, deadline: Deadline, size: int = 4096) -> bytes:
+        try:
+            if not select.select([self._socket], [], [], deadline.remaining)[0]:
+                return b""
+            data = self._socket.recv(size)
+        except BlockingIOError:
+            return b""
+        except OSError as exc:
+            raise self._lost(exc) from exc
+        if not data:
+            raise self._lost(None)
+        return data
+
+    def _lost(self, exc: OSError | None) -> LinkError:
+        why = f": {exc.strerror or exc}" if exc is not None else " by the other end"
+        return LinkError(
+            f"{self.name}: connection closed{why}", hint="reconnect and run the command again", code="lost"
+        )
+
+    def close(self) -> None:
+        self._socket.close()

@@ -1,0 +1,288 @@
+"""Param: one quantity of a device as its manual describes it; ParamMap: the ordered book of them.
+
+A name meets its place on the wire in one table per device, made of these (or of a subclass that adds the place).
+Everything that reads, writes, prints, explains, stores or completes a quantity asks the Param. Knows no wire.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Generic, NamedTuple, TypeVar
+
+from handctl.errors import UsageError
+
+Number = int | float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Param:
+    """One documented quantity, scalar or vector.
+
+    name        lower_snake, the manual's word
+    doc         one line for people
+    source      manual section, e.g. "exo §2.3.7"
+    unit        as printed, None where the manual gives none
+    low, high   documented range in `unit`, inclusive; None = no range given
+    special     values outside or inside the range with a meaning of their own, e.g. {-1: "not commanded"}
+    choices     enumeration: value -> label; then nothing else is allowed
+    bits        names of the bits of a flag byte, bit 0 first
+    decimals    value = raw / 10**decimals; 0 = the raw integer is the value
+    access      "r", "rw" or "w"
+    elements    names of a vector's elements in wire order; () = scalar
+    persistent  "yes", "no" or "unknown": kept over a power cycle once saved
+    trigger     writing it starts something; it holds no value (`verb` says which command does it)
+    moves       writing it moves the device
+    strands     writing it may leave the device unreachable or changed for good
+    note        a remark that belongs beside every value of it, e.g. that its scale is unknown
+    """
+
+    name: str
+    doc: str
+    source: str
+    unit: str | None = None
+    low: Number | None = None
+    high: Number | None = None
+    special: Mapping[Number, str] = field(default_factory=dict)
+    choices: Mapping[Number, str] = field(default_factory=dict)
+    bits: tuple[str, ...] = ()
+    decimals: int = 0
+    access: str = "r"
+    elements: tuple[str, ...] = ()
+    persistent: str = "no"
+    trigger: bool = False
+    verb: str = ""
+    moves: bool = False
+    strands: bool = False
+    note: str = ""
+
+    @property
+    def readable(self) -> bool:
+        """Whether the device can tell its value."""
+        return "r" in self.access
+
+    @property
+    def writable(self) -> bool:
+        """Whether `set` may write it: triggers are written by their own commands only."""
+        return "w" in self.access and not self.trigger
+
+    @property
+    def count(self) -> int:
+        """Number of elements, 1 for a scalar."""
+        return len(self.elements) or 1
+
+    @property
+    def range_text(self) -> str:
+        """The allowed values for people: ``-1, 0..1000``, ``0 = 115200 baud, 1 = 57600 baud``, or ``""``."""
+        if self.choices:
+            return ", ".join(f"{value} = {label}" for value, label in self.choices.items())
+        if self.bits:
+            return f"bits 0..{len(self.bits) - 1}"
+        outside = [f"{value}" for value in self.special if not self._within(value)]
+        if self.low is not None and self.high is not None:
+            return ", ".join([*outside, f"{self.low}..{self.high}"])
+        return ", ".join(outside)
+
+    def _within(self, value: Number) -> bool:
+        return (self.low is None or value >= self.low) and (self.high is None or value <= self.high)
+
+    def allowed(self, value: Number) -> bool:
+        """Whether the manual documents `value` (in `unit`) for this quantity."""
+        if self.choices:
+            return value in self.choices
+        return value in self.special or self._within(value)
+
+    def check(self, value: Number, where: str = "") -> None:
+        """Raise UsageError when `value` is not documented; never clamps."""
+        if not self.allowed(value):
+            unit = f" {self.unit}" if self.unit else ""
+            raise UsageError(
+                f"{where or self.name} = {value}{unit} is out of range",
+                hint=f"allowed: {self.range_text}{unit} ({self.source}). Nothing was sent.",
+                code="out-of-range",
+            )
+
+    def parse(self, text: str, where: str = "") -> Number:
+        """The value that a user typed, checked. Accepts a number or a label of `choices`. Raises UsageError."""
+        wanted = text.strip()
+        for value, label in self.choices.items():
+            if wanted.casefold() in (label.casefold(), label.split(" ")[0].casefold()) and not wanted.isdecimal():
+                return value
+        value = self._number(wanted, where or self.name)
+        self.check(value, where)
+        return value
+
+    def _number(self, text: str, where: str) -> Number:
+        try:
+            if not self.decimals:
+                return int(text, 0) if text.lower().lstrip("+-").startswith("0x") else int(text, 10)
+            return exact_decimal(text, self.decimals)
+        except ValueError as exc:
+            kind = f"a number with at most {self.decimals} decimals" if self.decimals else "a whole number"
+            raise UsageError(
+                f"{where}: {text!r} is not {kind}",
+                hint=f"allowed: {self.range_text or kind} ({self.source})",
+                code="not-a-number",
+            ) from exc
+
+    def from_raw(self, raw: int) -> Number:
+        """The value in `unit` of a raw integer."""
+        return raw / 10**self.decimals if self.decimals else raw
+
+    def to_raw(self, value: Number) -> int:
+        """The raw integer of a value in `unit`; exact for values with at most `decimals` decimals."""
+        return round(value * 10**self.decimals) if self.decimals else int(value)
+
+    def label(self, value: Number) -> str | None:
+        """What a value means in words, None where the number says it all."""
+        if value in self.choices:
+            return self.choices[value]
+        if value in self.special:
+            return self.special[value]
+        if self.bits:
+            return bit_names(int(value), self.bits)
+        return None
+
+
+def bit_names(value: int, names: Sequence[str]) -> str:
+    """``0x06`` -> ``over_temperature, over_current``; undefined bits are named as such; 0 -> ``ok``."""
+    found = []
+    for bit in range(max(8, value.bit_length())):
+        if value >> bit & 1:
+            found.append(names[bit] if bit < len(names) else f"unknown_bit_{bit}")
+    return ", ".join(found) or "ok"
+
+
+def exact_decimal(text: str, decimals: int) -> float:
+    """Parse a decimal number that must not need more than `decimals` decimals. Raises ValueError."""
+    from decimal import Decimal, InvalidOperation
+
+    try:
+        value = Decimal(text)
+    except InvalidOperation as exc:
+        raise ValueError(text) from exc
+    if not value.is_finite() or value != round(value, decimals):
+        raise ValueError(text)
+    return float(value)
+
+
+P = TypeVar("P", bound=Param)
+
+
+@dataclass(frozen=True, slots=True)
+class Element:
+    """One readable number: a scalar parameter, or element `index` of a vector."""
+
+    param: Param
+    index: int
+
+    @property
+    def part(self) -> str | None:
+        """The element's name, None for a scalar."""
+        return self.param.elements[self.index] if self.param.elements else None
+
+    @property
+    def full_name(self) -> str:
+        """``position_set.index``, or the plain name of a scalar."""
+        return f"{self.param.name}.{self.part}" if self.param.elements else self.param.name
+
+
+class ParamMap(Generic[P]):
+    """The book of one device: parameters in the manual's order, found by name. Names are unique."""
+
+    def __init__(self, kind: str, params: Sequence[P]) -> None:
+        self.kind = kind
+        self._params = {param.name: param for param in params}
+        if len(self._params) != len(params):
+            raise ValueError(f"{kind}: a name is used twice")
+
+    def __iter__(self) -> Iterator[P]:
+        return iter(self._params.values())
+
+    def __len__(self) -> int:
+        return len(self._params)
+
+    def __getitem__(self, name: str) -> P:
+        return self._params[name]
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._params
+
+    def find(self, name: str) -> tuple[P, list[Element]]:
+        """``position_set`` -> all its elements; ``position_set.index`` -> that one. Raises UsageError with near names."""
+        base, dot, part = name.partition(".")
+        param = self._params.get(base)
+        if param is None:
+            raise UsageError(f"{self.kind} has no quantity {name!r}", hint=self._near(base), code="unknown-name")
+        if not dot:
+            return param, elements_of(param)
+        if part not in param.elements:
+            known = ", ".join(param.elements) or "none: it is a single value"
+            raise UsageError(f"{base} has no element {part!r}", hint=f"its elements: {known}", code="unknown-name")
+        return param, [Element(param, param.elements.index(part))]
+
+    def _near(self, name: str) -> str:
+        from difflib import get_close_matches
+
+        near = get_close_matches(name, list(self._params), n=3, cutoff=0.5)
+        ask = f"`handctl {self.kind} describe` lists them all"
+        return f"did you mean {' or '.join(near)}? {ask}" if near else ask
+
+    def assignments(self, texts: Sequence[str]) -> list[tuple[Element, Number]]:
+        """``["position_set.index=300", "force_set=0,0,0,0,0"]`` -> checked (element, value) pairs in wire order.
+
+        Raises UsageError for anything that is not NAME=VALUE, not settable, out of range or given twice.
+        """
+        wanted: dict[tuple[str, int], tuple[Element, Number]] = {}
+        for text in texts:
+            name, equals, value = text.partition("=")
+            if not equals:
+                raise UsageError(f"{text!r} is not NAME=VALUE", hint=f"e.g. handctl {self.kind} set NAME=VALUE")
+            param, elements = self.find(name)
+            self._refuse_unsettable(param)
+            values = value.split(",") if len(elements) > 1 else [value]
+            if len(values) != len(elements):
+                raise UsageError(
+                    f"{name} has {len(elements)} elements, {len(values)} value given",
+                    hint=f"give {','.join(e.part or '' for e in elements)}, or name one: {elements[0].full_name}=VALUE",
+                )
+            for element, single in zip(elements, values, strict=True):
+                key = (param.name, element.index)
+                if key in wanted:
+                    raise UsageError(f"{element.full_name} is given twice")
+                wanted[key] = (element, param.parse(single, element.full_name))
+        order = {name: position for position, name in enumerate(self._params)}
+        return [wanted[key] for key in sorted(wanted, key=lambda key: (order[key[0]], key[1]))]
+
+    def _refuse_unsettable(self, param: Param) -> None:
+        if param.trigger:
+            raise UsageError(
+                f"{param.name} is not a value to set: writing it starts something",
+                hint=f"use `handctl {self.kind} {param.verb}`",
+                code="trigger",
+            )
+        if not param.writable:
+            raise UsageError(f"{param.name} is read-only ({param.source})", code="read-only")
+
+
+def elements_of(param: Param) -> list[Element]:
+    """All elements of a parameter, in wire order."""
+    return [Element(param, index) for index in range(param.count)]
+
+
+class Reading(NamedTuple):
+    """What a device said about one element: a value in its unit with the bytes it came in, or an error."""
+
+    element: Element
+    value: Number | None
+    raw: bytes = b""
+    error: str | None = None
+
+
+class Step(NamedTuple):
+    """One write of a plan: the exact bytes, what they do in words, and whether they move or strand the device."""
+
+    meaning: str
+    data: bytes
+    moves: bool = False
+    strands: bool = False

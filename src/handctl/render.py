@@ -1,0 +1,292 @@
+"""Table -> what reaches stdout: rich or aligned table, plain, CSV, JSON envelope, NDJSON.
+
+The only module that knows how results look; rich is imported only for a terminal. Data goes to the sink and nowhere
+else. A stream is written row by row and closed by an envelope without rows.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import sys
+from collections.abc import Iterator, Sequence
+from types import TracebackType
+from typing import IO, TYPE_CHECKING, Any, Protocol
+
+from handctl.errors import HandctlError, Interrupted, OutputError
+from handctl.result import Cell, Column, Grid, Journal, Row, Sample, Table
+
+if TYPE_CHECKING:
+    from handctl.clikit import Settings
+
+    class Context(Protocol):
+        """What rendering needs to know of the running command."""
+
+        @property
+        def settings(self) -> Settings: ...
+        @property
+        def journal(self) -> Journal: ...
+        @property
+        def simulated(self) -> bool: ...
+        @property
+        def command(self) -> str: ...
+        def envelope(self, failure: HandctlError | None, extra: dict[str, Any] | None = None) -> dict[str, Any]: ...
+
+
+class Sink:
+    """Where data goes: stdout, or a file that appears whole when everything is written."""
+
+    def __init__(self, settings: Settings) -> None:
+        self._path = settings.output
+        self._temporary = ""
+        self.file: IO[str] = sys.stdout
+        self.color = settings.color
+        self.broken = False
+
+    @property
+    def terminal(self) -> bool:
+        """Whether a person looks at it directly."""
+        return not self._path and self.file.isatty()
+
+    def __enter__(self) -> Sink:
+        if self._path:
+            self._temporary = f"{self._path}.{os.getpid()}.part"
+            try:
+                self.file = open(self._temporary, "w", encoding="utf-8", newline="")
+            except OSError as exc:
+                raise OutputError(f"{self._path}: cannot be written: {exc.strerror or exc}") from exc
+        return self
+
+    def write(self, text: str) -> None:
+        """Write data. A closed pipe makes everything after it silent; a full disk is an OutputError."""
+        if self.broken:
+            return
+        try:
+            self.file.write(text)
+        except BrokenPipeError:
+            self.broken = True
+        except UnicodeEncodeError:
+            self.file.write(text.encode("ascii", "replace").decode())
+        except OSError as exc:
+            raise OutputError(f"{self._path or 'stdout'}: cannot be written: {exc.strerror or exc}") from exc
+
+    def flush(self) -> None:
+        """Let the reader see what has been written."""
+        try:
+            self.file.flush()
+        except BrokenPipeError:
+            self.broken = True
+        except OSError as exc:
+            raise OutputError(f"{self._path or 'stdout'}: cannot be written: {exc.strerror or exc}") from exc
+
+    def __exit__(self, kind: type[BaseException] | None, _exc: BaseException | None, _tb: TracebackType | None) -> None:
+        if not self._path:
+            if kind is None:
+                self.flush()
+            return
+        try:
+            self.file.flush()
+            os.fsync(self.file.fileno())
+            self.file.close()
+            if kind is None:
+                os.replace(self._temporary, self._path)
+            else:
+                os.unlink(self._temporary)
+        except OSError as exc:
+            with contextlib.suppress(OSError):
+                os.unlink(self._temporary)
+            raise OutputError(f"{self._path}: cannot be written: {exc.strerror or exc}") from exc
+
+
+def show(table: Table | None, failure: HandctlError | None, sink: Sink, context: Context) -> None:
+    """Write a finished result, or only what went wrong (JSON says that too)."""
+    how = context.settings.format
+    failure = failure or (table.failure if table is not None else None)
+    rows = table.rows if table is not None else []
+    extra = table.extra if table is not None else {}
+    if how == "json":
+        sink.write(_json_envelope(context.envelope(failure, extra), rows))
+    elif how == "ndjson":
+        for row in rows:
+            sink.write(_dumps(row) + "\n")
+        sink.write(_dumps({"end": context.envelope(failure, extra)}) + "\n")
+    elif table is None:
+        return
+    elif how == "csv":
+        _csv(table.columns, rows, sink, header=True)
+    elif how == "plain":
+        for row in rows:
+            sink.write(_plain_line(table, row))
+    else:
+        _grids(table, sink, context)
+
+
+def stream(table: Table, sink: Sink, context: Context) -> HandctlError | None:
+    """Write a stream as it comes; returns what ended it, None for its natural end. A closed pipe ends it quietly."""
+    assert table.samples is not None
+    how = context.settings.format
+    failure: HandctlError | None = None
+    samples = iter(table.samples)
+    try:
+        if how == "table" and sink.terminal:
+            from handctl.live import show_live
+
+            show_live(table, samples, sink, context)
+        else:
+            _stream_lines(table, samples, how, sink)
+    except HandctlError as exc:
+        failure = exc
+    except KeyboardInterrupt:
+        failure = Interrupted("interrupted")
+    finally:
+        close = getattr(samples, "close", None)
+        if close is not None:
+            close()
+    failure = failure or table.failure
+    summary = table.summary() if table.summary is not None else {}
+    if how in ("json", "ndjson"):
+        sink.write(_dumps({"end": context.envelope(failure, summary)}) + "\n")
+    elif "stream" in summary and not context.settings.quiet:
+        sink.flush()
+        with contextlib.suppress(OSError):
+            sys.stderr.write(f"handctl: note: {_summary_text(summary['stream'])}\n")
+    return failure
+
+
+def _summary_text(stats: dict[str, Any]) -> str:
+    text = f"{stats['samples']} samples in {stats['seconds']:.1f} s"
+    if stats["rate_hz"] is not None:
+        text += f", true rate {stats['rate_hz']:g} Hz" + (f" of {stats['asked_hz']:g}" if stats["asked_hz"] else "")
+    return text + "".join(f", {stats[key]} {key}" for key in ("failed", "late") if stats[key])
+
+
+def _stream_lines(table: Table, samples: Iterator[Sample], how: str, sink: Sink) -> None:
+    columns = (Column("t", "Time", right=True, unit="s"), *table.columns)
+    widths = [max(len(column.heading), 9 if column.key == "t" else 6) for column in columns]
+    for sample in samples:
+        for row in sample.rows:
+            timed = {"t": round(sample.t, 6), **row}
+            if how in ("json", "ndjson"):
+                sink.write(_dumps(timed) + "\n")
+            elif how == "plain":
+                sink.write("\t".join(_text(timed.get(column.key)) for column in columns) + "\n")
+            elif how == "csv":
+                _csv(columns, [timed], sink, header=bool(columns and widths))
+                widths = []
+            else:
+                if widths:
+                    widths = [
+                        max(width, *(len(_text(r.get(column.key))) for r in sample.rows))
+                        for width, column in zip(widths, columns, strict=True)
+                    ]
+                    sink.write(_align([column.heading for column in columns], widths, columns))
+                    fixed, widths = widths, []
+                sink.write(_align([f"{sample.t:.3f}", *(_text(row.get(c.key)) for c in table.columns)], fixed, columns))
+        sink.flush()
+        if sink.broken:
+            return
+
+
+# -- data formats -------------------------------------------------------------------------------------------------
+
+
+def _dumps(value: Any) -> str:
+    return json.dumps(value, ensure_ascii=False, allow_nan=False)
+
+
+def _json_envelope(envelope: dict[str, Any], rows: Sequence[Row]) -> str:
+    """One object; a key a line and a row a line, so that people and `grep` can read it too."""
+    lines = [
+        f"  {_dumps(key)}: {_dumps(value)}" for key, value in envelope.items() if key not in ("messages", "counters")
+    ]
+    body = ",\n".join(f"    {_dumps(row)}" for row in rows)
+    lines.append(f'  "rows": [\n{body}\n  ]' if rows else '  "rows": []')
+    lines += [f"  {_dumps(key)}: {_dumps(envelope[key])}" for key in ("messages", "counters")]
+    return "{\n" + ",\n".join(lines) + "\n}\n"
+
+
+def _text(value: Any) -> str:
+    if value is None:
+        return ""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return str(value)
+
+
+def _plain_line(table: Table, row: Row) -> str:
+    keys = table.plain or tuple(column.key for column in table.columns)
+    if "error" in row and "value" in keys:
+        return "\t".join("" if key == "value" else _text(row.get(key)) for key in keys) + "\n"
+    return "\t".join(_text(row.get(key)) for key in keys) + "\n"
+
+
+def _csv(columns: Sequence[Column], rows: Sequence[Row], sink: Sink, *, header: bool) -> None:
+    import csv
+    import io
+
+    buffer = io.StringIO()
+    writer = csv.writer(buffer)  # RFC 4180: CRLF, quotes doubled
+    with_errors = any("error" in row for row in rows)
+    if header:
+        writer.writerow([column.csv_name for column in columns] + (["error"] if with_errors else []))
+    for row in rows:
+        writer.writerow(
+            [_text(row.get(column.key)) for column in columns] + ([_text(row.get("error"))] if with_errors else [])
+        )
+    sink.write(buffer.getvalue())
+
+
+# -- tables for people --------------------------------------------------------------------------------------------
+
+
+def default_view(table: Table) -> list[Grid]:
+    """The rows as they are, one column per Column that holds anything."""
+    columns = [c for c in table.columns if any(_text(row.get(c.key)) for row in table.rows)] or list(table.columns)
+    lines = tuple(
+        tuple(
+            Cell("?", "bad") if column.key == "value" and "error" in row else _text(row.get(column.key))
+            for column in columns
+        )
+        for row in table.rows
+    )
+    notes = tuple(f"{row.get('name', '')}: {row['error']}" for row in table.rows if row.get("error"))
+    right = frozenset(position for position, column in enumerate(columns) if column.right)
+    return [Grid(tuple(column.heading for column in columns), lines, table.title, right, notes)]
+
+
+def _grids(table: Table, sink: Sink, context: Context) -> None:
+    grids = table.view(table.rows) if table.view is not None and table.rows else default_view(table)
+    mark = "simulated" if context.simulated else ""
+    if sink.terminal or sink.color == "always":
+        from handctl.terminal import print_grids
+
+        print_grids(grids, sink, mark)
+        return
+    for number, grid in enumerate(grids):
+        if number:
+            sink.write("\n")
+        _aligned(grid, sink, mark)
+    if mark and not any(grid.title for grid in grids):
+        sink.write(f"({mark})\n")
+
+
+def _aligned(grid: Grid, sink: Sink, mark: str) -> None:
+    lines = [[cell.text if isinstance(cell, Cell) else cell for cell in line] for line in grid.lines]
+    widths = [max(len(line[i]) for line in [list(grid.headings), *lines]) for i in range(len(grid.headings))]
+    columns = [Column("", right=position in grid.right) for position in range(len(widths))]
+    if grid.title:
+        sink.write(f"{grid.title}{f'  ({mark})' if mark else ''}\n")
+    sink.write(_align(grid.headings, widths, columns))
+    for line in lines:
+        sink.write(_align(line, widths, columns))
+    for note in grid.notes:
+        sink.write(f"{note}\n")
+
+
+def _align(texts: Sequence[str], widths: Sequence[int], columns: Sequence[Column]) -> str:
+    cells = (
+        text.rjust(width) if column.right else text.ljust(width)
+        for text, width, column in zip(texts, widths, columns, strict=True)
+    )
+    return "  ".join(cells).rstrip() + "\n"

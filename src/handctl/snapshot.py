@@ -1,0 +1,99 @@
+"""Snapshot files: the configuration of one device as JSON, whole or not there at all. Knows no device.
+
+    {"schema": "handctl-snapshot/1", "kind": "exo", "device": {…}, "tool": {"name": "handctl", "version": "…"},
+     "time": "2026-01-31T12:00:00+00:00", "link": "…", "fake": false,
+     "values": {"id": 1, "position_set.little": 151, …}, "checksum": "sha256:…"}
+
+The checksum covers everything else in canonical form (sorted keys, no spaces), so an edited file is noticed.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+from collections.abc import Mapping
+from typing import Any
+
+from handctl import __version__
+from handctl.errors import OutputError, UsageError
+
+SCHEMA = "handctl-snapshot/1"
+Values = dict[str, int | float]
+
+
+def _checksum(content: Mapping[str, Any]) -> str:
+    import hashlib
+
+    text = json.dumps(
+        {key: value for key, value in content.items() if key != "checksum"}, sort_keys=True, separators=(",", ":")
+    )
+    return f"sha256:{hashlib.sha256(text.encode()).hexdigest()}"
+
+
+def make(kind: str, identity: Mapping[str, object], values: Values, *, link: str, fake: bool) -> dict[str, Any]:
+    """The content of a snapshot file, with its checksum."""
+    from datetime import UTC, datetime
+
+    content: dict[str, Any] = {
+        "schema": SCHEMA,
+        "kind": kind,
+        "device": dict(identity),
+        "tool": {"name": "handctl", "version": __version__},
+        "time": datetime.now(UTC).isoformat(timespec="seconds"),
+        "link": link,
+        "fake": fake,
+        "values": values,
+    }
+    return {**content, "checksum": _checksum(content)}
+
+
+def write(path: str, content: Mapping[str, Any]) -> None:
+    """Write a snapshot atomically: a new file beside it, synced, then renamed. Raises OutputError."""
+    temporary = f"{path}.{os.getpid()}.part"
+    try:
+        with open(temporary, "w", encoding="utf-8") as file:
+            json.dump(content, file, indent=2, ensure_ascii=False)
+            file.write("\n")
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(temporary, path)
+    except OSError as exc:
+        with contextlib.suppress(OSError):
+            os.unlink(temporary)
+        raise OutputError(f"{path}: the snapshot cannot be written: {exc.strerror or exc}") from exc
+
+
+def load(path: str, kind: str) -> dict[str, Any]:
+    """Read and check a snapshot of a `kind` device. Raises UsageError for anything that is not whole and ours."""
+    try:
+        with open(path, encoding="utf-8") as file:
+            content = json.load(file)
+    except FileNotFoundError as exc:
+        raise UsageError(f"{path}: no such file", hint=f"`handctl {kind} snapshot {path}` makes one") from exc
+    except OSError as exc:
+        raise UsageError(f"{path}: cannot be read: {exc.strerror or exc}") from exc
+    except (ValueError, RecursionError) as exc:
+        raise UsageError(f"{path}: not a snapshot: {exc}", hint=UNTOUCHED) from exc
+    if not isinstance(content, dict) or not str(content.get("schema", "")).startswith("handctl-snapshot/"):
+        raise UsageError(f"{path}: not a handctl snapshot", hint=UNTOUCHED)
+    if content["schema"] != SCHEMA:
+        raise UsageError(
+            f"{path}: schema {content['schema']}, this handctl {__version__} reads {SCHEMA}",
+            hint=f"use the handctl that wrote it ({content.get('tool')}). {UNTOUCHED}",
+        )
+    if content.get("checksum") != _checksum(content):
+        raise UsageError(
+            f"{path}: damaged: the checksum does not fit its content", hint=f"take a new snapshot. {UNTOUCHED}"
+        )
+    if content.get("kind") != kind:
+        raise UsageError(f"{path}: a snapshot of {content.get('kind')}, not of {kind}", hint=UNTOUCHED)
+    values = content.get("values")
+    if not isinstance(values, dict) or not all(
+        isinstance(v, int | float) and not isinstance(v, bool) for v in values.values()
+    ):
+        raise UsageError(f"{path}: damaged: its values are not numbers by name", hint=UNTOUCHED)
+    return content
+
+
+UNTOUCHED = "Nothing was sent to the device."

@@ -1,0 +1,353 @@
+"""The verbs that mean the same for every device, over its parameter map: one implementation, not five.
+
+A device satisfies `MapDevice`; its own peculiarities (an id that answers elsewhere once written) live in its `write`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any, Protocol
+
+from handctl.errors import CheckFailed, NoAnswer, ProtocolError, UsageError
+from handctl.param import Element, Number, Param, ParamMap, Reading, Step, elements_of
+from handctl.result import Column, Journal, Row, Sample, Table
+
+if TYPE_CHECKING:
+    from handctl.clikit import Run
+
+    class MapDevice(Protocol):
+        """What the verbs need of a device."""
+
+        @property
+        def kind(self) -> str: ...
+        @property
+        def map(self) -> ParamMap[Any]: ...
+        @property
+        def journal(self) -> Journal: ...
+        @property
+        def columns(self) -> tuple[Column, ...]: ...
+        @property
+        def live(self) -> tuple[str, ...]: ...
+        @property
+        def not_covered(self) -> tuple[str, ...]: ...
+        def identity(self) -> dict[str, object]: ...
+        def read(self, elements: Sequence[Element]) -> list[Reading]: ...
+        def row(self, reading: Reading) -> Row: ...
+        def table(self, readings: Sequence[Reading], title: str = "") -> Table: ...
+        def plan(self, changes: Sequence[tuple[Element, Number]]) -> list[Step]: ...
+        def write(self, changes: Sequence[tuple[Element, Number]]) -> list[Reading]: ...
+        def find_for_restore(self, values: dict[str, Number]) -> None: ...
+
+
+FAILURES_IN_A_ROW = 3
+"""A stream gives up after so many samples without a valid answer."""
+DEFAULT_RATE = 10.0
+
+
+def select(params: ParamMap[Any], names: Sequence[str]) -> list[Element]:
+    """Readable elements by name, in the order asked, each once. Raises UsageError."""
+    chosen: dict[tuple[str, int], Element] = {}
+    for name in names:
+        param, elements = params.find(name)
+        if not param.readable:
+            raise UsageError(f"{param.name} can only be written ({param.source})", code="write-only")
+        for element in elements:
+            chosen[(param.name, element.index)] = element
+    return list(chosen.values())
+
+
+def get(run: Run, params: ParamMap[Any], names: Sequence[str]) -> Table:
+    """Read the named quantities in as few transactions as the device allows."""
+    elements = select(params, names)
+    device: MapDevice = run.device()
+    table = device.table(device.read(elements))
+    table.plain = ("value",)
+    return table
+
+
+def set_values(run: Run, params: ParamMap[Any], texts: Sequence[str]) -> Table:
+    """Check, confirm where it moves or strands, write, read back."""
+    changes = params.assignments(texts)
+    steps = run.planner().plan(changes)
+    if run.settings.dry_run:
+        return run.dry_run(steps)
+    if any(step.moves or step.strands for step in steps):
+        run.confirm(f"{_consequence(steps)}: {', '.join(texts)}", steps)
+    device: MapDevice = run.device()
+    return device.table(device.write(changes))
+
+
+def _consequence(steps: Sequence[Step]) -> str:
+    words = ["moves the device, which may be worn"] if any(step.moves for step in steps) else []
+    words += ["may leave it unreachable"] if any(step.strands for step in steps) else []
+    return f"This {' and '.join(words) or 'writes'}"
+
+
+def describe(params: ParamMap[Any], names: Sequence[str]) -> Table:
+    """The map itself; needs no device."""
+    wanted = (
+        list(dict.fromkeys(params.find(name)[0].name for name in names)) if names else [param.name for param in params]
+    )
+    return Table(rows=[describe_row(params[name]) for name in wanted], columns=DESCRIBE_COLUMNS)
+
+
+DESCRIBE_COLUMNS = (
+    Column("name", "Name"),
+    Column("address", "Address", right=True),
+    Column("type", "Type"),
+    Column("access", "Access"),
+    Column("range", "Range"),
+    Column("unit", "Unit"),
+    Column("persistent", "Kept"),
+    Column("source", "Source"),
+    Column("doc", "What it is"),
+)
+
+
+def describe_row(param: Param) -> Row:
+    """One parameter of a map as data."""
+    return {
+        "name": param.name,
+        "address": getattr(param, "address", None),
+        "type": getattr(param, "type_name", None),
+        "elements": list(param.elements),
+        "access": "trigger" if param.trigger else param.access,
+        "range": param.range_text,
+        "unit": param.unit,
+        "persistent": param.persistent,
+        "moves": param.moves,
+        "strands": param.strands,
+        "source": param.source,
+        "doc": param.doc + (f"; {param.note}" if param.note else ""),
+    }
+
+
+# -- watch --------------------------------------------------------------------------------------------------------
+
+
+def watch(
+    run: Run, params: ParamMap[Any], names: Sequence[str], *, rate: float, count: int | None, duration: float | None
+) -> Table:
+    """Sample quantities until `count` samples or `duration` seconds, or until Ctrl-C. `rate` 0 = as fast as it goes."""
+    device: MapDevice | None = None
+    elements = select(params, names) if names else []
+    if not names:
+        device = run.device()
+        elements = select(params, device.live)
+    device = device or run.device()
+    bus = getattr(device, "bus", None)
+    assert bus is not None
+    stats = _StreamStats(rate)
+    ranges = {
+        element.param.name: (float(element.param.low), float(element.param.high))
+        for element in elements
+        if element.param.low is not None and element.param.high is not None
+    }
+    return Table(
+        columns=device.columns,
+        samples=_samples(device, bus.link, elements, rate, count, duration, stats),
+        summary=stats.as_row,
+        ranges=ranges,
+    )
+
+
+class _StreamStats:
+    """The true rate and what went wrong."""
+
+    def __init__(self, rate: float) -> None:
+        self.asked = rate
+        self.samples = self.failed = self.late = 0
+        self.first = self.last = 0.0
+
+    def as_row(self) -> dict[str, Any]:
+        seconds = self.last - self.first
+        rate = (self.samples - 1) / seconds if self.samples > 1 and seconds > 0 else None
+        return {
+            "stream": {
+                "samples": self.samples,
+                "failed": self.failed,
+                "late": self.late,
+                "seconds": round(seconds, 3),
+                "rate_hz": round(rate, 2) if rate is not None else None,
+                "asked_hz": self.asked or None,
+            }
+        }
+
+
+def _samples(
+    device: MapDevice,
+    link: Any,
+    elements: list[Element],
+    rate: float,
+    count: int | None,
+    duration: float | None,
+    stats: _StreamStats,
+) -> Iterator[Sample]:
+    start = due = link.now()
+    failures = 0
+    while (count is None or stats.samples < count) and (duration is None or link.now() - start < duration):
+        t = link.now() - start
+        try:
+            readings = device.read(elements)
+            failures = 0
+        except (NoAnswer, ProtocolError) as exc:
+            failures += 1
+            stats.failed += 1
+            if failures >= FAILURES_IN_A_ROW or stats.failed == stats.samples + 1:
+                raise
+            readings = [Reading(element, None, b"", exc.text) for element in elements]
+        stats.samples += 1
+        stats.first, stats.last = (t if stats.samples == 1 else stats.first), t
+        yield Sample(t, tuple(device.row(reading) for reading in readings))
+        if rate:
+            due += 1 / rate
+            now = link.now()
+            if now < due:
+                if (count is None or stats.samples < count) and (duration is None or due - start < duration):
+                    link.sleep(due - now)
+                elif duration is not None and count is None:
+                    return
+            else:
+                # Behind: keep the phase, do not burst; a person is told how often.
+                missed = int((now - due) * rate)
+                stats.late += missed > 0
+                due += missed / rate
+
+
+# -- snapshot, diff, restore --------------------------------------------------------------------------------------
+
+
+def settings_of(params: ParamMap[Any]) -> list[Element]:
+    """Every read-write quantity except triggers: what a snapshot holds."""
+    return [element for param in params if param.writable and param.readable for element in elements_of(param)]
+
+
+def take(device: MapDevice) -> dict[str, Number]:
+    """The present value of every setting, by full name. Raises CheckFailed unless all could be read."""
+    readings = device.read(settings_of(device.map))
+    missing = [reading.element.full_name for reading in readings if reading.value is None]
+    if missing:
+        raise CheckFailed(
+            f"not all settings could be read: {', '.join(missing)}", hint="no file was written; run it again"
+        )
+    return {reading.element.full_name: reading.value for reading in readings if reading.value is not None}
+
+
+def snapshot(run: Run, path: str) -> Table:
+    """Write the whole configuration to a file, atomically."""
+    from handctl import snapshot as files
+
+    device: MapDevice = run.device()
+    values = take(device)
+    content = files.make(device.kind, device.identity(), values, link=run.link_name(), fake=run.simulated)
+    files.write(path, content)
+    run.journal.info("written", f"{path}: {len(values)} values of {device.kind}")
+    rows = [{"name": name, "value": value} for name, value in values.items()]
+    return Table(rows=rows, columns=(Column("name", "Name"), Column("value", "Value", right=True)))
+
+
+def diff(run: Run, params: ParamMap[Any], a: str, b: str | None) -> Table:
+    """Compare two snapshots, or a snapshot with the live device. Exit 7 when they differ."""
+    from handctl import snapshot as files
+
+    left = files.load(a, params.kind)["values"]
+    if b is not None:
+        right = files.load(b, params.kind)["values"]
+    else:
+        device: MapDevice = run.device()
+        device.find_for_restore(left)
+        right = take(device)
+    names = list(dict.fromkeys([*left, *right]))
+    rows: list[Row] = [{"name": n, "a": left.get(n), "b": right.get(n)} for n in names if left.get(n) != right.get(n)]
+    table = Table(
+        rows=rows, columns=(Column("name", "Name"), Column("a", a, right=True), Column("b", b or "device", right=True))
+    )
+    if rows:
+        table.failure = CheckFailed(f"{len(rows)} of {len(names)} values differ", code="differ")
+    else:
+        run.journal.info("equal", f"all {len(names)} values are equal")
+    return table
+
+
+def restore(run: Run, params: ParamMap[Any], path: str) -> Table:
+    """Write what differs from a snapshot, in an order that keeps the device reachable; read back; say what is left out."""
+    from handctl import snapshot as files
+
+    values: dict[str, Number] = files.load(path, params.kind)["values"]
+    changes = _checked(params, values, path)
+    if run.settings.dry_run:
+        run.journal.info("plan", "all values are listed: which of them already hold is only known with the device")
+        return run.dry_run(_restore_steps(run.planner(), changes))
+    device: MapDevice = run.device()
+    device.find_for_restore(values)
+    live = take(device)
+    differing = [(element, value) for element, value in changes if live.get(element.full_name) != value]
+    for text in device.not_covered:
+        run.journal.info("not-covered", f"not covered by a snapshot: {text}")
+    absent = [element.full_name for element in settings_of(params) if element.full_name not in values]
+    if absent:
+        run.journal.warn("absent", f"{path} does not hold {', '.join(absent)}; left as they are")
+    if not differing:
+        run.journal.info("equal", "the device already holds every value of the snapshot; nothing was written")
+        return _restored([], live, {})
+    run.confirm(_restore_question(differing), _restore_steps(device, differing))
+    after: dict[str, Number] = {}
+    for group in _restore_groups(differing):
+        for reading in device.write(group):
+            if reading.value is not None:
+                after[reading.element.full_name] = reading.value
+    return _restored(differing, live, after)
+
+
+def _checked(params: ParamMap[Any], values: dict[str, Number], path: str) -> list[tuple[Element, Number]]:
+    changes = []
+    for name, value in values.items():
+        try:
+            param, elements = params.find(name)
+            param.check(value, name)
+        except UsageError as exc:
+            raise UsageError(f"{path}: {exc.text}", hint=f"the file does not fit this device. {exc.hint}") from exc
+        if len(elements) != 1 or not param.writable:
+            raise UsageError(f"{path}: {name} is not a single setting", hint="the file does not fit this device")
+        changes.append((elements[0], value))
+    return sorted(
+        changes,
+        key=lambda change: (change[0].param.strands, -getattr(change[0].param, "address", 0) * change[0].param.strands),
+    )
+
+
+def _restore_groups(changes: Sequence[tuple[Element, Number]]) -> list[list[tuple[Element, Number]]]:
+    """Harmless settings together, then those that may strand the device one by one (its id last)."""
+    calm = [change for change in changes if not change[0].param.strands]
+    return ([calm] if calm else []) + [[change] for change in changes if change[0].param.strands]
+
+
+def _restore_steps(device: MapDevice, changes: Sequence[tuple[Element, Number]]) -> list[Step]:
+    return [step for group in _restore_groups(changes) for step in device.plan(group)]
+
+
+def _restore_question(differing: Sequence[tuple[Element, Number]]) -> str:
+    moving = [element.full_name for element, _ in differing if element.param.moves]
+    text = f"Restore {len(differing)} values"
+    return f"{text}; MOVES the device: {', '.join(moving)}" if moving else text
+
+
+def _restored(
+    differing: Sequence[tuple[Element, Number]], before: dict[str, Number], after: dict[str, Number]
+) -> Table:
+    rows: list[Row] = [
+        {
+            "name": element.full_name,
+            "before": before.get(element.full_name),
+            "value": after.get(element.full_name),
+            "moves": element.param.moves,
+        }
+        for element, _ in differing
+    ]
+    columns = (
+        Column("name", "Name"),
+        Column("before", "Before", right=True),
+        Column("value", "Now", right=True),
+        Column("moves", "Moves"),
+    )
+    return Table(rows=rows, columns=columns)
