@@ -111,11 +111,15 @@ def resolve(ctx: click.Context) -> Settings:
     for option in shared_options():
         assert isinstance(option, SharedOption)
         text = os.environ.get(f"HANDCTL_{str(option.name).upper()}")
-        if not text or option.key in values or option.fixed is not None:
+        if not text or option.key in values:
             continue
         if option.key in ("port", "fake") and ({"port", "fake"} & values.keys()):
             continue
-        values[option.key] = _from_environment(ctx, option, text)
+        value = _from_environment(ctx, option, text)
+        if option.fixed is None:
+            values[option.key] = value
+        elif value:
+            values[option.key] = option.fixed
     return Settings(**values)
 
 
@@ -155,11 +159,14 @@ class _SharedOptions(click.Command):
 
 
 class Command(_SharedOptions):
-    """A leaf command with the shared options. `writes` says whether --dry-run makes sense for it."""
+    """A leaf command with the shared options. `writes`: --dry-run makes sense for it; `streams`: --json means NDJSON."""
 
-    def __init__(self, *args: Any, writes: bool = False, family: Family | None = None, **more: Any) -> None:
+    def __init__(
+        self, *args: Any, writes: bool = False, streams: bool = False, family: Family | None = None, **more: Any
+    ) -> None:
         super().__init__(*args, **more)
         self.writes = writes
+        self.streams = streams
         self.family = family
 
     def invoke(self, ctx: click.Context) -> Any:
@@ -186,14 +193,16 @@ class Group(_SharedOptions, click.Group):
         self.format_commands(ctx, formatter)
         super().format_options(ctx, formatter)
 
-    def verb(self, name: str, *, writes: bool = False) -> Callable[[Callable[..., Any]], Command]:
+    def verb(
+        self, name: str, *, writes: bool = False, streams: bool = False
+    ) -> Callable[[Callable[..., Any]], Command]:
         """Decorator: add a leaf command whose body gets the Run first and returns a Table (or None)."""
 
         def decorate(body: Callable[..., Any]) -> Command:
             def call(*args: Any, **more: Any) -> Any:
                 return body(click.get_current_context().obj, *args, **more)
 
-            made: Command = click.command(name, cls=Command, writes=writes, family=self.family)(
+            made: Command = click.command(name, cls=Command, writes=writes, streams=streams, family=self.family)(
                 update_wrapper(call, body)
             )
             self.add_command(made)
@@ -214,6 +223,15 @@ class Root(Group):
         command = importlib.import_module(COMMANDS[cmd_name][0]).cli
         assert isinstance(command, click.Command)
         return command
+
+    def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
+        if args[0] not in COMMANDS and not args[0].startswith("-"):
+            from difflib import get_close_matches
+
+            near = get_close_matches(args[0], list(COMMANDS), cutoff=0.3)
+            meant = f" Did you mean {' or '.join(map(repr, near))}?" if near else ""
+            raise click.UsageError(f"No such command {args[0]!r}.{meant}", ctx)
+        return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         with formatter.section("Commands"):
@@ -284,6 +302,7 @@ class Run:
         self.guide = TerminalGuide(settings.quiet)
         self.journal = Journal(self._show_message)
         self.live = False
+        self.streams = bool(getattr(ctx.command, "streams", False))
         self._held: list[Message] = []
         self._link: ByteLink | None = None
         self._trace: Any = None
@@ -376,7 +395,8 @@ class Run:
 
         failure: HandctlError | None = None
         table: Table | None = None
-        for name in ("SIGTERM", "SIGHUP"):
+        # SIGINT too: a script's background job starts with it ignored, and must be stoppable all the same.
+        for name in ("SIGINT", "SIGTERM", "SIGHUP"):
             if hasattr(signal, name):
                 signal.signal(getattr(signal, name), _terminate)
         try:
@@ -407,8 +427,9 @@ class Run:
     def _show(self, table: Table | None, failure: HandctlError | None) -> None:
         from handctl import render
 
-        with render.Sink(self.settings) as sink:
-            render.show(table, failure, sink, self)
+        if table is not None or self.settings.format in ("json", "ndjson"):
+            with render.Sink(self.settings) as sink:
+                render.show(table, failure, sink, self)
         for message in self._held:
             self._print_message(message)
         self._held.clear()
@@ -545,19 +566,27 @@ class TerminalGuide(Guide):
 def run_root(args: Sequence[str]) -> int:
     """Parse and run; every error becomes one message on stderr and an exit code."""
     debug = "--debug" in args or bool(os.environ.get("HANDCTL_DEBUG"))
+    streams = False
+    error: HandctlError
     try:
         root.main(args=list(args), prog_name="handctl", standalone_mode=False)
         return 0
     except click.exceptions.Exit as exc:
         return exc.exit_code
-    except BrokenPipeError:
-        return 0
+    except (BrokenPipeError, SystemExit):
+        return 0  # a closed pipe is quiet; click ends so when it meets one
+    except OSError as exc:  # help that cannot be written; links and files translate their own
+        error = OutputError(f"stdout cannot be written: {exc.strerror or exc}")
     except HandctlError as exc:
-        error: HandctlError = exc
+        error = exc
     except (click.Abort, KeyboardInterrupt):
         error = Interrupted("interrupted")
+    except click.exceptions.NoArgsIsHelpError as exc:
+        print_stderr(exc.format_message())
+        return exc.exit_code
     except click.UsageError as exc:
         error = from_click(exc)
+        streams = exc.ctx is not None and getattr(exc.ctx.command, "streams", False)
     except click.ClickException as exc:
         error = HandctlError(exc.format_message())
         error.exit_code = exc.exit_code
@@ -571,7 +600,7 @@ def run_root(args: Sequence[str]) -> int:
 
         traceback.print_exception(error)
     if not error.shown:
-        _late_envelope(args, error)
+        _late_envelope(args, error, streams)
     if error.text != "interrupted":  # who pressed Ctrl-C knows; what it left behind is told
         print_stderr(f"handctl: error: {error.text}" + (f"\n  next: {error.hint}" if error.hint else ""))
     return error.exit_code
@@ -583,10 +612,10 @@ def from_click(exc: click.UsageError) -> UsageError:
     return UsageError(exc.format_message(), hint=f"`{path} -h` shows what it takes")
 
 
-def _late_envelope(args: Sequence[str], error: HandctlError) -> None:
+def _late_envelope(args: Sequence[str], error: HandctlError, streams: bool) -> None:
     """JSON on stdout also when the command line itself was wrong, if JSON was asked for."""
     words = list(args)
-    wanted = os.environ.get("HANDCTL_FORMAT", "")
+    wanted = os.environ.get("HANDCTL_FORMAT", "") or ("json" if os.environ.get("HANDCTL_JSON") else "")
     for position, word in enumerate(words):
         if word == "--json":
             wanted = "json"
@@ -601,7 +630,9 @@ def _late_envelope(args: Sequence[str], error: HandctlError) -> None:
     command = " ".join(word for word in words[:2] if word.replace("-", "").isalpha() and not word.startswith("-"))
     envelope = make_envelope(command, error, None, (), None, None)
     try:
-        sys.stdout.write(json.dumps({"end": envelope} if wanted == "ndjson" else {**envelope, "rows": []}) + "\n")
+        sys.stdout.write(
+            json.dumps({"end": envelope} if streams or wanted == "ndjson" else {**envelope, "rows": []}) + "\n"
+        )
         sys.stdout.flush()
     except OSError:
         return  # the error itself is still told on stderr

@@ -25,6 +25,8 @@ SPARKS = "▁▂▃▄▅▆▇█"
 BAR_PARTS = " ▏▎▍▌▋▊▉█"
 HISTORY = 120
 FRAMES_PER_SECOND = 12
+NARROW = 70
+"""Below this width a line has no minimum and maximum and no sparkline."""
 
 
 class Series:
@@ -109,7 +111,7 @@ class View:
             self._failed = str(row.get("error") or self._failed)
 
     def __rich_console__(self, _console: Console, options: ConsoleOptions) -> RenderResult:
-        height = options.height or 24
+        height = options.max_height
         names: dict[str, list[Series]] = {}
         for series in self._series.values():
             names.setdefault(series.name, []).append(series)
@@ -154,8 +156,11 @@ class View:
         head = f"{name:<16.16}{series.part:<15.15}"
         value = "?" if series.value is None else f"{series.value:g}"
         span = f"{series.low:g}..{series.high:g}" if series.low is not None and series.high is not None else ""
-        room = max(10, width - len(head) - 6 - 15 - 4)
-        bar_width, spark_width = room * 3 // 5, room - room * 3 // 5
+        if width < NARROW:  # the number is the last thing to go
+            head = f"{name[:8] or '':<9}{series.part[:9]:<10}"
+            span = ""
+        room = max(0, width - len(head) - 7 - 2 - (15 if span else 0))
+        bar_width, spark_width = (room * 3 // 5, room - room * 3 // 5) if span else (room, 0)
         low, high = series.scale()
         text = Text(no_wrap=True, overflow="crop")
         text.append(head)
@@ -164,8 +169,9 @@ class View:
             style="cyan",
         )
         text.append(f"{value:>6} ", style="bold red" if series.value is None else "bold")
-        text.append(f"{span:<15}", style="dim")
-        text.append(spark(series.history, spark_width - 1), style="green")
+        if span:
+            text.append(f"{span:<15}", style="dim")
+            text.append(spark(series.history, spark_width), style="green")
         return text
 
     @staticmethod

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Generic, NamedTuple, TypeVar
 
-from handctl.errors import UsageError
+from handctl.errors import HandctlError, UsageError
 
 Number = int | float
 
@@ -94,6 +94,10 @@ class Param:
 
     def check(self, value: Number, where: str = "") -> None:
         """Raise UsageError when `value` is not documented; never clamps."""
+        if not self.decimals and value != int(value):
+            raise UsageError(
+                f"{where or self.name} = {value}: not a whole number", hint="nothing was sent", code="not-a-number"
+            )
         if not self.allowed(value):
             unit = f" {self.unit}" if self.unit else ""
             raise UsageError(
@@ -114,6 +118,8 @@ class Param:
 
     def _number(self, text: str, where: str) -> Number:
         try:
+            if "_" in text:
+                raise ValueError(text)  # Python's digit grouping is nobody's input
             if not self.decimals:
                 return int(text, 0) if text.lower().lstrip("+-").startswith("0x") else int(text, 10)
             return exact_decimal(text, self.decimals)
@@ -161,7 +167,7 @@ def exact_decimal(text: str, decimals: int) -> float:
         value = Decimal(text)
     except InvalidOperation as exc:
         raise ValueError(text) from exc
-    if not value.is_finite() or value != round(value, decimals):
+    if not value.is_finite() or abs(value) > 10**9 or value != round(value, decimals):
         raise ValueError(text)
     return float(value)
 
@@ -276,7 +282,7 @@ class Reading(NamedTuple):
     element: Element
     value: Number | None
     raw: bytes = b""
-    error: str | None = None
+    error: HandctlError | None = None
 
 
 class Step(NamedTuple):

@@ -31,6 +31,8 @@ if TYPE_CHECKING:
         def simulated(self) -> bool: ...
         @property
         def command(self) -> str: ...
+        @property
+        def streams(self) -> bool: ...
         def envelope(self, failure: HandctlError | None, extra: dict[str, Any] | None = None) -> dict[str, Any]: ...
 
 
@@ -102,6 +104,8 @@ class Sink:
 def show(table: Table | None, failure: HandctlError | None, sink: Sink, context: Context) -> None:
     """Write a finished result, or only what went wrong (JSON says that too)."""
     how = context.settings.format
+    if how == "json" and context.streams:
+        how = "ndjson"
     failure = failure or (table.failure if table is not None else None)
     rows = table.rows if table is not None else []
     extra = table.extra if table is not None else {}
@@ -147,7 +151,9 @@ def stream(table: Table, sink: Sink, context: Context) -> HandctlError | None:
     summary = table.summary() if table.summary is not None else {}
     if how in ("json", "ndjson"):
         sink.write(_dumps({"end": context.envelope(failure, summary)}) + "\n")
-    elif "stream" in summary and not context.settings.quiet:
+    elif (
+        "stream" in summary and not context.settings.quiet and not sink.broken and not isinstance(failure, OutputError)
+    ):
         sink.flush()
         with contextlib.suppress(OSError):
             sys.stderr.write(f"handctl: note: {_summary_text(summary['stream'])}\n")

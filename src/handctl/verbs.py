@@ -195,7 +195,7 @@ def _samples(
             stats.failed += 1
             if failures >= FAILURES_IN_A_ROW or stats.failed == stats.samples + 1:
                 raise
-            readings = [Reading(element, None, b"", exc.text) for element in elements]
+            readings = [Reading(element, None, b"", exc) for element in elements]
         stats.samples += 1
         stats.first, stats.last = (t if stats.samples == 1 else stats.first), t
         yield Sample(t, tuple(device.row(reading) for reading in readings))
@@ -223,13 +223,13 @@ def settings_of(params: ParamMap[Any]) -> list[Element]:
 
 
 def take(device: MapDevice) -> dict[str, Number]:
-    """The present value of every setting, by full name. Raises CheckFailed unless all could be read."""
+    """The present value of every setting, by full name. Raises what kept one from being read."""
     readings = device.read(settings_of(device.map))
-    missing = [reading.element.full_name for reading in readings if reading.value is None]
-    if missing:
-        raise CheckFailed(
-            f"not all settings could be read: {', '.join(missing)}", hint="no file was written; run it again"
-        )
+    for reading in readings:
+        if reading.error is not None:
+            exc = reading.error
+            text = f"not all settings could be read: {reading.element.full_name}: {exc.text}"
+            raise type(exc)(text, hint=exc.hint, code=exc.code)
     return {reading.element.full_name: reading.value for reading in readings if reading.value is not None}
 
 

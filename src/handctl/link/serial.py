@@ -187,8 +187,9 @@ def _low_latency(port: Any) -> None:
 
 def _refuse_if_held(link: str, device: str) -> None:
     """Refuse a real port that another process has open: two readers would each get half of the bytes."""
-    if not sys.platform.startswith("linux") or os.path.realpath(device).startswith("/dev/pts/"):
-        return  # a pseudo-terminal is always open in its server
+    real = os.path.realpath(device)
+    if not sys.platform.startswith("linux") or not real.startswith(("/dev/tty", "/dev/rfcomm")):
+        return  # a pseudo-terminal is always open in its server; anything else is no port
     names = holders(device)
     if names:
         raise _busy(link, names)
@@ -236,13 +237,15 @@ def _busy(link: str, names: list[str]) -> LinkError:
 
 def _cannot_open(link: str, device: str, exc: Exception) -> LinkError | UsageError:
     number = getattr(exc, "errno", None)
+    if number is None and exc.__context__ is not None and exc.__context__.args:
+        number = exc.__context__.args[0]  # termios.error, which pyserial wraps without its number
     if number == errno.EACCES:
         return LinkError(f"{link}: not permitted", hint=_permission_hint(device), code="not-permitted")
     if number in (errno.ENOENT, errno.ENODEV, errno.ENXIO):
         return LinkError(f"{link}: no such port", hint=_ports_hint(), code="not-found")
     if number in (errno.EAGAIN, errno.EBUSY):
         return _busy(link, holders(device) if "://" not in device else [])
-    if number in (errno.ENOTTY, errno.EINVAL):
+    if number in (errno.ENOTTY, errno.EINVAL, errno.EISDIR):
         return LinkError(f"{link}: this is not a serial port", hint=_ports_hint(), code="not-a-port")
     return LinkError(f"{link}: cannot open: {exc}", code="cannot-open")
 

@@ -52,6 +52,8 @@ def _parse_line(line: str, number: int) -> Entry:
             time = float(words[0])
         except ValueError:
             raise ValueError(f"expected a time or one of > < !, found {words[0]!r}") from None
+        if not 0 <= time < float("inf"):
+            raise ValueError(f"{words[0]} is not a time in seconds since the start")
         words = words[1:]
     if not words or words[0] not in (">", "<", "!"):
         raise ValueError("expected > < or !")
@@ -63,9 +65,13 @@ def _parse_line(line: str, number: int) -> Entry:
         if len(rest) < 3:
             raise ValueError("expected: can IDENTIFIER [DLC] HEX BYTES")
         can_id = int(rest[1], 16)
+        if not 0 <= can_id < 1 << 29:
+            raise ValueError(f"{rest[1]} is not a CAN identifier of 29 bits")
         dlc, rest = int(rest[2].strip("[]")), rest[3:]
         if dlc != len(rest):
             raise ValueError(f"{dlc} bytes announced, {len(rest)} given")
+    elif not rest:
+        raise ValueError("no bytes")
     for word in rest:
         if len(word) != 2:
             raise ValueError(f"expected two hex digits, found {word!r}")

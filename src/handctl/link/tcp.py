@@ -16,7 +16,7 @@ def split_address(link: str, default_port: int | None = None) -> tuple[str, int]
     text = link.removeprefix("tcp://").rstrip("/")
     if text.startswith("["):
         host, _, rest = text[1:].partition("]")
-        port = rest.removeprefix(":")
+        port = rest[1:] if rest.startswith(":") else rest and "?"
     else:
         host, _, port = text.partition(":")
     if not port and default_port is not None:

@@ -58,12 +58,21 @@ class BlockReader:
         self._across_gaps = True
 
     def read(self, registers: Iterable[Register]) -> Memory:
-        """Read `registers`. Groups that fail are in `errors`; raises when the very first read finds nobody."""
+        """Read `registers`. Groups that fail are in `errors`; raises when nothing at all could be read."""
         memory = Memory()
-        blocks = plan(registers)
-        for block in blocks:
-            if len(block.groups) == 1 or not self._across_gaps or not self._whole(block, memory):
+        first: HandctlError | None = None
+        for block in plan(registers):
+            try:
+                if len(block.groups) > 1 and self._across_gaps and self._whole(block, memory):
+                    continue
                 self._groups(block, memory)
+            except (NoAnswer, ProtocolError) as exc:
+                if isinstance(exc, NoAnswer) and not memory.blocks:
+                    raise  # nobody there: asking for the rest would only take longer
+                first = first or exc
+                memory.errors.update((group.name, exc) for group in block.groups)
+        if first is not None and not memory.blocks:
+            raise first
         return memory
 
     def _whole(self, block: Block, memory: Memory) -> bool:
@@ -75,11 +84,10 @@ class BlockReader:
         except NoAnswer as exc:
             first = block.groups[0]
             try:
-                memory.blocks.append(
-                    (first.address, bus.read(first.address, len(first.span), retries=min(bus.retries, 1)))
-                )
+                data = bus.read(first.address, len(first.span), retries=min(bus.retries, 1))
             except NoAnswer:
                 raise exc from None
+            memory.blocks.append((first.address, data))
             self._across_gaps = False
             bus.journal.warn(
                 "block-silent",
@@ -97,5 +105,5 @@ class BlockReader:
                 memory.blocks.append((group.address, self._bus.read(group.address, len(group.span))))
             except (NoAnswer, ProtocolError) as exc:
                 if not memory.blocks:
-                    raise  # nobody there: asking for the other groups would only take longer
+                    raise
                 memory.errors[group.name] = exc

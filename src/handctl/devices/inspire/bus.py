@@ -16,6 +16,8 @@ from handctl.result import Journal, hex_bytes
 DEFAULT_TIMEOUT = 0.3
 """Seconds of silence allowed per reply beyond wire time: USB (4 ms), FTDI latency (16 ms) and Bluetooth with room."""
 DEFAULT_RETRIES = 2
+PATIENCE = 4
+"""An answer that has begun and keeps coming may take this many timeouts in all."""
 
 
 class Bus:
@@ -43,6 +45,7 @@ class Bus:
         self.timeout = timeout
         self.retries = retries
         self.bound = bound
+        self._rest = b""  # what came behind the last accepted frame: perhaps a frame that the device sends by itself
 
     # -- registers -----------------------------------------------------------------------------------------------
 
@@ -92,6 +95,9 @@ class Bus:
         """Send one request, wait for one frame that begins with one of `prefixes`. One attempt."""
         self.drain()
         deadline = self._reply_deadline(len(request), reply_size)
+        last = self.link.deadline(self.wire_seconds(len(request) + reply_size) + PATIENCE * self.timeout).earlier(
+            self.bound
+        )
         self.send(request, deadline)
         decoder = Decoder(prefixes)
         received = bytearray()
@@ -99,14 +105,19 @@ class Bus:
             frame = self._next(decoder)
             if frame is not None:
                 self.journal.counters.received += 1
-                self.journal.counters.stray_bytes += decoder.skipped + decoder.pending
+                self.journal.counters.stray_bytes += decoder.skipped
+                self._rest = decoder.rest()
                 return frame
-            chunk = self.link.read(deadline)
+            chunk = b"" if received and deadline.expired else self.link.read(deadline)
             if not chunk:
                 self.journal.counters.stray_bytes += decoder.skipped + decoder.pending
                 raise self._failure(request, bytes(received))
             received += chunk
             decoder.feed(chunk)
+            if (
+                decoder.pending and deadline.remaining < self.timeout
+            ):  # part of an answer: it may trickle, as long as it keeps coming
+                deadline = self.link.deadline(self.timeout).earlier(last)
 
     def send(self, request: bytes, deadline: Deadline | None = None) -> None:
         """Write one or more request frames."""
@@ -114,26 +125,29 @@ class Bus:
         self.journal.counters.sent += 1
 
     def listen(self, prefixes: Sequence[bytes], seconds: float) -> Frame | None:
-        """Wait for a frame that the device sends later by itself; None when it does not come. Sends nothing."""
-        deadline = self.link.deadline(seconds)
-        if self.bound is not None:
-            deadline = deadline.earlier(self.bound)
+        """Wait for a frame that the device sends later by itself; None when it does not come. Sends nothing.
+
+        May be called again: the part of a frame that has come is kept.
+        """
+        deadline = self.link.deadline(seconds).earlier(self.bound)
         decoder = Decoder(prefixes)
+        decoder.feed(self._rest)
         while True:
             frame = self._next(decoder)
             if frame is not None:
                 self.journal.counters.received += 1
                 break
-            chunk = self.link.read(deadline)
+            chunk = b"" if deadline.expired else self.link.read(deadline)
             if not chunk:
                 break
             decoder.feed(chunk)
-        self.journal.counters.stray_bytes += decoder.skipped + decoder.pending
+        self.journal.counters.stray_bytes += decoder.skipped
+        self._rest = decoder.rest()
         return frame
 
     def drain(self) -> bytes:
         """Throw away what lies in the input: late answers belong to nobody. Returns and counts it."""
-        stale = b""
+        stale, self._rest = self._rest, b""
         now = self.link.deadline(0)
         while chunk := self.link.read(now):
             stale += chunk
@@ -141,6 +155,19 @@ class Bus:
                 break
         self.journal.counters.stray_bytes += len(stale)
         return stale
+
+    def pause(self, seconds: float) -> None:
+        """Let time pass, but not beyond the deadline of the command."""
+        self.link.sleep(min(seconds, self.bound.remaining) if self.bound is not None else seconds)
+
+    def out_of_time(self, what: str) -> None:
+        """Raise NoAnswer when --deadline, not the device, ended a wait for `what`."""
+        if self.bound is not None and self.bound.expired:
+            raise NoAnswer(
+                f"{self.where}: --deadline ended the wait for {what}; how it ended is unknown",
+                hint="read the values before you repeat it; a longer --deadline waits for the end",
+                code="deadline",
+            )
 
     def wire_seconds(self, count: int) -> float:
         """Time that `count` bytes need on the line, 10 bits each (exo §2.1); 0 where the speed is unknown."""

@@ -143,13 +143,14 @@ class Decoder:
     the buffer, so an answer behind a false header, an echo or a stale reply is still found. With no `prefixes`, any
     frame of either direction is a candidate (for sniffing).
 
-    `skipped` counts bytes that belonged to no frame.
+    `skipped` counts bytes that belonged to no frame; `rejected` is the last candidate with a wrong sum.
     """
 
     def __init__(self, prefixes: Sequence[bytes] = ()) -> None:
-        self._prefixes = tuple(prefixes)
+        self._prefixes = tuple(prefixes) or (HOST, DEVICE)
         self._buffer = bytearray()
         self.skipped = 0
+        self.rejected = b""
 
     def feed(self, data: bytes) -> None:
         """Add received bytes."""
@@ -169,6 +170,7 @@ class Decoder:
         if frame[-1] != expected:
             del buffer[:1]
             self.skipped += 1
+            self.rejected = frame
             raise ProtocolError(
                 f"bad checksum {frame[-1]:02X}, expected {expected:02X}, in {frame.hex(' ').upper()}",
                 code="bad-checksum",
@@ -191,6 +193,12 @@ class Decoder:
                 self.skipped += 1
         return found
 
+    def rest(self) -> bytes:
+        """Take out what has not been consumed."""
+        rest = bytes(self._buffer)
+        self._buffer.clear()
+        return rest
+
     @property
     def pending(self) -> int:
         """Bytes held back because they may still become a frame."""
@@ -199,12 +207,10 @@ class Decoder:
     def _candidate(self) -> int:
         """Offset of the first place where a frame may begin; len(buffer) if there is none."""
         buffer = self._buffer
-        if self._prefixes:
-            return min(_find_prefix(buffer, prefix) for prefix in self._prefixes)
-        start = min(_find_prefix(buffer, HOST), _find_prefix(buffer, DEVICE))
+        start = min(_find_prefix(buffer, prefix) for prefix in self._prefixes)
         while start + 3 < len(buffer) and buffer[start + 3] < MIN_LENGTH:
             rest = buffer[start + 1 :]
-            start += 1 + min(_find_prefix(rest, HOST), _find_prefix(rest, DEVICE))
+            start += 1 + min(_find_prefix(rest, prefix) for prefix in self._prefixes)
         return start
 
 

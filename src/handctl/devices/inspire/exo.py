@@ -78,7 +78,12 @@ class ExoHand:
             "address": register.address_of(reading.element.index),
         }
         if reading.error is not None or reading.value is None:
-            return {**row, "error": reading.error or "not read", "unit": register.unit, "raw": None}
+            return {
+                **row,
+                "error": reading.error.text if reading.error is not None else "not read",
+                "unit": register.unit,
+                "raw": None,
+            }
         label = register.label(reading.value) or register.note or None
         return {**row, "value": reading.value, "unit": register.unit, "raw": hex_bytes(reading.raw), "label": label}
 
@@ -191,10 +196,11 @@ class ExoHand:
         failed = {reading.element.param.name: reading.error for reading in readings if reading.error is not None}
         if not failed:
             return None
-        return ProtocolError(
-            f"{self.bus.where}: {len(failed)} of the quantities could not be read: {', '.join(failed)}",
-            hint=next(iter(failed.values())) or "",
-            code="partial",
+        first = next(iter(failed.values()))
+        return type(first)(
+            f"{self.bus.where}: {len(failed)} of the quantities could not be read: {', '.join(failed)}; {first.text}",
+            hint=first.hint,
+            code=first.code,
         )
 
     def dump(self) -> Table:
@@ -226,11 +232,10 @@ class ExoHand:
         On another hand of the same maker address 1005 is the factory reset, so save and reset look first.
         """
         readings = self.read([element for param in EXO if param.readable for element in elements_of(param)])
-        odd = [
-            f"{reading.element.full_name} = {reading.value if reading.error is None else 'unreadable'}"
-            for reading in readings
-            if reading.error is not None or not _plausible(reading)
-        ]
+        for reading in readings:
+            if reading.error is not None:
+                raise reading.error
+        odd = [f"{reading.element.full_name} = {reading.value}" for reading in readings if not _plausible(reading)]
         if odd:
             raise CheckFailed(
                 f"{self.bus.where}: this does not look like an EH55BF1: {', '.join(odd)}",
@@ -272,8 +277,8 @@ def _reading(element: Element, memory: Memory) -> Reading:
     register = register_of(element)
     data = memory.bytes_at(register.address_of(element.index), register.size)
     if data is None:
-        error = memory.errors.get(register.name)
-        return Reading(element, None, b"", error.text if error is not None else "not read")
+        error = memory.errors.get(register.name) or NoAnswer(f"{register.name} was not read")
+        return Reading(element, None, b"", error)
     return Reading(element, register.decode(data), data)
 
 
@@ -366,5 +371,5 @@ def status_view(rows: list[Row]) -> list[Grid]:
         f"supply {at[('system_voltage', None)].get('value', '?')} (raw, scale unknown)"
     )
     notes = ("position 0 bent .. 1000 open; force: set + opens the hand, measured + is the user closing it (raw)",)
-    headings = ("Finger", "Position", "Set", "Force", "Set", "Current [mA]", "Temp [°C]", "Errors")
+    headings = ("Finger", "Position", "Set", "Force", "Set", "mA", "°C", "Errors")
     return [Grid(headings, (*lines, rotation), title=head, right=frozenset(range(1, 7)), notes=notes)]

@@ -95,7 +95,7 @@ def describe(run: Run, names: tuple[str, ...]) -> Table:
     return verbs.describe(EXO, names)
 
 
-@cli.verb("watch")
+@cli.verb("watch", streams=True)
 @click.argument("names", nargs=-1, metavar="[NAME]...")
 @click.option(
     "--rate",
@@ -167,7 +167,7 @@ def raw(run: Run, data: tuple[str, ...], wait: float, force_ambiguous: bool) -> 
     """Send these bytes exactly and show what comes back, decoded. Anything but a read asks first."""
     from handctl.devices.inspire import exo_raw
 
-    frame = exo_raw.parse_hex("".join(data))
+    frame = exo_raw.parse_hex(" ".join(data))
     step = exo_raw.plan_raw(frame, force_ambiguous)
     if run.settings.dry_run:
         return run.dry_run([step])

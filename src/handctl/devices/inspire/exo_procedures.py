@@ -16,11 +16,16 @@ from handctl.param import Element, Reading, Step, elements_of
 from handctl.result import Column, Row, Table, hex_bytes
 
 PROBE_SECONDS = 0.1
+LATE_SECONDS = 0.7
+"""How long to listen for an answer that came too late before looking at other speeds."""
 SAVE_RESULT_SECONDS = 2.5
 CALIBRATION_SECONDS = 30.0
 POWER_CYCLE_SECONDS = 120.0
 PROBE_ADDRESS, PROBE_COUNT = 1472, 2
 """Two bytes of system_voltage: its reply is longer than the request, so an echo can never pass for it."""
+
+STILL_SECONDS, STILL_SAMPLES = 0.5, 3
+"""Fingers stand still when so many readings in a row, over so long a time, are equal."""
 
 CALIBRATION_STEPS = (
     (1, "relax all fingers: no force on the hand"),
@@ -50,12 +55,20 @@ def command_step(hand: ExoHand, which: str, values: list[int]) -> Step:
     )
 
 
-def probe(bus: Bus, device_id: int, *, attempts: int = 2) -> bool:
-    """Whether a hand answers to `device_id` (read-only). Raises ProtocolError when something else comes."""
-    wanted, bus.timeout = bus.timeout, min(bus.timeout, PROBE_SECONDS)
+def probe(bus: Bus, device_id: int, *, seconds: float | None = None) -> bool:
+    """Whether a hand answers to `device_id` (read-only, asked twice). `seconds` per answer, default the bus timeout.
+
+    Only our own bytes coming back is silence too: on a line with echo that is how a free id looks. Raises
+    ProtocolError when something else comes.
+    """
+    wanted, bus.timeout = bus.timeout, seconds if seconds is not None else bus.timeout
     try:
-        bus.read(PROBE_ADDRESS, PROBE_COUNT, device_id=device_id, retries=attempts - 1)
+        bus.read(PROBE_ADDRESS, PROBE_COUNT, device_id=device_id, retries=1)
     except NoAnswer:
+        return False
+    except ProtocolError as exc:
+        if exc.code != "echo":
+            raise
         return False
     finally:
         bus.timeout = wanted
@@ -68,7 +81,7 @@ def find_speed(bus: Bus) -> int | None:
     for rate in sorted(BAUD_RATES.values(), key=lambda rate: rate != first):
         link.set_baud(rate)
         try:
-            if probe(bus, bus.id):
+            if probe(bus, bus.id, seconds=PROBE_SECONDS):
                 return rate
         except ProtocolError:
             continue  # garbage at a wrong speed is as good as silence here
@@ -78,9 +91,21 @@ def find_speed(bus: Bus) -> int | None:
 
 
 def explain_silence(hand: ExoHand, error: HandctlError) -> HandctlError:
-    """A better error for a hand that gave no valid answer at all: is it there at another speed? Read-only."""
+    """A better error for a hand that gave no valid answer at all: is it slow, or there at another speed? Read-only.
+
+    Late answers are waited for first: one that arrives after the speed was changed would name a wrong speed.
+    """
     bus = hand.bus
-    if not bus.link.can_set_baud or bus.link.replayed:
+    if bus.link.replayed:
+        return error
+    frame = bus.listen([eb90.DEVICE + bytes([bus.id])], max(LATE_SECONDS, bus.timeout))
+    if frame is not None:
+        return NoAnswer(
+            f"id {bus.id} on {bus.link.name} answers, but later than {bus.timeout:g} s",
+            hint=f"run the command again with --timeout {max(1.0, 4 * bus.timeout):g}",
+            code="late",
+        )
+    if not bus.link.can_set_baud:
         return error
     was = bus.link.baud
     try:
@@ -115,7 +140,7 @@ def change_id(hand: ExoHand, new: int) -> Table:
         hand.journal.info("already", f"nobody answers to id {old}; a hand already answers to id {new}")
         return _id_row(hand, old)
     if not old_there:
-        raise NoAnswer(f"{bus.where}: no hand answers to id {old}", hint="`handctl exo scan` finds its id and speed")
+        bus.read(PROBE_ADDRESS, PROBE_COUNT)  # says what comes instead: silence, or only our own bytes
     if new_taken:
         raise CheckFailed(
             f"{bus.link.name}: id {new} is taken by another hand on this line",
@@ -142,10 +167,16 @@ def change_id(hand: ExoHand, new: int) -> Table:
             hint="the id was not changed; it is safe to run the command again",
             code="read-back",
         )
-    raise NoAnswer(
-        f"{bus.link.name}: after the id change nobody answers to {new} or {old}",
-        hint="`handctl exo scan` looks through all ids; a power cycle brings back the saved id",
-    )
+    try:
+        bus.read(PROBE_ADDRESS, PROBE_COUNT, device_id=new)
+    except (NoAnswer, ProtocolError) as exc:
+        raise type(exc)(
+            f"{bus.link.name}: after the id change nobody answers to {new} or {old}; {exc.text}",
+            hint="`handctl exo scan` looks through all ids; a power cycle brings back the saved id",
+            code=exc.code,
+        ) from exc
+    bus.id = new
+    return _id_row(hand, old)
 
 
 def _id_row(hand: ExoHand, before: int) -> Table:
@@ -201,12 +232,13 @@ def wait_for_speed(hand: ExoHand, rate: int, guide: Guide, *, seconds: float = P
     while not end.expired:
         guide.progress(f"waiting for id {hand.bus.id} at {rate} baud, {end.remaining:.0f} s left")
         try:
-            if probe(hand.bus, hand.bus.id):
+            if probe(hand.bus, hand.bus.id, seconds=PROBE_SECONDS):
                 guide.done()
                 return True
         except ProtocolError:
             pass  # bytes of a hand that starts, or still talks at the old speed
-        link.sleep(0.2)
+        hand.bus.out_of_time("the power cycle")
+        hand.bus.pause(0.2)
     guide.done()
     return False
 
@@ -222,7 +254,10 @@ def clear_errors(hand: ExoHand) -> Table:
     names = ("error", "temperature")
     elements = [element for name in names for element in elements_of(EXO[name])]
     before = {reading.element.full_name: reading.value for reading in hand.read(elements)}
-    _write_trigger(hand, "clear_errors")
+    try:
+        hand.bus.write(EXO["clear_errors"].address, b"\x01")
+    except (NoAnswer, ProtocolError) as exc:
+        hand.journal.warn("ack-lost", f"the clearing was not acknowledged ({exc.text}); reading what is left")
     after = hand.read(elements)
     warm = {reading.element.part: reading.value for reading in after if reading.element.param.name == "temperature"}
     rows: list[Row] = []
@@ -269,10 +304,14 @@ def save(hand: ExoHand, guide: Guide) -> Table:
         lost = exc
         hand.journal.warn("ack-lost", f"the save was not acknowledged ({exc.text}); waiting for its result only")
     guide.progress("saving to flash")
-    frame = bus.listen(results, SAVE_RESULT_SECONDS)
+    end = bus.link.deadline(SAVE_RESULT_SECONDS)
+    frame = bus.listen(results, end.remaining)
     while frame is not None and frame.flag == eb90.WRITE and frame.data == b"\x01":
-        frame = bus.listen(results, SAVE_RESULT_SECONDS)  # the acknowledgement, late or twice
+        acknowledged = True  # late, or twice
+        frame = bus.listen(results, end.remaining)
     guide.done()
+    if frame is None:
+        bus.out_of_time("the result of the save")
     if frame is None and not acknowledged:
         raise type(lost)(
             lost.text,
@@ -299,8 +338,15 @@ def factory_reset(hand: ExoHand) -> Table:
     """Write 1 to the sibling's reset address 1006; this manual names none (exo §2.3.5). Then look who answers."""
     bus, old = hand.bus, hand.bus.id
     register = EXO["factory_reset"]
-    _write_trigger(hand, "factory_reset", lost_is_note=True, acknowledged_by=(1,))
-    bus.link.sleep(1.0)
+    lost: HandctlError | None = None
+    try:
+        bus.write(register.address, b"\x01", acknowledged_by=(1,))
+    except (NoAnswer, ProtocolError) as exc:
+        hand.journal.warn("ack-lost", f"the reset was not acknowledged ({exc.text}); looking who answers")
+        lost = type(exc)(
+            f"the reset was not acknowledged, it may have happened: {exc.text}", hint=exc.hint, code=exc.code
+        )
+    bus.pause(1.0)
     there = [device_id for device_id in dict.fromkeys((1, old)) if probe(bus, device_id)]
     hand.journal.warn(
         "power-cycle",
@@ -310,19 +356,9 @@ def factory_reset(hand: ExoHand) -> Table:
     )
     if there:
         bus.id = there[0]
-    return _outcome(hand, register, "accepted", None)
-
-
-def _write_trigger(
-    hand: ExoHand, name: str, *, lost_is_note: bool = False, acknowledged_by: tuple[int, ...] = ()
-) -> None:
-    """Write 1 to a trigger once. An unknown outcome is an error unless the caller finds out by reading."""
-    try:
-        hand.bus.write(EXO[name].address, b"\x01", acknowledged_by=acknowledged_by)
-    except (NoAnswer, ProtocolError) as exc:
-        if not lost_is_note and name != "clear_errors":
-            raise
-        hand.journal.warn("ack-lost", f"{name} was not acknowledged ({exc.text}); reading what it did")
+    table = _outcome(hand, register, "accepted" if lost is None else "not acknowledged", None)
+    table.failure = lost
+    return table
 
 
 def _outcome(hand: ExoHand, register: Register, label: str, raw: bytes | None) -> Table:
@@ -351,8 +387,15 @@ def calibrate(hand: ExoHand, guide: Guide) -> Table:
     """
     bus = hand.bus
     done = [eb90.read_reply_prefix(bus.id, 2, 1)]
+    lost: HandctlError | None = None
     try:
-        bus.write(EXO["calibrate"].address, b"\x01")
+        try:
+            bus.write(EXO["calibrate"].address, b"\x01")
+        except (NoAnswer, ProtocolError) as exc:
+            lost = exc
+            hand.journal.warn(
+                "ack-lost", f"the start was not acknowledged ({exc.text}); waiting for the end all the same"
+            )
         started = bus.link.now()
         guide.say("Calibration runs. The hand leads through the steps above in this order; nothing is sent meanwhile.")
         frame = _wait_with_clock(bus, done, guide, started)
@@ -363,6 +406,14 @@ def calibrate(hand: ExoHand, guide: Guide) -> Table:
             hint="no documented command stops a calibration: let it finish, or switch the power off",
         ) from exc
     seconds = bus.link.now() - started
+    if frame is None:
+        bus.out_of_time("the end of the calibration, which goes on")
+    if frame is None and lost is not None:
+        raise type(lost)(
+            f"the calibration may have started: its start was not acknowledged and no end was reported; {lost.text}",
+            hint="keep the hand worn until it stands still, then check with `handctl exo status`",
+            code=lost.code,
+        )
     if frame is None:
         hand.journal.warn(
             "no-completion",
@@ -402,8 +453,8 @@ def move(hand: ExoHand, values: list[int], guide: Guide, *, wait: float) -> Tabl
     Ctrl-C commands the fingers to the positions they have just then, where these are legal (the manual has no stop
     command). Returns targets against reached positions; no verdict, since a worn finger may be held back.
     """
-    hand.command("position", values)
     try:
+        hand.command("position", values)
         reached = _settle(hand, values, guide, wait)
     except KeyboardInterrupt as exc:
         guide.done()
@@ -416,33 +467,36 @@ def move(hand: ExoHand, values: list[int], guide: Guide, *, wait: float) -> Tabl
 
 
 def _settle(hand: ExoHand, values: list[int], guide: Guide, wait: float) -> list[Reading]:
+    """Read positions until they are the targets, or are equal over STILL_SECONDS, or `wait` is over."""
     elements = elements_of(EXO["position_actual"])
-    link = hand.bus.link
-    end = link.deadline(wait)
-    still_since, last = link.now(), hand.read(elements)
+    bus = hand.bus
+    end = bus.link.deadline(wait)
+    last = hand.read(elements)
+    still_since, equal = bus.link.now(), 1
     while True:
         here = [reading.value for reading in last]
         guide.progress(f"positions {' '.join(str(value) for value in here)}, targets {' '.join(map(str, values))}")
+        still = bus.link.now() - still_since
         if here[: len(values)] == values:
-            guide.done()
-            return last
-        if link.now() - still_since > 0.5:
-            guide.done()
+            break
+        if still >= STILL_SECONDS and equal >= STILL_SAMPLES:
             hand.journal.warn(
                 "short",
                 "the fingers stand still short of the target",
                 hint="something holds them: see error and current",
             )
-            return last
+            break
         if end.expired:
-            guide.done()
-            hand.journal.warn("moving", f"still moving after {wait:g} s")
-            return last
-        link.sleep(0.05)
-        now = hand.read(elements)
-        if [reading.value for reading in now] != here:
-            still_since = link.now()
-        last = now
+            hand.journal.warn("moving", f"not there after {wait:g} s")
+            break
+        bus.out_of_time("the arrival; the fingers may still move")
+        bus.pause(0.05)
+        last = hand.read(elements)
+        if [reading.value for reading in last] != here:
+            still_since, equal = bus.link.now(), 0
+        equal += 1
+    guide.done()
+    return last
 
 
 def _hold(hand: ExoHand) -> str:

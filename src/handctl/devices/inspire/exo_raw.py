@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from handctl.devices.inspire import eb90
-from handctl.devices.inspire.bus import explain
+from handctl.devices.inspire.bus import HINTS, explain
 from handctl.devices.inspire.exo import ExoHand
 from handctl.devices.inspire.registers import EXO, Register
-from handctl.errors import CheckFailed, NoAnswer, ProtocolError, UsageError
+from handctl.errors import CheckFailed, DeviceRefused, NoAnswer, ProtocolError, UsageError
 from handctl.param import Element, Reading, Step
 from handctl.result import Column, Row, Table, hex_bytes
 
@@ -40,8 +40,11 @@ def _rows(hand: ExoHand, address: int, data: bytes) -> list[Row]:
             position += size
             continue
         start = position
+        label = _part_of(address + start)
         position += 1
-        while position < len(data) and _element_at(address + position) is None:
+        while (
+            position < len(data) and _element_at(address + position) is None and _part_of(address + position) == label
+        ):
             position += 1
         rows.append(
             {
@@ -51,10 +54,19 @@ def _rows(hand: ExoHand, address: int, data: bytes) -> list[Row]:
                 "value": None,
                 "unit": None,
                 "raw": hex_bytes(data[start:position]),
-                "label": "undocumented",
+                "label": label,
             }
         )
     return rows
+
+
+def _part_of(address: int) -> str:
+    """What a byte is that begins no whole element in the span that was read."""
+    for register in EXO:
+        if register.readable and address in register.span:
+            index = (address - register.address) // register.size
+            return f"part of {Element(register, index).full_name}"
+    return "undocumented"
 
 
 def _element_at(address: int) -> tuple[int, Register] | None:
@@ -138,12 +150,12 @@ def plan_raw(data: bytes, force_ambiguous: bool) -> Step:
     """What these bytes would do, as far as they form a frame. Reads are harmless; anything else is not."""
     decoder = eb90.Decoder([eb90.HOST])
     decoder.feed(data)
-    try:
-        frame = decoder.next()
-    except ProtocolError as exc:
-        return Step(f"not a valid frame ({exc.text}); the hand should stay silent", data)
-    if frame is None or decoder.pending or decoder.skipped:
-        return Step("not one whole frame; what the hand makes of it is unknown", data, moves=True)
+    frames = [frame for frame in _frames(decoder) if not frame.from_device]
+    if not frames and not _may_go_on(data):
+        return Step("no valid frame in it; the hand should stay silent", data)
+    if len(frames) != 1 or frames[0].encode() != data:
+        return Step("not one whole frame; what the hand makes of it is unknown", data, moves=True, strands=True)
+    frame = frames[0]
     if frame.flag == eb90.READ and len(frame.payload) == 3:
         return Step(f"read {frame.payload[2]} bytes at {frame.address} from id {frame.id}", data)
     if frame.flag == eb90.WRITE and frame.address is not None:
@@ -153,6 +165,17 @@ def plan_raw(data: bytes, force_ambiguous: bool) -> Step:
     if frame.flag in (eb90.FORCE_COMMAND, eb90.POSITION_COMMAND) and len(frame.payload) == 10:
         return _raw_command(frame, data, force_ambiguous)
     return Step(f"flag {frame.flag:02X}, which this hand's manual does not have", data, moves=True)
+
+
+def _may_go_on(data: bytes) -> bool:
+    """Whether these bytes end in the beginning of a frame, which bytes sent later would complete."""
+    start = data.find(eb90.HOST[:1])
+    while start >= 0:
+        rest = data[start:]
+        if eb90.HOST.startswith(rest[:2]) and (len(rest) < 4 or len(rest) < rest[3] + eb90.OVERHEAD):
+            return True
+        start = data.find(eb90.HOST[:1], start + 1)
+    return False
 
 
 def _raw_command(frame: eb90.Frame, data: bytes, force_ambiguous: bool) -> Step:
@@ -184,22 +207,30 @@ def exchange(hand: ExoHand, data: bytes, wait: float) -> Table:
     received = b""
     while chunk := bus.link.read(bus.link.deadline(wait + bus.wire_seconds(len(data))).earlier(bus.bound)):
         received += chunk
-        if len(received) > 65536:
+        if len(received) > 65536 or (bus.bound is not None and bus.bound.expired):
             break
     if not received:
         raise NoAnswer(f"{bus.where}: no answer to {hex_bytes(data)} within {wait:g} s", hint="--wait S listens longer")
     decoder = eb90.Decoder()
     decoder.feed(received)
-    rows: list[Row] = []
-    for frame in _frames(decoder):
-        rows.append(_frame_row(frame, frame.encode() == data))
+    frames = _frames(decoder)
+    rows = [_frame_row(frame, frame.encode() == data) for frame in frames]
     bus.journal.counters.received += len(rows)
     bus.journal.counters.stray_bytes += decoder.skipped
     table = Table(rows=rows, columns=RAW_COLUMNS, extra={"received": hex_bytes(received)})
-    if not any(frame["direction"] == "device" for frame in rows):
+    replies = [frame for frame in frames if frame.from_device]
+    refused = [frame for frame in replies if frame.flag == eb90.WRITE and frame.data != b"\x01"]
+    if not any(frame.id == data[2] for frame in replies if len(data) > 2) and not _changes_id(data):
         code, text = explain(data, received)
-        table.failure = ProtocolError(f"{bus.where}: {text}: {hex_bytes(received)}", code=code)
+        table.failure = ProtocolError(f"{bus.where}: {text}: {hex_bytes(received)}", hint=HINTS[code], code=code)
+    elif refused and data[4:5] == bytes([eb90.WRITE]):
+        table.failure = DeviceRefused(f"{bus.where}: the device answered {hex_bytes(refused[0].data)} instead of 01")
     return table
+
+
+def _changes_id(data: bytes) -> bool:
+    """A write to register 1000 may be acknowledged from the new id."""
+    return data[4:7] == bytes([eb90.WRITE]) + EXO["id"].address.to_bytes(2, "little")
 
 
 RAW_COLUMNS = (

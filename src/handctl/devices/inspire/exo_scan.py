@@ -24,17 +24,23 @@ from handctl.result import Column, Row, Table
 
 PROBE_ADDRESS, PROBE_COUNT = 1472, 2
 DRAIN_SECONDS = 0.05
+TRICKLE_SECONDS = 0.2
+"""A reply that comes in pieces may outlast its window by this much."""
 TWIN_READS = 20
 TWIN_ADDRESS, TWIN_COUNT = 1546, 12
 
 
 @dataclass(slots=True)
 class Findings:
-    """What a scan saw: `hits` (speed, id, voltage), `echo`, `garbage` bytes, `twins`, probes and windows used."""
+    """What a scan saw: `hits` (speed, id, voltage), `twins`, replies with a wrong sum by id (`damaged`), answers under an id that
+    does not answer when asked alone (`foreign`), `echo`, bytes of no
+    reply (`garbage`), probes and windows used."""
 
     hits: list[tuple[int | None, int, int]] = field(default_factory=list)
     twins: set[tuple[int | None, int]] = field(default_factory=set)
     unconfirmed: list[tuple[int | None, int]] = field(default_factory=list)
+    damaged: dict[int, int] = field(default_factory=dict)
+    foreign: int = 0
     echo: bool = False
     garbage: int = 0
     probes: int = 0
@@ -51,6 +57,7 @@ class Scanner:
         self._window = window
         self._wait = wait
         self._find_all = find_all
+        self._decoder = Decoder()
         self.found = Findings()
 
     def run(self, ids: Sequence[int], speeds: Sequence[int | None]) -> Findings:
@@ -80,6 +87,7 @@ class Scanner:
         if speed is not None and bus.link.can_set_baud:
             bus.link.set_baud(speed)
         bus.drain()
+        self._decoder = Decoder([eb90.read_reply_prefix(i, PROBE_ADDRESS, PROBE_COUNT) for i in range(1, 255)])
         answered: dict[int, int] = {}
         # The first probe goes twice: a frame cut by wrong-speed garbage may swallow one.
         groups = [ids[:1]] + [ids[i : i + self._window] for i in range(0, len(ids), self._window)]
@@ -90,13 +98,13 @@ class Scanner:
             )
             if not self._group(group, answered) and len(group) > 1:
                 self._split(group, answered)
-            self._confirm(speed, answered)
+            self._confirm(speed, answered, group)
             if self.found.hits and not self._find_all:
                 return
             if bus.bound is not None and bus.bound.expired:
                 return
-        self._collect(answered, ids, DRAIN_SECONDS)
-        self._confirm(speed, answered)
+        self._collect(answered, DRAIN_SECONDS)
+        self._confirm(speed, answered, group)
 
     def _split(self, group: list[int], answered: dict[int, int]) -> None:
         """Ask a group with garbage again in halves, descending only where garbage shows again."""
@@ -109,65 +117,68 @@ class Scanner:
         """Probe `group` in one window. False when bytes came that belong to no valid reply."""
         bus = self._bus
         probes = b"".join(eb90.read_request(i, PROBE_ADDRESS, PROBE_COUNT) for i in group)
-        bus.link.write(probes, bus.link.deadline(self._wait + bus.wire_seconds(len(probes)) + 1.0))
+        wire = bus.wire_seconds(len(probes))
+        bus.link.write(probes, bus.link.deadline(self._wait + wire + 1.0).earlier(bus.bound))
         bus.journal.counters.sent += len(group)
         self.found.probes += len(group)
         self.found.windows += 1
-        return self._collect(answered, group, bus.wire_seconds(len(probes)) + self._wait, probes)
+        return self._collect(answered, wire + self._wait, probes, alone=len(group) == 1)
 
-    def _collect(self, answered: dict[int, int], group: Sequence[int], seconds: float, sent: bytes = b"") -> bool:
-        """Listen for replies of any id (a late one still names its own). False when bytes of no reply came."""
+    def _collect(self, answered: dict[int, int], seconds: float, sent: bytes = b"", *, alone: bool = False) -> bool:
+        """Listen for replies of any id (a late one still names its own). False when bytes of no reply came.
+
+        A reply that has begun may go on into the next window; the window is extended while it trickles in. With
+        `alone` the one answer that can come ends the window.
+        """
         bus = self._bus
         deadline = bus.link.deadline(seconds).earlier(bus.bound)
-        received = b""
-        while chunk := bus.link.read(deadline):
-            received += chunk
-            if (
-                len(group) == 1
-                and len(received) >= 10
-                and not sent.startswith(received[:2])
-                and received[:2] == eb90.DEVICE
-            ):
-                break  # the one answer that can come has come
-        if sent and sent in received:
-            self.found.echo = True
-            received = received.replace(sent, b"", 1)
-        if not received:
-            return True
-        decoder = Decoder([eb90.DEVICE])
-        decoder.feed(received)
-        clean = True
-        for frame in self._frames(decoder):
-            if frame is None:
-                clean = False
-            elif frame.flag == eb90.READ and frame.address == PROBE_ADDRESS and len(frame.data) == PROBE_COUNT:
-                answered[frame.id] = int.from_bytes(frame.data, "little", signed=True)
-                bus.journal.counters.received += 1
-        if decoder.skipped:
-            clean = False
-        self.found.garbage += decoder.skipped
-        bus.journal.counters.stray_bytes += decoder.skipped
-        return clean
+        last = bus.link.deadline(seconds + TRICKLE_SECONDS).earlier(bus.bound)
+        garbage, decoder = 0, self._decoder
+        echo = sent
+        while not last.expired:
+            chunk = bus.link.read(deadline)
+            if not chunk:
+                break
+            same = min(len(chunk), len(echo))
+            if same and chunk[:same] == echo[:same]:
+                chunk, echo = chunk[same:], echo[same:]
+                self.found.echo = self.found.echo or not echo
+            elif same:
+                echo = b""  # an echo comes first and whole, or there is none
+            decoder.feed(chunk)
+            before = len(answered)
+            garbage += self._take(answered)
+            if alone and len(answered) > before:
+                break
+            if decoder.pending and deadline.remaining < self._wait:
+                deadline = bus.link.deadline(self._wait).earlier(last)
+        return not garbage
 
-    def _frames(self, decoder: Decoder) -> list[eb90.Frame | None]:
-        """All frames of a finished window; None stands for a candidate with a bad sum."""
-        found: list[eb90.Frame | None] = []
+    def _take(self, answered: dict[int, int]) -> int:
+        """Enter the replies that are complete; returns how many bytes belonged to none."""
+        bus, decoder = self._bus, self._decoder
+        before = decoder.skipped
         while True:
             try:
                 frame = decoder.next()
             except ProtocolError:
-                self._bus.journal.counters.bad_frames += 1
-                found.append(None)
+                bus.journal.counters.bad_frames += 1
+                self.found.damaged[decoder.rejected[2]] = self.found.damaged.get(decoder.rejected[2], 0) + 1
                 continue
             if frame is None:
-                return [*found, *decoder.finish()]
-            found.append(frame)
+                break
+            answered[frame.id] = int.from_bytes(frame.data, "little", signed=True)
+            bus.journal.counters.received += 1
+        garbage = decoder.skipped - before
+        self.found.garbage += garbage
+        bus.journal.counters.stray_bytes += garbage
+        return garbage
 
-    def _confirm(self, speed: int | None, answered: dict[int, int]) -> None:
+    def _confirm(self, speed: int | None, answered: dict[int, int], group: list[int]) -> None:
         """Ask each new id again by itself: only a second answer makes a hit; then look for a twin."""
         known = {(hit_speed, device_id) for hit_speed, device_id, _ in self.found.hits}
         for device_id in sorted(answered):
-            if not 1 <= device_id <= 254 or (speed, device_id) in known or (speed, device_id) in self.found.unconfirmed:
+            if (speed, device_id) in known or (speed, device_id) in self.found.unconfirmed:
                 continue
             again: dict[int, int] = {}
             for _ in range(2):
@@ -176,6 +187,9 @@ class Scanner:
                     break
             if device_id not in again:
                 self.found.unconfirmed.append((speed, device_id))
+                # The whole group once more: does another id answer under this name, or was it a single answer?
+                self._group(group, again)
+                self.found.foreign += device_id in again
                 continue
             self.found.hits.append((speed, device_id, again[device_id]))
             if self._twin(device_id):
@@ -233,9 +247,12 @@ def parse_ids(text: str) -> list[int]:
         first, dash, last = part.strip().partition("-")
         if not first.isdecimal() or (dash and not last.isdecimal()):
             raise UsageError(f"--ids {text}: expected FROM-TO or a list", hint="e.g. --ids 1-254 or --ids 1,2,7")
-        ids += range(int(first), int(last if dash else first) + 1)
-    for device_id in (min(ids, default=0), max(ids, default=0)):
-        eb90.check_id(device_id)
+        ends = int(first), int(last if dash else first)
+        for device_id in ends:
+            eb90.check_id(device_id)
+        ids += range(ends[0], ends[1] + 1)
+    if not ids:
+        raise UsageError(f"--ids {text}: no id in it", hint="e.g. --ids 1-254")
     return list(dict.fromkeys(ids))
 
 
@@ -315,6 +332,20 @@ def _facts(found: Findings, window: int, wait: float) -> dict[str, object]:
 
 
 def _nothing(found: Findings, name: str, summary: str) -> NoAnswer | ProtocolError:
+    twice = [device_id for device_id, count in found.damaged.items() if count >= 2]
+    if twice:
+        return ProtocolError(
+            f"{name}: id {', '.join(map(str, twice))} answered, but each time with a wrong checksum ({summary})",
+            hint="two hands with one id, or a disturbed line: leave one hand on the line, check cable and ground",
+            code="bad-checksum",
+        )
+    if found.foreign:
+        ids = ", ".join(str(device_id) for _, device_id in found.unconfirmed)
+        return ProtocolError(
+            f"{name}: answers under id {ids} came, but not when that id was asked ({summary})",
+            hint=HINTS["wrong-id"],
+            code="wrong-id",
+        )
     if found.echo:
         return ProtocolError(
             f"{name}: no hand, only our own bytes came back ({summary})", hint=HINTS["echo"], code="echo"
