@@ -1,6 +1,6 @@
 """Guide: how a procedure talks with the person at the device. The silent base serves tests and scripts.
 
-Procedures get one and never print; the terminal's own guide lives in `clikit`.
+Procedures get one and never print; the terminal's own guide lives in `console`.
 """
 
 from __future__ import annotations

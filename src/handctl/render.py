@@ -18,7 +18,7 @@ from handctl.errors import HandctlError, Interrupted, OutputError
 from handctl.result import Cell, Column, Grid, Journal, Row, Sample, Table
 
 if TYPE_CHECKING:
-    from handctl.clikit import Settings
+    from handctl.options import Settings
 
     class Context(Protocol):
         """What rendering needs to know of the running command."""

@@ -13,7 +13,7 @@ from handctl.param import Element, Number, Param, ParamMap, Reading, Step, eleme
 from handctl.result import Column, Journal, Row, Sample, Table
 
 if TYPE_CHECKING:
-    from handctl.clikit import Run
+    from handctl.run import Run
 
     class MapDevice(Protocol):
         """What the verbs need of a device."""

@@ -93,6 +93,12 @@ class Bus:
 
     def exchange(self, request: bytes, prefixes: Sequence[bytes], *, reply_size: int) -> Frame:
         """Send one request, wait for one frame that begins with one of `prefixes`. One attempt."""
+        if self.bound is not None and self.bound.expired:
+            raise NoAnswer(
+                f"{self.where}: --deadline is over; {hex_bytes(request)} was not sent",
+                hint="a longer --deadline",
+                code="deadline",
+            )
         self.drain()
         deadline = self._reply_deadline(len(request), reply_size)
         last = self.link.deadline(self.wire_seconds(len(request) + reply_size) + PATIENCE * self.timeout).earlier(
@@ -244,7 +250,7 @@ def explain(request: bytes, received: bytes) -> tuple[str, str]:
             return "wrong-id", f"id {frame.id} answered instead"
     if bad_sums:
         return "bad-checksum", "the answer's checksum is wrong"
-    if replies:
+    if frames:
         return "stale", "a valid frame came, but not the answer to this request"
     if pending >= 2 and eb90.DEVICE in rest:
         return "cut-short", f"the answer was cut off after {len(rest)} bytes"

@@ -107,6 +107,17 @@ class ExoHand:
             )
         return steps
 
+    def trigger_step(self, name: str, meaning: str) -> Step:
+        """The frame that writes 1 to a trigger register."""
+        register = self.map[name]
+        request = eb90.write_request(self.bus.id, register.address, b"\x01")
+        return Step(f"{meaning} (write 1 to address {register.address})", request, register.moves, register.strands)
+
+    def command_step(self, which: str, values: Sequence[int]) -> Step:
+        """The frame of a force or position command."""
+        request = eb90.command_request(self.bus.id, COMMAND_FLAGS[which], values)
+        return Step(f"{which} command, little to thumb: {' '.join(map(str, values))}", request, moves=True)
+
     def write(self, changes: Sequence[tuple[Element, Number]]) -> list[Reading]:
         """Write checked changes one frame at a time and read all of them back.
 

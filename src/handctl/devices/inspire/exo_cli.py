@@ -7,17 +7,18 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from handctl import verbs
-from handctl.clikit import Family, Group, Run
+from handctl.clikit import Group
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.bus import DEFAULT_RETRIES, DEFAULT_TIMEOUT, Bus
 from handctl.devices.inspire.exo import ExoHand
 from handctl.devices.inspire.registers import BAUD_RATES, EXO
 from handctl.errors import HandctlError, NoAnswer, UsageError
 from handctl.result import Table
+from handctl.run import Family, Run
 
 if TYPE_CHECKING:
-    from handctl.clikit import Settings
     from handctl.link import ByteLink
+    from handctl.options import Settings
     from handctl.result import Journal
 
 
@@ -206,7 +207,7 @@ def id_(run: Run, new: int | None) -> Table:
 )
 def baud(run: Run, rate: int | None, save_too: bool, verify: bool) -> Table:
     """Show the speed code, or write a new RATE: 115200, 57600 or 19200. Effective after save and a power cycle."""
-    from handctl.devices.inspire import exo_procedures
+    from handctl.devices.inspire import exo_flash, exo_procedures
 
     if rate is None:
         _only_reads(run, "baud")
@@ -222,7 +223,7 @@ def baud(run: Run, rate: int | None, save_too: bool, verify: bool) -> Table:
     planner = run.planner()
     steps = planner.plan([(EXO.find("baud_code")[1][0], code)])
     if save_too:
-        steps.append(exo_procedures.trigger_step(planner, "save", "save to flash"))
+        steps.append(planner.trigger_step("save", "save to flash"))
     if run.settings.dry_run:
         return run.dry_run(steps)
     run.confirm(
@@ -234,7 +235,7 @@ def baud(run: Run, rate: int | None, save_too: bool, verify: bool) -> Table:
     table = exo_procedures.change_baud(hand, rate)
     if save_too or run.offer("Save it to flash now"):
         hand.check_identity()
-        table.rows += exo_procedures.save(hand, run.guide).rows
+        table.rows += exo_flash.save(hand, run.guide).rows
         if verify or run.offer("Wait for the power cycle and look for the hand at the new speed"):
             _verify_speed(run, hand, rate, table)
         else:
@@ -278,11 +279,11 @@ def _only_reads(run: Run, name: str) -> None:
 @cli.verb("clear-errors", writes=True)
 def clear_errors(run: Run) -> Table:
     """Clear actuator errors and show what is left. Over-temperature is not clearable: it goes away by cooling."""
-    from handctl.devices.inspire import exo_procedures
+    from handctl.devices.inspire import exo_flash
 
     if run.settings.dry_run:
-        return run.dry_run([exo_procedures.trigger_step(run.planner(), "clear_errors", "clear errors")])
-    return exo_procedures.clear_errors(run.device())
+        return run.dry_run([run.planner().trigger_step("clear_errors", "clear errors")])
+    return exo_flash.clear_errors(run.device())
 
 
 SKIP_IDENTITY = click.option(
@@ -294,16 +295,16 @@ SKIP_IDENTITY = click.option(
 @SKIP_IDENTITY
 def save(run: Run, skip_identity_check: bool) -> Table:
     """Keep the present parameters in flash; waits for the hand's result (about 1 s)."""
-    from handctl.devices.inspire import exo_procedures
+    from handctl.devices.inspire import exo_flash
 
-    steps = [exo_procedures.trigger_step(run.planner(), "save", "save to flash")]
+    steps = [run.planner().trigger_step("save", "save to flash")]
     if run.settings.dry_run:
         return run.dry_run(steps)
     run.confirm("Save the present parameters to flash (the manual marks id and baud_code as kept)", steps)
     hand = run.device()
     if not skip_identity_check:
         hand.check_identity()
-    return exo_procedures.save(hand, run.guide)
+    return exo_flash.save(hand, run.guide)
 
 
 @cli.verb("factory-reset", writes=True)
@@ -320,14 +321,14 @@ def factory_reset(run: Run, undocumented_address: bool, backup: str | None, skip
     """Restore factory defaults. The address is undocumented for this hand; writes a backup first."""
     import os
 
-    from handctl.devices.inspire import exo_procedures
+    from handctl.devices.inspire import exo_flash
 
     if not undocumented_address:
         raise UsageError(
             "the manual documents a factory reset but no address for it (exo §2.3.5)",
             hint="--undocumented-address uses 1006, the address of the RH56 hand. Nothing was sent.",
         )
-    steps = [exo_procedures.trigger_step(run.planner(), "factory_reset", "factory reset at an undocumented address")]
+    steps = [run.planner().trigger_step("factory_reset", "factory reset at an undocumented address")]
     if run.settings.dry_run:
         return run.dry_run(steps)
     path = backup or "exo-before-reset.json"
@@ -338,21 +339,21 @@ def factory_reset(run: Run, undocumented_address: bool, backup: str | None, skip
     if not skip_identity_check:
         hand.check_identity()
     verbs.snapshot(run, path)
-    return exo_procedures.factory_reset(hand)  # fmt: skip
+    return exo_flash.factory_reset(hand)  # fmt: skip
 
 
 @cli.verb("calibrate", writes=True)
 def calibrate(run: Run) -> Table:
     """Guided calibration of forces and positions. The hand must be worn, and it moves the wearer's fingers."""
-    from handctl.devices.inspire import exo_procedures
+    from handctl.devices.inspire import exo_motion
 
-    steps = [exo_procedures.trigger_step(run.planner(), "calibrate", "calibrate")]
+    steps = [run.planner().trigger_step("calibrate", "calibrate")]
     if run.settings.dry_run:
         return run.dry_run(steps)
-    for number, (seconds, text) in enumerate(exo_procedures.CALIBRATION_STEPS, 1):
+    for number, (seconds, text) in enumerate(exo_motion.CALIBRATION_STEPS, 1):
         run.guide.say(f"  step {number}: {text}; holds {seconds} s")
     run.confirm("The hand must be worn and moves all fingers through the steps above; no command stops it", steps)
-    return exo_procedures.calibrate(run.device(), run.guide)
+    return exo_motion.calibrate(run.device(), run.guide)
 
 
 @cli.verb("force", writes=True)
@@ -383,7 +384,7 @@ for _command_with_numbers in (force, position):
 
 
 def _command(run: Run, which: str, values: tuple[int, ...], wait: float | None = None) -> Table:
-    from handctl.devices.inspire import exo_procedures
+    from handctl.devices.inspire import exo_motion
 
     register = EXO[f"{which}_set"]
     for finger, value in zip(register.elements, values, strict=True):
@@ -393,13 +394,13 @@ def _command(run: Run, which: str, values: tuple[int, ...], wait: float | None =
                 hint=f"to leave a finger alone: `handctl exo set position_set.{finger}=…`",
             )
         register.check(value, f"{which} of {finger}")
-    step = exo_procedures.command_step(run.planner(), which, list(values))
+    step = run.planner().command_step(which, list(values))
     if run.settings.dry_run:
         return run.dry_run([step])
     run.confirm(f"This moves a hand that may be worn: {step.meaning}", [step])
     hand = run.device()
     if wait is not None:
-        return exo_procedures.move(hand, list(values), run.guide, wait=wait)
+        return exo_motion.move(hand, list(values), run.guide, wait=wait)
     table: Table = hand.command(which, list(values))
     if which == "force" and any(values):
         run.journal.info("stays", "the force stays until another is commanded; `handctl exo force 0 0 0 0 0` releases")

@@ -1,0 +1,80 @@
+"""stderr and stdin as a person meets them: messages, progress, questions. Knows no device and no data."""
+
+from __future__ import annotations
+
+import os
+import sys
+from typing import Any
+
+from handctl.guide import Guide
+
+
+class TerminalGuide(Guide):
+    """Talks with the person on stderr; asks only when stdin and stderr are terminals."""
+
+    def __init__(self, quiet: bool) -> None:
+        self.interactive = is_terminal(sys.stdin) and is_terminal(sys.stderr)
+        self._moving = is_terminal(sys.stderr) and not quiet
+        self._quiet = quiet
+        self._width = 0
+
+    def say(self, text: str) -> None:
+        """A line that stays."""
+        if not self._quiet:
+            self.done()
+            print_stderr(text)
+
+    def progress(self, text: str) -> None:
+        """A line that replaces the last one; only on a terminal."""
+        if self._moving:
+            columns = os.get_terminal_size(sys.stderr.fileno()).columns
+            shown = text[: columns - 1]
+            sys.stderr.write(f"\r{shown.ljust(self._width)}")
+            sys.stderr.flush()
+            self._width = len(shown)
+
+    def done(self) -> None:
+        """Remove the progress line."""
+        if self._width:
+            sys.stderr.write(f"\r{' ' * self._width}\r")
+            sys.stderr.flush()
+            self._width = 0
+
+    def ask(self, question: str, word: str) -> bool:
+        """Yes or no, or a word to be typed. End of input is a no."""
+        self.done()
+        sys.stderr.write(f"{question}. Type {word!r} to go on: " if word else f"{question}? [y/N] ")
+        sys.stderr.flush()
+        answer = sys.stdin.readline().strip()
+        return answer == word if word else answer.casefold() in ("y", "yes")
+
+
+def print_stderr(text: str) -> None:
+    """One message, wrapped at words on a terminal; a closed stderr is not worth a second error."""
+    try:
+        if is_terminal(sys.stderr):
+            text = _wrapped(text, os.get_terminal_size(sys.stderr.fileno()).columns)
+        sys.stderr.write(text + "\n")
+        sys.stderr.flush()
+    except OSError:
+        return
+
+
+def _wrapped(text: str, columns: int) -> str:
+    """Lines longer than the terminal are broken at words, continued with an indent; frames of bytes are kept whole."""
+    import textwrap
+
+    lines = []
+    for line in text.split("\n"):
+        indent = line[: len(line) - len(line.lstrip())]
+        lines += textwrap.wrap(
+            line, max(columns, 20), subsequent_indent=indent + "  ", break_long_words=False, break_on_hyphens=False
+        ) or [""]
+    return "\n".join(lines)
+
+
+def is_terminal(stream: Any) -> bool:
+    try:
+        return bool(stream.isatty())
+    except (AttributeError, ValueError):
+        return False

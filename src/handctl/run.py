@@ -1,0 +1,302 @@
+"""The life of one command: open the link, ask, run the body, show its table, close, and tell what went wrong.
+
+A command body gets a `Run`, asks it for a device and returns a `Table`. Nobody else opens links, asks questions or
+decides where output goes. What a run does not need is not imported.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import click
+
+from handctl import __version__
+from handctl.console import TerminalGuide, print_stderr
+from handctl.errors import HandctlError, Interrupted, NotConfirmed, OutputError, UsageError
+from handctl.options import Settings, from_click
+
+if TYPE_CHECKING:
+    from handctl.link import ByteLink
+    from handctl.param import Step
+    from handctl.result import Journal, Message, Table
+
+
+class Family(NamedTuple):
+    """How the shared machinery handles one device family.
+
+    kind      command name, and the simulator's name
+    open      (link, settings, journal) -> device
+    baud      speed of a serial port unless --baud says otherwise, None = none
+    explain   (device, error) -> a better error when nothing valid ever came; read-only
+    """
+
+    kind: str
+    open: Callable[[ByteLink, Settings, Journal], Any]
+    baud: int | None = None
+    explain: Callable[[Any, HandctlError], HandctlError] | None = None
+
+
+class Run:
+    """One run of one command."""
+
+    def __init__(self, ctx: click.Context, settings: Settings, family: Family | None) -> None:
+        from handctl.result import Journal
+
+        self.settings = settings
+        self.family = family
+        self.command = " ".join(ctx.command_path.split()[1:])
+        self.guide = TerminalGuide(settings.quiet)
+        self.journal = Journal(self._show_message)
+        self.live = False
+        self.streams = bool(getattr(ctx.command, "streams", False))
+        self._held: list[Message] = []
+        self._link: ByteLink | None = None
+        self._trace: Any = None
+        self._device: Any = None
+
+    # -- what bodies ask for --
+
+    def device(self) -> Any:
+        """The device behind the link; opens it on first use. Raises UsageError, LinkError."""
+        if self._device is None:
+            assert self.family is not None
+            self._device = self.family.open(self.open_link(), self.settings, self.journal)
+        return self._device
+
+    def planner(self) -> Any:
+        """The device without a link: can check and plan writes, cannot send."""
+        from handctl.link import NoLink
+
+        assert self.family is not None
+        return self.family.open(NoLink(), self.settings, self.journal)
+
+    def open_link(self) -> ByteLink:
+        """The link the user asked for, tapped when --trace or -v is given."""
+        if self._link is None:
+            from handctl.link import open_link
+
+            assert self.family is not None
+            name = self.link_name()
+            tap = self._tap()
+            self._link = open_link(name, baud=self.settings.baud or self.family.baud, tap=tap)
+        return self._link
+
+    def link_name(self) -> str:
+        """The LINK: --port, or the simulator for --fake. Raises UsageError when neither is given; never picks one."""
+        if self.settings.port:
+            return self.settings.port
+        kind = self.family.kind if self.family is not None else ""
+        if self.settings.fake:
+            return f"fake://{kind}"
+        raise UsageError(
+            "no device: where is it?",
+            hint=f"-p /dev/ttyUSB0 (see `ls /dev/serial/by-id`), -p tcp://HOST:PORT, or --fake for the simulated {kind}",
+            code="no-link",
+        )
+
+    def confirm(self, question: str, steps: Sequence[Step] = (), *, word: str = "") -> None:
+        """Ask before something that moves, persists or strands; --yes answers. Raises NotConfirmed.
+
+        With `word` the user must type it.
+        """
+        if self.settings.yes:
+            return
+        if not self.guide.interactive:
+            raise NotConfirmed(
+                f"{question} needs a confirmation, and nobody is at a terminal to give it",
+                hint="add --yes if that is meant; --dry-run shows the bytes. Nothing was sent.",
+            )
+        for step in steps:
+            self.guide.say(f"  {step.meaning}: {step.data.hex(' ').upper()}")
+        if not self.guide.ask(question, word):
+            raise NotConfirmed("not confirmed", hint="nothing was sent")
+
+    def offer(self, question: str) -> bool:
+        """Ask for an optional further step; no terminal or --yes means no."""
+        return self.guide.interactive and not self.settings.yes and self.guide.ask(question, "")
+
+    def dry_run(self, steps: Sequence[Step]) -> Table:
+        """The exact bytes of a plan as a Table; sends nothing."""
+        from handctl.result import Column, Table, hex_bytes
+
+        rows = [
+            {
+                "step": number,
+                "bytes": hex_bytes(step.data),
+                "meaning": step.meaning,
+                "moves": step.moves,
+                "strands": step.strands,
+            }
+            for number, step in enumerate(steps, 1)
+        ]
+        columns = (Column("step", "Step", right=True), Column("bytes", "Bytes"), Column("meaning", "Meaning"))
+        self.journal.info("dry-run", "dry run: nothing was sent")
+        return Table(rows=rows, columns=columns, plain=("bytes",))
+
+    # -- the life of a command --
+
+    def execute(self, body: Callable[[], Table | None]) -> None:
+        """Run the body, show its table while the link is open, close, and raise what went wrong."""
+        import signal
+
+        failure: HandctlError | None = None
+        table: Table | None = None
+        # SIGINT too: a script's background job starts with it ignored, and must be stoppable all the same.
+        for name in ("SIGINT", "SIGTERM", "SIGHUP"):
+            if hasattr(signal, name):
+                signal.signal(getattr(signal, name), _terminate)
+        try:
+            table = body()
+            if table is not None and table.samples is not None:
+                failure = self._stream(table)
+        except HandctlError as exc:
+            failure = self._explained(exc)
+        except click.UsageError as exc:
+            failure = from_click(exc)
+        except KeyboardInterrupt:
+            failure = Interrupted("interrupted")
+        failure = self._close(failure)
+        if table is None or table.samples is None:
+            self._show(table, failure)
+            failure = failure or (table.failure if table is not None else None)
+        if failure is not None:
+            failure.shown = True
+            raise failure
+
+    def _stream(self, table: Table) -> HandctlError | None:
+        from handctl import render
+
+        self.live = True
+        with render.Sink(self.settings) as sink:
+            return render.stream(table, sink, self)
+
+    def _show(self, table: Table | None, failure: HandctlError | None) -> None:
+        from handctl import render
+
+        if table is not None or self.settings.format in ("json", "ndjson"):
+            with render.Sink(self.settings) as sink:
+                render.show(table, failure, sink, self)
+        for message in self._held:
+            self._print_message(message)
+        self._held.clear()
+
+    def failed(self, error: HandctlError) -> HandctlError:
+        """Show an error that arose before the body could run (as JSON too); returns it to be raised."""
+        self._show(None, error)
+        error.shown = True
+        return error
+
+    def _explained(self, error: HandctlError) -> HandctlError:
+        explain = self.family.explain if self.family is not None else None
+        silent = error.exit_code in (4, 5) and self.journal.counters.received == 0
+        if self._device is None or explain is None or not silent or self.settings.baud is not None:
+            return error
+        try:
+            return explain(self._device, error)
+        except (HandctlError, KeyboardInterrupt):
+            return error
+
+    def _close(self, failure: HandctlError | None) -> HandctlError | None:
+        try:
+            if self._link is not None:
+                self._link.close()
+            if self._trace is not None:
+                self._trace.close()
+        except HandctlError as exc:
+            return failure or exc
+        except OSError as exc:
+            return failure or OutputError(f"{self.settings.trace}: the trace cannot be written: {exc.strerror or exc}")
+        return failure
+
+    def _tap(self) -> Any:
+        if not self.settings.trace and not self.settings.verbose:
+            return None
+        from handctl.link.tap import Tap
+
+        if self.settings.trace:
+            try:
+                self._trace = open(self.settings.trace, "w", encoding="utf-8", buffering=1)  # noqa: SIM115 - until _close
+            except OSError as exc:
+                raise UsageError(f"{self.settings.trace}: the trace cannot be written: {exc.strerror or exc}") from exc
+            self._trace.write(f"# handctl {__version__} {self.command}, {self.link_name()}\n")
+        return Tap(self._write_trace)
+
+    def _write_trace(self, line: str) -> None:
+        if self._trace is not None:
+            try:
+                self._trace.write(line)
+            except OSError as exc:
+                raise OutputError(f"{self.settings.trace}: the trace cannot be written: {exc.strerror or exc}") from exc
+        if self.settings.verbose:
+            sys.stderr.write(line)
+
+    # -- envelope and messages --
+
+    def envelope(self, failure: HandctlError | None, extra: dict[str, Any] | None = None) -> dict[str, Any]:
+        """The JSON envelope without rows (cli contract, section 4)."""
+        return make_envelope(
+            self.command, failure, self._device_row(), self.journal.messages, self.journal.counters.as_row(), extra
+        )
+
+    def _device_row(self) -> dict[str, Any] | None:
+        if self.family is None:
+            return None
+        link = self._link
+        name = (
+            link.name
+            if link is not None
+            else (self.settings.port or (f"fake://{self.family.kind}" if self.settings.fake else None))
+        )
+        fake = link.fake if link is not None else bool(name and name.startswith("fake://"))
+        bus = getattr(self._device, "bus", None)
+        return {"kind": self.family.kind, "link": name, "fake": fake, "id": getattr(bus, "id", self.settings.id)}
+
+    @property
+    def simulated(self) -> bool:
+        """Whether a simulator answered."""
+        return self._link is not None and self._link.fake
+
+    def _show_message(self, message: Message) -> None:
+        if self.live:
+            self._print_message(message)
+        else:
+            self._held.append(message)
+
+    def _print_message(self, message: Message) -> None:
+        if not self.settings.quiet and self.settings.format not in ("json", "ndjson"):
+            self.guide.done()
+            hint = f"\n  next: {message.hint}" if message.hint else ""
+            print_stderr(f"handctl: {message.level if message.level != 'info' else 'note'}: {message.text}{hint}")
+
+
+def make_envelope(
+    command: str,
+    failure: HandctlError | None,
+    device: dict[str, Any] | None,
+    messages: Sequence[Message],
+    counters: dict[str, int] | None,
+    extra: dict[str, Any] | None,
+) -> dict[str, Any]:
+    """The JSON envelope without rows."""
+    from handctl.result import SCHEMA, Counters
+
+    rows = [message.as_row() for message in messages]
+    if failure is not None:
+        rows.append({"level": "error", "code": failure.code, "text": failure.text, "hint": failure.hint})
+    return {
+        "schema": SCHEMA,
+        "version": __version__,
+        "command": command,
+        "device": device,
+        "ok": failure is None,
+        "exit_code": failure.exit_code if failure is not None else 0,
+        **(extra or {}),
+        "messages": rows,
+        "counters": counters if counters is not None else Counters().as_row(),
+    }
+
+
+def _terminate(_number: int, _frame: Any) -> None:
+    raise KeyboardInterrupt
