@@ -33,7 +33,10 @@ def main() -> int:
             "figures": [figure.as_row() for figure in figures],
         }
         options.json.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
-    print(f"{len(figures) - len(missed)} of {len(figures)} goals met" + (f"; missed: {', '.join(missed)}" if missed else ""))
+    print(
+        f"{len(figures) - len(missed)} of {len(figures)} goals met"
+        + (f"; missed: {', '.join(missed)}" if missed else "")
+    )
     return 1 if missed else 0
 
 

@@ -34,7 +34,14 @@ def run(*, quick: bool) -> Iterator[Figure]:
     """Yield the figures."""
     with served("--wire", "115200") as link:
         sessions = [_dump_milliseconds(link) for _ in range(7 if quick else 25)]
-        yield Figure("exo dump, 2 transactions at 115200", statistics.median(sessions), DUMP_FLOOR_MS, "ms", 1.10, "pty, wire emulated")
+        yield Figure(
+            "exo dump, 2 transactions at 115200",
+            statistics.median(sessions),
+            DUMP_FLOOR_MS,
+            "ms",
+            1.10,
+            "pty, wire emulated",
+        )
     if quick:
         return
     with served("--wire", "auto") as link:
@@ -42,7 +49,9 @@ def run(*, quick: bool) -> Iterator[Figure]:
         for name, window, floor in (("sequential", 1, _floor(1)), ("8 ids a window", 8, _floor(8))):
             envelope = _scan(link, window)
             found.add(json.dumps(envelope["rows"]))
-            yield Figure(f"exo scan, 254 ids x 3 speeds, {name}", envelope["scan"]["seconds"], floor, "s", 1.10, _hits(envelope))
+            yield Figure(
+                f"exo scan, 254 ids x 3 speeds, {name}", envelope["scan"]["seconds"], floor, "s", 1.10, _hits(envelope)
+            )
         if len(found) != 1:
             raise SystemExit(f"the two scans found different hands: {found}")
 
@@ -51,7 +60,9 @@ def _dump_milliseconds(link: str) -> float:
     """Time between the first byte sent and the last received, from the program's own trace."""
     with tempfile.TemporaryDirectory() as folder:
         trace = Path(folder) / "trace.txt"
-        subprocess.run([HANDCTL, "exo", "dump", "-p", link, "--json", "--trace", str(trace)], stdout=subprocess.DEVNULL, check=True)
+        subprocess.run(
+            [HANDCTL, "exo", "dump", "-p", link, "--json", "--trace", str(trace)], stdout=subprocess.DEVNULL, check=True
+        )
         lines = [line.split() for line in trace.read_text(encoding="utf-8").splitlines() if not line.startswith("#")]
     sent = [float(words[0]) for words in lines if words[1] == ">"]
     received = [float(words[0]) for words in lines if words[1] == "<"]

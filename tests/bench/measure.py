@@ -78,5 +78,7 @@ def peak_kilobytes(command: Sequence[str]) -> int:
         "    file_actions=[(os.POSIX_SPAWN_OPEN, 1, os.devnull, os.O_WRONLY, 0)])\n"
         "print(os.wait4(pid, 0)[2].ru_maxrss, file=sys.stderr)\n"
     )
-    done = subprocess.run([sys.executable, "-c", code, *command], capture_output=True, text=True, check=True, env=os.environ)
+    done = subprocess.run(
+        [sys.executable, "-c", code, *command], capture_output=True, text=True, check=True, env=os.environ
+    )
     return int(done.stderr.split()[-1])
