@@ -220,7 +220,9 @@ def _late_envelope(args: Sequence[str], error: HandctlError, streams: bool) -> N
         return
     import json
 
-    command = " ".join(word for word in words[:2] if word.replace("-", "").isalpha() and not word.startswith("-"))
+    names = [word for word in words if not word.startswith("-")]
+    start = next((position for position, word in enumerate(names) if word in COMMANDS), len(names))
+    command = " ".join(names[start : start + 2])
     envelope = make_envelope(command, error, None, (), None, None)
     try:
         sys.stdout.write(

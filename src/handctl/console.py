@@ -43,7 +43,8 @@ class TerminalGuide(Guide):
     def ask(self, question: str, word: str) -> bool:
         """Yes or no, or a word to be typed. End of input is a no."""
         self.done()
-        sys.stderr.write(f"{question}. Type {word!r} to go on: " if word else f"{question}? [y/N] ")
+        print_stderr(f"{question}.")
+        sys.stderr.write(f"Type {word!r} to go on: " if word else "Go on? [y/N] ")
         sys.stderr.flush()
         answer = sys.stdin.readline().strip()
         return answer == word if word else answer.casefold() in ("y", "yes")

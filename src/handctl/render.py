@@ -262,6 +262,8 @@ def default_view(table: Table) -> list[Grid]:
 
 
 def _grids(table: Table, sink: Sink, context: Context) -> None:
+    if not table.rows:
+        return  # a heading over nothing tells less than the message beside it
     grids = table.view(table.rows) if table.view is not None and table.rows else default_view(table)
     mark = "simulated" if context.simulated else ""
     if sink.terminal or sink.color == "always":
