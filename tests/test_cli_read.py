@@ -199,6 +199,12 @@ def test_scan_of_a_silent_line_is_bounded_and_says_what_it_tried() -> None:
             assert speed in result.error["text"]
 
 
+def test_scan_counts_a_hand_only_after_a_second_answer() -> None:
+    result = run("exo", "scan", "--ids", "1-20", "-p", fake(id=5, fault="silent", after=1), "--json")
+    assert (result.code, result.rows) in ((4, []), (5, []))
+    assert "unconfirmed" in result.codes()
+
+
 def test_scan_sends_reads_only(tmp_path: Path) -> None:
     trace = tmp_path / "t.txt"
     assert run("exo", "scan", "--all", "--ids", "1-20", "-p", fake(id=3), "--trace", trace).code == 0

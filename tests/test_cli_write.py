@@ -237,6 +237,7 @@ def test_id_change_acknowledged_from_either_id(ack: str, new: int) -> None:
     for fault in ("healthy", "noise"):
         result = run("exo", "id", str(new), "-y", "--json", "-p", fake(ack_id=ack, fault=fault))
         assert (result.code, result.values) == (0, {"id": new})
+        assert "ack-lost" not in result.codes()
         back = run("exo", "id", "1", "-y", "--json", "--id", str(new), "-p", fake(id=new, ack_id=ack, fault=fault))
         assert (back.code, back.values) == (0, {"id": 1})
 

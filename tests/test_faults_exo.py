@@ -74,8 +74,6 @@ CHANGED: dict[str, Truth] = {
 STAY_PUT = {"position_actual.little": 110, "position_actual.ring": 220, "position_actual.middle": 330,
             "position_actual.index": 440, "position_actual.thumb": 550}  # fmt: skip
 VARIANTS: dict[str, dict[str, int]] = {"always": {}, "after-1": {"after": 1}, "every-2": {"every": 2}}
-RANDOM = ("noise", "garble", "truncate", "split")
-"""Faults that depend on the seed; the others run once with seed 0 beside seeds 1 and 2 of the same outcome."""
 VIRTUAL_SECONDS, REAL_SECONDS = 90.0, 5.0
 
 
@@ -360,6 +358,15 @@ def test_a_left_over_reply_is_never_taken_for_the_next_one(fault: str) -> None:
     values = [row["value"] for row in clean]
     assert values[0] == 75 and values[-1] < 60 and values == sorted(values, reverse=True)
     assert [row["value"] for row in run(*args, "-p", fake(fault=f"hot,{fault}")).stream[0]] == values
+
+
+def test_a_late_reply_is_not_kept_for_the_next_sample() -> None:
+    """Each read is asked twice and answered twice; the second answer comes when nobody waits any more."""
+    args = ("exo", "watch", "temperature.thumb", "--rate", "0.2", "--count", "8", "--json")
+    clean = [row["value"] for row in run(*args, "-p", fake(fault="hot")).stream[0]]
+    rows, end = run(*args, "-p", fake(fault="hot,late", late=0.35)).stream
+    assert end["counters"]["retries"] >= 8
+    assert all(abs(row["value"] - value) <= 1 for row, value in zip(rows, clean, strict=True)), (rows, clean)
 
 
 def test_counters_tell_what_happened_on_the_line() -> None:
