@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import click
@@ -17,7 +18,7 @@ class SimError(click.ClickException):
 
 @click.group("sim", context_settings={"help_option_names": ["-h", "--help"]})
 def cli() -> None:
-    """Simulated devices that any client can talk to, over a pty or a TCP port.
+    """Simulated devices that any client can talk to, over a pty or a TCP port, CAN through an slcan adapter there.
 
     A server prints one JSON line when it is ready, {"ready": true, "link": LINK}, and serves until it gets SIGTERM or
     SIGINT. SIGUSR1 is a power cycle. Whatever a client learns here says nothing about a real device.
@@ -40,6 +41,15 @@ class _ServerCommand(click.Command):
         ):
             with formatter.section(title):
                 formatter.write_dl(list(rows.items()))
+        if "--slcan-pty" in {option for param in self.params for option in param.opts}:
+            from handctl.sim.canline import CAN_FAULTS, CAN_OPTIONS
+
+            new = {name: text for name, text in CAN_OPTIONS.items() if LINE_OPTIONS.get(name) != text}
+            on_can = {**new, **model_class(str(self.name), "can").OPTIONS}
+            with formatter.section("Faults of the line with --slcan-pty, --slcan-tcp"):
+                formatter.write_dl(list(CAN_FAULTS.items()))
+            with formatter.section("Further options there"):
+                formatter.write_dl([row for row in on_can.items() if row not in model.OPTIONS.items()])
 
 
 def _address(ctx: click.Context, param: click.Parameter, text: str | None) -> tuple[str, int] | None:
@@ -66,12 +76,26 @@ def _raw_options(given: dict[str, Any], fault: tuple[str, ...], settings: tuple[
     return raw
 
 
-def _server(kind: str, summary: str) -> click.Command:
-    """The command that serves one kind of byte device."""
+def _no_options(function: Callable[..., None]) -> Callable[..., None]:
+    return function
+
+
+def _slcan_options(function: Callable[..., None]) -> Callable[..., None]:
+    tcp = click.option(
+        "--slcan-tcp", metavar="HOST:PORT", callback=_address, help="CAN, as an slcan adapter on a TCP port."
+    )
+    return click.option("--slcan-pty", is_flag=True, help="CAN, as an slcan adapter on a new pseudo terminal.")(
+        tcp(function)
+    )
+
+
+def _server(kind: str, summary: str, *, can: bool = False) -> click.Command:
+    """The command that serves one kind of device: bytes, and with `can` frames through an slcan adapter as well."""
 
     @click.command(kind, cls=_ServerCommand, short_help=summary)
     @click.option("--pty", "on_pty", is_flag=True, help="Serve on a new pseudo terminal.")
     @click.option("--tcp", metavar="HOST:PORT", callback=_address, help="Serve on a TCP port; port 0 is any free one.")
+    @(_slcan_options if can else _no_options)
     @click.option("--seed", metavar="N", help="Start of the random generator.")
     @click.option(
         "--fault", metavar="NAME[,NAME]", multiple=True, help="Faults and states, see below; may be repeated."
@@ -90,21 +114,34 @@ def _server(kind: str, summary: str) -> click.Command:
         duration: float | None,
         control: str | None,
         settings: tuple[str, ...],
+        slcan_pty: bool = False,
+        slcan_tcp: tuple[str, int] | None = None,
         **given: str | None,
     ) -> None:
-        if on_pty == (tcp is not None):
-            raise click.UsageError("say where to serve: either --pty or --tcp HOST:PORT")
+        on_can = slcan_pty or slcan_tcp is not None
+        if [on_pty, tcp is not None, slcan_pty, slcan_tcp is not None].count(True) != 1:
+            more = ", or --slcan-pty or --slcan-tcp HOST:PORT" if can else ""
+            raise click.UsageError(f"say where to serve: either --pty or --tcp HOST:PORT{more}")
+        raw = _raw_options(given, fault, settings)
+        if can and (raw.setdefault("bus", "can" if on_can else "serial") == "can") != on_can:
+            raise click.UsageError(
+                f"bus={raw['bus']}: CAN is served by --slcan-pty or --slcan-tcp, serial by --pty or --tcp"
+            )
         try:
-            line = create(kind, _raw_options(given, fault, settings))
+            line: Any = create(kind, raw)  # a Line or a CanLine
         except ValueError as exc:
             raise click.UsageError(str(exc)) from exc
-        from handctl.sim import serve
+        from handctl.sim import serve, slcan
 
+        place = slcan_tcp if on_can else tcp
+        served: serve.Served = slcan.Adapter(line) if on_can else line
+        speed = None if on_can else line.device.speed
+        link = slcan.link if on_can else str
         try:
-            if tcp is None:
-                serve.serve_pty(line, duration=duration, control=control)
+            if place is None:
+                serve.serve_pty(served, speed, duration=duration, control=control, link=link)
             else:
-                serve.serve_tcp(line, tcp[0], tcp[1], duration=duration, control=control)
+                serve.serve_tcp(served, *place, duration=duration, control=control, link=link)
         except (serve.ServeError, OSError) as exc:
             raise SimError(str(exc)) from exc
 
@@ -138,3 +175,5 @@ def control(path: str, command: tuple[str, ...]) -> None:
 
 
 cli.add_command(_server("exo", "Inspire EH55BF1 exoskeleton hand."))
+cli.add_command(_server("wrist", "Inspire wrist module with the hand behind it.", can=True))
+cli.add_command(_server("barrett", "BarrettHand BH8-series, supervisory mode."))

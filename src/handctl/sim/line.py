@@ -7,7 +7,8 @@ Generic: knows bytes, replies and time, no protocol. Both directions are indepen
 
 from __future__ import annotations
 
-from handctl.sim.model import NOTHING, Model, Options, Random, Reply
+from handctl.sim.cable import Cable
+from handctl.sim.model import NOTHING, Model, Reply
 
 LINE_OPTIONS: dict[str, str] = {
     "seed": "start of the random generator, 0..4294967295 (default 0)",
@@ -75,44 +76,20 @@ class _Segment:
         return self.end_of(min(len(self.data), self.sent + max(1, int(TICK / self.step))))
 
 
-class Line:
+class Line(Cable):
     """A simulated device as a client sees it: a cable end that takes and gives bytes."""
 
     def __init__(self, model: type[Model], raw: dict[str, str]) -> None:
-        options = Options(model.KIND, raw, [*LINE_OPTIONS, *model.OPTIONS])
-        self.kind = model.KIND
-        self._random = Random(options.whole("seed", 0, 0, 4294967295))
-        self._known = {**LINE_FAULTS, **model.FAULTS}
-        self._after = options.whole("after", 0, 0, 1000000000)
-        self._every = options.whole("every", 1, 1, 1000000000)
-        self._turnaround = options.seconds("turnaround", 0.0, 60.0)
-        self._late = options.seconds("late", 0.6, 3600.0)
-        self._wire = 0 if options.text("wire") == "auto" else options.whole("wire", -1, 50, 20000000)
-        self._state = options.text("state")
-        self._faults = self._parse_faults(options.text("fault") or "")
-        power_cycle = options.choice("power-cycle", "0", ("0", "1")) == "1"
-        self.device = model(options, self._random)
-        self.device.judge = self._judge
-        self.device.faults = self._faults
-        self.device.power(True)
+        super().__init__(model, raw, LINE_OPTIONS, LINE_FAULTS)
+        self._wire = 0 if self._options.text("wire") == "auto" else self._options.whole("wire", -1, 50, 20000000)
         self.client_baud: int | None = None
-        self.hung_up = False
-        self.requests = 0  # requests that the device understood so far
-        self._now: float | None = None
         self._rx: list[_Segment] = []
         self._rx_free = 0.0
-        self._out: list[tuple[float, int, list[tuple[float, float, bytes]], bool]] = []
+        self._out: list[tuple[float, int, list[tuple[float, float, bytes]], bool, int | None]] = []
         self._count = 0  # keeps replies of one due time in order
         self._tx: list[_Segment] = []
         self._tx_free = 0.0
         self._previous = b""
-        self._closed = False
-        self._load()
-        if power_cycle:
-            self.device.power(False)
-            self.device.power(True)
-        self.device.set_faults(self._faults)
-        self.device.dirty = False
 
     # -- time and bytes -------------------------------------------------------------------------------------------
 
@@ -144,7 +121,15 @@ class Line:
         if "loopback" in upcoming or not self.device.powered:
             return
         end = incoming.end_of(len(data))
+        heard = None
         if self.client_baud is not None and self.device.speed not in (None, self.client_baud):
+            heard = self.device.mishear(incoming.data, self.client_baud, self.device.speed or 0)
+        if heard is not None:
+            incoming.data = heard
+            end = incoming.end_of(len(heard))
+            if not heard:
+                return
+        elif self.client_baud is not None and self.device.speed not in (None, self.client_baud):
             # At a wrong speed a UART sees framing errors: the device never finds a header, so it is silent.
             if "noise" in upcoming or "garble" in upcoming:
                 self._send(end, self._random.junk(self._random.between(3, 12), self.device.HEADER), NOTHING)
@@ -188,80 +173,12 @@ class Line:
             times.append(event)
         return min(times) if times else None
 
-    def reconnect(self) -> None:
-        """A new client: what was on the wire is lost, the device goes on."""
-        self.hung_up = False
-        self._drop()
-
-    # -- power and control ----------------------------------------------------------------------------------------
-
-    def power_cycle(self) -> None:
-        self.power(False)
-        self.power(True)
-
-    def power(self, on: bool) -> None:
-        """Off: whatever was on the wire or still to come is gone."""
-        if not on:
-            self._drop()
-        if on != self.device.powered:
-            self.device.power(on)
-        self._persist()
-
-    def command(self, text: str) -> str:
-        """A control command for the simulator; returns one line, raises ValueError."""
-        words = text.split()
-        if words == ["power-cycle"]:
-            self.power_cycle()
-            return "power cycled"
-        if words in (["power", "on"], ["power", "off"]):
-            self.power(words[1] == "on")
-            return f"power {words[1]}"
-        if words[:1] == ["fault"] and len(words) > 1:
-            self._faults = self._parse_faults(",".join(words[1:]))
-            self.device.set_faults(self._faults)
-            return f"fault {','.join(sorted(self._faults)) or 'none'}"
-        if words == ["requests"]:
-            return f"requests {self.requests}"
-        if not words or words == ["help"]:
-            return f"power-cycle | power on|off | fault NAME[,NAME]|none | requests | {self.device.command(['help'])}"
-        answer = self.device.command(words)
-        self._persist()
-        return answer
-
-    def close(self) -> None:
-        """Writes the state file, if there is one."""
-        if self._state is not None and not self._closed:
-            self.device.dirty = True
-            self._persist()
-        self._closed = True
-
     # -- inside -----------------------------------------------------------------------------------------------------
-
-    def _present(self) -> float:
-        return 0.0 if self._now is None else self._now
 
     def _step(self) -> float:
         """Seconds per byte on the wire."""
         speed = (self.device.speed or 0) if self._wire == 0 else self._wire
         return 10.0 / speed if speed > 0 else 0.0
-
-    def _parse_faults(self, text: str) -> frozenset[str]:
-        names = {name.strip().replace("_", "-") for name in text.split(",")} - {"", "none", "healthy"}
-        for name in sorted(names):
-            if name not in self._known:
-                raise ValueError(
-                    f"unknown fault {name!r} of the simulated {self.kind}; known: {', '.join(sorted(self._known))}"
-                )
-        return frozenset(names)
-
-    def _hits(self, number: int) -> frozenset[str]:
-        """The faults that befall the request with this number, counted from 1."""
-        beyond = number - self._after
-        return self._faults if beyond > 0 and beyond % self._every == 0 else NOTHING
-
-    def _judge(self) -> frozenset[str]:
-        self.requests += 1
-        return self._hits(self.requests)
 
     def _hearing(self) -> tuple[int, float]:
         """Of the bytes on their way to the device: how many to hand over next, and when the last of them is in."""
@@ -344,15 +261,18 @@ class Line:
                 pieces.append((self._random.between(0, 8) / 1000.0 if pieces else 0.0, step, data[:count]))
                 data = data[count:]
         self._count += 1
-        self._out.append((due, self._count, pieces, hang))
+        self._out.append((due, self._count, pieces, hang, self.device.speed))
         self._out.sort(key=lambda entry: entry[:2])
 
     def _dispatch(self, now: float) -> None:
         while self._out and self._out[0][0] <= now + 0.000000001:
-            due, _, pieces, hang = self._out.pop(0)
+            due, _, pieces, hang, speed = self._out.pop(0)
             start = max(due, self._tx_free)
             for gap, step, data in pieces:
                 start += gap
+                if None not in (speed, self.client_baud) and speed != self.client_baud:
+                    heard = self.device.mishear(data, speed or 0, self.client_baud or 0)
+                    data = data if heard is None else heard
                 self._tx.append(_Segment(start, step, data))
                 start += step * len(data)
             self._tx_free = start
@@ -364,16 +284,3 @@ class Line:
         self._tx.clear()
         self._out.clear()
         self._rx_free = self._tx_free = 0.0
-
-    def _load(self) -> None:
-        if self._state is not None:
-            from handctl.sim import statefile
-
-            statefile.load(self._state, self.device)
-
-    def _persist(self) -> None:
-        if self._state is not None and self.device.dirty:
-            from handctl.sim import statefile
-
-            statefile.save(self._state, self.device)
-        self.device.dirty = False

@@ -108,7 +108,7 @@ class Model:
     OPTIONS: ClassVar[dict[str, str]] = {}  # name -> help; in addition to those of the line
     FAULTS: ClassVar[dict[str, str]] = {}  # name -> help; states of the device, in addition to the faults of the line
     HEADER = b""  # bytes that start frames here; noise is made of them to trap naive framers
-    speed: int | None = None  # the serial speed in force, bit/s; None: no serial port
+    speed: int | None = None  # the speed of the wire in force, bit/s; None: it has none
 
     def __init__(self, options: Options, random: Random) -> None:
         self.random = random
@@ -151,6 +151,13 @@ class Model:
     def set_faults(self, faults: frozenset[str]) -> None:
         """The faults now present, those of the line included."""
         self.faults = faults
+
+    def mishear(self, data: bytes, sent: int, heard: int) -> bytes | None:
+        """What a UART at the speed `heard` makes of bytes at the speed `sent`, in either direction.
+
+        None: not simulated; the device then hears nothing.
+        """
+        return None
 
     def spoil(self, data: bytes) -> bytes:
         """The frame with a check value that does not fit."""

@@ -24,8 +24,6 @@ from contextlib import ExitStack, suppress
 from types import FrameType, TracebackType
 from typing import Protocol
 
-from handctl.sim.line import Line
-
 SPIN = 0.0003  # s before an event that are waited for busily: select alone wakes up to 0.1 ms late
 UNREAD = 65536  # bytes kept for a client that does not read; what comes beyond is lost, as on a serial line
 SPEEDS = {getattr(termios, name): int(name[1:]) for name in dir(termios) if name[0] == "B" and name[1:].isdigit()}
@@ -33,6 +31,31 @@ SPEEDS = {getattr(termios, name): int(name[1:]) for name in dir(termios) if name
 
 class ServeError(Exception):
     """The place to serve at cannot be had; the text says what and why."""
+
+
+class Served(Protocol):
+    """What is served: a `Line`, or another device that takes and gives bytes, such as an slcan adapter."""
+
+    client_baud: int | None
+
+    @property
+    def hung_up(self) -> bool: ...
+
+    def advance(self, now: float) -> None: ...
+
+    def feed(self, data: bytes) -> None: ...
+
+    def take(self) -> bytes: ...
+
+    def next_event(self) -> float | None: ...
+
+    def reconnect(self) -> None: ...
+
+    def power_cycle(self) -> None: ...
+
+    def command(self, text: str) -> str: ...
+
+    def close(self) -> None: ...
 
 
 class Port(Protocol):
@@ -206,7 +229,7 @@ class ControlPort:
     def readers(self) -> list[int]:
         return [self._listener.fileno(), *self._clients]
 
-    def serve(self, ready: list[int], line: Line) -> None:
+    def serve(self, ready: list[int], line: Served) -> None:
         if self._listener.fileno() in ready:
             with suppress(OSError):
                 client, _ = self._listener.accept()
@@ -215,7 +238,7 @@ class ControlPort:
         for descriptor in [number for number in ready if number in self._clients]:
             self._serve_client(descriptor, line)
 
-    def _serve_client(self, descriptor: int, line: Line) -> None:
+    def _serve_client(self, descriptor: int, line: Served) -> None:
         client, text = self._clients[descriptor]
         try:
             data = client.recv(4096)
@@ -275,17 +298,40 @@ class _Signals:
         os.close(self._writer)
 
 
-def serve_pty(line: Line, *, duration: float | None = None, control: str | None = None) -> None:
-    """Serves the line on a new pty; returns when asked to stop. Raises ServeError, or OSError for a state file."""
-    _serve(line, lambda: PtyPort(line.device.speed), duration, control)
+def serve_pty(
+    line: Served,
+    speed: int | None,
+    *,
+    duration: float | None = None,
+    control: str | None = None,
+    link: Callable[[str], str] = str,
+) -> None:
+    """Serves the line on a new pty at this speed; returns when asked to stop. Raises ServeError, or OSError for a state
+    file. `link` turns the name of the pty into what a client passes to --port.
+    """
+    _serve(line, lambda: PtyPort(speed), duration, control, link)
 
 
-def serve_tcp(line: Line, host: str, port: int, *, duration: float | None = None, control: str | None = None) -> None:
+def serve_tcp(
+    line: Served,
+    host: str,
+    port: int,
+    *,
+    duration: float | None = None,
+    control: str | None = None,
+    link: Callable[[str], str] = str,
+) -> None:
     """Serves the line on a TCP port (0: any free one); returns when asked to stop."""
-    _serve(line, lambda: TcpPort(host, port), duration, control)
+    _serve(line, lambda: TcpPort(host, port), duration, control, link)
 
 
-def _serve(line: Line, open_port: Callable[[], Port], duration: float | None, control: str | None) -> None:
+def _serve(
+    line: Served,
+    open_port: Callable[[], Port],
+    duration: float | None,
+    control: str | None,
+    link: Callable[[str], str],
+) -> None:
     with ExitStack() as stack:
         signals = stack.enter_context(_Signals())
         port = open_port()
@@ -294,11 +340,11 @@ def _serve(line: Line, open_port: Callable[[], Port], duration: float | None, co
         if panel is not None:
             stack.callback(panel.close)
         stack.callback(line.close)
-        print(json.dumps({"ready": True, "link": port.link}), flush=True)
+        print(json.dumps({"ready": True, "link": link(port.link)}), flush=True)
         _loop(line, port, panel, signals, None if duration is None else time.monotonic() + duration)
 
 
-def _loop(line: Line, port: Port, panel: ControlPort | None, signals: _Signals, end: float | None) -> None:
+def _loop(line: Served, port: Port, panel: ControlPort | None, signals: _Signals, end: float | None) -> None:
     unsent = bytearray()
     while not signals.stop:
         now = time.monotonic()
@@ -320,6 +366,7 @@ def _loop(line: Line, port: Port, panel: ControlPort | None, signals: _Signals, 
             unsent.clear()
         readers = [signals.reader, *port.readers(), *(panel.readers() if panel is not None else ())]
         ready = _wait(now, line.next_event(), end, readers, port.writer() if unsent else None)
+        line.client_baud = port.baud()  # a client may change it while an answer is on its way
         line.advance(time.monotonic())
         if signals.reader in ready:
             signals.drain()
@@ -330,7 +377,6 @@ def _loop(line: Line, port: Port, panel: ControlPort | None, signals: _Signals, 
             line.reconnect()
             unsent.clear()
         elif data:
-            line.client_baud = port.baud()
             line.feed(data)
 
 
@@ -342,7 +388,7 @@ def _wait(now: float, event: float | None, end: float | None, readers: list[int]
     return ready
 
 
-def _answer(line: Line, command: str) -> str:
+def _answer(line: Served, command: str) -> str:
     try:
         return f"ok {line.command(command)}"
     except (ValueError, OSError) as exc:
