@@ -315,3 +315,9 @@ def test_an_internal_error_is_exit_1_and_one_message(monkeypatch: pytest.MonkeyP
     assert result.error["code"] == "internal"
     assert "Traceback" not in result.err
     assert "Traceback" in run("exo", "dump", "--fake", "--debug").err
+
+
+def test_can_is_refused_by_a_device_without_that_wire() -> None:
+    result = run("exo", "dump", "-p", "can:socketcan:can0", "--json")
+    assert (result.code, result.error["code"]) == (2, "usage")
+    assert "no CAN wire" in result.error["text"]

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from handctl.devices.inspire.exo_scan import Findings, default_wait, parse_ids, parse_speeds, scan
+from handctl.devices.inspire.exo_scan import scan
+from handctl.devices.inspire.scan_report import default_wait, parse_ids, parse_speeds
+from handctl.devices.inspire.scanner import Findings
 from handctl.errors import NoAnswer, ProtocolError, UsageError
 from handctl.guide import Guide
 from handctl.result import Table

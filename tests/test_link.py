@@ -14,7 +14,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from handctl.errors import HandctlError, LinkError, UsageError
+from handctl.errors import HandctlError, LinkError
 from handctl.link import FOREVER, ByteLink, Deadline, NoLink, open_link
 from handctl.link import serial as serial_module
 from tests.support import unhex
@@ -89,12 +89,6 @@ def test_a_link_makes_deadlines_on_its_own_clock() -> None:
 
 def test_empty_link() -> None:
     assert opening("").exit_code == 2
-
-
-def test_can_is_refused_by_a_serial_device() -> None:
-    error = opening("can:socketcan:can0")
-    assert isinstance(error, UsageError)
-    assert "CAN" in error.text
 
 
 def test_no_link_refuses_bytes() -> None:

@@ -30,11 +30,12 @@ class _SharedOptions(click.Command):
 
     def get_params(self, ctx: click.Context) -> list[click.Parameter]:
         if self._shared is None:
-            self._shared = shared_options()
+            self._shared = shared_options(self.family.wires if self.family is not None else ())
         own = super().get_params(ctx)
         return [*own, *self._shared]
 
     _shared: list[click.Parameter] | None = None
+    family: Family | None = None
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         sections: dict[str, list[tuple[str, str]]] = {}
@@ -99,6 +100,26 @@ class Group(_SharedOptions, click.Group):
             return made
 
         return decorate
+
+
+def stream_options(body: Callable[..., Any]) -> Callable[..., Any]:
+    """Decorator: the options of a stream, `rate`, `count` and `duration`."""
+    for option in (
+        click.option(
+            "--duration", type=click.FloatRange(min=0, min_open=True), metavar="S", help="End after S seconds."
+        ),
+        click.option("--count", type=click.IntRange(min=1), metavar="N", help="End after N samples."),
+        click.option(
+            "--rate",
+            type=click.FloatRange(min=0),
+            default=10.0,
+            show_default=True,
+            metavar="HZ",
+            help="Samples per second; 0 = as fast as the device answers.",
+        ),
+    ):
+        body = option(body)
+    return body
 
 
 class Root(Group):

@@ -23,6 +23,7 @@ class Settings(NamedTuple):
 
     port: str | None = None
     fake: bool = False
+    wire: str | None = None
     id: int | None = None
     baud: int | None = None
     timeout: float | None = None
@@ -63,13 +64,14 @@ class SharedOption(click.Option):
         given[f"{self.key}@"] = level
 
 
-def shared_options() -> list[click.Parameter]:
-    """A fresh set of the options that every command, group and the root accept."""
+def shared_options(wires: Sequence[str] = ()) -> list[click.Parameter]:
+    """A fresh set of the options that every command, group and the root accept; `wires` of a family that has several."""
     connect, output, safety = "Connection", "Output", "Writing"
     number = click.FloatRange(min=0, min_open=True)
     return [
         SharedOption(["-p", "--port"], connect, metavar="LINK", help="Where the device is: /dev/ttyUSB0, COM3, usb:VID:PID[:SERIAL], tcp://HOST:PORT, fake://…, replay:FILE, any pyserial URL."),
         SharedOption(["--fake"], connect, is_flag=True, help="Talk to the built-in simulator of this device."),
+        *(SharedOption([f"--{wire}"], connect, key="wire", fixed=wire, is_flag=True, help=f"With --fake or --dry-run: the {wire} wire (default: {wires[0]}).") for wire in wires),
         SharedOption(["--id"], connect, type=int, metavar="N", help="Device id, as the protocol has it."),
         SharedOption(["--baud"], connect, type=click.IntRange(min=1), metavar="N", help="Speed of the serial port in bit/s."),
         SharedOption(["--timeout"], connect, type=number, metavar="S", help="Seconds of silence allowed per reply."),

@@ -139,6 +139,10 @@ class Param:
         """The raw integer of a value in `unit`; exact for values with at most `decimals` decimals."""
         return round(value * 10**self.decimals) if self.decimals else int(value)
 
+    def text(self, value: Number) -> str:
+        """A value for people, with as many decimals as the wire has."""
+        return f"{value:.{self.decimals}f}" if self.decimals else str(value)
+
     def label(self, value: Number) -> str | None:
         """What a value means in words, None where the number says it all."""
         if value in self.choices:
@@ -286,9 +290,19 @@ class Reading(NamedTuple):
 
 
 class Step(NamedTuple):
-    """One write of a plan: the exact bytes, what they do in words, and whether they move or strand the device."""
+    """One write of a plan: the exact bytes, what they do in words, and whether they move or strand the device.
+
+    With `can_id` the bytes are the data of that CAN frame.
+    """
 
     meaning: str
     data: bytes
     moves: bool = False
     strands: bool = False
+    can_id: int | None = None
+
+    @property
+    def wire(self) -> str:
+        """The bytes as the field writes them: ``EB 90 01 …``, or ``15038001 [4] E8 03 18 FC`` on CAN."""
+        text = self.data.hex(" ").upper()
+        return text if self.can_id is None else f"{self.can_id:08X} [{len(self.data)}] {text}".rstrip()

@@ -102,13 +102,17 @@ class Message(NamedTuple):
 
 @dataclass(slots=True)
 class Counters:
-    """What passed on the wire: frames sent and received, repeated requests, frames rejected, bytes of no frame."""
+    """What passed on the wire: frames sent and received, repeated requests, frames rejected, bytes of no frame.
+
+    `foreign_frames` counts the traffic of others on a CAN bus, None where there is no bus.
+    """
 
     sent: int = 0
     received: int = 0
     retries: int = 0
     bad_frames: int = 0
     stray_bytes: int = 0
+    foreign_frames: int | None = None
 
     def as_row(self) -> dict[str, int]:
         """The counters as they stand in the JSON envelope."""
@@ -118,6 +122,7 @@ class Counters:
             "retries": self.retries,
             "bad_frames": self.bad_frames,
             "stray_bytes": self.stray_bytes,
+            **({} if self.foreign_frames is None else {"foreign_frames": self.foreign_frames}),
         }
 
 

@@ -18,7 +18,7 @@ from handctl.errors import HandctlError, Interrupted, NotConfirmed, OutputError,
 from handctl.options import Settings, from_click
 
 if TYPE_CHECKING:
-    from handctl.link import ByteLink
+    from handctl.link import Link
     from handctl.param import Step
     from handctl.result import Journal, Message, Table
 
@@ -29,13 +29,15 @@ class Family(NamedTuple):
     kind      command name, and the simulator's name
     open      (link, settings, journal) -> device
     baud      speed of a serial port unless --baud says otherwise, None = none
+    wires     the kinds of wire it has, the default first; () = bytes only
     explain   (device, error) -> a better error when nothing valid ever came; read-only
     """
 
     kind: str
-    open: Callable[[ByteLink, Settings, Journal], Any]
+    open: Callable[[Any, Settings, Journal], Any]
     baud: int | None = None
     explain: Callable[[Any, HandctlError], HandctlError] | None = None
+    wires: tuple[str, ...] = ()
 
 
 class Run:
@@ -52,7 +54,7 @@ class Run:
         self.live = False
         self.streams = bool(getattr(ctx.command, "streams", False))
         self._held: list[Message] = []
-        self._link: ByteLink | None = None
+        self._link: Link | None = None
         self._trace: Any = None
         self._device: Any = None
 
@@ -67,12 +69,14 @@ class Run:
 
     def planner(self) -> Any:
         """The device without a link: can check and plan writes, cannot send."""
-        from handctl.link import NoLink
+        from handctl.link import NoFrames, NoLink, is_can
 
         assert self.family is not None
-        return self.family.open(NoLink(), self.settings, self.journal)
+        port = self.settings.port
+        can = self.settings.wire == "can" if port is None else is_can(port)
+        return self.family.open(NoFrames() if can else NoLink(), self.settings, self.journal)
 
-    def open_link(self) -> ByteLink:
+    def open_link(self) -> Link:
         """The link the user asked for, tapped when --trace or -v is given."""
         if self._link is None:
             from handctl.link import open_link
@@ -85,11 +89,21 @@ class Run:
 
     def link_name(self) -> str:
         """The LINK: --port, or the simulator for --fake. Raises UsageError when neither is given; never picks one."""
-        if self.settings.port:
-            return self.settings.port
+        from handctl.link import is_can
+
+        port, wire = self.settings.port, self.settings.wire
         kind = self.family.kind if self.family is not None else ""
+        if port and not port.startswith("replay:"):
+            if is_can(port) and (self.family is None or "can" not in self.family.wires):
+                raise UsageError(
+                    f"{port}: this device has no CAN wire", hint="give a serial port, usb:VID:PID or tcp://HOST:PORT"
+                )
+            if wire is not None and is_can(port) != (wire == "can"):
+                raise UsageError(f"--{wire} does not fit {port}", hint="leave it out: the LINK says which wire it is")
+        if port:
+            return port
         if self.settings.fake:
-            return f"fake://{kind}"
+            return f"fake://{kind}?bus=can" if wire == "can" else f"fake://{kind}"
         raise UsageError(
             "no device: where is it?",
             hint=f"-p /dev/ttyUSB0 (see `ls /dev/serial/by-id`), -p tcp://HOST:PORT, or --fake for the simulated {kind}",
@@ -109,7 +123,7 @@ class Run:
                 hint="add --yes if that is meant; --dry-run shows the bytes. Nothing was sent.",
             )
         for step in steps:
-            self.guide.say(f"  {step.meaning}: {step.data.hex(' ').upper()}")
+            self.guide.say(f"  {step.meaning}: {step.wire}")
         if not self.guide.ask(question, word):
             raise NotConfirmed("not confirmed", hint="nothing was sent")
 
@@ -119,12 +133,12 @@ class Run:
 
     def dry_run(self, steps: Sequence[Step]) -> Table:
         """The exact bytes of a plan as a Table; sends nothing."""
-        from handctl.result import Column, Table, hex_bytes
+        from handctl.result import Column, Table
 
         rows = [
             {
                 "step": number,
-                "bytes": hex_bytes(step.data),
+                "bytes": step.wire,
                 "meaning": step.meaning,
                 "moves": step.moves,
                 "strands": step.strands,

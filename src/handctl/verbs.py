@@ -29,6 +29,8 @@ if TYPE_CHECKING:
         @property
         def live(self) -> tuple[str, ...]: ...
         @property
+        def worn(self) -> bool: ...
+        @property
         def not_covered(self) -> tuple[str, ...]: ...
         def identity(self) -> dict[str, object]: ...
         def read(self, elements: Sequence[Element]) -> list[Reading]: ...
@@ -41,7 +43,6 @@ if TYPE_CHECKING:
 
 FAILURES_IN_A_ROW = 3
 """A stream gives up after so many samples without a valid answer."""
-DEFAULT_RATE = 10.0
 
 
 def select(params: ParamMap[Any], names: Sequence[str]) -> list[Element]:
@@ -68,10 +69,11 @@ def get(run: Run, params: ParamMap[Any], names: Sequence[str]) -> Table:
 def set_values(run: Run, params: ParamMap[Any], texts: Sequence[str]) -> Table:
     """Check, confirm where it moves or strands, write, read back."""
     changes = params.assignments(texts)
-    steps = run.planner().plan(changes)
+    planner = run.planner()
+    steps = planner.plan(changes)
     if run.settings.dry_run:
         return run.dry_run(steps)
-    if any(step.moves or step.strands for step in steps):
+    if any(step.strands or (step.moves and planner.worn) for step in steps):
         run.confirm(f"{_consequence(steps)}: {', '.join(texts)}", steps)
     device: MapDevice = run.device()
     return device.table(device.write(changes))

@@ -4,6 +4,7 @@
     usb:VID:PID[:SERIAL]                                      serial.py   (found by pyserial, then opened)
     tcp://host:port                                           tcp.py      (socket)
     fake://exo?seed=1                                         fake.py     (a simulator in this process)
+    can:INTERFACE:CHANNEL[?bitrate=…]                         can.py      (python-can)
     replay:FILE                                               replay.py   (a transcript plays the device)
 
 The clock belongs to the link: deadlines are made by it, so a link may run on virtual time.
@@ -13,7 +14,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from handctl.errors import LinkError, UsageError
 
@@ -47,19 +48,26 @@ class Deadline:
         return self if other is None or self.at <= other.at else other
 
 
-class ByteLink:
-    """A stream of bytes to one device. Base of all byte links; also states what each must do.
+class CanFrame(NamedTuple):
+    """One extended data frame: 29-bit identifier and up to 8 bytes."""
 
-    name   as the user gave it (for messages and the JSON envelope)
-    fake   True when a simulator in this process answers
-    baud   current speed in bit/s, None where the link has none (TCP)
-    can_set_baud   whether `set_baud` reaches the device's line
+    can_id: int
+    data: bytes
+
+    def __str__(self) -> str:
+        return f"{self.can_id:08X} [{len(self.data)}] {self.data.hex(' ').upper()}".rstrip()
+
+
+class Link:
+    """What every link has: a name, a clock, an end.
+
+    name      as the user gave it (for messages and the JSON envelope)
+    fake      True when a simulator in this process answers
+    replayed  True when a transcript plays the device
     """
 
     name: str = ""
     fake: bool = False
-    baud: int | None = None
-    can_set_baud: bool = False
     replayed: bool = False
 
     def now(self) -> float:
@@ -75,6 +83,42 @@ class ByteLink:
         """The deadline `seconds` from now."""
         return Deadline(self.now, self.now() + seconds)
 
+    def event(self, text: str) -> None:
+        """Note something beside the bytes (speed change, power cycle) in a transcript, if one is recorded."""
+
+    def power_cycle(self) -> bool:
+        """Switch the device off and on. Only simulators can: False means the operator must."""
+        return False
+
+    def close(self) -> None:
+        """Release the link. May be called twice."""
+        raise NotImplementedError(type(self).__name__)
+
+
+class FrameLink(Link):
+    """A CAN bus with a device on it. `error_frames` counts what the controller reported: nobody acknowledges, bus off."""
+
+    error_frames: int = 0
+
+    def send(self, frame: CanFrame, deadline: Deadline) -> None:
+        """Queue one frame. Raises LinkError."""
+        raise NotImplementedError(type(self).__name__)
+
+    def receive(self, deadline: Deadline) -> CanFrame | None:
+        """The next extended data frame of any identifier; None on silence until `deadline`. Raises LinkError."""
+        raise NotImplementedError(type(self).__name__)
+
+
+class ByteLink(Link):
+    """A stream of bytes to one device. Base of all byte links; also states what each must do.
+
+    baud   current speed in bit/s, None where the link has none (TCP)
+    can_set_baud   whether `set_baud` reaches the device's line
+    """
+
+    baud: int | None = None
+    can_set_baud: bool = False
+
     def write(self, data: bytes, deadline: Deadline) -> None:
         """Hand all of `data` to the line before `deadline`. Raises LinkError."""
         raise NotImplementedError(type(self).__name__)
@@ -88,17 +132,6 @@ class ByteLink:
 
     def set_baud(self, baud: int) -> None:
         """Change this end's speed. Raises LinkError where there is none."""
-        raise NotImplementedError(type(self).__name__)
-
-    def event(self, text: str) -> None:
-        """Note something beside the bytes (speed change, power cycle) in a transcript, if one is recorded."""
-
-    def power_cycle(self) -> bool:
-        """Switch the device off and on. Only simulators can: False means the operator must."""
-        return False
-
-    def close(self) -> None:
-        """Release the link. May be called twice."""
         raise NotImplementedError(type(self).__name__)
 
 
@@ -120,7 +153,22 @@ class NoLink(ByteLink):
         """Nothing to release."""
 
 
-def open_link(link: str, *, baud: int | None = None, tap: Tap | None = None) -> ByteLink:
+class NoFrames(FrameLink):
+    """The same for CAN."""
+
+    name = "(dry run)"
+
+    def send(self, frame: CanFrame, deadline: Deadline) -> None:
+        raise LinkError("a dry run sends nothing")
+
+    def receive(self, deadline: Deadline) -> CanFrame | None:
+        raise LinkError("a dry run reads nothing")
+
+    def close(self) -> None:
+        """Nothing to release."""
+
+
+def open_link(link: str, *, baud: int | None = None, tap: Tap | None = None) -> Link:
     """Open `link` exclusively; `baud` in bit/s for serial ports. With `tap`, everything that passes is recorded.
 
     Raises UsageError for a LINK that cannot be understood, LinkError for one that cannot be opened.
@@ -129,24 +177,33 @@ def open_link(link: str, *, baud: int | None = None, tap: Tap | None = None) -> 
     return tap.around(opened) if tap is not None else opened
 
 
-def _open(link: str, baud: int | None) -> ByteLink:
+def is_can(link: str) -> bool:
+    """Whether a LINK carries CAN frames instead of bytes."""
+    return link.startswith("can:") or (link.startswith("fake://") and "bus=can" in link.partition("?")[2].split("&"))
+
+
+def _open(link: str, baud: int | None) -> Link:
     # Imported on use: a fake or a TCP link must not pay for pyserial.
+    if link.startswith("fake://") and is_can(link):
+        from handctl.link.fake import FakeFrames
+
+        return FakeFrames(link)
     if link.startswith("fake://"):
         from handctl.link.fake import FakeLink
 
         return FakeLink(link, baud)
     if link.startswith("replay:"):
-        from handctl.link.replay import ReplayLink
+        from handctl.link.replay import open_replay
 
-        return ReplayLink(link, baud)
+        return open_replay(link, baud)
     if link.startswith("tcp://"):
         from handctl.link.tcp import TcpLink
 
         return TcpLink(link)
     if link.startswith("can:"):
-        raise UsageError(
-            f"{link}: this device has no CAN wire", hint="give a serial port, usb:VID:PID or tcp://host:port"
-        )
+        from handctl.link.can import CanLink
+
+        return CanLink(link)
     if not link:
         raise UsageError("the LINK is empty", hint="give a port, e.g. -p /dev/ttyUSB0, or --fake")
     from handctl.link.serial import open_serial

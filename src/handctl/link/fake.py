@@ -6,9 +6,10 @@ Begins where the cable would: it hands bytes to a simulator and takes bytes from
 from __future__ import annotations
 
 import time
+from typing import Any
 
 from handctl.errors import LinkError, UsageError
-from handctl.link import ByteLink, Deadline
+from handctl.link import ByteLink, CanFrame, Deadline, FrameLink, Link
 
 
 def split_url(link: str) -> tuple[str, dict[str, str]]:
@@ -31,13 +32,12 @@ def _unquote(value: str) -> str:
     return unquote(value)
 
 
-class FakeLink(ByteLink):
+class _Simulated(Link):
     """A simulator in this process, in real time or (`clock=virtual`) in time that jumps from event to event."""
 
     fake = True
-    can_set_baud = True
 
-    def __init__(self, link: str, baud: int | None = None) -> None:
+    def __init__(self, link: str) -> None:
         from handctl.sim import create
 
         self.name = link
@@ -46,16 +46,13 @@ class FakeLink(ByteLink):
         if clock not in ("real", "virtual"):
             raise UsageError(f"{link}: clock={clock}: expected real or virtual")
         try:
-            self._line = create(kind, options)
+            self._line: Any = create(kind, options)  # a Line, or a CanLine for bus=can
         except ValueError as exc:
             raise UsageError(f"{link}: {exc}") from exc
         except OSError as exc:
             raise UsageError(f"{link}: {exc.filename or ''}: {exc.strerror or exc}") from exc
         self._virtual: float | None = 0.0 if clock == "virtual" else None
-        self._rest = b""
         self._closed = False
-        self.baud = baud
-        self._line.client_baud = baud
         self._line.advance(self.now())
 
     def now(self) -> float:
@@ -70,27 +67,14 @@ class FakeLink(ByteLink):
         else:
             time.sleep(max(0.0, moment - time.monotonic()))
 
-    def write(self, data: bytes, deadline: Deadline) -> None:
-        self._line.advance(self.now())
-        self._check()
-        try:
-            self._line.feed(data)
-        except OSError as exc:
-            raise self._state_lost(exc) from exc
-
-    def read(self, deadline: Deadline, size: int = 4096) -> bytes:
-        while True:
-            now = self.now()
-            self._line.advance(now)
-            self._rest += self._line.take()
-            if self._rest:
-                data, self._rest = self._rest[:size], self._rest[size:]
-                return data
-            self._check()
-            if now >= deadline.at:
-                return b""
-            event = self._line.next_event()
-            self._sleep_until(deadline.at if event is None else min(deadline.at, max(event, now)))
+    def _wait(self, deadline: Deadline) -> bool:
+        """Sleep until the simulator may have something, or until `deadline`; False when that has passed."""
+        now = self.now()
+        if now >= deadline.at:
+            return False
+        event = self._line.next_event()
+        self._sleep_until(deadline.at if event is None else min(deadline.at, max(event, now)))
+        return True
 
     def _check(self) -> None:
         if self._line.hung_up:
@@ -98,14 +82,9 @@ class FakeLink(ByteLink):
                 f"{self.name}: the simulated device hung up", hint="that is the disconnect fault", code="lost"
             )
 
-    def set_baud(self, baud: int) -> None:
-        self.baud = baud
-        self._line.client_baud = baud
-
     def power_cycle(self) -> bool:
         self._line.advance(self.now())
         self._line.power_cycle()
-        self._rest = b""
         return True
 
     def close(self) -> None:
@@ -120,3 +99,74 @@ class FakeLink(ByteLink):
 
     def _state_lost(self, exc: OSError) -> LinkError:
         return LinkError(f"{self.name}: the state file cannot be written: {exc.strerror or exc}", code="state")
+
+
+class FakeLink(_Simulated, ByteLink):
+    """A simulated serial line."""
+
+    can_set_baud = True
+
+    def __init__(self, link: str, baud: int | None = None) -> None:
+        super().__init__(link)
+        self._rest = b""
+        self.baud = baud
+        self._line.client_baud = baud
+
+    def write(self, data: bytes, deadline: Deadline) -> None:
+        self._line.advance(self.now())
+        self._check()
+        try:
+            self._line.feed(data)
+        except OSError as exc:
+            raise self._state_lost(exc) from exc
+
+    def read(self, deadline: Deadline, size: int = 4096) -> bytes:
+        while True:
+            self._line.advance(self.now())
+            self._rest += self._line.take()
+            if self._rest:
+                data, self._rest = self._rest[:size], self._rest[size:]
+                return data
+            self._check()
+            if not self._wait(deadline):
+                return b""
+
+    def set_baud(self, baud: int) -> None:
+        self.baud = baud
+        self._line.client_baud = baud
+
+    def power_cycle(self) -> bool:
+        self._rest = b""
+        return super().power_cycle()
+
+
+class FakeFrames(_Simulated, FrameLink):
+    """A simulated CAN bus."""
+
+    def __init__(self, link: str) -> None:
+        super().__init__(link)
+        self._arrived: list[tuple[int, bytes]] = []
+
+    def send(self, frame: CanFrame, deadline: Deadline) -> None:
+        self._line.advance(self.now())
+        self._check()
+        try:
+            self._line.feed_frame(frame.can_id, frame.data)
+        except OSError as exc:
+            raise self._state_lost(exc) from exc
+        if not self._line.acknowledged:
+            self.error_frames += 1
+
+    def receive(self, deadline: Deadline) -> CanFrame | None:
+        while True:
+            self._line.advance(self.now())
+            self._arrived += self._line.take_frames()
+            if self._arrived:
+                return CanFrame(*self._arrived.pop(0))
+            self._check()
+            if not self._wait(deadline):
+                return None
+
+    def power_cycle(self) -> bool:
+        self._arrived.clear()
+        return super().power_cycle()

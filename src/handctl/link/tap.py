@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 from handctl.errors import UsageError
-from handctl.link import ByteLink, Deadline
+from handctl.link import ByteLink, CanFrame, Deadline, FrameLink, Link
 
 
 class Entry(NamedTuple):
@@ -89,10 +89,13 @@ class Tap:
         self._write = write
         self._start: float | None = None
 
-    def around(self, link: ByteLink) -> ByteLink:
+    def around(self, link: Link) -> Link:
         """The same link, recorded."""
         if self._start is None:
             self._start = link.now()
+        if isinstance(link, FrameLink):
+            return TappedFrames(link, self)
+        assert isinstance(link, ByteLink)
         return TappedLink(link, self)
 
     def line(self, now: float, mark: str, text: str) -> None:
@@ -101,23 +104,63 @@ class Tap:
         self._write(f"{elapsed:.6f} {mark} {text}\n")
 
 
-class TappedLink(ByteLink):
-    """A byte link with a tap on the wire."""
+class _Tapped(Link):
+    """What both kinds of tapped links have in common."""
 
-    def __init__(self, link: ByteLink, tap: Tap) -> None:
-        self._link = link
+    def __init__(self, link: Link, tap: Tap) -> None:
+        self._inner = link
         self._tap = tap
         self.name = link.name
         self.fake = link.fake
         self.replayed = link.replayed
-        self.can_set_baud = link.can_set_baud
-        self.baud = link.baud
 
     def now(self) -> float:
-        return self._link.now()
+        return self._inner.now()
 
     def sleep(self, seconds: float) -> None:
-        self._link.sleep(seconds)
+        self._inner.sleep(seconds)
+
+    def event(self, text: str) -> None:
+        self._tap.line(self.now(), "!", text)
+
+    def power_cycle(self) -> bool:
+        done = self._inner.power_cycle()
+        if done:
+            self.event("power-cycle")
+        return done
+
+    def close(self) -> None:
+        self._inner.close()
+
+
+class TappedFrames(_Tapped, FrameLink):
+    """A CAN link with a tap on the bus."""
+
+    def __init__(self, link: FrameLink, tap: Tap) -> None:
+        super().__init__(link, tap)
+        self._link = link
+
+    def send(self, frame: CanFrame, deadline: Deadline) -> None:
+        self._tap.line(self.now(), ">", f"can {frame}")
+        self._link.send(frame, deadline)
+        self.error_frames = self._link.error_frames
+
+    def receive(self, deadline: Deadline) -> CanFrame | None:
+        frame = self._link.receive(deadline)
+        self.error_frames = self._link.error_frames
+        if frame is not None:
+            self._tap.line(self.now(), "<", f"can {frame}")
+        return frame
+
+
+class TappedLink(_Tapped, ByteLink):
+    """A byte link with a tap on the wire."""
+
+    def __init__(self, link: ByteLink, tap: Tap) -> None:
+        super().__init__(link, tap)
+        self._link = link
+        self.can_set_baud = link.can_set_baud
+        self.baud = link.baud
 
     def write(self, data: bytes, deadline: Deadline) -> None:
         self._tap.line(self.now(), ">", data.hex(" ").upper())
@@ -133,15 +176,3 @@ class TappedLink(ByteLink):
         self._link.set_baud(baud)
         self.baud = self._link.baud
         self.event(f"baud {baud}")
-
-    def event(self, text: str) -> None:
-        self._tap.line(self.now(), "!", text)
-
-    def power_cycle(self) -> bool:
-        done = self._link.power_cycle()
-        if done:
-            self.event("power-cycle")
-        return done
-
-    def close(self) -> None:
-        self._link.close()

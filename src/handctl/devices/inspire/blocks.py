@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from handctl.devices.inspire.bus import Bus
+from handctl.devices.inspire.bus import RegisterBus
 from handctl.devices.inspire.eb90 import MAX_COUNT
 from handctl.devices.inspire.registers import Register
 from handctl.errors import HandctlError, NoAnswer, ProtocolError
@@ -53,7 +53,7 @@ def plan(registers: Iterable[Register], limit: int = MAX_COUNT) -> list[Block]:
 class BlockReader:
     """Reads registers through a bus in as few transactions as the device allows."""
 
-    def __init__(self, bus: Bus) -> None:
+    def __init__(self, bus: RegisterBus) -> None:
         self._bus = bus
         self._across_gaps = True
 
@@ -61,7 +61,7 @@ class BlockReader:
         """Read `registers`. Groups that fail are in `errors`; raises when nothing at all could be read."""
         memory = Memory()
         first: HandctlError | None = None
-        for block in plan(registers):
+        for block in plan(registers, self._bus.max_count):
             try:
                 if len(block.groups) > 1 and self._across_gaps and self._whole(block, memory):
                     continue

@@ -10,7 +10,8 @@ from collections.abc import Sequence
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.eb90 import Decoder, Frame
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError
-from handctl.link import ByteLink, Deadline
+from handctl.link import ByteLink, Deadline, Link
+from handctl.param import Step
 from handctl.result import Journal, hex_bytes
 
 DEFAULT_TIMEOUT = 0.3
@@ -20,13 +21,77 @@ PATIENCE = 4
 """An answer that has begun and keeps coming may take this many timeouts in all."""
 
 
-class Bus:
-    """The serial wire to one device id.
+class RegisterBus:
+    """The wire to the registers of one device id: what the serial bus and the CAN bus have in common.
 
     timeout   seconds allowed for a reply, beyond the time its bits need on the wire
     retries   repetitions of a read that got no valid answer; writes are never repeated
     bound     deadline of the whole command, None = none
+    max_count longest single read in bytes
     """
+
+    max_count: int
+
+    def __init__(
+        self,
+        link: Link,
+        device_id: int,
+        journal: Journal,
+        *,
+        timeout: float = DEFAULT_TIMEOUT,
+        retries: int = DEFAULT_RETRIES,
+        bound: Deadline | None = None,
+    ) -> None:
+        self.link = link
+        self.id = device_id
+        self.journal = journal
+        self.timeout = timeout
+        self.retries = retries
+        self.bound = bound
+
+    def read(self, address: int, count: int, *, retries: int | None = None) -> bytes:
+        """`count` bytes from `address`. Raises UsageError, NoAnswer, ProtocolError, LinkError."""
+        raise NotImplementedError
+
+    def write(self, address: int, data: bytes) -> None:
+        """Write `data` once. Raises DeviceRefused; NoAnswer, ProtocolError when it is unknown whether it arrived."""
+        raise NotImplementedError
+
+    def write_step(self, address: int, data: bytes, meaning: str) -> Step:
+        """The exact bytes of that write."""
+        raise NotImplementedError
+
+    @property
+    def where(self) -> str:
+        """Device, id and link for messages."""
+        return f"id {self.id} on {self.link.name}"
+
+    def pause(self, seconds: float) -> None:
+        """Let time pass, but not beyond the deadline of the command."""
+        self.link.sleep(min(seconds, self.bound.remaining) if self.bound is not None else seconds)
+
+    def out_of_time(self, what: str) -> None:
+        """Raise NoAnswer when --deadline, not the device, ended a wait for `what`."""
+        if self.bound is not None and self.bound.expired:
+            raise NoAnswer(
+                f"{self.where}: --deadline ended the wait for {what}; how it ended is unknown",
+                hint="read the values before you repeat it; a longer --deadline waits for the end",
+                code="deadline",
+            )
+
+    def refuse_late(self, request: str) -> None:
+        """Raise NoAnswer instead of sending anything after --deadline: the device may be worn."""
+        if self.bound is not None and self.bound.expired:
+            raise NoAnswer(
+                f"{self.where}: --deadline is over; {request} was not sent", hint="a longer --deadline", code="deadline"
+            )
+
+
+class Bus(RegisterBus):
+    """The serial wire. `read_flag` and `write_flag` choose the register space: 11/12 exo and hands, 30/31 the wrist."""
+
+    link: ByteLink
+    max_count = eb90.MAX_COUNT
 
     def __init__(
         self,
@@ -37,14 +102,13 @@ class Bus:
         timeout: float = DEFAULT_TIMEOUT,
         retries: int = DEFAULT_RETRIES,
         bound: Deadline | None = None,
+        read_flag: int = eb90.READ,
+        write_flag: int = eb90.WRITE,
     ) -> None:
         eb90.check_id(device_id)
-        self.link = link
-        self.id = device_id
-        self.journal = journal
-        self.timeout = timeout
-        self.retries = retries
-        self.bound = bound
+        super().__init__(link, device_id, journal, timeout=timeout, retries=retries, bound=bound)
+        self.read_flag = read_flag
+        self.write_flag = write_flag
         self._rest = b""  # what came behind the last accepted frame: perhaps a frame that the device sends by itself
 
     # -- registers -----------------------------------------------------------------------------------------------
@@ -52,8 +116,8 @@ class Bus:
     def read(self, address: int, count: int, *, device_id: int | None = None, retries: int | None = None) -> bytes:
         """`count` bytes (1..252) from `address` (exo §2.2.3). Raises UsageError, NoAnswer, ProtocolError, LinkError."""
         target = self.id if device_id is None else device_id
-        request = eb90.read_request(target, address, count)
-        prefix = eb90.read_reply_prefix(target, address, count)
+        request = eb90.read_request(target, address, count, self.read_flag)
+        prefix = eb90.read_reply_prefix(target, address, count, self.read_flag)
         attempts = 1 + (self.retries if retries is None else retries)
         for attempt in range(attempts):
             if attempt:
@@ -66,22 +130,26 @@ class Bus:
                 break
         raise error
 
-    def write(self, address: int, data: bytes, *, acknowledged_by: Sequence[int] = ()) -> Frame:
-        """Write `data` once and return the acknowledgement (exo §2.2.4). Never repeated.
+    def write(self, address: int, data: bytes, *, acknowledged_by: Sequence[int] = ()) -> None:
+        """Write `data` once (exo §2.2.4). Never repeated.
 
         `acknowledged_by` lists further ids whose acknowledgement counts (an id change answers from the new one).
         Raises DeviceRefused when the acknowledgement byte is not 01; NoAnswer, ProtocolError when it is unknown
         whether the write arrived.
         """
-        request = eb90.write_request(self.id, address, data)
-        prefixes = [eb90.write_ack_prefix(target, address) for target in dict.fromkeys((self.id, *acknowledged_by))]
+        request = eb90.write_request(self.id, address, data, self.write_flag)
+        targets = dict.fromkeys((self.id, *acknowledged_by))
+        prefixes = [eb90.write_ack_prefix(target, address, self.write_flag) for target in targets]
         ack = self.exchange(request, prefixes, reply_size=9)
         if ack.data != bytes([eb90.ACCEPTED]):
             raise DeviceRefused(
                 f"{self.where}: the device answered {hex_bytes(ack.data)} instead of 01 to the write at {address}",
                 hint="it did not take the value; the manual does not say what other bytes mean (exo §2.2.4)",
             )
-        return ack
+
+    def write_step(self, address: int, data: bytes, meaning: str) -> Step:
+        """The exact bytes of that write."""
+        return Step(meaning, eb90.write_request(self.id, address, data, self.write_flag))
 
     def command(self, flag: int, values: Sequence[int]) -> list[int]:
         """Send a force (0x31) or position (0x32) command once; the values of its reply (exo §2.2.1, §2.2.2)."""
@@ -93,12 +161,7 @@ class Bus:
 
     def exchange(self, request: bytes, prefixes: Sequence[bytes], *, reply_size: int) -> Frame:
         """Send one request, wait for one frame that begins with one of `prefixes`. One attempt."""
-        if self.bound is not None and self.bound.expired:
-            raise NoAnswer(
-                f"{self.where}: --deadline is over; {hex_bytes(request)} was not sent",
-                hint="a longer --deadline",
-                code="deadline",
-            )
+        self.refuse_late(hex_bytes(request))
         self.drain()
         deadline = self._reply_deadline(len(request), reply_size)
         last = self.link.deadline(self.wire_seconds(len(request) + reply_size) + PATIENCE * self.timeout).earlier(
@@ -161,19 +224,6 @@ class Bus:
                 break
         self.journal.counters.stray_bytes += len(stale)
         return stale
-
-    def pause(self, seconds: float) -> None:
-        """Let time pass, but not beyond the deadline of the command."""
-        self.link.sleep(min(seconds, self.bound.remaining) if self.bound is not None else seconds)
-
-    def out_of_time(self, what: str) -> None:
-        """Raise NoAnswer when --deadline, not the device, ended a wait for `what`."""
-        if self.bound is not None and self.bound.expired:
-            raise NoAnswer(
-                f"{self.where}: --deadline ended the wait for {what}; how it ended is unknown",
-                hint="read the values before you repeat it; a longer --deadline waits for the end",
-                code="deadline",
-            )
 
     def wire_seconds(self, count: int) -> float:
         """Time that `count` bytes need on the line, 10 bits each (exo §2.1); 0 where the speed is unknown."""

@@ -9,33 +9,26 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from handctl.devices.inspire import eb90
-from handctl.devices.inspire.blocks import BlockReader, Memory
 from handctl.devices.inspire.bus import Bus
-from handctl.devices.inspire.registers import BAUD_RATES, EXO, FINGERS, register_of
-from handctl.errors import CheckFailed, HandctlError, NoAnswer, ProtocolError
+from handctl.devices.inspire.device import RegisterDevice
+from handctl.devices.inspire.registers import BAUD_RATES, EXO, FINGERS
+from handctl.errors import CheckFailed
 from handctl.param import Element, Number, Reading, Step, elements_of
-from handctl.result import Cell, Column, Grid, Journal, Row, Table, hex_bytes
+from handctl.result import Cell, Grid, Row, Table, hex_bytes
 
 LIVE = ("position_actual", "force_actual", "current", "error", "temperature")
 """What changes by itself: the default of `watch`."""
 COMMAND_FLAGS = {"force": eb90.FORCE_COMMAND, "position": eb90.POSITION_COMMAND}
 
 
-class ExoHand:
+class ExoHand(RegisterDevice):
     """One hand on a bus. Satisfies `verbs.MapDevice`."""
 
+    bus: Bus
     kind = "exo"
     map = EXO
     live = LIVE
-    columns = (
-        Column("name", "Name"),
-        Column("finger", "Finger"),
-        Column("address", "Address", right=True),
-        Column("value", "Value", right=True),
-        Column("unit", "Unit"),
-        Column("label", "Meaning"),
-        Column("raw", "Raw"),
-    )
+    worn = True
     not_covered = (
         "what calibration measured (no register holds it)",
         "the flash: restored values last until power-off unless `handctl exo save` keeps them, "
@@ -43,69 +36,10 @@ class ExoHand:
         "triggers (clear_errors, save, factory_reset, calibrate)",
     )
 
-    def __init__(self, bus: Bus) -> None:
-        self.bus = bus
-        self._reader = BlockReader(bus)
-        self.last_blocks: list[tuple[int, bytes]] = []
-
-    @property
-    def journal(self) -> Journal:
-        """Where messages and counters go."""
-        return self.bus.journal
-
-    def identity(self) -> dict[str, object]:
-        """What tells this hand from another. The manual documents no serial number, model or firmware register."""
-        return {"kind": self.kind, "id": self.bus.id}
-
-    # -- reading -------------------------------------------------------------------------------------------------
-
-    def read(self, elements: Sequence[Element]) -> list[Reading]:
-        """Read elements in the fewest transactions. An element that cannot be read carries its error.
-
-        Raises NoAnswer, ProtocolError when nothing at all could be read, LinkError when the link is lost.
-        """
-        registers = {element.param.name: register_of(element) for element in elements}
-        memory = self._reader.read(registers.values())
-        self.last_blocks = sorted(memory.blocks)
-        return [_reading(element, memory) for element in elements]
-
-    def row(self, reading: Reading) -> Row:
-        """The data row of one reading (cli contract, row keys of exo)."""
-        register = register_of(reading.element)
-        row: Row = {
-            "name": register.name,
-            "finger": reading.element.part,
-            "address": register.address_of(reading.element.index),
-        }
-        if reading.error is not None or reading.value is None:
-            return {
-                **row,
-                "error": reading.error.text if reading.error is not None else "not read",
-                "unit": register.unit,
-                "raw": None,
-            }
-        label = register.label(reading.value) or register.note or None
-        return {**row, "value": reading.value, "unit": register.unit, "raw": hex_bytes(reading.raw), "label": label}
-
-    # -- writing -------------------------------------------------------------------------------------------------
-
-    def plan(self, changes: Sequence[tuple[Element, Number]]) -> list[Step]:
-        """The frames that write checked `changes`: adjacent elements of one group share a frame; never across groups."""
-        steps = []
-        for run in _runs(changes):
-            register = register_of(run[0][0])
-            data = b"".join(register.encode(value) for _, value in run)
-            address = register.address_of(run[0][0].index)
-            meaning = ", ".join(f"{element.full_name} = {value}" for element, value in run)
-            steps.append(
-                Step(
-                    f"write {meaning} (address {address})",
-                    eb90.write_request(self.bus.id, address, data),
-                    register.moves,
-                    register.strands,
-                )
-            )
-        return steps
+    @staticmethod
+    def view(rows: list[Row]) -> list[Grid]:
+        """One line per register, fingers side by side."""
+        return registers_view(rows)
 
     def trigger_step(self, name: str, meaning: str) -> Step:
         """The frame that writes 1 to a trigger register."""
@@ -119,14 +53,9 @@ class ExoHand:
         return Step(f"{which} command, little to thumb: {' '.join(map(str, values))}", request, moves=True)
 
     def write(self, changes: Sequence[tuple[Element, Number]]) -> list[Reading]:
-        """Write checked changes one frame at a time and read all of them back.
-
-        A write without an answer is not repeated: the read-back decides. Raises DeviceRefused when a write is
-        refused; CheckFailed when the read-back differs, which it says with both values. The id has a procedure of
-        its own, since the hand answers elsewhere afterwards.
-        """
+        """As every register device; but the id has a procedure, since the hand answers elsewhere afterwards."""
         calm = [change for change in changes if change[0].param.name != "id"]
-        readings = self._write_plain(calm) if calm else []
+        readings = super().write(calm) if calm else []
         for element, value in changes:
             if element.param.name == "id":
                 from handctl.devices.inspire.exo_procedures import change_id
@@ -134,41 +63,6 @@ class ExoHand:
                 change_id(self, int(value))
                 readings += self.read([element])
         return readings
-
-    def _write_plain(self, changes: Sequence[tuple[Element, Number]]) -> list[Reading]:
-        written: list[str] = []
-        for run in _runs(changes):
-            register = register_of(run[0][0])
-            address = register.address_of(run[0][0].index)
-            names = ", ".join(element.full_name for element, _ in run)
-            try:
-                self.bus.write(address, b"".join(register.encode(value) for _, value in run))
-            except (NoAnswer, ProtocolError) as exc:
-                self.journal.warn(
-                    "ack-lost", f"the write of {names} was not acknowledged ({exc.text}); reading it back"
-                )
-            except HandctlError as exc:
-                if written:
-                    exc.hint = f"already written: {', '.join(written)}. {exc.hint}"
-                raise
-            written.append(names)
-        readings = self.read([element for element, _ in changes])
-        self._verify(changes, readings)
-        return readings
-
-    def _verify(self, changes: Sequence[tuple[Element, Number]], readings: Sequence[Reading]) -> None:
-        wrong = []
-        for (element, value), reading in zip(changes, readings, strict=True):
-            if reading.error is not None:
-                wrong.append(f"{element.full_name} could not be read back")
-            elif reading.value != value:
-                wrong.append(f"{element.full_name} reads {reading.value} after {value} was written")
-        if wrong:
-            raise CheckFailed(
-                f"{self.bus.where}: {'; '.join(wrong)}",
-                hint="the device did not take the value, or changed it: look with `handctl exo get` before writing again",
-                code="read-back",
-            )
 
     def find_for_restore(self, values: dict[str, Number]) -> None:
         """Make `bus.id` the one that answers: after an interrupted restore that may be the snapshot's id already."""
@@ -192,27 +86,6 @@ class ExoHand:
         return self.table(readings)
 
     # -- tables --------------------------------------------------------------------------------------------------
-
-    def table(self, readings: Sequence[Reading], title: str = "") -> Table:
-        """Readings as a Table; for people one line per register, fingers side by side."""
-        return Table(
-            rows=[self.row(reading) for reading in readings],
-            columns=self.columns,
-            title=title,
-            view=registers_view,
-            failure=self._partial(readings),
-        )
-
-    def _partial(self, readings: Sequence[Reading]) -> HandctlError | None:
-        failed = {reading.element.param.name: reading.error for reading in readings if reading.error is not None}
-        if not failed:
-            return None
-        first = next(iter(failed.values()))
-        return type(first)(
-            f"{self.bus.where}: {len(failed)} of the quantities could not be read: {', '.join(failed)}; {first.text}",
-            hint=first.hint,
-            code=first.code,
-        )
 
     def dump(self) -> Table:
         """Everything documented, in two transactions where the device allows it (exo §2.3)."""
@@ -282,28 +155,6 @@ def unhealthy(readings: Sequence[Reading]) -> list[str]:
                 f"{reading.element.full_name} = {value} is outside {param.range_text or 'the plausible'} ({param.source})"
             )
     return found
-
-
-def _reading(element: Element, memory: Memory) -> Reading:
-    register = register_of(element)
-    data = memory.bytes_at(register.address_of(element.index), register.size)
-    if data is None:
-        error = memory.errors.get(register.name) or NoAnswer(f"{register.name} was not read")
-        return Reading(element, None, b"", error)
-    return Reading(element, register.decode(data), data)
-
-
-def _runs(changes: Sequence[tuple[Element, Number]]) -> list[list[tuple[Element, Number]]]:
-    """Changes grouped into runs of adjacent elements of one register group."""
-    runs: list[list[tuple[Element, Number]]] = []
-    for element, value in changes:
-        if runs:
-            last = runs[-1][-1][0]
-            if last.param.name == element.param.name and last.index + 1 == element.index:
-                runs[-1].append((element, value))
-                continue
-        runs.append([(element, value)])
-    return runs
 
 
 # -- how people see it -------------------------------------------------------------------------------------------

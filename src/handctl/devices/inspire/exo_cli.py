@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from handctl import verbs
-from handctl.clikit import Group
+from handctl.clikit import Group, stream_options
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.bus import DEFAULT_RETRIES, DEFAULT_TIMEOUT, Bus
 from handctl.devices.inspire.exo import ExoHand
@@ -98,16 +98,7 @@ def describe(run: Run, names: tuple[str, ...]) -> Table:
 
 @cli.verb("watch", streams=True)
 @click.argument("names", nargs=-1, metavar="[NAME]...")
-@click.option(
-    "--rate",
-    type=click.FloatRange(min=0),
-    default=verbs.DEFAULT_RATE,
-    show_default=True,
-    metavar="HZ",
-    help="Samples per second; 0 = as fast as the hand answers.",
-)
-@click.option("--count", type=click.IntRange(min=1), metavar="N", help="End after N samples.")
-@click.option("--duration", type=click.FloatRange(min=0, min_open=True), metavar="S", help="End after S seconds.")
+@stream_options
 def watch(run: Run, names: tuple[str, ...], rate: float, count: int | None, duration: float | None) -> Table:
     """Live view on a terminal, a stream of rows elsewhere. Without names: what changes by itself."""
     return verbs.watch(run, EXO, names, rate=rate, count=count, duration=duration)  # fmt: skip
@@ -457,6 +448,7 @@ def restore(run: Run, file: str) -> Table:
 )
 def scan(run: Run, ids: str, speeds: str, window: int, reply_window: float | None, find_all: bool) -> Table:
     """Look for hands by read-only probes: id 1 at each speed, then all ids. Bounded; confirms each hit twice."""
-    from handctl.devices.inspire import exo_scan
+    from handctl.devices.inspire import exo_scan, scan_report
 
-    return exo_scan.scan(run.device(), run.guide, exo_scan.parse_ids(ids), exo_scan.parse_speeds(speeds), window, reply_window, find_all)  # fmt: skip
+    wanted, rates = scan_report.parse_ids(ids), scan_report.parse_speeds(speeds)
+    return exo_scan.scan(run.device(), run.guide, wanted, rates, window, reply_window, find_all)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from handctl.devices.inspire import eb90
-from handctl.devices.inspire.bus import HINTS, explain
-from handctl.devices.inspire.exo import ExoHand
+from handctl.devices.inspire.bus import HINTS, Bus, explain
+from handctl.devices.inspire.device import RegisterDevice
 from handctl.devices.inspire.registers import EXO, Register
 from handctl.errors import CheckFailed, DeviceRefused, NoAnswer, ProtocolError, UsageError
-from handctl.param import Element, Reading, Step
+from handctl.param import Element, ParamMap, Reading, Step
 from handctl.result import Column, Row, Table, hex_bytes
 
 
@@ -22,17 +22,17 @@ def parse_hex(text: str) -> bytes:
     return data
 
 
-def read(hand: ExoHand, address: int, count: int) -> Table:
+def read(hand: RegisterDevice, address: int, count: int) -> Table:
     """Bytes from any address; whole documented elements are decoded, the rest stays raw."""
     data = hand.bus.read(address, count)
     return Table(rows=_rows(hand, address, data), columns=hand.columns)
 
 
-def _rows(hand: ExoHand, address: int, data: bytes) -> list[Row]:
+def _rows(hand: RegisterDevice, address: int, data: bytes) -> list[Row]:
     rows: list[Row] = []
     position = 0
     while position < len(data):
-        element = _element_at(address + position)
+        element = _element_at(hand.map, address + position)
         size = element[1].size if element is not None else 1
         if element is not None and position + size <= len(data):
             raw = data[position : position + size]
@@ -40,10 +40,12 @@ def _rows(hand: ExoHand, address: int, data: bytes) -> list[Row]:
             position += size
             continue
         start = position
-        label = _part_of(address + start)
+        label = _part_of(hand.map, address + start)
         position += 1
         while (
-            position < len(data) and _element_at(address + position) is None and _part_of(address + position) == label
+            position < len(data)
+            and _element_at(hand.map, address + position) is None
+            and _part_of(hand.map, address + position) == label
         ):
             position += 1
         rows.append(
@@ -60,24 +62,24 @@ def _rows(hand: ExoHand, address: int, data: bytes) -> list[Row]:
     return rows
 
 
-def _part_of(address: int) -> str:
+def _part_of(params: ParamMap[Register], address: int) -> str:
     """What a byte is that begins no whole element in the span that was read."""
-    for register in EXO:
+    for register in params:
         if register.readable and address in register.span:
             index = (address - register.address) // register.size
             return f"part of {Element(register, index).full_name}"
     return "undocumented"
 
 
-def _element_at(address: int) -> tuple[int, Register] | None:
+def _element_at(params: ParamMap[Register], address: int) -> tuple[int, Register] | None:
     """The documented, readable element that begins at `address`: (index, register)."""
-    for register in EXO:
+    for register in params:
         if register.readable and address in register.span and (address - register.address) % register.size == 0:
             return (address - register.address) // register.size, register
     return None
 
 
-def plan_write(hand: ExoHand, address: int, data: bytes, undocumented: bool) -> Step:
+def plan_write(hand: RegisterDevice, address: int, data: bytes, undocumented: bool) -> Step:
     """Check a write against the map: within one documented group, whole elements, legal values. Raises UsageError."""
     eb90.check_span(address, len(data))
     touched = [register for register in EXO if _overlap(register, address, len(data))]
@@ -131,7 +133,7 @@ def _checked(register: Register, address: int, data: bytes) -> str:
     return ", ".join(texts)
 
 
-def write(hand: ExoHand, address: int, data: bytes) -> Table:
+def write(hand: RegisterDevice, address: int, data: bytes) -> Table:
     """Write once, read back. Raises CheckFailed when the read-back differs."""
     try:
         hand.bus.write(address, data)
@@ -199,9 +201,11 @@ def _raw_command(frame: eb90.Frame, data: bytes, force_ambiguous: bool) -> Step:
     return Step(f"{name} command, little to thumb: {' '.join(map(str, values))}, to id {frame.id}", data, moves=True)
 
 
-def exchange(hand: ExoHand, data: bytes, wait: float) -> Table:
+def exchange(hand: RegisterDevice, data: bytes, wait: float) -> Table:
     """Send bytes once, listen for `wait` seconds after the last byte came, show every frame in the answer."""
     bus = hand.bus
+    assert isinstance(bus, Bus)
+    bus.refuse_late(hex_bytes(data))
     bus.drain()
     bus.send(data)
     received = b""
@@ -214,16 +218,18 @@ def exchange(hand: ExoHand, data: bytes, wait: float) -> Table:
     decoder = eb90.Decoder()
     decoder.feed(received)
     frames = _frames(decoder)
-    rows = [_frame_row(frame, frame.encode() == data) for frame in frames]
+    rows = [_frame_row(hand.map, frame, frame.encode() == data) for frame in frames]
     bus.journal.counters.received += len(rows)
     bus.journal.counters.stray_bytes += decoder.skipped
     table = Table(rows=rows, columns=RAW_COLUMNS, extra={"received": hex_bytes(received)})
     replies = [frame for frame in frames if frame.from_device]
-    refused = [frame for frame in replies if frame.flag == eb90.WRITE and frame.data != b"\x01"]
+    refused = [
+        frame for frame in replies if frame.flag in WRITES and frame.address is not None and frame.data != b"\x01"
+    ]
     if not any(frame.id == data[2] for frame in replies if len(data) > 2) and not _changes_id(data):
         code, text = explain(data, received)
         table.failure = ProtocolError(f"{bus.where}: {text}: {hex_bytes(received)}", hint=HINTS[code], code=code)
-    elif refused and data[4:5] == bytes([eb90.WRITE]):
+    elif refused and data[4] in WRITES:
         table.failure = DeviceRefused(f"{bus.where}: the device answered {hex_bytes(refused[0].data)} instead of 01")
     return table
 
@@ -233,6 +239,8 @@ def _changes_id(data: bytes) -> bool:
     return data[4:7] == bytes([eb90.WRITE]) + EXO["id"].address.to_bytes(2, "little")
 
 
+WRITES = (eb90.WRITE, eb90.FORCE_COMMAND)
+"""11/12 registers; a wrist writes with 31, which is the exo's force command in a longer frame."""
 RAW_COLUMNS = (
     Column("direction", "From"),
     Column("id", "Id", right=True),
@@ -256,27 +264,27 @@ def _frames(decoder: eb90.Decoder) -> list[eb90.Frame]:
         frames.append(frame)
 
 
-def _frame_row(frame: eb90.Frame, echo: bool) -> Row:
+def _frame_row(params: ParamMap[Register], frame: eb90.Frame, echo: bool) -> Row:
     return {
         "direction": "device" if frame.from_device else "host",
         "id": frame.id,
         "flag": f"{frame.flag:02X}",
         "address": frame.address,
         "data": hex_bytes(frame.data if frame.address is not None else frame.payload),
-        "meaning": "our own bytes" if echo else _meaning(frame),
+        "meaning": "our own bytes" if echo else _meaning(params, frame),
         "raw": hex_bytes(frame.encode()),
     }
 
 
-def _meaning(frame: eb90.Frame) -> str:
+def _meaning(params: ParamMap[Register], frame: eb90.Frame) -> str:
     if frame.address is None:
         return f"values {' '.join(map(str, eb90.unpack_s16(frame.payload)))}"
-    if frame.flag == eb90.WRITE:
+    if frame.flag in (eb90.WRITE, eb90.FORCE_COMMAND) and len(frame.data) == 1:
         return "accepted" if frame.data == b"\x01" else "not accepted"
     parts = []
     offset = 0
     while offset < len(frame.data):
-        found = _element_at(frame.address + offset)
+        found = _element_at(params, frame.address + offset)
         if found is not None and offset + found[1].size <= len(frame.data):
             raw = frame.data[offset : offset + found[1].size]
             parts.append(f"{Element(found[1], found[0]).full_name} = {found[1].decode(raw)}")

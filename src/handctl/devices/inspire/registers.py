@@ -53,6 +53,14 @@ class Register(Param):
         return self.to_raw(value).to_bytes(self.size, "little", signed=self.signed)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Angle(Register):
+    """An angle of the wrist: 0.01 degree a count."""
+
+    decimals: int = 2
+    unit: str | None = "°"
+
+
 def register_of(element: Element) -> Register:
     """The register that an element of one of these maps belongs to."""
     assert isinstance(element.param, Register)
@@ -197,3 +205,69 @@ EXO: ParamMap[Register] = ParamMap(
     ],
 )
 """EH55BF1 (exo §2.3). 1609 is the index finger although §2.3.12 prints "thumb": its own example says so."""
+
+
+PITCH_RANGE = (-22.66, 22.12)
+YAW_RANGE = (-25.50, 25.50)
+"""Degrees (wrist §1)."""
+_ASSUMED = "bit names assumed from the hand"
+
+
+def _angle(address: int, name: str, doc: str, source: str, limits: tuple[float, float], **more: object) -> Register:
+    low, high = limits
+    return Angle(address=address, name=name, doc=doc, source=source, low=low, high=high, **more)  # type: ignore[arg-type]
+
+
+WRIST: ParamMap[Register] = ParamMap(
+    "wrist",
+    [
+        _angle(1020, "pitch_actual", "measured pitch", "wrist §2.1", PITCH_RANGE),
+        _angle(1022, "yaw_actual", "measured yaw", "wrist §2.1", YAW_RANGE),
+        _s16(
+            1024,
+            "current_1024",
+            "current of a servo actuator",
+            "wrist §2.1, §2.3.1",
+            unit="mA",
+            note="actuator #2 by the register table, #1 by the CAN example",
+        ),
+        _s16(
+            1026,
+            "current_1026",
+            "current of a servo actuator",
+            "wrist §2.1, §2.3.1",
+            unit="mA",
+            note="actuator #1 by the register table, #2 by the CAN example",
+        ),
+        _u8(1028, "error_1", "error bits of actuator #1", "wrist §2.1", bits=ERROR_BITS, note=_ASSUMED),
+        _u8(1030, "error_2", "error bits of actuator #2", "wrist §2.1", bits=ERROR_BITS, note=_ASSUMED),
+        _u8(1032, "temperature_1", "temperature of actuator #1", "wrist §2.1", unit="°C", note="unit assumed"),
+        _u8(1033, "temperature_2", "temperature of actuator #2", "wrist §2.1", unit="°C", note="unit assumed"),
+        _angle(
+            1038, "yaw_set", "commanded yaw", "wrist §2.1", YAW_RANGE, access="rw", moves=True, persistent="unknown"
+        ),
+        _angle(
+            1040,
+            "pitch_set",
+            "commanded pitch",
+            "wrist §2.1",
+            PITCH_RANGE,
+            access="rw",
+            moves=True,
+            persistent="unknown",
+        ),
+        Register(
+            address=1042,
+            name="move_time",
+            doc="time of a movement from here to the target",
+            source="wrist §2.1, range by this tool",
+            unit="ms",
+            low=1,
+            high=32767,
+            signed=False,
+            access="rw",
+            persistent="unknown",
+        ),
+    ],
+)
+"""Wrist module (wrist §2.1). Actual angles lie pitch first, set angles yaw first; error bytes lie two apart."""

@@ -1,6 +1,6 @@
-"""Looking for hands: ids 1..254 at the three documented speeds, read-only, never mistaking an echo or noise for one.
+"""Looking for devices on a serial line: ids and speeds, read-only, never mistaking an echo or noise for a device.
 
-A probe reads two bytes of system_voltage: its reply is longer than the request and names its id. Sequential: one
+A probe reads two bytes of a register: its reply is longer than the request and names its id. Sequential: one
 probe, one reply window. Windowed: the probes of k ids back to back, then one window; a late reply still names its id
 and counts in any later window, so the shorter wait loses nothing. A window that holds bytes of no frame is asked
 again in halves, down to single ids. Every hit counts after a second, equal answer.
@@ -14,25 +14,24 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from handctl.devices.inspire import eb90
-from handctl.devices.inspire.bus import HINTS, SILENCE_HINT, Bus
+from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.eb90 import Decoder
-from handctl.devices.inspire.exo import ExoHand
-from handctl.devices.inspire.registers import BAUD_RATES
-from handctl.errors import NoAnswer, ProtocolError, UsageError
+from handctl.errors import NoAnswer, ProtocolError
 from handctl.guide import Guide
-from handctl.result import Column, Row, Table
 
-PROBE_ADDRESS, PROBE_COUNT = 1472, 2
 DRAIN_SECONDS = 0.05
 TRICKLE_SECONDS = 0.2
 """A reply that comes in pieces may outlast its window by this much."""
 TWIN_READS = 20
-TWIN_ADDRESS, TWIN_COUNT = 1546, 12
+
+
+Span = tuple[int, int]
+"""Address and count."""
 
 
 @dataclass(slots=True)
 class Findings:
-    """What a scan saw: `hits` (speed, id, voltage), `twins`, replies with a wrong sum by id (`damaged`), answers under an id that
+    """What a scan saw: `hits` (speed, id, value of the probed register), `twins`, replies with a wrong sum by id (`damaged`), answers under an id that
     does not answer when asked alone (`foreign`), `echo`, bytes of no
     reply (`garbage`), probes and windows used."""
 
@@ -51,7 +50,10 @@ class Findings:
 class Scanner:
     """Scans one line. `window` = ids per reply window (1 = sequential), `wait` = reply window in seconds."""
 
-    def __init__(self, bus: Bus, guide: Guide, *, window: int, wait: float, find_all: bool) -> None:
+    def __init__(
+        self, bus: Bus, guide: Guide, *, window: int, wait: float, find_all: bool, probe: Span, twin: Span
+    ) -> None:
+        self._probe, self._twin_span = probe, twin
         self._bus = bus
         self._guide = guide
         self._window = window
@@ -87,7 +89,7 @@ class Scanner:
         if speed is not None and bus.link.can_set_baud:
             bus.link.set_baud(speed)
         bus.drain()
-        self._decoder = Decoder([eb90.read_reply_prefix(i, PROBE_ADDRESS, PROBE_COUNT) for i in range(1, 255)])
+        self._decoder = Decoder([eb90.read_reply_prefix(i, *self._probe, bus.read_flag) for i in range(1, 255)])
         answered: dict[int, int] = {}
         # The first probe goes twice: a frame cut by wrong-speed garbage may swallow one.
         groups = [ids[:1]] + [ids[i : i + self._window] for i in range(0, len(ids), self._window)]
@@ -116,7 +118,7 @@ class Scanner:
     def _group(self, group: list[int], answered: dict[int, int]) -> bool:
         """Probe `group` in one window. False when bytes came that belong to no valid reply."""
         bus = self._bus
-        probes = b"".join(eb90.read_request(i, PROBE_ADDRESS, PROBE_COUNT) for i in group)
+        probes = b"".join(eb90.read_request(i, *self._probe, bus.read_flag) for i in group)
         wire = bus.wire_seconds(len(probes))
         bus.link.write(probes, bus.link.deadline(self._wait + wire + 1.0).earlier(bus.bound))
         bus.journal.counters.sent += len(group)
@@ -204,7 +206,7 @@ class Scanner:
         try:
             for _ in range(TWIN_READS):
                 try:
-                    bus.read(TWIN_ADDRESS, TWIN_COUNT, device_id=device_id, retries=0)
+                    bus.read(*self._twin_span, device_id=device_id, retries=0)
                     good += 1
                 except ProtocolError as exc:
                     bad += exc.code in ("bad-checksum", "garbage")
@@ -213,150 +215,3 @@ class Scanner:
         finally:
             bus.timeout = wanted
         return bad > 0 and (good > 0 or bad == TWIN_READS)
-
-
-def rows_of(found: Findings, link_name: str) -> list[Row]:
-    """Scan rows by the contract: family, link, baud, id; beside them the voltage reading and a twin suspicion."""
-    return [
-        {
-            "family": "exo",
-            "link": link_name,
-            "baud": speed,
-            "id": device_id,
-            "system_voltage": voltage,
-            "suspicion": "two devices with this id?" if (speed, device_id) in found.twins else None,
-        }
-        for speed, device_id, voltage in found.hits
-    ]
-
-
-COLUMNS = (
-    Column("family", "Family"),
-    Column("link", "Link"),
-    Column("baud", "Baud", right=True),
-    Column("id", "Id", right=True),
-    Column("system_voltage", "Voltage (raw)", right=True),
-    Column("suspicion", "Suspicion"),
-)
-
-
-def parse_ids(text: str) -> list[int]:
-    """``1-254`` or ``1,2,10-20`` -> ids in that order. Raises UsageError."""
-    ids: list[int] = []
-    for part in text.split(","):
-        first, dash, last = part.strip().partition("-")
-        if not first.isdecimal() or (dash and not last.isdecimal()):
-            raise UsageError(f"--ids {text}: expected FROM-TO or a list", hint="e.g. --ids 1-254 or --ids 1,2,7")
-        ends = int(first), int(last if dash else first)
-        for device_id in ends:
-            eb90.check_id(device_id)
-        ids += range(ends[0], ends[1] + 1)
-    if not ids:
-        raise UsageError(f"--ids {text}: no id in it", hint="e.g. --ids 1-254")
-    return list(dict.fromkeys(ids))
-
-
-def parse_speeds(text: str) -> list[int]:
-    """``115200,57600`` -> speeds the manual has. Raises UsageError."""
-    known = ", ".join(map(str, BAUD_RATES.values()))
-    speeds = []
-    for part in text.split(","):
-        if not part.strip().isdecimal() or int(part) not in BAUD_RATES.values():
-            raise UsageError(
-                f"--speeds {text}: {part.strip()!r} is not a speed of this hand", hint=f"{known} (exo §2.3.2)"
-            )
-        speeds.append(int(part))
-    return list(dict.fromkeys(speeds))
-
-
-def default_wait(link_name: str) -> float:
-    """Reply window in seconds: 20 ms, or 30 ms where the adapter's latency timer would eat those."""
-    import os
-
-    port = os.path.basename(os.path.realpath(link_name))
-    try:
-        with open(f"/sys/bus/usb-serial/devices/{port}/latency_timer", encoding="ascii") as file:
-            return 0.030 if int(file.read()) > 6 else 0.020
-    except (OSError, ValueError):
-        return 0.020
-
-
-def scan(
-    hand: ExoHand,
-    guide: Guide,
-    ids: Sequence[int],
-    speeds: Sequence[int],
-    window: int,
-    wait_ms: float | None,
-    find_all: bool,
-) -> Table:
-    """Run a scan and put it into words. Finding nothing is an error that says what was tried and what came instead."""
-    bus = hand.bus
-    link = bus.link
-    wait = wait_ms / 1000 if wait_ms is not None else default_wait(link.name)
-    tried: list[int | None] = list(speeds) if link.can_set_baud else [link.baud]
-    found = Scanner(bus, guide, window=window, wait=wait, find_all=find_all).run(ids, tried)
-    method = "one by one" if window == 1 else f"{window} ids per window"
-    speeds_text = ", ".join(str(speed) if speed else "the link's speed" for speed in tried)
-    summary = (
-        f"{found.probes} probes in {found.windows} windows, {found.seconds:.2f} s; asked for: ids {ids[0]}..{ids[-1]} at "
-        f"{speeds_text}, {method} of {wait * 1000:g} ms"
-    )
-    hand.journal.info("scanned", summary)
-    for speed, device_id in found.unconfirmed:
-        hand.journal.warn("unconfirmed", f"id {device_id} at {speed} answered once and not again: not counted")
-    table = Table(rows=rows_of(found, link.name), columns=COLUMNS, extra={"scan": _facts(found, window, wait)})
-    for speed, device_id in sorted(found.twins, key=str):
-        hand.journal.warn(
-            "twin-id",
-            f"id {device_id} at {speed}: good and bad checksums mix on values that jitter: two hands with one id?",
-            hint="leave one hand on the line and give it another id",
-        )
-    if not found.hits:
-        table.failure = _nothing(found, link.name, summary)
-    elif not find_all:
-        hand.journal.info("first", "ended at the first hand; --all looks for more")
-    return table
-
-
-def _facts(found: Findings, window: int, wait: float) -> dict[str, object]:
-    return {
-        "window": window,
-        "reply_window_ms": round(wait * 1000, 3),
-        "probes": found.probes,
-        "windows": found.windows,
-        "seconds": round(found.seconds, 3),
-        "echo": found.echo,
-        "garbage_bytes": found.garbage,
-    }
-
-
-def _nothing(found: Findings, name: str, summary: str) -> NoAnswer | ProtocolError:
-    twice = [device_id for device_id, count in found.damaged.items() if count >= 2]
-    if twice:
-        return ProtocolError(
-            f"{name}: id {', '.join(map(str, twice))} answered, but each time with a wrong checksum ({summary})",
-            hint="two hands with one id, or a disturbed line: leave one hand on the line, check cable and ground",
-            code="bad-checksum",
-        )
-    if found.foreign:
-        ids = ", ".join(str(device_id) for _, device_id in found.unconfirmed)
-        return ProtocolError(
-            f"{name}: answers under id {ids} came, but not when that id was asked ({summary})",
-            hint=HINTS["wrong-id"],
-            code="wrong-id",
-        )
-    if found.echo:
-        return ProtocolError(
-            f"{name}: no hand, only our own bytes came back ({summary})", hint=HINTS["echo"], code="echo"
-        )
-    if found.garbage:
-        return ProtocolError(
-            f"{name}: no hand, but {found.garbage} bytes that form no valid answer ({summary})",
-            hint=HINTS["garbage"],
-            code="garbage",
-        )
-    return NoAnswer(
-        f"{name}: no hand, complete silence ({summary})",
-        hint=SILENCE_HINT.replace("--id 1 at 115200, `handctl exo scan`, ", ""),
-    )

@@ -1,0 +1,163 @@
+"""Register access over CAN: requests and replies carry the same identifier, eight bytes at most.
+
+Foreign traffic is passed over and counted. A read asks for two bytes at least: a one-byte read of the value 01 would
+equal its own request (wrist §2.3.1). Writes are never padded and never repeated.
+"""
+
+from __future__ import annotations
+
+from handctl.devices.inspire import canreg
+from handctl.devices.inspire.bus import DEFAULT_RETRIES, DEFAULT_TIMEOUT, RegisterBus
+from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError
+from handctl.link import CanFrame, Deadline, FrameLink
+from handctl.param import Step
+from handctl.result import Journal, hex_bytes
+
+
+class CanBus(RegisterBus):
+    """The CAN bus to one hand id. `read_flag` and `write_flag` choose the register space: 4/5 wrist, 0/1 hand."""
+
+    link: FrameLink
+    max_count = canreg.MAX_COUNT
+
+    def __init__(
+        self,
+        link: FrameLink,
+        device_id: int,
+        journal: Journal,
+        *,
+        timeout: float = DEFAULT_TIMEOUT,
+        retries: int = DEFAULT_RETRIES,
+        bound: Deadline | None = None,
+        read_flag: int = canreg.READ_WRIST,
+        write_flag: int = canreg.WRITE_WRIST,
+    ) -> None:
+        canreg.check_id(device_id)
+        super().__init__(link, device_id, journal, timeout=timeout, retries=retries, bound=bound)
+        self.read_flag = read_flag
+        self.write_flag = write_flag
+        journal.counters.foreign_frames = journal.counters.foreign_frames or 0
+
+    def read(self, address: int, count: int, *, retries: int | None = None) -> bytes:
+        """`count` bytes from `address`; more than eight are several reads (wrist §2.3.1)."""
+        if count == 1:
+            even = address & ~1
+            return self.read(even, 2, retries=retries)[address - even : address - even + 1]
+        if count > canreg.MAX_COUNT:
+            first = self.read(address, canreg.MAX_COUNT, retries=retries)
+            return first + self.read(address + canreg.MAX_COUNT, count - canreg.MAX_COUNT, retries=retries)
+        request = CanFrame(*canreg.read_request(self.id, address, count, self.read_flag))
+        attempts = 1 + (self.retries if retries is None else retries)
+        for attempt in range(attempts):
+            if attempt:
+                self.journal.counters.retries += 1
+            try:
+                return self._exchange(request, count)
+            except (NoAnswer, ProtocolError) as exc:
+                error: HandctlError = exc
+            if self.bound is not None and self.bound.expired:
+                break
+        raise error
+
+    def write(self, address: int, data: bytes) -> None:
+        """Write 1..8 bytes once (wrist §2.3.2). The reply has no data, or the number of bytes written."""
+        request = CanFrame(*canreg.write_request(self.id, address, data, self.write_flag))
+        reply = self._exchange(request, None)
+        if reply and reply[0] != len(data):
+            raise DeviceRefused(
+                f"{self.where}: the device acknowledged {reply[0]} of {len(data)} bytes written at {address}",
+                hint="it did not take the value, or only a part: read it before you write again",
+            )
+
+    def write_step(self, address: int, data: bytes, meaning: str) -> Step:
+        """The exact frame of that write."""
+        identifier, payload = canreg.write_request(self.id, address, data, self.write_flag)
+        return Step(meaning, payload, can_id=identifier)
+
+    def drain(self) -> None:
+        """Pass over what waits in the input: late answers belong to nobody, the rest to others."""
+        now = self.link.deadline(0)
+        for _ in range(4096):
+            frame = self.link.receive(now)
+            if frame is None:
+                return
+            self._pass_over(frame)
+
+    def _exchange(self, request: CanFrame, count: int | None) -> bytes:
+        """Send once; the data of the reply. `count` bytes are expected, None = an acknowledgement (0 or 1 byte)."""
+        self.refuse_late(str(request))
+        self.drain()
+        errors = self.link.error_frames
+        deadline = self.link.deadline(self.timeout).earlier(self.bound)
+        self.link.send(request, deadline)
+        self.journal.counters.sent += 1
+        odd: list[CanFrame] = []
+        while True:
+            frame = self.link.receive(deadline)
+            if frame is None:
+                raise self._failure(request, odd, self.link.error_frames - errors)
+            if frame.can_id == request.can_id and (
+                len(frame.data) == count or (count is None and len(frame.data) <= 1)
+            ):
+                self.journal.counters.received += 1
+                return frame.data
+            self._pass_over(frame)
+            if _related(frame, request):
+                odd.append(frame)
+            if deadline.expired:
+                raise self._failure(request, odd, self.link.error_frames - errors)
+
+    def _pass_over(self, frame: CanFrame) -> None:
+        access = canreg.parse_identifier(frame.can_id)
+        if access.hand_id == self.id:
+            self.journal.counters.stray_bytes += len(frame.data)
+        else:
+            self.journal.counters.foreign_frames = (self.journal.counters.foreign_frames or 0) + 1
+
+    def _failure(self, request: CanFrame, odd: list[CanFrame], errors: int) -> HandctlError:
+        echo = any(frame == request for frame in odd)
+        others = [frame for frame in odd if frame != request]
+        if others:
+            access = canreg.parse_identifier(others[0].can_id)
+            if access.hand_id != self.id:
+                return ProtocolError(
+                    f"{self.where}: id {access.hand_id} answered instead: {others[0]}; sent {request}",
+                    hint="use the --id it shows, or look with `handctl wrist scan`",
+                    code="wrong-id",
+                )
+            return ProtocolError(
+                f"{self.where}: the answer has {len(others[0].data)} bytes, not what was asked: {others[0]}; sent {request}",
+                hint="another kind of device, or a second master on this bus",
+                code="cut-short",
+            )
+        if echo:
+            return ProtocolError(
+                f"{self.where}: only our own frame came back: {request}",
+                hint="the adapter is in loopback mode, or hands out what it sends; no device answers",
+                code="echo",
+            )
+        if errors:
+            return NoAnswer(f"{self.where}: nobody acknowledged {request}", hint=NO_ACK_HINT, code="no-ack")
+        return NoAnswer(
+            f"{self.where}: no answer to {request} within {self.timeout:g} s",
+            hint=f"no hand has this id (`handctl wrist scan` looks), or nobody hears it at all: {NO_ACK_HINT}",
+        )
+
+
+NO_ACK_HINT = (
+    "check power, termination (120 ohm), CAN high and low, and the bitrate: 1000000 by the manual, "
+    "some hands of this maker use 500000 (add ?bitrate=500000 to the LINK)"
+)
+
+
+def _related(frame: CanFrame, request: CanFrame) -> bool:
+    """Whether a frame looks like an answer to the same question: same flag and address."""
+    return frame.can_id >> 14 == request.can_id >> 14
+
+
+def describe_frame(frame: CanFrame) -> str:
+    """A frame in words: ``read wrist, address 1024, id 1, 4 bytes``."""
+    access = canreg.parse_identifier(frame.can_id)
+    kinds = {0: "read hand", 1: "write hand", 4: "read wrist", 5: "write wrist"}
+    kind = kinds.get(access.flag, f"flag {access.flag}, which the manual does not have")
+    return f"{kind}, address {access.address}, id {access.hand_id}, {len(frame.data)} bytes {hex_bytes(frame.data)}".rstrip()

@@ -1,0 +1,26 @@
+"""`handctl exo scan`: read-only probes of system_voltage, which every hand of the family answers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from handctl.devices.inspire import scan_report
+from handctl.devices.inspire.exo import ExoHand
+from handctl.devices.inspire.scan_report import Kind
+from handctl.guide import Guide
+from handctl.result import Table
+
+KIND = Kind("exo", probe=(1472, 2), twin=(1546, 12), value="system_voltage")
+
+
+def scan(
+    hand: ExoHand,
+    guide: Guide,
+    ids: Sequence[int],
+    speeds: Sequence[int],
+    window: int,
+    wait_ms: float | None,
+    find_all: bool,
+) -> Table:
+    """Look for exo hands on the line of `hand`."""
+    return scan_report.scan(hand.bus, KIND, guide, ids, speeds, window, wait_ms, find_all)

@@ -1,0 +1,176 @@
+"""A scan of a serial line, in words and rows: what was asked for, what was found, what came instead."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from handctl.devices.inspire import eb90
+from handctl.devices.inspire.bus import HINTS, SILENCE_HINT, Bus
+from handctl.devices.inspire.registers import BAUD_RATES
+from handctl.devices.inspire.scanner import Findings, Scanner, Span
+from handctl.errors import NoAnswer, ProtocolError, UsageError
+from handctl.guide import Guide
+from handctl.result import Column, Row, Table
+
+
+class Kind(NamedTuple):
+    """What is looked for: family, the probed register, a jittering one for the twin test, the probed one's name."""
+
+    family: str
+    probe: Span
+    twin: Span
+    value: str
+
+
+def rows_of(found: Findings, link_name: str, kind: Kind) -> list[Row]:
+    """Scan rows by the contract: family, link, baud, id; beside them the voltage reading and a twin suspicion."""
+    return [
+        {
+            "family": kind.family,
+            "link": link_name,
+            "baud": speed,
+            "id": device_id,
+            kind.value: voltage,
+            "suspicion": "two devices with this id?" if (speed, device_id) in found.twins else None,
+        }
+        for speed, device_id, voltage in found.hits
+    ]
+
+
+def columns_of(kind: Kind) -> tuple[Column, ...]:
+    """The columns of a scan."""
+    return (
+        Column("family", "Family"),
+        Column("link", "Link"),
+        Column("baud", "Baud", right=True),
+        Column("id", "Id", right=True),
+        Column(kind.value, kind.value, right=True),
+        Column("suspicion", "Suspicion"),
+    )
+
+
+def parse_ids(text: str) -> list[int]:
+    """``1-254`` or ``1,2,10-20`` -> ids in that order. Raises UsageError."""
+    ids: list[int] = []
+    for part in text.split(","):
+        first, dash, last = part.strip().partition("-")
+        if not first.isdecimal() or (dash and not last.isdecimal()):
+            raise UsageError(f"--ids {text}: expected FROM-TO or a list", hint="e.g. --ids 1-254 or --ids 1,2,7")
+        ends = int(first), int(last if dash else first)
+        for device_id in ends:
+            eb90.check_id(device_id)
+        ids += range(ends[0], ends[1] + 1)
+    if not ids:
+        raise UsageError(f"--ids {text}: no id in it", hint="e.g. --ids 1-254")
+    return list(dict.fromkeys(ids))
+
+
+def parse_speeds(text: str) -> list[int]:
+    """``115200,57600`` -> speeds the manual has. Raises UsageError."""
+    known = ", ".join(map(str, BAUD_RATES.values()))
+    speeds = []
+    for part in text.split(","):
+        if not part.strip().isdecimal() or int(part) not in BAUD_RATES.values():
+            raise UsageError(
+                f"--speeds {text}: {part.strip()!r} is not a speed of this hand", hint=f"{known} (exo §2.3.2)"
+            )
+        speeds.append(int(part))
+    return list(dict.fromkeys(speeds))
+
+
+def default_wait(link_name: str) -> float:
+    """Reply window in seconds: 20 ms, or 30 ms where the adapter's latency timer would eat those."""
+    import os
+
+    port = os.path.basename(os.path.realpath(link_name))
+    try:
+        with open(f"/sys/bus/usb-serial/devices/{port}/latency_timer", encoding="ascii") as file:
+            return 0.030 if int(file.read()) > 6 else 0.020
+    except (OSError, ValueError):
+        return 0.020
+
+
+def scan(
+    bus: Bus,
+    kind: Kind,
+    guide: Guide,
+    ids: Sequence[int],
+    speeds: Sequence[int],
+    window: int,
+    wait_ms: float | None,
+    find_all: bool,
+) -> Table:
+    """Run a scan and put it into words. Finding nothing is an error that says what was tried and what came instead."""
+    link = bus.link
+    wait = wait_ms / 1000 if wait_ms is not None else default_wait(link.name)
+    tried: list[int | None] = list(speeds) if link.can_set_baud else [link.baud]
+    found = Scanner(bus, guide, window=window, wait=wait, find_all=find_all, probe=kind.probe, twin=kind.twin).run(
+        ids, tried
+    )
+    method = "one by one" if window == 1 else f"{window} ids per window"
+    speeds_text = ", ".join(str(speed) if speed else "the link's speed" for speed in tried)
+    summary = (
+        f"{found.probes} probes in {found.windows} windows, {found.seconds:.2f} s; asked for: ids {ids[0]}..{ids[-1]} at "
+        f"{speeds_text}, {method} of {wait * 1000:g} ms"
+    )
+    bus.journal.info("scanned", summary)
+    for speed, device_id in found.unconfirmed:
+        bus.journal.warn("unconfirmed", f"id {device_id} at {speed} answered once and not again: not counted")
+    table = Table(
+        rows=rows_of(found, link.name, kind), columns=columns_of(kind), extra={"scan": _facts(found, window, wait)}
+    )
+    for speed, device_id in sorted(found.twins, key=str):
+        bus.journal.warn(
+            "twin-id",
+            f"id {device_id} at {speed}: good and bad checksums mix on values that jitter: two devices with one id?",
+            hint="leave one device on the line and give it another id",
+        )
+    if not found.hits:
+        table.failure = _nothing(found, link.name, summary, kind)
+    elif not find_all:
+        bus.journal.info("first", "ended at the first one; --all looks for more")
+    return table
+
+
+def _facts(found: Findings, window: int, wait: float) -> dict[str, object]:
+    return {
+        "window": window,
+        "reply_window_ms": round(wait * 1000, 3),
+        "probes": found.probes,
+        "windows": found.windows,
+        "seconds": round(found.seconds, 3),
+        "echo": found.echo,
+        "garbage_bytes": found.garbage,
+    }
+
+
+def _nothing(found: Findings, name: str, summary: str, kind: Kind) -> NoAnswer | ProtocolError:
+    twice = [device_id for device_id, count in found.damaged.items() if count >= 2]
+    if twice:
+        return ProtocolError(
+            f"{name}: id {', '.join(map(str, twice))} answered, but each time with a wrong checksum ({summary})",
+            hint="two devices with one id, or a disturbed line: leave one device on the line, check cable and ground",
+            code="bad-checksum",
+        )
+    if found.foreign:
+        ids = ", ".join(str(device_id) for _, device_id in found.unconfirmed)
+        return ProtocolError(
+            f"{name}: answers under id {ids} came, but not when that id was asked ({summary})",
+            hint=HINTS["wrong-id"],
+            code="wrong-id",
+        )
+    if found.echo:
+        return ProtocolError(
+            f"{name}: no {kind.family}, only our own bytes came back ({summary})", hint=HINTS["echo"], code="echo"
+        )
+    if found.garbage:
+        return ProtocolError(
+            f"{name}: no {kind.family}, but {found.garbage} bytes that form no valid answer ({summary})",
+            hint=HINTS["garbage"],
+            code="garbage",
+        )
+    return NoAnswer(
+        f"{name}: no {kind.family}, complete silence ({summary})",
+        hint=SILENCE_HINT.replace("--id 1 at 115200, `handctl exo scan`, ", ""),
+    )

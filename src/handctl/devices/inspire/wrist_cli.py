@@ -1,0 +1,275 @@
+"""`handctl wrist …`: the commands of the wrist module, on its serial wire and on CAN."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from handctl import verbs
+from handctl.clikit import Group, stream_options
+from handctl.devices.inspire.bus import DEFAULT_RETRIES, DEFAULT_TIMEOUT, Bus
+from handctl.devices.inspire.registers import WRIST
+from handctl.devices.inspire.wrist import Wrist
+from handctl.link import FrameLink
+from handctl.result import Table
+from handctl.run import Family, Run
+
+if TYPE_CHECKING:
+    from handctl.link import ByteLink
+    from handctl.options import Settings
+    from handctl.result import Journal
+
+READ_FLAG, WRITE_FLAG = 0x30, 0x31
+"""wrist §2.2; never 11/12 at these addresses."""
+
+
+def open_wrist(link: ByteLink | FrameLink, settings: Settings, journal: Journal) -> Wrist:
+    """A wrist module behind a serial or a CAN link, with the options the user gave."""
+    device_id = settings.id if settings.id is not None else 1
+    more: dict[str, Any] = {
+        "timeout": settings.timeout if settings.timeout is not None else DEFAULT_TIMEOUT,
+        "retries": settings.retries if settings.retries is not None else DEFAULT_RETRIES,
+        "bound": link.deadline(settings.deadline) if settings.deadline is not None else None,
+    }
+    if isinstance(link, FrameLink):
+        from handctl.devices.inspire.canbus import CanBus
+
+        return Wrist(CanBus(link, device_id, journal, **more))
+    return Wrist(Bus(link, device_id, journal, read_flag=READ_FLAG, write_flag=WRITE_FLAG, **more))
+
+
+cli = Group(
+    "wrist",
+    family=Family("wrist", open_wrist, 115200, wires=("serial", "can")),
+    help="Inspire wrist module of the dexterous hand, over RS-232, RS-485 or CAN (-p can:INTERFACE:CHANNEL). "
+    "It moves on its bench without asking.",
+)
+
+DEGREES = click.FLOAT
+FORCE = click.option(
+    "--force-ambiguous", is_flag=True, help="Send what another device or register space would take for something else."
+)
+
+
+# -- reading ------------------------------------------------------------------------------------------------------
+
+
+@cli.verb("status")
+@click.option("--check", is_flag=True, help="Exit 7 when anything is unhealthy.")
+def status(run: Run, check: bool) -> Table:
+    """What to look at first: angles against set angles, currents, temperatures, errors in words."""
+    return run.device().status(check)  # type: ignore[no-any-return]
+
+
+@cli.verb("dump")
+def dump(run: Run) -> Table:
+    """Every documented register: one serial read, three CAN reads."""
+    return run.device().dump()  # type: ignore[no-any-return]
+
+
+@cli.verb("get")
+@click.argument("names", nargs=-1, required=True, metavar="NAME...")
+def get(run: Run, names: tuple[str, ...]) -> Table:
+    """Read quantities by name, e.g. `pitch_actual yaw_actual`."""
+    return verbs.get(run, WRIST, names)
+
+
+@cli.verb("describe")
+@click.argument("names", nargs=-1, metavar="[NAME]...")
+def describe(run: Run, names: tuple[str, ...]) -> Table:
+    """The register map itself: address, type, range, access, manual section. Needs no device."""
+    return verbs.describe(WRIST, names)
+
+
+@cli.verb("watch", streams=True)
+@click.argument("names", nargs=-1, metavar="[NAME]...")
+@stream_options
+def watch(run: Run, names: tuple[str, ...], rate: float, count: int | None, duration: float | None) -> Table:
+    """Live view on a terminal, a stream of rows elsewhere. Without names: what changes by itself."""
+    return verbs.watch(run, WRIST, names, rate=rate, count=count, duration=duration)
+
+
+@cli.verb("read")
+@click.argument("address", type=click.IntRange(0, 65535))
+@click.argument("count", type=int)
+def read(run: Run, address: int, count: int) -> Table:
+    """Read COUNT bytes from ADDRESS of the wrist's registers; documented ones are decoded."""
+    from handctl.devices.inspire import eb90, exo_raw
+
+    eb90.check_span(address, count)
+    return exo_raw.read(run.device(), address, count)
+
+
+@cli.verb("hand-read")
+@click.argument("address", type=click.IntRange(0, 65535))
+@click.argument("count", type=int)
+def hand_read(run: Run, address: int, count: int) -> Table:
+    """Read COUNT bytes from ADDRESS of the hand that carries the wrist (flags 11, CAN 0), raw."""
+    from handctl.devices.inspire import eb90, wrist_raw
+
+    eb90.check_span(address, count)
+    return wrist_raw.hand_read(run.device(), address, count)
+
+
+# -- moving and writing ---------------------------------------------------------------------------------------------
+
+
+@cli.verb("set", writes=True)
+@click.argument("assignments", nargs=-1, required=True, metavar="NAME=VALUE...")
+def set_(run: Run, assignments: tuple[str, ...]) -> Table:
+    """Write quantities by name and read them back, e.g. `yaw_set=10 pitch_set=-10 move_time=1000`. Moves."""
+    return verbs.set_values(run, WRIST, assignments)
+
+
+@cli.verb("move", writes=True)
+@click.option("--pitch", metavar="DEG", help="-22.66 to 22.12, two decimals.")
+@click.option("--yaw", metavar="DEG", help="-25.50 to 25.50, two decimals.")
+@click.option("--time", metavar="MS", help="Movement time; without it the one the wrist holds.")
+@click.option("--wait", type=click.FloatRange(min=0, min_open=True), metavar="S", help="Longest wait for the arrival.")
+def move(run: Run, pitch: str | None, yaw: str | None, time: str | None, wait: float | None) -> Table:
+    """Move to angles in degrees and wait until it stands; tells what was reached. Ctrl-C holds it where it is."""
+    wanted = {"yaw_set": yaw, "pitch_set": pitch, "move_time": time}
+    values = {name: WRIST[name].parse(text, name) for name, text in wanted.items() if text is not None}
+    return _move(run, values, wait)
+
+
+@cli.verb("center", writes=True)
+@click.option("--time", metavar="MS", help="Movement time; without it the one the wrist holds.")
+def center(run: Run, time: str | None) -> Table:
+    """Move both axes to 0 degrees and wait until they stand."""
+    values = {"yaw_set": 0.0, "pitch_set": 0.0}
+    if time is not None:
+        values["move_time"] = WRIST["move_time"].parse(time, "move_time")
+    return _move(run, values, None)
+
+
+def _move(run: Run, values: dict[str, Any], wait: float | None) -> Table:
+    planner: Wrist = run.planner()
+    changes = planner.targets(values.get("pitch_set"), values.get("yaw_set"), values.get("move_time"))
+    if run.settings.dry_run:
+        return run.dry_run(planner.plan(changes))
+    device: Wrist = run.device()
+    return device.move(changes, run.guide, wait=wait)
+
+
+@cli.verb("write", writes=True)
+@click.argument("address", type=click.IntRange(0, 65535))
+@click.argument("data", metavar="HEX")
+def write(run: Run, address: int, data: str) -> Table:
+    """Write 2, 4 or 6 bytes at 1038..1043, low byte first, and read them back. Moves."""
+    from handctl.devices.inspire import exo_raw, wrist_raw
+
+    step = wrist_raw.plan_write(run.planner(), address, exo_raw.parse_hex(data))
+    if run.settings.dry_run:
+        return run.dry_run([step])
+    return wrist_raw.write(run.device(), address, exo_raw.parse_hex(data))
+
+
+@cli.verb("hand-write", writes=True)
+@click.argument("address", type=click.IntRange(0, 65535))
+@click.argument("data", metavar="HEX")
+@FORCE
+def hand_write(run: Run, address: int, data: str, force_ambiguous: bool) -> Table:
+    """Write bytes into the register space of the hand that carries the wrist. Undocumented here; asks first."""
+    from handctl.devices.inspire import exo_raw, wrist_raw
+
+    payload = exo_raw.parse_hex(data)
+    step = wrist_raw.plan_hand_write(run.planner(), address, payload, force_ambiguous)
+    if run.settings.dry_run:
+        return run.dry_run([step])
+    run.confirm(f"This changes the hand, not the wrist: {step.meaning}", [step])
+    return wrist_raw.hand_write(run.device(), address, payload)
+
+
+@cli.verb("raw", writes=True)
+@click.argument("data", nargs=-1, required=True, metavar="HEX...")
+@click.option(
+    "--wait",
+    type=click.FloatRange(min=0, min_open=True),
+    default=0.5,
+    show_default=True,
+    metavar="S",
+    help="Seconds to listen.",
+)
+@FORCE
+def raw(run: Run, data: tuple[str, ...], wait: float, force_ambiguous: bool) -> Table:
+    """Send exactly these bytes (on CAN: IDENTIFIER#DATA) and show what comes back. Anything but a read asks first.
+
+    With -n it only explains the frame, also the examples that the manual misprints.
+    """
+    from handctl.devices.inspire import exo_raw, wrist_raw
+    from handctl.devices.inspire.canbus import CanBus
+
+    can = isinstance(run.planner().bus, CanBus)
+    frame = wrist_raw.parse_can(" ".join(data)) if can else None
+    payload = b"" if can else exo_raw.parse_hex(" ".join(data))
+    step = (
+        wrist_raw.plan_can(frame, force_ambiguous)
+        if frame is not None
+        else wrist_raw.plan_raw(payload, force_ambiguous)
+    )
+    if run.settings.dry_run:
+        return run.dry_run([step])
+    if wrist_raw.explained(step):
+        run.journal.warn("misprint", step.meaning)
+    if step.moves or step.strands:
+        run.confirm(f"This may move or change the device: {step.meaning}", [step])
+    if frame is not None:
+        return wrist_raw.exchange_can(run.device(), frame, wait)
+    return exo_raw.exchange(run.device(), payload, wait)
+
+
+# -- files, scan ----------------------------------------------------------------------------------------------------
+
+
+@cli.verb("snapshot")
+@click.argument("file", type=click.Path(dir_okay=False))
+def snapshot(run: Run, file: str) -> Table:
+    """Write every setting to FILE, with device identity, tool version, time and checksum."""
+    return verbs.snapshot(run, file)
+
+
+@cli.verb("diff")
+@click.argument("a", type=click.Path(dir_okay=False))
+@click.argument("b", required=False, type=click.Path(dir_okay=False))
+def diff(run: Run, a: str, b: str | None) -> Table:
+    """Compare two snapshots, or snapshot A with the live wrist. Exit 7 when they differ."""
+    return verbs.diff(run, WRIST, a, b)
+
+
+@cli.verb("restore", writes=True)
+@click.argument("file", type=click.Path(dir_okay=False))
+def restore(run: Run, file: str) -> Table:
+    """Write what differs from a snapshot, read it back. Shows the plan; moves the wrist."""
+    return verbs.restore(run, WRIST, file)
+
+
+@cli.verb("scan")
+@click.option(
+    "--ids",
+    default="1-254",
+    show_default=True,
+    metavar="FROM-TO",
+    help="Ids to ask (on CAN up to 16383, 4096 at once).",
+)
+@click.option(
+    "--window",
+    type=click.IntRange(1, 254),
+    default=1,
+    show_default=True,
+    metavar="K",
+    help="Serial: ids asked per reply window; more than 1 needs full duplex (RS-232).",
+)
+@click.option(
+    "--reply-window", type=click.FloatRange(min=1, max=1000), metavar="MS", help="Wait per window (default 20)."
+)
+@click.option("--all", "find_all", is_flag=True, help="Go through all ids instead of ending at the first wrist.")
+def scan(run: Run, ids: str, window: int, reply_window: float | None, find_all: bool) -> Table:
+    """Look for wrist modules by read-only probes, at 115200 or on the CAN bus. Bounded; confirms each hit twice."""
+    from handctl.devices.inspire import scan_report, wrist_scan
+    from handctl.devices.inspire.canbus import CanBus
+
+    can = isinstance(run.planner().bus, CanBus)
+    wanted = wrist_scan.parse_can_ids(ids) if can else scan_report.parse_ids(ids)
+    return wrist_scan.scan_wrist(run.device(), run.guide, wanted, [115200], window, reply_window, find_all)  # fmt: skip

@@ -1,0 +1,248 @@
+"""The wrist by number: registers, frames of either wire, and what the manual's misprinted examples really do."""
+
+from __future__ import annotations
+
+from handctl.devices.inspire import canreg, eb90
+from handctl.devices.inspire.bus import Bus
+from handctl.devices.inspire.canbus import CanBus, describe_frame
+from handctl.devices.inspire.registers import WRIST, Register
+from handctl.devices.inspire.wrist import Wrist
+from handctl.errors import CheckFailed, NoAnswer, ProtocolError, UsageError
+from handctl.link import CanFrame
+from handctl.param import Element, Step
+from handctl.result import Column, Row, Table, hex_bytes
+
+READ_FLAG, WRITE_FLAG = 0x30, 0x31
+WRITE_SIZES = (2, 4, 6)
+"""Bytes of a wrist write. Eight would be an exo force command (wrist §2.2.1, exo §2.2.1)."""
+SHARED = range(1020, 1044)
+"""Wrist registers; in the hand's space current limits and power-on speeds lie here (RH56 §2.4.7, §2.4.8)."""
+
+MISPRINTS: dict[bytes, str] = {
+    bytes.fromhex("EB90010430FC030236"): (
+        "wrist §2.2 prints these bytes for reading both currents, but 03FC is 1020: this reads pitch_actual. "
+        "The currents: EB 90 01 04 30 00 04 04 3D"
+    ),
+    bytes.fromhex("EB900107310E0418FCEB034D"): (
+        "wrist §2.2.1 prints these bytes for pitch -10.00, yaw +10.00, but 1038 is yaw and 03EB is 1003: this sets yaw "
+        "-10.00 and pitch +10.03. As the text says: EB 90 01 07 31 0E 04 E8 03 18 FC 4A"
+    ),
+    bytes.fromhex("90EB010530FC030000000035"): (
+        "wrist §2.2 prints this reply, but length 05 means two data bytes: the byte in the place of the sum does not fit, "
+        "and a decoder rejects it"
+    ),
+}
+CAN_MISPRINTS: dict[tuple[int, bytes], str] = {
+    (0x15038001, bytes.fromhex("FC1803EB")): (
+        "wrist §2.3.2 prints these data bytes high byte first; the device reads low byte first: yaw +63.96, pitch -53.73, "
+        "out of range. As the text says: 15038001 [4] E8 03 18 FC"
+    ),
+}
+
+
+def misprint(data: bytes) -> str | None:
+    """What a frame that the manual prints wrongly really does; None for any other frame."""
+    return MISPRINTS.get(data)
+
+
+def explained(step: Step) -> bool:
+    """Whether a plan's meaning is the explanation of a misprint."""
+    return step.meaning in MISPRINTS.values() or step.meaning in CAN_MISPRINTS.values()
+
+
+def register_at(address: int) -> Register | None:
+    """The register that begins at `address`."""
+    return next((register for register in WRIST if register.address == address), None)
+
+
+def plan_write(wrist: Wrist, address: int, data: bytes) -> Step:
+    """Check a write: whole settable registers side by side, 2, 4 or 6 bytes, legal values. Raises UsageError."""
+    if len(data) not in WRITE_SIZES:
+        raise UsageError(
+            f"a wrist write of {len(data)} bytes is never sent",
+            hint="2, 4 or 6 bytes; with 8 it would be a force command of an exoskeleton hand. Nothing was sent.",
+        )
+    texts = []
+    for offset in range(0, len(data), 2):
+        register = register_at(address + offset)
+        if register is None or not register.writable:
+            what = f"{register.name}, which is read-only" if register is not None else "no documented register"
+            raise UsageError(
+                f"{address + offset} is {what}",
+                hint="settable: 1038 yaw_set, 1040 pitch_set, 1042 move_time (wrist §2.1)",
+            )
+        value = register.decode(data[offset : offset + 2])
+        register.check(value, register.name)
+        texts.append(f"{register.name} = {register.text(value)}")
+    return wrist.bus.write_step(address, data, f"write {', '.join(texts)} (address {address})")._replace(moves=True)
+
+
+def write(wrist: Wrist, address: int, data: bytes) -> Table:
+    """Write whole registers by address, once, and read them back."""
+    changes = []
+    for offset in range(0, len(data), 2):
+        register = register_at(address + offset)
+        assert register is not None
+        changes.append((Element(register, 0), register.decode(data[offset : offset + 2])))
+    return wrist.table(wrist.write(changes))
+
+
+# -- the hand behind it ---------------------------------------------------------------------------------------------
+
+
+def hand_bus(wrist: Wrist) -> Bus | CanBus:
+    """A bus to the hand's own registers, through flags 11/12 or CAN flags 0/1."""
+    bus = wrist.bus
+    if isinstance(bus, CanBus):
+        return CanBus(
+            bus.link, bus.id, bus.journal, timeout=bus.timeout, retries=bus.retries, bound=bus.bound,
+            read_flag=canreg.READ_HAND, write_flag=canreg.WRITE_HAND,
+        )  # fmt: skip
+    assert isinstance(bus, Bus)
+    return Bus(bus.link, bus.id, bus.journal, timeout=bus.timeout, retries=bus.retries, bound=bus.bound)
+
+
+def hand_read(wrist: Wrist, address: int, count: int) -> Table:
+    """Bytes of the hand's own space, raw: its manual is another one."""
+    data = hand_bus(wrist).read(address, count)
+    row: Row = {"name": None, "finger": None, "address": address, "value": None, "unit": None, "raw": hex_bytes(data)}
+    return Table(rows=[{**row, "label": "hand space"}], columns=wrist.columns, plain=("raw",))
+
+
+def plan_hand_write(wrist: Wrist, address: int, data: bytes, force: bool) -> Step:
+    """A write into the hand's space; refused where the wrist's own registers would lie. Raises UsageError."""
+    if any(address <= shared < address + len(data) for shared in SHARED) and not force:
+        raise UsageError(
+            f"{address} in the hand's space holds current limits and power-on speeds, not the wrist",
+            hint="wrist registers: `handctl wrist set` or `write`. --force-ambiguous writes the hand all the same. Nothing was sent.",
+            code="ambiguous",
+        )
+    step = hand_bus(wrist).write_step(
+        address, data, f"write {hex_bytes(data)} at {address} of the hand, undocumented here"
+    )
+    return step._replace(moves=True, strands=True)
+
+
+def hand_write(wrist: Wrist, address: int, data: bytes) -> Table:
+    """Write into the hand's space once, and read back."""
+    bus = hand_bus(wrist)
+    try:
+        bus.write(address, data)
+    except (NoAnswer, ProtocolError) as exc:
+        bus.journal.warn("ack-lost", f"the write was not acknowledged ({exc.text}); reading it back")
+    table = hand_read(wrist, address, len(data))
+    now = table.rows[0]["raw"]
+    if now != hex_bytes(data):
+        table.failure = CheckFailed(
+            f"{bus.where}: {address} of the hand reads {now} after {hex_bytes(data)} was written", code="read-back"
+        )
+    return table
+
+
+# -- raw frames -----------------------------------------------------------------------------------------------------
+
+
+def plan_raw(data: bytes, force: bool) -> Step:
+    """What a serial frame would do; an explanation where the manual prints it for something else."""
+    explained = misprint(data)
+    decoder = eb90.Decoder([eb90.HOST])
+    decoder.feed(data)
+    frames = [frame for frame in decoder.finish() if not frame.from_device]
+    if len(frames) == 1 and frames[0].encode() == data:
+        frame = frames[0]
+        if frame.flag in (READ_FLAG, eb90.READ) and len(frame.payload) == 3:
+            space = "wrist" if frame.flag == READ_FLAG else "hand"
+            return Step(
+                explained or f"read {frame.payload[2]} bytes at {frame.address} of the {space}, id {frame.id}", data
+            )
+        if frame.flag == WRITE_FLAG and len(frame.payload) == 10 and not force:
+            raise UsageError(
+                "8 bytes with flag 31 are a force command of an exoskeleton hand",
+                hint="a wrist write has 2, 4 or 6 bytes; --force-ambiguous sends it all the same. Nothing was sent.",
+                code="ambiguous",
+            )
+        if frame.flag == WRITE_FLAG:
+            return Step(explained or f"write {hex_bytes(frame.data)} at {frame.address} of the wrist", data, moves=True)
+        if frame.flag == eb90.WRITE and frame.address in SHARED and not force:
+            raise UsageError(
+                f"flag 12 at {frame.address} writes current limits or power-on speeds of the hand, not the wrist",
+                hint="wrist registers are written with flag 31; --force-ambiguous sends it all the same. Nothing was sent.",
+                code="ambiguous",
+            )
+    return Step(
+        explained or "not one whole read or write; what the device makes of it is unknown",
+        data,
+        moves=True,
+        strands=True,
+    )
+
+
+def parse_can(text: str) -> CanFrame:
+    """``15038001#E80318FC`` or ``15038001 [4] E8 03 18 FC`` -> a frame. Raises UsageError."""
+    head, _, tail = text.replace("#", " ", 1).strip().partition(" ")
+    words = tail.split()
+    if words and words[0].startswith("["):
+        words = words[1:]
+    try:
+        identifier, data = int(head, 16), bytes.fromhex("".join(words))
+    except ValueError as exc:
+        raise UsageError(f"{text!r} is not a CAN frame", hint="IDENTIFIER#DATA, e.g. 11000001#04") from exc
+    if not 0 <= identifier < 1 << 29 or len(data) > 8:
+        raise UsageError(f"{text!r}: an identifier has 29 bits and a frame 8 bytes at most", hint="e.g. 11000001#04")
+    return CanFrame(identifier, data)
+
+
+def plan_can(frame: CanFrame, force: bool) -> Step:
+    """What a CAN frame would do; an explanation where the manual prints it for something else."""
+    access = canreg.parse_identifier(frame.can_id)
+    explained = CAN_MISPRINTS.get((frame.can_id, frame.data))
+    if access.flag == canreg.WRITE_HAND and access.address in SHARED and not force:
+        raise UsageError(
+            f"this writes address {access.address} of the hand: current limits or power-on speeds, not the wrist",
+            hint="wrist registers are written with flag 5; --force-ambiguous sends it all the same. Nothing was sent.",
+            code="ambiguous",
+        )
+    reads = access.flag in (canreg.READ_HAND, canreg.READ_WRIST) and len(frame.data) == 1
+    return Step(
+        explained or describe_frame(frame), frame.data, moves=not reads, strands=not reads and access.flag != canreg.WRITE_WRIST,
+        can_id=frame.can_id,
+    )  # fmt: skip
+
+
+def exchange_can(wrist: Wrist, frame: CanFrame, wait: float) -> Table:
+    """Send one frame, listen for `wait` seconds, show what came: the same identifier is the answer, the rest is traffic."""
+    bus = wrist.bus
+    assert isinstance(bus, CanBus)
+    bus.refuse_late(str(frame))
+    bus.drain()
+    deadline = bus.link.deadline(wait).earlier(bus.bound)
+    bus.link.send(frame, deadline)
+    bus.journal.counters.sent += 1
+    rows: list[Row] = []
+    while len(rows) < 1000:
+        came = bus.link.receive(deadline)
+        if came is None:
+            break
+        answer = came.can_id == frame.can_id and came != frame
+        bus.journal.counters.received += answer
+        access = canreg.parse_identifier(came.can_id)
+        rows.append(
+            {
+                "direction": "device" if answer else ("own" if came == frame else "other"),
+                "id": access.hand_id,
+                "address": access.address,
+                "data": hex_bytes(came.data),
+                "meaning": describe_frame(came),
+                "raw": str(came),
+            }
+        )
+    if not any(row["direction"] == "device" for row in rows):
+        raise NoAnswer(f"{bus.where}: no answer to {frame} within {wait:g} s", hint="--wait S listens longer")
+    columns = (
+        Column("direction", "From"),
+        Column("id", "Id", right=True),
+        Column("address", "Address", right=True),
+        Column("data", "Data"),
+        Column("meaning", "Meaning"),
+    )
+    return Table(rows=rows, columns=columns)

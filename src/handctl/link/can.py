@@ -1,0 +1,105 @@
+"""CAN through python-can: `can:INTERFACE:CHANNEL[?bitrate=…]`. The only user of python-can.
+
+Extended data frames only; standard, remote and own frames are passed over, error frames counted.
+"""
+
+from __future__ import annotations
+
+import logging
+from typing import Any
+
+import can
+
+from handctl.errors import LinkError, UsageError
+from handctl.link import CanFrame, Deadline, FrameLink
+
+BITRATE = 1_000_000
+"""wrist §2.3."""
+POLL_SECONDS = 0.05
+"""Some back ends return early without a frame; the deadline decides, not they."""
+
+
+def split_link(link: str) -> tuple[str, str, dict[str, Any]]:
+    """``can:slcan:/dev/ttyACM0?bitrate=500000`` -> ("slcan", "/dev/ttyACM0", {"bitrate": 500000}). Raises UsageError."""
+    body, _, query = link.removeprefix("can:").partition("?")
+    interface, colon, channel = body.partition(":")
+    if not interface or not colon or not channel:
+        raise UsageError(
+            f"{link}: expected can:INTERFACE:CHANNEL",
+            hint="e.g. can:socketcan:can0, can:slcan:/dev/ttyACM0, can:pcan:PCAN_USBBUS1",
+        )
+    options: dict[str, Any] = {"bitrate": BITRATE}
+    for item in filter(None, query.split("&")):
+        key, equals, value = item.partition("=")
+        if not equals:
+            raise UsageError(f"{link}: {item!r} is not KEY=VALUE")
+        try:
+            options[key] = float(value) if "." in value else int(value)
+        except ValueError:
+            options[key] = value
+    return interface, channel, options
+
+
+class CanLink(FrameLink):
+    """A bus of any python-can interface."""
+
+    def __init__(self, link: str) -> None:
+        self.name = link
+        interface, channel, options = split_link(link)
+        if interface == "slcan":
+            # python-can waits 2 s for boards that restart when the port is opened; few do, `?sleep_after_open=2` is for those
+            options.setdefault("sleep_after_open", 0.0 if "://" in channel or channel.startswith("/dev/pts/") else 0.1)
+        logging.getLogger("can").setLevel(logging.CRITICAL)  # what it has to say comes back as exceptions
+        if interface not in can.VALID_INTERFACES:
+            raise UsageError(
+                f"{link}: python-can has no interface {interface!r}",
+                hint=f"it has {', '.join(sorted(can.VALID_INTERFACES))}",
+            )
+        try:
+            self._bus = can.Bus(interface=interface, channel=channel, receive_own_messages=False, **options)
+        except (TypeError, ValueError) as exc:
+            raise UsageError(f"{link}: {exc}", hint="the options behind ? go to python-can's interface") from exc
+        except (can.CanError, OSError, ImportError, NotImplementedError) as exc:
+            raise LinkError(
+                f"{link}: cannot open: {exc}",
+                hint="check the interface and channel; for socketcan: sudo ip link set can0 up type can bitrate 1000000",
+                code="cannot-open",
+            ) from exc
+        self._closed = False
+
+    def send(self, frame: CanFrame, deadline: Deadline) -> None:
+        message = can.Message(arbitration_id=frame.can_id, data=frame.data, is_extended_id=True)
+        try:
+            self._bus.send(message, timeout=max(0.001, deadline.remaining))
+        except (can.CanError, OSError, ValueError) as exc:
+            raise LinkError(
+                f"{self.name}: the frame could not be sent: {exc}",
+                hint="nobody acknowledges, or the adapter is gone: check power, termination (120 ohm) and bitrate",
+                code="cannot-send",
+            ) from exc
+
+    def receive(self, deadline: Deadline) -> CanFrame | None:
+        while True:
+            try:
+                message = self._bus.recv(min(POLL_SECONDS, deadline.remaining))
+            except (can.CanError, OSError, ValueError) as exc:
+                raise LinkError(
+                    f"{self.name}: the bus is lost: {exc}",
+                    hint="check the adapter's cable, then run the command again",
+                    code="lost",
+                ) from exc
+            if message is not None and message.is_error_frame:
+                self.error_frames += 1
+            elif message is not None and message.is_extended_id and not message.is_remote_frame and message.is_rx:
+                return CanFrame(message.arbitration_id, bytes(message.data))
+            if deadline.expired:
+                return None
+
+    def close(self) -> None:
+        if self._closed:
+            return
+        self._closed = True
+        try:
+            self._bus.shutdown()
+        except (can.CanError, OSError, ValueError):
+            return  # the adapter went away before us: nothing is left to release
