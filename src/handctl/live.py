@@ -92,6 +92,7 @@ class View:
 
     def __init__(self, table: Table, context: Context) -> None:
         self._ranges = table.ranges
+        self._flags = table.flags
         self._context = context
         self._series: dict[tuple[str, str], Series] = {}
         self._count = 0
@@ -119,7 +120,7 @@ class View:
         yield self._header()
         for name, group in names.items():
             if name in folded:
-                yield self._line(name, group, options.max_width)
+                yield self._line(name, group, options.max_width, name in self._flags)
             else:
                 for number, series in enumerate(group):
                     yield self._bar_line(name if number == 0 else "", series, options.max_width)
@@ -175,9 +176,8 @@ class View:
         return text
 
     @staticmethod
-    def _line(name: str, group: list[Series], width: int) -> Text:
+    def _line(name: str, group: list[Series], width: int, bits: bool) -> Text:
         text = Text(f"{name:<16.16}", no_wrap=True, overflow="ellipsis")
-        bits = group[0].limits is None and group[0].label != ""
         if bits and all(series.label == "ok" for series in group):
             text.append("ok", style="green")
             return text

@@ -13,6 +13,7 @@ from handctl.param import Element, Number, Param, ParamMap, Reading, Step, eleme
 from handctl.result import Column, Journal, Row, Sample, Table
 
 if TYPE_CHECKING:
+    from handctl.link import Link
     from handctl.run import Run
 
     class MapDevice(Protocol):
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
         def kind(self) -> str: ...
         @property
         def map(self) -> ParamMap[Any]: ...
+        @property
+        def link(self) -> Link: ...
         @property
         def journal(self) -> Journal: ...
         @property
@@ -137,8 +140,6 @@ def watch(
         device = run.device()
         elements = select(params, device.live)
     device = device or run.device()
-    bus = getattr(device, "bus", None)
-    assert bus is not None
     stats = _StreamStats(rate)
     ranges = {
         element.param.name: (float(element.param.low), float(element.param.high))
@@ -147,9 +148,10 @@ def watch(
     }
     return Table(
         columns=device.columns,
-        samples=_samples(device, bus.link, elements, rate, count, duration, stats),
+        samples=_samples(device, device.link, elements, rate, count, duration, stats),
         summary=stats.as_row,
         ranges=ranges,
+        flags=frozenset(element.param.name for element in elements if element.param.bits),
     )
 
 

@@ -11,6 +11,7 @@ from handctl.devices.inspire.blocks import BlockReader, Memory
 from handctl.devices.inspire.bus import RegisterBus
 from handctl.devices.inspire.registers import Register, register_of
 from handctl.errors import CheckFailed, HandctlError, NoAnswer, ProtocolError
+from handctl.link import Link
 from handctl.param import Element, Number, ParamMap, Reading, Step
 from handctl.result import Column, Grid, Journal, Row, Table, hex_bytes
 
@@ -37,6 +38,11 @@ class RegisterDevice:
         self.bus = bus
         self._reader = BlockReader(bus)
         self.last_blocks: list[tuple[int, bytes]] = []
+
+    @property
+    def link(self) -> Link:
+        """Where it is, and its clock."""
+        return self.bus.link
 
     @property
     def journal(self) -> Journal:
