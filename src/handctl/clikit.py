@@ -61,7 +61,8 @@ class Command(_SharedOptions):
         self.family = family
 
     def invoke(self, ctx: click.Context) -> Any:
-        run = Run(ctx, resolve(ctx), self.family)
+        wires = self.family.wires if self.family is not None else ()
+        run = Run(ctx, resolve(ctx, wires), self.family)
         if run.settings.dry_run and not self.writes:
             raise run.failed(UsageError(
                 f"`handctl {run.command}` only reads: --dry-run is for commands that write or move",

@@ -91,11 +91,11 @@ def shared_options(wires: Sequence[str] = ()) -> list[click.Parameter]:
     ]  # fmt: skip
 
 
-def resolve(ctx: click.Context) -> Settings:
+def resolve(ctx: click.Context, wires: Sequence[str] = ()) -> Settings:
     """The settings of this command. Raises UsageError for an environment variable that cannot be understood."""
     given: dict[str, Any] = ctx.meta.get(GIVEN, {})
     values = {key: given[key] for key in Settings._fields if key in given}
-    for option in shared_options():
+    for option in shared_options(wires):
         assert isinstance(option, SharedOption)
         text = os.environ.get(f"HANDCTL_{str(option.name).upper()}")
         if not text or option.key in values:

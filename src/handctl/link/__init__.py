@@ -179,6 +179,12 @@ def open_link(link: str, *, baud: int | None = None, tap: Tap | None = None) -> 
 
 def is_can(link: str) -> bool:
     """Whether a LINK carries CAN frames instead of bytes."""
+    if link.startswith("replay:"):
+        try:
+            with open(link.removeprefix("replay:"), encoding="utf-8") as file:
+                return any("> can " in line for line in file)
+        except (OSError, UnicodeDecodeError):
+            return False  # opening it will say what is wrong
     return link.startswith("can:") or (link.startswith("fake://") and "bus=can" in link.partition("?")[2].split("&"))
 
 

@@ -82,12 +82,13 @@ class BlockReader:
             # Twice silent means that this device does not answer across gaps, or not at all: the groups will tell.
             data = bus.read(block.address, block.size, retries=min(bus.retries, 1))
         except NoAnswer as exc:
-            first = block.groups[0]
-            try:
-                data = bus.read(first.address, len(first.span), retries=min(bus.retries, 1))
-            except NoAnswer:
-                raise exc from None
-            memory.blocks.append((first.address, data))
+            if not memory.blocks:
+                first = block.groups[0]
+                try:
+                    data = bus.read(first.address, len(first.span), retries=min(bus.retries, 1))
+                except NoAnswer:
+                    raise exc from None
+                memory.blocks.append((first.address, data))
             self._across_gaps = False
             bus.journal.warn(
                 "block-silent",

@@ -104,11 +104,15 @@ class Bus(RegisterBus):
         bound: Deadline | None = None,
         read_flag: int = eb90.READ,
         write_flag: int = eb90.WRITE,
+        family: str = "exo",
+        silence_hint: str = "",
     ) -> None:
         eb90.check_id(device_id)
         super().__init__(link, device_id, journal, timeout=timeout, retries=retries, bound=bound)
         self.read_flag = read_flag
         self.write_flag = write_flag
+        self.family = family
+        self.silence_hint = silence_hint or SILENCE_HINT
         self._rest = b""  # what came behind the last accepted frame: perhaps a frame that the device sends by itself
 
     # -- registers -----------------------------------------------------------------------------------------------
@@ -144,7 +148,7 @@ class Bus(RegisterBus):
         if ack.data != bytes([eb90.ACCEPTED]):
             raise DeviceRefused(
                 f"{self.where}: the device answered {hex_bytes(ack.data)} instead of 01 to the write at {address}",
-                hint="it did not take the value; the manual does not say what other bytes mean (exo §2.2.4)",
+                hint="it did not take the value; the manual does not say what other bytes mean",
             )
 
     def write_step(self, address: int, data: bytes, meaning: str) -> Step:
@@ -249,11 +253,13 @@ class Bus(RegisterBus):
         if not received:
             return NoAnswer(
                 f"{self.where}: no answer to {hex_bytes(request)} within {self.timeout:g} s",
-                hint=SILENCE_HINT,
+                hint=self.silence_hint,
             )
         code, text = explain(request, received)
         return ProtocolError(
-            f"{self.where}: {text}; sent {hex_bytes(request)}, got {_shorten(received)}", hint=HINTS[code], code=code
+            f"{self.where}: {text}; sent {hex_bytes(request)}, got {_shorten(received)}",
+            hint=hint_for(code, self.family),
+            code=code,
         )
 
 
@@ -269,6 +275,11 @@ HINTS = {
     "stale": "a valid frame came, but it answers something else: another program or a second master may use this line",
     "garbage": "no frame in it: most likely a wrong speed (--baud 115200, 57600, 19200) or another kind of device",
 }
+
+
+def hint_for(code: str, family: str) -> str:
+    """The next step for a code of `explain`, with this family's own command names."""
+    return HINTS[code].replace("handctl exo", f"handctl {family}")
 
 
 def explain(request: bytes, received: bytes) -> tuple[str, str]:

@@ -40,6 +40,7 @@ class CanBus(RegisterBus):
 
     def read(self, address: int, count: int, *, retries: int | None = None) -> bytes:
         """`count` bytes from `address`; more than eight are several reads (wrist §2.3.1)."""
+        canreg.check_span(self.id, address, count)
         if count == 1:
             even = address & ~1
             return self.read(even, 2, retries=retries)[address - even : address - even + 1]
@@ -81,7 +82,7 @@ class CanBus(RegisterBus):
             frame = self.link.receive(now)
             if frame is None:
                 return
-            self._pass_over(frame)
+            self.pass_over(frame)
 
     def _exchange(self, request: CanFrame, count: int | None) -> bytes:
         """Send once; the data of the reply. `count` bytes are expected, None = an acknowledgement (0 or 1 byte)."""
@@ -96,18 +97,17 @@ class CanBus(RegisterBus):
             frame = self.link.receive(deadline)
             if frame is None:
                 raise self._failure(request, odd, self.link.error_frames - errors)
-            if frame.can_id == request.can_id and (
-                len(frame.data) == count or (count is None and len(frame.data) <= 1)
-            ):
+            if frame.can_id == request.can_id and _answers(frame, request, count):
                 self.journal.counters.received += 1
                 return frame.data
-            self._pass_over(frame)
+            self.pass_over(frame)
             if _related(frame, request):
                 odd.append(frame)
             if deadline.expired:
                 raise self._failure(request, odd, self.link.error_frames - errors)
 
-    def _pass_over(self, frame: CanFrame) -> None:
+    def pass_over(self, frame: CanFrame) -> None:
+        """Count a frame that answers nothing of ours."""
         access = canreg.parse_identifier(frame.can_id)
         if access.hand_id == self.id:
             self.journal.counters.stray_bytes += len(frame.data)
@@ -148,6 +148,16 @@ NO_ACK_HINT = (
     "check power, termination (120 ohm), CAN high and low, and the bitrate: 1000000 by the manual, "
     "some hands of this maker use 500000 (add ?bitrate=500000 to the LINK)"
 )
+
+
+def _answers(frame: CanFrame, request: CanFrame, count: int | None) -> bool:
+    """Whether a frame with our identifier is the answer: as many bytes as asked, or an acknowledgement.
+
+    An acknowledgement is empty or the number of bytes written; our own one-byte write coming back is neither.
+    """
+    if count is not None:
+        return len(frame.data) == count
+    return len(frame.data) <= 1 and (frame != request or frame.data == b"\x01")
 
 
 def _related(frame: CanFrame, request: CanFrame) -> bool:

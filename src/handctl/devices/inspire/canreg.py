@@ -63,6 +63,15 @@ def _check(hand_id: int, address: int, count: int) -> None:
         raise UsageError(f"{count} bytes do not fit into one CAN frame", hint="1 to 8 bytes (wrist §2.3.1)")
 
 
+def check_span(hand_id: int, address: int, count: int) -> None:
+    """Refuse a span that several reads could not cover either. Raises UsageError."""
+    _check(hand_id, address, 1)
+    if count < 1 or address + count > 0x1000:
+        raise UsageError(
+            f"{count} bytes at {address} run past address 4095", hint="addresses have 12 bits on CAN (wrist §2.3)"
+        )
+
+
 def read_request(hand_id: int, address: int, count: int, flag: int = READ_WRIST) -> tuple[int, bytes]:
     """Identifier and data that ask for `count` bytes (1..8). Raises UsageError."""
     _check(hand_id, address, count)

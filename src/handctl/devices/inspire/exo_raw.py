@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from handctl.devices.inspire import eb90
-from handctl.devices.inspire.bus import HINTS, Bus, explain
+from handctl.devices.inspire.bus import Bus, explain, hint_for
 from handctl.devices.inspire.device import RegisterDevice
 from handctl.devices.inspire.registers import EXO, Register
 from handctl.errors import CheckFailed, DeviceRefused, NoAnswer, ProtocolError, UsageError
@@ -228,7 +228,9 @@ def exchange(hand: RegisterDevice, data: bytes, wait: float) -> Table:
     ]
     if not any(frame.id == data[2] for frame in replies if len(data) > 2) and not _changes_id(data):
         code, text = explain(data, received)
-        table.failure = ProtocolError(f"{bus.where}: {text}: {hex_bytes(received)}", hint=HINTS[code], code=code)
+        table.failure = ProtocolError(
+            f"{bus.where}: {text}: {hex_bytes(received)}", hint=hint_for(code, bus.family), code=code
+        )
     elif refused and data[4] in WRITES:
         table.failure = DeviceRefused(f"{bus.where}: the device answered {hex_bytes(refused[0].data)} instead of 01")
     return table

@@ -5,12 +5,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from handctl.devices.inspire import scan_report
+from handctl.devices.inspire.bus import SILENCE_HINT
 from handctl.devices.inspire.exo import ExoHand
 from handctl.devices.inspire.scan_report import Kind
 from handctl.guide import Guide
 from handctl.result import Table
 
-KIND = Kind("exo", probe=(1472, 2), twin=(1546, 12), value="system_voltage")
+KIND = Kind(
+    "exo",
+    probe=(1472, 2),
+    twin=(1546, 12),
+    value="system_voltage",
+    silence_hint=SILENCE_HINT.replace("--id 1 at 115200, `handctl exo scan`, ", ""),
+)
 
 
 def scan(

@@ -221,8 +221,8 @@ def _angle(address: int, name: str, doc: str, source: str, limits: tuple[float, 
 WRIST: ParamMap[Register] = ParamMap(
     "wrist",
     [
-        _angle(1020, "pitch_actual", "measured pitch", "wrist §2.1", PITCH_RANGE),
-        _angle(1022, "yaw_actual", "measured yaw", "wrist §2.1", YAW_RANGE),
+        _angle(1020, "pitch_actual", "measured pitch", "wrist §2.1, range wrist §1", PITCH_RANGE),
+        _angle(1022, "yaw_actual", "measured yaw", "wrist §2.1, range wrist §1", YAW_RANGE),
         _s16(
             1024,
             "current_1024",
@@ -244,13 +244,20 @@ WRIST: ParamMap[Register] = ParamMap(
         _u8(1032, "temperature_1", "temperature of actuator #1", "wrist §2.1", unit="°C", note="unit assumed"),
         _u8(1033, "temperature_2", "temperature of actuator #2", "wrist §2.1", unit="°C", note="unit assumed"),
         _angle(
-            1038, "yaw_set", "commanded yaw", "wrist §2.1", YAW_RANGE, access="rw", moves=True, persistent="unknown"
+            1038,
+            "yaw_set",
+            "commanded yaw",
+            "wrist §2.1, range wrist §1",
+            YAW_RANGE,
+            access="rw",
+            moves=True,
+            persistent="unknown",
         ),
         _angle(
             1040,
             "pitch_set",
             "commanded pitch",
-            "wrist §2.1",
+            "wrist §2.1, range wrist §1",
             PITCH_RANGE,
             access="rw",
             moves=True,

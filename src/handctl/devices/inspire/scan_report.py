@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from handctl.devices.inspire import eb90
-from handctl.devices.inspire.bus import HINTS, SILENCE_HINT, Bus
+from handctl.devices.inspire.bus import Bus, hint_for
 from handctl.devices.inspire.registers import BAUD_RATES
 from handctl.devices.inspire.scanner import Findings, Scanner, Span
 from handctl.errors import NoAnswer, ProtocolError, UsageError
@@ -21,6 +21,7 @@ class Kind(NamedTuple):
     probe: Span
     twin: Span
     value: str
+    silence_hint: str
 
 
 def rows_of(found: Findings, link_name: str, kind: Kind) -> list[Row]:
@@ -157,20 +158,22 @@ def _nothing(found: Findings, name: str, summary: str, kind: Kind) -> NoAnswer |
         ids = ", ".join(str(device_id) for _, device_id in found.unconfirmed)
         return ProtocolError(
             f"{name}: answers under id {ids} came, but not when that id was asked ({summary})",
-            hint=HINTS["wrong-id"],
+            hint=hint_for("wrong-id", kind.family),
             code="wrong-id",
         )
     if found.echo:
         return ProtocolError(
-            f"{name}: no {kind.family}, only our own bytes came back ({summary})", hint=HINTS["echo"], code="echo"
+            f"{name}: no {kind.family}, only our own bytes came back ({summary})",
+            hint=hint_for("echo", kind.family),
+            code="echo",
         )
     if found.garbage:
         return ProtocolError(
             f"{name}: no {kind.family}, but {found.garbage} bytes that form no valid answer ({summary})",
-            hint=HINTS["garbage"],
+            hint=hint_for("garbage", kind.family),
             code="garbage",
         )
     return NoAnswer(
         f"{name}: no {kind.family}, complete silence ({summary})",
-        hint=SILENCE_HINT.replace("--id 1 at 115200, `handctl exo scan`, ", ""),
+        hint=kind.silence_hint,
     )

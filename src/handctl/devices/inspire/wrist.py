@@ -20,6 +20,10 @@ SLOWEST_USUAL, FASTEST_USUAL = 5000, 100
 """Milliseconds outside which a movement time is worth a warning; the manual gives no range."""
 ARRIVED_DEGREES = 0.5
 STILL_SECONDS, STILL_SAMPLES = 0.3, 3
+WIRING_HINT = (
+    "silence means a wrong id, a wrong speed (115200 by the manual), no power or no cable alike. Check the hand's power, the wire (RS-232 against RS-485, A/B, "
+    "TX/RX) and that this hand carries a wrist; over CAN: -p can:INTERFACE:CHANNEL"
+)
 
 
 class Wrist(RegisterDevice):
@@ -165,7 +169,11 @@ class Wrist(RegisterDevice):
             rows.append({**self.row(reading), "target": target})
             if target is not None and reading.value is not None and abs(reading.value - target) > ARRIVED_DEGREES:
                 off.append(f"{axis} is at {reading.value:.2f}°, {reading.value - target:+.2f}° off its target")
-        table = Table(rows=rows, columns=(*self.columns[:4], Column("target", "Target", right=True), *self.columns[4:]))
+        table = Table(
+            rows=rows,
+            columns=(*self.columns[:4], Column("target", "Target", right=True), *self.columns[4:]),
+            view=arrival_view,
+        )
         if off:
             table.failure = CheckFailed(
                 f"{self.bus.where}: not arrived: {'; '.join(off)}",
@@ -191,6 +199,16 @@ class Wrist(RegisterDevice):
 def value_text(row: Row) -> str:
     """A value with the decimals of its register."""
     return WRIST[row["name"]].text(row["value"])
+
+
+def arrival_view(rows: list[Row]) -> list[Grid]:
+    """Where each axis stands beside its target."""
+    lines = []
+    for row in rows:
+        reached: str | Cell = Cell("?", "bad") if "error" in row else value_text(row)
+        target = "" if row["target"] is None else f"{row['target']:.2f}"
+        lines.append((row["name"].partition("_")[0], reached, target))
+    return [Grid(("Axis", "Angle [°]", "Target [°]"), tuple(lines), right=frozenset({1, 2}))]
 
 
 def status_view(rows: list[Row]) -> list[Grid]:

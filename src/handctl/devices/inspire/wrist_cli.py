@@ -10,7 +10,7 @@ from handctl import verbs
 from handctl.clikit import Group, stream_options
 from handctl.devices.inspire.bus import DEFAULT_RETRIES, DEFAULT_TIMEOUT, Bus
 from handctl.devices.inspire.registers import WRIST
-from handctl.devices.inspire.wrist import Wrist
+from handctl.devices.inspire.wrist import WIRING_HINT, Wrist
 from handctl.link import FrameLink
 from handctl.result import Table
 from handctl.run import Family, Run
@@ -36,7 +36,19 @@ def open_wrist(link: ByteLink | FrameLink, settings: Settings, journal: Journal)
         from handctl.devices.inspire.canbus import CanBus
 
         return Wrist(CanBus(link, device_id, journal, **more))
-    return Wrist(Bus(link, device_id, journal, read_flag=READ_FLAG, write_flag=WRITE_FLAG, **more))
+    hint = f"`handctl wrist scan` looks; {WIRING_HINT}"
+    return Wrist(
+        Bus(
+            link,
+            device_id,
+            journal,
+            read_flag=READ_FLAG,
+            write_flag=WRITE_FLAG,
+            family="wrist",
+            silence_hint=hint,
+            **more,
+        )
+    )
 
 
 cli = Group(
@@ -147,8 +159,9 @@ def center(run: Run, time: str | None) -> Table:
 def _move(run: Run, values: dict[str, Any], wait: float | None) -> Table:
     planner: Wrist = run.planner()
     changes = planner.targets(values.get("pitch_set"), values.get("yaw_set"), values.get("move_time"))
+    steps = planner.plan(changes)
     if run.settings.dry_run:
-        return run.dry_run(planner.plan(changes))
+        return run.dry_run(steps)
     device: Wrist = run.device()
     return device.move(changes, run.guide, wait=wait)
 
@@ -202,12 +215,13 @@ def raw(run: Run, data: tuple[str, ...], wait: float, force_ambiguous: bool) -> 
     from handctl.devices.inspire.canbus import CanBus
 
     can = isinstance(run.planner().bus, CanBus)
+    dry = run.settings.dry_run
     frame = wrist_raw.parse_can(" ".join(data)) if can else None
     payload = b"" if can else exo_raw.parse_hex(" ".join(data))
     step = (
-        wrist_raw.plan_can(frame, force_ambiguous)
+        wrist_raw.plan_can(frame, force_ambiguous, only_explain=dry)
         if frame is not None
-        else wrist_raw.plan_raw(payload, force_ambiguous)
+        else wrist_raw.plan_raw(payload, force_ambiguous, only_explain=dry)
     )
     if run.settings.dry_run:
         return run.dry_run([step])

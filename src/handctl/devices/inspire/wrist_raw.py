@@ -7,7 +7,7 @@ from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.canbus import CanBus, describe_frame
 from handctl.devices.inspire.registers import WRIST, Register
 from handctl.devices.inspire.wrist import Wrist
-from handctl.errors import CheckFailed, NoAnswer, ProtocolError, UsageError
+from handctl.errors import CheckFailed, DeviceRefused, HandctlError, NoAnswer, ProtocolError, UsageError
 from handctl.link import CanFrame
 from handctl.param import Element, Step
 from handctl.result import Column, Row, Table, hex_bytes
@@ -53,6 +53,26 @@ def explained(step: Step) -> bool:
 def register_at(address: int) -> Register | None:
     """The register that begins at `address`."""
     return next((register for register in WRIST if register.address == address), None)
+
+
+def _touches_shared(address: int, count: int) -> bool:
+    return address < SHARED.stop and SHARED.start < address + count
+
+
+def _refuse_illegal(address: int, data: bytes) -> None:
+    """Refuse a raw write whose values the manual does not allow. Raises UsageError."""
+    explained_as = next((text for (_, known), text in CAN_MISPRINTS.items() if known == data), "")
+    for offset in range(0, len(data) - 1, 2):
+        register = register_at(address + offset)
+        if register is not None and register.writable:
+            try:
+                register.check(register.decode(data[offset : offset + 2]), register.name)
+            except UsageError as exc:
+                raise UsageError(
+                    f"{exc.text}{f'; {explained_as}' if explained_as else ''}",
+                    hint=f"{exc.hint} --force-ambiguous sends it all the same.",
+                    code=exc.code,
+                ) from exc
 
 
 def plan_write(wrist: Wrist, address: int, data: bytes) -> Step:
@@ -111,7 +131,7 @@ def hand_read(wrist: Wrist, address: int, count: int) -> Table:
 
 def plan_hand_write(wrist: Wrist, address: int, data: bytes, force: bool) -> Step:
     """A write into the hand's space; refused where the wrist's own registers would lie. Raises UsageError."""
-    if any(address <= shared < address + len(data) for shared in SHARED) and not force:
+    if _touches_shared(address, len(data)) and not force:
         raise UsageError(
             f"{address} in the hand's space holds current limits and power-on speeds, not the wrist",
             hint="wrist registers: `handctl wrist set` or `write`. --force-ambiguous writes the hand all the same. Nothing was sent.",
@@ -142,9 +162,14 @@ def hand_write(wrist: Wrist, address: int, data: bytes) -> Table:
 # -- raw frames -----------------------------------------------------------------------------------------------------
 
 
-def plan_raw(data: bytes, force: bool) -> Step:
-    """What a serial frame would do; an explanation where the manual prints it for something else."""
+def plan_raw(data: bytes, force: bool, *, only_explain: bool = False) -> Step:
+    """What a serial frame would do; an explanation where the manual prints it for something else.
+
+    With `only_explain` (a dry run) a misprint is explained also where it would be refused.
+    """
     explained = misprint(data)
+    if explained is not None and only_explain:
+        return Step(explained, data, moves=True)
     decoder = eb90.Decoder([eb90.HOST])
     decoder.feed(data)
     frames = [frame for frame in decoder.finish() if not frame.from_device]
@@ -162,8 +187,10 @@ def plan_raw(data: bytes, force: bool) -> Step:
                 code="ambiguous",
             )
         if frame.flag == WRITE_FLAG:
+            if explained is None and not force:
+                _refuse_illegal(frame.address or 0, frame.data)
             return Step(explained or f"write {hex_bytes(frame.data)} at {frame.address} of the wrist", data, moves=True)
-        if frame.flag == eb90.WRITE and frame.address in SHARED and not force:
+        if frame.flag == eb90.WRITE and _touches_shared(frame.address or 0, len(frame.data)) and not force:
             raise UsageError(
                 f"flag 12 at {frame.address} writes current limits or power-on speeds of the hand, not the wrist",
                 hint="wrist registers are written with flag 31; --force-ambiguous sends it all the same. Nothing was sent.",
@@ -192,11 +219,20 @@ def parse_can(text: str) -> CanFrame:
     return CanFrame(identifier, data)
 
 
-def plan_can(frame: CanFrame, force: bool) -> Step:
+def plan_can(frame: CanFrame, force: bool, *, only_explain: bool = False) -> Step:
     """What a CAN frame would do; an explanation where the manual prints it for something else."""
     access = canreg.parse_identifier(frame.can_id)
     explained = CAN_MISPRINTS.get((frame.can_id, frame.data))
-    if access.flag == canreg.WRITE_HAND and access.address in SHARED and not force:
+    if explained is not None and only_explain:
+        return Step(explained, frame.data, moves=True, can_id=frame.can_id)
+    if access.writes and access.hand_id == canreg.ANY_ID and not force:
+        raise UsageError(
+            "id 16383 may mean every hand on the bus",
+            hint="write to one hand; --force-ambiguous sends it all the same. Nothing was sent.",
+        )
+    if access.flag == canreg.WRITE_WRIST and not force:
+        _refuse_illegal(access.address, frame.data)
+    if access.flag == canreg.WRITE_HAND and _touches_shared(access.address, len(frame.data)) and not force:
         raise UsageError(
             f"this writes address {access.address} of the hand: current limits or power-on speeds, not the wrist",
             hint="wrist registers are written with flag 5; --force-ambiguous sends it all the same. Nothing was sent.",
@@ -236,7 +272,9 @@ def exchange_can(wrist: Wrist, frame: CanFrame, wait: float) -> Table:
                 "raw": str(came),
             }
         )
-    if not any(row["direction"] == "device" for row in rows):
+    if not any(
+        row["direction"] != "other" or row["address"] == canreg.parse_identifier(frame.can_id).address for row in rows
+    ):
         raise NoAnswer(f"{bus.where}: no answer to {frame} within {wait:g} s", hint="--wait S listens longer")
     columns = (
         Column("direction", "From"),
@@ -245,4 +283,27 @@ def exchange_can(wrist: Wrist, frame: CanFrame, wait: float) -> Table:
         Column("data", "Data"),
         Column("meaning", "Meaning"),
     )
-    return Table(rows=rows, columns=columns)
+    return Table(rows=rows, columns=columns, failure=_judge(bus, frame, rows))
+
+
+def _judge(bus: CanBus, sent: CanFrame, rows: list[Row]) -> HandctlError | None:
+    """Whether the answer is one: as the bus judges it for the named commands."""
+    asked = canreg.parse_identifier(sent.can_id)
+    answers = [row for row in rows if row["direction"] == "device"]
+    if not answers:
+        others = [row for row in rows if row["direction"] == "other" and row["address"] == asked.address]
+        if others:
+            return ProtocolError(
+                f"{bus.where}: id {others[0]['id']} answered instead: {others[0]['raw']}", code="wrong-id"
+            )
+        return ProtocolError(
+            f"{bus.where}: only our own frame came back: {sent}", hint="no device answers", code="echo"
+        )
+    size = len(answers[0]["data"].split())
+    if not asked.writes and len(sent.data) == 1 and size != sent.data[0]:
+        return ProtocolError(
+            f"{bus.where}: {sent.data[0]} bytes asked, {size} came: {answers[0]['raw']}", code="cut-short"
+        )
+    if asked.writes and size == 1 and int(answers[0]["data"], 16) != len(sent.data):
+        return DeviceRefused(f"{bus.where}: {int(answers[0]['data'], 16)} of {len(sent.data)} bytes acknowledged")
+    return None

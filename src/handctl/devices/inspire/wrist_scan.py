@@ -8,14 +8,15 @@ from handctl.devices.inspire import canreg
 from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.canbus import NO_ACK_HINT, CanBus
 from handctl.devices.inspire.scan_report import Kind, scan
-from handctl.devices.inspire.wrist import Wrist
-from handctl.errors import NoAnswer, UsageError
+from handctl.devices.inspire.wrist import WIRING_HINT, Wrist
+from handctl.errors import NoAnswer, ProtocolError, UsageError
 from handctl.guide import Guide
 from handctl.link import CanFrame
 from handctl.result import Column, Row, Table
 
-KIND = Kind("wrist", probe=(1020, 2), twin=(1020, 4), value="pitch_raw")
+KIND = Kind("wrist", probe=(1020, 2), twin=(1020, 4), value="pitch_raw", silence_hint=WIRING_HINT)
 CHUNK = 32
+DRAIN_SECONDS = 0.05
 MOST = 4096
 """Ids in one CAN scan at the most; all 16383 would only be traffic for the others on the bus."""
 
@@ -57,25 +58,17 @@ def parse_can_ids(text: str) -> list[int]:
 def _scan_can(bus: CanBus, guide: Guide, ids: Sequence[int], wait: float, find_all: bool) -> Table:
     link = bus.link
     started, errors = link.now(), link.error_frames
+    search = _CanSearch(bus, wait)
     hits: list[tuple[int, bytes]] = []
-    probes = 0
     for start in range(0, len(ids), CHUNK):
         chunk = ids[start : start + CHUNK]
         guide.progress(f"ids {chunk[0]}..{chunk[-1]}, found {len(hits)}")
-        answered = _ask(bus, chunk, wait)
-        probes += len(chunk)
-        for hand_id in sorted(answered):
-            again = _ask(bus, [hand_id], wait)
-            probes += 1
-            if hand_id in again:
-                hits.append((hand_id, again[hand_id]))
-            else:
-                bus.journal.warn("unconfirmed", f"id {hand_id} answered once and not again: not counted")
+        hits += search.confirmed(chunk, last=start + CHUNK >= len(ids))
         if (hits and not find_all) or (bus.bound is not None and bus.bound.expired):
             break
     guide.done()
     seconds = link.now() - started
-    summary = f"{probes} read-only probes of pitch_actual, ids {ids[0]}..{ids[-1]}, {seconds:.2f} s"
+    summary = f"{search.probes} read-only probes of pitch_actual, ids {ids[0]}..{ids[-1]}, {seconds:.2f} s"
     bus.journal.info("scanned", summary)
     rows: list[Row] = [
         {
@@ -93,31 +86,84 @@ def _scan_can(bus: CanBus, guide: Guide, ids: Sequence[int], wait: float, find_a
         Column("id", "Id", right=True),
         Column("pitch_raw", "pitch_raw", right=True),
     )
-    facts = {"probes": probes, "seconds": round(seconds, 3), "error_frames": link.error_frames - errors}
+    facts = {"probes": search.probes, "seconds": round(seconds, 3), "error_frames": link.error_frames - errors}
     table = Table(rows=rows, columns=columns, extra={"scan": facts})
-    if not hits and link.error_frames > errors:
-        table.failure = NoAnswer(
-            f"{link.name}: nobody acknowledged anything ({summary})", hint=NO_ACK_HINT, code="no-ack"
-        )
-    elif not hits:
-        table.failure = NoAnswer(f"{link.name}: no wrist, complete silence ({summary})", hint=NO_ACK_HINT)
+    if not hits:
+        table.failure = search.nothing(summary, link.error_frames > errors)
     return table
 
 
-def _ask(bus: CanBus, ids: Sequence[int], wait: float) -> dict[int, bytes]:
-    """Probe `ids` back to back; who answered with two bytes."""
-    bus.drain()
-    wanted = {canreg.read_request(hand_id, 1020, 2, bus.read_flag)[0]: hand_id for hand_id in ids}
-    for identifier in wanted:
-        bus.link.send(CanFrame(identifier, b"\x02"), bus.link.deadline(1.0).earlier(bus.bound))
-        bus.journal.counters.sent += 1
-    answered: dict[int, bytes] = {}
-    deadline = bus.link.deadline(wait).earlier(bus.bound)
-    while len(answered) < len(wanted):
-        frame = bus.link.receive(deadline)
-        if frame is None or deadline.expired:
-            break
-        if frame.can_id in wanted and len(frame.data) == 2:
-            answered[wanted[frame.can_id]] = frame.data
-            bus.journal.counters.received += 1
-    return answered
+class _CanSearch:
+    """Probes of ids back to back; a late reply names its id and counts in any later window."""
+
+    def __init__(self, bus: CanBus, wait: float) -> None:
+        self._bus = bus
+        self._wait = wait
+        self._wanted: dict[int, int] = {}
+        self.probes = 0
+        self._own = self._short = 0
+        self._lone: list[int] = []
+
+    def confirmed(self, ids: Sequence[int], last: bool) -> list[tuple[int, bytes]]:
+        """Those of `ids` (and of earlier ones, late) that answer twice."""
+        answered = self._ask(ids, self._wait + (DRAIN_SECONDS if last else 0.0))
+        hits = []
+        for hand_id in sorted(answered):
+            again = self._ask([hand_id], self._wait + DRAIN_SECONDS)
+            if hand_id in again:
+                hits.append((hand_id, again[hand_id]))
+            else:
+                self._lone.append(hand_id)
+                self._bus.journal.warn(
+                    "unconfirmed", f"id {hand_id} answered once and not when asked alone: not counted"
+                )
+        return hits
+
+    def _ask(self, ids: Sequence[int], seconds: float) -> dict[int, bytes]:
+        bus = self._bus
+        asked = {canreg.read_request(hand_id, 1020, 2, bus.read_flag)[0]: hand_id for hand_id in ids}
+        self._wanted.update(asked)
+        for identifier in asked:
+            bus.link.send(CanFrame(identifier, b"\x02"), bus.link.deadline(1.0).earlier(bus.bound))
+        bus.journal.counters.sent += len(asked)
+        self.probes += len(asked)
+        answered: dict[int, bytes] = {}
+        deadline = bus.link.deadline(seconds).earlier(bus.bound)
+        while not set(asked.values()) <= set(answered):
+            frame = bus.link.receive(deadline)
+            if frame is None:
+                break
+            if frame.can_id in self._wanted and len(frame.data) == 2:
+                answered[self._wanted[frame.can_id]] = frame.data
+                bus.journal.counters.received += 1
+            elif frame.can_id in self._wanted and frame.data == b"\x02":
+                self._own += 1
+            elif frame.can_id in self._wanted:
+                self._short += 1
+            else:
+                bus.pass_over(frame)
+            if deadline.expired:
+                break
+        return answered
+
+    def nothing(self, summary: str, errors: bool) -> NoAnswer | ProtocolError:
+        """Why nothing was found."""
+        name = self._bus.link.name
+        if errors:
+            return NoAnswer(f"{name}: nobody acknowledged anything ({summary})", hint=NO_ACK_HINT, code="no-ack")
+        if self._lone:
+            hint = "a hand answers under another id than it is asked: power-cycle it, then scan again"
+            return ProtocolError(
+                f"{name}: answers under id {', '.join(map(str, self._lone))} came, but not when that id was asked ({summary})",
+                hint=hint,
+                code="wrong-id",
+            )
+        if self._short:
+            hint = "another kind of device, or a damaged line"
+            return ProtocolError(
+                f"{name}: answers came with another length than asked ({summary})", hint=hint, code="cut-short"
+            )
+        if self._own:
+            hint = "the adapter is in loopback mode, or hands out what it sends"
+            return ProtocolError(f"{name}: only our own frames came back ({summary})", hint=hint, code="echo")
+        return NoAnswer(f"{name}: no wrist, complete silence ({summary})", hint=NO_ACK_HINT)
