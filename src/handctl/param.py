@@ -62,6 +62,11 @@ class Param:
         return "r" in self.access
 
     @property
+    def optional(self) -> bool:
+        """Whether some devices of this kind do not have it: it stays out of snapshots."""
+        return False
+
+    @property
     def writable(self) -> bool:
         """Whether `set` may write it: triggers are written by their own commands only."""
         return "w" in self.access and not self.trigger

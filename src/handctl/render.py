@@ -122,6 +122,8 @@ def show(table: Table | None, failure: HandctlError | None, sink: Sink, context:
     elif how == "plain":
         for row in rows:
             sink.write(_plain_line(table, row))
+    elif table.text is not None:
+        sink.write(table.text(rows))
     else:
         _grids(table, sink, context)
 

@@ -69,6 +69,7 @@ class Table:
     columns   which keys of a row are shown, in which order (CSV, plain, and the human table without `view`)
     view      rows -> grids for people, where the plain list of rows is not what a person wants to read
     plain     the keys that `--format plain` prints, when not all columns
+    text      rows -> finished text, where the device's own words are the result
     failure   what went wrong although there are rows: sets the exit code, the rows are shown all the same
     samples   a stream; `summary` is called when it ends and goes into the closing envelope
     ranges    documented (low, high) per quantity name, for the bars of the live view
@@ -81,6 +82,7 @@ class Table:
     title: str = ""
     view: Callable[[list[Row]], list[Grid]] | None = None
     plain: tuple[str, ...] = ()
+    text: Callable[[list[Row]], str] | None = None
     failure: HandctlError | None = None
     samples: Iterable[Sample] | None = None
     summary: Callable[[], dict[str, Any]] | None = None

@@ -131,6 +131,11 @@ class Run:
         """Ask for an optional further step; no terminal or --yes means no."""
         return self.guide.interactive and not self.settings.yes and self.guide.ask(question, "")
 
+    def out(self, text: str) -> None:
+        """A line of data of an interactive session, at once."""
+        sys.stdout.write(f"{text}\n")
+        sys.stdout.flush()
+
     def dry_run(self, steps: Sequence[Step]) -> Table:
         """The exact bytes of a plan as a Table; sends nothing."""
         from handctl.result import Column, Table

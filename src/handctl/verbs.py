@@ -223,7 +223,12 @@ def _samples(
 
 def settings_of(params: ParamMap[Any]) -> list[Element]:
     """Every read-write quantity except triggers: what a snapshot holds."""
-    return [element for param in params if param.writable and param.readable for element in elements_of(param)]
+    return [
+        element
+        for param in params
+        if param.writable and param.readable and not param.optional
+        for element in elements_of(param)
+    ]
 
 
 def take(device: MapDevice) -> dict[str, Number]:

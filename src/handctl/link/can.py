@@ -5,7 +5,9 @@ Extended data frames only; standard, remote and own frames are passed over, erro
 
 from __future__ import annotations
 
+import contextlib
 import logging
+import os
 from typing import Any
 
 import can
@@ -55,6 +57,7 @@ class CanLink(FrameLink):
                 f"{link}: python-can has no interface {interface!r}",
                 hint=f"it has {', '.join(sorted(can.VALID_INTERFACES))}",
             )
+        self._lock = _lock(link, channel) if interface == "slcan" and channel.startswith("/dev/") else None
         try:
             self._bus = can.Bus(interface=interface, channel=channel, receive_own_messages=False, **options)
         except (TypeError, ValueError) as exc:
@@ -99,7 +102,33 @@ class CanLink(FrameLink):
         if self._closed:
             return
         self._closed = True
-        try:
+        # An adapter that went away before us leaves nothing to release.
+        with contextlib.suppress(can.CanError, OSError, ValueError):
             self._bus.shutdown()
-        except (can.CanError, OSError, ValueError):
-            return  # the adapter went away before us: nothing is left to release
+        if self._lock is not None:
+            os.close(self._lock)
+
+
+def _lock(link: str, port: str) -> int | None:
+    """Lock a serial adapter before python-can opens it: its opening alone would end the channel of who has it open.
+
+    Returns a descriptor to keep. Raises LinkError when another program has locked it.
+    """
+    try:
+        import fcntl
+    except ImportError:
+        return None  # no such locks on this system
+    try:
+        descriptor = os.open(port, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+    except OSError:
+        return None  # python-can will say what is wrong with it
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as exc:
+        os.close(descriptor)
+        raise LinkError(
+            f"{link}: the port is in use by another program",
+            hint="close that program, then run the command again",
+            code="busy",
+        ) from exc
+    return descriptor

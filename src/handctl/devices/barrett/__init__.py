@@ -1,0 +1,1 @@
+"""The BarrettHand BH8 series: supervisory mode (GCL) over RS-232."""

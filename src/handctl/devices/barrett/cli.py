@@ -1,0 +1,392 @@
+"""`handctl barrett …`: the commands of the BarrettHand in supervisory mode."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from handctl import verbs
+from handctl.clikit import Group, stream_options
+from handctl.devices.barrett.hand import BarrettHand
+from handctl.devices.barrett.language import MOTORS, motor_prefix
+from handctl.devices.barrett.line import DEFAULT_RETRIES, GclLine
+from handctl.devices.barrett.parameters import BARRETT, check_careful
+from handctl.errors import DeviceRefused, UsageError
+from handctl.param import Step
+from handctl.result import Column, Table
+from handctl.run import Family, Run
+
+if TYPE_CHECKING:
+    from handctl.link import ByteLink
+    from handctl.options import Settings
+    from handctl.result import Journal
+
+
+def open_barrett(link: ByteLink, settings: Settings, journal: Journal) -> BarrettHand:
+    """A BarrettHand behind `link`. Without --baud its speed is looked for."""
+    return BarrettHand(
+        GclLine(
+            link,
+            journal,
+            timeout=settings.timeout,
+            retries=settings.retries if settings.retries is not None else DEFAULT_RETRIES,
+            bound=link.deadline(settings.deadline) if settings.deadline is not None else None,
+            speed=settings.baud,
+        )
+    )
+
+
+cli = Group(
+    "barrett",
+    family=Family("barrett", open_barrett, 9600),
+    help="BarrettHand BH8 series over RS-232, firmware 4.3x and 4.4. Motors: 1 2 3 are the fingers, 4 or S the spread, G all fingers.",
+)
+
+
+def _motors(body: Callable[..., Any]) -> Callable[..., Any]:
+    return click.option(
+        "--motors", metavar="12S", help="Which motors: digits, G = fingers, S = spread (default: all)."
+    )(body)
+
+
+def _prefix(text: str | None) -> str:
+    """GCL prefix of a --motors option; "" for all."""
+    digits = motor_prefix(text) if text else ""
+    return "" if digits == "1234" else digits
+
+
+FORCE = click.option(
+    "--force", is_flag=True, help="Write a value that the manual allows and warns of, or save unchanged values."
+)
+
+
+# -- reading ------------------------------------------------------------------------------------------------------
+
+
+@cli.verb("status")
+@click.option("--check", is_flag=True, help="Exit 7 when anything is unhealthy.")
+def status(run: Run, check: bool) -> Table:
+    """Position, strain, status in words, odometer, temperature against its limit, firmware."""
+    return run.device().status(check)  # type: ignore[no-any-return]
+
+
+@cli.verb("dump")
+def dump(run: Run) -> Table:
+    """Every parameter by motor against its default, in four round trips."""
+    return run.device().dump()  # type: ignore[no-any-return]
+
+
+@cli.verb("get")
+@click.argument("names", nargs=-1, required=True, metavar="NAME[.MOTOR]...")
+def get(run: Run, names: tuple[str, ...]) -> Table:
+    """Read parameters by GCL mnemonic or name, e.g. `P SG.F1 temperature`."""
+    return verbs.get(run, BARRETT, names)
+
+
+@cli.verb("describe")
+@click.argument("names", nargs=-1, metavar="[NAME]...")
+def describe(run: Run, names: tuple[str, ...]) -> Table:
+    """The parameter map itself: mnemonic, range, defaults, access, section. Needs no device."""
+    table = verbs.describe(BARRETT, names)
+    for row in table.rows:
+        param = BARRETT[row["name"]]
+        finger, spread = param.default or (None, None)
+        row |= {
+            "parameter": param.mnemonic,
+            "default_finger": finger,
+            "default_spread": None if param.is_global else spread,
+            "advanced": param.advanced,
+        }
+    columns = (
+        Column("parameter", "GCL"),
+        *(column for column in table.columns if column.key not in ("address", "type")),
+        Column("default_finger", "Default", right=True),
+        Column("default_spread", "Spread", right=True),
+    )
+    return Table(rows=table.rows, columns=columns)
+
+
+@cli.verb("watch", streams=True)
+@click.argument("names", nargs=-1, metavar="[NAME]...")
+@stream_options
+def watch(run: Run, names: tuple[str, ...], rate: float, count: int | None, duration: float | None) -> Table:
+    """Live view on a terminal, a stream of rows elsewhere. Only while the hand stands: a movement blocks the line."""
+    return verbs.watch(run, BARRETT, names, rate=rate, count=count, duration=duration)
+
+
+@cli.verb("version")
+def version(run: Run) -> Table:
+    """What the firmware says of itself."""
+    text = run.device().version()
+    return Table(
+        rows=[{"name": "firmware", "parameter": "VERS", "motor": None, "value": text, "unit": None}],
+        columns=(Column("value", "Firmware"),),
+    )
+
+
+@cli.verb("errors")
+@click.argument("code", required=False, type=click.IntRange(0, 1 << 32))
+def errors(run: Run, code: int | None) -> Table:
+    """Status codes in the manual's wording; CODE may be a sum. Needs no device."""
+    from handctl.devices.barrett.language import ERRORS, explain_status, hint_for, split_status
+
+    codes = sorted(ERRORS) if code is None else split_status(code)
+    rows = [{"code": bit, "meaning": explain_status(bit), "next": hint_for(bit)} for bit in codes] or [
+        {"code": 0, "meaning": "ready", "next": ""}
+    ]
+    return Table(
+        rows=rows,
+        columns=(Column("code", "Code", right=True), Column("meaning", "Meaning"), Column("next", "Next step")),
+    )
+
+
+@cli.verb("help")
+@click.argument("command", required=False)
+def help_(run: Run, command: str | None) -> Table:
+    """The hand's own help for COMMAND beside the manual's."""
+    from handctl.devices.barrett import gcl
+    from handctl.devices.barrett.commands import COMMANDS
+
+    if command is not None and command.upper() not in COMMANDS:
+        raise UsageError(f"{command!r} is no GCL command", hint=f"they are {' '.join(COMMANDS)}")
+    text = f"?{command.upper()}" if command else "?"
+    row = gcl.row_of(run.device().line.read(text))
+    row["manual"] = gcl.explain_help(text)
+    return Table(
+        rows=[row], text=lambda rows: f"{gcl.as_text(rows)}by the manual:\n{rows[0]['manual']}\n", plain=("text",)
+    )
+
+
+# -- writing parameters ---------------------------------------------------------------------------------------------
+
+
+@cli.verb("set", writes=True)
+@click.argument("assignments", nargs=-1, required=True, metavar="NAME[.MOTOR]=VALUE...")
+@_motors
+@FORCE
+def set_(run: Run, assignments: tuple[str, ...], motors: str | None, force: bool) -> Table:
+    """Set parameters in RAM and read them back, e.g. `MCV=80 HSG.F1=150 --motors 12`. One value goes to all motors."""
+    chosen = [MOTORS[int(digit) - 1] for digit in motor_prefix(motors)] if motors else list(MOTORS)
+    changes = BARRETT.assignments_on(assignments, chosen)
+    if any(element.param.name == "baud_rate" for element, _ in changes):
+        raise UsageError(
+            "BAUD changes the speed at once",
+            hint="use `handctl barrett baud RATE`: the port follows. Nothing was sent.",
+        )
+    for objection in check_careful(changes, force):
+        run.journal.warn("careful", objection)
+    if run.settings.dry_run:
+        return run.dry_run(run.planner().plan(changes))
+    hand: BarrettHand = run.device()
+    return hand.table(hand.write(changes))
+
+
+@cli.verb("load", writes=True)
+def load(run: Run) -> Table:
+    """EEPROM to RAM, motors and hand (FLOAD, PLOAD); the speed may change and is looked for."""
+    return _plain_commands(run, ["FLOAD", "PLOAD"])
+
+
+@cli.verb("defaults", writes=True)
+def defaults(run: Run) -> Table:
+    """Factory values into RAM (FDEF, PDEF), not saved; the speed goes to 9600."""
+    return _plain_commands(run, ["FDEF", "PDEF"])
+
+
+def _plain_commands(run: Run, commands: list[str]) -> Table:
+    from handctl.devices.barrett import gcl
+
+    if run.settings.dry_run:
+        return run.dry_run([_step(text) for text in commands])
+    return gcl.run_all(run.device(), commands, keep_going=False)
+
+
+def _step(text: str) -> Step:
+    from handctl.devices.barrett.language import encode
+
+    return Step(text, encode(text))
+
+
+@cli.verb("save", writes=True)
+@FORCE
+def save(run: Run, force: bool) -> Table:
+    """RAM to EEPROM: compared with the last save first, confirmed, counted (5,000 in the hand's life)."""
+    from handctl.devices.barrett import eeprom
+
+    steps = [_step("FSAVE"), _step("PSAVE")]
+    if run.settings.dry_run:
+        return run.dry_run(steps)
+    run.confirm("This writes the EEPROM, which lasts 5,000 saves", steps)
+    hand: BarrettHand = run.device()
+    (speed,) = hand.read(BARRETT.find("BAUD")[1])
+    if speed.value != 96 and not force:
+        raise DeviceRefused(
+            f"BAUD is {speed.value}: saved, the hand would start at {int(speed.value or 0) * 100} bit/s for ever",
+            hint="--force saves it all the same, or `handctl barrett baud 9600` first",
+            code="baud-not-default",
+        )
+    return eeprom.save(hand, force=force, simulated=run.simulated)
+
+
+@cli.verb("baud", writes=True)
+@click.argument("rate", required=False, type=int)
+@click.option("--save", "save_too", is_flag=True, help="Save it to EEPROM: the hand starts at this speed from then on.")
+def baud(run: Run, rate: int | None, save_too: bool) -> Table:
+    """Show the speed, or change it: the hand and the port switch over together, then it is verified."""
+    from handctl.devices.barrett import speed
+
+    if rate is None:
+        if run.settings.dry_run:
+            raise UsageError("`handctl barrett baud` without a rate only reads", hint="run it without -n")
+        return verbs.get(run, BARRETT, ["BAUD"])
+    code = speed.code_of(rate)
+    steps = [_step(f"PSET BAUD {code}"), *([_step("PSAVE")] if save_too else [])]
+    if run.settings.dry_run:
+        return run.dry_run(steps)
+    run.confirm(f"The hand speaks {rate} bit/s at once{', and after every power-on' if save_too else ''}", steps)
+    hand: BarrettHand = run.device()
+    readings = hand.write([(BARRETT.find("BAUD")[1][0], code)])
+    if save_too:
+        hand.checked(hand.line.ask("PSAVE"))
+        run.journal.info("saved", f"the hand starts at {rate} bit/s from now on")
+    else:
+        run.journal.info("volatile", "until reset or power-off", hint="--save keeps it")
+    return hand.table(readings)
+
+
+@cli.verb("reset", writes=True)
+def reset(run: Run) -> Table:
+    """Restart the firmware like a power cycle; shows its banner. The motors need `init` afterwards."""
+    from handctl.devices.barrett import speed
+
+    if run.settings.dry_run:
+        return run.dry_run([_step("RESET")])
+    banner = speed.reset(run.device().line)
+    return Table(
+        rows=[{"name": "banner", "parameter": "RESET", "motor": None, "value": banner, "unit": None}],
+        columns=(Column("value", "Banner"),),
+    )
+
+
+# -- moving -------------------------------------------------------------------------------------------------------
+
+
+def _movement(name: str, gcl_name: str, doc: str, *, argument: str = "") -> None:
+    def body(run: Run, motors: str | None, value: int | None = None) -> Table:
+        from handctl.devices.barrett import motion
+
+        prefix = _prefix(motors)
+        text = motion.command_text(prefix, gcl_name, value)
+        if run.settings.dry_run:
+            return run.dry_run([_step(text)])
+        return motion.move(run.device(), prefix, gcl_name, value, run.guide)
+
+    body.__doc__ = doc
+    command = _motors(body)
+    if argument:
+        command = click.argument("value", required=False, type=int, metavar=argument)(command)
+    cli.verb(name, writes=True)(command)
+
+
+_movement("init", "HI", "Initialize (HI): the fingers open fully; needed before any movement after power-on or reset.")
+_movement("open", "O", "Open to OT.")
+_movement("close", "C", "Close to CT; stopping on an object is no error.")
+_movement("move", "M", "Move to a POSITION in counts, without one to DP.", argument="[POSITION]")
+_movement("step-open", "IO", "Open by COUNTS, without them by DS.", argument="[COUNTS]")
+_movement("step-close", "IC", "Close by COUNTS, without them by DS.", argument="[COUNTS]")
+_movement("home", "HOME", "Move to position 0.")
+_movement("torque-open", "TO", "Open under torque control until it stalls.")
+_movement("torque-close", "TC", "Close under torque control until it stalls.")
+
+
+@cli.verb("stop", writes=True)
+@_motors
+def stop(run: Run, motors: str | None) -> Table:
+    """Motor power off (T), also for motors that are not initialized."""
+    from handctl.devices.barrett import motion
+
+    prefix = _prefix(motors)
+    if run.settings.dry_run:
+        return run.dry_run([_step(f"{prefix}T")])
+    return motion.stop(run.device(), prefix)
+
+
+# -- passthrough --------------------------------------------------------------------------------------------------
+
+
+@cli.verb("gcl", writes=True)
+@click.argument("commands", nargs=-1, metavar="[COMMAND]...")
+@click.option("--keep-going", is_flag=True, help="Go on after an error.")
+def gcl_(run: Run, commands: tuple[str, ...], keep_going: bool) -> Table:
+    """Any GCL: each argument is one command; without arguments a script on stdin, or a prompt on a terminal.
+
+    The prompt has history, completion of commands and parameters, and ?NAME for help.
+    """
+    from handctl.devices.barrett import gcl
+
+    if not commands and sys.stdin.isatty():
+        return _prompt(run)
+    wanted = list(commands) if commands else gcl.script(sys.stdin)
+    if not wanted:
+        raise UsageError("no command", hint='e.g. handctl barrett gcl "HI" "GC" "FGET P", or a script on stdin')
+    for text in wanted:
+        gcl.refuse(text)
+        _step(text)
+    if run.settings.dry_run:
+        return run.dry_run([_step(text) for text in wanted])
+    saving = gcl.saves(wanted)
+    if saving:
+        run.confirm("This writes the EEPROM, which lasts 5,000 saves", [_step(text) for text in saving])
+    return gcl.run_all(run.device(), wanted, keep_going=keep_going)
+
+
+def _prompt(run: Run) -> Table:
+    from handctl.devices.barrett import gcl, prompt
+
+    if run.settings.dry_run:
+        raise UsageError("a prompt sends what is typed", hint="give the commands as arguments for a dry run")
+    history = prompt.line_reader()
+    try:
+        return gcl.interactive(run, run.device(), input)
+    finally:
+        prompt.leave(history)
+
+
+# -- files --------------------------------------------------------------------------------------------------------
+
+
+@cli.verb("snapshot")
+@click.argument("file", type=click.Path(dir_okay=False))
+def snapshot(run: Run, file: str) -> Table:
+    """Write every setting in RAM to FILE, with serial number, firmware, time and checksum."""
+    return verbs.snapshot(run, file)
+
+
+@cli.verb("diff")
+@click.argument("a", type=click.Path(dir_okay=False))
+@click.argument("b", required=False, type=click.Path(dir_okay=False))
+def diff(run: Run, a: str, b: str | None) -> Table:
+    """Compare two snapshots, or snapshot A with the live hand. Exit 7 when they differ."""
+    return verbs.diff(run, BARRETT, a, b)
+
+
+@cli.verb("restore", writes=True)
+@click.argument("file", type=click.Path(dir_okay=False))
+@click.option("--save", "save_too", is_flag=True, help="Save to EEPROM afterwards.")
+@FORCE
+def restore(run: Run, file: str, save_too: bool, force: bool) -> Table:
+    """Write what differs from a snapshot into RAM, read it back; --save keeps it. Speed last."""
+    from handctl import snapshot as files
+    from handctl.devices.barrett import eeprom
+
+    stored = files.load(file, "barrett")["values"]
+    changes = [(BARRETT.find(name)[1][0], value) for name, value in stored.items()]
+    for objection in check_careful(changes, force):
+        run.journal.warn("careful", objection)
+    table = verbs.restore(run, BARRETT, file)
+    if save_too and not run.settings.dry_run:
+        eeprom.save(run.device(), force=True, simulated=run.simulated)
+    return table

@@ -1,0 +1,178 @@
+"""Any GCL: as arguments, as a script, or at an interactive prompt. The hand's own text, its errors in words."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING
+
+from handctl.devices.barrett.commands import COMMANDS, split
+from handctl.devices.barrett.hand import BarrettHand, refusal
+from handctl.devices.barrett.language import Answer, explain_status
+from handctl.devices.barrett.parameters import BARRETT
+from handctl.errors import DeviceRefused, HandctlError, Interrupted, UsageError
+from handctl.result import Row, Table
+
+if TYPE_CHECKING:
+    from handctl.run import Run
+
+EEPROM = ("FSAVE", "PSAVE")
+
+
+def refuse(text: str) -> None:
+    """What the passthrough does not carry: it would lose the line. Raises UsageError."""
+    _, command, arguments = split(text)
+    if command is None:
+        return
+    if command.kind == "loop":
+        raise UsageError("LOOP leaves the text protocol", hint="the realtime loop has a command of its own")
+    if command.name == "RESET":
+        raise UsageError("RESET may change the speed", hint="use `handctl barrett reset`: it finds the hand again")
+    if command.name == "PSET" and "BAUD" in arguments:
+        raise UsageError(
+            "PSET BAUD changes the speed at once", hint="use `handctl barrett baud RATE`: the port follows"
+        )
+
+
+def saves(texts: Iterable[str]) -> list[str]:
+    """Those commands that write the EEPROM."""
+    return [text for text in texts if (found := split(text)[1]) is not None and found.name in EEPROM]
+
+
+def script(lines: Iterable[str]) -> list[str]:
+    """Commands of a script: one a line, empty lines and `#` comments left out."""
+    return [text for line in lines if (text := line.partition("#")[0].strip())]
+
+
+def run_all(hand: BarrettHand, commands: Iterable[str], *, keep_going: bool) -> Table:
+    """Send commands one after the other; stops at the first error unless `keep_going`."""
+    rows: list[Row] = []
+    failure: HandctlError | None = None
+    for text in commands:
+        try:
+            answer = ask(hand, text)
+        except KeyboardInterrupt as exc:
+            raise Interrupted(f"interrupted in {text}: {stop_text(hand)}") from exc
+        rows.append(row_of(answer))
+        if answer.status:
+            failure = failure or refusal(answer)
+            if not keep_going:
+                break
+    return Table(rows=rows, columns=(), text=as_text, plain=("text",), failure=failure)
+
+
+def ask(hand: BarrettHand, text: str) -> Answer:
+    """One command once; afterwards the speed is looked for again where it may have changed."""
+    answer = hand.line.ask(text)
+    _, command, _ = split(text)
+    if command is not None and command.kind == "speed":
+        hand.line.reconnect()
+    return answer
+
+
+def row_of(answer: Answer) -> Row:
+    """A command with the lines of its answer, its status, and the error in words."""
+    row: Row = {
+        "command": answer.command,
+        "lines": list(answer.lines),
+        "text": "\n".join(answer.lines),
+        "status": answer.status,
+    }
+    if answer.status:
+        row["error"] = f"ERR {answer.status}: {explain_status(answer.status)}"
+    return row
+
+
+def as_text(rows: list[Row]) -> str:
+    """What a terminal at the hand would show."""
+    parts = []
+    for row in rows:
+        parts.append(f"=> {row['command']}\n")
+        parts += [f"{line}\n" for line in row["lines"]]
+        if "error" in row:
+            parts.append(f"{row['error']}\n")
+    return "".join(parts)
+
+
+def stop_text(hand: BarrettHand) -> str:
+    """Send ^C; what became of it."""
+    try:
+        answer = hand.line.abort()
+    except HandctlError as exc:
+        return f"^C could not be sent: {exc.text}"
+    return (
+        f"^C stopped the hand (status {answer.status})"
+        if answer is not None
+        else "the hand gave no prompt after ^C: switch its power off"
+    )
+
+
+# -- the interactive prompt -----------------------------------------------------------------------------------------
+
+
+def candidates(line: str, word: str) -> list[str]:
+    """Completions of `word` in `line`: commands first (a motor prefix is kept), then parameters."""
+    first = not line.strip() or (not line[: len(line) - len(word)].strip())
+    if first:
+        size = len(word) - len(word.lstrip("1234GSgs"))
+        prefix, rest = word[:size].upper(), word[size:].upper()
+        return [
+            prefix + name + " "
+            for name, command in COMMANDS.items()
+            if name.startswith(rest) and (command.prefix or not prefix)
+        ]
+    return [param.mnemonic + " " for param in BARRETT if param.mnemonic.startswith(word.upper())]
+
+
+def explain_help(text: str) -> str:
+    """What the manual says, beside the hand's own help."""
+    _, _, arguments = split(text)
+    if not arguments:
+        return "\n".join(f"  {name:<8} {command.doc}" for name, command in COMMANDS.items())
+    name = arguments[0]
+    command = COMMANDS.get(name)
+    if command is not None:
+        span = f" [{command.argument[0]}..{command.argument[1]}]" if command.argument else ""
+        return f"  {name}{span}: {command.doc} ({command.source})"
+    try:
+        param = BARRETT.find(name)[0]
+    except UsageError:
+        return ""
+    return f"  {param.mnemonic}: {param.doc}; {param.range_text} ({param.source})"
+
+
+def interactive(run: Run, hand: BarrettHand, read_line: Callable[[str], str]) -> Table:
+    """A prompt like the hand's own: history, completion, ? for help, Ctrl-C stops a movement, Ctrl-D ends."""
+    hand.line.connect()
+    run.guide.say("GCL prompt; ?NAME explains, Ctrl-C stops a movement, Ctrl-D ends.")
+    while True:
+        try:
+            text = read_line("=> ").strip()
+        except EOFError:
+            return Table()
+        except KeyboardInterrupt:
+            run.guide.say("^C")
+            continue
+        if text:
+            _one(run, hand, text)
+
+
+def _one(run: Run, hand: BarrettHand, text: str) -> None:
+    try:
+        refuse(text)
+        if saves([text]):
+            run.confirm(f"{text} writes the EEPROM, which lasts 5,000 saves")
+        answer = ask(hand, text)
+        for line in answer.lines:
+            run.out(line)
+        if answer.status:
+            run.out(f"ERR {answer.status}: {explain_status(answer.status)}")
+        if text.startswith("?") or text.upper().startswith("A?"):
+            run.out(explain_help(text))
+    except KeyboardInterrupt:
+        run.guide.say(stop_text(hand))
+    except DeviceRefused as exc:
+        run.guide.say(exc.text)
+    except HandctlError as exc:
+        if exc.exit_code == 3:
+            raise
+        run.guide.say(f"{exc.text}\n  next: {exc.hint}" if exc.hint else exc.text)

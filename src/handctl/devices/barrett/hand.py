@@ -1,0 +1,413 @@
+"""The BarrettHand in supervisory mode: reading and writing its parameters, its status. Satisfies `verbs.MapDevice`.
+
+GCL has no checksum: an answer is believed when its echo, its number of lines and its number of values fit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from handctl.devices.barrett.language import MOTORS, Answer, batches, explain_status, hint_for, motors_of, values
+from handctl.devices.barrett.line import GclLine
+from handctl.devices.barrett.parameters import BARRETT, GclParam, all_elements, standard
+from handctl.errors import CheckFailed, DeviceRefused, HandctlError, NoAnswer, ProtocolError
+from handctl.link import Link
+from handctl.param import Element, Number, Reading, Step
+from handctl.result import Cell, Column, Grid, Journal, Row, Table
+
+LIMIT_TENTHS = 650
+"""65 °C: never above (barrett §2)."""
+NEARLY_READY = 4
+SPLITTABLE = 32 | 64 | 1024
+"""Statuses that a long line may cause: it is asked again in halves (dossier 1.4)."""
+
+
+class BarrettHand:
+    """One hand on a line."""
+
+    kind = "barrett"
+    map = BARRETT
+    worn = False
+    live = ("position", "strain", "status", "temperature")
+    columns = (
+        Column("name", "Name"),
+        Column("parameter", "GCL"),
+        Column("motor", "Motor"),
+        Column("value", "Value", right=True),
+        Column("unit", "Unit"),
+        Column("label", "Meaning"),
+    )
+    not_covered = (
+        "the EEPROM: restored values are in RAM until `--save` or `handctl barrett save` keeps them",
+        "read-only values (odometer, temperatures, serial number)",
+    )
+
+    def __init__(self, line: GclLine) -> None:
+        self.line = line
+
+    @property
+    def link(self) -> Link:
+        """Where it is, and its clock."""
+        return self.line.link
+
+    @property
+    def journal(self) -> Journal:
+        """Where messages and counters go."""
+        return self.line.journal
+
+    def identity(self) -> dict[str, object]:
+        """Serial number (0 on hands upgraded in the field) and firmware as the hand says it."""
+        (serial,) = self.read(all_elements([BARRETT.by_mnemonic("SN")]))
+        return {"kind": self.kind, "serial_number": serial.value, "firmware": self.version()}
+
+    def version(self) -> str:
+        """The firmware's own text (its format is not documented)."""
+        return " ".join(self.checked(self.line.read("VERS")).lines)
+
+    def find_for_restore(self, values: dict[str, Number]) -> None:
+        """Nothing to do: the hand has no address, and its speed is found at connect."""
+
+    def checked(self, answer: Answer) -> Answer:
+        """The same answer, or DeviceRefused with the manual's wording of its status."""
+        if answer.status:
+            raise refusal(answer)
+        return answer
+
+    # -- reading -------------------------------------------------------------------------------------------------
+
+    def read(self, elements: Sequence[Element]) -> list[Reading]:
+        """Read elements in as few lines as fit; all motors that are wanted share a prefix (barrett §5.2.2, §5.2.3)."""
+        motors = sorted({element.index for element in elements if element.param.elements})
+        prefix = "" if len(motors) in (0, 4) else "".join(str(motor + 1) for motor in motors)
+        by_mnemonic: dict[str, dict[int, int] | HandctlError] = {}
+        names = list(dict.fromkeys(_gcl(element) for element in elements))
+        first: HandctlError | None = None
+        for chosen, verb, count in (
+            ([name for name in names if not BARRETT.by_mnemonic(name).is_global], f"{prefix}FGET", len(motors)),
+            ([name for name in names if BARRETT.by_mnemonic(name).is_global], "PGET", 1),
+        ):
+            for group in _by_firmware(chosen):
+                for _, items in batches("", verb, [(name,) for name in group]):
+                    try:
+                        self._get(
+                            verb, [item[0] for item in items], motors if verb != "PGET" else [0], count, by_mnemonic
+                        )
+                    except (NoAnswer, ProtocolError) as exc:
+                        if not any(isinstance(found, dict) for found in by_mnemonic.values()):
+                            raise
+                        first = exc
+                        by_mnemonic.update({item[0]: exc for item in items})
+        del first
+        return [_reading(element, by_mnemonic[_gcl(element)]) for element in elements]
+
+    def _get(
+        self, verb: str, names: list[str], motors: list[int], count: int, into: dict[str, dict[int, int] | HandctlError]
+    ) -> None:
+        answer = self.line.read(" ".join([verb, *names]))
+        if answer.status and answer.status & ~SPLITTABLE == 0 and len(names) > 1:
+            middle = len(names) // 2
+            for half in (names[:middle], names[middle:]):
+                self._get(verb, half, motors, count, into)
+            return
+        if answer.status:
+            into.update(dict.fromkeys(names, refusal(answer)))
+            return
+        for name, numbers in zip(names, values(answer, len(names), count), strict=True):
+            into[name] = dict(zip(motors, numbers, strict=True))
+
+    def row(self, reading: Reading) -> Row:
+        """The data row of one reading (cli contract, row keys of barrett)."""
+        param = reading.element.param
+        assert isinstance(param, GclParam)
+        row: Row = {"name": param.name, "parameter": param.mnemonic, "motor": reading.element.part}
+        if reading.error is not None or reading.value is None:
+            return {**row, "error": reading.error.text if reading.error is not None else "not read", "unit": param.unit}
+        return {
+            **row,
+            "value": reading.value,
+            "unit": param.unit,
+            "label": meaning(param, reading.value),
+            "default": param.default_of(reading.element.index),
+        }
+
+    # -- writing -------------------------------------------------------------------------------------------------
+
+    def plan(self, changes: Sequence[tuple[Element, Number]]) -> list[Step]:
+        """FSET and PSET lines for checked changes: motors that get the same value share a prefix."""
+        return [
+            Step(f"{command}", command.encode("ascii") + b"\r", moves=False, strands="BAUD" in command.split())
+            for command, _ in self._commands(changes)
+        ]
+
+    def _commands(self, changes: Sequence[tuple[Element, Number]]) -> list[tuple[str, list[str]]]:
+        motors: dict[tuple[str, Number], list[int]] = {}
+        for element, value in changes:
+            motors.setdefault((_gcl(element), value), []).append(element.index)
+        pairs: dict[str, list[tuple[str, ...]]] = {}
+        for (mnemonic, value), indices in motors.items():
+            if BARRETT.by_mnemonic(mnemonic).is_global:
+                verb = "PSET"
+            else:
+                digits = "".join(str(index + 1) for index in sorted(indices))
+                verb = f"{'' if digits == '1234' else digits}FSET"
+            pairs.setdefault(verb, []).append((mnemonic, str(value)))
+        return [
+            (line, [item[0] for item in items])
+            for verb, words in pairs.items()
+            for line, items in batches("", verb, words)
+        ]
+
+    def write(self, changes: Sequence[tuple[Element, Number]]) -> list[Reading]:
+        """Set values in RAM, each line once, and read them all back; a change of BAUD goes last, with the port.
+
+        Raises DeviceRefused with the hand's status; CheckFailed when the read-back differs.
+        """
+        calm = [change for change in changes if _gcl(change[0]) != "BAUD"]
+        readings = self._write_calm(calm) if calm else []
+        for element, value in changes:
+            if _gcl(element) == "BAUD":
+                self.change_speed(int(value))
+                readings += self.read([element])
+        return readings
+
+    def _write_calm(self, changes: Sequence[tuple[Element, Number]]) -> list[Reading]:
+        done: list[str] = []
+        for command, _ in self._commands(changes):
+            try:
+                answer = self.line.ask(command)
+            except (NoAnswer, ProtocolError) as exc:
+                self.journal.warn("answer-lost", f"no valid answer to {command} ({exc.text}); reading it back")
+                self.line.resynchronise()
+                continue
+            if answer.status:
+                error = refusal(answer)
+                error.hint += f"; already set: {'; '.join(done)}" if done else ""
+                raise error
+            done.append(command)
+        readings = self.read([element for element, _ in changes])
+        wrong = [
+            f"{element.full_name} reads {reading.value} after {value} was written"
+            for (element, value), reading in zip(changes, readings, strict=True)
+            if reading.value != value
+        ]
+        if wrong:
+            raise CheckFailed(
+                f"{self.link.name}: {'; '.join(wrong)}",
+                hint="look with `handctl barrett get` before writing again",
+                code="read-back",
+            )
+        return readings
+
+    def change_speed(self, code: int) -> None:
+        """Set BAUD and follow with the port (barrett §5.4.1; dossier 1.2). Raises NoAnswer when the hand is not found."""
+        from handctl.devices.barrett.speed import change
+
+        change(self.line, code)
+
+    # -- tables --------------------------------------------------------------------------------------------------
+
+    def table(self, readings: Sequence[Reading], title: str = "") -> Table:
+        """Readings as a Table; for people one line per parameter, motors side by side."""
+        failed = [reading for reading in readings if reading.error is not None]
+        failure = None
+        if failed and failed[0].error is not None:
+            exc = failed[0].error
+            names = ", ".join(dict.fromkeys(_gcl(reading.element) for reading in failed))
+            failure = type(exc)(f"{self.link.name}: {names}: {exc.text}", hint=exc.hint, code=exc.code)
+        return Table(
+            rows=[self.row(reading) for reading in readings],
+            columns=self.columns,
+            title=title,
+            view=parameters_view,
+            failure=failure,
+        )
+
+    def dump(self) -> Table:
+        """Every parameter of §5.3 and §5.4 against its default, in four lines."""
+        table = self.table(self.read(all_elements(standard())))
+        for finding in audit(table.rows):
+            self.journal.warn("audit", finding)
+        return table
+
+    def status(self, check: bool) -> Table:
+        """Position, strain, status, way, temperature against its limit, firmware. With `check`, unhealthy is exit 7."""
+        names = ("P", "SG", "S", "OD", "EN", "TEMP", "OTEMP", "PTEMP", "UPSECS", "SN", "BAUD")
+        table = self.table(self.read(all_elements([BARRETT.by_mnemonic(name) for name in names])))
+        try:
+            firmware = self.version()
+        except HandctlError as exc:
+            firmware = f"? ({exc.text})"
+        table.rows.append(
+            {"name": "firmware", "parameter": "VERS", "motor": None, "value": firmware, "unit": None, "label": None}
+        )
+        table.view = status_view
+        findings = unhealthy(table.rows)
+        for finding in findings:
+            self.journal.warn("unhealthy", finding)
+        if check and findings and table.failure is None:
+            table.failure = CheckFailed(
+                f"{self.link.name}: {len(findings)} findings: {'; '.join(findings)}", code="unhealthy"
+            )
+        return table
+
+
+def _gcl(element: Element) -> str:
+    assert isinstance(element.param, GclParam)
+    return element.param.mnemonic
+
+
+def _by_firmware(names: list[str]) -> list[list[str]]:
+    """Names of all firmware together, those of later firmware apart: one that is absent must not spoil the others."""
+    usual = [name for name in names if not BARRETT.by_mnemonic(name).since]
+    later = [name for name in names if BARRETT.by_mnemonic(name).since]
+    return [group for group in (usual, later) if group]
+
+
+def _reading(element: Element, found: dict[int, int] | HandctlError) -> Reading:
+    if isinstance(found, dict):
+        return Reading(element, found[element.index if element.param.elements else 0])
+    return Reading(element, None, b"", found)
+
+
+def refusal(answer: Answer) -> DeviceRefused:
+    """The error of an answer with a status: code, sum and the manual's wording."""
+    return DeviceRefused(
+        f"{answer.command}: ERR {answer.status}: {explain_status(answer.status)}",
+        hint=hint_for(answer.status),
+        code=f"err-{answer.status}",
+    )
+
+
+def meaning(param: GclParam, value: Number) -> str | None:
+    """What a value means: status in words, tenths as degrees, 255 as no gauge."""
+    if param.mnemonic == "S":
+        return explain_status(int(value))
+    if param.unit == "0.1 °C" and not (param.mnemonic == "OTEMP" and value == 0):
+        return f"{value / 10:.1f} °C"
+    return param.label(value)
+
+
+def audit(rows: Sequence[Row]) -> list[str]:
+    """Values that the manual allows and warns of."""
+    found = []
+    for row in rows:
+        if "value" not in row:
+            continue
+        param = BARRETT[row["name"]]
+        index = MOTORS.index(row["motor"]) if row["motor"] else 0
+        objection = param.objection(index, row["value"])
+        if objection is not None and not (param.mnemonic == "OTEMP" and row["value"] == 0):
+            found.append(f"{row['motor'] or 'hand'}: {objection}")
+    by = {(row["parameter"], row["motor"]): row.get("value") for row in rows}
+    found += [
+        f"{motor}: HSG {by[('HSG', motor)]} and MSG {by[('MSG', motor)]} differ, they are one value"
+        for motor in MOTORS
+        if ("HSG", motor) in by and by[("HSG", motor)] != by.get(("MSG", motor))
+    ]
+    return found
+
+
+def unhealthy(rows: Sequence[Row]) -> list[str]:
+    """What a technician must look at. A hand that only waits for HI (status 4) is healthy."""
+    found = []
+    at = {(row["parameter"], row["motor"]): row.get("value") for row in rows}
+    for motor in MOTORS:
+        status = at.get(("S", motor))
+        if status and int(status) & ~NEARLY_READY:
+            found.append(f"{motor}: {explain_status(int(status))}")
+        if at.get(("EN", motor)) == 0:
+            found.append(f"{motor} is disabled (EN 0): it does not move without a prefix")
+    temperature, limit, peak = (at.get((name, None)) for name in ("TEMP", "OTEMP", "PTEMP"))
+    if temperature is not None and temperature >= LIMIT_TENTHS:
+        found.append(f"temperature {temperature / 10:.1f} °C: never above 65 °C (barrett §2)")
+    if limit and temperature is not None and temperature > limit:
+        found.append(f"temperature {temperature / 10:.1f} °C is above OTEMP {limit / 10:.1f} °C: motor commands fail")
+    if peak is not None and peak >= LIMIT_TENTHS:
+        found.append(f"its peak temperature was {peak / 10:.1f} °C")
+    return found
+
+
+# -- how people see it -------------------------------------------------------------------------------------------
+
+
+def parameters_view(rows: list[Row]) -> list[Grid]:
+    """One line per parameter: GCL name, motors side by side; what differs from the factory is marked."""
+    names = list(dict.fromkeys(row["name"] for row in rows))
+    motors = [motor for motor in MOTORS if any(row["motor"] == motor for row in rows)]
+    scalars = any(row["motor"] is None for row in rows)
+    headings = ["GCL", "Name", *motors, *(["Hand"] if scalars else []), "Default", "Unit"]
+    lines: list[tuple[str | Cell, ...]] = []
+    notes = []
+    for name in names:
+        mine = {row["motor"]: row for row in rows if row["name"] == name}
+        first = next(iter(mine.values()))
+        cells = [_value_cell(mine.get(motor)) for motor in motors] + ([_value_cell(mine.get(None))] if scalars else [])
+        lines.append((first["parameter"], name, *cells, _defaults(mine), first["unit"] or ""))
+        error = next((row["error"] for row in mine.values() if "error" in row), None)
+        if error is not None:
+            notes.append(f"{first['parameter']}: {error}")
+    right = frozenset(range(2, len(headings) - 2))
+    return [Grid(tuple(headings), tuple(lines), right=right, notes=tuple(notes))]
+
+
+def _value_cell(row: Row | None) -> str | Cell:
+    if row is None:
+        return ""
+    if "error" in row:
+        return Cell("?", "bad")
+    changed = row.get("default") is not None and row["value"] != row["default"]
+    return Cell(f"{row['value']}*", "warn") if changed else str(row["value"])
+
+
+def _defaults(rows: dict[str | None, Row]) -> str:
+    seen = list(dict.fromkeys(str(row["default"]) for row in rows.values() if row.get("default") is not None))
+    return "/".join(seen)
+
+
+def status_view(rows: list[Row]) -> list[Grid]:
+    """Per motor, then the hand as a whole."""
+    at = {(row["parameter"], row["motor"]): row for row in rows}
+
+    def text(name: str, motor: str | None) -> str | Cell:
+        row = at.get((name, motor))
+        if row is None or "error" in row:
+            return Cell("?", "bad")
+        if name == "S":
+            return Cell(
+                str(row["label"]), "good" if row["value"] == 0 else ("warn" if row["value"] == NEARLY_READY else "bad")
+            )
+        if name == "SG" and row["value"] == 255:
+            return Cell("none", "dim")
+        return str(row["value"])
+
+    motors = tuple(
+        (motor, text("P", motor), text("SG", motor), text("OD", motor), text("EN", motor), text("S", motor))
+        for motor in MOTORS
+    )
+
+    def degrees(name: str) -> str:
+        row = at.get((name, None), {})
+        return str(row.get("label") or row.get("value", "?"))
+
+    def plain(name: str) -> str:
+        return str(at.get((name, None), {}).get("value", "?"))
+
+    hours = at.get(("UPSECS", None), {}).get("value")
+    notes = (
+        f"temperature {degrees('TEMP')}, limit {degrees('OTEMP')}, peak {degrees('PTEMP')}",
+        f"serial number {plain('SN')}, firmware {plain('VERS')}, {plain('BAUD')}00 bit/s, "
+        f"{f'{hours / 3600:.1f} h of operation' if isinstance(hours, int) else 'operation time ?'}",
+    )
+    return [
+        Grid(
+            ("Motor", "Position", "Strain", "Odometer [1000 cts]", "Enabled", "Status"),
+            motors,
+            right=frozenset({1, 2, 3, 4}),
+            notes=notes,
+        )
+    ]
+
+
+def selected(prefix: str) -> list[str]:
+    """Motor names of a prefix, for rows."""
+    return motors_of(prefix)

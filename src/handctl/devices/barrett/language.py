@@ -1,0 +1,218 @@
+"""The Grasper Control Language's line protocol, commands <-> bytes. Sans I/O: knows no link and no clock.
+
+    host   COMMAND 0D                        barrett §5.1.1
+    hand   COMMAND 0A 0D [line 0A 0D]... [ERR n 0A 0D] 3D 3E 20
+
+Every character is echoed, the CR is answered by LF CR, an answer ends with the prompt "=> " on a line of its own.
+An error is a sum of powers of two, printed before the prompt (§5.1.3, T3). The manual writes CRLF; hands send LF CR;
+both are accepted, and the prompt with or without its space.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from handctl.errors import ProtocolError, UsageError
+
+CR = b"\r"
+ABORT = b"\x03"
+PROMPT = b"=>"
+MAX_LINE = 70
+MAX_ARGUMENTS = 18
+"""Longest lines and argument lists seen to work; the limit is undocumented (dossier 1.4)."""
+
+MOTOR_DIGITS = "1234"
+MOTORS = ("F1", "F2", "F3", "SPREAD")
+
+ERRORS: dict[int, tuple[str, str]] = {
+    1: ("no motor board found", "electronics: power-cycle the hand, then ask the vendor"),
+    2: ("no motor found", "electronics or cable: power-cycle the hand, then ask the vendor"),
+    4: ("motor not initialized", "run `handctl barrett init`; the fingers open fully, keep the space around them free"),
+    16: ("couldn't reach position", "an obstacle, a strain limit, or MPE: see `handctl barrett status`"),
+    32: ("unknown command", "a wrong name, or noise on the line: `handctl barrett help` lists the commands"),
+    64: ("unknown parameter name", "this firmware does not have it: `handctl barrett describe`"),
+    128: ("invalid value", "`handctl barrett describe` shows the ranges"),
+    256: ("read-only parameter", "it can only be read"),
+    1024: ("too many arguments", "give fewer at a time"),
+    2048: ("invalid RealTime header", "the block did not fit the hand's loop flags"),
+    4096: ("command can't have a motor prefix", "leave the motors out"),
+    8192: ("over-temperature tripped", "compare TEMP with OTEMP in `handctl barrett status`; let the hand cool"),
+    16384: ("^C abort received", "normal after an abort"),
+}
+"""barrett §5.1.3, T3: code -> (the manual's wording, next step)."""
+
+
+def split_status(code: int) -> list[int]:
+    """The powers of two in a status sum, lowest first; nothing is dropped."""
+    return [1 << bit for bit in range(code.bit_length()) if code >> bit & 1]
+
+
+def explain_status(code: int) -> str:
+    """``20`` -> ``motor not initialized (4) + couldn't reach position (16)``; 0 -> ``ready``."""
+    if code == 0:
+        return "ready"
+    parts = []
+    for bit in split_status(code):
+        text = ERRORS[bit][0] if bit in ERRORS else ("unused in the manual" if bit in (8, 512) else "unknown")
+        parts.append(f"{text} ({bit})")
+    return " + ".join(parts)
+
+
+def hint_for(code: int) -> str:
+    """The next step for the most telling bit of a status sum."""
+    return next(
+        (ERRORS[bit][1] for bit in split_status(code) if bit in ERRORS), "the manual does not name this code (T3)"
+    )
+
+
+def motor_prefix(text: str) -> str:
+    """``12S``, ``G``, ``F1,F3``, ``all`` -> GCL digits in order: ``124``, ``123``, ``13``, ``1234``. Raises UsageError."""
+    digits: set[str] = set()
+    for part in text.upper().replace(",", " ").split():
+        if part in ("ALL", "*"):
+            digits |= set(MOTOR_DIGITS)
+        elif part == "SPREAD":
+            digits.add("4")
+        else:
+            for letter in part.replace("F", ""):
+                found = {"G": "123", "S": "4"}.get(letter, letter if letter in MOTOR_DIGITS else "")
+                if not found:
+                    raise UsageError(
+                        f"{text!r} does not name motors",
+                        hint="digits 1 2 3 4, G = the fingers 1 2 3, S = the spread 4 (barrett T2)",
+                    )
+                digits |= set(found)
+    if not digits:
+        raise UsageError("no motor named", hint="e.g. --motors 12S, --motors G")
+    return "".join(sorted(digits))
+
+
+def motors_of(prefix: str) -> list[str]:
+    """``14`` -> ``["F1", "SPREAD"]``; no prefix = all four."""
+    return [MOTORS[int(digit) - 1] for digit in (prefix or MOTOR_DIGITS)]
+
+
+def encode(command: str) -> bytes:
+    """A command as it goes out: upper case is left to the caller; printable ASCII, no CR in it. Raises UsageError."""
+    if not command.isascii() or any(not 32 <= ord(letter) < 127 for letter in command):
+        raise UsageError(
+            f"{command!r} has characters that a GCL command cannot have", hint="printable ASCII only (barrett §5.1.1)"
+        )
+    return command.encode("ascii") + CR
+
+
+class Answer(NamedTuple):
+    """One complete answer: its data lines and its status sum (0 = no ERR line)."""
+
+    command: str
+    lines: tuple[str, ...]
+    status: int
+    raw: bytes
+
+
+class Decoder:
+    """Collects the answer to one command: `feed` bytes, `next` gives it once the prompt has come.
+
+    The echo is found first, by exact comparison, and cut off before a status is looked for: the command "ERR 3" echoes
+    as a line that looks like one. Bytes before the echo (noise, a stale answer) are counted in `skipped`.
+    """
+
+    def __init__(self, command: str) -> None:
+        self._command = command
+        self._sent = command.encode("ascii").upper()
+        self._buffer = bytearray()
+        self.skipped = 0
+        self.echoed = False
+
+    def feed(self, data: bytes) -> None:
+        """Add received bytes."""
+        self._buffer += data
+
+    @property
+    def received(self) -> bytes:
+        """Everything so far."""
+        return bytes(self._buffer)
+
+    def next(self) -> Answer | None:
+        """The answer, or None until its prompt has come."""
+        buffer = bytes(self._buffer)
+        start = self._echo_at(buffer)
+        if start is None:
+            return None
+        self.echoed = True
+        size = start + len(self._sent)
+        end = _prompt_at(buffer, size)
+        if end is None:
+            return None
+        self.skipped = start
+        lines = [
+            line.decode("ascii", "replace")
+            for line in buffer[size:end].replace(b"\r", b"\n").split(b"\n")
+            if line.strip()
+        ]
+        status = 0
+        data = []
+        for line in lines:
+            words = line.split()
+            if len(words) == 2 and words[0] == "ERR" and words[1].isdecimal():
+                status |= int(words[1])
+            else:
+                data.append(line)
+        return Answer(self._command, tuple(data), status, buffer[: end + 3])
+
+    def _echo_at(self, buffer: bytes) -> int | None:
+        """Where the echo of this command stands, followed by a line end (or by nothing yet)."""
+        folded = buffer.upper()
+        place = folded.find(self._sent)
+        while place >= 0:
+            behind = folded[place + len(self._sent) : place + len(self._sent) + 1]
+            if behind in (b"", b"\n", b"\r"):
+                return place
+            place = folded.find(self._sent, place + 1)
+        return None
+
+
+def _prompt_at(buffer: bytes, start: int) -> int | None:
+    """Where the prompt stands at the start of a line, from `start` on."""
+    place = buffer.find(PROMPT, start)
+    while place >= 0:
+        if place > start and buffer[place - 1 : place] in (b"\n", b"\r"):
+            return place
+        place = buffer.find(PROMPT, place + 1)
+    return None
+
+
+def values(answer: Answer, names: int, motors: int) -> list[list[int]]:
+    """The numbers of a get: one line per name, one value per motor. Raises ProtocolError for any other shape."""
+    table = []
+    for line in answer.lines:
+        words = line.split()
+        try:
+            numbers = [int(word) for word in words]
+        except ValueError:
+            numbers = []
+        if len(numbers) != motors:
+            raise ProtocolError(f"{answer.command}: expected {motors} numbers a line, got {line!r}", code="bad-line")
+        table.append(numbers)
+    if len(table) != names and not answer.status:
+        raise ProtocolError(
+            f"{answer.command}: expected {names} lines, got {len(table)}: {list(answer.lines)}", code="bad-line"
+        )
+    return table
+
+
+def batches(prefix: str, verb: str, words: list[tuple[str, ...]]) -> list[tuple[str, list[tuple[str, ...]]]]:
+    """Split `words` (names, or name-value pairs) into command lines of at most 70 characters and 18 arguments."""
+    lines: list[tuple[str, list[tuple[str, ...]]]] = []
+    current: list[tuple[str, ...]] = []
+    for item in words:
+        longer = [*current, item]
+        text = " ".join([prefix + verb, *(word for entry in longer for word in entry)])
+        if current and (len(text) > MAX_LINE or sum(map(len, longer)) > MAX_ARGUMENTS):
+            lines.append((" ".join([prefix + verb, *(word for entry in current for word in entry)]), current))
+            current = [item]
+        else:
+            current = longer
+    if current:
+        lines.append((" ".join([prefix + verb, *(word for entry in current for word in entry)]), current))
+    return lines

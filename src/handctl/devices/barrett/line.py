@@ -1,0 +1,253 @@
+"""One conversation with a BarrettHand: find its speed, send a command, wait for its prompt, stop what moves.
+
+Follows the dossier's order at connect: ^C first (a bare CR would carry out a half-typed line), then CR, then the
+prompt tells the speed. One command at a time; nothing but ^C is sent before the prompt.
+"""
+
+from __future__ import annotations
+
+from handctl.devices.barrett.commands import SECONDS, split
+from handctl.devices.barrett.language import ABORT, CR, PROMPT, Answer, Decoder, encode
+from handctl.devices.barrett.parameters import SPEEDS
+from handctl.errors import HandctlError, NoAnswer, ProtocolError
+from handctl.link import ByteLink, Deadline
+from handctl.result import Journal
+
+ABORT_COLLECT = 0.15
+PROMPT_WAIT = 0.5
+QUIET = 0.2
+LOOP_EXITS = 9
+DEFAULT_RETRIES = 2
+
+
+class GclLine:
+    """The supervisory line of one hand.
+
+    timeout   seconds for the prompt of a query, None = the command's own (dossier 1.3)
+    speeds    speeds to try at connect; () where the link has none
+    """
+
+    def __init__(
+        self,
+        link: ByteLink,
+        journal: Journal,
+        *,
+        timeout: float | None = None,
+        retries: int = DEFAULT_RETRIES,
+        bound: Deadline | None = None,
+        speed: int | None = None,
+    ) -> None:
+        self.link = link
+        self.journal = journal
+        self.timeout = timeout
+        self.retries = retries
+        self.bound = bound
+        self._only = speed
+        self._connected = False
+
+    # -- connect -------------------------------------------------------------------------------------------------
+
+    def connect(self) -> None:
+        """Find the hand's speed and its prompt. Raises NoAnswer, ProtocolError naming what was tried."""
+        link = self.link
+        if self._connected:
+            return
+        first = self._only or link.baud or SPEEDS[0]
+        speeds = (
+            [first] if self._only is not None or not link.can_set_baud else [first, *(s for s in SPEEDS if s != first)]
+        )
+        garbage = b""
+        for speed in speeds:
+            if link.can_set_baud and link.baud != speed:
+                link.set_baud(speed)
+            garbage += self._knock()
+            if self._connected:
+                if speed != first:
+                    self.journal.info(
+                        "speed", f"the hand answers at {speed} bit/s", hint=f"--baud {speed} finds it at once"
+                    )
+                return
+            if self.bound is not None and self.bound.expired:
+                break
+        tried = f"at {', '.join(map(str, speeds))} bit/s" if link.can_set_baud else "on this link"
+        if garbage:
+            raise ProtocolError(
+                f"{link.name}: no prompt {tried}, but {len(garbage)} bytes came: {garbage[:24].hex(' ').upper()}",
+                hint="another device, an echo or a disturbed line: check port and cable; power-cycle the hand",
+                code="echo" if not garbage.strip(ABORT + CR) else "garbage",
+            )
+        raise NoAnswer(f"{link.name}: no answer {tried}", hint=SILENCE)
+
+    def _knock(self) -> bytes:
+        """^C, then CR; connected when the prompt comes. Returns bytes that were no prompt."""
+        link = self.link
+        self._drain()
+        link.write(ABORT, link.deadline(1.0))
+        early = self._until_prompt(ABORT_COLLECT + self._wire(8))
+        link.write(CR, link.deadline(1.0))
+        came = self._until_prompt(PROMPT_WAIT + self._wire(8))
+        if _has_prompt(came):
+            self._connected = True
+            return b""
+        if came or early:
+            came += self._leave_loop()
+        return early + came if not self._connected else b""
+
+    def _leave_loop(self) -> bytes:
+        """Bytes but no prompt: the hand may sit in its RealTime loop and take ^C for data (dossier 1.5, step 4)."""
+        link = self.link
+        came = b""
+        for count in range(LOOP_EXITS):
+            link.write(ABORT, link.deadline(1.0))
+            came += self._until_prompt(0.02 + self._wire(8))
+            if _has_prompt(came):
+                self.journal.warn(
+                    "loop",
+                    f"the hand was in its RealTime loop: {count + 1} ^C ended it, each but the last a small velocity",
+                )
+                self._connected = True
+                return b""
+        return came
+
+    # -- commands ------------------------------------------------------------------------------------------------
+
+    def ask(self, command: str) -> Answer:
+        """Send one command once; its answer, whatever its status. Raises NoAnswer, ProtocolError, LinkError."""
+        self.connect()
+        if self.bound is not None and self.bound.expired:
+            raise NoAnswer(
+                f"{self.link.name}: --deadline is over; {command} was not sent",
+                hint="a longer --deadline",
+                code="deadline",
+            )
+        data = encode(command)
+        _, known, _ = split(command)
+        kind = known.kind if known is not None else "query"
+        seconds = self.timeout if self.timeout is not None and kind in ("query", "set") else SECONDS[kind]
+        self._drain()
+        link = self.link
+        deadline = link.deadline(seconds + 2 * self._wire(len(data) + 512)).earlier(self.bound)
+        link.write(data, deadline)
+        self.journal.counters.sent += 1
+        return self._answer(command, deadline)
+
+    def read(self, command: str) -> Answer:
+        """A query, repeated after a resynchronisation when no valid answer came; anything else is `ask`ed once."""
+        error: HandctlError | None = None
+        for attempt in range(1 + self.retries):
+            if attempt:
+                self.journal.counters.retries += 1
+                self.resynchronise()
+            try:
+                return self.ask(command)
+            except (NoAnswer, ProtocolError) as exc:
+                error = exc
+            if self.bound is not None and self.bound.expired:
+                break
+        assert error is not None
+        raise error
+
+    def _answer(self, command: str, deadline: Deadline) -> Answer:
+        decoder = Decoder(command)
+        while True:
+            answer = decoder.next()
+            if answer is not None:
+                self.journal.counters.received += 1
+                self.journal.counters.stray_bytes += decoder.skipped
+                if answer.raw.endswith(PROMPT):  # the space behind the prompt, if there is one, is part of it
+                    self.link.read(self.link.deadline(0.005 + self._wire(2)), 1)
+                return answer
+            chunk = b"" if deadline.expired else self.link.read(deadline)
+            if not chunk:
+                raise self._failure(command, decoder)
+            decoder.feed(chunk)
+
+    def _failure(self, command: str, decoder: Decoder) -> HandctlError:
+        received = decoder.received
+        where = f"{self.link.name} at {self.link.baud} bit/s" if self.link.can_set_baud else self.link.name
+        if not received:
+            return NoAnswer(f"{where}: no answer to {command}", hint=SILENCE)
+        self.journal.counters.bad_frames += 1
+        shown = received[:48].hex(" ").upper()
+        if decoder.echoed:
+            code, text = "cut-short", "the answer has no prompt"
+        else:
+            code, text = "echo-differs", f"the echo differs from {encode(command).hex(' ').upper()}"
+        return ProtocolError(
+            f"{where}: {text}; came {shown}",
+            hint="a disturbed line or a wrong speed: run it again, check the cable",
+            code=code,
+        )
+
+    def abort(self) -> Answer | None:
+        """^C: stop all motors (barrett §5.5 case 4). The answer of the command that ran, None when no prompt comes."""
+        link = self.link
+        link.write(ABORT, link.deadline(1.0))
+        came = self._until_prompt(1.5 + self._wire(32))
+        if not _has_prompt(came):
+            return None
+        decoder = Decoder("")
+        decoder.feed(b"\n" + came)
+        return decoder.next()
+
+    def resynchronise(self) -> None:
+        """After a timeout: ^C, silence, CR (dossier 1.3). The next command finds a fresh prompt, or fails by itself."""
+        link = self.link
+        link.write(ABORT, link.deadline(1.0))
+        quiet = link.deadline(QUIET)
+        end = link.deadline(2.0)
+        while not end.expired and link.read(quiet):
+            quiet = link.deadline(QUIET)
+        link.write(CR, link.deadline(1.0))
+        self._until_prompt(PROMPT_WAIT + self._wire(8))
+
+    def reconnect(self) -> None:
+        """Look for the hand again, perhaps at another speed (after RESET, PDEF, PLOAD)."""
+        self._connected = False
+        self.connect()
+
+    def prompt_comes(self) -> bool:
+        """Whether a prompt comes within the usual time."""
+        return _has_prompt(self._until_prompt(PROMPT_WAIT + self._wire(8)))
+
+    def collect(self, seconds: float) -> bytes:
+        """What the hand says by itself within `seconds`, up to a prompt: a banner."""
+        return self._until_prompt(seconds)
+
+    # -- bytes ---------------------------------------------------------------------------------------------------
+
+    def _until_prompt(self, seconds: float) -> bytes:
+        deadline = self.link.deadline(seconds).earlier(self.bound)
+        came = b""
+        while not deadline.expired or not came:
+            chunk = self.link.read(deadline)
+            if not chunk:
+                break
+            came += chunk
+            if _has_prompt(came) or len(came) > 65536:
+                break
+        return came
+
+    def _drain(self) -> None:
+        now = self.link.deadline(0)
+        count = 0
+        while count < 65536:
+            chunk = self.link.read(now)
+            if not chunk:
+                break
+            count += len(chunk)
+        self.journal.counters.stray_bytes += count
+
+    def _wire(self, count: int) -> float:
+        return count * 10 / self.link.baud if self.link.baud else 0.0
+
+
+SILENCE = (
+    "check in this order: the hand's power supply, the serial cable (straight-through, 9 pins), the port; a hand without "
+    "firmware (off for more than a day or two) does not answer: load it again"
+)
+
+
+def _has_prompt(data: bytes) -> bool:
+    tail = data[-5:].strip()
+    return tail.endswith(PROMPT) and (len(data.rstrip()) == 2 or data.rstrip()[-3:-2] in (b"\n", b"\r"))

@@ -1,0 +1,172 @@
+"""Movements: send one, wait for its prompt, tell per motor how it ended (barrett §5.2.1, §5.5).
+
+A supervisory movement blocks the line: no position can be read while it runs. ^C ends it.
+"""
+
+from __future__ import annotations
+
+from handctl.devices.barrett.hand import BarrettHand, refusal
+from handctl.devices.barrett.language import Answer, explain_status, motors_of
+from handctl.devices.barrett.parameters import BARRETT, GclParam
+from handctl.errors import HandctlError, Interrupted, UsageError
+from handctl.guide import Guide
+from handctl.param import Element
+from handctl.result import Column, Row, Table
+
+GOALS = {"C": "CT", "O": "OT", "M": "DP"}
+"""Where a movement without argument goes."""
+USUAL = {"finger": 17800, "spread": 3150}
+COLUMNS = (
+    Column("motor", "Motor"),
+    Column("value", "Position", right=True),
+    Column("target", "Target", right=True),
+    Column("strain", "Strain", right=True),
+    Column("ended", "Ended"),
+)
+
+
+def command_text(prefix: str, name: str, argument: int | None) -> str:
+    """The GCL line of a movement, checked: 0 to 20000 (barrett §5.2.1). Raises UsageError."""
+    if argument is not None and not 0 <= argument <= 20000:
+        raise UsageError(
+            f"{name} {argument} is out of range",
+            hint="0 to 20000 counts (barrett §5.2.1). Nothing was sent.",
+            code="out-of-range",
+        )
+    return f"{prefix}{name}" + (f" {argument}" if argument is not None else "")
+
+
+def move(hand: BarrettHand, prefix: str, name: str, argument: int | None, guide: Guide) -> Table:
+    """Run a movement of `prefix` ("" = all enabled motors); rows per motor with position, goal, strain and how it ended.
+
+    Raises DeviceRefused for ERR 4 and other refusals; Interrupted after Ctrl-C, with where the motors are.
+    """
+    text = command_text(prefix, name, argument)
+    motors = [index for index in range(4) if not prefix or str(index + 1) in prefix]
+    hand.line.connect()
+    for index in motors:
+        usual = USUAL["spread" if index == 3 else "finger"]
+        if argument is not None and argument > usual:
+            hand.journal.warn(
+                "beyond",
+                f"{argument} is beyond the usual {usual} counts of {'the spread' if index == 3 else 'a finger'}",
+            )
+    goals = _goals(hand, name, argument, motors)
+    guide.progress(f"{text}: moving; the hand says nothing until it stands (Ctrl-C stops it)")
+    try:
+        answer = hand.line.ask(text)
+    except KeyboardInterrupt as exc:
+        guide.done()
+        raise Interrupted(f"interrupted: {_stop(hand)}") from exc
+    guide.done()
+    table = _result(hand, name, answer, motors, goals)
+    if answer.status:
+        table.failure = refusal(answer)
+    return table
+
+
+def _goals(hand: BarrettHand, name: str, argument: int | None, motors: list[int]) -> dict[int, int]:
+    if name in ("HOME", "HI"):
+        return dict.fromkeys(motors, 0)
+    if name == "M" and argument is not None:
+        return dict.fromkeys(motors, argument)
+    if name in GOALS:
+        param = BARRETT.by_mnemonic(GOALS[name])
+        readings = hand.read([Element(param, index) for index in motors])
+        return {reading.element.index: int(reading.value) for reading in readings if reading.value is not None}
+    if name in ("IC", "IO"):
+        names = ["P"] if argument is not None else ["P", "DS"]
+        read = {(_mnemonic(r.element), r.element.index): r.value for r in hand.read(_elements(names, motors))}
+        sign = 1 if name == "IC" else -1
+        goals = {}
+        for index in motors:
+            start, step = read.get(("P", index)), argument if argument is not None else read.get(("DS", index))
+            if start is not None and step is not None:
+                goals[index] = int(start) + sign * int(step)
+        return goals
+    return {}
+
+
+def _result(hand: BarrettHand, name: str, answer: Answer, motors: list[int], goals: dict[int, int]) -> Table:
+    # The strain first: it relaxes when the motor is off (dossier 5).
+    readings = hand.read(_elements(["SG", "P", "S", "HSG", "LSG", "MPE"], motors))
+    at = {(_mnemonic(reading.element), reading.element.index): reading.value for reading in readings}
+    rows: list[Row] = []
+    for index in motors:
+        value = {key: at.get((key, index)) for key in ("SG", "P", "S", "HSG", "LSG", "MPE")}
+        numbers = {key: int(number) for key, number in value.items() if number is not None}
+        rows.append(
+            {
+                "name": "position",
+                "parameter": "P",
+                "motor": BARRETT["position"].elements[index],
+                "value": numbers.get("P"),
+                "unit": "cts",
+                "target": goals.get(index),
+                "strain": numbers.get("SG"),
+                "status": numbers.get("S"),
+                "ended": how_it_ended(name, numbers, goals.get(index), answer.status),
+            }
+        )
+    return Table(rows=rows, columns=COLUMNS)
+
+
+def how_it_ended(name: str, now: dict[str, int], goal: int | None, status: int) -> str:
+    """The termination case of §5.5 in words, from position, strain, limits and status."""
+    own = now.get("S", 0)
+    if own & 4:
+        return "not initialized: did not move"
+    if status & 16384 or own & 16384:
+        return "stopped by ^C"
+    if own & 8192:
+        return explain_status(own)
+    strain, high, low = now.get("SG", 255), now.get("HSG", 256), now.get("LSG", 256)
+    if strain != 255 and ((high < 255 and strain > high) or (low < 255 and strain < low)):
+        return f"strain limit ({strain}, limits {low if low < 255 else 'off'} to {high if high < 255 else 'off'})"
+    if goal is not None and name not in ("TC", "TO") and abs(now.get("P", 0) - goal) <= now.get("MPE", 50):
+        return "reached"
+    if name in ("TC", "TO"):
+        return "stalled on something, or at the joint stop"
+    if name == "HI":
+        return "initialized"
+    return "stalled short of the target" if goal is not None else "ended"
+
+
+def stop(hand: BarrettHand, prefix: str) -> Table:
+    """T: motor power off for the selected motors. It works although it may answer 4 for one that is not initialised."""
+    answer = hand.line.ask(f"{prefix}T")
+    if answer.status & ~5:
+        raise refusal(answer)
+    if answer.status:
+        hand.journal.info(
+            "status", f"{prefix}T answered {answer.status} ({explain_status(answer.status)}): power is off all the same"
+        )
+    return Table(
+        rows=[
+            {"name": "power", "parameter": "T", "motor": motor, "value": "off", "unit": None}
+            for motor in motors_of(prefix)
+        ],
+        columns=(Column("motor", "Motor"), Column("value", "Power")),
+    )
+
+
+def _stop(hand: BarrettHand) -> str:
+    """After Ctrl-C: ^C to the hand, then where the motors are."""
+    try:
+        answer = hand.line.abort()
+        if answer is None:
+            return "the hand gave no prompt after ^C: switch its power off if it still moves"
+        readings = hand.read(_elements(["P"], [0, 1, 2, 3]))
+    except HandctlError as exc:
+        return f"^C was sent; {exc.text}: switch the power off if it still moves"
+    places = ", ".join(f"{reading.element.part} {reading.value}" for reading in readings)
+    return f"^C stopped the hand (status {answer.status}: {explain_status(answer.status)}); positions: {places}"
+
+
+def _elements(names: list[str], motors: list[int]) -> list[Element]:
+    return [Element(BARRETT.by_mnemonic(name), index) for name in names for index in motors]
+
+
+def _mnemonic(element: Element) -> str:
+    assert isinstance(element.param, GclParam)
+    return element.param.mnemonic

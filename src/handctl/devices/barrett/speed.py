@@ -1,0 +1,86 @@
+"""Changing the hand's serial speed with the port following, restarting it, and the EEPROM (barrett §5.2, §5.4.1)."""
+
+from __future__ import annotations
+
+from handctl.devices.barrett.language import CR, encode
+from handctl.devices.barrett.line import GclLine
+from handctl.errors import HandctlError, LinkError, NoAnswer, ProtocolError, UsageError
+
+SETTLE_SECONDS = 1.0
+"""The vendor's pause after a speed change."""
+BANNER_SECONDS = 5.0
+BANNER_TEXT = "BarrettHand Firmware"
+
+
+def change(line: GclLine, code: int) -> None:
+    """`PSET BAUD code`, then the port (dossier 1.2): the echo comes at the old speed, the rest is unusable.
+
+    Raises NoAnswer when the hand answers at neither speed afterwards; CheckFailed is left to the read-back.
+    """
+    line.connect()
+    link = line.link
+    command = f"PSET BAUD {code}"
+    old, new = link.baud, code * 100
+    data = encode(command)
+    link.write(data, link.deadline(2.0))
+    line.journal.counters.sent += 1
+    echo = b""
+    deadline = link.deadline(1.0 + (2 * len(data) * 10 / old if old else 0)).earlier(line.bound)
+    while len(echo) < len(data) - 1 and not deadline.expired:
+        chunk = link.read(deadline, len(data) - 1 - len(echo))
+        if not chunk:
+            break
+        echo += chunk
+    if echo.upper() != data[:-1]:
+        line.resynchronise()
+        raise ProtocolError(
+            f"{link.name}: the echo of {command} differs: {echo.hex(' ').upper()}",
+            hint="the speed may or may not have changed: `handctl barrett status` looks at all speeds",
+            code="echo-differs",
+        )
+    if link.can_set_baud:
+        link.set_baud(new)
+    link.sleep(SETTLE_SECONDS)
+    line.collect(0.05)
+    link.write(CR, link.deadline(2.0))
+    if line.prompt_comes():
+        return
+    if link.can_set_baud and old is not None:
+        try:
+            line.reconnect()
+        except HandctlError as exc:
+            raise NoAnswer(
+                f"{link.name}: after {command} no prompt at {new} or any other speed", hint=exc.hint, code="lost-speed"
+            ) from exc
+        raise LinkError(
+            f"{link.name}: the hand did not follow to {new} bit/s, it answers at {link.baud}",
+            hint="some hands cannot do the higher speeds",
+            code="baud",
+        )
+    raise NoAnswer(f"{link.name}: no prompt after {command}", hint="the device's server may keep another speed")
+
+
+def reset(line: GclLine) -> str:
+    """RESET: restart the firmware; its banner. Motors are uninitialised afterwards (barrett §5.2.4)."""
+    line.connect()
+    link = line.link
+    link.write(encode("RESET"), link.deadline(2.0))
+    line.journal.counters.sent += 1
+    text = line.collect(BANNER_SECONDS).decode("ascii", "replace")
+    banner = "\n".join(part.strip() for part in text.replace("\r", "\n").split("\n") if part.strip(" =>:\0"))
+    banner = banner.removeprefix("RESET").strip()
+    line.reconnect()
+    if BANNER_TEXT not in banner:
+        line.journal.warn("banner", f"the banner does not say {BANNER_TEXT!r}: {banner!r}")
+    line.journal.info("uninitialized", "the motors are not initialized now", hint="`handctl barrett init`")
+    return banner
+
+
+def code_of(rate: int) -> int:
+    """BAUD value of a speed in bit/s. Raises UsageError."""
+    if rate % 100 or rate // 100 not in (6, 12, 24, 48, 96, 192, 384):
+        raise UsageError(
+            f"{rate} bit/s does not exist on this hand",
+            hint="600 1200 2400 4800 9600 19200 38400 (barrett §5.4.1). Nothing was sent.",
+        )
+    return rate // 100
