@@ -32,11 +32,12 @@ NARROW = 70
 class Series:
     """One quantity's element over time."""
 
-    def __init__(self, row: Row, limits: tuple[float, float] | None) -> None:
+    def __init__(self, row: Row, limits: tuple[float, float] | None, decimals: int) -> None:
         self.name = str(row["name"])
         self.part = next((str(row[key]) for key in ("finger", "element", "motor") if row.get(key)), "")
         self.unit = row.get("unit") or ""
         self.limits = limits
+        self.decimals = decimals
         self.history: deque[float] = deque(maxlen=HISTORY)
         self.low: float | None = None
         self.high: float | None = None
@@ -53,6 +54,12 @@ class Series:
         self.history.append(self.value)
         self.low = self.value if self.low is None else min(self.low, self.value)
         self.high = self.value if self.high is None else max(self.high, self.value)
+
+    def text(self, value: float | None) -> str:
+        """A value with its decimals, "?" for a failed read."""
+        if value is None:
+            return "?"
+        return f"{value:.{self.decimals}f}" if self.decimals else f"{value:g}"
 
     def scale(self) -> tuple[float, float]:
         """The bar's ends: the documented range, widened by what was seen outside it."""
@@ -93,6 +100,7 @@ class View:
     def __init__(self, table: Table, context: Context) -> None:
         self._ranges = table.ranges
         self._flags = table.flags
+        self._decimals = table.decimals
         self._context = context
         self._series: dict[tuple[str, str], Series] = {}
         self._count = 0
@@ -107,7 +115,7 @@ class View:
         for row in sample.rows:
             key = (str(row["name"]), str(row.get("finger") or row.get("element") or row.get("motor") or ""))
             if key not in self._series:
-                self._series[key] = Series(row, self._ranges.get(key[0]))
+                self._series[key] = Series(row, self._ranges.get(key[0]), self._decimals.get(key[0], 0))
             self._series[key].add(row)
             self._failed = str(row.get("error") or self._failed)
 
@@ -155,8 +163,12 @@ class View:
     @staticmethod
     def _bar_line(name: str, series: Series, width: int) -> Text:
         head = f"{name:<16.16}{series.part:<15.15}"
-        value = "?" if series.value is None else f"{series.value:g}"
-        span = f"{series.low:g}..{series.high:g}" if series.low is not None and series.high is not None else ""
+        value = series.text(series.value)
+        span = (
+            f"{series.text(series.low)}..{series.text(series.high)}"
+            if series.low is not None and series.high is not None
+            else ""
+        )
         if width < NARROW:  # the number is the last thing to go
             head = f"{name[:8] or '':<9}{series.part[:9]:<10}"
             span = ""
@@ -184,7 +196,7 @@ class View:
         for series in group:
             if bits and series.label == "ok":
                 continue
-            shown = series.label if bits else ("?" if series.value is None else f"{series.value:g}")
+            shown = series.label if bits else series.text(series.value)
             text.append(f"{series.part} " if series.part else "")
             text.append(f"{shown} ", style="bold red" if bits else "bold")
         text.append(group[0].unit)

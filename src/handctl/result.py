@@ -73,6 +73,7 @@ class Table:
     failure   what went wrong although there are rows: sets the exit code, the rows are shown all the same
     samples   a stream; `summary` is called when it ends and goes into the closing envelope
     ranges    documented (low, high) per quantity name, for the bars of the live view
+    decimals  decimals of a quantity's values, for the live view
     flags     names of quantities that are bits: the live view shows their words, of all others the numbers
     extra     further keys of the JSON envelope, e.g. the raw blocks of a dump
     """
@@ -87,6 +88,7 @@ class Table:
     samples: Iterable[Sample] | None = None
     summary: Callable[[], dict[str, Any]] | None = None
     ranges: dict[str, tuple[float, float]] = field(default_factory=dict)
+    decimals: dict[str, int] = field(default_factory=dict)
     flags: frozenset[str] = frozenset()
     extra: dict[str, Any] = field(default_factory=dict)
 

@@ -151,6 +151,7 @@ def watch(
         samples=_samples(device, device.link, elements, rate, count, duration, stats),
         summary=stats.as_row,
         ranges=ranges,
+        decimals={element.param.name: element.param.decimals for element in elements if element.param.decimals},
         flags=frozenset(element.param.name for element in elements if element.param.bits),
     )
 

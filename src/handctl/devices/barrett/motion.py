@@ -159,6 +159,8 @@ def _stop(hand: BarrettHand) -> str:
         readings = hand.read(_elements(["P"], [0, 1, 2, 3]))
     except HandctlError as exc:
         return f"^C was sent; {exc.text}: switch the power off if it still moves"
+    except KeyboardInterrupt:
+        return "interrupted again while waiting for the hand's answer to ^C: switch its power off if it still moves"
     places = ", ".join(f"{reading.element.part} {reading.value}" for reading in readings)
     return f"^C stopped the hand (status {answer.status}: {explain_status(answer.status)}); positions: {places}"
 

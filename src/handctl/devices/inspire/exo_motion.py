@@ -140,8 +140,8 @@ def _settle(hand: ExoHand, values: list[int], guide: Guide, wait: float) -> list
         if end.expired:
             hand.journal.warn("moving", f"not there after {wait:g} s")
             break
-        bus.out_of_time("the arrival; the fingers may still move")
         bus.pause(0.05)
+        bus.out_of_time("the arrival; the fingers may still move")
         last = hand.read(elements)
         if [reading.value for reading in last] != here:
             still_since, equal = bus.link.now(), 0
@@ -159,4 +159,6 @@ def _hold(hand: ExoHand) -> str:
             return f"the fingers were commanded to hold at {' '.join(map(str, values))}"
     except HandctlError as exc:
         return f"the fingers could NOT be stopped ({exc.text}): switch the power off if they still move"
+    except KeyboardInterrupt:
+        return "the fingers could NOT be stopped (interrupted again): switch the power off if they still move"
     return "the positions are outside 0..1000, nothing was commanded: switch the power off if the fingers still move"

@@ -279,6 +279,10 @@ def _frame_row(params: ParamMap[Register], frame: eb90.Frame, echo: bool) -> Row
 
 
 def _meaning(params: ParamMap[Register], frame: eb90.Frame) -> str:
+    """What a frame says, by the map of the device: the wrist's registers answer with 30 and 31, a hand's with 11 and 12."""
+    other_space = (frame.flag in (eb90.READ, eb90.WRITE)) == (params.kind == "wrist")
+    if other_space and frame.address is not None and frame.flag in (eb90.READ, 0x30):
+        return "another register space"
     if frame.address is None:
         return f"values {' '.join(map(str, eb90.unpack_s16(frame.payload)))}"
     if frame.flag in (eb90.WRITE, eb90.FORCE_COMMAND) and len(frame.data) == 1:

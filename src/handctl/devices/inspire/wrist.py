@@ -20,6 +20,8 @@ SLOWEST_USUAL, FASTEST_USUAL = 5000, 100
 """Milliseconds outside which a movement time is worth a warning; the manual gives no range."""
 ARRIVED_DEGREES = 0.5
 STILL_SECONDS, STILL_SAMPLES = 0.3, 3
+SHORT = 40
+"""Characters of a remark that fit beside a value."""
 WIRING_HINT = (
     "silence means a wrong id, a wrong speed (115200 by the manual), no power or no cable alike. Check the hand's power, the wire (RS-232 against RS-485, A/B, "
     "TX/RX) and that this hand carries a wrist; over CAN: -p can:INTERFACE:CHANNEL"
@@ -48,15 +50,22 @@ class Wrist(RegisterDevice):
 
     @staticmethod
     def view(rows: list[Row]) -> list[Grid]:
-        """One line per register with its remark."""
-        lines = []
+        """One line per register; what the manual leaves open about one stands below."""
+        lines, notes = [], []
         for row in rows:
             value: str | Cell = Cell("?", "bad") if "error" in row else value_text(row)
-            remark: str | Cell = row.get("error") or row.get("label") or ""
-            if row["name"].startswith("error_") and row.get("value"):
-                remark = Cell(str(row["label"]), "bad")
-            lines.append((row["name"], str(row["address"]), value, row["unit"] or "", remark))
-        return [Grid(("Name", "Addr", "Value", "Unit", "Meaning"), tuple(lines), right=frozenset({1, 2}))]
+            remark: str | Cell = row.get("label") or ""
+            if "error" in row or len(str(remark)) > SHORT:
+                notes.append(f"{row['name']}: {row.get('error') or remark}")
+                remark = ""
+            elif row["name"].startswith("error_") and row.get("value"):
+                remark = Cell(str(remark), "bad")
+            lines.append((row["name"] or "", str(row["address"]), value, row["unit"] or "", remark))
+        return [
+            Grid(
+                ("Name", "Addr", "Value", "Unit", "Meaning"), tuple(lines), right=frozenset({1, 2}), notes=tuple(notes)
+            )
+        ]
 
     def runs(self, changes: Sequence[tuple[Element, Number]]) -> list[list[tuple[Element, Number]]]:
         """Angles and time that lie side by side go in one frame (1038..1043); otherwise the time goes first."""
@@ -150,15 +159,15 @@ class Wrist(RegisterDevice):
             if here != last:
                 still_since, equal = now, 0
             last, equal = here, equal + 1
-            guide.progress(f"{now - started:4.1f} s  pitch {here[0]}°, yaw {here[1]}°")
+            guide.progress(f"{now - started:4.1f} s  pitch {_degrees(here[0])}, yaw {_degrees(here[1])}")
             at = dict(zip(("pitch_set", "yaw_set"), here, strict=True))
             there = all(at[name] == target for name, target in targets.items())
             stands = equal >= STILL_SAMPLES and now - still_since >= STILL_SECONDS and now - started >= expected
             if there or stands or end.expired:
                 guide.done()
                 return readings
-            bus.out_of_time("the arrival; the wrist may still move")
             bus.pause(0.03)
+            bus.out_of_time("the arrival; the wrist may still move")
 
     def _arrival(self, readings: Sequence[Reading], targets: dict[str, float]) -> Table:
         rows = []
@@ -193,7 +202,13 @@ class Wrist(RegisterDevice):
             self.bus.write(WRIST["yaw_set"].address, eb90.pack_s16([round(yaw * 100), round(pitch * 100)]))
         except (HandctlError, ValueError) as exc:
             return f"the wrist could NOT be stopped ({exc}): switch the power off if it still moves"
+        except KeyboardInterrupt:
+            return "the wrist could NOT be stopped (interrupted again): switch the power off if it still moves"
         return f"the wrist was commanded to stay at pitch {pitch:.2f}°, yaw {yaw:.2f}°"
+
+
+def _degrees(value: Number | None) -> str:
+    return "?" if value is None else f"{value:.2f}°"
 
 
 def value_text(row: Row) -> str:

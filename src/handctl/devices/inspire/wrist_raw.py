@@ -33,6 +33,13 @@ MISPRINTS: dict[bytes, str] = {
     ),
 }
 CAN_MISPRINTS: dict[tuple[int, bytes], str] = {
+    (0x01100001, b"\x04"): (
+        "wrist §2.3.1 prints 28 bits for an identifier of 29: as they stand they read address 1088 of the hand. "
+        "Both currents: 11000001 [1] 04"
+    ),
+    (0x15750001, bytes.fromhex("E80318FC")): (
+        "wrist §2.3.2 says 1492 beside the binary 1038: this writes address 1492. Yaw and pitch: 15038001 [4] E8 03 18 FC"
+    ),
     (0x15038001, bytes.fromhex("FC1803EB")): (
         "wrist §2.3.2 prints these data bytes high byte first; the device reads low byte first: yaw +63.96, pitch -53.73, "
         "out of range. As the text says: 15038001 [4] E8 03 18 FC"
@@ -186,6 +193,16 @@ def plan_raw(data: bytes, force: bool, *, only_explain: bool = False) -> Step:
                 hint="a wrist write has 2, 4 or 6 bytes; --force-ambiguous sends it all the same. Nothing was sent.",
                 code="ambiguous",
             )
+        if frame.flag == eb90.WRITE and not _touches_shared(frame.address or 0, len(frame.data)):
+            return Step(f"write {hex_bytes(frame.data)} at {frame.address} of the hand", data, moves=True, strands=True)
+        if frame.flag == WRITE_FLAG and frame.address is None:
+            address = int.from_bytes(frame.payload[:2], "little")
+            return Step(
+                f"write {hex_bytes(frame.payload[2:])} at {address}, or an exo force command",
+                data,
+                moves=True,
+                strands=True,
+            )
         if frame.flag == WRITE_FLAG:
             if explained is None and not force:
                 _refuse_illegal(frame.address or 0, frame.data)
@@ -206,14 +223,17 @@ def plan_raw(data: bytes, force: bool, *, only_explain: bool = False) -> Step:
 
 def parse_can(text: str) -> CanFrame:
     """``15038001#E80318FC`` or ``15038001 [4] E8 03 18 FC`` -> a frame. Raises UsageError."""
-    head, _, tail = text.replace("#", " ", 1).strip().partition(" ")
+    head, _, tail = text.strip().replace("#", " ", 1).partition(" ")
     words = tail.split()
-    if words and words[0].startswith("["):
-        words = words[1:]
+    announced = words.pop(0).strip("[]") if words and words[0].startswith("[") else None
     try:
-        identifier, data = int(head, 16), bytes.fromhex("".join(words))
+        identifier, data = int.from_bytes(bytes.fromhex(head.zfill(8)), "big"), bytes.fromhex("".join(words))
+        if not head or len(head) > 8 or (announced is not None and int(announced) != len(data)):
+            raise ValueError(text)
     except ValueError as exc:
-        raise UsageError(f"{text!r} is not a CAN frame", hint="IDENTIFIER#DATA, e.g. 11000001#04") from exc
+        raise UsageError(
+            f"{text!r} is not a CAN frame", hint="IDENTIFIER#DATA, e.g. 11000001#04, or 11000001 [1] 04"
+        ) from exc
     if not 0 <= identifier < 1 << 29 or len(data) > 8:
         raise UsageError(f"{text!r}: an identifier has 29 bits and a frame 8 bytes at most", hint="e.g. 11000001#04")
     return CanFrame(identifier, data)
