@@ -5,7 +5,7 @@ A device satisfies `MapDevice`; its own peculiarities (an id that answers elsewh
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, Protocol
 
 from handctl.errors import CheckFailed, NoAnswer, ProtocolError, UsageError
@@ -44,6 +44,8 @@ if TYPE_CHECKING:
         def find_for_restore(self, values: dict[str, Number]) -> None: ...
 
 
+Check = Callable[[Sequence[tuple[Element, Number]]], None]
+"""A device's own look at changes before anything is sent; raises UsageError."""
 FAILURES_IN_A_ROW = 3
 """A stream gives up after so many samples without a valid answer."""
 
@@ -279,12 +281,14 @@ def diff(run: Run, params: ParamMap[Any], a: str, b: str | None) -> Table:
     return table
 
 
-def restore(run: Run, params: ParamMap[Any], path: str) -> Table:
+def restore(run: Run, params: ParamMap[Any], path: str, *, check: Check | None = None) -> Table:
     """Write what differs from a snapshot, in an order that keeps the device reachable; read back; say what is left out."""
     from handctl import snapshot as files
 
     values: dict[str, Number] = files.load(path, params.kind)["values"]
     changes = _checked(params, values, path)
+    if check is not None:
+        check(changes)
     if run.settings.dry_run:
         run.journal.info("plan", "all values are listed: which of them already hold is only known with the device")
         return run.dry_run(_restore_steps(run.planner(), changes))

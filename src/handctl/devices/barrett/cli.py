@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from handctl import verbs
-from handctl.clikit import Group, stream_options
+from handctl.clikit import Group
 from handctl.devices.barrett.hand import BarrettHand
 from handctl.devices.barrett.language import MOTORS, motor_prefix
 from handctl.devices.barrett.line import DEFAULT_RETRIES, GclLine
 from handctl.devices.barrett.parameters import BARRETT, check_careful
 from handctl.errors import DeviceRefused, UsageError
-from handctl.param import Step
+from handctl.mapverbs import add_map_verbs
+from handctl.param import Element, Number, Step
 from handctl.result import Column, Table
 from handctl.run import Family, Run
 
@@ -53,9 +54,8 @@ def _motors(body: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def _prefix(text: str | None) -> str:
-    """GCL prefix of a --motors option; "" for all."""
-    digits = motor_prefix(text) if text else ""
-    return "" if digits == "1234" else digits
+    """GCL prefix of a --motors option. Without one all enabled motors move; all four named move disabled ones too."""
+    return "" if text is None else motor_prefix(text)
 
 
 FORCE = click.option(
@@ -63,27 +63,10 @@ FORCE = click.option(
 )
 
 
+add_map_verbs(cli, BARRETT, part="MOTOR", example="P SG.F1 temperature", without=("set", "describe", "restore"))
+
+
 # -- reading ------------------------------------------------------------------------------------------------------
-
-
-@cli.verb("status")
-@click.option("--check", is_flag=True, help="Exit 7 when anything is unhealthy.")
-def status(run: Run, check: bool) -> Table:
-    """Position, strain, status in words, odometer, temperature against its limit, firmware."""
-    return run.device().status(check)  # type: ignore[no-any-return]
-
-
-@cli.verb("dump")
-def dump(run: Run) -> Table:
-    """Every parameter by motor against its default, in four round trips."""
-    return run.device().dump()  # type: ignore[no-any-return]
-
-
-@cli.verb("get")
-@click.argument("names", nargs=-1, required=True, metavar="NAME[.MOTOR]...")
-def get(run: Run, names: tuple[str, ...]) -> Table:
-    """Read parameters by GCL mnemonic or name, e.g. `P SG.F1 temperature`."""
-    return verbs.get(run, BARRETT, names)
 
 
 @cli.verb("describe")
@@ -107,14 +90,6 @@ def describe(run: Run, names: tuple[str, ...]) -> Table:
         Column("default_spread", "Spread", right=True),
     )
     return Table(rows=table.rows, columns=columns)
-
-
-@cli.verb("watch", streams=True)
-@click.argument("names", nargs=-1, metavar="[NAME]...")
-@stream_options
-def watch(run: Run, names: tuple[str, ...], rate: float, count: int | None, duration: float | None) -> Table:
-    """Live view on a terminal, a stream of rows elsewhere. Only while the hand stands: a movement blocks the line."""
-    return verbs.watch(run, BARRETT, names, rate=rate, count=count, duration=duration)
 
 
 @cli.verb("version")
@@ -169,7 +144,7 @@ def help_(run: Run, command: str | None) -> Table:
 @FORCE
 def set_(run: Run, assignments: tuple[str, ...], motors: str | None, force: bool) -> Table:
     """Set parameters in RAM and read them back, e.g. `MCV=80 HSG.F1=150 --motors 12`. One value goes to all motors."""
-    chosen = [MOTORS[int(digit) - 1] for digit in motor_prefix(motors)] if motors else list(MOTORS)
+    chosen = [MOTORS[int(digit) - 1] for digit in motor_prefix(motors)] if motors is not None else list(MOTORS)
     changes = BARRETT.assignments_on(assignments, chosen)
     if any(element.param.name == "baud_rate" for element, _ in changes):
         raise UsageError(
@@ -358,35 +333,19 @@ def _prompt(run: Run) -> Table:
 # -- files --------------------------------------------------------------------------------------------------------
 
 
-@cli.verb("snapshot")
-@click.argument("file", type=click.Path(dir_okay=False))
-def snapshot(run: Run, file: str) -> Table:
-    """Write every setting in RAM to FILE, with serial number, firmware, time and checksum."""
-    return verbs.snapshot(run, file)
-
-
-@cli.verb("diff")
-@click.argument("a", type=click.Path(dir_okay=False))
-@click.argument("b", required=False, type=click.Path(dir_okay=False))
-def diff(run: Run, a: str, b: str | None) -> Table:
-    """Compare two snapshots, or snapshot A with the live hand. Exit 7 when they differ."""
-    return verbs.diff(run, BARRETT, a, b)
-
-
 @cli.verb("restore", writes=True)
 @click.argument("file", type=click.Path(dir_okay=False))
 @click.option("--save", "save_too", is_flag=True, help="Save to EEPROM afterwards.")
 @FORCE
 def restore(run: Run, file: str, save_too: bool, force: bool) -> Table:
     """Write what differs from a snapshot into RAM, read it back; --save keeps it. Speed last."""
-    from handctl import snapshot as files
     from handctl.devices.barrett import eeprom
 
-    stored = files.load(file, "barrett")["values"]
-    changes = [(BARRETT.find(name)[1][0], value) for name, value in stored.items()]
-    for objection in check_careful(changes, force):
-        run.journal.warn("careful", objection)
-    table = verbs.restore(run, BARRETT, file)
+    def check(changes: Sequence[tuple[Element, Number]]) -> None:
+        for objection in check_careful(changes, force):
+            run.journal.warn("careful", objection)
+
+    table = verbs.restore(run, BARRETT, file, check=check)
     if save_too and not run.settings.dry_run:
         eeprom.save(run.device(), force=True, simulated=run.simulated)
     return table

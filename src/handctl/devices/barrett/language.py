@@ -154,19 +154,24 @@ class Decoder:
         data = []
         for line in lines:
             words = line.split()
-            if len(words) == 2 and words[0] == "ERR" and words[1].isdecimal():
+            if len(words) == 2 and words[0] == "ERR" and words[1].isdecimal() and len(words[1]) <= 10:
                 status |= int(words[1])
             else:
                 data.append(line)
         return Answer(self._command, tuple(data), status, buffer[: end + 3])
 
     def _echo_at(self, buffer: bytes) -> int | None:
-        """Where the echo of this command stands, followed by a line end (or by nothing yet)."""
+        """Where the echo of this command stands: behind a line, a prompt or noise, before a line end (or nothing yet).
+
+        Not behind a character that a command can have: that is the end of another, longer command's echo.
+        """
         folded = buffer.upper()
         place = folded.find(self._sent)
         while place >= 0:
             behind = folded[place + len(self._sent) : place + len(self._sent) + 1]
-            if behind in (b"", b"\n", b"\r"):
+            before = folded[place - 1] if place else 0
+            after_prompt = folded[:place].endswith((b"=>", b"=> "))
+            if behind in (b"", b"\n", b"\r") and (after_prompt or not 32 <= before < 127):
                 return place
             place = folded.find(self._sent, place + 1)
         return None
@@ -187,11 +192,8 @@ def values(answer: Answer, names: int, motors: int) -> list[list[int]]:
     table = []
     for line in answer.lines:
         words = line.split()
-        try:
-            numbers = [int(word) for word in words]
-        except ValueError:
-            numbers = []
-        if len(numbers) != motors:
+        numbers = [int(word) for word in words if word.removeprefix("-").isdecimal() and len(word) <= 11]
+        if len(numbers) != motors or len(words) != motors:
             raise ProtocolError(f"{answer.command}: expected {motors} numbers a line, got {line!r}", code="bad-line")
         table.append(numbers)
     if len(table) != names and not answer.status:

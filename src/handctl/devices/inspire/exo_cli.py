@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from handctl import verbs
-from handctl.clikit import Group, stream_options
+from handctl.clikit import Group
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.bus import DEFAULT_RETRIES, DEFAULT_TIMEOUT, Bus
 from handctl.devices.inspire.exo import ExoHand
 from handctl.devices.inspire.registers import BAUD_RATES, EXO
 from handctl.errors import HandctlError, NoAnswer, UsageError
+from handctl.mapverbs import add_map_verbs
 from handctl.result import Table
 from handctl.run import Family, Run
 
@@ -66,42 +67,16 @@ NEGATIVE_NUMBERS = {"ignore_unknown_options": True}
 """Lets `-100` be an argument; a mistyped option then fails as "not a whole number"."""
 
 
+add_map_verbs(
+    cli,
+    EXO,
+    part="FINGER",
+    example="position_actual.index temperature",
+    setting="position_set.index=300 force_set=0,0,0,0,0",
+)
+
+
 # -- reading ------------------------------------------------------------------------------------------------------
-
-
-@cli.verb("status")
-@click.option("--check", is_flag=True, help="Exit 7 when anything is unhealthy.")
-def status(run: Run, check: bool) -> Table:
-    """What to look at first, per finger: position, force, current, temperature, errors in words."""
-    return run.device().status(check)  # type: ignore[no-any-return]
-
-
-@cli.verb("dump")
-def dump(run: Run) -> Table:
-    """Every readable documented register, in two transactions."""
-    return run.device().dump()  # type: ignore[no-any-return]
-
-
-@cli.verb("get")
-@click.argument("names", nargs=-1, required=True, metavar="NAME[.FINGER]...")
-def get(run: Run, names: tuple[str, ...]) -> Table:
-    """Read quantities by name, e.g. `position_actual.index temperature`."""
-    return verbs.get(run, EXO, names)
-
-
-@cli.verb("describe")
-@click.argument("names", nargs=-1, metavar="[NAME]...")
-def describe(run: Run, names: tuple[str, ...]) -> Table:
-    """The register map itself: address, type, range, access, manual section. Needs no device."""
-    return verbs.describe(EXO, names)
-
-
-@cli.verb("watch", streams=True)
-@click.argument("names", nargs=-1, metavar="[NAME]...")
-@stream_options
-def watch(run: Run, names: tuple[str, ...], rate: float, count: int | None, duration: float | None) -> Table:
-    """Live view on a terminal, a stream of rows elsewhere. Without names: what changes by itself."""
-    return verbs.watch(run, EXO, names, rate=rate, count=count, duration=duration)  # fmt: skip
 
 
 @cli.verb("read")
@@ -116,13 +91,6 @@ def read(run: Run, address: int, count: int) -> Table:
 
 
 # -- writing ------------------------------------------------------------------------------------------------------
-
-
-@cli.verb("set", writes=True)
-@click.argument("assignments", nargs=-1, required=True, metavar="NAME[.FINGER]=VALUE...")
-def set_(run: Run, assignments: tuple[str, ...]) -> Table:
-    """Write quantities by name and read them back, e.g. `position_set.index=300 force_set=0,0,0,0,0`."""
-    return verbs.set_values(run, EXO, assignments)
 
 
 @cli.verb("write", writes=True)
@@ -396,31 +364,6 @@ def _command(run: Run, which: str, values: tuple[int, ...], wait: float | None =
     if which == "force" and any(values):
         run.journal.info("stays", "the force stays until another is commanded; `handctl exo force 0 0 0 0 0` releases")
     return table
-
-
-# -- files --------------------------------------------------------------------------------------------------------
-
-
-@cli.verb("snapshot")
-@click.argument("file", type=click.Path(dir_okay=False))
-def snapshot(run: Run, file: str) -> Table:
-    """Write every setting to FILE, with device identity, tool version, time and checksum."""
-    return verbs.snapshot(run, file)
-
-
-@cli.verb("diff")
-@click.argument("a", type=click.Path(dir_okay=False))
-@click.argument("b", required=False, type=click.Path(dir_okay=False))
-def diff(run: Run, a: str, b: str | None) -> Table:
-    """Compare two snapshots, or snapshot A with the live hand. Exit 7 when they differ."""
-    return verbs.diff(run, EXO, a, b)
-
-
-@cli.verb("restore", writes=True)
-@click.argument("file", type=click.Path(dir_okay=False))
-def restore(run: Run, file: str) -> Table:
-    """Write what differs from a snapshot, read it back. Shows the plan; safe to run again after an interruption."""
-    return verbs.restore(run, EXO, file)
 
 
 # -- looking for hands --------------------------------------------------------------------------------------------

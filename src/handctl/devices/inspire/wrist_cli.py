@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from handctl import verbs
-from handctl.clikit import Group, stream_options
+from handctl.clikit import Group
 from handctl.devices.inspire.bus import DEFAULT_RETRIES, DEFAULT_TIMEOUT, Bus
 from handctl.devices.inspire.registers import WRIST
 from handctl.devices.inspire.wrist import WIRING_HINT, Wrist
 from handctl.link import FrameLink
+from handctl.mapverbs import add_map_verbs
 from handctl.result import Table
 from handctl.run import Family, Run
 
@@ -64,42 +64,10 @@ FORCE = click.option(
 )
 
 
+add_map_verbs(cli, WRIST, example="pitch_actual yaw_actual", setting="yaw_set=10 pitch_set=-10 move_time=1000")
+
+
 # -- reading ------------------------------------------------------------------------------------------------------
-
-
-@cli.verb("status")
-@click.option("--check", is_flag=True, help="Exit 7 when anything is unhealthy.")
-def status(run: Run, check: bool) -> Table:
-    """What to look at first: angles against set angles, currents, temperatures, errors in words."""
-    return run.device().status(check)  # type: ignore[no-any-return]
-
-
-@cli.verb("dump")
-def dump(run: Run) -> Table:
-    """Every documented register: one serial read, three CAN reads."""
-    return run.device().dump()  # type: ignore[no-any-return]
-
-
-@cli.verb("get")
-@click.argument("names", nargs=-1, required=True, metavar="NAME...")
-def get(run: Run, names: tuple[str, ...]) -> Table:
-    """Read quantities by name, e.g. `pitch_actual yaw_actual`."""
-    return verbs.get(run, WRIST, names)
-
-
-@cli.verb("describe")
-@click.argument("names", nargs=-1, metavar="[NAME]...")
-def describe(run: Run, names: tuple[str, ...]) -> Table:
-    """The register map itself: address, type, range, access, manual section. Needs no device."""
-    return verbs.describe(WRIST, names)
-
-
-@cli.verb("watch", streams=True)
-@click.argument("names", nargs=-1, metavar="[NAME]...")
-@stream_options
-def watch(run: Run, names: tuple[str, ...], rate: float, count: int | None, duration: float | None) -> Table:
-    """Live view on a terminal, a stream of rows elsewhere. Without names: what changes by itself."""
-    return verbs.watch(run, WRIST, names, rate=rate, count=count, duration=duration)
 
 
 @cli.verb("read")
@@ -125,13 +93,6 @@ def hand_read(run: Run, address: int, count: int) -> Table:
 
 
 # -- moving and writing ---------------------------------------------------------------------------------------------
-
-
-@cli.verb("set", writes=True)
-@click.argument("assignments", nargs=-1, required=True, metavar="NAME=VALUE...")
-def set_(run: Run, assignments: tuple[str, ...]) -> Table:
-    """Write quantities by name and read them back, e.g. `yaw_set=10 pitch_set=-10 move_time=1000`. Moves."""
-    return verbs.set_values(run, WRIST, assignments)
 
 
 @cli.verb("move", writes=True)
@@ -235,28 +196,6 @@ def raw(run: Run, data: tuple[str, ...], wait: float, force_ambiguous: bool) -> 
 
 
 # -- files, scan ----------------------------------------------------------------------------------------------------
-
-
-@cli.verb("snapshot")
-@click.argument("file", type=click.Path(dir_okay=False))
-def snapshot(run: Run, file: str) -> Table:
-    """Write every setting to FILE, with device identity, tool version, time and checksum."""
-    return verbs.snapshot(run, file)
-
-
-@cli.verb("diff")
-@click.argument("a", type=click.Path(dir_okay=False))
-@click.argument("b", required=False, type=click.Path(dir_okay=False))
-def diff(run: Run, a: str, b: str | None) -> Table:
-    """Compare two snapshots, or snapshot A with the live wrist. Exit 7 when they differ."""
-    return verbs.diff(run, WRIST, a, b)
-
-
-@cli.verb("restore", writes=True)
-@click.argument("file", type=click.Path(dir_okay=False))
-def restore(run: Run, file: str) -> Table:
-    """Write what differs from a snapshot, read it back. Shows the plan; moves the wrist."""
-    return verbs.restore(run, WRIST, file)
 
 
 @cli.verb("scan")

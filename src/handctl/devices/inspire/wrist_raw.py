@@ -37,6 +37,10 @@ CAN_MISPRINTS: dict[tuple[int, bytes], str] = {
         "wrist §2.3.1 prints 28 bits for an identifier of 29: as they stand they read address 1088 of the hand. "
         "Both currents: 11000001 [1] 04"
     ),
+    (0x00184001, bytes(4)): (
+        "wrist §2.3.1 prints this identifier for the reply with 28 bits of 29; with the zeros it lost it would be a hand "
+        "read of 1552. A reply has the request's identifier: 11000001 [4]"
+    ),
     (0x15750001, bytes.fromhex("E80318FC")): (
         "wrist §2.3.2 says 1492 beside the binary 1038: this writes address 1492. Yaw and pitch: 15038001 [4] E8 03 18 FC"
     ),

@@ -100,6 +100,7 @@ class _CanSearch:
         self._bus = bus
         self._wait = wait
         self._wanted: dict[int, int] = {}
+        self._known: set[int] = set()
         self.probes = 0
         self._own = self._short = 0
         self._lone: list[int] = []
@@ -109,9 +110,13 @@ class _CanSearch:
         answered = self._ask(ids, self._wait + (DRAIN_SECONDS if last else 0.0))
         hits = []
         for hand_id in sorted(answered):
+            if hand_id in self._known:
+                continue  # answered twice to an earlier probe
+            self._bus.drain()  # only an answer to this very probe confirms
             again = self._ask([hand_id], self._wait + DRAIN_SECONDS)
             if hand_id in again:
                 hits.append((hand_id, again[hand_id]))
+                self._known.add(hand_id)
             else:
                 self._lone.append(hand_id)
                 self._bus.journal.warn(

@@ -1,0 +1,96 @@
+"""The commands that every device with a parameter map has: status, dump, get, set, describe, watch, snapshot, diff, restore.
+
+Their meaning is in `verbs`; here they become click commands of a family's group. A family that needs one of its own
+leaves it out with `without` and defines it itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from typing import Any
+
+import click
+
+from handctl import verbs
+from handctl.clikit import Group, stream_options
+from handctl.param import ParamMap
+from handctl.result import Table
+from handctl.run import Run
+
+NAMES = "[NAME]..."
+
+
+def add_map_verbs(
+    group: Group,
+    params: ParamMap[Any],
+    *,
+    part: str = "",
+    example: str = "",
+    setting: str = "",
+    without: Collection[str] = (),
+) -> None:
+    """Add the verbs for `params`. `part` names an element for help ("FINGER"), `example` and `setting` show how."""
+    named = f"NAME[.{part}]" if part else "NAME"
+    shown = f", such as `{example}`" if example else ""
+
+    @click.option("--check", is_flag=True, help="Exit 7 when anything is unhealthy.")
+    def status(run: Run, check: bool) -> Table:
+        """What to look at first, decoded: values per part, errors in words."""
+        return run.device().status(check)  # type: ignore[no-any-return]
+
+    def dump(run: Run) -> Table:
+        """Every readable documented quantity, in as few transactions as the protocol allows."""
+        return run.device().dump()  # type: ignore[no-any-return]
+
+    @click.argument("names", nargs=-1, required=True, metavar=f"{named}...")
+    def get(run: Run, names: tuple[str, ...]) -> Table:
+        return verbs.get(run, params, names)
+
+    get.__doc__ = f"Read quantities by name{shown}."
+
+    @click.argument("assignments", nargs=-1, required=True, metavar=f"{named}=VALUE...")
+    def set_(run: Run, assignments: tuple[str, ...]) -> Table:
+        return verbs.set_values(run, params, assignments)
+
+    set_.__doc__ = f"Write quantities by name and read them back{f', such as `{setting}`' if setting else ''}."
+
+    @click.argument("names", nargs=-1, metavar=NAMES)
+    def describe(run: Run, names: tuple[str, ...]) -> Table:
+        """The map itself: place, type, range, access, manual section. Needs no device."""
+        return verbs.describe(params, names)
+
+    @click.argument("names", nargs=-1, metavar=NAMES)
+    @stream_options
+    def watch(run: Run, names: tuple[str, ...], rate: float, count: int | None, duration: float | None) -> Table:
+        """Live view on a terminal, a stream of rows elsewhere. Without names: what changes by itself."""
+        return verbs.watch(run, params, names, rate=rate, count=count, duration=duration)
+
+    @click.argument("file", type=click.Path(dir_okay=False))
+    def snapshot(run: Run, file: str) -> Table:
+        """Write every setting to FILE, with device identity, tool version, time and checksum."""
+        return verbs.snapshot(run, file)
+
+    @click.argument("a", type=click.Path(dir_okay=False))
+    @click.argument("b", required=False, type=click.Path(dir_okay=False))
+    def diff(run: Run, a: str, b: str | None) -> Table:
+        """Compare two snapshots, or snapshot A with the live device. Exit 7 when they differ."""
+        return verbs.diff(run, params, a, b)
+
+    @click.argument("file", type=click.Path(dir_okay=False))
+    def restore(run: Run, file: str) -> Table:
+        """Write what differs from a snapshot, read it back. Shows the plan; safe to run again after an interruption."""
+        return verbs.restore(run, params, file)
+
+    for name, body, writes in (
+        ("status", status, False),
+        ("dump", dump, False),
+        ("get", get, False),
+        ("set", set_, True),
+        ("describe", describe, False),
+        ("watch", watch, False),
+        ("snapshot", snapshot, False),
+        ("diff", diff, False),
+        ("restore", restore, True),
+    ):
+        if name not in without:
+            group.verb(name, writes=writes, streams=name == "watch")(body)
