@@ -229,11 +229,11 @@ def frame(text: str) -> bytes:
 
 
 class Simulator:
-    """`handctl sim exo …` as a process; `link` is what it announced."""
+    """`handctl sim KIND …` as a process; `link` is what it announced."""
 
-    def __init__(self, *args: str | Path) -> None:
+    def __init__(self, *args: str | Path, kind: str = "exo") -> None:
         self.process = subprocess.Popen(
-            program("sim", "exo", *args),
+            program("sim", kind, *args),
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             env=clean_environment(),

@@ -26,7 +26,7 @@ CODECS = ("eb90", "canreg", "language", "realtime", "download", "frames", "messa
 MAPS = ("registers", "parameters", "fields", "kinematics")
 KERNEL = (
     *("errors", "families", "guide", "param", "result", "render", "terminal", "live", "snapshot", "verbs"),
-    *("options", "console", "run", "clikit"),
+    *("options", "console", "run", "clikit", "mapverbs"),
 )
 
 RULES: list[tuple[str, tuple[str, ...]]] = [
@@ -46,6 +46,7 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
     ("options", ("errors",)),
     ("console", ("guide",)),
     ("run", ("", "console", "errors", "link", "link.tap", "options", "param", "render", "result")),
+    ("mapverbs", ("", "clikit", "param", "result", "run", "verbs")),
     ("clikit", ("", "console", "errors", "families", "options", "run")),
     ("cli", ("", "clikit", "errors")),
     ("__main__", ("cli",)),
@@ -53,7 +54,10 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
     ("sim*", ("sim*",)),
     *((f"devices.*.{name}", ("errors", "@.codec")) for name in CODECS),
     *((f"devices.*.{name}", ("errors", "param", "@.map")) for name in MAPS),
-    ("devices.*cli", ("", "clikit", "run", "options", "verbs", "errors", "param", "result", "guide", "link", "@")),
+    (
+        "devices.*cli",
+        ("", "clikit", "mapverbs", "run", "options", "verbs", "errors", "param", "result", "guide", "link", "@"),
+    ),
     ("devices.*", ("errors", "guide", "link", "param", "result", "@")),
     ("tools.*", ("", *KERNEL, "link*", "tools*")),
 ]
@@ -70,7 +74,7 @@ OUTSIDE: list[tuple[str, tuple[str, ...]]] = [
     ("serial", ("link.serial", "tools.ports", "tools.doctor")),
     ("can", ("link.can", "tools.ports", "tools.doctor")),
     ("rich", ("render", "terminal", "live")),
-    ("click", ("clikit", "options", "run", "cli", "devices.*cli", "tools.*", "sim.cli", "docgen")),
+    ("click", ("clikit", "mapverbs", "options", "run", "cli", "devices.*cli", "tools.*", "sim.cli", "docgen")),
     ("crcmod", tuple(f"devices.*.{name}" for name in CODECS)),
     ("bincopy", ("devices.barrett.*",)),
     ("socket", ("link.tcp", "sim.*", "tools.doctor")),
@@ -184,11 +188,13 @@ def test_a_rule_can_be_broken() -> None:
         ("devices.inspire.bus", "clikit"), ("devices.inspire.exo", "devices.barrett.hand"), ("link", "sim"),
         ("link.fake", "sim.exo"), ("param", "result"), ("sim.exo", "devices.inspire.eb90"), ("verbs", "devices.inspire.exo"),
         ("tools.scan", "devices.inspire.exo_scan"), ("clikit", "devices.inspire.exo_cli"), ("render", "clikit"),
+        ("devices.barrett.language", "link"), ("devices.barrett.hand", "sim"), ("sim.barrett", "devices.barrett.language"),
     ]:  # fmt: skip
         assert not allowed(Import(module, target, False)), f"{module} -> {target}"
     for module, target in [
         ("devices.inspire.exo", "devices.inspire.bus"), ("devices.inspire.exo_cli", "clikit"), ("link.fake", "sim"),
         ("devices.inspire.canreg", "devices.inspire.eb90"), ("cli", "clikit"),
+        ("devices.barrett.hand", "devices.barrett.language"), ("devices.barrett.language", "errors"),
     ]:  # fmt: skip
         assert allowed(Import(module, target, False)), f"{module} -> {target}"
 

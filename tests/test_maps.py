@@ -10,7 +10,7 @@ import re
 import pytest
 
 from handctl.devices.inspire import registers as books
-from handctl.devices.inspire.registers import EXO, Register
+from handctl.devices.inspire.registers import EXO, WRIST, Register
 from handctl.param import ParamMap
 from handctl.sim import KINDS, create
 
@@ -108,6 +108,7 @@ def test_ranges_fit_the_bytes(book: ParamMap[Register]) -> None:
 
 def test_every_map_has_a_simulator() -> None:
     assert EXO in MAPS
+    assert WRIST in MAPS
     assert {book.kind for book in MAPS} <= {*KINDS, "hand"}
 
 
@@ -216,3 +217,114 @@ def test_triggers_hold_no_value() -> None:
     for register in EXO:
         if register.trigger:
             assert Memory().read(register.address, 1) == b"\x00", register.name
+
+
+# -- the two books of the wrist, on both wires ------------------------------------------------------------------------
+
+AROUND_WRIST = range(1000, 1060)
+WRIST_POWER_ON = {
+    "pitch_actual": -345, "yaw_actual": 1125, "current_1024": 111, "current_1026": 222, "error_1": 0, "error_2": 0,
+    "temperature_1": 31, "temperature_2": 34, "yaw_set": 1100, "pitch_set": -300, "move_time": 700,
+}  # fmt: skip
+
+
+class WristMemory:
+    """The registers of a simulated wrist, or with `hand` those of the hand that carries it, on either wire."""
+
+    def __init__(self, wire: str, hand: bool = False, **options: str) -> None:
+        self.can, self.hand = wire == "can", hand
+        self.line = create("wrist", {**options, **({"bus": "can"} if self.can else {})})
+        self.line.advance(0.0)
+
+    def ask(self, writes: bool, address: int, data: bytes) -> bytes | None:
+        """What the reply carries, None for silence."""
+        if self.can:
+            identifier = (writes + 4 * (not self.hand)) << 26 | address << 14 | 1
+            self.line.feed_frame(identifier, data)
+            answers = self.line.take_frames()
+            assert all(found == identifier for found, _ in answers)
+            return bytes(answers[0][1]) if answers else None
+        body = bytes([1, len(data) + 3, (0x11 if self.hand else 0x30) + writes]) + address.to_bytes(2, "little") + data
+        self.line.feed(b"\xeb\x90" + body + bytes([sum_of(body)]))
+        reply = self.line.take()
+        assert not reply or (reply[:2] == b"\x90\xeb" and sum_of(reply[2:-1]) == reply[-1])
+        return reply[7:-1] if reply else None
+
+    def read(self, address: int, count: int) -> bytes | None:
+        return self.ask(False, address, bytes([count]))
+
+    def accepts(self, address: int, data: bytes) -> bool:
+        """Whether a write is acknowledged."""
+        answer = self.ask(True, address, data)
+        assert answer is None or answer == (b"" if self.can else b"\x01")
+        return answer is not None
+
+
+both_wires = pytest.mark.parametrize("wire", ["serial", "can"])
+
+
+@both_wires
+def test_both_books_of_the_wrist_document_the_same_bytes(wire: str) -> None:
+    memory = WristMemory(wire, fault="block-silent")
+    answered = {address for address in AROUND_WRIST if memory.read(address, 1) is not None}
+    assert answered == {address for register in WRIST for address in register.span}
+
+
+@both_wires
+@pytest.mark.parametrize("register", named(list(WRIST)))
+def test_power_on_values_of_the_wrist(wire: str, register: Register) -> None:
+    data = WristMemory(wire).read(register.address, register.size)
+    assert data is not None
+    assert register.to_raw(register.decode(data)) == WRIST_POWER_ON[register.name]
+
+
+def test_power_on_values_of_the_wrist_are_all_different() -> None:
+    seen = [value for value in WRIST_POWER_ON.values() if value]
+    assert len(set(seen)) == len(seen) == len(WRIST) - 2
+
+
+@both_wires
+@pytest.mark.parametrize("register", named([register for register in WRIST if register.name != "move_time"]))
+def test_both_books_of_the_wrist_allow_the_same_writes(wire: str, register: Register) -> None:
+    """A strict wrist is silent to what cannot be written or is out of range (wrist §1, §2.1)."""
+    edges = [register.to_raw(value) for value in (register.low, register.high) if value is not None]
+    tried = sorted({edge + step for edge in [*edges, 0, -(2**15), 2**15 - 1] for step in (-1, 0, 1)})
+    bits = 8 * register.size
+    least, most = (-(1 << bits - 1), (1 << bits - 1) - 1) if register.signed else (0, (1 << bits) - 1)
+    for value in (value for value in tried if least <= value <= most):
+        memory = WristMemory(wire, fault="strict")
+        raw = value.to_bytes(register.size, "little", signed=register.signed)
+        wanted = register.writable and register.allowed(register.decode(raw))
+        assert memory.accepts(register.address, raw) == wanted, f"{register.name} = {value}"
+        if wanted:
+            assert memory.read(register.address, register.size) == raw
+
+
+@both_wires
+def test_the_range_of_the_time_is_the_tools_own(wire: str) -> None:
+    """The manual gives none (dossier W15); the wrist must take at least what the tool allows."""
+    for value in (1, 99, 100, 5000, 32767):
+        assert WRIST["move_time"].allowed(value)
+        assert WristMemory(wire, fault="strict").accepts(1042, value.to_bytes(2, "little"))
+    assert not WRIST["move_time"].allowed(0)
+    assert not WRIST["move_time"].allowed(32768)
+
+
+@both_wires
+def test_gaps_of_the_wrist_cannot_be_written(wire: str) -> None:
+    writable = {address for register in WRIST if register.writable for address in register.span}
+    memory = WristMemory(wire, fault="strict")
+    for address in AROUND_WRIST:
+        if address not in writable:
+            assert not memory.accepts(address, b"\x01"), address
+
+
+@both_wires
+def test_the_hand_has_other_bytes_at_the_same_addresses(wire: str) -> None:
+    """RH56 §2.4.7, §2.4.8: current limits and power-on speeds; a mix-up of the flags would show in every register."""
+    wrist, hand = WristMemory(wire), WristMemory(wire, hand=True)
+    for register in WRIST:
+        assert wrist.read(register.address, register.size) != hand.read(register.address, register.size), register.name
+    before = hand.read(1038, 6)
+    assert wrist.accepts(1038, bytes(6))
+    assert hand.read(1038, 6) == before

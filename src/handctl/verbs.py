@@ -196,7 +196,14 @@ def _samples(
         t = link.now() - start
         try:
             readings = device.read(elements)
-            failures = 0
+            refused = next((reading.error for reading in readings if reading.error is not None), None)
+            if refused is not None and all(reading.error is not None for reading in readings):
+                failures += 1
+                stats.failed += 1
+                if failures >= FAILURES_IN_A_ROW or stats.failed == stats.samples + 1:
+                    raise refused
+            else:
+                failures = 0
         except (NoAnswer, ProtocolError) as exc:
             failures += 1
             stats.failed += 1
@@ -331,9 +338,11 @@ def _checked(params: ParamMap[Any], values: dict[str, Number], path: str) -> lis
 
 
 def _restore_groups(changes: Sequence[tuple[Element, Number]]) -> list[list[tuple[Element, Number]]]:
-    """Harmless settings together, then those that may strand the device one by one (its id last)."""
+    """What concerns the whole device first, then its parts, then one by one what may strand it (its id or speed last)."""
     calm = [change for change in changes if not change[0].param.strands]
-    return ([calm] if calm else []) + [[change] for change in changes if change[0].param.strands]
+    whole = [change for change in calm if not change[0].param.elements]
+    parts = [change for change in calm if change[0].param.elements]
+    return [group for group in (whole, parts) if group] + [[change] for change in changes if change[0].param.strands]
 
 
 def _restore_steps(device: MapDevice, changes: Sequence[tuple[Element, Number]]) -> list[Step]:

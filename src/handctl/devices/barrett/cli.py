@@ -14,7 +14,7 @@ from handctl.devices.barrett.hand import BarrettHand
 from handctl.devices.barrett.language import MOTORS, motor_prefix
 from handctl.devices.barrett.line import DEFAULT_RETRIES, GclLine
 from handctl.devices.barrett.parameters import BARRETT, check_careful
-from handctl.errors import DeviceRefused, UsageError
+from handctl.errors import UsageError
 from handctl.mapverbs import add_map_verbs
 from handctl.param import Element, Number, Step
 from handctl.result import Column, Table
@@ -146,15 +146,13 @@ def set_(run: Run, assignments: tuple[str, ...], motors: str | None, force: bool
     """Set parameters in RAM and read them back, e.g. `MCV=80 HSG.F1=150 --motors 12`. One value goes to all motors."""
     chosen = [MOTORS[int(digit) - 1] for digit in motor_prefix(motors)] if motors is not None else list(MOTORS)
     changes = BARRETT.assignments_on(assignments, chosen)
-    if any(element.param.name == "baud_rate" for element, _ in changes):
-        raise UsageError(
-            "BAUD changes the speed at once",
-            hint="use `handctl barrett baud RATE`: the port follows. Nothing was sent.",
-        )
     for objection in check_careful(changes, force):
         run.journal.warn("careful", objection)
+    steps = run.planner().plan(changes)
     if run.settings.dry_run:
-        return run.dry_run(run.planner().plan(changes))
+        return run.dry_run(steps)
+    if any(step.strands for step in steps):
+        run.confirm("The hand changes its speed at once", steps)
     hand: BarrettHand = run.device()
     return hand.table(hand.write(changes))
 
@@ -198,7 +196,7 @@ def save(run: Run, force: bool) -> Table:
     hand: BarrettHand = run.device()
     (speed,) = hand.read(BARRETT.find("BAUD")[1])
     if speed.value != 96 and not force:
-        raise DeviceRefused(
+        raise UsageError(
             f"BAUD is {speed.value}: saved, the hand would start at {int(speed.value or 0) * 100} bit/s for ever",
             hint="--force saves it all the same, or `handctl barrett baud 9600` first",
             code="baud-not-default",
@@ -211,7 +209,7 @@ def save(run: Run, force: bool) -> Table:
 @click.option("--save", "save_too", is_flag=True, help="Save it to EEPROM: the hand starts at this speed from then on.")
 def baud(run: Run, rate: int | None, save_too: bool) -> Table:
     """Show the speed, or change it: the hand and the port switch over together, then it is verified."""
-    from handctl.devices.barrett import speed
+    from handctl.devices.barrett import eeprom, speed
 
     if rate is None:
         if run.settings.dry_run:
@@ -223,9 +221,11 @@ def baud(run: Run, rate: int | None, save_too: bool) -> Table:
         return run.dry_run(steps)
     run.confirm(f"The hand speaks {rate} bit/s at once{', and after every power-on' if save_too else ''}", steps)
     hand: BarrettHand = run.device()
+    ledger = eeprom.Ledger(hand, simulated=run.simulated) if save_too else None
     readings = hand.write([(BARRETT.find("BAUD")[1][0], code)])
-    if save_too:
+    if ledger is not None:
         hand.checked(hand.line.ask("PSAVE"))
+        ledger.count({"baud_rate": code})
         run.journal.info("saved", f"the hand starts at {rate} bit/s from now on")
     else:
         run.journal.info("volatile", "until reset or power-off", hint="--save keeps it")
@@ -300,7 +300,7 @@ def gcl_(run: Run, commands: tuple[str, ...], keep_going: bool) -> Table:
 
     The prompt has history, completion of commands and parameters, and ?NAME for help.
     """
-    from handctl.devices.barrett import gcl
+    from handctl.devices.barrett import eeprom, gcl
 
     if not commands and sys.stdin.isatty():
         return _prompt(run)
@@ -315,7 +315,11 @@ def gcl_(run: Run, commands: tuple[str, ...], keep_going: bool) -> Table:
     saving = gcl.saves(wanted)
     if saving:
         run.confirm("This writes the EEPROM, which lasts 5,000 saves", [_step(text) for text in saving])
-    return gcl.run_all(run.device(), wanted, keep_going=keep_going)
+    ledger = eeprom.Ledger(run.device(), simulated=run.simulated) if saving else None
+    table = gcl.run_all(run.device(), wanted, keep_going=keep_going)
+    if ledger is not None and gcl.saves(row["command"] for row in table.rows if not row["status"]):
+        ledger.count({})
+    return table
 
 
 def _prompt(run: Run) -> Table:

@@ -11,7 +11,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-from handctl.devices.barrett.hand import BarrettHand, refusal
+from handctl.devices.barrett.hand import BarrettHand
 from handctl.devices.barrett.parameters import BARRETT, all_elements, standard
 from handctl.errors import HandctlError, OutputError, UsageError
 from handctl.result import Column, Row, Table
@@ -36,9 +36,17 @@ def load_journal() -> dict[str, Any]:
         raise UsageError(
             f"{path}: the journal of saves cannot be read: {exc}", hint="move it away to start a new count"
         ) from exc
-    if not isinstance(content, dict):
+    if not isinstance(content, dict) or not all(_whole(entry) for entry in content.values()):
         raise UsageError(f"{path}: not a journal of saves", hint="move it away to start a new count")
     return content
+
+
+def _whole(entry: object) -> bool:
+    """Whether a hand's entry in the journal has the form that handctl writes."""
+    if not isinstance(entry, dict) or not isinstance(entry.get("saves"), int):
+        return False
+    values = entry.get("values", {})
+    return isinstance(values, dict) and all(isinstance(value, int) for value in values.values())
 
 
 def store_journal(content: dict[str, Any]) -> None:
@@ -71,8 +79,7 @@ def save(hand: BarrettHand, *, force: bool, simulated: bool) -> Table:
     Raises UsageError when nothing changed (unless `force`), DeviceRefused when the hand reports an error.
     """
     now = present(hand)
-    (serial,) = hand.read(all_elements([BARRETT.by_mnemonic("SN")]))
-    key = f"{'simulated-' if simulated else ''}{int(serial.value or 0)}"
+    key = _key(hand, simulated)
     journal = load_journal()
     known = journal.get(key, {})
     before: dict[str, int] = known.get("values", {})
@@ -90,17 +97,16 @@ def save(hand: BarrettHand, *, force: bool, simulated: bool) -> Table:
         )
         if touched
     ]
+    done: list[str] = []
     for verb in verbs or ["FSAVE", "PSAVE"]:
-        answer = hand.line.ask(verb)
-        if answer.status:
-            raise refusal(answer)
-    count = int(known.get("saves", 0)) + 1
-    journal[key] = {"saves": count, "values": now}
-    try:
-        store_journal(journal)
-    except HandctlError as exc:
-        hand.journal.warn("journal", f"saved, but {exc.text}")
-    hand.journal.info("saves", f"save number {count} by handctl of at most {MOST_SAVES} in the hand's life")
+        try:
+            hand.checked(hand.line.ask(verb))
+        except HandctlError:
+            if done:  # one half is in the EEPROM: count it, and let the next save write all again
+                _count(hand, journal, key, {})
+            raise
+        done.append(verb)
+    _count(hand, journal, key, now)
     rows: list[Row] = [
         {"name": name, "before": before.get(name), "value": now[name], "default": default_of(name)}
         for name in (changed if before else differing(now))
@@ -112,6 +118,39 @@ def save(hand: BarrettHand, *, force: bool, simulated: bool) -> Table:
         Column("default", "Default", right=True),
     )
     return Table(rows=rows, columns=columns)
+
+
+class Ledger:
+    """Reads what the journal needs before a save is made otherwise, so that the save can be counted afterwards.
+
+    Made before anything is written: when the hand cannot tell (over-temperature), nothing has been changed yet.
+    """
+
+    def __init__(self, hand: BarrettHand, *, simulated: bool) -> None:
+        self._hand = hand
+        self._journal = load_journal()
+        self._key = _key(hand, simulated)
+        self._values = present(hand)
+
+    def count(self, changed: dict[str, int] | None = None) -> None:
+        """Count one save of the values that were read, with what has been `changed` since; {} = not known any more."""
+        values = {} if changed == {} else {**self._values, **(changed or {})}
+        _count(self._hand, self._journal, self._key, values)
+
+
+def _key(hand: BarrettHand, simulated: bool) -> str:
+    (serial,) = hand.read(all_elements([BARRETT.by_mnemonic("SN")]))
+    return f"{'simulated-' if simulated else ''}{int(serial.value or 0)}"
+
+
+def _count(hand: BarrettHand, journal: dict[str, Any], key: str, now: dict[str, int]) -> None:
+    count = int(journal.get(key, {}).get("saves", 0)) + 1
+    journal[key] = {"saves": count, "values": now}
+    try:
+        store_journal(journal)
+    except HandctlError as exc:
+        hand.journal.warn("journal", f"saved, but {exc.text}")
+    hand.journal.info("saves", f"save number {count} by handctl of at most {MOST_SAVES} in the hand's life")
 
 
 def differing(now: dict[str, int]) -> list[str]:

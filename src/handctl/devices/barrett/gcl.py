@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING
 
+from handctl.devices.barrett import eeprom
 from handctl.devices.barrett.commands import COMMANDS, split
 from handctl.devices.barrett.hand import BarrettHand, refusal
 from handctl.devices.barrett.language import Answer, explain_status
 from handctl.devices.barrett.parameters import BARRETT
-from handctl.errors import DeviceRefused, HandctlError, Interrupted, UsageError
+from handctl.errors import DeviceRefused, HandctlError, Interrupted, NoAnswer, ProtocolError, UsageError
 from handctl.result import Row, Table
 
 if TYPE_CHECKING:
@@ -61,11 +62,26 @@ def run_all(hand: BarrettHand, commands: Iterable[str], *, keep_going: bool) -> 
 
 
 def ask(hand: BarrettHand, text: str) -> Answer:
-    """One command once; afterwards the speed is looked for again where it may have changed."""
-    answer = hand.line.ask(text)
+    """One command once; the hand is looked for again after one that may have changed its speed.
+
+    When it has, the rest of the answer is unusable (dossier 1.2): the status is then taken for 0 once a prompt is found.
+    """
     _, command, _ = split(text)
-    if command is not None and command.kind == "speed":
+    if command is None or command.kind != "speed":
+        return hand.line.ask(text)
+    hand.line.connect()
+    before = hand.line.link.baud
+    try:
+        answer = hand.line.ask(text)
+    except (NoAnswer, ProtocolError):
         hand.line.reconnect()
+        if hand.line.link.baud == before:
+            raise
+        hand.journal.info(
+            "speed-changed", f"{text} changed the speed to {hand.line.link.baud} bit/s; its answer was lost by that"
+        )
+        return Answer(text, (), 0, b"")
+    hand.line.reconnect()
     return answer
 
 
@@ -161,7 +177,10 @@ def _one(run: Run, hand: BarrettHand, text: str) -> None:
         refuse(text)
         if saves([text]):
             run.confirm(f"{text} writes the EEPROM, which lasts 5,000 saves")
+        ledger = eeprom.Ledger(hand, simulated=run.simulated) if saves([text]) else None
         answer = ask(hand, text)
+        if ledger is not None and not answer.status:
+            ledger.count()
         for line in answer.lines:
             run.out(line)
         if answer.status:

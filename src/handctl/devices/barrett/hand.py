@@ -133,11 +133,17 @@ class BarrettHand:
     # -- writing -------------------------------------------------------------------------------------------------
 
     def plan(self, changes: Sequence[tuple[Element, Number]]) -> list[Step]:
-        """FSET and PSET lines for checked changes: motors that get the same value share a prefix."""
-        return [
-            Step(f"{command}", command.encode("ascii") + b"\r", moves=False, strands="BAUD" in command.split())
-            for command, _ in self._commands(changes)
-        ]
+        """FSET and PSET lines for checked changes: motors that get the same value share a prefix; the speed goes last."""
+        calm, speed = self._speed_last(changes)
+        commands = [command for group in (calm, speed) for command, _ in self._commands(group)]
+        return [Step(text, text.encode("ascii") + b"\r", strands="BAUD" in text.split()) for text in commands]
+
+    @staticmethod
+    def _speed_last(
+        changes: Sequence[tuple[Element, Number]],
+    ) -> tuple[list[tuple[Element, Number]], list[tuple[Element, Number]]]:
+        calm = [change for change in changes if _gcl(change[0]) != "BAUD"]
+        return calm, [change for change in changes if _gcl(change[0]) == "BAUD"]
 
     def _commands(self, changes: Sequence[tuple[Element, Number]]) -> list[tuple[str, list[str]]]:
         motors: dict[tuple[str, Number], list[int]] = {}
@@ -162,12 +168,11 @@ class BarrettHand:
 
         Raises DeviceRefused with the hand's status; CheckFailed when the read-back differs.
         """
-        calm = [change for change in changes if _gcl(change[0]) != "BAUD"]
+        calm, speed = self._speed_last(changes)
         readings = self._write_calm(calm) if calm else []
-        for element, value in changes:
-            if _gcl(element) == "BAUD":
-                self.change_speed(int(value))
-                readings += self.read([element])
+        for element, value in speed:
+            self.change_speed(int(value))
+            readings += self.read([element])
         return readings
 
     def _write_calm(self, changes: Sequence[tuple[Element, Number]]) -> list[Reading]:

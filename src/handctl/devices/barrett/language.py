@@ -150,6 +150,8 @@ class Decoder:
             for line in buffer[size:end].replace(b"\r", b"\n").split(b"\n")
             if line.strip()
         ]
+        if lines and lines[0].upper().encode("ascii", "replace") == self._sent:
+            del lines[0]  # the echo once more: a line that echoes too; "ERR 3" must not become a status
         status = 0
         data = []
         for line in lines:
@@ -160,6 +162,14 @@ class Decoder:
                 data.append(line)
         return Answer(self._command, tuple(data), status, buffer[: end + 3])
 
+    def drop_prompt(self) -> None:
+        """Take out the first prompt behind the echo: it belonged to something earlier."""
+        start = self._echo_at(bytes(self._buffer))
+        if start is not None:
+            end = _prompt_at(bytes(self._buffer), start + len(self._sent))
+            if end is not None:
+                del self._buffer[end : end + 3]
+
     def _echo_at(self, buffer: bytes) -> int | None:
         """Where the echo of this command stands: behind a line, a prompt or noise, before a line end (or nothing yet).
 
@@ -169,9 +179,8 @@ class Decoder:
         place = folded.find(self._sent)
         while place >= 0:
             behind = folded[place + len(self._sent) : place + len(self._sent) + 1]
-            before = folded[place - 1] if place else 0
-            after_prompt = folded[:place].endswith((b"=>", b"=> "))
-            if behind in (b"", b"\n", b"\r") and (after_prompt or not 32 <= before < 127):
+            lead = folded[:place].replace(b"\r", b"\n").rpartition(b"\n")[2].replace(PROMPT, b"").strip(b" ")
+            if behind in (b"", b"\n", b"\r") and (not lead or not 32 <= lead[-1] < 127):
                 return place
             place = folded.find(self._sent, place + 1)
         return None

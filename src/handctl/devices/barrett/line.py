@@ -13,8 +13,10 @@ from handctl.errors import HandctlError, NoAnswer, ProtocolError
 from handctl.link import ByteLink, Deadline
 from handctl.result import Journal
 
+ECHO_SECONDS = 1.0
 ABORT_COLLECT = 0.15
 PROMPT_WAIT = 0.5
+LATE_PROMPT = 0.25
 QUIET = 0.2
 LOOP_EXITS = 9
 DEFAULT_RETRIES = 2
@@ -87,6 +89,9 @@ class GclLine:
         link.write(CR, link.deadline(1.0))
         came = self._until_prompt(PROMPT_WAIT + self._wire(8))
         if _has_prompt(came):
+            if not _has_prompt(early):
+                # Perhaps it was the late answer to ^C: let the one to CR pass too, or it would pass for an answer.
+                self._until_prompt(LATE_PROMPT + self._wire(8))
             self._connected = True
             return b""
         if came or early:
@@ -111,8 +116,11 @@ class GclLine:
 
     # -- commands ------------------------------------------------------------------------------------------------
 
-    def ask(self, command: str) -> Answer:
-        """Send one command once; its answer, whatever its status. Raises NoAnswer, ProtocolError, LinkError."""
+    def ask(self, command: str, *, at_least: float = 0.0) -> Answer:
+        """Send one command once; its answer, whatever its status. Raises NoAnswer, ProtocolError, LinkError.
+
+        `at_least` seconds are allowed, for a movement that is known to be slow.
+        """
         self.connect()
         if self.bound is not None and self.bound.expired:
             raise NoAnswer(
@@ -123,13 +131,22 @@ class GclLine:
         data = encode(command)
         _, known, _ = split(command)
         kind = known.kind if known is not None else "query"
-        seconds = self.timeout if self.timeout is not None and kind in ("query", "set") else SECONDS[kind]
+        seconds = (
+            self.timeout if self.timeout is not None and kind in ("query", "set") else max(SECONDS[kind], at_least)
+        )
         self._drain()
         link = self.link
         deadline = link.deadline(seconds + 2 * self._wire(len(data) + 512)).earlier(self.bound)
         link.write(data, deadline)
         self.journal.counters.sent += 1
-        return self._answer(command, deadline)
+        try:
+            echo = link.deadline((self.timeout or ECHO_SECONDS) + 2 * self._wire(len(data))).earlier(deadline)
+            return self._answer(command, deadline, echo)
+        except (NoAnswer, ProtocolError) as exc:
+            if kind in ("motion", "init"):  # whatever still moves must not go on
+                self.resynchronise()
+                exc.hint = f"^C was sent, the motors should stand; {exc.hint}"
+            raise
 
     def read(self, command: str) -> Answer:
         """A query, repeated after a resynchronisation when no valid answer came; anything else is `ask`ed once."""
@@ -147,17 +164,22 @@ class GclLine:
         assert error is not None
         raise error
 
-    def _answer(self, command: str, deadline: Deadline) -> Answer:
+    def _answer(self, command: str, deadline: Deadline, echo: Deadline) -> Answer:
+        """The answer before `deadline`; without an echo before `echo` nobody is there, and waiting longer is useless."""
         decoder = Decoder(command)
         while True:
             answer = decoder.next()
+            if answer is not None and not answer.lines and not answer.status and _must_have_lines(command):
+                decoder.drop_prompt()  # a late prompt of something before: a get always has lines or an error
+                answer = decoder.next()
             if answer is not None:
                 self.journal.counters.received += 1
                 self.journal.counters.stray_bytes += decoder.skipped
                 if answer.raw.endswith(PROMPT):  # the space behind the prompt, if there is one, is part of it
                     self.link.read(self.link.deadline(0.005 + self._wire(2)), 1)
                 return answer
-            chunk = b"" if deadline.expired else self.link.read(deadline)
+            until = deadline if decoder.echoed else echo
+            chunk = b"" if until.expired else self.link.read(until)
             if not chunk:
                 raise self._failure(command, decoder)
             decoder.feed(chunk)
@@ -224,6 +246,8 @@ class GclLine:
             if not chunk:
                 break
             came += chunk
+            if _has_prompt(came) and not came.endswith(b" "):
+                came += self.link.read(self.link.deadline(0.005 + self._wire(2)), 1)
             if _has_prompt(came) or len(came) > 65536:
                 break
         return came
@@ -246,6 +270,11 @@ SILENCE = (
     "check in this order: the hand's power supply, the serial cable (straight-through, 9 pins), the port; a hand without "
     "firmware (off for more than a day or two) does not answer: load it again"
 )
+
+
+def _must_have_lines(command: str) -> bool:
+    _, known, _ = split(command)
+    return known is not None and known.name in ("FGET", "PGET")
 
 
 def _has_prompt(data: bytes) -> bool:

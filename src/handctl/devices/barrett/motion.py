@@ -15,6 +15,8 @@ from handctl.result import Column, Row, Table
 
 GOALS = {"C": "CT", "O": "OT", "M": "DP"}
 """Where a movement without argument goes."""
+VELOCITIES = {"O": ("MOV",), "IO": ("MOV",), "TO": ("MOV",), "HOME": ("MOV",), "M": ("MOV", "MCV"), "HI": ("IVEL",)}
+"""Which velocity a movement uses (barrett §5.2.1); the others close, with MCV."""
 USUAL = {"finger": 17800, "spread": 3150}
 COLUMNS = (
     Column("motor", "Motor"),
@@ -51,49 +53,70 @@ def move(hand: BarrettHand, prefix: str, name: str, argument: int | None, guide:
                 "beyond",
                 f"{argument} is beyond the usual {usual} counts of {'the spread' if index == 3 else 'a finger'}",
             )
-    goals = _goals(hand, name, argument, motors)
+    goals, seconds = _before(hand, name, argument, motors)
     guide.progress(f"{text}: moving; the hand says nothing until it stands (Ctrl-C stops it)")
     try:
-        answer = hand.line.ask(text)
+        answer = hand.line.ask(text, at_least=3 * seconds)
     except KeyboardInterrupt as exc:
         guide.done()
         raise Interrupted(f"interrupted: {_stop(hand)}") from exc
     guide.done()
-    table = _result(hand, name, answer, motors, goals)
+    table = _result(hand, name, answer, motors, goals, all_motors=not prefix)
     if answer.status:
         table.failure = refusal(answer)
     return table
 
 
-def _goals(hand: BarrettHand, name: str, argument: int | None, motors: list[int]) -> dict[int, int]:
+def _before(hand: BarrettHand, name: str, argument: int | None, motors: list[int]) -> tuple[dict[int, int], float]:
+    """Goals by motor, and the longest time of the movement in seconds at the set velocities: one line of questions."""
+    velocity = VELOCITIES.get(name, ("MCV",))
+    wanted = (
+        [] if name in ("HOME", "HI", "TC", "TO") or (name == "M" and argument is not None) else [GOALS.get(name, "P")]
+    )
+    if name in ("IC", "IO") and argument is None:
+        wanted.append("DS")
+    at: dict[tuple[str, int], int] = {}
+    for reading in hand.read(_elements([*wanted, *velocity, "SAMPLE"], motors)):
+        if reading.value is not None:
+            at[(_mnemonic(reading.element), reading.element.index)] = int(reading.value)
+    goals: dict[int, int] = {}
+    slowest = 0.0
+    for index in motors:
+        goal = _goal(name, argument, {key: number for (key, motor), number in at.items() if motor == index})
+        if goal is not None:
+            goals[index] = goal
+        speeds = [at[(key, index)] for key in velocity if at.get((key, index))]
+        if speeds and ("SAMPLE", index) in at:
+            # 1/16 count a sample; a sample lasts 16 (SAMPLE + 1) / 2 MHz (dossier 13).
+            samples = USUAL["spread" if index == 3 else "finger"] * 16 / min(speeds)
+            slowest = max(slowest, samples * 16 * (at[("SAMPLE", index)] + 1) / 2e6)
+    return goals, slowest
+
+
+def _goal(name: str, argument: int | None, at: dict[str, int]) -> int | None:
+    """Where one motor goes, None for torque control or when its parameters are not known."""
     if name in ("HOME", "HI"):
-        return dict.fromkeys(motors, 0)
+        return 0
     if name == "M" and argument is not None:
-        return dict.fromkeys(motors, argument)
+        return argument
     if name in GOALS:
-        param = BARRETT.by_mnemonic(GOALS[name])
-        readings = hand.read([Element(param, index) for index in motors])
-        return {reading.element.index: int(reading.value) for reading in readings if reading.value is not None}
-    if name in ("IC", "IO"):
-        names = ["P"] if argument is not None else ["P", "DS"]
-        read = {(_mnemonic(r.element), r.element.index): r.value for r in hand.read(_elements(names, motors))}
-        sign = 1 if name == "IC" else -1
-        goals = {}
-        for index in motors:
-            start, step = read.get(("P", index)), argument if argument is not None else read.get(("DS", index))
-            if start is not None and step is not None:
-                goals[index] = int(start) + sign * int(step)
-        return goals
-    return {}
+        return at.get(GOALS[name])
+    step = argument if argument is not None else at.get("DS")
+    if name in ("IC", "IO") and step is not None and "P" in at:
+        return at["P"] + (step if name == "IC" else -step)
+    return None
 
 
-def _result(hand: BarrettHand, name: str, answer: Answer, motors: list[int], goals: dict[int, int]) -> Table:
+def _result(
+    hand: BarrettHand, name: str, answer: Answer, motors: list[int], goals: dict[int, int], *, all_motors: bool
+) -> Table:
     # The strain first: it relaxes when the motor is off (dossier 5).
-    readings = hand.read(_elements(["SG", "P", "S", "HSG", "LSG", "MPE"], motors))
+    names = ["SG", "P", "S", "HSG", "LSG", "MPE", *(["EN"] if all_motors else [])]
+    readings = hand.read(_elements(names, motors))
     at = {(_mnemonic(reading.element), reading.element.index): reading.value for reading in readings}
     rows: list[Row] = []
     for index in motors:
-        value = {key: at.get((key, index)) for key in ("SG", "P", "S", "HSG", "LSG", "MPE")}
+        value = {key: at.get((key, index)) for key in names}
         numbers = {key: int(number) for key, number in value.items() if number is not None}
         rows.append(
             {
@@ -114,16 +137,22 @@ def _result(hand: BarrettHand, name: str, answer: Answer, motors: list[int], goa
 def how_it_ended(name: str, now: dict[str, int], goal: int | None, status: int) -> str:
     """The termination case of §5.5 in words, from position, strain, limits and status."""
     own = now.get("S", 0)
+    if now.get("EN") == 0:
+        return "disabled (EN 0): did not move"
+    if own & 3:
+        return explain_status(own)
     if own & 4:
         return "not initialized: did not move"
     if status & 16384 or own & 16384:
         return "stopped by ^C"
-    if own & 8192:
-        return explain_status(own)
+    if (own | status) & 8192:
+        return "over-temperature: did not move, or stopped"
+    if "P" not in now:
+        return "unknown: its position could not be read"
     strain, high, low = now.get("SG", 255), now.get("HSG", 256), now.get("LSG", 256)
     if strain != 255 and ((high < 255 and strain > high) or (low < 255 and strain < low)):
         return f"strain limit ({strain}, limits {low if low < 255 else 'off'} to {high if high < 255 else 'off'})"
-    if goal is not None and name not in ("TC", "TO") and abs(now.get("P", 0) - goal) <= now.get("MPE", 50):
+    if goal is not None and name not in ("TC", "TO") and abs(now["P"] - goal) <= now.get("MPE", 50):
         return "reached"
     if name in ("TC", "TO"):
         return "stalled on something, or at the joint stop"

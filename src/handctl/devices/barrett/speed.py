@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from handctl.devices.barrett.language import CR, encode
 from handctl.devices.barrett.line import GclLine
-from handctl.errors import HandctlError, LinkError, NoAnswer, ProtocolError, UsageError
+from handctl.errors import LinkError, NoAnswer, ProtocolError, UsageError
 
 SETTLE_SECONDS = 1.0
 """The vendor's pause after a speed change."""
@@ -26,12 +26,13 @@ def change(line: GclLine, code: int) -> None:
     line.journal.counters.sent += 1
     echo = b""
     deadline = link.deadline(1.0 + (2 * len(data) * 10 / old if old else 0)).earlier(line.bound)
-    while len(echo) < len(data) - 1 and not deadline.expired:
-        chunk = link.read(deadline, len(data) - 1 - len(echo))
+    while data[:-1] not in echo.upper() and not deadline.expired:
+        # Never beyond the echo: what follows comes at the new speed.
+        chunk = link.read(deadline, max(1, len(data) - 1 - len(echo)))
         if not chunk:
             break
         echo += chunk
-    if echo.upper() != data[:-1]:
+    if data[:-1] not in echo.upper():
         line.resynchronise()
         raise ProtocolError(
             f"{link.name}: the echo of {command} differs: {echo.hex(' ').upper()}",
@@ -48,10 +49,14 @@ def change(line: GclLine, code: int) -> None:
     if link.can_set_baud and old is not None:
         try:
             line.reconnect()
-        except HandctlError as exc:
-            raise NoAnswer(
-                f"{link.name}: after {command} no prompt at {new} or any other speed", hint=exc.hint, code="lost-speed"
+        except (NoAnswer, ProtocolError) as exc:
+            raise type(exc)(
+                f"{link.name}: after {command} no prompt at {new} or any other speed; {exc.text}",
+                hint=exc.hint,
+                code="lost-speed",
             ) from exc
+        if link.baud == new:
+            return
         raise LinkError(
             f"{link.name}: the hand did not follow to {new} bit/s, it answers at {link.baud}",
             hint="some hands cannot do the higher speeds",
@@ -68,7 +73,7 @@ def reset(line: GclLine) -> str:
     line.journal.counters.sent += 1
     text = line.collect(BANNER_SECONDS).decode("ascii", "replace")
     banner = "\n".join(part.strip() for part in text.replace("\r", "\n").split("\n") if part.strip(" =>:\0"))
-    banner = banner.removeprefix("RESET").strip()
+    banner = banner.removeprefix("RESET").strip(" :\n")  # a hand that has just started may print ":" first
     line.reconnect()
     if BANNER_TEXT not in banner:
         line.journal.warn("banner", f"the banner does not say {BANNER_TEXT!r}: {banner!r}")
