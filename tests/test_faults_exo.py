@@ -6,6 +6,7 @@ time. `EXPECTED` is the contract's table (exit codes by fault); what a command m
 
 from __future__ import annotations
 
+import os
 import time
 from collections import Counter
 from pathlib import Path
@@ -75,6 +76,9 @@ STAY_PUT = {"position_actual.little": 110, "position_actual.ring": 220, "positio
             "position_actual.index": 440, "position_actual.thumb": 550}  # fmt: skip
 VARIANTS: dict[str, dict[str, int]] = {"always": {}, "after-1": {"after": 1}, "every-2": {"every": 2}}
 VIRTUAL_SECONDS, REAL_SECONDS = 90.0, 5.0
+
+SEEDS = range(int(os.environ.get("HANDCTL_SEEDS", "1")))
+"""Seeds of the simulator per cell; more of them belong into a long run."""
 
 
 def truth_of(fault: str) -> Truth:
@@ -200,7 +204,7 @@ def scratch(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command.name)
 @pytest.mark.parametrize("fault", [*LINE_FAULTS, *DEVICE_FAULTS])
 def test_fault(scratch: Path, fault: str, command: Command, variant: str) -> None:
-    for seed in range(3):
+    for seed in SEEDS:
         cell = Cell(scratch, command, fault, "--timeout", "1", seed=seed, **VARIANTS[variant])
         cell.holds(allowed(fault, command, variant))
 

@@ -14,6 +14,7 @@ from handctl.link import ByteLink, Deadline
 from handctl.result import Journal
 
 ECHO_SECONDS = 1.0
+POWER_ON_SECONDS = 2.0
 ABORT_COLLECT = 0.15
 PROMPT_WAIT = 0.5
 LATE_PROMPT = 0.25
@@ -83,7 +84,11 @@ class GclLine:
     def _knock(self) -> bytes:
         """^C, then CR; connected when the prompt comes. Returns bytes that were no prompt."""
         link = self.link
-        self._drain()
+        if b":" in self._drain():
+            # Just powered on: a byte now might be taken by the boot monitor (dossier 1.5, step 2).
+            self.journal.info("powered-on", "the hand has just been switched on; waiting 2 s for its firmware")
+            link.sleep(POWER_ON_SECONDS)
+            self._drain()
         link.write(ABORT, link.deadline(1.0))
         early = self._until_prompt(ABORT_COLLECT + self._wire(8))
         link.write(CR, link.deadline(1.0))
@@ -150,6 +155,7 @@ class GclLine:
 
     def read(self, command: str) -> Answer:
         """A query, repeated after a resynchronisation when no valid answer came; anything else is `ask`ed once."""
+        self.connect()  # a hand that is nowhere is looked for once, not once a repetition
         error: HandctlError | None = None
         for attempt in range(1 + self.retries):
             if attempt:
@@ -252,15 +258,16 @@ class GclLine:
                 break
         return came
 
-    def _drain(self) -> None:
+    def _drain(self) -> bytes:
         now = self.link.deadline(0)
-        count = 0
-        while count < 65536:
+        stale = b""
+        while len(stale) < 65536:
             chunk = self.link.read(now)
             if not chunk:
                 break
-            count += len(chunk)
-        self.journal.counters.stray_bytes += count
+            stale += chunk
+        self.journal.counters.stray_bytes += len(stale)
+        return stale
 
     def _wire(self, count: int) -> float:
         return count * 10 / self.link.baud if self.link.baud else 0.0
