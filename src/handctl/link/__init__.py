@@ -13,6 +13,7 @@ The clock belongs to the link: deadlines are made by it, so a link may run on vi
 from __future__ import annotations
 
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -58,7 +59,7 @@ class CanFrame(NamedTuple):
         return f"{self.can_id:08X} [{len(self.data)}] {self.data.hex(' ').upper()}".rstrip()
 
 
-class Link:
+class Link(ABC):
     """What every link has: a name, a clock, an end.
 
     name      as the user gave it (for messages and the JSON envelope)
@@ -83,16 +84,16 @@ class Link:
         """The deadline `seconds` from now."""
         return Deadline(self.now, self.now() + seconds)
 
-    def event(self, text: str) -> None:
+    def event(self, text: str) -> None:  # noqa: B027 - only a tap records events
         """Note something beside the bytes (speed change, power cycle) in a transcript, if one is recorded."""
 
     def power_cycle(self) -> bool:
         """Switch the device off and on. Only simulators can: False means the operator must."""
         return False
 
+    @abstractmethod
     def close(self) -> None:
         """Release the link. May be called twice."""
-        raise NotImplementedError(type(self).__name__)
 
 
 class FrameLink(Link):
@@ -100,13 +101,13 @@ class FrameLink(Link):
 
     error_frames: int = 0
 
+    @abstractmethod
     def send(self, frame: CanFrame, deadline: Deadline) -> None:
         """Queue one frame. Raises LinkError."""
-        raise NotImplementedError(type(self).__name__)
 
+    @abstractmethod
     def receive(self, deadline: Deadline) -> CanFrame | None:
         """The next extended data frame of any identifier; None on silence until `deadline`. Raises LinkError."""
-        raise NotImplementedError(type(self).__name__)
 
 
 class ByteLink(Link):
@@ -119,20 +120,20 @@ class ByteLink(Link):
     baud: int | None = None
     can_set_baud: bool = False
 
+    @abstractmethod
     def write(self, data: bytes, deadline: Deadline) -> None:
         """Hand all of `data` to the line before `deadline`. Raises LinkError."""
-        raise NotImplementedError(type(self).__name__)
 
+    @abstractmethod
     def read(self, deadline: Deadline, size: int = 4096) -> bytes:
         """What has arrived, at most `size` bytes, waiting until `deadline` for the first; b"" on silence.
 
         Raises LinkError when the link is lost.
         """
-        raise NotImplementedError(type(self).__name__)
 
     def set_baud(self, baud: int) -> None:
         """Change this end's speed. Raises LinkError where there is none."""
-        raise NotImplementedError(type(self).__name__)
+        raise LinkError(f"{self.name}: this link has no speed to set", code="baud")
 
 
 class NoLink(ByteLink):

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 
 from handctl.devices.inspire import eb90
@@ -21,7 +22,7 @@ PATIENCE = 4
 """An answer that has begun and keeps coming may take this many timeouts in all."""
 
 
-class RegisterBus:
+class RegisterBus(ABC):
     """The wire to the registers of one device id: what the serial bus and the CAN bus have in common.
 
     timeout   seconds allowed for a reply, beyond the time its bits need on the wire
@@ -49,17 +50,17 @@ class RegisterBus:
         self.retries = retries
         self.bound = bound
 
+    @abstractmethod
     def read(self, address: int, count: int, *, retries: int | None = None) -> bytes:
         """`count` bytes from `address`. Raises UsageError, NoAnswer, ProtocolError, LinkError."""
-        raise NotImplementedError
 
+    @abstractmethod
     def write(self, address: int, data: bytes) -> None:
         """Write `data` once. Raises DeviceRefused; NoAnswer, ProtocolError when it is unknown whether it arrived."""
-        raise NotImplementedError
 
+    @abstractmethod
     def write_step(self, address: int, data: bytes, meaning: str) -> Step:
         """The exact bytes of that write."""
-        raise NotImplementedError
 
     @property
     def where(self) -> str:

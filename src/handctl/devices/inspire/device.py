@@ -5,6 +5,7 @@ Everything is checked against the map before a byte is sent; a write is sent onc
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 
 from handctl.devices.inspire.blocks import BlockReader, Memory
@@ -16,7 +17,7 @@ from handctl.param import Element, Number, ParamMap, Reading, Step
 from handctl.result import Column, Grid, Journal, Row, Table, hex_bytes
 
 
-class RegisterDevice:
+class RegisterDevice(ABC):
     """Base of the family's devices. A subclass names its kind, its map, what is live, and how people see it."""
 
     kind: str
@@ -54,11 +55,11 @@ class RegisterDevice:
         return {"kind": self.kind, "id": self.bus.id}
 
     @staticmethod
+    @abstractmethod
     def view(rows: list[Row]) -> list[Grid]:
         """How people see rows of registers."""
-        raise NotImplementedError
 
-    def find_for_restore(self, values: dict[str, Number]) -> None:
+    def find_for_restore(self, values: dict[str, Number]) -> None:  # noqa: B027 - most have nothing to do
         """Make the bus address the device that a restore is for; nothing to do unless its id is a setting."""
 
     # -- reading -------------------------------------------------------------------------------------------------
