@@ -15,7 +15,7 @@ from types import SimpleNamespace
 import pytest
 
 from handctl.errors import HandctlError, LinkError
-from handctl.link import FOREVER, ByteLink, Deadline, NoLink, open_link
+from handctl.link import ByteLink, Deadline, NoLink, open_link
 from handctl.link import serial as serial_module
 from tests.support import unhex
 
@@ -72,7 +72,7 @@ def test_earlier_deadline() -> None:
     assert soon.earlier(later) is soon
     assert later.earlier(soon) is soon
     assert soon.earlier(None) is soon
-    assert Deadline(lambda: 0.0, FOREVER).earlier(soon) is soon
+    assert Deadline(lambda: 0.0, float("inf")).earlier(soon) is soon
 
 
 def test_a_link_makes_deadlines_on_its_own_clock() -> None:

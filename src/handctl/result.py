@@ -5,7 +5,7 @@ Knows no terminal, no device and no file; imports only the standard library. Row
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -161,10 +161,3 @@ class Journal:
 def hex_bytes(data: bytes) -> str:
     """Bytes as the field writes them: ``EB 90 01``."""
     return data.hex(" ").upper()
-
-
-def flatten(samples: Iterable[Sample]) -> Iterator[Row]:
-    """The rows of a stream, each with its time `t` in seconds first."""
-    for sample in samples:
-        for row in sample.rows:
-            yield {"t": round(sample.t, 6), **row}

@@ -22,8 +22,6 @@ from handctl.errors import LinkError, UsageError
 if TYPE_CHECKING:
     from handctl.link.tap import Tap
 
-FOREVER = float("inf")
-
 
 class Deadline:
     """A moment on a monotonic clock. Handed down through every wait, so that waits do not add up."""

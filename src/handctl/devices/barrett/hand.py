@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from handctl.devices.barrett.language import MOTORS, Answer, batches, explain_status, hint_for, motors_of, values
+from handctl.devices.barrett.language import MOTORS, Answer, batches, explain_status, hint_for, values
 from handctl.devices.barrett.line import GclLine
 from handctl.devices.barrett.parameters import BARRETT, GclParam, all_elements, standard
 from handctl.errors import CheckFailed, DeviceRefused, HandctlError, NoAnswer, ProtocolError
@@ -411,8 +411,3 @@ def status_view(rows: list[Row]) -> list[Grid]:
             notes=notes,
         )
     ]
-
-
-def selected(prefix: str) -> list[str]:
-    """Motor names of a prefix, for rows."""
-    return motors_of(prefix)

@@ -58,7 +58,6 @@ cli = Group(
     "It moves on its bench without asking.",
 )
 
-DEGREES = click.FLOAT
 FORCE = click.option(
     "--force-ambiguous", is_flag=True, help="Send what another device or register space would take for something else."
 )
