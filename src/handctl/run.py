@@ -119,7 +119,7 @@ class Run:
             return
         if not self.guide.interactive:
             raise NotConfirmed(
-                f"{question}: this needs a confirmation, and nobody is at a terminal to give it",
+                f"{question}. Not confirmed: nobody is at a terminal",
                 hint="add --yes if that is meant; --dry-run shows the bytes. Nothing was sent.",
             )
         for step in steps:
