@@ -207,3 +207,27 @@ def test_default_of() -> None:
     assert eeprom.default_of("init_velocity.F1") == 300
     assert eeprom.default_of("baud_rate") == 96
     assert eeprom.differing({"baud_rate": 96, "hold.F1": 1, "hold.SPREAD": 1}) == ["hold.F1"]
+
+
+def test_a_serial_number_of_0_names_no_hand(state: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """SN 0 is that of every hand upgraded in the field (§5.4.2): nothing is skipped or refused by another one's entry."""
+    monkeypatch.setattr(eeprom, "_key", lambda _hand, _simulated: "0")
+    hand, link = simulated("")
+    save(hand)
+    save(hand)
+    assert saves(link) == ["FSAVE", "PSAVE"] * 2
+    assert kept(state)["0"]["saves"] == 2
+
+
+def test_force_writes_both_halves_and_a_half_save_says_so(state: Path) -> None:
+    hand, link = simulated("")
+    save(hand)
+    hand.write(changes("LFT=1"))
+    link.sent.clear()
+    save(hand)
+    assert saves(link) == ["PSAVE"]
+    assert "half" in codes(hand)
+    hand.write(changes("LFT=0"))
+    link.sent.clear()
+    save(hand, force=True)
+    assert saves(link) == ["FSAVE", "PSAVE"]

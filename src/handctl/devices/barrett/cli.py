@@ -225,7 +225,7 @@ def baud(run: Run, rate: int | None, save_too: bool) -> Table:
     readings = hand.write([(BARRETT.find("BAUD")[1][0], code)])
     if ledger is not None:
         hand.checked(hand.line.ask("PSAVE"))
-        ledger.count({"baud_rate": code})
+        ledger.count(baud_rate=code)
         run.journal.info("saved", f"the hand starts at {rate} bit/s from now on")
     else:
         run.journal.info("volatile", "until reset or power-off", hint="--save keeps it")
@@ -318,7 +318,7 @@ def gcl_(run: Run, commands: tuple[str, ...], keep_going: bool) -> Table:
     ledger = eeprom.Ledger(run.device(), simulated=run.simulated) if saving else None
     table = gcl.run_all(run.device(), wanted, keep_going=keep_going)
     if ledger is not None and gcl.saves(row["command"] for row in table.rows if not row["status"]):
-        ledger.count({})
+        ledger.count_unknown()
     return table
 
 

@@ -17,6 +17,7 @@ from handctl.errors import HandctlError, OutputError, UsageError
 from handctl.result import Column, Row, Table
 
 MOST_SAVES = 5000
+UNKNOWN_KEYS = ("0", "simulated-0")
 
 
 def journal_path() -> Path:
@@ -81,12 +82,13 @@ def save(hand: BarrettHand, *, force: bool, simulated: bool) -> Table:
     now = present(hand)
     key = _key(hand, simulated)
     journal = load_journal()
-    known = journal.get(key, {})
+    # A serial number of 0 is that of every hand upgraded in the field: its entry may speak of another hand.
+    known = journal.get(key, {}) if key not in UNKNOWN_KEYS else {}
     before: dict[str, int] = known.get("values", {})
     if now == before and not force:
         raise UsageError(
-            "nothing has changed since the last save",
-            hint=f"the EEPROM lasts {MOST_SAVES} saves; --force saves all the same. Nothing was sent.",
+            "nothing has changed since handctl's last save of this hand",
+            hint=f"the EEPROM lasts {MOST_SAVES} saves; --force saves all the same. Nothing was written.",
         )
     changed = [name for name in now if now[name] != before.get(name)]
     verbs = [
@@ -97,8 +99,14 @@ def save(hand: BarrettHand, *, force: bool, simulated: bool) -> Table:
         )
         if touched
     ]
+    if len(verbs) == 1 and not force:
+        hand.journal.info(
+            "half",
+            f"{verbs[0]} only: the rest is as handctl saved it last",
+            hint="another program may have saved since; --force writes both halves",
+        )
     done: list[str] = []
-    for verb in verbs or ["FSAVE", "PSAVE"]:
+    for verb in ["FSAVE", "PSAVE"] if force else verbs:
         try:
             hand.checked(hand.line.ask(verb))
         except HandctlError:
@@ -132,10 +140,13 @@ class Ledger:
         self._key = _key(hand, simulated)
         self._values = present(hand)
 
-    def count(self, changed: dict[str, int] | None = None) -> None:
-        """Count one save of the values that were read, with what has been `changed` since; {} = not known any more."""
-        values = {} if changed == {} else {**self._values, **(changed or {})}
-        _count(self._hand, self._journal, self._key, values)
+    def count(self, **changed: int) -> None:
+        """Count one save of the values that were read, with what has been `changed` since by full name."""
+        _count(self._hand, self._journal, self._key, {**self._values, **changed})
+
+    def count_unknown(self) -> None:
+        """Count one save of values that nobody knows any more: the next save writes everything."""
+        _count(self._hand, self._journal, self._key, {})
 
 
 def _key(hand: BarrettHand, simulated: bool) -> str:

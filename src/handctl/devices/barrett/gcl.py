@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING
 
-from handctl.devices.barrett import eeprom
+from handctl.devices.barrett import eeprom, motion
 from handctl.devices.barrett.commands import COMMANDS, split
 from handctl.devices.barrett.hand import BarrettHand, refusal
 from handctl.devices.barrett.language import Answer, explain_status
@@ -52,7 +52,7 @@ def run_all(hand: BarrettHand, commands: Iterable[str], *, keep_going: bool) -> 
         try:
             answer = ask(hand, text)
         except KeyboardInterrupt as exc:
-            raise Interrupted(f"interrupted in {text}: {stop_text(hand)}") from exc
+            raise Interrupted(f"interrupted in {text}: {motion.halt(hand, tell_positions=False)}") from exc
         rows.append(row_of(answer))
         if answer.status:
             failure = failure or refusal(answer)
@@ -107,19 +107,6 @@ def as_text(rows: list[Row]) -> str:
         if "error" in row:
             parts.append(f"{row['error']}\n")
     return "".join(parts)
-
-
-def stop_text(hand: BarrettHand) -> str:
-    """Send ^C; what became of it."""
-    try:
-        answer = hand.line.abort()
-    except HandctlError as exc:
-        return f"^C could not be sent: {exc.text}"
-    return (
-        f"^C stopped the hand (status {answer.status})"
-        if answer is not None
-        else "the hand gave no prompt after ^C: switch its power off"
-    )
 
 
 # -- the interactive prompt -----------------------------------------------------------------------------------------
@@ -188,7 +175,7 @@ def _one(run: Run, hand: BarrettHand, text: str) -> None:
         if text.startswith("?") or text.upper().startswith("A?"):
             run.out(explain_help(text))
     except KeyboardInterrupt:
-        run.guide.say(stop_text(hand))
+        run.guide.say(motion.halt(hand, tell_positions=False))
     except DeviceRefused as exc:
         run.guide.say(exc.text)
     except HandctlError as exc:

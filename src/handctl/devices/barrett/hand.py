@@ -81,7 +81,6 @@ class BarrettHand:
         prefix = "" if len(motors) in (0, 4) else "".join(str(motor + 1) for motor in motors)
         by_mnemonic: dict[str, dict[int, int] | HandctlError] = {}
         names = list(dict.fromkeys(_gcl(element) for element in elements))
-        first: HandctlError | None = None
         for chosen, verb, count in (
             ([name for name in names if not BARRETT.by_mnemonic(name).is_global], f"{prefix}FGET", len(motors)),
             ([name for name in names if BARRETT.by_mnemonic(name).is_global], "PGET", 1),
@@ -95,9 +94,7 @@ class BarrettHand:
                     except (NoAnswer, ProtocolError) as exc:
                         if not any(isinstance(found, dict) for found in by_mnemonic.values()):
                             raise
-                        first = exc
                         by_mnemonic.update({item[0]: exc for item in items})
-        del first
         return [_reading(element, by_mnemonic[_gcl(element)]) for element in elements]
 
     def _get(

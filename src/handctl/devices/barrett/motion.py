@@ -59,7 +59,7 @@ def move(hand: BarrettHand, prefix: str, name: str, argument: int | None, guide:
         answer = hand.line.ask(text, at_least=3 * seconds)
     except KeyboardInterrupt as exc:
         guide.done()
-        raise Interrupted(f"interrupted: {_stop(hand)}") from exc
+        raise Interrupted(f"interrupted: {halt(hand)}") from exc
     guide.done()
     table = _result(hand, name, answer, motors, goals, all_motors=not prefix)
     if answer.status:
@@ -179,19 +179,20 @@ def stop(hand: BarrettHand, prefix: str) -> Table:
     )
 
 
-def _stop(hand: BarrettHand) -> str:
-    """After Ctrl-C: ^C to the hand, then where the motors are."""
+def halt(hand: BarrettHand, *, tell_positions: bool = True) -> str:
+    """After Ctrl-C: ^C to the hand; what became of it, and where the motors are. A passthrough asks nothing of its own."""
     try:
         answer = hand.line.abort()
         if answer is None:
             return "the hand gave no prompt after ^C: switch its power off if it still moves"
-        readings = hand.read(_elements(["P"], [0, 1, 2, 3]))
+        readings = hand.read(_elements(["P"], [0, 1, 2, 3])) if tell_positions else []
     except HandctlError as exc:
         return f"^C was sent; {exc.text}: switch the power off if it still moves"
     except KeyboardInterrupt:
         return "interrupted again while waiting for the hand's answer to ^C: switch its power off if it still moves"
     places = ", ".join(f"{reading.element.part} {reading.value}" for reading in readings)
-    return f"^C stopped the hand (status {answer.status}: {explain_status(answer.status)}); positions: {places}"
+    stopped = f"^C stopped the hand (status {answer.status}: {explain_status(answer.status)})"
+    return f"{stopped}; positions: {places}" if places else stopped
 
 
 def _elements(names: list[str], motors: list[int]) -> list[Element]:
