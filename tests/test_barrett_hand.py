@@ -274,3 +274,15 @@ def test_read_back_differs(answer: str | None) -> None:
         hand.write(changes("DP=5"))
     assert (caught.value.code, caught.value.exit_code) == ("read-back", 7)
     assert "default_position.F3 reads 8500 after 5 was written" in caught.value.text
+
+
+def test_the_odometer_is_told_in_strokes() -> None:
+    """§7.3: counts / 17,500 for a finger, / 3,100 for the spread; OD counts thousands (dossier 9)."""
+    hand, _ = simulated("")
+    table = hand.status(check=False)
+    labels = {row["motor"]: row["label"] for row in table.rows if row["parameter"] == "OD"}
+    assert labels == {"F1": "5956 strokes", "F2": "5640 strokes", "F3": "6285 strokes", "SPREAD": "6489 strokes"}
+    assert table.view is not None
+    (grid,) = table.view(table.rows)
+    assert grid.headings[3] == "Strokes"
+    assert [line[3] for line in grid.lines] == ["5956", "5640", "6285", "6489"]

@@ -17,6 +17,8 @@ from handctl.result import Cell, Column, Grid, Journal, Row, Table
 
 LIMIT_TENTHS = 650
 """65 °C: never above (barrett §2)."""
+STROKE = (17500, 3100)
+"""Counts of one stroke of a finger and of the spread (barrett §7.3)."""
 NEARLY_READY = 4
 SPLITTABLE = 32 | 64 | 1024
 """Statuses that a long line may cause: it is asked again in halves (dossier 1.4)."""
@@ -123,7 +125,7 @@ class BarrettHand:
             **row,
             "value": reading.value,
             "unit": param.unit,
-            "label": meaning(param, reading.value),
+            "label": meaning(param, reading.value, reading.element.index),
             "default": param.default_of(reading.element.index),
         }
 
@@ -280,8 +282,10 @@ def refusal(answer: Answer) -> DeviceRefused:
     )
 
 
-def meaning(param: GclParam, value: Number) -> str | None:
-    """What a value means: status in words, tenths as degrees, 255 as no gauge."""
+def meaning(param: GclParam, value: Number, index: int) -> str | None:
+    """What a value of motor `index` means: status in words, way in strokes, tenths as degrees, 255 as no gauge."""
+    if param.mnemonic == "OD":
+        return f"{int(value) * 1000 // STROKE[1 if index == 3 else 0]} strokes"
     if param.mnemonic == "S":
         return explain_status(int(value))
     if param.unit == "0.1 °C" and not (param.mnemonic == "OTEMP" and value == 0):
@@ -382,8 +386,12 @@ def status_view(rows: list[Row]) -> list[Grid]:
             return Cell("none", "dim")
         return str(row["value"])
 
+    def strokes(motor: str) -> str | Cell:
+        label = at.get(("OD", motor), {}).get("label")
+        return str(label).removesuffix(" strokes") if label else Cell("?", "bad")
+
     motors = tuple(
-        (motor, text("P", motor), text("SG", motor), text("OD", motor), text("EN", motor), text("S", motor))
+        (motor, text("P", motor), text("SG", motor), strokes(motor), text("EN", motor), text("S", motor))
         for motor in MOTORS
     )
 
@@ -402,7 +410,7 @@ def status_view(rows: list[Row]) -> list[Grid]:
     )
     return [
         Grid(
-            ("Motor", "Position", "Strain", "Odometer [1000 cts]", "Enabled", "Status"),
+            ("Motor", "Position", "Strain", "Strokes", "Enabled", "Status"),
             motors,
             right=frozenset({1, 2, 3, 4}),
             notes=notes,
