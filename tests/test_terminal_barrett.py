@@ -25,6 +25,10 @@ def sim() -> Iterator[Simulator]:
 # -- tables -----------------------------------------------------------------------------------------------------------
 
 
+STROKES = {104233: "5956", 98712: "5640", 110003: "6285", 20117: "6489"}
+"""Odometer in 1000 counts -> strokes: / 17.5 for a finger, / 3.1 for the spread (barrett §7.3)."""
+
+
 @pytest.mark.parametrize("columns", [40, 80, 200])
 @pytest.mark.parametrize("verb", ["dump", "status"])
 def test_tables_at_any_width(verb: str, columns: int) -> None:
@@ -41,7 +45,9 @@ def test_tables_at_any_width(verb: str, columns: int) -> None:
     shown = list(POWER_ON) if verb == "dump" else [name for name in STATUS if name not in ("EN", "BAUD", "UPSECS")]
     for mnemonic in shown:
         for value in POWER_ON[mnemonic][2]:
-            if verb == "status" and mnemonic in ("TEMP", "PTEMP"):
+            if verb == "status" and mnemonic == "OD":
+                assert STROKES[value] in words, (mnemonic, value, lines)
+            elif verb == "status" and mnemonic in ("TEMP", "PTEMP"):
                 assert f"{value / 10:.1f}" in words, (mnemonic, lines)
             elif verb == "status" and (mnemonic in ("S", "OTEMP") or (mnemonic, value) == ("SG", 255)):
                 continue
