@@ -168,9 +168,9 @@ def test_control_and_power(start: Start) -> None:
         assert ask(port, "1M 1000") == b"1M 1000\n\rERR 16" + PROMPT
         assert server.tell("temperature 655") == "ok temperature 655"
         assert ask(port, "PGET TEMP") == b"PGET TEMP\n\r655" + PROMPT
-        assert server.tell("jump").startswith("error unknown command 'jump'")
+        assert server.tell("leap").startswith("error unknown command 'leap'")
         server.process.send_signal(signal.SIGUSR1)
-        assert port.read_until(b"=> ").startswith(b"\n\rBarrettHand Firmware")
+        assert port.read_until(b"=> ").startswith(b":\n\rBarrettHand Firmware")
         assert ask(port, "GC") == b"GC\n\rERR 4" + PROMPT
 
 
@@ -187,6 +187,60 @@ def test_state_survives_a_kill(start: Start, tmp_path: Path) -> None:
     assert server.tell("saves") == "ok saves 1 0"
     with server.port() as port:
         assert ask(port, "1FGET DP") == b"1FGET DP\n\r42" + PROMPT
+
+
+def test_realtime(start: Start) -> None:
+    """§6.4 on a pty: 20 blocks at 38400, at most half again as long as they last on the wire, but for a busy machine."""
+    server = start("--pty", "--wire", "auto", "--set", "baud=38400", "--set", "initialized=1")
+    with server.port(38400) as port:
+        ask(port, "12FSET LCPG 0 LFV 0 LFAP 0")
+        ask(port, "4FSET LCV 0 LCPG 0 LFV 0 LFS 0 LFAP 0")
+        ask(port, "PSET LFT 1")
+        port.write(b"124LOOP\r")
+        assert port.read(8) == b"124LOOP*"
+        assert server.tell("jump F2 127") == "ok jump F2 127"
+        port.write(b"C\x00\x00")
+        assert port.read(8).hex(" ") == "2a 70 00 77 7f 00 01 9c"
+        took = []
+        for _ in range(20):
+            begin = time.monotonic()
+            port.write(b"C\x00\x00")
+            assert port.read(8).hex(" ") == "2a 70 00 77 00 00 01 9c"
+            took.append(time.monotonic() - begin)
+        assert 9 / 3840 - 0.0002 < min(took) < 9 / 3840 * 1.5
+        port.write(b"\x03")
+        assert port.read_until(b"=> ") == PROMPT
+
+
+def test_download_and_a_kill_in_the_middle_of_another(start: Start, tmp_path: Path) -> None:
+    state = str(tmp_path / "hand.json")
+    server = start("--pty", "--state", state, "--set", "boot=0.3", "--set", "download-version=4.34")
+    with server.port() as port:
+        assert server.tell("power off") == "ok power off"
+        port.write(b"X")
+        assert server.tell("power on") == "ok power on"
+        assert port.read(1) == b":"
+        port.write(bytes.fromhex("FF FF 00 20 02 FF"))
+        assert port.read(3) == bytes.fromhex("00 20 02")
+        port.write(b"\xaa\xbb")
+        assert port.read(2) == b"\xaa\xbb"
+        path = tmp_path / "image"
+        assert server.tell(f"save-image {path}").startswith("ok image valid, version 4.34, 1 records, 2 bytes, ")
+        assert path.read_bytes() == b"\xaa\xbb"
+        port.write(b"\rRESET\r")
+        assert port.read_until(b"=> ") == b"\rRESET\r\n\rBarrettHand Firmware\n\rVersion 4.34" + PROMPT
+        assert ask(port, "VERS") == b"VERS\n\r4.34" + PROMPT
+        assert server.tell("power-cycle") == "ok power cycled"
+        assert port.read(1) == b":"
+        port.write(bytes.fromhex("FF FF 00 20 02 FF CC"))
+        assert port.read(4) == bytes.fromhex("00 20 02 CC")
+    server.stop(signal.SIGKILL)
+    (tmp_path / "control").unlink()
+    server = start("--pty", "--state", state, "--set", "boot=0.3")
+    assert server.tell("image").startswith("ok image partial, version 4.34, 0 records, 1 bytes, ranges 2000-2000, ")
+    with server.port() as port:
+        assert server.tell("power-cycle") == "ok power cycled"
+        assert port.read_until(b"\r:").startswith(b":\n\rNo firmware")
 
 
 def test_flood_is_survived(start: Start) -> None:

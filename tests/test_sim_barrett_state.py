@@ -242,6 +242,7 @@ def test_restart(way: str) -> None:
     else:
         bench.send("half a li")
         assert bench.control(way) == "power cycled"
+        assert bench.heard() == "" and bench.wait(0.0) == ":"  # the boot monitor
     assert bench.send("FGET P\r") == ""  # deaf while it starts
     assert bench.wait(0.999) == ""
     assert bench.wait(0.002) == BANNER
@@ -259,7 +260,7 @@ def test_restart_in_a_movement() -> None:
     bench.send("GC\r")
     bench.wait(0.4)
     bench.control("power-cycle")
-    assert bench.run() == BANNER
+    assert bench.run() == ":" + BANNER
     assert bench.get("P S") == ["0 0 0 0", "4 4 4 4"]
     bench.ask("HI")
     assert bench.seconds("GO") == 0.0
@@ -273,13 +274,14 @@ def test_restart_in_a_save() -> None:
     assert bench.run() == ""
     assert bench.send("\r") == ""
     bench.control("power on")
-    assert bench.run() == BANNER
+    assert bench.run() == ":" + BANNER
 
 
 def test_no_banner_at_the_first_start() -> None:
     """The hand has been on for a while; the option power-cycle=1 is another matter."""
     assert Bench().run() == ""
     late = Bench(power_cycle=1, boot=3)
+    assert late.wait(0.0) == ":"
     assert late.line.next_event() == 3.0
     assert late.run() == BANNER
 
@@ -372,8 +374,9 @@ def test_speed_commands() -> None:
     bench.run()
     bench.ask("PSET BAUD 384")
     bench.control("power-cycle")
-    assert device.speed == 19200
+    assert device.speed == 9600  # the boot monitor
     bench.run()
+    assert device.speed == 19200
     bench.ask("HI")
     assert device.speed == 19200
 
@@ -400,6 +403,8 @@ def test_saved_speed_option() -> None:
     assert bench.line.device.speed == 38400
     assert bench.ask("PGET BAUD") == ["384"]
     bench.control("power-cycle")
+    assert bench.line.device.speed == 9600
+    bench.run()
     assert bench.line.device.speed == 38400
 
 
@@ -604,7 +609,7 @@ def test_hanging_hand_hears_nothing_until_it_is_switched_off() -> None:
     bench.control("fault none")
     assert bench.send("\x03\r") + bench.run() == ""
     bench.control("power-cycle")
-    assert bench.run() == BANNER
+    assert bench.run() == ":" + BANNER
 
 
 @pytest.mark.parametrize(
@@ -687,7 +692,7 @@ def test_decayed_firmware_is_erratic() -> None:
 
 def test_control_commands() -> None:
     bench = ready()
-    assert bench.control("help").count("|") == 18
+    assert bench.control("help").count("|") == 26
     bench.control("position all 321")
     assert bench.get("P") == ["321 321 321 321"]
     assert bench.get("OD") == ["104233 98712 110003 20117"]
@@ -706,7 +711,7 @@ def test_control_commands() -> None:
         ("temperature 1251", "'1251' is not a whole number from -550 to 1250"),
         ("strain F1 256", "'256' is not a whole number from 0 to 255"),
         ("ram P", "no stored parameter 'P'"),
-        ("jump", "unknown command 'jump'; known: temperature"),
+        ("leap", "unknown command 'leap'; known: temperature"),
         ("obstacle F1", "unknown command 'obstacle F1'; known: temperature"),
     ],
 )

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from handctl.sim.line import Line
     from handctl.sim.model import Model
 
-KINDS = ("exo", "wrist", "barrett")
+KINDS = ("exo", "wrist", "barrett", "ekso", "aidin")
 
 
 def model_class(kind: str, bus: str = "serial") -> type[Model]:
@@ -35,6 +35,14 @@ def model_class(kind: str, bus: str = "serial") -> type[Model]:
         from handctl.sim.barrett import Device as Barrett
 
         return Barrett
+    if kind == "ekso":
+        from handctl.sim.ekso import Device as Ekso
+
+        return Ekso
+    if kind == "aidin":
+        from handctl.sim.aidin import Device as Aidin
+
+        return Aidin
     raise ValueError(f"no simulated device {kind!r}; known: {', '.join(KINDS)}")
 
 

@@ -1,5 +1,7 @@
 """A simulated BarrettHand BH8: the supervisory line, its echo and prompt, ^C, speed, power (barrett §3.6, §5.1, §5.2.4).
 
+RealTime mode is in barrett_loop.py, the boot monitor in barrett_monitor.py.
+
 Written from the manual and from what is publicly known of the hand, by other means than the host. Where both are
 silent the behaviour is invented and the comment says so; nothing seen here is evidence about a real hand.
 
@@ -9,11 +11,12 @@ silent the behaviour is invented and the comment says so; nothing seen here is e
 
 from __future__ import annotations
 
+from handctl.sim import barrett_loop, barrett_monitor, barrett_options
 from handctl.sim.barrett_gcl import Answer, execute
 from handctl.sim.barrett_hand import TEMPERATURE, Hand
 from handctl.sim.barrett_memory import Memory
 from handctl.sim.barrett_motor import NO_LOAD, STOPS
-from handctl.sim.barrett_tables import BAUDS, NO_BOARD, NO_MOTOR, STATUS
+from handctl.sim.barrett_tables import BAUDS, STATUS, TOO_HOT
 from handctl.sim.model import NOTHING, Model, Options, Random, Reply
 
 TYPE_CHECKING = False
@@ -21,45 +24,6 @@ if TYPE_CHECKING:
     from typing import Any
 
 ABORT, RETURN = 3, 13  # ^C, CR
-OBSTACLES = (9250.0, 9400.0, 9550.0)  # places of the fault "obstacle": P 9200, 9350, 9500 after HI
-HOT = 702  # 0.1 °C
-
-_OPTIONS = {
-    "firmware": "4.33 (default), 4.34 (adds BD BP BS BDAT) or 4.4 (adds LCT LFBP LFAIN too)",
-    "baud": "saved speed at the first start: 600 1200 2400 4800 9600 (default) 19200 38400",
-    "max-baud": "highest speed that BAUD accepts (default 38400)",
-    "initialized": "1: start as after HI (default 0: HI is needed)",
-    "texts": "layout of FLIST, FLISTV, ?, ERR, VERS, all invented: values (default), names, prose",
-    "prompt": "space (default): '=> '; bare: '=>' as the manual prints it",
-    "line-end": "lfcr (default) or crlf",
-    "line-limit": "longest line, 16..1000 characters (default 128); a longer one is an unknown command",
-    "max-arguments": "most arguments of FGET, FSET, PGET, PSET, 1..200 (default 64); more are error 1024",
-    "boot": "seconds from power on or RESET to the banner (default 1)",
-    "align": "seconds that HI takes beside its movements (default 0.5)",
-    "write-time": "seconds to program one byte of EEPROM, two bytes a value (default 0.01)",
-    "otemp-stops": "what fails above OTEMP: all motor commands (default) or only movements",
-    "hctl-clock": "clock of the motor controllers in MHz: 2.00 (default) or 1.25",
-}
-_FAULTS = {
-    "no-echo": "the echo is missing, the answer comes",
-    "hang": "the echo comes, the answer never; deaf until a power cycle",
-    "no-abort": "^C is ignored during a movement",
-    "blocked": "no motor can move",
-    "obstacle": "an object stops F1 at about 9200, F2 at 9350, F3 at 9500",
-    "strain": "the strain reading of F2 is 221",
-    "strain-offset": "the strain reading of F3 without load is 188",
-    "no-gauges": "all strain readings are 255",
-    "hot": "70.2 °C for good",
-    "over-temperature": "hot, and OTEMP is 600 unless it is set",
-    "not-homed": "no motor is initialized",
-    "no-board": "F2 has no motor board (status 1)",
-    "no-motor": "F3 has no motor (status 2)",
-    "reversed": "F1 moves the wrong way",
-    "breakaway": "the clutch of F3 lets go at 2000",
-    "eeprom-worn": "saves are counted but not kept",
-    "erratic": "decayed firmware: some commands are unknown, some values have a wrong bit",
-    "unknown-codes": "the status of F3 has the unused codes 8 and 512",
-}
 SPEEDS = tuple(str(100 * baud) for baud in BAUDS)
 
 
@@ -68,8 +32,8 @@ class Device(Model):
 
     KIND = "barrett"
     HEADER = b"=> \n\r*:0E"
-    OPTIONS = _OPTIONS
-    FAULTS = _FAULTS
+    OPTIONS = barrett_options.OPTIONS
+    FAULTS = barrett_options.FAULTS
 
     def __init__(self, options: Options, random: Random) -> None:
         super().__init__(options, random)
@@ -82,12 +46,27 @@ class Device(Model):
         self._longest = options.whole("line-limit", 128, 16, 1000)
         self.most_arguments = options.whole("max-arguments", 64, 1, 200)
         self._boot_time = options.seconds("boot", 1.0, 60.0)
+        self.reset_monitor = options.choice("reset-monitor", "0", ("0", "1")) == "1"
+        self.loop_stops = options.choice("loop-exit", "run", ("run", "stop")) == "stop"
+        self._loop_jump = barrett_options.numbers(options, "loop-jump", "0,0,0,0", -20000, 20000)
+        self.loop_after = options.whole("loop-after", 0, 0, 1000000000)
+        self.loop_code = options.whole("loop-code", 1, 1, 32767)
+        self.lfv_per_10_ms = options.choice("lfv-unit", "sample", ("sample", "10ms")) == "10ms"
+        self._switches = barrett_options.switches(options)  # moments at which the switch is turned
         self.write_time = options.seconds("write-time", 0.01, 1.0)
         self.heat_stops_all = options.choice("otemp-stops", "all", ("all", "movements")) == "all"
         clock = 2000000.0 if options.choice("hctl-clock", "2.00", ("2.00", "1.25")) == "2.00" else 1250000.0
         self._initialized = options.choice("initialized", "0", ("0", "1")) == "1"
         self.memory = Memory({"4.33": 433, "4.34": 434, "4.4": 440}[self.firmware], baud // 100)
         self.hand = Hand(self.memory, clock, options.seconds("align", 0.5, 60.0))
+        self.usual_temperature = options.whole("temperature", int(TEMPERATURE), -550, 1250)
+        self.hand.set_temperature(self.usual_temperature)
+        self.no_load = (*barrett_options.numbers(options, "no-load", "112,119,126", 0, 255), NO_LOAD[3])
+        for motor in self.hand.motors:
+            motor.no_load = self.no_load[motor.number]
+        self.monitor = barrett_monitor.Monitor(self, options, self._boot_time)
+        self.off_since = 0.0  # s, when the power went; earlier if somebody has let time pass
+        self.loop: barrett_loop.Loop | None = None
         self.hits = NOTHING  # faults that befall the present line
         self._hear = self._hear_line  # what takes the next byte: one method for each state of the firmware
         self._line = bytearray()
@@ -101,58 +80,113 @@ class Device(Model):
 
     # -- power and time ------------------------------------------------------------------------------------------------
 
+    @property
+    def version(self) -> str:
+        """What the hand says of itself; the commands stay those of the option firmware."""
+        return self.monitor.image.version or self.firmware
+
     def boot(self, now: float) -> None:
         super().boot(now)
-        self.hand.now = now
-        if self._until is not None:
-            self._until = now + self._boot_time
+        self.hand.now = self.off_since = now
+        self._switches = [now + seconds for seconds in self._switches]
+        if self.monitor.until is not None:
+            self.monitor.boot(now)
 
     def power(self, on: bool) -> None:
-        """Off: RAM values, initialization and half a line are gone; EEPROM, odometer, uptime and peak stay (§5.4.2)."""
         self.powered = on
+        self._switch(on)
+
+    def _switch(self, on: bool) -> None:
+        """Off: RAM values, initialization and half a line are gone; EEPROM, odometer, uptime and peak stay (§5.4.2)."""
         self._replies.clear()
         self.hand.power(on)
         self.hits = NOTHING
+        self._until = self._waiting = self.monitor.until = self.loop = None
         if not on:
             self._cold = True
-            self._until = self._waiting = None
+            self.off_since = self.now
+            self._hear = self._hear_nothing
         elif self._cold:
-            self.restart()
+            self.monitor.age(self.now - self.off_since)
+            self._enter_monitor()
         else:  # the first start of the simulator: the hand has been on for a while, its banner is long gone
             for motor in self.hand.motors:
                 motor.initialized = self._initialized
                 motor.origin = STOPS[motor.number]
                 motor.place = motor.origin if self._initialized else motor.place
-            self.dirty = True
+            self.settle()
+        self.dirty = True
 
-    def restart(self) -> None:
-        """Power on, and RESET, which is the same (§5.2.4): parameters from EEPROM, motors off, banner."""
-        self.hand.power(self.powered)
+    def settle(self) -> None:
+        """The hand has been on for a while: at its prompt, or in the boot monitor for want of a firmware."""
+        self.speed = 100 * self.memory.common["BAUD"]
+        self._hear = self._hear_line
+        if not self.monitor.image.valid:
+            self.monitor.sit()
+            self._hear = self.monitor.hear
+
+    def _enter_monitor(self) -> None:
+        self._line.clear()
+        self._open = self._noisy_echo = False
+        self._hear = self.monitor.hear
+        self.monitor.start()
+
+    def reset(self) -> None:
+        """RESET is the same as power on (§5.2.4); whether it passes the boot monitor is not known."""
+        if self.reset_monitor:
+            self.hand.power(True)
+            self._until = self._waiting = None
+            self._enter_monitor()
+        else:
+            self.restart(self.now)
+
+    def restart(self, began: float) -> None:
+        """The firmware starts: parameters from EEPROM, motors off, and the banner some time after `began`."""
+        self.hand.power(True)
         self.memory.load((0, 1, 2, 3))
         self.memory.load_common()
         self.speed = 100 * self.memory.common["BAUD"]
         self._line.clear()
-        self._open = False
-        self._waiting = None
-        self._until = self.now + self._boot_time
+        self._open = self._noisy_echo = False
+        self.loop = self._waiting = None
+        self._until = max(self.now, began + self._boot_time)
         self._hear = self._hear_nothing
         self.dirty = True
 
+    def hang(self) -> None:
+        """Deaf until a power cycle."""
+        self._hear = self._hear_nothing
+
     def advance(self, now: float) -> None:
-        while self._until is not None and self._until <= now:
-            self.now, self._until = self._until, None
-            self._hear = self._hear_line
-            if self._waiting is None:  # banner (our guess, apart from its first words)
-                self._reply([b"BarrettHand Firmware", b"Version " + self.firmware.encode()], 0)
+        while (event := self._timer()) is not None and event <= now:
+            self.now = max(self.now, event)
+            if self._switches and event == self._switches[0]:
+                del self._switches[0]
+                self._switch(len(self._switches) % 2 == 0)
+            elif event == self._until:
+                self._until = None
+                self._wake()
             else:
-                self._finish(self._waiting)
-                self._waiting = None
+                self.monitor.expire()
         self.hand.advance(now)
         self._check_movement()
         self.now = now
 
+    def _wake(self) -> None:
+        """The restart, or the save, is over."""
+        self._hear = self._hear_line
+        if self._waiting is None:  # banner (our guess, apart from its first words)
+            self._reply([b"BarrettHand Firmware", b"Version " + self.version.encode()], 0)
+        else:
+            self._finish(self._waiting)
+            self._waiting = None
+
+    def _timer(self) -> float | None:
+        times = [when for when in (self._until, self.monitor.until, *self._switches[:1]) if when is not None]
+        return min(times) if times else None
+
     def next_event(self) -> float | None:
-        times = [when for when in (self._until, self.hand.next_event()) if when is not None]
+        times = [when for when in (self._timer(), self.hand.next_event()) if when is not None]
         return min(times) if times else None
 
     def _check_movement(self) -> None:
@@ -187,8 +221,9 @@ class Device(Model):
         if not self._open:
             self._open = True
             self.hits = self.judge()
-            if "stale" in self.hits and self._previous:
-                self._replies.append(Reply(self.now, self._previous, self.hits & {"silent"}))
+            if self.monitor.image.decayed:
+                self.hits |= {"erratic"}
+            self._post_stale()
             self._noisy_echo = "noise" in self.hits and byte != RETURN and self.random.between(0, 1) == 1
         if "deaf" in self.hits:
             self._open = byte not in (ABORT, RETURN)
@@ -208,7 +243,7 @@ class Device(Model):
         text = self._line.decode("latin-1")
         self._line.clear()
         if "hang" in self.hits and text:
-            self._hear = self._hear_nothing
+            self.hang()
             return
         answer = execute(self, text if len(text) <= self._longest else "(too long)")
         self.speed = 100 * self.memory.common["BAUD"]  # BAUD acts at once: the rest of the answer has the new speed
@@ -235,6 +270,45 @@ class Device(Model):
         self._previous = b"".join(self._end + line for line in [*lines, self._prompt])
         hits = self.hits - {"stale"}  # that answer came before the echo
         self._replies.append(Reply(self.now, self._previous, hits - {"noise"} if self._noisy_echo else hits))
+
+    def _post_stale(self) -> None:
+        if "stale" in self.hits and self._previous:
+            self._replies.append(Reply(self.now, self._previous, self.hits & {"silent"}))
+
+    def post(self, data: bytes) -> None:
+        """Bytes of RealTime mode or of the boot monitor, with the faults of the present request.
+
+        The first byte of a sound answer goes by itself: a client may act on it before the rest has come.
+        """
+        hits = self.hits - {"stale"} - ({"noise"} if self._noisy_echo else NOTHING)
+        self._post_stale()
+        pieces = (data,) if hits else (data[:1], data[1:])
+        self._replies += [Reply(self.now, piece, hits) for piece in pieces if piece]
+        self._previous = data
+
+    # -- RealTime mode ---------------------------------------------------------------------------------------------------
+
+    def enter_loop(self, motors: tuple[int, ...]) -> None:
+        self.loop = barrett_loop.Loop(self, motors)
+        self._hear = self.loop.hear
+        self.hits -= {"stale"}  # that answer came before the echo
+        self.post(b"*")
+        self._noisy_echo = False
+        for motor, counts in zip(self.hand.motors, self._loop_jump, strict=True):
+            if counts:
+                motor.jump(self.now, motor.position(self.now) + counts)
+
+    def leave_loop(self, code: int) -> None:
+        """Back to the prompt, with a status if it is not 0 (§6.1). What the motors do then is not known."""
+        for motor in self.loop.motors if self.loop is not None else ():
+            if self.loop_stops or code == TOO_HOT:
+                motor.cruise(self.now, 0.0)
+                motor.powered = code != TOO_HOT and bool(self.memory.get("HOLD", motor.number))
+        self.loop = None
+        self._hear = self._hear_line
+        self._post_stale()
+        self._finish(Answer(code))
+        self.dirty = True
 
     # -- readings --------------------------------------------------------------------------------------------------------
 
@@ -271,38 +345,8 @@ class Device(Model):
         return "eeprom-worn" in self.faults
 
     def set_faults(self, faults: frozenset[str]) -> None:
-        """Puts the states of the body in, and takes those away that are no longer wanted."""
         before, self.faults = self.faults, faults
-        motors = self.hand.motors
-
-        def change(name: str) -> bool | None:
-            return True if name in faults else False if name in before else None
-
-        for motor in motors:
-            if (on := change("blocked")) is not None:
-                motor.jammed = on
-            if (on := change("no-gauges")) is not None:
-                motor.no_load = 255 if on else NO_LOAD[motor.number]
-            if (on := change("obstacle")) is not None and motor.number < 3:
-                motor.obstacle = OBSTACLES[motor.number] if on else None
-            if "not-homed" in faults:
-                motor.initialized = False
-        for name, number, code in (("no-board", 1, NO_BOARD), ("no-motor", 2, NO_MOTOR)):
-            if (on := change(name)) is not None:
-                motors[number].fault = code if on else 0
-        if (on := change("strain")) is not None:
-            motors[1].strain = 221 if on else None
-        if (on := change("strain-offset")) is not None:
-            motors[2].no_load = 188 if on else NO_LOAD[2]
-        if (on := change("reversed")) is not None:
-            motors[0].reversed = on
-        if (on := change("breakaway")) is not None:
-            motors[2].clutch = 2050.0 if on else None
-        if {"hot", "over-temperature"} & (faults | before):
-            self.hand.set_temperature(HOT if {"hot", "over-temperature"} & faults else int(TEMPERATURE))
-        if "over-temperature" in faults and not self.memory.common["OTEMP"]:
-            self.memory.common["OTEMP"] = self.memory.saved_common["OTEMP"] = 600
-        self.hand.disturbed()
+        barrett_options.apply_faults(self, before)
 
     def spoil(self, data: bytes) -> bytes:
         """There is no check value: one bit of the answer is wrong instead."""

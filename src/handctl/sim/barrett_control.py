@@ -6,12 +6,14 @@ from typing import Any
 
 from handctl.sim.barrett import Device
 from handctl.sim.barrett_memory import Memory
+from handctl.sim.barrett_monitor import Image
 from handctl.sim.barrett_motor import NAMES, Motor
 from handctl.sim.barrett_tables import ALIAS, BAUDS, STATUS
 
 HELP = (
     "temperature TENTHS | block M | release M | obstacle M COUNTS | breakaway M COUNTS | strain M N|off |"
-    " position M COUNTS | push S COUNTS | motors | ram NAME | eeprom NAME | saves [FSAVES PSAVES]"
+    " position M COUNTS | jump M COUNTS (relative, while it moves in RealTime mode too) | push S COUNTS |"
+    " image | save-image FILE | erase | age SECONDS (without power) | download-at 0xADDRESS|+N|off | motors | ram NAME | eeprom NAME | saves [FSAVES PSAVES]"
     " (M: F1 F2 F3 S all; COUNTS as P shows them)"
 )
 BODY = (  # of a motor, name -> (lowest, highest, may be None)
@@ -26,7 +28,8 @@ BODY = (  # of a motor, name -> (lowest, highest, may be None)
     ("powered", 0, 1, False),
     ("code", 0, 65535, False),
     ("broke", 0, 1, False),
-    ("broke_at", -100000, 100000, False),
+    ("broke_at", -200000, 200000, False),
+    ("reported", -200000, 200000, False),
 )
 HEAT = (("temperature", -550, 1250), ("ambient", -550, 1250), ("peak", 0, 1250), ("uptime", 0, 5000000000))
 
@@ -45,6 +48,20 @@ def command(device: Device, words: list[str]) -> str:
             return f"saves {device.memory.saves[0]} {device.memory.saves[1]}"
         case ["saves", motors, common]:
             device.memory.saves = [_whole(motors, 0, 1000000), _whole(common, 0, 1000000)]
+        case ["image"]:
+            return _image(device)
+        case ["save-image", path]:
+            with open(path, "wb") as file:
+                file.write(device.monitor.image.flat())
+            return _image(device)
+        case ["erase"]:
+            device.monitor.erase()
+        case ["age", seconds]:
+            if device.powered:
+                raise ValueError("RAM does not age while the power is on")
+            device.off_since -= _whole(seconds, 0, 1000000000)
+        case ["download-at", place]:
+            device.monitor.aim(place)
         case ["temperature", tenths]:
             hand.set_temperature(_whole(tenths, -550, 1250))
         case ["push", name, counts]:
@@ -56,6 +73,11 @@ def command(device: Device, words: list[str]) -> str:
                 motor.jammed = words[0] == "block"
                 if not motor.jammed:
                     motor.obstacle = motor.clutch = motor.strain = None
+        case ["jump", name, counts]:
+            for motor in _motors(device, name):
+                if hand.movement is not None:
+                    raise ValueError("a movement is under way")
+                motor.jump(device.now, motor.position(device.now) + _whole(counts, -30000, 30000))
         case ["obstacle" | "breakaway" | "position", name, counts]:
             for motor in _motors(device, name):
                 _put(device, words[0], motor, _whole(counts, -30000, 30000))
@@ -86,6 +108,23 @@ def _line(device: Device, motor: Motor) -> str:
     position, strain = device.read("P", motor.number), device.read("SG", motor.number)
     power = "on" if motor.powered else "off"
     return f"{NAMES[motor.number]} P {position} S {device.read('S', motor.number)} SG {strain} power {power}{moving}"
+
+
+def _image(device: Device) -> str:
+    """The firmware in RAM in words: state, records, bytes, ranges, SHA-256 of the bytes from lowest to highest."""
+    import hashlib
+
+    image = device.monitor.image
+    words = [name for name in ("valid", "partial", "spoiled", "decayed") if getattr(image, name)]
+    if not image.firmware and not words:
+        words = ["incomplete" if image.records else "blank"]
+    runs = image.ranges()
+    ranges = " ".join(f"{start:04X}-{start + len(data) - 1:04X}" for start, data in runs) or "none"
+    known = sum(len(data) for _, data in runs)
+    return (
+        f"image {' '.join(words)}, version {device.version}, {image.records} records, {known} bytes, ranges {ranges},"
+        f" sha256 {hashlib.sha256(image.flat()).hexdigest()}"
+    )
 
 
 def _motors(device: Device, name: str) -> list[Motor]:
@@ -121,6 +160,7 @@ def snapshot(device: Device) -> dict[str, Any]:
         "serial": hand.serial,
         "heat": {name: getattr(hand, name) for name, _, _ in HEAT},
         "motors": body,
+        "image": device.monitor.image.snapshot(),
     }
 
 
@@ -141,6 +181,7 @@ def restore(device: Device, state: dict[str, Any]) -> None:
         }
         for row in state["motors"]
     ]
+    image = Image.restored(state["image"], device.monitor.needed)
     memory.motor, memory.common = motor, common
     memory.saved_motor, memory.saved_common = saved_motor, saved_common
     memory.saves, hand.serial = saves, serial
@@ -149,7 +190,8 @@ def restore(device: Device, state: dict[str, Any]) -> None:
     for target, row in zip(hand.motors, body, strict=True):
         for name, value in row.items():
             setattr(target, name, value)
-    device.speed = 100 * memory.common["BAUD"]
+    device.monitor.image = image
+    device.settle()
 
 
 def _values(memory: Memory, book: dict[str, Any]) -> tuple[dict[str, list[int]], dict[str, int]]:

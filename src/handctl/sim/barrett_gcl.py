@@ -11,6 +11,7 @@ from handctl.sim.barrett_tables import (
     COMMANDS,
     MOVES,
     NO_PREFIX,
+    NOT_INITIALIZED,
     PREFIX,
     READ_ONLY,
     TOO_HOT,
@@ -64,6 +65,8 @@ def execute(device: Device, text: str) -> Answer | None:
         return Answer(TOO_HOT)  # any motor command (§5.4.1)
     if name in MOVES:
         return _move(device, name, motors, not prefix, arguments)
+    if name == "LOOP":
+        return _loop(device, motors, not prefix)
     return _other(device, name, motors, arguments)
 
 
@@ -85,6 +88,21 @@ def _move(device: Device, name: str, motors: tuple[int, ...], unnamed: bool, arg
     if unnamed:
         motors = tuple(number for number in motors if device.memory.get("EN", number))
     device.hand.start(name, motors, argument)
+    return None
+
+
+def _loop(device: Device, motors: tuple[int, ...], unnamed: bool) -> Answer | None:
+    """LOOP (§5.2.1), a movement command: a motor that is not ready is an error and nothing begins (our guess)."""
+    if unnamed:
+        motors = tuple(number for number in motors if device.memory.get("EN", number))
+    code = 0
+    for number in motors:
+        motor = device.hand.motors[number]
+        if motor.fault or not motor.initialized:
+            code |= motor.fault or NOT_INITIALIZED
+    if code:
+        return Answer(code)
+    device.enter_loop(motors)
     return None
 
 
@@ -115,12 +133,10 @@ def _other(device: Device, name: str, motors: tuple[int, ...], arguments: list[s
         case "PDEF":
             memory.default_common()
         case "RESET":
-            device.restart()
+            device.reset()
             return None
         case "FLISTV" | "FLISTAV" | "PLISTV" | "PLISTAV":
             return _list_values(device, name, motors)
-        case "LOOP":
-            return Answer(UNKNOWN_COMMAND)  # RealTime (§6) is not simulated here
         case _:
             from handctl.sim import barrett_texts
 
@@ -137,6 +153,9 @@ def _get(device: Device, names: list[str], motors: tuple[int, ...] | None) -> An
             answer.code = UNKNOWN_NAME
             break
         answer.lines.append(values(device, name, motors))
+        if name == "P":  # remembered for LFDP (§6.2.3)
+            for number in motors or ():
+                device.hand.motors[number].reported = device.read("P", number)
     return answer
 
 

@@ -112,6 +112,7 @@ class Hand:
             if motor.fault or (kind != "HI" and not motor.initialized):
                 movement.code |= motor.fault or NOT_INITIALIZED
                 continue
+            motor.cruise(self.now, 0.0)
             if kind in ("O", "TO", "HI"):
                 motor.broke, motor.broke_at = False, 0  # 4.34
             if kind == "HI":
@@ -122,13 +123,17 @@ class Hand:
         self._end_motors()
         return movement
 
+    def sample(self, motor: Motor) -> float:
+        """Sample time of the motor's controller in s (§5.3.4 SAMPLE)."""
+        return 16.0 * (self.memory.get("SAMPLE", motor.number) + 1) / self.clock
+
     def _plan(self, kind: str, motor: Motor, argument: int | None) -> Drive:
         """The drive of one motor: profile from its own parameters (§9.2)."""
 
         def value(name: str) -> int:
             return self.memory.get(name, motor.number)
 
-        sample = 16.0 * (value("SAMPLE") + 1) / self.clock  # s
+        sample = self.sample(motor)
         here = motor.position(self.now)
         goal: int | None = None
         if kind == "M":
@@ -201,6 +206,7 @@ class Hand:
             motor = self.motors[number]
             if motor.fault or not motor.initialized:
                 code |= motor.fault or NOT_INITIALIZED
+            motor.cruise(self.now, 0.0)
             motor.powered = False
         return code
 
@@ -220,8 +226,7 @@ class Hand:
 
     def put(self, number: int, position: int) -> None:
         """Puts the joint at a position past all rules."""
-        motor = self.motors[number]
-        motor.place = motor.origin + position
+        self.motors[number].jump(self.now, position)
 
     def power(self, on: bool) -> None:
         self.powered = on

@@ -20,6 +20,7 @@ FRICTION = (0.97, 1.0, 1.03, 1.0)  # TC and TO do not hold their speed exactly (
 ODOMETERS = (104233000.0, 98712000.0, 110003000.0, 20117000.0)  # counts
 STIFFNESS = 0.2  # strain per count into an obstacle
 PRESS = 60.0  # strain at which a motor stalls against an obstacle, at the default speed and gain (§9.3.1)
+FAR = 60000.0  # no joint gets beyond this place, whatever control commands say
 BOUNCE = 200.0  # counts that HI backs off for each further hit
 
 GOAL, STALL, STRAIN, BREAK, ABORT = "goal", "stall", "strain", "breakaway", "abort"
@@ -111,6 +112,7 @@ class Motor:
         self.code = 0  # status code of the last movement
         self.broke = False  # BD
         self.broke_at = 0  # BP
+        self.reported = 0  # the position that FGET P or LFDP last told (§6.2.3)
         self.drive: Drive | None = None
         self.end = 0.0  # of the drive, if nothing changes
         self.end_place = 0.0
@@ -120,7 +122,7 @@ class Motor:
         """The encoder is incremental: counting starts at 0 wherever the joint is; HI is needed (§5.2.1)."""
         self.drive = None
         self.powered = self.initialized = self.broke = False
-        self.code = self.broke_at = 0
+        self.code = self.broke_at = self.reported = 0
         self.place = float(round(self.place))
         self.origin = self.place
 
@@ -140,6 +142,12 @@ class Motor:
     def status(self) -> int:
         """S: the sum of what is wrong (§5.3.2)."""
         return self.fault or (self.code if self.initialized else self.code | 4)
+
+    def velocity(self, now: float) -> float:
+        """Counts/s in RealTime mode, 0 once it has stalled."""
+        if self.drive is None or self.now_at(now) == self.end_place:
+            return 0.0
+        return self.drive.sign * self.drive.speed
 
     def odometer(self, now: float) -> int:
         """OD, in 1000 counts."""
@@ -166,12 +174,48 @@ class Motor:
         self.code = 0
         self.predict(drive.start)
 
+    def cruise(self, now: float, velocity: float, press: float = PRESS) -> None:
+        """RealTime mode: this velocity (counts/s, reached at once) from now on, until another one or a stall.
+
+        Neither TSTOP nor the strain limits are said to act there (§6); friction is as in TC. 0 stands still.
+        """
+        velocity *= FRICTION[self.number] * (-1.0 if self.reversed else 1.0)
+        old = self.drive
+        if old is not None:
+            if old.sign * old.speed == velocity and old.press == press:
+                return
+            at = self.now_at(now)
+            self._pass(old, at)
+            self.place = at if velocity else float(round(at))
+            self.drive = None
+        if velocity:
+            self._run(now, velocity, press)
+
+    def _run(self, now: float, velocity: float, press: float) -> None:
+        self.drive = Drive(now, self.place, 1 if velocity > 0.0 else -1, None, abs(velocity), 0.0)
+        self.drive.press = press
+        self.predict(now)
+
+    def jump(self, now: float, position: int) -> None:
+        """The joint is at this position all of a sudden; its drive goes on from there."""
+        self.place = max(-FAR, min(FAR, self.origin + position))
+        if self.drive is not None:
+            self._run(now, self.drive.sign * self.drive.speed, self.drive.press)
+
+    def _pass(self, drive: Drive, at: float) -> None:
+        """The drive has come to this place: travel, and the clutch that it went past."""
+        if self.clutch is not None and drive.sign > 0 and drive.begin <= self.clutch <= at and not self.broke:
+            self.broke, self.broke_at = True, round(self.clutch - self.origin)
+        self.counts += abs(at - drive.begin)
+
     def predict(self, now: float) -> None:
         """Where, when and why the drive ends (§5.5), from the present moment on."""
         drive = self.drive
         if drive is None:
             return
         gone = min(drive.gone(now), abs(self.end_place - drive.begin)) if now > drive.start else 0.0
+        if drive.way is None and drive.gone(now) > gone:
+            drive.start = now - gone / drive.speed  # it has stood still for a while
         ends = self._obstructions(drive, gone)
         if drive.way is not None and (drive.accel > 0.0 or drive.way == 0.0):
             ends.append((drive.way, GOAL))
@@ -218,9 +262,7 @@ class Motor:
         drive = self.drive
         assert drive is not None
         at = self.now_at(now)
-        if self.clutch is not None and drive.sign > 0 and drive.begin <= self.clutch <= at and not self.broke:
-            self.broke, self.broke_at = True, round(self.clutch - self.origin)
-        self.counts += abs(at - drive.begin)
+        self._pass(drive, at)
         self.place = float(round(at))
         self.drive = None
         self.powered = hold

@@ -113,7 +113,7 @@ PREFIX = {"1": (0,), "2": (1,), "3": (2,), "4": (3,), "S": (3,), "G": (0, 1, 2)}
 # Status codes (§5.1.3); 8 and 512 are not used.
 NO_BOARD, NO_MOTOR, NOT_INITIALIZED, NOT_REACHED = 1, 2, 4, 16
 UNKNOWN_COMMAND, UNKNOWN_NAME, BAD_VALUE, READ_ONLY = 32, 64, 128, 256
-TOO_MANY, NO_PREFIX, TOO_HOT, ABORTED = 1024, 4096, 8192, 16384
+TOO_MANY, BAD_HEADER, NO_PREFIX, TOO_HOT, ABORTED = 1024, 2048, 4096, 8192, 16384
 ERRORS = (
     (1, "No motor board found"),
     (2, "No motor found"),

@@ -37,7 +37,7 @@ def answer(device: Device, name: str, arguments: list[str]) -> Answer:
         case "A?":
             return Answer(lines=[f"{row[0]}{between}{row[4]}" for row in COMMANDS])
         case "VERS":
-            return Answer(lines=[VERSION[device.texts] + device.firmware])
+            return Answer(lines=[VERSION[device.texts] + device.version])
         case "ERR":
             return _errors(arguments, between)
     return _help(arguments, between)

@@ -176,4 +176,6 @@ def control(path: str, command: tuple[str, ...]) -> None:
 
 cli.add_command(_server("exo", "Inspire EH55BF1 exoskeleton hand."))
 cli.add_command(_server("wrist", "Inspire wrist module with the hand behind it.", can=True))
-cli.add_command(_server("barrett", "BarrettHand BH8-series, supervisory mode."))
+cli.add_command(_server("barrett", "BarrettHand BH8-series: supervisory and RealTime mode, boot monitor."))
+cli.add_command(_server("ekso", "EksoNR exoskeleton, DataPort."))
+cli.add_command(_server("aidin", "AIDIN-hand (TCP, JSON)."))

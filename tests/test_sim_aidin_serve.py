@@ -1,0 +1,149 @@
+"""The simulated AIDIN-hand as a TCP server for a client that knows nothing of this package: a plain socket and json."""
+
+from __future__ import annotations
+
+import json
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner
+
+from handctl.sim.cli import cli
+
+Start = Callable[..., tuple[str, int]]
+
+
+@pytest.fixture
+def start() -> Iterator[Start]:
+    servers: list[subprocess.Popen[str]] = []
+
+    def starter(*arguments: str) -> tuple[str, int]:
+        program = [sys.executable, "-m", "handctl.sim", "aidin", "--tcp", "127.0.0.1:0", "--duration", "20"]
+        servers.append(subprocess.Popen([*program, *arguments], stdout=subprocess.PIPE, text=True))
+        assert servers[-1].stdout is not None
+        ready = json.loads(servers[-1].stdout.readline())
+        assert ready["ready"] is True
+        host, _, port = ready["link"].removeprefix("tcp://").rpartition(":")
+        return host, int(port)
+
+    yield starter
+    for server in servers:
+        server.terminate()
+        server.communicate(timeout=5)
+
+
+class Client:
+    """Takes lines of JSON from a socket."""
+
+    def __init__(self, address: tuple[str, int]) -> None:
+        self.socket = socket.create_connection(address, timeout=2)
+        self.rest = b""
+
+    def line(self) -> bytes:
+        while b"\n" not in self.rest:
+            data = self.socket.recv(2048)
+            if not data:
+                raise EOFError
+            self.rest += data
+        row, _, self.rest = self.rest.partition(b"\n")
+        return row
+
+    def ask(self, text: str) -> dict[str, Any]:
+        self.socket.sendall(text.encode())
+        return dict(json.loads(self.line()))
+
+
+def test_stream_homing_and_a_move(start: Start) -> None:
+    client = Client(start("--set", "rate=50"))
+    first = json.loads(client.line())
+    assert first["motor_pos"][:3] == [70110, 61220, 52330]
+    began, count = time.monotonic(), 0
+    while time.monotonic() - began < 3.2:
+        client.socket.sendall(b'{"hand_mode":1}\n')
+        feedback = json.loads(client.line())
+        count += 1
+    assert 100 < count < 170
+    assert feedback["motor_pos"] == [0] * 15
+    target = [20000 + 100 * number for number in range(15)]
+    client.socket.sendall(json.dumps({"hand_mode": 10, "hand_TP_cmd": target}).encode())
+    for _ in range(150):
+        if feedback["motor_pos"] == target:
+            break
+        feedback = json.loads(client.line())
+    assert feedback["motor_pos"] == target
+    client.socket.close()
+
+
+def test_polling_is_quick_and_nagle_is_slow(start: Start) -> None:
+    def median(*options: str) -> float:
+        client = Client(start("--set", "exchange=poll", *options))
+        times = []
+        for _ in range(15):
+            began = time.perf_counter()
+            client.ask("{}")
+            times.append(time.perf_counter() - began)
+        client.socket.close()
+        return sorted(times)[7]
+
+    assert median() < 0.02
+    assert median("--set", "chunk=400", "--set", "nagle=1") > 0.035
+
+
+def test_a_second_client_waits_for_the_first_to_leave(start: Start) -> None:
+    address = start()
+    first, second = Client(address), Client(address)
+    assert json.loads(first.line())
+    second.socket.settimeout(0.3)
+    with pytest.raises(TimeoutError):
+        second.line()
+    second.socket.settimeout(2)
+    first.socket.close()
+    assert next(iter(json.loads(second.line()))) == "motor_pos"  # begins with a whole object
+
+
+def test_disconnect_in_the_middle_and_a_client_after_it(start: Start) -> None:
+    address = start("--fault", "disconnect", "--after", "3", "--every", "100")
+    client = Client(address)
+    with pytest.raises(EOFError):
+        while True:
+            client.line()
+    assert client.rest.startswith(b'{"motor_pos":')
+    again = Client(address)
+    again.socket.sendall(b'{"hand_mode":3}')
+    assert json.loads(again.line())["motor_pos"][0] == 70110
+
+
+def test_silence(start: Start) -> None:
+    client = Client(start("--fault", "silent"))
+    client.socket.sendall(b"{}")
+    client.socket.settimeout(0.3)
+    with pytest.raises(TimeoutError):
+        client.line()
+
+
+def test_control_and_garbage_in(start: Start, tmp_path: Path) -> None:
+    panel = str(tmp_path / "panel")
+    client = Client(start("--control", panel, "--set", "exchange=poll"))
+    client.socket.sendall(b"GET / HTTP/1.1\r\n\r\n{\xff}[1,2")
+    feedback = client.ask("{}")
+    told = CliRunner().invoke(cli, ["control", panel, "touch", "thumb", "1", "2", "3"])
+    assert (told.exit_code, told.output) == (0, "touch thumb 1 2 3\n")
+    assert client.ask("{}")["sensor_state"][:3] == [1.02, 1.99, 3.35]
+    assert feedback["sensor_state"][:3] == [0.02, -0.01, 0.35]
+    assert "dropped 17 " in CliRunner().invoke(cli, ["control", panel, "state"]).output
+
+
+def test_help_names_the_options() -> None:
+    text = CliRunner().invoke(cli, ["aidin", "-h"]).output
+    for word in ("exchange", "nagle", "unclosed", "dead-motor", "between"):
+        assert word in text
+    assert CliRunner().invoke(cli, ["aidin"]).exit_code == 2
+    refused = CliRunner().invoke(cli, ["aidin", "--tcp", "127.0.0.1:0", "--set", "rate=9999"])
+    assert refused.exit_code == 2
+    assert "rate=9999: out of range 1 to 1000" in refused.output
