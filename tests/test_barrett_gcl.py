@@ -189,7 +189,7 @@ def test_interrupted() -> None:
     [
         ("HO", "HO", ["HOME "]), ("12h", "12h", ["12HI ", "12HOME "]), ("FS", "FS", ["FSET ", "FSAVE "]),
         ("1P", "1P", []), ("v", "v", ["VERS "]), ("FGET SG", "SG", ["SG ", "SGFLIP "]), ("fget tst", "tst", ["TSTOP "]),
-        ("FGET P LF", "LF", ["LFV ", "LFVC ", "LFS ", "LFAP ", "LFDP ", "LFDPC ", "LFT ", "LFDPD "]), ("XX", "XX", []),
+        ("FGET P LF", "LF", ["LFV ", "LFVC ", "LFS ", "LFAP ", "LFDP ", "LFDPC ", "LFT ", "LFDPD ", "LFBP ", "LFAIN "]), ("XX", "XX", []),
         ("gt", "gt", ["GT ", "GTC ", "GTO "]),
     ],
 )  # fmt: skip

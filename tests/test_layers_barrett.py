@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.test_layers import OURS, SANS_IO, WORLD, heavy, imports_of, loaded
+from tests.test_layers import OURS, SANS_IO, WORLD, calls_of, heavy, imports_of, loaded
 
 
 def test_the_language_of_barrett_is_sans_io() -> None:
@@ -12,6 +12,15 @@ def test_the_language_of_barrett_is_sans_io() -> None:
     ours = {found.target for found in OURS if found.module == "devices.barrett.commands"}
     assert ours == set(), "the book of commands is data"
     assert {found.target.split(".")[0] for found in imports_of("devices.barrett.commands")} & WORLD == set()
+
+
+@pytest.mark.parametrize("name", ["realtime", "download", "srecord", "schedule"])
+def test_blocks_records_and_schedules_are_sans_io(name: str) -> None:
+    """They know no link and no clock, and touch nothing of the world."""
+    module = f"devices.barrett.{name}"
+    assert {found.target.split(".")[0] for found in imports_of(module)} & WORLD == set()
+    assert calls_of(module, {"open", "print", "input"}) == []
+    assert not {found.target for found in OURS if found.module == module} & {"link", "guide", "result", "latency"}
 
 
 @pytest.mark.parametrize("args", [("barrett", "-h"), ("barrett", "describe", "--json"), ("barrett", "open", "-n")])

@@ -177,7 +177,7 @@ def test_history_here_and_in_the_next_session(tmp_path: Path) -> None:
         ("HO\t\r", "HOME"),  # a command
         ("12HO\t\r", "12HOME"),  # behind a prefix
         ("pg\t te\t\r", "PGET TEMP"),  # a parameter
-        ("FGET P LFA\t\r", "FGET P LFAP"),
+        ("FGET P LFAP\t\r", "FGET P LFAP"),
     ],
 )
 def test_completion(tmp_path: Path, keys: str, sent: str) -> None:

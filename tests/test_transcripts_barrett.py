@@ -18,7 +18,7 @@ from tests.barrett_support import ABORT, CR, PROMPT, hand_on
 from tests.support import Reply, ScriptedLink, hexed
 from tests.test_transcripts import FOLDER, Case, read_cases
 
-CASES = [case for path in sorted(FOLDER.glob("barrett-*.txt")) for case in read_cases(path)]
+CASES = [case for path in sorted(FOLDER.glob("barrett-supervisory*.txt")) for case in read_cases(path)]
 FEEDS = ("whole", "byte by byte", "cr lf", "bare prompt", "bare prompt byte by byte")
 
 
@@ -46,7 +46,9 @@ def test_files_say_what_they_mean() -> None:
 
 
 def test_every_line_of_the_files_is_in_a_case() -> None:
-    entries = [entry for path in FOLDER.glob("barrett-*.txt") for entry in parse(path.open(encoding="utf-8"))]
+    entries = [
+        entry for path in FOLDER.glob("barrett-supervisory*.txt") for entry in parse(path.open(encoding="utf-8"))
+    ]
     assert len(entries) == sum(1 + len(exchange.replies) for case in CASES for exchange in case.exchanges)
 
 

@@ -18,7 +18,7 @@ from handctl import __version__
 from handctl.console import print_stderr
 from handctl.errors import HandctlError, Interrupted, OutputError, UsageError
 from handctl.families import COMMANDS
-from handctl.options import from_click, resolve, shared_options
+from handctl.options import config_path, from_click, read_config, resolve, shared_options
 from handctl.run import Family, Run, make_envelope
 
 
@@ -30,7 +30,8 @@ class _SharedOptions(click.Command):
 
     def get_params(self, ctx: click.Context) -> list[click.Parameter]:
         if self._shared is None:
-            self._shared = shared_options(self.family.wires if self.family is not None else ())
+            family = self.family
+            self._shared = shared_options(family.wires, family.exchange) if family is not None else shared_options()
         own = super().get_params(ctx)
         return [*own, *self._shared]
 
@@ -40,7 +41,7 @@ class _SharedOptions(click.Command):
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         sections: dict[str, list[tuple[str, str]]] = {}
         for param in self.get_params(ctx):
-            record = param.get_help_record(ctx)
+            record = param.get_help_record(ctx) if isinstance(param, click.Option) else None
             if record is not None:
                 sections.setdefault(getattr(param, "section", "Options"), []).append(record)
         for title in ("Options", *(name for name in sections if name != "Options")):
@@ -103,24 +104,31 @@ class Group(_SharedOptions, click.Group):
         return decorate
 
 
-def stream_options(body: Callable[..., Any]) -> Callable[..., Any]:
-    """Decorator: the options of a stream, `rate`, `count` and `duration`."""
-    for option in (
-        click.option(
-            "--duration", type=click.FloatRange(min=0, min_open=True), metavar="S", help="End after S seconds."
-        ),
-        click.option("--count", type=click.IntRange(min=1), metavar="N", help="End after N samples."),
-        click.option(
-            "--rate",
-            type=click.FloatRange(min=0),
-            default=10.0,
-            show_default=True,
-            metavar="HZ",
-            help="Samples per second; 0 = as fast as the device answers.",
-        ),
-    ):
-        body = option(body)
-    return body
+def streaming(rate: float) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Decorator: the options of a stream, `rate` (with this default), `count` and `duration`."""
+
+    def decorate(body: Callable[..., Any]) -> Callable[..., Any]:
+        for option in (
+            click.option(
+                "--duration", type=click.FloatRange(min=0, min_open=True), metavar="S", help="End after S seconds."
+            ),
+            click.option("--count", type=click.IntRange(min=1), metavar="N", help="End after N samples."),
+            click.option(
+                "--rate",
+                type=click.FloatRange(min=0),
+                default=rate,
+                show_default=True,
+                metavar="HZ",
+                help="Samples per second; 0 = as fast as the device answers.",
+            ),
+        ):
+            body = option(body)
+        return body
+
+    return decorate
+
+
+stream_options = streaming(10.0)
 
 
 class Root(Group):
@@ -216,7 +224,7 @@ def run_root(args: Sequence[str]) -> int:
             f"internal error: {type(exc).__name__}: {exc}", hint="this is a bug: --debug shows where", code="internal"
         )
         error.__cause__ = exc
-    if debug:
+    if debug or _in_file("debug"):
         import traceback
 
         traceback.print_exception(error)
@@ -225,6 +233,15 @@ def run_root(args: Sequence[str]) -> int:
     if error.text != "interrupted":  # who pressed Ctrl-C knows; what it left behind is told
         print_stderr(f"handctl: error: {error.text}" + (f"\n  next: {error.hint}" if error.hint else ""))
     return error.exit_code
+
+
+def _in_file(key: str) -> Any:
+    """What the configuration file says of an option, for errors before the settings were known; None when it cannot tell."""
+    try:
+        entry = read_config(config_path()).values.get(key)
+    except HandctlError:
+        return None
+    return entry.value if entry is not None else None
 
 
 def _late_envelope(args: Sequence[str], error: HandctlError, streams: bool) -> None:
@@ -238,6 +255,7 @@ def _late_envelope(args: Sequence[str], error: HandctlError, streams: bool) -> N
             wanted = words[position + 1]
         elif word.startswith("--format="):
             wanted = word.partition("=")[2]
+    wanted = wanted or str(_in_file("format") or ("json" if _in_file("json") else ""))
     if wanted not in ("json", "ndjson"):
         return
     import json

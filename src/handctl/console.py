@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
-from handctl.guide import Guide
+from handctl.guide import Guide, Presses
 
 
 class TerminalGuide(Guide):
@@ -14,7 +16,7 @@ class TerminalGuide(Guide):
 
     def __init__(self, quiet: bool) -> None:
         self.interactive = is_terminal(sys.stdin) and is_terminal(sys.stderr)
-        self._moving = is_terminal(sys.stderr) and not quiet
+        self.moving = is_terminal(sys.stderr) and not quiet
         self._quiet = quiet
         self._width = 0
 
@@ -26,7 +28,7 @@ class TerminalGuide(Guide):
 
     def progress(self, text: str) -> None:
         """A line that replaces the last one; only on a terminal."""
-        if self._moving:
+        if self.moving:
             columns = os.get_terminal_size(sys.stderr.fileno()).columns
             shown = text[: columns - 1]
             sys.stderr.write(f"\r{shown.ljust(self._width)}")
@@ -40,6 +42,26 @@ class TerminalGuide(Guide):
             sys.stderr.flush()
             self._width = 0
 
+    @contextmanager
+    def counting(self) -> Iterator[Presses]:
+        presses = Presses()
+
+        def press(_number: int, _frame: Any) -> None:
+            presses.count += 1
+
+        with _on_interrupt(press):
+            yield presses
+
+    @contextmanager
+    def undisturbed(self) -> Iterator[None]:
+        with self.counting():
+            yield
+
+    def wait_for_enter(self, text: str) -> bool:
+        self.done()
+        print_stderr(text)
+        return self.interactive and bool(sys.stdin.readline())
+
     def ask(self, question: str, word: str) -> bool:
         """Yes or no, or a word to be typed. End of input is a no."""
         self.done()
@@ -48,6 +70,24 @@ class TerminalGuide(Guide):
         sys.stderr.flush()
         answer = sys.stdin.readline().strip()
         return answer == word if word else answer.casefold() in ("y", "yes")
+
+
+@contextmanager
+def _on_interrupt(handler: Callable[[int, Any], None]) -> Iterator[None]:
+    """Let `handler` take what asks the program to end: Ctrl-C, a service manager's SIGTERM, a closing terminal."""
+    import signal
+    import threading
+
+    if threading.current_thread() is not threading.main_thread():
+        yield  # signals reach the main thread only
+        return
+    numbers = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
+    before = [(number, signal.signal(number, handler)) for number in numbers]
+    try:
+        yield
+    finally:
+        for number, old in before:
+            signal.signal(number, signal.SIG_DFL if old is None else old)
 
 
 def print_stderr(text: str) -> None:

@@ -5,11 +5,21 @@ Procedures get one and never print; the terminal's own guide lives in `console`.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+
+class Presses:
+    """How often the user asked to stop since it was made."""
+
+    count = 0
+
 
 class Guide:
-    """Says nothing. `interactive` tells whether a person can answer."""
+    """Says nothing. `interactive` tells whether a person can answer, `moving` whether progress is seen."""
 
     interactive = False
+    moving = False
 
     def say(self, text: str) -> None:
         """A line that stays, e.g. what the wearer has to do now."""
@@ -19,3 +29,21 @@ class Guide:
 
     def done(self) -> None:
         """The progress line is over."""
+
+    def ask(self, question: str, word: str) -> bool:
+        """Yes or no, or a word to be typed; nobody there is a no."""
+        return False
+
+    def wait_for_enter(self, text: str) -> bool:
+        """Show what to do and wait until it is done; False when nobody is there."""
+        return False
+
+    @contextmanager
+    def counting(self) -> Iterator[Presses]:
+        """While it lasts Ctrl-C is counted instead of acted on: for a procedure that asks before it stops."""
+        yield Presses()
+
+    @contextmanager
+    def undisturbed(self) -> Iterator[None]:
+        """While the device is being stopped and put back, Ctrl-C waits: every step in here has a deadline of its own."""
+        yield

@@ -34,6 +34,7 @@ class Param:
     trigger     writing it starts something; it holds no value (`verb` says which command does it)
     moves       writing it moves the device
     strands     writing it may leave the device unreachable or changed for good
+    private     tells one device or one person from another: a report leaves it out
     note        a remark that belongs beside every value of it, e.g. that its scale is unknown
     """
 
@@ -54,6 +55,7 @@ class Param:
     verb: str = ""
     moves: bool = False
     strands: bool = False
+    private: bool = False
     note: str = ""
 
     @property

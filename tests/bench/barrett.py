@@ -1,4 +1,4 @@
-"""The BarrettHand against its wire: everything it has in four round trips, at 9600 and at 38400 bit/s."""
+"""The BarrettHand against its wire: the dump, the RealTime loop of §6.4's example, a firmware download."""
 
 from __future__ import annotations
 
@@ -37,6 +37,10 @@ def run(*, quick: bool) -> Iterator[Figure]:
         times, characters = zip(*sessions, strict=True)
         note = f"pty, wire emulated; best {min(times):.1f}; {max(characters)} characters one after the other"
         yield Figure(f"barrett dump, 4 round trips at {speed}", statistics.median(times), floor, "ms", 1.10, note)
+    for speed in (9600, 38400):
+        yield from loop_figures(speed, 150 if quick else 1500)
+    for window in (1, 2):
+        yield download_figure(2048 if quick else 8192, window)
 
 
 def dump_milliseconds(link: str, speed: int) -> tuple[float, int]:
@@ -59,3 +63,80 @@ def dump_milliseconds(link: str, speed: int) -> tuple[float, int]:
     received = sum(len(data) for _, mark, data in session if mark == "<")
     took = max(when for when, mark, _ in session if mark == "<") - session[0][0]
     return took * 1000, received + len(asked)
+
+
+LOOP = ("--motors", "124", "--send", "velocity@12", "--receive", "strain@12,delta,temperature", "--velocity", "0")
+CONTROL_BYTES, FEEDBACK_BYTES = 3, 8
+"""The example of §6.4."""
+
+
+def loop_figures(speed: int, blocks: int) -> Iterator[Figure]:
+    """Milliseconds a block beside the floors of dossier 12; --sequential waits for the feedback, which overlaps the rest of
+    the control block, and then for two processes: it is only reported. The goal is 0.95 of the overlapped rate."""
+    byte = 10_000 / speed
+    floors = {
+        "sequential": (CONTROL_BYTES + FEEDBACK_BYTES) * byte,
+        "overlapped": (1 + FEEDBACK_BYTES) * byte,
+        "pipelined": FEEDBACK_BYTES * byte,
+    }
+    for more, floor in (((), "pipelined"), (("--sequential",), "overlapped")):
+        with served("--set", f"baud={speed}") as link:
+            done = subprocess.run(
+                [HANDCTL, "barrett", "realtime", "-p", link, "--baud", str(speed), *LOOP, "--measure", str(blocks),
+                 "--json", *more],
+                stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, check=True,
+            )  # fmt: skip
+        end = json.loads(done.stdout.splitlines()[-1])["end"]
+        rate, latency = end["stream"]["rate_hz"], end["loop"]["latency"]
+        note = ", ".join(f"{rate * milliseconds / 1000:.2f} of {name}" for name, milliseconds in floors.items())
+        note = f"{rate:.1f} Hz: {note}; p99 {latency['p99_ms']:.1f} ms, late {latency['late']}"
+        name = f"barrett realtime{' --sequential' if more else ''} at {speed}"
+        goal = None if more else floors["overlapped"] / floors[floor] / 0.95
+        yield Figure(name, 1000 / rate, floors[floor], "ms", goal, note)
+
+
+def download_figure(size: int, window: int) -> Figure:
+    """Seconds from the first trigger to the last echo; 32 bytes a record, 9600 bit/s (dossier 7.7, 12)."""
+    records = size // 32
+    with tempfile.TemporaryDirectory() as folder:
+        file, trace = Path(folder) / "bench.s19", Path(folder) / "trace.txt"
+        lines = [_record(0x2000 + 32 * number, bytes(32)) for number in range(records)]
+        file.write_text("\n".join([*lines, "S9030000FC\n"]), encoding="ascii")
+        with served("--set", "switch=2,3", "--set", "download-end=quiet", "--set", "download-quiet=0.5") as link:
+            subprocess.run(
+                [HANDCTL, "barrett", "firmware", "download", str(file), "-p", link, "--baud", "9600", "--yes",
+                 "--window", str(window), "--trace", str(trace)],
+                stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, check=True,
+            )  # fmt: skip
+        text = trace.read_text(encoding="utf-8")
+    seconds = _download_seconds(text, 1 + records * 37)
+    # Window 1: triggers and every byte twice; windows above overlap the echo with the next byte.
+    characters = (1 + records * 72) if window == 1 else 1 + records * 39
+    note = f"pty, wire emulated; {size} bytes, {size / seconds:.0f} bytes/s"
+    return Figure(
+        f"barrett firmware download, window {window}",
+        seconds,
+        characters * 10 / 9600,
+        "s",
+        1.15 if window == 1 else 1.30,
+        note,
+    )
+
+
+def _record(address: int, data: bytes) -> str:
+    body = bytes([len(data) + 3]) + address.to_bytes(2, "big") + data
+    return f"S1{(body + bytes([~sum(body) & 255])).hex().upper()}"
+
+
+def _download_seconds(text: str, count: int) -> float:
+    """From the first trigger behind `:` until the first answer after `count` bytes."""
+    lines = [line.split() for line in text.splitlines() if line[0] != "#"]
+    events = [(float(words[0]), words[1], bytes.fromhex("".join(words[2:]))) for words in lines if words[1] in "<>"]
+    place = next(number for number, (_, mark, data) in enumerate(events) if mark == "<" and data.endswith(b":"))
+    begun, sent = events[place + 1][0], 0
+    for when, mark, data in events[place + 1 :]:
+        if mark == ">":
+            sent += len(data)
+        elif sent >= count:
+            return when - begun
+    raise SystemExit(f"{sent} bytes instead of {count}")

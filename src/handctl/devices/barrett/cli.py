@@ -10,10 +10,13 @@ import click
 
 from handctl import verbs
 from handctl.clikit import Group
+from handctl.devices.barrett.care_cli import add_care_commands
+from handctl.devices.barrett.firmware_cli import add_firmware
 from handctl.devices.barrett.hand import BarrettHand
 from handctl.devices.barrett.language import MOTORS, motor_prefix
 from handctl.devices.barrett.line import DEFAULT_RETRIES, GclLine
 from handctl.devices.barrett.parameters import BARRETT, check_careful
+from handctl.devices.barrett.realtime_cli import add_realtime
 from handctl.errors import UsageError
 from handctl.mapverbs import add_map_verbs
 from handctl.param import Element, Number, Step
@@ -63,7 +66,25 @@ FORCE = click.option(
 )
 
 
-add_map_verbs(cli, BARRETT, part="MOTOR", example="P SG.F1 temperature", without=("set", "describe", "restore"))
+def _report_checks(run: Run) -> Table:
+    """The read-only checks of `diagnose`, for a report."""
+    from handctl.devices.barrett import diagnose
+    from handctl.devices.barrett.checks import Patient
+
+    hand: BarrettHand = run.device()
+    patient = Patient(hand, simulated=lambda: run.simulated, name="")
+    findings, failure = diagnose.examine(patient, diagnose.USUAL, run.settings.baud)
+    return diagnose.table_of(hand, findings, None, failure)
+
+
+add_map_verbs(
+    cli,
+    BARRETT,
+    part="MOTOR",
+    example="P SG.F1 temperature",
+    without=("set", "describe", "restore"),
+    checks=_report_checks,
+)
 
 
 # -- reading ------------------------------------------------------------------------------------------------------
@@ -353,3 +374,8 @@ def restore(run: Run, file: str, save_too: bool, force: bool) -> Table:
     if save_too and not run.settings.dry_run:
         eeprom.save(run.device(), force=True, simulated=run.simulated)
     return table
+
+
+add_realtime(cli)
+add_firmware(cli)
+add_care_commands(cli)

@@ -6,40 +6,28 @@ folder; saves made by other programs are not in it.
 
 from __future__ import annotations
 
-import json
-import os
 from pathlib import Path
 from typing import Any
 
+from handctl.devices.barrett import hostfile
 from handctl.devices.barrett.hand import BarrettHand
 from handctl.devices.barrett.parameters import BARRETT, all_elements, standard
-from handctl.errors import HandctlError, OutputError, UsageError
+from handctl.errors import HandctlError, UsageError
 from handctl.result import Column, Row, Table
 
 MOST_SAVES = 5000
+WHAT = "journal of saves"
 UNKNOWN_KEYS = ("0", "simulated-0")
 
 
 def journal_path() -> Path:
-    """Where the saves are counted: $XDG_STATE_HOME/handctl, by default ~/.local/state/handctl."""
-    base = os.environ.get("XDG_STATE_HOME") or str(Path.home() / ".local" / "state")
-    return Path(base) / "handctl" / "barrett-saves.json"
+    """Where the saves are counted."""
+    return hostfile.state_path("barrett-saves.json")
 
 
 def load_journal() -> dict[str, Any]:
     """The journal; empty when there is none. Raises UsageError when it is damaged."""
-    path = journal_path()
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        return {}
-    except (OSError, ValueError) as exc:
-        raise UsageError(
-            f"{path}: the journal of saves cannot be read: {exc}", hint="move it away to start a new count"
-        ) from exc
-    if not isinstance(content, dict) or not all(_whole(entry) for entry in content.values()):
-        raise UsageError(f"{path}: not a journal of saves", hint="move it away to start a new count")
-    return content
+    return hostfile.load(journal_path(), WHAT, _whole)
 
 
 def _whole(entry: object) -> bool:
@@ -52,17 +40,7 @@ def _whole(entry: object) -> bool:
 
 def store_journal(content: dict[str, Any]) -> None:
     """Write the journal atomically. Raises OutputError."""
-    path = journal_path()
-    temporary = path.with_name(f"{path.name}.{os.getpid()}.part")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with open(temporary, "w", encoding="utf-8") as file:
-            json.dump(content, file, indent=1, sort_keys=True)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(temporary, path)
-    except OSError as exc:
-        raise OutputError(f"{path}: the journal of saves cannot be written: {exc.strerror or exc}") from exc
+    hostfile.store(journal_path(), WHAT, content)
 
 
 def present(hand: BarrettHand) -> dict[str, int]:

@@ -84,39 +84,45 @@ class GclLine:
     def _knock(self) -> bytes:
         """^C, then CR; connected when the prompt comes. Returns bytes that were no prompt."""
         link = self.link
-        if b":" in self._drain():
+        if b":" in self.drain():
             # Just powered on: a byte now might be taken by the boot monitor (dossier 1.5, step 2).
             self.journal.info("powered-on", "the hand has just been switched on; waiting 2 s for its firmware")
             link.sleep(POWER_ON_SECONDS)
-            self._drain()
+            self.drain()
         link.write(ABORT, link.deadline(1.0))
-        early = self._until_prompt(ABORT_COLLECT + self._wire(8))
+        early = self._until_prompt(ABORT_COLLECT + self.wire_seconds(8))
         link.write(CR, link.deadline(1.0))
-        came = self._until_prompt(PROMPT_WAIT + self._wire(8))
-        if _has_prompt(came):
-            if not _has_prompt(early):
+        came = self._until_prompt(PROMPT_WAIT + self.wire_seconds(8))
+        if has_prompt(came):
+            if not has_prompt(early):
                 # Perhaps it was the late answer to ^C: let the one to CR pass too, or it would pass for an answer.
-                self._until_prompt(LATE_PROMPT + self._wire(8))
+                self._until_prompt(LATE_PROMPT + self.wire_seconds(8))
             self._connected = True
             return b""
         if came or early:
-            came += self._leave_loop()
-        return early + came if not self._connected else b""
+            rest = self.leave_loop()
+            if rest is None:
+                self._connected = True
+                return b""
+            came += rest
+        return early + came
 
-    def _leave_loop(self) -> bytes:
-        """Bytes but no prompt: the hand may sit in its RealTime loop and take ^C for data (dossier 1.5, step 4)."""
+    def leave_loop(self) -> bytes | None:
+        """Bytes but no prompt: the hand may sit in its RealTime loop and take ^C for data (dossier 1.5, step 4).
+
+        None once the prompt has come, otherwise what came instead.
+        """
         link = self.link
         came = b""
         for count in range(LOOP_EXITS):
             link.write(ABORT, link.deadline(1.0))
-            came += self._until_prompt(0.02 + self._wire(8))
-            if _has_prompt(came):
+            came += self._until_prompt(0.02 + self.wire_seconds(8))
+            if has_prompt(came):
                 self.journal.warn(
                     "loop",
                     f"the hand was in its RealTime loop: {count + 1} ^C ended it, each but the last a small velocity",
                 )
-                self._connected = True
-                return b""
+                return None
         return came
 
     # -- commands ------------------------------------------------------------------------------------------------
@@ -139,13 +145,13 @@ class GclLine:
         seconds = (
             self.timeout if self.timeout is not None and kind in ("query", "set") else max(SECONDS[kind], at_least)
         )
-        self._drain()
+        self.drain()
         link = self.link
-        deadline = link.deadline(seconds + 2 * self._wire(len(data) + 512)).earlier(self.bound)
+        deadline = link.deadline(seconds + 2 * self.wire_seconds(len(data) + 512)).earlier(self.bound)
         link.write(data, deadline)
         self.journal.counters.sent += 1
         try:
-            echo = link.deadline((self.timeout or ECHO_SECONDS) + 2 * self._wire(len(data))).earlier(deadline)
+            echo = link.deadline((self.timeout or ECHO_SECONDS) + 2 * self.wire_seconds(len(data))).earlier(deadline)
             return self._answer(command, deadline, echo)
         except (NoAnswer, ProtocolError) as exc:
             if kind in ("motion", "init"):  # whatever still moves must not go on
@@ -182,7 +188,7 @@ class GclLine:
                 self.journal.counters.received += 1
                 self.journal.counters.stray_bytes += decoder.skipped
                 if answer.raw.endswith(PROMPT):  # the space behind the prompt, if there is one, is part of it
-                    self.link.read(self.link.deadline(0.005 + self._wire(2)), 1)
+                    self.link.read(self.link.deadline(0.005 + self.wire_seconds(2)), 1)
                 return answer
             until = deadline if decoder.echoed else echo
             chunk = b"" if until.expired else self.link.read(until)
@@ -211,8 +217,8 @@ class GclLine:
         """^C: stop all motors (barrett §5.5 case 4). The answer of the command that ran, None when no prompt comes."""
         link = self.link
         link.write(ABORT, link.deadline(1.0))
-        came = self._until_prompt(1.5 + self._wire(32))
-        if not _has_prompt(came):
+        came = self._until_prompt(1.5 + self.wire_seconds(32))
+        if not has_prompt(came):
             return None
         decoder = Decoder("")
         decoder.feed(b"\n" + came)
@@ -227,7 +233,7 @@ class GclLine:
         while not end.expired and link.read(quiet):
             quiet = link.deadline(QUIET)
         link.write(CR, link.deadline(1.0))
-        self._until_prompt(PROMPT_WAIT + self._wire(8))
+        self._until_prompt(PROMPT_WAIT + self.wire_seconds(8))
 
     def reconnect(self) -> None:
         """Look for the hand again, perhaps at another speed (after RESET, PDEF, PLOAD)."""
@@ -236,7 +242,7 @@ class GclLine:
 
     def prompt_comes(self) -> bool:
         """Whether a prompt comes within the usual time."""
-        return _has_prompt(self._until_prompt(PROMPT_WAIT + self._wire(8)))
+        return has_prompt(self._until_prompt(PROMPT_WAIT + self.wire_seconds(8)))
 
     def collect(self, seconds: float) -> bytes:
         """What the hand says by itself within `seconds`, up to a prompt: a banner."""
@@ -252,13 +258,14 @@ class GclLine:
             if not chunk:
                 break
             came += chunk
-            if _has_prompt(came) and not came.endswith(b" "):
-                came += self.link.read(self.link.deadline(0.005 + self._wire(2)), 1)
-            if _has_prompt(came) or len(came) > 65536:
+            if has_prompt(came) and not came.endswith(b" "):
+                came += self.link.read(self.link.deadline(0.005 + self.wire_seconds(2)), 1)
+            if has_prompt(came) or len(came) > 65536:
                 break
         return came
 
-    def _drain(self) -> bytes:
+    def drain(self) -> bytes:
+        """Drop what has arrived, counted as stray bytes; returns it."""
         now = self.link.deadline(0)
         stale = b""
         while len(stale) < 65536:
@@ -269,7 +276,8 @@ class GclLine:
         self.journal.counters.stray_bytes += len(stale)
         return stale
 
-    def _wire(self, count: int) -> float:
+    def wire_seconds(self, count: int) -> float:
+        """Transmission time of `count` bytes, 10 bits each; 0 where the link has no speed."""
         return count * 10 / self.link.baud if self.link.baud else 0.0
 
 
@@ -284,6 +292,7 @@ def _must_have_lines(command: str) -> bool:
     return known is not None and known.name in ("FGET", "PGET")
 
 
-def _has_prompt(data: bytes) -> bool:
+def has_prompt(data: bytes) -> bool:
+    """Whether `data` ends with a prompt on a line of its own."""
     tail = data[-5:].strip()
     return tail.endswith(PROMPT) and (len(data.rstrip()) == 2 or data.rstrip()[-3:-2] in (b"\n", b"\r"))

@@ -166,13 +166,16 @@ BARRETT = GclMap(
         _global("TEMP", "temperature", "CPU board; normal 400 to 600, limit 650 (§2)", "5.4.2", -550, 1250, unit="0.1 °C"),
         _global("PTEMP", "peak_temperature", "highest temperature of its life", "5.4.2", 0, 1250, unit="0.1 °C"),
         _global("UPSECS", "uptime_seconds", "time of operation in its life", "5.4.2", 0, 2**32, unit="s"),
-        _global("SN", "serial_number", "serial number; 0 on upgraded hands", "5.4.2", 0, None),
+        _global("SN", "serial_number", "serial number; 0 on upgraded hands", "5.4.2", 0, None, private=True),
         _global("LFDPD", "loop_feedback_delta_discard", "what a change too large for a byte does", "5.4.3", 0, 1, default=(0, 0), advanced=True, **_KNOWN_FLAG),
         # -- later firmware: ERR 64 where absent
         _motor("BD", "breakaway_detected", "the clutch has let go", "later firmware", 0, 1, since="4.34"),
         _motor("BP", "breakaway_position", "where the clutch let go", "later firmware", None, None, unit="cts", since="4.34"),
         _motor("BS", "breakaway_stop", "stop at breakaway", "later firmware", 0, 1, default=(0, 0), since="4.34", **_RW),
         _motor("BDAT", "breakaway_acceleration_threshold", "threshold of the detection", "later firmware", 0, 20000, default=(1500, 1500), since="4.34", **_RW),
+        _motor("LCT", "loop_control_torque", "control block has a torque; excludes velocity and gain", "later firmware", 0, 1, since="4.4", **_KNOWN_FLAG),
+        _motor("LFBP", "loop_feedback_breakaway_position", "feedback block has the breakaway position", "later firmware", 0, 1, since="4.4", **_KNOWN_FLAG),
+        _motor("LFAIN", "loop_feedback_analog_input", "feedback block has the analog input", "later firmware", 0, 1, since="4.4", **_KNOWN_FLAG),
     ],
 )  # fmt: skip
 

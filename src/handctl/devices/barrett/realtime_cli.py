@@ -1,0 +1,290 @@
+"""`handctl barrett realtime`: the RealTime loop as a live view, a stream, or a measurement."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from handctl.clikit import Group, streaming
+from handctl.errors import UsageError
+from handctl.result import Column, Grid, Row, Table
+from handctl.run import Run
+
+if TYPE_CHECKING:
+    from handctl.devices.barrett.loop import RealtimeLoop
+    from handctl.devices.barrett.loop_flags import Wish
+    from handctl.devices.barrett.schedule import Source
+    from handctl.param import Step
+
+COLUMNS = (
+    Column("name", "Name"),
+    Column("motor", "Motor"),
+    Column("value", "Value", right=True),
+    Column("unit", "Unit"),
+)
+
+
+def add_realtime(group: Group) -> None:
+    """Add the command to the family's group."""
+
+    @group.verb("realtime", writes=True, streams=True)
+    @click.option("--motors", metavar="12S", help="Motors of the loop: digits, G = fingers, S = spread (default: all).")
+    @click.option(
+        "--send", metavar="NAMES", help="What control blocks carry: velocity, gain; `velocity@12` for some motors."
+    )
+    @click.option(
+        "--receive",
+        metavar="NAMES",
+        help="What feedback carries: velocity, strain, position, delta, temperature, none; `strain@12` for some motors "
+        "(default: as the hand's flags are).",
+    )
+    @click.option("--velocity", metavar="V", help="Constant control velocity, -127 to 127: 20, or 20,5, or F1=20,F2=5.")
+    @click.option("--gain", metavar="K", help="Constant proportional gain, 0 to 255, in the same way.")
+    @click.option(
+        "--control", "path", metavar="FILE", help="Control values as CSV or JSON lines (t, velocity.F1 …); - is stdin."
+    )
+    @click.option(
+        "--measure", type=click.IntRange(min=2), metavar="N", help="Exchange N blocks and show only the timing."
+    )
+    @click.option("--sequential", is_flag=True, help="Wait for the whole feedback before the next block.")
+    @click.option("--hold", is_flag=True, help="Leave the motors powered at the end.")
+    @streaming(0.0)
+    def realtime(
+        run: Run,
+        motors: str | None,
+        send: str | None,
+        receive: str | None,
+        velocity: str | None,
+        gain: str | None,
+        path: str | None,
+        measure: int | None,
+        sequential: bool,
+        hold: bool,
+        rate: float,
+        count: int | None,
+        duration: float | None,
+    ) -> Table:
+        """Exchange RealTime blocks (LOOP) as fast as the line allows: live view, NDJSON or CSV.
+
+        Without control values nothing moves: the hand is only watched. With them the motors keep their last velocity
+        until the next block; whatever ends the loop commands velocity 0, leaves it, and switches the motors off unless
+        --hold is given. Flags are put back as they were.
+        """
+        from handctl.devices.barrett.loop import RealtimeLoop
+        from handctl.devices.barrett.loop_flags import Wish
+        from handctl.devices.barrett.schedule import loop_motors
+
+        indices = loop_motors(motors)
+        received, temperature = _received(receive, indices)
+        source = _source(send, velocity, gain, path, indices)
+        wish = Wish(tuple(indices), received, temperature, hold)
+        if run.settings.dry_run:
+            return run.dry_run(_steps(run, wish, source))
+        loop = RealtimeLoop(run.device(), run.guide, wish, source, sequential=sequential)
+        if measure is not None:
+            return _measured(run, loop, measure, rate)
+        table = Table(columns=COLUMNS, summary=loop.summary, ranges={"strain": (0, 255), "position": (0, 17800)})
+        table.samples = _guarded(loop, table, rate, count, duration)
+        return table
+
+
+def _guarded(loop: RealtimeLoop, table: Table, rate: float, count: int | None, duration: float | None) -> Iterator[Any]:
+    """The loop's samples; what failed while leaving becomes the table's failure."""
+    try:
+        yield from loop.run(rate=rate, count=count, duration=duration)
+    finally:
+        table.failure = loop.failure
+
+
+def _received(text: str | None, motors: list[int]) -> tuple[dict[int, tuple[str, ...]] | None, bool | None]:
+    """What --receive asks for: per motor, and whether with the temperature."""
+    from handctl.devices.barrett.realtime import FEEDBACK, selections
+
+    if text is None:
+        return None, None
+    names = [part.strip() for part in text.split(",") if part.strip()]
+    temperature = any(name.lower() == "temperature" for name in names)
+    rest = [name for name in names if name.lower() != "temperature"]
+    return selections(rest, FEEDBACK, motors, "--receive"), temperature
+
+
+def _source(
+    send: str | None, velocity: str | None, gain: str | None, path: str | None, motors: list[int]
+) -> Source | None:
+    """Where control values come from, None when nothing is to be sent. Raises UsageError."""
+    from handctl.devices.barrett import schedule
+    from handctl.devices.barrett.realtime import CONTROL, selections
+
+    carried = selections(send.split(","), CONTROL, motors, "--send") if send is not None else None
+    start: schedule.Change = {}
+    for name, text in (("velocity", velocity), ("gain", gain)):
+        if text is not None:
+            given = motors if carried is None else [index for index in motors if name in carried[index]]
+            if not given:
+                raise UsageError(f"--{name} without {name} in --send {send}", hint="leave --send out, or name it there")
+            start.update(schedule.constant(text, name, given))
+    if path is not None:
+        source = _from_file(path, motors, start)
+        if carried is not None and carried != source.carries:
+            raise UsageError(
+                f"--send {send} does not fit the columns of {path}", hint="leave --send out: the columns say it"
+            )
+        return source
+    if carried is None:
+        carried = {index: tuple(name for name in CONTROL if (index, name) in start) for index in motors}
+    return schedule.Source(carried, start) if any(carried.values()) else None
+
+
+def _from_file(path: str, motors: list[int], start: dict[tuple[int, str], int]) -> Source:
+    from handctl.devices.barrett import schedule
+
+    if path == "-":
+        source = schedule.read(_stdin_lines(), "stdin", motors, start)
+        if isinstance(source, schedule.Live):
+            import threading
+
+            threading.Thread(target=source.listen, daemon=True).start()
+        return source
+    try:
+        with open(path, encoding="utf-8-sig") as file:
+            source = schedule.read(list(file), path, motors, start)
+    except (OSError, UnicodeDecodeError) as exc:
+        raise UsageError(f"{path}: cannot be read: {getattr(exc, 'strerror', None) or exc}") from exc
+    if source.live:
+        raise UsageError(
+            f"{path}: no column t", hint="a file needs times; without them give the lines on stdin: --control -"
+        )
+    return source
+
+
+def _stdin_lines() -> Iterator[str]:
+    """Lines as they come, without the buffering that would hold them back."""
+    try:
+        descriptor = sys.stdin.fileno()
+    except (OSError, ValueError, AttributeError):
+        yield from sys.stdin
+        return
+    rest = b""
+    while chunk := os.read(descriptor, 65536):
+        *whole, rest = (rest + chunk).split(b"\n")
+        for line in whole:
+            yield line.decode("utf-8", "replace")
+    if rest:
+        yield rest.decode("utf-8", "replace")
+
+
+# -- measuring ----------------------------------------------------------------------------------------------------
+
+
+def _measured(run: Run, loop: RealtimeLoop, blocks: int, rate: float) -> Table:
+    """Round trips, rate and the line's limits: what the vendor's "test delays" run is for."""
+    for number, _ in enumerate(loop.run(rate=rate, count=blocks, duration=None), 1):
+        if number % 20 == 0:
+            run.guide.progress(f"{number} of {blocks} blocks")
+    run.guide.done()
+    found = loop.summary()
+    latency = found["loop"]["latency"]
+    rows: list[Row] = [
+        {"name": "rate", "value": found["stream"]["rate_hz"], "unit": "Hz"},
+        *({"name": f"limit_{name}", "value": hertz, "unit": "Hz"} for name, hertz in (found["loop"]["line_limit_hz"] or {}).items()),
+        {"name": "control_block", "value": found["loop"]["control_bytes"], "unit": "bytes"},
+        {"name": "feedback_block", "value": found["loop"]["feedback_bytes"], "unit": "bytes"},
+        *({"name": key.removesuffix("_ms"), "value": value, "unit": "ms"} for key, value in latency.items() if key.endswith("_ms")),
+        {"name": "late", "value": latency["late"], "unit": None},
+        *_fits(loop),
+    ]  # fmt: skip
+    if not rate:
+        _advise(run, found)
+    table = Table(
+        rows=rows,
+        columns=(Column("name", "Name"), Column("value", "Value", right=True), Column("unit", "Unit")),
+        extra=found,
+        failure=loop.failure,
+    )
+    table.view = lambda rows: [_rows_grid(rows), _histogram_grid(latency["histogram"])]
+    return table
+
+
+def _fits(loop: RealtimeLoop) -> Iterable[Row]:
+    from handctl.devices.barrett.language import MOTORS
+    from handctl.devices.barrett.realtime import velocity_unit
+
+    for index, points in loop.velocity_points.items():
+        unit = velocity_unit(points)
+        if unit is not None:
+            yield {"name": f"velocity_unit.{MOTORS[index]}", "value": round(unit, 2), "unit": "cts/s"}
+
+
+def _advise(run: Run, found: dict[str, Any]) -> None:
+    """A link that is much slower than its bytes: pipelined blocks queue, so the rate tells, not the round trip."""
+    limits, rate = found["loop"]["line_limit_hz"], found["stream"]["rate_hz"]
+    if limits is None or not rate:
+        return
+    cycle_ms, wire_ms = 1000 / rate, 1000 / limits["sequential"]
+    if cycle_ms > wire_ms + 8:
+        run.journal.warn(
+            "slow-adapter",
+            f"a block takes {cycle_ms:.1f} ms, its bytes {wire_ms:.1f} ms: the adapter waits",
+            hint="an FTDI adapter's latency timer is 16 ms: set it to 1 "
+            "(/sys/bus/usb-serial/devices/ttyUSB0/latency_timer)",
+        )
+
+
+def _rows_grid(rows: list[Row]) -> Grid:
+    lines = tuple(
+        (str(row["name"]), "?" if row["value"] is None else f"{row['value']:g}", str(row["unit"] or "")) for row in rows
+    )
+    return Grid(("Name", "Value", "Unit"), lines, right=frozenset({1}))
+
+
+def _histogram_grid(histogram: list[list[Any]]) -> Grid:
+    most = max(count for _, count in histogram)
+    lines = tuple(
+        (
+            f"<= {edge:g} ms" if edge is not None else "above",
+            str(count),
+            "█" * max(1, round(20 * count / most)) if count else "",
+        )
+        for edge, count in histogram
+    )
+    return Grid(("Round trip", "Blocks", ""), lines, right=frozenset({0, 1}))
+
+
+# -- dry run ------------------------------------------------------------------------------------------------------
+
+
+def _steps(run: Run, wish: Wish, source: Source | None) -> list[Step]:
+    """The exact bytes as far as they do not depend on what the hand holds."""
+    from handctl.devices.barrett.language import ABORT, encode
+    from handctl.devices.barrett.loop_flags import asked_flags
+    from handctl.devices.barrett.parameters import BARRETT
+    from handctl.devices.barrett.realtime import Layout, Selection
+    from handctl.param import Element, Step
+
+    changes = [
+        (Element(BARRETT.by_mnemonic(name), index), value)
+        for (name, index), value in asked_flags(wish, source).items()
+        if value or not BARRETT.by_mnemonic(name).since  # a hand that does not know the flag has it off
+    ]
+    steps = [
+        Step(f"{step.meaning}  (what differs from the hand's own flags)", step.data)
+        for step in run.planner().plan(changes)
+    ]
+    entry = f"{wish.prefix}LOOP"
+    steps.append(Step(f"{entry}: enter RealTime", encode(entry)))
+    values = source.at(0.0) if source is not None else None
+    if source is None or values is None:
+        steps.append(Step("ask for feedback, again and again", b"A"))
+    else:
+        layout = Layout({index: Selection(source.carries[index], ()) for index in wish.motors})
+        zero = {index: {**names, **({"velocity": 0} if "velocity" in names else {})} for index, names in values.items()}
+        steps.append(Step("first control block", layout.control(values), moves=True))
+        steps.append(Step("last control block: stand", layout.control(zero, feedback=False)))
+    steps.append(Step("leave RealTime", ABORT))
+    if source is not None and not wish.hold:
+        steps.append(Step(f"{wish.prefix}T: motor power off", encode(f"{wish.prefix}T")))
+    return steps

@@ -1,0 +1,124 @@
+"""The book of symptoms: the manual's troubleshooting (barrett §8) as checks, movements to try, and steps by hand.
+
+Data only. `checks` and `trials` are names of functions in `diagnose` and `trials`; a test says that they all exist.
+Steps are what no program can do, each with its section, in the manual's order.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+Steps = tuple[tuple[str, str], ...]
+
+
+class Symptom(NamedTuple):
+    """One row of the book.
+
+    checks   read-only checks beside the usual ones
+    trials   checks that move the hand
+    steps    (what to do, section)
+    """
+
+    title: str
+    checks: tuple[str, ...] = ()
+    trials: tuple[str, ...] = ()
+    steps: Steps = ()
+
+
+_VENDOR = ("if it persists: contact the vendor", "§8")
+_RELOAD = ("load the firmware again: `handctl barrett firmware download FILE`", "§3.7")
+_PRETENSION = ("adjust the cable's pretension: `handctl barrett maintenance --steps pretension`", "§7.1")
+_ZERO = ("adjust the balancing potentiometer: `handctl barrett strain --live`", "§7.4")
+_PULLEY = ("cable over both the top and the bottom of the idler pulley", "§8, Figure 18")
+_FREE = ("no object and no other finger in its way", "§8")
+_CABLE = ("shroud off (Figure 16): is the finger's cable whole? Broken: vendor", "§8, Figure 16")
+
+SYMPTOMS: dict[str, Symptom] = {
+    "erratic": Symptom(
+        "erratic: obeys some commands, disobeys others", ("repeatable",),
+        steps=(("off for more than a day or two, in humid weather above all: its RAM may be borderline", "§8, §3.7"), _RELOAD),
+    ),
+    "no-communication": Symptom(
+        "the host computer will not communicate",
+        steps=(
+            ("every plug seated: supply, hand, computer; supply off before a cable is touched; the serial cable straight-through", "§8, §3.3, §2"),
+            ("the supply switched on", "§8"),
+            _RELOAD,
+            ("supply off and on: the hand starts at its saved speed", "§8"),
+            ("no other program on the port", "§8"),
+            _VENDOR,
+        ),
+    ),
+    "strain-range": Symptom(
+        "strain gauge values out of range at the start", ("strain_limits",), steps=(_ZERO, _PULLEY, _VENDOR)
+    ),
+    "strain-curve": Symptom(
+        "strain does not follow the expected curves", ("strain_limits",), ("strain_curve",),
+        (_PRETENSION, _ZERO, _PULLEY, ("the idler pulley turns freely; its shoulder screw not tight against it", "§8, Figure 18"), _VENDOR),
+    ),
+    "early-breakaway": Symptom(
+        "only the fingertip closes", ("breakaway", "init_settings"), ("initialize",),
+        (("no object blocks the inner link", "§8"), _VENDOR),
+    ),
+    "sticks-closed": Symptom(
+        "a finger sticks fully closed", ("strain_limits", "velocities"), ("open", "initialize"),
+        (_FREE, ("the pretension may be too high: `handctl barrett maintenance --steps pretension`", "§7.1"), _RELOAD, _VENDOR),
+    ),
+    "sticks-open": Symptom(
+        "a finger sticks open", ("strain_limits", "velocities"), ("close", "initialize"), (_FREE, _RELOAD, _VENDOR)
+    ),
+    "wrong-direction": Symptom(
+        "a finger moves against the command", trials=("direction", "initialize", "direction"),
+        steps=(_RELOAD, ("encoder feedback: when it comes again after `handctl barrett init`, service by the vendor", "§8")),
+    ),
+    "no-breakaway": Symptom(
+        "the TorqueSwitch does not break away", ("breakaway", "velocities", "init_settings"), ("initialize",),
+        (
+            ("by hand: 2-mm hex in the left drive hole, anticlockwise until the finger is fully open", "§8, Figures 19, 20"),
+            ("hold the inner link hard, the outer one free; turn clockwise until the tip breaks free", "§8, Figure 19"),
+            ("wrench out, then `handctl barrett init`", "§8"),
+            _VENDOR,
+        ),
+    ),
+    "uneven-torque": Symptom(
+        "GTO or GTC move the fingers at different speeds", ("equal_fingers",), ("torque_speed",),
+        (("some difference is natural: grease the stiff fingers", "§7.3"), ("or compensate by velocity or gain per finger", "§8"), _VENDOR),
+    ),
+    "incomplete-close": Symptom(
+        "fingers do not close completely", ("close_target", "strain_limits", "breakaway"), ("close",),
+        (_FREE, ("finger taken off lately: check its angle, set it again", "§7.3 steps 6 to 9"), _VENDOR),
+    ),
+    "spread-friction": Symptom(
+        "the spread has much friction", ("spread_greasing",), ("spread_time",),
+        (("grease the spread's gears: `handctl barrett maintenance --steps lubrication`", "§7.3"), ("palm screws put back: all with the same torque, not too much", "§8"), _VENDOR),
+    ),
+    "locking-ring": Symptom(
+        "the locking ring does not fit the base",
+        steps=(("ring damaged or warped: replacement from the vendor", "§8"), ("threads of the base damaged: service by the vendor", "§8")),
+    ),
+    "tip-flops": Symptom("the fingertip flops back after an impact", steps=(_CABLE,)),
+    "tip-backlash": Symptom(
+        "the fingertip has much backlash",
+        steps=(("the pretension is too low: `handctl barrett maintenance --steps pretension`", "§7.1"), _CABLE, _VENDOR),
+    ),
+    "tip-hyperextended": Symptom(
+        "the fingertip stands beyond the open stop, but is not loose", ("open_position",), ("initialize",),
+        (
+            ("spur gears not engaged when the finger was put back: seated fully and square? its screw in and tight?", "§8, §7.3"),
+            ("set the fingertip's angle again, reseat the finger, test", "§7.3 steps 6 to 9"),
+            ("if it persists: service by the vendor", "§8"),
+        ),
+    ),
+    "spread-uneven": Symptom(
+        "F1 and F2 stand at different spread angles",
+        steps=(("one motor and one encoder turn both: only the eye sees it. A spread gear is damaged: vendor", "§8"),),
+    ),
+}  # fmt: skip
+
+
+def near(name: str) -> list[str]:
+    """Symptoms whose name or title is like `name`."""
+    from difflib import get_close_matches
+
+    found = get_close_matches(name, list(SYMPTOMS), n=3, cutoff=0.4)
+    return found + [key for key, entry in SYMPTOMS.items() if name in entry.title and key not in found]

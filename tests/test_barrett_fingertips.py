@@ -1,0 +1,94 @@
+"""Fingertips of a hand: what is asked of it, which angles hold, what is said when the firmware does not tell."""
+
+from __future__ import annotations
+
+import pytest
+
+from handctl.devices.barrett import fingertips
+from handctl.errors import DeviceRefused, NoAnswer, UsageError
+from tests.barrett_support import codes, scripted
+
+OLD = {"FGET P": "8500 8500 8500 1575", "FGET BD BP": "ERR 64", "FGET BD": "ERR 64", "FGET BP": "ERR 64"}
+
+
+def of(rows: list[dict[str, object]], name: str) -> list[object]:
+    return [row["value"] for row in rows if row["name"] == name]
+
+
+def test_old_firmware_is_asked_once_for_breakaway() -> None:
+    hand, link = scripted(OLD)
+    tips = fingertips.Tips(hand)
+    rows = tips.rows()
+    assert of(rows, "tip_x") == [-52.7139, 52.7139, 0]
+    assert {row["state"] for row in rows} == {"before breakaway assumed"}
+    assert codes(hand) == ["breakaway-unknown"]
+    link.sent.clear()
+    assert tips.rows() == rows
+    assert link.commands == ["FGET P"]
+
+
+def test_new_firmware_tells_where_the_clutch_let_go() -> None:
+    hand, link = scripted({"FGET P": "12000 8500 8500 1575", "FGET BD BP": "1 0 0 0|8000 77 0 0"})
+    rows = fingertips.Tips(hand).rows()
+    assert link.commands == ["FGET P", "FGET BD BP"]
+    assert of(rows, "joint_inner") == [64, 68, 68]
+    assert of(rows, "joint_outer") == [64, 22.6667, 22.6667]
+    assert of(rows, "tip_z") == [138.2736, 172.3713, 172.3713]
+    states = {row["motor"]: row["state"] for row in rows}
+    assert states == {"F1": "after breakaway", "F2": "before breakaway", "F3": "before breakaway"}
+    assert codes(hand) == []
+
+
+def test_a_refused_position_is_an_error() -> None:
+    hand, _ = scripted({"FGET P": "ERR 8192", "FGET BD BP": "ERR 8192"})
+    with pytest.raises(DeviceRefused, match="8192"):
+        fingertips.now(hand)
+
+
+def test_a_breakaway_that_is_refused_otherwise_is_an_error() -> None:
+    hand, _ = scripted({"FGET P": "0 0 0 0", "FGET BD BP": "ERR 8192"})
+    with pytest.raises(DeviceRefused, match="8192"):
+        fingertips.now(hand)
+
+
+@pytest.mark.parametrize("text", ["F4=1", "F1", "F1=x", "F1=-1", "F1=20001", "=5"])
+def test_breakaway_words(text: str) -> None:
+    with pytest.raises(UsageError):
+        fingertips.breakaways([text])
+
+
+def test_breakaway_words_good() -> None:
+    assert fingertips.breakaways(["f1=6000", "3=20000"]) == {"F1": 6000, "F3": 20000}
+
+
+def test_stream_keeps_rate_and_survives_one_lost_answer() -> None:
+    hand, _ = scripted({**OLD, "FGET P": ["0 0 0 0", b"", "375 0 0 0"]}, retries=0)
+    table = fingertips.stream(hand, rate=2, count=3, duration=None)
+    assert table.samples is not None
+    first, second, third = table.samples
+    assert first.t == 0
+    assert all("error" in row and "value" not in row for row in second.rows)
+    assert [row["value"] for row in third.rows if row["name"] == "joint_outer"] == [1, 0, 0]
+    assert table.summary is not None
+    stream = table.summary()["stream"]
+    assert (stream["samples"], stream["failed"], stream["asked_hz"]) == (3, 1, 2)
+
+
+def test_stream_gives_up() -> None:
+    hand, _ = scripted({**OLD, "FGET P": ["0 0 0 0", b""]}, retries=0)
+    table = fingertips.stream(hand, rate=0, count=None, duration=None)
+    assert table.samples is not None
+    seen = []
+    with pytest.raises(NoAnswer):
+        for sample in table.samples:
+            seen.append(sample)
+    assert len(seen) == 3  # one good, two failed; the third failure ends it
+
+
+def test_stream_ends_after_its_duration() -> None:
+    hand, link = scripted(OLD)
+    table = fingertips.stream(hand, rate=10, count=None, duration=1.0)
+    assert table.samples is not None
+    begin = link.now()
+    assert len(list(table.samples)) == 10
+    assert link.now() - begin == pytest.approx(1.0)
