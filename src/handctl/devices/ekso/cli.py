@@ -1,0 +1,318 @@
+"""`handctl ekso …`: the commands of the EksoNR DataPort."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from handctl import __version__, verbs
+from handctl.clikit import Command, Group
+from handctl.devices.ekso.dataport import DEFAULT_RETRIES, DataPort, check_mode
+from handctl.devices.ekso.device import Ekso, one_setting, written_table
+from handctl.devices.ekso.fields import EKSO
+from handctl.devices.ekso.log_cli import add_log_commands
+from handctl.errors import UsageError
+from handctl.mapverbs import NAMES, add_map_verbs
+from handctl.result import Column, Table
+from handctl.run import Family, Run
+
+if TYPE_CHECKING:
+    from handctl.devices.ekso.audit import AuditLog
+    from handctl.link import ByteLink
+    from handctl.options import Settings
+    from handctl.result import Journal
+
+LENGTH_MODE = "handctl.ekso.length-mode"
+"""Key in click's shared meta: the length convention for requests."""
+NOT_MEDICAL = "handctl is no medical device; who changes a setting answers for it"
+
+
+def open_ekso(link: ByteLink, settings: Settings, journal: Journal) -> Ekso:
+    """An EksoNR behind `link`."""
+    context = click.get_current_context(silent=True)
+    mode = str(context.meta.get(LENGTH_MODE, "body")) if context is not None else "body"
+    port = DataPort(
+        link,
+        journal,
+        timeout=settings.timeout,
+        retries=settings.retries if settings.retries is not None else DEFAULT_RETRIES,
+        bound=link.deadline(settings.deadline) if settings.deadline is not None else None,
+        mode="body" if mode == "auto" else mode,
+    )
+    return Ekso(port, find_length=mode == "auto")
+
+
+cli = Group(
+    "ekso",
+    family=Family("ekso", open_ekso, 115200),
+    help="EksoNR DataPort (serial, USB). A person stands in this device: reading is free, every setting is asked for, "
+    f"checked, read back and logged. {NOT_MEDICAL}.",
+)
+add_map_verbs(cli, EKSO, example="step_length left_knee_angle 216", without=("set", "describe", "restore"))
+add_log_commands(cli)
+
+
+# -- reading ------------------------------------------------------------------------------------------------------
+
+
+@cli.verb("time")
+def time_(run: Run) -> Table:
+    """The device's time of day."""
+    return run.device().clock("time")  # type: ignore[no-any-return]
+
+
+@cli.verb("date")
+def date(run: Run) -> Table:
+    """The device's date."""
+    return run.device().clock("date")  # type: ignore[no-any-return]
+
+
+@cli.verb("settings")
+def settings(run: Run) -> Table:
+    """All settings (GetSettings, 22 words)."""
+    return run.device().message("settings")  # type: ignore[no-any-return]
+
+
+@cli.verb("data")
+def data(run: Run) -> Table:
+    """What the device senses now (GetData, 27 words).
+
+    Trunk, soles, hips, motor currents, joint angles, state, boot time.
+    """
+    return run.device().message("data")  # type: ignore[no-any-return]
+
+
+@cli.verb("feedback")
+def feedback(run: Run) -> Table:
+    """Steps, times, assistance (GetFeedback, 17 words)."""
+    return run.device().message("feedback")  # type: ignore[no-any-return]
+
+
+@cli.verb("describe")
+@click.argument("names", nargs=-1, metavar=NAMES)
+def describe(run: Run, names: tuple[str, ...]) -> Table:
+    """The map itself; needs no device.
+
+    Message, word, ParameterID, type, codes, aliases, and this tool's policy for writing.
+    """
+    table = verbs.describe(EKSO, names)
+    for row in table.rows:
+        param = EKSO[row["name"]]
+        policy = [f"{param.shown(param.step) if not param.choices else '10 %'} at once"] if param.step else []
+        policy += ["only while sitting"] if param.sitting else []
+        policy += [f"{' and '.join(param.twice)} asked twice"] if param.twice else []
+        row |= {
+            "message": param.message,
+            "word": param.word,
+            "id": param.id,
+            "aliases": ", ".join(param.aliases),
+            "policy": ", ".join(policy) or None,
+        }
+    columns = (
+        *table.columns[:1],
+        Column("message", "Message"),
+        Column("word", "Word", right=True),
+        Column("id", "ID", right=True),
+        *(column for column in table.columns[2:] if column.key != "persistent"),
+        Column("policy", "Policy"),
+        Column("aliases", "Also"),
+    )
+    return Table(rows=table.rows, columns=columns)
+
+
+@cli.verb("policy")
+def policy(_run: Run) -> Table:
+    """What this tool asks for before it writes; needs no device.
+
+    Steps, postures, second questions, stillness. The device's own limits are not documented.
+    """
+    from handctl.devices.ekso.policy import policy as table
+
+    return table()
+
+
+# -- writing ------------------------------------------------------------------------------------------------------
+
+
+def _audit_options(body: Callable[..., Any]) -> Callable[..., Any]:
+    body = click.option(
+        "--audit",
+        envvar="HANDCTL_AUDIT",
+        metavar="FILE",
+        type=click.Path(dir_okay=False),
+        help="The audit log (default: ekso-audit.jsonl in the user's state folder). No log, no write.",
+    )(body)
+    return click.option(
+        "--operator", envvar="HANDCTL_OPERATOR", metavar="NAME", help="Who does it, for the audit log; needed by --yes."
+    )(body)
+
+
+OVERRIDE = click.option(
+    "--override-step-limit",
+    "override",
+    is_flag=True,
+    help="Allow a larger step than this tool's policy; never for leg lengths.",
+)
+
+
+def _audit(run: Run, operator: str | None, file: str | None) -> AuditLog:
+    from getpass import getuser
+    from pathlib import Path
+
+    from handctl.devices.ekso.audit import AuditLog, default_path
+
+    try:
+        user: str | None = getuser()
+    except (OSError, KeyError):
+        user = None
+    always = {
+        "operator": operator,
+        "user": user,
+        "port": run.link_name(),
+        "simulated": run.open_link().fake,
+        "tool": f"handctl {__version__}",
+        "command": run.command,
+    }
+    return AuditLog(Path(file) if file else default_path(), always)
+
+
+def _with_writer(run: Run, operator: str | None, file: str | None, *, override: bool) -> Ekso:
+    """The device with all that writing needs; --yes stands for a person, who must be named."""
+    from handctl.devices.ekso.settings import Writer
+
+    ekso: Ekso = run.device()
+    run.guide.say(NOT_MEDICAL)
+
+    def ask(question: str, word: str) -> None:
+        if run.settings.yes:
+            run.guide.say(question.partition(". ")[0])
+        run.confirm(question, word=word)
+
+    audit = _audit(run, operator, file)
+    _tell_unfinished(run, audit)
+    ekso.writer = Writer(ekso.port, audit, ask, override=override)
+    return ekso
+
+
+def _tell_unfinished(run: Run, audit: AuditLog) -> None:
+    last = audit.unfinished()
+    if last is None:
+        return
+    old, new = ((last.get(key) or {}).get("value") for key in ("old", "new"))
+    run.journal.warn(
+        "unfinished-write",
+        f"{audit.path} ends with a write that has no result: {last.get('name')} {old} -> {new} at {last.get('utc')} "
+        f"on {last.get('port')}",
+        hint="handctl was killed or lost its log there: compare with `handctl ekso settings`",
+    )
+
+
+def _need_operator(run: Run, operator: str | None) -> None:
+    if run.settings.yes and not run.settings.dry_run and not (operator or "").strip():
+        raise UsageError(
+            "--yes writes without asking: it needs --operator NAME",
+            hint="the audit log must tell who did it. Nothing was sent.",
+            code="no-operator",
+        )
+
+
+@cli.verb("set", writes=True)
+@click.argument("assignments", nargs=-1, required=True, metavar="NAME=VALUE")
+@_audit_options
+@OVERRIDE
+def set_(run: Run, assignments: tuple[str, ...], operator: str | None, audit: str | None, override: bool) -> Table:
+    """Write one setting, with every check.
+
+    Such as `step_length=15.5`, `walk_mode=ProStep`, `216='50 %'`. Shows old -> new, asks, wants the wearer still, sends it once, reads back all settings, keeps an audit log.
+    """
+    change = one_setting(assignments)
+    _need_operator(run, operator)
+    if run.settings.dry_run:
+        steps = run.planner().plan([change])
+        run.journal.info("dry-run-gates", "step limit and stillness are checked against the device, when it is written")
+        return run.dry_run(steps)
+    ekso = _with_writer(run, operator, audit, override=override)
+    before = ekso.words("settings")
+    param = EKSO[change[0].param.name]
+    if before[param.word] == param.to_raw(change[1]):
+        run.journal.info("equal", f"{param.name} is {param.shown(change[1])} already; nothing was written")
+    return written_table(ekso, before, ekso.write([change]))
+
+
+@cli.verb("restore", writes=True)
+@click.argument("file", type=click.Path(dir_okay=False))
+@_audit_options
+@OVERRIDE
+def restore(run: Run, file: str, operator: str | None, audit: str | None, override: bool) -> Table:
+    """Write what differs from a snapshot, one by one.
+
+    By the rules of `set`, with the same questions; safe to run again after any interruption.
+    """
+    _need_operator(run, operator)
+    if not run.settings.dry_run:
+
+        def check(_changes: object) -> None:
+            _with_writer(run, operator, audit, override=override)
+
+        return verbs.restore(run, EKSO, file, check=check)
+    return verbs.restore(run, EKSO, file)
+
+
+@cli.verb("cancel", writes=True)
+@click.option(
+    "--word", default=0x0100, show_default=True, metavar="N", type=click.IntRange(1, 0xFFFF), help="Command word."
+)
+@_audit_options
+def cancel(run: Run, word: int, operator: str | None, audit: str | None) -> Table:
+    """Cancel the running action (CancelAction).
+
+    Sent once, without asking, and logged. What it stops is not documented.
+    """
+    from handctl.devices.ekso.frames import Command as Code
+    from handctl.devices.ekso.frames import cancel_body
+    from handctl.param import Step
+
+    if run.settings.dry_run:
+        request = run.planner().port.request(Code.CANCEL_ACTION, cancel_body(word))
+        return run.dry_run([Step(f"CancelAction 0x{word:04X}", request)])
+    ekso: Ekso = run.device()
+    log = _audit(run, operator, audit)
+
+    def record(event: str, fields: dict[str, object]) -> None:
+        from handctl.errors import OutputError
+
+        try:
+            log.record(event, ekso.link.now(), **fields)
+        except OutputError as exc:  # stopping must not depend on a disk
+            run.journal.warn("audit", exc.text)
+
+    return ekso.cancel(word, record)
+
+
+# -- every command -------------------------------------------------------------------------------------------------
+
+
+def _remember_mode(ctx: click.Context, _param: click.Parameter, value: str | None) -> None:
+    if value is not None:
+        ctx.meta[LENGTH_MODE] = check_mode(value)
+
+
+def add_length_mode(command: Command) -> None:
+    """Give a command the option that says what the length byte of requests counts."""
+    command.params.append(
+        click.Option(
+            ["--length-mode"],
+            envvar="HANDCTL_LENGTH_MODE",
+            metavar="MODE",
+            expose_value=False,
+            callback=_remember_mode,
+            help="What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.",
+        )
+    )
+
+
+for _name, _command in cli.commands.items():
+    if _name not in ("describe", "export", "policy") and isinstance(_command, Command):
+        add_length_mode(_command)

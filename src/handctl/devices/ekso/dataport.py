@@ -1,0 +1,394 @@
+"""The line to an EksoNR: one request, one answer, a deadline on everything; reads are repeated, writes never (ekso §6).
+
+`DataPort` speaks in frames and words; what the words mean is not known here. What is not the answer is dropped and
+counted. For recordings: `samples` yields GetData as fast as the device answers, `settings_raw` the 22 settings.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from handctl.devices.ekso.fields import SETTINGS
+from handctl.devices.ekso.frames import (
+    ANSWER_SIZES,
+    LENGTH_MODES,
+    OVERHEAD,
+    Command,
+    Decoder,
+    Frame,
+    encode,
+    name_of,
+)
+from handctl.errors import HandctlError, NoAnswer, ProtocolError, UsageError
+from handctl.link import ByteLink, Deadline
+from handctl.result import Journal, hex_bytes
+
+DEFAULT_TIMEOUT = 0.5
+"""Seconds for the whole answer; the manual names none."""
+DEFAULT_RETRIES = 2
+QUIET = 0.02
+"""Seconds of silence that end a resynchronisation: an answer to somebody else's request has passed then."""
+AFTER_BROKEN = 3 * QUIET
+"""How much longer an answer is waited for behind a broken one."""
+
+
+@dataclass(slots=True)
+class Counts:
+    """What went wrong on the line, by kind."""
+
+    answered: int = 0
+    timeouts: int = 0
+    crc_errors: int = 0
+    length_errors: int = 0
+    late: int = 0
+    duplicates: int = 0
+    unsolicited: int = 0
+
+    def as_dict(self) -> dict[str, int]:
+        """By name, for sidecars and reports."""
+        return {name: getattr(self, name) for name in self.__slots__}
+
+
+class DataPort:
+    """One EksoNR on a byte link.
+
+    timeout  seconds for the whole answer     retries  repetitions of a read, each with a new msgID
+    bound    deadline of the whole command, None = none
+    mode     what the length byte of our requests counts; answers may count as they like
+    rtt      seconds from the last request to its answer
+    """
+
+    def __init__(
+        self,
+        link: ByteLink,
+        journal: Journal,
+        *,
+        timeout: float | None = None,
+        retries: int = DEFAULT_RETRIES,
+        bound: Deadline | None = None,
+        mode: str = "body",
+        first_id: int = 1,
+    ) -> None:
+        self.link = link
+        self.journal = journal
+        self.timeout = timeout if timeout is not None else DEFAULT_TIMEOUT
+        self.retries = retries
+        self.bound = bound
+        self.mode = mode
+        self.counts = Counts()
+        self.sent_at = self.answered_at = 0.0
+        self._next_id = first_id
+        self._decoder = Decoder()
+        self._settled = False
+        self._last: tuple[int, int] | None = None
+
+    # -- reading -------------------------------------------------------------------------------------------------
+
+    def read(self, command: Command) -> Frame:
+        """The answer to a read, repeated when none comes. Raises NoAnswer, ProtocolError, LinkError."""
+        for attempt in range(1 + self.retries):
+            if attempt:
+                self.journal.counters.retries += 1
+            try:
+                return self.exchange(command)
+            except (NoAnswer, ProtocolError) as exc:
+                error: HandctlError = exc
+            if self.bound is not None and self.bound.expired:
+                break
+        raise error
+
+    def settings_raw(self) -> tuple[int, ...]:
+        """The 22 words of GetSettings as raw integers, each in its field's own sign."""
+        words = self.read(Command.GET_SETTINGS).words
+        return tuple(param.raw_of(word) for param, word in zip(SETTINGS, words, strict=True))
+
+    def samples(self, deadline: Deadline | None = None) -> Iterator[tuple[float, tuple[int, ...]]]:
+        """(host moment, 27 signed words of GetData), as fast as the device answers, until `deadline`.
+
+        The moment is on the link's monotonic clock, in the middle between request and answer. Raises as `read`.
+        """
+        while deadline is None or not deadline.expired:
+            words = self.read(Command.GET_DATA).words
+            yield (self.sent_at + self.answered_at) / 2, words
+
+    @property
+    def rtt(self) -> float:
+        """Seconds between the last request and its answer."""
+        return self.answered_at - self.sent_at
+
+    @property
+    def answer_mode(self) -> str | None:
+        """What the length byte of the last answer counted, None before the first."""
+        return self._decoder.mode
+
+    # -- one exchange --------------------------------------------------------------------------------------------
+
+    def exchange(self, command: Command, body: bytes = b"") -> Frame:
+        """Send one request, wait for its answer; one attempt. Raises NoAnswer, ProtocolError, LinkError.
+
+        A bare acknowledgement and our own bytes coming back are no answer.
+        """
+        if not self._settled:
+            self.resynchronise()
+        self._take_waiting()
+        self.refuse_late(name_of(command))
+        request = self.request(command, body)
+        self._next_id = (self._next_id + 1) & 0xFFFF
+        seconds = self._wire_seconds(len(request) + max(ANSWER_SIZES[command]) + OVERHEAD) + self.timeout
+        deadline = self.link.deadline(seconds).earlier(self.bound)
+        self._decoder.expect(request)
+        self._settled = False
+        self.sent_at = self.link.now()
+        self.link.write(request, deadline)
+        self.journal.counters.sent += 1
+        return self._wait(request, deadline)
+
+    def request(self, command: Command, body: bytes = b"") -> bytes:
+        """The bytes that `exchange` would send next."""
+        return encode(command, self._next_id, body, self.mode)
+
+    def _wait(self, request: bytes, deadline: Deadline) -> Frame:
+        attempt = _Attempt(request, self.journal.counters.sent - 1)
+        over = False
+        while True:
+            try:
+                frame = self._decoder.next()
+            except ProtocolError as exc:
+                self._count_broken(exc)
+                attempt.broken = exc
+                deadline = self.link.deadline(AFTER_BROKEN).earlier(deadline)
+                continue
+            if frame is None and over:
+                answer = next((f for f in self._decoder.finish() if self._judge(f, attempt)), None)
+                if answer is None:
+                    raise self._failure(attempt)
+                return self._accept(answer)
+            if frame is None:
+                chunk = self.link.read(deadline)
+                over = not chunk or deadline.expired
+                attempt.received += chunk
+                self._decoder.feed(chunk)
+            elif self._judge(frame, attempt):
+                return self._accept(frame)
+
+    def _judge(self, frame: Frame, attempt: _Attempt) -> bool:
+        """Whether `frame` is the answer; what is none is counted."""
+        if (frame.command, frame.msg_id) != attempt.key:
+            attempt.foreign = frame
+            self._count_foreign(frame)
+            return False
+        if frame.data == attempt.request or not frame.body:
+            attempt.empty = frame
+            return False
+        if attempt.empty is not None and attempt.empty.data == attempt.request:
+            self.journal.info(
+                "echo", f"{self.link.name}: our own bytes come back before the answers; they were dropped"
+            )
+        return True
+
+    def _accept(self, frame: Frame) -> Frame:
+        self.answered_at = self.link.now()
+        self._settled = True
+        self._last = (frame.command, frame.msg_id)
+        self.counts.answered += 1
+        self.journal.counters.received += 1
+        self._count_stray()
+        if frame.mode != "body":
+            self.journal.warn(
+                "length-convention",
+                f"{self.link.name}: the length byte of its answers counts more than the body: convention {frame.mode}",
+            )
+        return frame
+
+    # -- what is not the answer ----------------------------------------------------------------------------------
+
+    def resynchronise(self) -> None:
+        """Discard input until the line has been quiet for 20 ms, or for the time of one answer at the most."""
+        last = self.link.deadline(self.timeout).earlier(self.bound)
+        while not last.expired:
+            chunk = self.link.read(self.link.deadline(QUIET).earlier(last))
+            if not chunk:
+                break
+            self._decoder.feed(chunk)
+            self._drop_frames()
+        self._decoder.clear()
+        self._count_stray()
+        self._settled = True
+
+    def _take_waiting(self) -> None:
+        """What lies in the input before a request answers nothing any more; it is looked at only to be counted."""
+        self._decoder.feed(self.link.read(self.link.deadline(0)))
+        self._drop_frames()
+
+    def _drop_frames(self) -> None:
+        while True:
+            try:
+                frame = self._decoder.next()
+            except ProtocolError as exc:
+                self._count_broken(exc)
+                continue
+            if frame is None:
+                return
+            self._count_foreign(frame)
+
+    def _count_foreign(self, frame: Frame) -> None:
+        known = frame.command in tuple(Command)
+        if not known:
+            self.counts.unsolicited += 1
+            self.journal.info(
+                "unsolicited", f"{self.link.name}: frames that nobody asked for came in between; they were dropped"
+            )
+        elif (frame.command, frame.msg_id) == self._last:
+            self.counts.duplicates += 1
+            self.journal.info("duplicate", f"{self.link.name}: answers came twice; the second was dropped")
+        else:
+            self.counts.late += 1
+            self.journal.info(
+                "late", f"{self.link.name}: answers with another msgID or command came; they were dropped as late"
+            )
+        counters = self.journal.counters
+        counters.foreign_frames = (counters.foreign_frames or 0) + 1
+
+    def _count_broken(self, error: ProtocolError) -> None:
+        self.journal.counters.bad_frames += 1
+        if error.code == "bad-length":
+            self.counts.length_errors += 1
+        else:
+            self.counts.crc_errors += 1
+
+    def _count_stray(self) -> None:
+        self.journal.counters.stray_bytes += self._decoder.skipped
+        self._decoder.skipped = 0
+
+    # -- errors --------------------------------------------------------------------------------------------------
+
+    @property
+    def where(self) -> str:
+        """Link and speed for messages."""
+        speed = f" at {self.link.baud} baud" if self.link.baud and self.link.can_set_baud else ""
+        return f"EksoNR on {self.link.name}{speed}"
+
+    def refuse_late(self, what: str) -> None:
+        """Raise NoAnswer instead of sending anything after --deadline."""
+        if self.bound is not None and self.bound.expired:
+            raise NoAnswer(
+                f"{self.where}: --deadline is over; {what} was not sent", hint="a longer --deadline", code="deadline"
+            )
+
+    def _wire_seconds(self, count: int) -> float:
+        return count * 10 / self.link.baud if self.link.baud else 0.0
+
+    def _failure(self, attempt: _Attempt) -> HandctlError:
+        self.counts.timeouts += 1
+        self._count_stray()
+        name = name_of(attempt.request[0])
+        sent = f"sent {hex_bytes(attempt.request)}"
+        if not attempt.received and attempt.foreign is None:
+            return NoAnswer(
+                f"{self.where}: no answer to {name} ({hex_bytes(attempt.request)}) within {self.timeout:g} s",
+                hint=HINTS["silence"],
+            )
+        code, text = attempt.explain()
+        return ProtocolError(
+            f"{self.where}: {text}; {sent}, got {_shorten(bytes(attempt.received))}", hint=HINTS[code], code=code
+        )
+
+
+class _Attempt:
+    """What came while one answer was waited for; `sent_before` requests of ours went before it."""
+
+    def __init__(self, request: bytes, sent_before: int) -> None:
+        self.request = request
+        self.sent_before = sent_before
+        self.key = (request[0], int.from_bytes(request[2:4], "big"))
+        self.received = bytearray()
+        self.broken: ProtocolError | None = None
+        self.foreign: Frame | None = None
+        self.empty: Frame | None = None
+
+    def explain(self) -> tuple[str, str]:
+        """(code, text) of why there is no answer; the codes are keys of HINTS."""
+        name = name_of(self.request[0])
+        if self.broken is not None:
+            return self.broken.code, f"the answer to {name} is broken: {self.broken.text}"
+        if self.empty is not None and self.empty.data == self.request:
+            reads = len(self.request) == OVERHEAD
+            return (
+                "echo",
+                f"{name}: {'acknowledged without data (or the line echoes)' if reads else 'only our own bytes came back'}",
+            )
+        if self.empty is not None:
+            return "acknowledged", f"{name}: acknowledged without data"
+        if self.foreign is not None:
+            frame = self.foreign
+            behind = (self.key[1] - frame.msg_id) & 0xFFFF
+            code = "wrong-id" if frame.command in tuple(Command) else "unsolicited"
+            code = "late" if code == "wrong-id" and 0 < behind <= self.sent_before else code
+            return code, f"{name_of(frame.command)} with msgID {frame.msg_id} came, not {name} with msgID {self.key[1]}"
+        for at in _places(self.received[2:], self.request[2:4]):
+            command = self.received[at]
+            if command == self.request[0]:
+                return "cut-short", f"the answer to {name} was cut off after {len(self.received)} bytes"
+            if command in tuple(Command):
+                return "wrong-command", f"an answer to {name_of(command)} came instead of {name}"
+        return "garbage", f"{len(self.received)} bytes came that form no frame"
+
+
+def _places(data: bytes | bytearray, part: bytes) -> Iterator[int]:
+    at = data.find(part)
+    while at >= 0:
+        yield at
+        at = data.find(part, at + 1)
+
+
+def _shorten(data: bytes, limit: int = 40) -> str:
+    text = hex_bytes(data[:limit])
+    return text if len(data) <= limit else f"{text} … ({len(data)} bytes)"
+
+
+HINTS = {
+    "silence": "check that the device is on, the USB cable, and that no other program holds the port; if it is on, "
+    "another --length-mode may be needed (auto tries them with GetTime)",
+    "echo": "our own bytes come back: a loop in the cable or another kind of device. If the device answers elsewhere, "
+    "it acknowledges without data: please report it",
+    "acknowledged": "an acknowledgement without a status is no success: read the value back",
+    "bad-checksum": "bytes were damaged on the way: check cable and hub, and that no other program reads the port",
+    "bad-length": "another protocol version or damaged bytes: please report the hex",
+    "wrong-id": "an answer to another request: a second program may use this port",
+    "late": "answers take longer than the time allowed: a longer --timeout",
+    "unsolicited": "the device sent something by itself and did not answer; try again",
+    "wrong-command": "another protocol version or a second program on this port: please report the hex",
+    "cut-short": "the answer was cut off: check the cable, and that no other program reads the port",
+    "garbage": "no frame in it: another kind of device, or a wrong speed (115200 is the usual one)",
+}
+
+
+# -- which length convention the device wants ---------------------------------------------------------------------
+
+
+def find_mode(port: DataPort) -> str:
+    """Try GetTime, a read, with every length convention until one is answered; the port keeps that one.
+
+    Between attempts the line rests for as long as one answer may take: a device that expects more bytes would swallow
+    the next request. Raises NoAnswer, ProtocolError of the first attempt when none is answered.
+    """
+    failure: HandctlError | None = None
+    for mode in ("body", "frame", "n-2", "n-4"):
+        port.mode = mode
+        try:
+            port.exchange(Command.GET_TIME)
+            return mode
+        except (NoAnswer, ProtocolError) as exc:
+            failure = failure or exc
+        port.link.sleep(port.timeout)
+    port.mode = "body"
+    assert failure is not None
+    raise failure
+
+
+def check_mode(text: str) -> str:
+    """A length convention or "auto". Raises UsageError."""
+    if text not in (*LENGTH_MODES, "auto"):
+        raise UsageError(f"length convention {text!r} does not exist", hint=f"auto, {', '.join(LENGTH_MODES)}")
+    return text

@@ -1,0 +1,371 @@
+"""What an EksoNR can tell and be told through its DataPort; returns Tables. Satisfies `verbs.MapDevice`.
+
+Knows words and names, no bytes: those are the port's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Protocol
+
+from handctl.devices.ekso.dataport import DataPort, find_mode
+from handctl.devices.ekso.fields import (
+    DATA,
+    EKSO,
+    FEEDBACK,
+    MESSAGES,
+    NOTHING_SENT,
+    Word,
+    boot_ms,
+    boot_text,
+)
+from handctl.devices.ekso.frames import Command, cancel_body, set_value_body, status_text
+from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer, ProtocolError, UsageError
+from handctl.link import Link
+from handctl.param import Element, Number, Reading, Step, elements_of
+from handctl.result import Cell, Column, Grid, Journal, Row, Table
+
+if TYPE_CHECKING:
+    from handctl.devices.ekso.settings import Change
+
+    class Writing(Protocol):
+        """Who writes settings, with all gates (`settings.Writer`)."""
+
+        override: bool
+
+        def write(self, wanted: Sequence[tuple[Word, int]], shown: tuple[int, ...]) -> tuple[int, ...]: ...
+
+
+COMMANDS = {"settings": Command.GET_SETTINGS, "data": Command.GET_DATA, "feedback": Command.GET_FEEDBACK}
+CLOCKS = {
+    # what -> (command, what its bytes are with their ranges, ekso §6)
+    "time": (Command.GET_TIME, (("hour", 0, 23), ("minute", 0, 59), ("second", 0, 59))),
+    "date": (Command.GET_DATE, (("year", 0, 99), ("month", 1, 12), ("day", 1, 31))),
+}
+
+
+class Ekso:
+    """One EksoNR. `port` is the line to it; `writer` is given by the commands that write."""
+
+    kind = "ekso"
+    map = EKSO
+    worn = True
+    live = (
+        *("state", "torso_pitch", "torso_roll", "left_hip_angle", "left_knee_angle", "right_hip_angle"),
+        *("right_knee_angle", "left_toe_pressure", "left_heel_pressure", "right_toe_pressure", "right_heel_pressure"),
+        *("left_hip_current", "left_knee_current", "right_hip_current", "right_knee_current"),
+    )
+    columns = (
+        Column("name", "Name"),
+        Column("word", "Word", right=True),
+        Column("id", "ID", right=True),
+        Column("value", "Value", right=True),
+        Column("raw", "Raw", right=True),
+        Column("unit", "Unit"),
+        Column("label", "Meaning"),
+    )
+    not_covered = ("swing_complete and pilot_id: they have no ParameterID",)
+
+    def __init__(self, port: DataPort, *, find_length: bool = False) -> None:
+        self._port = port
+        self._find_length = find_length
+        self.writer: Writing | None = None
+        self.known: tuple[int, ...] | None = None
+
+    @property
+    def port(self) -> DataPort:
+        """The line; with `--length-mode auto` its convention is looked for at first use."""
+        if self._find_length:
+            self._find_length = False
+            mode = find_mode(self._port)
+            self.journal.info("length-mode", f"{self.link.name}: requests are understood with --length-mode {mode}")
+        return self._port
+
+    @property
+    def link(self) -> Link:
+        """Where it is, and its clock."""
+        return self._port.link
+
+    @property
+    def journal(self) -> Journal:
+        """Where messages and counters go."""
+        return self._port.journal
+
+    def identity(self) -> dict[str, object]:
+        """What tells one unit from another: the protocol has no serial number; the pilot's is personal and stays out."""
+        return {"kind": self.kind, "serial_number": None}
+
+    def find_for_restore(self, values: dict[str, Number]) -> None:
+        """Nothing to do: the device has no address."""
+
+    # -- reading -------------------------------------------------------------------------------------------------
+
+    def words(self, message: str) -> tuple[int, ...]:
+        """The words of a message as raw integers in their fields' own sign."""
+        words = self.port.read(COMMANDS[message]).words
+        raws = tuple(param.raw_of(word) for param, word in zip(MESSAGES[message], words, strict=True))
+        if message == "settings":
+            self.known = raws
+        return raws
+
+    def readings(self, message: str) -> list[Reading]:
+        """A whole message, each word as a Reading."""
+        return [_reading(param, raw) for param, raw in zip(MESSAGES[message], self.words(message), strict=True)]
+
+    def read(self, elements: Sequence[Element]) -> list[Reading]:
+        """Read elements with one request per message. Raises what went wrong when nothing could be read."""
+        found: dict[str, tuple[int, ...] | HandctlError] = {}
+        for message in dict.fromkeys(_word(element).message for element in elements):
+            try:
+                found[message] = self.words(message)
+            except (NoAnswer, ProtocolError) as exc:
+                found[message] = exc
+        errors = [entry for entry in found.values() if isinstance(entry, HandctlError)]
+        if errors and len(errors) == len(found):
+            raise errors[0]
+        readings = []
+        for element in elements:
+            param = _word(element)
+            words = found[param.message]
+            if isinstance(words, HandctlError):
+                readings.append(Reading(element, None, b"", words))
+            else:
+                raw = words[param.word]
+                readings.append(Reading(element, param.from_raw(raw), (raw & 0xFFFF).to_bytes(2, "big")))
+        return readings
+
+    def row(self, reading: Reading) -> Row:
+        """The data row of one reading (cli contract, row keys of ekso)."""
+        param = _word(reading.element)
+        row: Row = {"name": param.name, "word": param.word, "id": param.id}
+        if reading.error is not None or reading.value is None:
+            return {**row, "error": reading.error.text if reading.error is not None else "not read", "unit": param.unit}
+        return {
+            **row,
+            "value": reading.value,
+            "raw": int.from_bytes(reading.raw, "big", signed=param.signed),
+            "unit": param.unit,
+            "label": param.label(reading.value),
+        }
+
+    def table(self, readings: Sequence[Reading], title: str = "") -> Table:
+        """Readings as a Table; rows that could not be read set its failure."""
+        failed = [reading for reading in readings if reading.error is not None]
+        failure = None
+        if failed and failed[0].error is not None:
+            exc = failed[0].error
+            failure = type(exc)(exc.text, hint=exc.hint, code=exc.code)
+        rows = [self.row(reading) for reading in readings]
+        return Table(rows=rows, columns=self.columns, title=title, view=words_view, failure=failure)
+
+    def message(self, name: str) -> Table:
+        """All words of GetSettings ("settings"), GetData ("data") or GetFeedback ("feedback")."""
+        return self.table(self.readings(name))
+
+    def clock_row(self, what: str) -> Row:
+        """GetTime or GetDate as one row, ``14:05:37`` or ``2026-11-20``; the raw integer has its bytes."""
+        command, parts = CLOCKS[what]
+        body = self.port.read(command).body
+        numbers = dict(zip((name for name, _, _ in parts), body, strict=False))
+        wrong = [f"{name} {numbers[name]}" for name, low, high in parts if not low <= numbers[name] <= high]
+        if wrong:
+            self.journal.warn("clock", f"{self.link.name}: the device's {what} is impossible: {', '.join(wrong)}")
+        shown = [numbers[name] for name, _, _ in parts]
+        text = "{:02d}:{:02d}:{:02d}".format(*shown) if what == "time" else "20{:02d}-{:02d}-{:02d}".format(*shown)
+        row: Row = {"name": what, "word": None, "id": None, "value": text, "raw": int.from_bytes(body[:3], "big")}
+        return {**row, "unit": None, "label": None, **numbers, "bytes": len(body)}
+
+    def clock(self, what: str) -> Table:
+        """`time` or `date` as a Table."""
+        return Table(rows=[self.clock_row(what)], columns=(Column("value", what.capitalize()),), plain=("value",))
+
+    def now(self) -> tuple[Row, Row]:
+        """Date and time that belong together: the date is read before and after the time (two messages)."""
+        date = self.clock_row("date")
+        for _ in range(3):
+            time = self.clock_row("time")
+            again = self.clock_row("date")
+            if again["value"] == date["value"]:
+                break
+            date = again
+        return date, time
+
+    def dump(self) -> Table:
+        """Everything that can be read: date, time, 22 settings, 27 words of data, 17 of feedback."""
+        rows: list[Row] = []
+        failure: HandctlError | None = None
+        answered = False
+        for message, words in MESSAGES.items():
+            try:
+                rows += [{**self.row(reading), "message": message} for reading in self.readings(message)]
+                answered = True
+            except (NoAnswer, ProtocolError) as exc:
+                if not answered:
+                    raise
+                failure = exc
+                rows += [
+                    {**self.row(Reading(elements_of(param)[0], None, b"", exc)), "message": message} for param in words
+                ]
+        try:
+            rows = [{**row, "message": row["name"]} for row in self.now()] + rows
+        except (NoAnswer, ProtocolError) as exc:
+            failure = failure or exc
+            rows = [{"name": name, "word": None, "id": None, "error": exc.text, "unit": None, "message": name} for name in ("date", "time")] + rows  # fmt: skip
+        columns = (Column("message", "Message"), *self.columns)
+        return Table(rows=rows, columns=columns, view=dump_view, failure=failure)
+
+    def status(self, check: bool) -> Table:
+        """What to look at first; with `check`, findings are exit 7."""
+        from handctl.devices.ekso.status import status
+
+        return status(self, check)
+
+    # -- writing -------------------------------------------------------------------------------------------------
+
+    def plan(self, changes: Sequence[tuple[Element, Number]]) -> list[Step]:
+        """The SetValue of each change. Where the present settings are known, its meaning is old -> new and the policy is
+        applied.
+
+        Raises UsageError for what the policy refuses. The msgID is that of the next message: a later one differs in
+        msgID and CRC.
+        """
+        from handctl.devices.ekso.settings import Change, check_change
+
+        steps = []
+        for element, value in changes:
+            param = _word(element)
+            assert param.id is not None
+            raw = param.to_raw(value)
+            meaning = f"{param.name} = {param.shown(value)}"
+            if self.known is not None:
+                change: Change = Change(param, self.known[param.word], raw)
+                check_change(change, self.writer is not None and self.writer.override)
+                meaning = change.text
+            elif param.choices and raw not in param.choices:
+                self.journal.warn("unlisted", f"{meaning}: nobody knows this code; it is never written")
+                continue
+            body = set_value_body(param.id, raw)
+            steps.append(Step(meaning, self._port.request(Command.SET_VALUE, body)))
+        return steps
+
+    def write(self, changes: Sequence[tuple[Element, Number]]) -> list[Reading]:
+        """Write settings one at a time through all gates; the settings as they are read back afterwards."""
+        assert self.writer is not None
+        shown = self.known if self.known is not None else self.words("settings")
+        wanted = [(_word(element), _word(element).to_raw(value)) for element, value in changes]
+        self.known = after = self.writer.write(wanted, shown)
+        return [_reading(param, after[param.word]) for param, _ in wanted]
+
+    def cancel(self, word: int, record: Callable[[str, dict[str, object]], None]) -> Table:
+        """CancelAction once; `record` notes request and answer. Raises DeviceRefused, and UsageError for word 0."""
+        body = cancel_body(word)
+        request = self.port.request(Command.CANCEL_ACTION, body).hex(" ").upper()
+        record("cancel", {"frame": request})
+        try:
+            frame = self.port.exchange(Command.CANCEL_ACTION, body)
+        except (NoAnswer, ProtocolError, LinkError) as exc:
+            record("cancel-result", {"answer": None, "verdict": exc.text})
+            exc.hint = f"{self._state_now()} {exc.hint}"
+            raise
+        status = frame.words[0] & 0xFFFF
+        text = status_text(status)
+        record("cancel-result", {"answer": frame.data.hex(" ").upper(), "status": status, "verdict": text})
+        if status & 0xFF:
+            raise DeviceRefused(f"{self.port.where}: CancelAction 0x{word:04X}: {text} (status 0x{status:04X})")
+        row: Row = {"name": "cancel_action", "word": 0, "id": None, "value": 0, "raw": status, "unit": None}
+        return Table(rows=[{**row, "label": text}], columns=self.columns)
+
+    def _state_now(self) -> str:
+        try:
+            return f"It was sent and may have been taken; the state is {DATA[18].label(self.words('data')[18])}."
+        except HandctlError:
+            return "It was sent and may have been taken; the state cannot be read."
+
+
+def _word(element: Element) -> Word:
+    assert isinstance(element.param, Word)
+    return element.param
+
+
+def _reading(param: Word, raw: int) -> Reading:
+    return Reading(Element(param, 0), param.from_raw(raw), (raw & 0xFFFF).to_bytes(2, "big"))
+
+
+def one_setting(texts: Sequence[str]) -> tuple[Element, Number]:
+    """The one NAME=VALUE of a `set`, checked. Raises UsageError for more: settings of a worn device are set one by one."""
+    changes = EKSO.assignments(texts)
+    if len(changes) != 1:
+        raise UsageError(
+            f"{len(changes)} settings at once", hint=f"one `set` writes one setting. {NOTHING_SENT}", code="one-by-one"
+        )
+    return changes[0]
+
+
+def written_table(ekso: Ekso, before: Sequence[int], readings: Sequence[Reading]) -> Table:
+    """What `set` wrote, with the raw values `before`: rows as of `get`, with `before` and `before_label`."""
+    table = ekso.table(readings)
+    for row in table.rows:
+        param = EKSO[row["name"]]
+        old = param.from_raw(before[param.word])
+        row |= {"before": old, "before_label": param.label(old)}
+    table.columns = (*ekso.columns[:3], Column("before", "Before", right=True), *ekso.columns[3:])
+    table.view = written_view
+    return table
+
+
+# -- how people see it -------------------------------------------------------------------------------------------
+
+
+def words_view(rows: list[Row]) -> list[Grid]:
+    """One line a word, with as many decimals as the wire has, bits in hex; units and codes in words."""
+    ids = any(row.get("id") is not None for row in rows)
+    headings = ("Name", *(["ID"] if ids else []), "Value", "Unit", "Meaning")
+    lines = []
+    for row in rows:
+        identity = [str(row["id"]) if row.get("id") is not None else ""] if ids else []
+        lines.append((row["name"], *identity, _value_cell(row), row["unit"] or "", _meaning(row)))
+    notes = dict.fromkeys(f"{row['name']}: {row['error']}" for row in rows if "error" in row)
+    boot = {row["name"]: row.get("raw") for row in rows}
+    high, low = boot.get("boot_time_high"), boot.get("boot_time_low")
+    uptime = [f"boot {boot_text(boot_ms([high, low]))}"] if isinstance(high, int) and isinstance(low, int) else []
+    right = frozenset({1, 2} if ids else {1})
+    return [Grid(headings, tuple(lines), right=right, notes=(*uptime, *notes))]
+
+
+def written_view(rows: list[Row]) -> list[Grid]:
+    """Old and new side by side."""
+    lines = [
+        (row["name"], str(row["id"]), EKSO[row["name"]].shown(row["before"]), EKSO[row["name"]].shown(row["value"]))
+        for row in rows
+    ]
+    return [Grid(("Name", "ID", "Before", "Now"), tuple(lines), right=frozenset({1, 2, 3}))]
+
+
+def _param_of(row: Row) -> Word | None:
+    name = row["name"]
+    return EKSO[name] if name in EKSO else next((param for param in FEEDBACK if param.name == name), None)
+
+
+def _value_cell(row: Row) -> str | Cell:
+    if "error" in row:
+        return Cell("?", "bad")
+    param = _param_of(row)
+    return param.text(row["value"]) if param is not None else str(row["value"])
+
+
+def _meaning(row: Row) -> str | Cell:
+    label = row.get("label") or ""
+    return Cell(label, "warn") if label.startswith("unknown") else label
+
+
+def dump_view(rows: list[Row]) -> list[Grid]:
+    """A grid per message."""
+    grids = []
+    clocks = [row for row in rows if row["message"] in CLOCKS]
+    if clocks:
+        line = "  ".join(str(row.get("value", "?")) for row in clocks)
+        grids.append(Grid(("Date and time",), ((line,),), title="EksoNR"))
+    for message in MESSAGES:
+        (grid,) = words_view([row for row in rows if row["message"] == message])
+        grids.append(grid._replace(title=message.capitalize()))
+    return grids

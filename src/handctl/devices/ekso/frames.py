@@ -1,0 +1,271 @@
+"""The DataPort frame, bytes <-> frames (ekso §6). Sans I/O: knows no link, no clock, no field names.
+
+     byte    1          2          3        4        5 .. N-2          N-1      N
+           command    length     msgID    msgID    body, S bytes     CRC      CRC
+           150..156   S          high     low      words high first  high     low
+           |<------------------ covered by the CRC ----------------->|
+
+Both directions have this shape; an answer repeats command and msgID. There is no start byte: a frame is found by its
+command, its length, its msgID and its CRC. The manual does not say what the length byte counts. Sent is S, the bytes of
+the body (`body`), unless told otherwise; received is whatever fits: S, S + 2 (`n-4`), S + 4 (`n-2`) or S + 6 (`frame`).
+
+The CRC is CRC-CCITT: x^16 + x^12 + x^5 + 1, start FFFF, not reflected, no final XOR, 29B1 over "123456789".
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Iterator
+from enum import IntEnum
+from functools import cache
+from typing import Any, NamedTuple
+
+from handctl.errors import ProtocolError, UsageError
+
+OVERHEAD = 6
+LENGTH_MODES: dict[str, int] = {"body": 0, "n-4": 2, "n-2": 4, "frame": 6}
+"""What the length byte counts -> how much more than S it says."""
+DEFAULT_CANCEL_WORD = 0x0100
+"""Command word of CancelAction: any but 0 will do (ekso §6); this is what clients in the field send."""
+
+
+class Command(IntEnum):
+    """The commands of the manual (ekso §6). Others exist in the field, one of them starts movements: never sent."""
+
+    GET_TIME = 150
+    GET_DATE = 151
+    GET_SETTINGS = 152
+    GET_DATA = 153
+    GET_FEEDBACK = 154
+    SET_VALUE = 155
+    CANCEL_ACTION = 156
+
+
+REQUEST_SIZES: dict[Command, int] = {
+    **dict.fromkeys(Command, 0), Command.SET_VALUE: 4, Command.CANCEL_ACTION: 2,
+}  # fmt: skip
+ANSWER_SIZES: dict[int, tuple[int, ...]] = {
+    # command -> sizes of the body of its answer; 0, the bare acknowledgement, may come for any
+    Command.GET_TIME: (3, 4),
+    Command.GET_DATE: (3, 4),
+    Command.GET_SETTINGS: (44,),
+    Command.GET_DATA: (54,),
+    Command.GET_FEEDBACK: (34,),
+    Command.SET_VALUE: (2,),
+    Command.CANCEL_ACTION: (2,),
+    # not in the manual, met in the field: recognised so that they can be dropped whole
+    157: (2,),
+    158: (6,),
+    159: (2,),
+    160: (2,),
+}
+STATUS = {
+    0: "accepted",
+    1: "refused in the present state",
+    2: "value out of range",
+    3: "value or command not allowed",
+}
+"""Low byte of the status word. The manual gives the word without values; these are from clients in the field."""
+
+
+class Frame(NamedTuple):
+    """One frame with a good CRC. `mode` is what its length byte counted, `data` the frame as it stood on the wire."""
+
+    command: int
+    msg_id: int
+    body: bytes
+    mode: str
+    data: bytes
+
+    @property
+    def words(self) -> tuple[int, ...]:
+        """The body as signed 16-bit words, high byte first."""
+        return unpack(self.body)
+
+
+def crc(data: bytes) -> int:
+    """CRC-CCITT as the manual has it; 0000 over a whole good frame."""
+    return _crc_function()(data)
+
+
+@cache
+def _crc_function() -> Callable[[bytes], int]:
+    # Built once, and only when bytes are really sent: help and plans of other families do without crcmod.
+    import crcmod.predefined
+
+    function: Callable[[bytes], int] = crcmod.predefined.mkPredefinedCrcFun("crc-ccitt-false")
+    return function
+
+
+def encode(command: Command, msg_id: int, body: bytes = b"", mode: str = "body") -> bytes:
+    """A request. Raises UsageError for a command, a msgID, a size or a length convention that does not exist."""
+    if command not in REQUEST_SIZES or len(body) != REQUEST_SIZES[command]:
+        raise UsageError(f"command {int(command)} with {len(body)} body bytes does not exist (ekso §6)")
+    if not 0 <= msg_id <= 0xFFFF:
+        raise UsageError(f"msgID {msg_id} does not fit 16 bits")
+    if mode not in LENGTH_MODES:
+        raise UsageError(f"length convention {mode!r} does not exist", hint=f"one of {', '.join(LENGTH_MODES)}")
+    head = bytes([command, len(body) + LENGTH_MODES[mode]]) + msg_id.to_bytes(2, "big") + body
+    return head + crc(head).to_bytes(2, "big")
+
+
+def set_value_body(parameter_id: int, raw: int) -> bytes:
+    """ParameterID and scaled value of a SetValue; negative values as two's complement (ekso §6, ParameterID table)."""
+    if not 200 <= parameter_id <= 219 or not -0x8000 <= raw <= 0xFFFF:
+        raise UsageError(f"ParameterID {parameter_id} with raw value {raw} cannot be sent")
+    return struct.pack(">HH", parameter_id, raw & 0xFFFF)
+
+
+def cancel_body(word: int = DEFAULT_CANCEL_WORD) -> bytes:
+    """Command word of a CancelAction, any value but 0 (ekso §6). Raises UsageError."""
+    if not 1 <= word <= 0xFFFF:
+        raise UsageError(f"command word {word} is not allowed", hint="1 to 65535: any non-zero value (ekso §6)")
+    return struct.pack(">H", word)
+
+
+def unpack(body: bytes) -> tuple[int, ...]:
+    """The signed 16-bit words of a body, high byte first."""
+    return struct.unpack(f">{len(body) // 2}h", body[: len(body) // 2 * 2])
+
+
+def name_of(command: int) -> str:
+    """``GetData`` for 153, ``command 160`` for what the manual does not have."""
+    if command not in REQUEST_SIZES:
+        return f"command {command}"
+    return "".join(word.capitalize() for word in Command(command).name.split("_"))
+
+
+def status_text(word: int) -> str:
+    """A status word in words; the high byte, the state at the refusal, means something with code 1 only."""
+    code = word & 0xFF
+    text = STATUS.get(code, f"unknown ({code})")
+    return f"{text}, state 0x{word >> 8 & 0xFF:02X}" if code == 1 else text
+
+
+ORDERS = {
+    met: sorted(LENGTH_MODES.items(), key=lambda item: (item[0] != met, -item[1])) for met in (None, *LENGTH_MODES)
+}
+"""Conventions in the order they are tried, by the one met before."""
+
+
+class Decoder:
+    """Finds frames in a stream: `expect` the answer to a request, `feed` bytes, call `next` until it returns None.
+
+    Every place where a known command stands may begin a frame; it is one when its length allows a size that this
+    command has and the CRC fits. What begins like the expected answer but is none raises ProtocolError and costs one
+    byte, never the buffer. Our own request coming back is returned as a frame too (`data` tells).
+
+    `skipped` counts bytes that belonged to no frame; `mode` is the length convention that was met last.
+    """
+
+    def __init__(self) -> None:
+        self._buffer = bytearray()
+        self._expected: tuple[int, int] | None = None
+        self._request = b""
+        self.skipped = 0
+        self.mode: str | None = None
+
+    def expect(self, request: bytes) -> None:
+        """What follows shall answer `request`; bytes that are still held are kept."""
+        self._request = request
+        self._expected = (request[0], int.from_bytes(request[2:4], "big"))
+
+    def feed(self, data: bytes) -> None:
+        """Add received bytes."""
+        self._buffer += data
+
+    @property
+    def pending(self) -> int:
+        """Bytes held back because they may still become a frame."""
+        return len(self._buffer)
+
+    def clear(self) -> int:
+        """Drop what is held; returns how many bytes."""
+        count = len(self._buffer)
+        self.skipped += count
+        self._buffer.clear()
+        return count
+
+    def next(self) -> Frame | None:
+        """The next frame, or None until more bytes come. Raises ProtocolError for a broken answer."""
+        keep = len(self._buffer)
+        for at in range(len(self._buffer)):
+            found = self._look(at)
+            if isinstance(found, Frame):
+                self._drop(at + len(found.data), stray=at)
+                self.mode = found.mode
+                return found
+            if isinstance(found, ProtocolError):
+                self._drop(at + 1, stray=at + 1)
+                raise found
+            if found:
+                keep = min(keep, at)
+                if self._is_mine(at):
+                    break  # the answer has begun: what looks like a frame inside it is none
+        self._drop(keep, stray=keep)
+        return None
+
+    def finish(self) -> list[Frame]:
+        """The stream has ended: whole frames that a false, never completed header was hiding."""
+        found = []
+        while self._buffer:
+            try:
+                frame = self.next()
+            except ProtocolError:
+                continue
+            if frame is not None:
+                found.append(frame)
+            elif self._buffer:
+                self._drop(1, stray=1)
+        return found
+
+    def _drop(self, count: int, *, stray: int) -> None:
+        del self._buffer[:count]
+        self.skipped += stray
+
+    def _is_mine(self, at: int) -> bool:
+        head = self._buffer[at : at + 4]
+        return len(head) == 4 and (head[0], int.from_bytes(head[2:4], "big")) == self._expected
+
+    def _look(self, at: int) -> Frame | ProtocolError | bool:
+        """What stands at `at`: a frame, a broken answer, something that may still become one (True), nothing (False)."""
+        sizes = ANSWER_SIZES.get(self._buffer[at])
+        if sizes is None:
+            return False
+        view = bytes(self._buffer[at : at + OVERHEAD + max(sizes) + 6])
+        if len(view) < 4:
+            return True
+        msg_id = int.from_bytes(view[2:4], "big")
+        echo = len(self._request)
+        if echo and view[:echo] == self._request:
+            return Frame(view[0], msg_id, view[4 : echo - 2], self.mode or "body", self._request)
+        may_grow = self._request.startswith(view)
+        fitting = [(mode, size) for mode, size in self._readings(view[1]) if size == 0 or size in sizes]
+        for mode, size in fitting:
+            total = size + OVERHEAD
+            if len(view) < total:
+                may_grow = True
+            elif crc(view[:total]) == 0:
+                return Frame(view[0], msg_id, view[4 : total - 2], mode, view[:total])
+        if may_grow or not self._is_mine(at):
+            return may_grow
+        return _broken(view, fitting)
+
+    def _readings(self, length: int) -> Iterator[tuple[str, int]]:
+        """(convention, size of the body) that a length byte may mean: the one met before first, then short to long."""
+        return ((mode, length - more) for mode, more in ORDERS[self.mode] if length >= more)
+
+
+def _broken(view: bytes, fitting: list[tuple[str, int]]) -> ProtocolError:
+    name = name_of(view[0])
+    shown: Any = view[: fitting[0][1] + OVERHEAD] if fitting else view
+    if not fitting:
+        sizes = " or ".join(str(size) for size in ANSWER_SIZES[view[0]])
+        return ProtocolError(
+            f"length byte {view[1]} fits no answer to {name} ({sizes} body bytes), in {shown.hex(' ').upper()}",
+            code="bad-length",
+        )
+    return ProtocolError(
+        f"bad CRC {shown[-2:].hex().upper()}, expected {crc(shown[:-2]):04X}, in {shown.hex(' ').upper()}",
+        code="bad-checksum",
+    )

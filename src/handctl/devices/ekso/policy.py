@@ -1,0 +1,57 @@
+"""`ekso policy`: every limit of this tool for writing a setting, as a table. Never a limit of the device.
+
+The limits themselves stand with the words (`fields`) and with the writer (`settings`); nothing is decided here.
+"""
+
+from __future__ import annotations
+
+from handctl.devices.ekso.fields import SETTINGS, Word
+from handctl.devices.ekso.settings import APART, BETWEEN_WRITES, BOOT_TOLERANCE_MS, MOST_SPEED
+from handctl.result import Column, Row, Table
+
+COLUMNS = (
+    Column("name", "Setting"),
+    Column("id", "ID", right=True),
+    Column("rule", "Rule"),
+    Column("value", "Value", right=True),
+    Column("unit", "Unit"),
+    Column("override", "Override"),
+)
+GENERAL: tuple[tuple[str, float | str, str | None], ...] = (
+    ("posture", "sitting, standing", None),
+    ("joint_speed_below", MOST_SPEED, "deg/s"),
+    ("looks_apart", APART, "s"),
+    ("boot_time_within", BOOT_TOLERANCE_MS, "ms"),
+    ("settings_at_once", 1, None),
+    ("between_writes", BETWEEN_WRITES, "s"),
+)
+"""What holds for every setting; no override."""
+
+
+def policy() -> Table:
+    """Rows `name` ("*" = every setting), `id`, `rule`, `value`, `unit`, `override` (whether --override-step-limit lifts it).
+
+    Rules of a setting: step (largest change at once), posture, asked_twice (labels), read_only.
+    """
+    rows = [_row(None, rule, value, unit) for rule, value, unit in GENERAL]
+    return Table(rows=[*rows, *(row for param in SETTINGS for row in _rules(param))], columns=COLUMNS)
+
+
+def _rules(param: Word) -> list[Row]:
+    if not param.writable:
+        return [_row(param, "read_only", param.note, None)]
+    rows = []
+    if param.step is not None:
+        # a step in codes counts within 0 %..100 %, 5 % a code; of labels without order there is none
+        value, unit = (param.step * 5, "%") if param.choices else (param.step, param.unit)
+        rows.append(_row(param, "step", value, unit, override=not param.firm))
+    if param.sitting:
+        rows.append(_row(param, "posture", "sitting", None))
+    if param.twice:
+        rows.append(_row(param, "asked_twice", ", ".join(param.twice), None))
+    return rows or [_row(param, "step", None, None)]
+
+
+def _row(param: Word | None, rule: str, value: float | str | None, unit: str | None, *, override: bool = False) -> Row:
+    name, number = (param.name, param.id) if param is not None else ("*", None)
+    return {"name": name, "id": number, "rule": rule, "value": value, "unit": unit, "override": override}

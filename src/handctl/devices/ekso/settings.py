@@ -1,0 +1,345 @@
+"""Writing one setting of a worn EksoNR: limits, stillness, one SetValue, read-back of everything, audit.
+
+The limits are this tool's policy (`describe` shows them); the device's own are not documented and it answers for
+itself. A write is never repeated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+from handctl.devices.ekso.audit import AuditLog
+from handctl.devices.ekso.dataport import DataPort
+from handctl.devices.ekso.fields import (
+    ASSIST,
+    DATA,
+    DRIVEN,
+    NOTHING_SENT,
+    PERCENT_CODES,
+    SETTINGS,
+    SITTING,
+    STANDING,
+    Word,
+    boot_ms,
+    state_text,
+)
+from handctl.devices.ekso.frames import Command, Frame, set_value_body, status_text
+from handctl.errors import (
+    CheckFailed,
+    DeviceRefused,
+    HandctlError,
+    Interrupted,
+    LinkError,
+    NoAnswer,
+    ProtocolError,
+    UsageError,
+)
+from handctl.result import hex_bytes
+
+APART = 0.1
+"""Seconds between the two looks at the joints."""
+MOST_SPEED = 5.0
+"""deg/s; above, the wearer moves."""
+BOOT_TOLERANCE_MS = 50
+BETWEEN_WRITES = 1.0
+STATE = 18
+PERSONAL = "pilot_id"
+"""Stays out of the log."""
+JOINTS = tuple(param for param in DATA if param.name.endswith(("hip_angle", "knee_angle")))
+
+Raws = tuple[int, ...]
+"""The 22 settings as raw integers."""
+
+
+class Change(NamedTuple):
+    """One setting to be written: raw values before and after."""
+
+    param: Word
+    old: int
+    new: int
+
+    @property
+    def text(self) -> str:
+        """``step_length 15.50 in -> 16.00 in``."""
+        before, after = (self.param.shown(self.param.from_raw(raw)) for raw in (self.old, self.new))
+        return f"{self.param.name} {before} -> {after}"
+
+
+def check_change(change: Change, override: bool) -> None:
+    """Raise UsageError for an unlisted code, or a step beyond the policy without `override`."""
+    param = change.param
+    if param.choices and change.new not in param.choices:
+        raise UsageError(
+            f"{change.text}: nobody knows this code; it is not written", hint=NOTHING_SENT, code="unlisted"
+        )
+    if param.step is None or (param.choices and not {change.old, change.new} <= set(PERCENT_CODES)):
+        return
+    if abs(change.new - change.old) <= param.to_raw(param.step) or (override and not param.firm):
+        return
+    limit = "10 %" if param.choices is ASSIST else param.shown(param.step)
+    way = "smaller steps only: no override for leg lengths" if param.firm else "smaller steps, or --override-step-limit"
+    raise UsageError(
+        f"{change.text}: more than {limit} at once is beyond this tool's policy (not the device's limit)",
+        hint=f"{way}. {NOTHING_SENT}",
+        code="step-limit",
+    )
+
+
+def needs_second_answer(change: Change) -> bool:
+    """Whether it enters or leaves a mode that is asked for twice."""
+    return any(change.param.choices.get(raw) in change.param.twice for raw in (change.old, change.new))
+
+
+# -- stillness ----------------------------------------------------------------------------------------------------
+
+
+def moving(first: Sequence[int], second: Sequence[int], seconds: float, sitting: Sequence[Word] = ()) -> str | None:
+    """Why two GetData `seconds` apart are not those of somebody who sits or stands still; None when they are.
+
+    `sitting` are settings that are written only while sitting.
+    """
+    for words in (first, second):
+        state = words[STATE] & 0xFFFF
+        if state >> 12 not in (SITTING, STANDING):
+            return f"the posture is {state_text(state)}, neither sitting nor standing"
+        if state & DRIVEN:
+            return f"the joints are being driven: {state_text(state)}"
+        if sitting and state >> 12 != SITTING:
+            return f"{', '.join(param.name for param in sitting)}: only while sitting, the state is {state_text(state)}"
+    passed = (boot_ms(second) - boot_ms(first)) % 2**32
+    if passed >= 2**31:
+        return "BootTime went back: the device has restarted"
+    if abs(passed - seconds * 1000) > BOOT_TOLERANCE_MS:
+        return f"BootTime advanced by {passed} ms in {seconds * 1000:.0f} ms: the values are not fresh"
+    for param in JOINTS:
+        speed = abs(param.raw_of(second[param.word]) - param.raw_of(first[param.word])) / 100 / (passed / 1000 or 1e-3)
+        if speed >= MOST_SPEED:
+            return f"{param.name} moves at {speed:.1f} deg/s"
+    return None
+
+
+def require_stillness(port: DataPort, sitting: Sequence[Word] = ()) -> int:
+    """Two looks at least 100 ms apart; returns BootTime in ms. Raises CheckFailed naming the condition that fails."""
+    first = port.read(Command.GET_DATA).words
+    moment = (port.sent_at + port.answered_at) / 2
+    port.link.sleep(APART)
+    second = port.read(Command.GET_DATA).words
+    why = moving(first, second, (port.sent_at + port.answered_at) / 2 - moment, sitting)
+    if why is not None:
+        raise CheckFailed(
+            f"{port.where}: not written: {why}",
+            hint="sit or stand still and repeat the command; there is no override",
+            code="not-still",
+        )
+    return boot_ms(second)
+
+
+# -- one write ----------------------------------------------------------------------------------------------------
+
+
+class Writer:
+    """Writes settings one by one, with all gates.
+
+    ask       question with the word to be typed; raises NotConfirmed
+    override  step limits may be exceeded (not those of leg lengths)
+    """
+
+    def __init__(self, port: DataPort, audit: AuditLog, ask: Callable[[str, str], None], *, override: bool) -> None:
+        self.port = port
+        self.audit = audit
+        self.override = override
+        self._ask = ask
+        self._written_at: float | None = None
+        self._boot: int | None = None
+
+    def write(self, wanted: Sequence[tuple[Word, int]], shown: Raws) -> Raws:
+        """Write (setting, raw value) pairs one by one where they differ from `shown`; the settings after the last.
+
+        Everything that can be refused is refused before the first of them. Raises UsageError, NotConfirmed,
+        CheckFailed, DeviceRefused, OutputError, NoAnswer, ProtocolError, Interrupted.
+        """
+        changes = [Change(param, shown[param.word], raw) for param, raw in wanted if shown[param.word] != raw]
+        for change in changes:
+            check_change(change, self.override)
+        if changes:
+            self.audit.open()
+            self._still([change.param for change in changes if change.param.sitting])
+        done: list[str] = []
+        for change in changes:
+            try:
+                shown = self._write_one(change, shown)
+            except HandctlError as exc:
+                if done:
+                    exc.hint += f"{' ' if exc.hint else ''}Already written: {', '.join(done)}."
+                raise
+            done.append(change.param.name)
+        return shown
+
+    def _write_one(self, change: Change, shown: Raws) -> Raws:
+        self._ask(f"Set {change.text}. A person may stand in the device", change.param.typed(_value(change)))
+        if needs_second_answer(change):
+            self._ask(f"{change.text}: this changes how the device drives. Really", "yes")
+        self._pause()
+        before = self.port.settings_raw()
+        if before != shown:
+            raise CheckFailed(
+                f"{self.port.where}: settings changed meanwhile, nothing was written: {differences(shown, before)}",
+                hint="look with `handctl ekso settings` and start again",
+                code="changed-meanwhile",
+            )
+        boot = self._still([change.param] if change.param.sitting else [])
+        assert change.param.id is not None
+        body = set_value_body(change.param.id, change.new)
+        self._record("intent", change, boot, frame=hex_bytes(self.port.request(Command.SET_VALUE, body)))
+        return self._send(change, before, boot, body)
+
+    def _send(self, change: Change, before: Raws, boot: int, body: bytes) -> Raws:
+        """The one SetValue; from here on nothing but a second Ctrl-C keeps the read-back from being done."""
+        answer: Frame | None = None
+        lost: HandctlError | None = None
+        interrupted = False
+        try:
+            answer = self.port.exchange(Command.SET_VALUE, body)
+        except KeyboardInterrupt:
+            interrupted = True
+        except (NoAnswer, ProtocolError) as exc:
+            lost = exc
+        except LinkError as exc:  # nobody is left who could be asked
+            self._result(change, boot, None, None, f"not known: {exc.text}")
+            raise _unread(change, exc) from None
+        self._written_at = self.port.link.now()
+        bound, self.port.bound = self.port.bound, None  # a written setting is always read back, also beyond --deadline
+        try:
+            after = self._read_back(change, before, answer)
+        except HandctlError as exc:
+            self._result(change, boot, answer, None, f"read-back failed: {exc.text}")
+            raise _unread(change, exc) from None
+        finally:
+            self.port.bound = bound
+        failure = self._judge(change, before, after, answer, lost)
+        self._result(change, boot, answer, after, "applied" if failure is None else failure.text)
+        if failure is not None:
+            raise failure
+        if interrupted:
+            raise Interrupted(f"interrupted; {change.text} was written and read back", hint="nothing else was sent")
+        if answer is None:
+            self.port.journal.warn(
+                "answer-lost", f"{change.text}: applied, but its answer was lost ({lost.text if lost else ''})"
+            )
+        return after
+
+    def _read_back(self, change: Change, before: Raws, answer: Frame | None) -> Raws:
+        after = self.port.settings_raw()
+        if answer is None and after == before:  # perhaps on its way: look again before saying that it was not taken
+            self.port.link.sleep(BETWEEN_WRITES)
+            after = self.port.settings_raw()
+        return after
+
+    def _judge(
+        self, change: Change, before: Raws, after: Raws, answer: Frame | None, lost: HandctlError | None
+    ) -> HandctlError | None:
+        """What the status and the read-back say together; None when the setting is as wanted and nothing else changed."""
+        word = change.param.word
+        wanted = (*before[:word], change.new, *before[word + 1 :])
+        status = answer.words[0] & 0xFFFF if answer is not None else None
+        refused = status is not None and status & 0xFF != 0
+        if refused and status is not None and after == wanted:
+            return CheckFailed(
+                f"{self.port.where}: {change.text}: {status_text(status)}, and yet the new value reads back",
+                hint="look with `handctl ekso settings` before anything else; please report it",
+                code="read-back",
+            )
+        if after != wanted and (after != before or (status is not None and not refused)):
+            return CheckFailed(
+                f"{self.port.where}: {change.text}: the read-back differs: {differences(wanted, after)}"
+                + (f"; status {status_text(status)}" if status is not None else ""),
+                hint=f"`handctl ekso set {change.param.name}={change.param.typed(change.param.from_raw(change.old))}` "
+                "sets the old value again; look with `handctl ekso settings` first",
+                code="read-back",
+            )
+        if refused and status is not None:
+            return DeviceRefused(
+                f"{self.port.where}: {change.text}: {status_text(status)} (status 0x{status:04X})",
+                hint=REFUSALS.get(status & 0xFF, "the device gave a status that nobody knows; please report it"),
+                code=f"status-{status & 0xFF}",
+            )
+        if after == before and status is None:
+            if lost is None:
+                return Interrupted(f"interrupted; {change.text} was not applied")
+            return type(lost)(
+                f"{change.text}: not applied, the old value was read twice. {lost.text}",
+                hint="nothing was changed; repeat the command if you still want it",
+                code=lost.code,
+            )
+        return None
+
+    def _still(self, sitting: Sequence[Word]) -> int:
+        """Stillness, and no restart since the last look: a restarted device may hold other settings."""
+        boot = require_stillness(self.port, sitting)
+        if self._boot is not None and (boot - self._boot) % 2**32 >= 2**31:
+            raise CheckFailed(
+                f"{self.port.where}: the device has restarted meanwhile; nothing was written",
+                hint="look with `handctl ekso settings` and start again",
+                code="restarted",
+            )
+        self._boot = boot
+        return boot
+
+    def _pause(self) -> None:
+        if self._written_at is not None:
+            now = self.port.link.now()
+            end = self.port.link.deadline(self._written_at + BETWEEN_WRITES - now).earlier(self.port.bound)
+            self.port.link.sleep(end.at - now)  # what comes next is not sent after --deadline
+
+    def _record(self, event: str, change: Change, boot: int, **more: object) -> None:
+        param = change.param
+        old, new = ({"raw": raw, "value": param.from_raw(raw)} for raw in (change.old, change.new))
+        self.audit.record(
+            event,
+            self.port.link.now(),
+            boot_ms=boot,
+            id=param.id,
+            name=param.name,
+            unit=param.unit,
+            old=old,
+            new=new,
+            override=self.override,
+            **more,
+        )
+
+    def _result(self, change: Change, boot: int, answer: Frame | None, after: Raws | None, verdict: str) -> None:
+        self._record(
+            "result",
+            change,
+            boot,
+            answer=hex_bytes(answer.data) if answer is not None else None,
+            status=answer.words[0] & 0xFFFF if answer is not None else None,
+            read_back=None if after is None else {p.name: after[p.word] for p in SETTINGS if p.name != PERSONAL},
+            verdict=verdict,
+        )
+
+
+REFUSALS = {
+    1: "the device does not take it now: sit or stand still, then repeat",
+    2: "the device has limits of its own that are not documented: try a smaller step",
+    3: "the device does not allow this value or command",
+}
+
+
+def _unread(change: Change, error: HandctlError) -> HandctlError:
+    error.hint = f"{change.text} was sent and could not be read back: read it before writing again. {error.hint}"
+    return error
+
+
+def _value(change: Change) -> float:
+    return change.param.from_raw(change.new)
+
+
+def differences(expected: Raws, found: Raws) -> str:
+    """``step_length 15.50 in, expected 16.00 in; …`` for every word that differs."""
+    return "; ".join(
+        f"{param.name} is {param.shown(param.from_raw(is_))}, expected {param.shown(param.from_raw(should))}"
+        for param, should, is_ in zip(SETTINGS, expected, found, strict=True)
+        if should != is_
+    )

@@ -1,0 +1,194 @@
+"""`ekso status`: posture, joints, feet, currents, clocks, and whether what the device says fits together.
+
+The limits are this tool's policy, not the device's.
+"""
+
+from __future__ import annotations
+
+from datetime import datetime
+from typing import TYPE_CHECKING
+
+from handctl.devices.ekso.fields import DATA, FEEDBACK, LEGS, POSTURES, SETTINGS, Word, boot_ms, boot_text
+from handctl.devices.ekso.kinematics import MOST_X, MOST_Y, residuals
+from handctl.devices.ekso.settings import APART, BOOT_TOLERANCE_MS
+from handctl.errors import CheckFailed, HandctlError
+from handctl.param import Reading
+from handctl.result import Cell, Grid, Row, Table
+
+if TYPE_CHECKING:
+    from handctl.devices.ekso.device import Ekso
+
+ANGLES = {"hip_angle": (-30.0, 140.0), "knee_angle": (-5.0, 135.0), "torso_pitch": (-60.0, 60.0), "torso_roll": (-60.0, 60.0)}  # fmt: skip
+LEG_LENGTHS = (10.0, 25.0)
+CLOCK_SECONDS = 60.0
+STEPS = ("steps_taken", "upright_time", "walk_time")
+
+
+def status(ekso: Ekso, check: bool) -> Table:
+    """Two looks at the data, settings, feedback, clock. Raises what went wrong when the data cannot be read."""
+    first, moment = _look(ekso)
+    ekso.link.sleep(APART)
+    second, later = _look(ekso)
+    settings = ekso.readings("settings")
+    feedback = ekso.readings("feedback")
+    passed = (boot_ms(_raws(second)) - boot_ms(_raws(first))) % 2**32
+    rows = [ekso.row(reading) for reading in (*second[:25], *feedback[:3], *settings)]
+    boot = boot_ms(_raws(second))
+    rows.append(_row("boot_ms", boot, boot, "ms", boot_text(boot)))
+    findings = [
+        *_boot(passed, (later - moment) * 1000, boot, boot_ms(_raws(feedback))),
+        *unfit(_values(second), _values(settings)),
+    ]
+    for text in _remarks(second, settings):
+        ekso.journal.info("remark", text)
+    rows += _clock(ekso)
+    for text in findings:
+        ekso.journal.warn("unhealthy", text)
+    table = Table(rows=rows, columns=ekso.columns, view=status_view)
+    if check and findings:
+        table.failure = CheckFailed(
+            f"{ekso.link.name}: {len(findings)} findings: {'; '.join(findings)}", code="unhealthy"
+        )
+    return table
+
+
+def _look(ekso: Ekso) -> tuple[list[Reading], float]:
+    readings = ekso.readings("data")
+    return readings, (ekso.port.sent_at + ekso.port.answered_at) / 2
+
+
+def _raws(readings: list[Reading]) -> list[int]:
+    return [int.from_bytes(reading.raw, "big") for reading in readings]
+
+
+def _values(readings: list[Reading]) -> dict[str, float]:
+    return {reading.element.param.name: float(reading.value or 0) for reading in readings}
+
+
+def _row(name: str, value: int | float | str | None, raw: int | None, unit: str | None, label: str | None) -> Row:
+    return {"name": name, "word": None, "id": None, "value": value, "raw": raw, "unit": unit, "label": label}
+
+
+def _boot(passed: int, host_ms: float, data: int, feedback: int) -> list[str]:
+    """BootTime runs with the host, and both messages tell the same."""
+    found = []
+    if passed == 0:
+        found.append("BootTime stands still: the values are not fresh")
+    elif passed >= 2**31:
+        found.append("BootTime went back: the device has restarted, or its words are swapped")
+    elif abs(passed - host_ms) > BOOT_TOLERANCE_MS:
+        found.append(f"BootTime advanced by {passed} ms in {host_ms:.0f} ms")
+    apart = (feedback - data) % 2**32
+    if min(apart, 2**32 - apart) > 5000:
+        found.append(f"BootTime of data and feedback differ: {data} and {feedback} ms")
+    return found
+
+
+def unfit(data: dict[str, float], settings: dict[str, float]) -> list[str]:
+    """What cannot be: implausible angles and leg lengths, hips that do not fit the angles."""
+    found = []
+    for param in DATA:
+        low, high = next((ANGLES[key] for key in ANGLES if param.name.endswith(key)), (None, None))
+        if low is not None and high is not None and not low <= data[param.name] <= high:
+            found.append(f"{param.name} {param.shown(data[param.name])} is implausible (policy {low:g}..{high:g} deg)")
+    upper, lower = (settings[leg.name] for leg in LEGS)
+    for leg in LEGS:
+        if not LEG_LENGTHS[0] <= settings[leg.name] <= LEG_LENGTHS[1]:
+            found.append(f"{leg.name} {leg.shown(settings[leg.name])} is implausible (policy 10..25 in)")
+    off = {side: (x, y) for side, (x, y) in residuals(data, upper, lower).items() if abs(x) > MOST_X or abs(y) > MOST_Y}
+    for side, (x, y) in off.items():
+        found.append(f"the {side} hip is {x:+.2f}, {y:+.2f} in from where angles and leg lengths put it")
+    if len(off) == 2:
+        found.append("both hips are off: leg lengths that do not match the wearer's settings, or another foot offset")
+    elif off:
+        found.append("one hip only is off: a sensor of that side")
+    return found
+
+
+def _remarks(data: list[Reading], settings: list[Reading]) -> list[str]:
+    """What is worth knowing and no fault: codes nobody knows, an unknown posture, modes that stand out."""
+    found = []
+    for reading in settings:
+        param = reading.element.param
+        assert isinstance(param, Word)
+        if reading.value is None or not param.choices:
+            continue
+        if reading.value not in param.choices:
+            found.append(f"{param.name} is {param.label(reading.value)}, word {param.word}; please report it")
+        elif param.choices[reading.value] in param.twice:
+            found.append(f"{param.name} stands out: {param.label(reading.value)}")
+    state = int(data[18].value or 0)
+    if state >> 12 not in POSTURES:
+        found.append(f"the posture is {DATA[18].label(state)}: its meaning is not known, please report it")
+    values = _values(settings)
+    for what in ("swing_assist", "stance_support"):
+        if values[f"left_{what}"] != values[f"right_{what}"]:
+            left, right = (_label(settings, f"{side}_{what}") for side in ("left", "right"))
+            found.append(f"{what} differs: left {left}, right {right}")
+    return found
+
+
+def _label(readings: list[Reading], name: str) -> str:
+    reading = next(reading for reading in readings if reading.element.param.name == name)
+    return str(reading.element.param.label(reading.value or 0))
+
+
+def _clock(ekso: Ekso) -> list[Row]:
+    """The device's date and time, with their distance from the host's clock; a broken clock is no reason to fail."""
+    try:
+        date, time = ekso.now()
+    except HandctlError as exc:
+        return [{"name": "clock", "word": None, "id": None, "error": exc.text, "unit": None}]
+    rows = [{key: row[key] for key in ("name", "word", "id", "value", "raw", "unit", "label")} for row in (date, time)]
+    try:
+        offset = (datetime.fromisoformat(f"{date['value']}T{time['value']}") - datetime.now()).total_seconds()
+    except ValueError:
+        return rows
+    if abs(offset) > CLOCK_SECONDS:
+        ekso.journal.info("clock", f"the device's clock is {offset:+.0f} s from this computer's")
+    return [*rows, _row("clock_offset", round(offset), None, "s", None)]
+
+
+def status_view(rows: list[Row]) -> list[Grid]:
+    """Posture and clocks, joints and feet by side, trunk, steps; then what can be set."""
+    at = {row["name"]: row for row in rows}
+
+    def text(name: str, unit: bool = True) -> str | Cell:
+        row = at.get(name, {"error": ""})
+        if "error" in row:
+            return Cell("?", "bad")
+        param = next((param for param in (*DATA, *FEEDBACK, *SETTINGS) if param.name == name), None)
+        if param is None:
+            return str(row["label"] or row["value"])
+        return param.shown(row["value"]) if unit else param.text(row["value"])
+
+    def plain(name: str) -> str:
+        cell = text(name)
+        return cell.text if isinstance(cell, Cell) else cell
+
+    sides = ("left", "right")
+    joints = tuple(
+        (f"{side} {joint}", text(f"{side}_{joint}_angle", False), text(f"{side}_{joint}_current", False))
+        for side in sides
+        for joint in ("hip", "knee")
+    )
+    feet = tuple(
+        (side, text(f"{side}_toe_pressure", False), text(f"{side}_heel_pressure", False), text(f"{side}_hip_x", False), text(f"{side}_hip_y", False))
+        for side in sides
+    )  # fmt: skip
+    general = (
+        ("posture", plain("state")),
+        ("trunk", f"pitch {plain('torso_pitch')}, roll {plain('torso_roll')}"),
+        ("boot time", plain("boot_ms")),
+        ("clock", f"{plain('date')} {plain('time')}"),
+        ("steps", f"{plain('steps_taken')}, upright {plain('upright_time')}, walking {plain('walk_time')}"),
+    )
+    settings: list[tuple[str | Cell, ...]] = []
+    for left, right in zip(SETTINGS[:11], SETTINGS[11:], strict=True):
+        settings.append((left.name, text(left.name), right.name, text(right.name)))
+    return [
+        Grid(("State", ""), general),
+        Grid(("Joint", "Angle [deg]", "Current [A]"), joints, right=frozenset({1, 2})),
+        Grid(("Side", "Toe [raw]", "Heel [raw]", "Hip x [in]", "Hip y [in]"), feet, right=frozenset({1, 2, 3, 4})),
+        Grid(("Setting", "", "Setting", ""), tuple(settings)),
+    ]
