@@ -1,0 +1,1 @@
+"""The AIDIN-hand over TCP with JSON objects."""

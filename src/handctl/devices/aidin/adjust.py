@@ -1,0 +1,96 @@
+"""Sensor bias and maximum torque of the AIDIN-hand (aidin, Modes)."""
+
+from __future__ import annotations
+
+from handctl.devices.aidin.feedback import Wire
+from handctl.devices.aidin.fields import AIDIN, Mode
+from handctl.devices.aidin.hand import AidinHand
+from handctl.devices.aidin.homing import MOTOR_POS, connect_or_command, moving, named
+from handctl.devices.aidin.stop import object_of
+from handctl.errors import CheckFailed, NoAnswer
+from handctl.param import elements_of
+from handctl.result import Column, Row, Table
+
+BIAS = 0.5
+SHORT = 0.2
+CONFIRM = 1.0
+NOISE = 4.0
+"""A value so many times what it changes by itself is no noise."""
+SENSOR_STATE = AIDIN["sensor_state"]
+
+
+def bias(hand: AidinHand) -> Table:
+    """Mode 4 for 0.5 s; rows have the values `before` and after. Refused while a motor moves.
+
+    Raises CheckFailed when a motor moves, or when a value did not come nearer to 0.
+    """
+    talk = hand.talk
+    first, earlier = _look(hand)
+    hand.link.sleep(SHORT)
+    second, before = _look(hand)
+    restless = moving(first, second)
+    if restless:
+        raise CheckFailed(
+            f"{hand.link.name}: {named(MOTOR_POS, restless, second)} moves: a load would be taken for the offset",
+            hint="wait until the hand stands, touching nothing. Nothing was sent.",
+            code="moving",
+        )
+    data, end = object_of(Mode.BIAS), talk.deadline(BIAS)
+    while not end.expired:
+        talk.tick(data)
+    talk.check_bound()
+    end = talk.deadline(CONFIRM)
+    table, worse = _compared(hand, before, earlier)
+    while worse and not end.expired:
+        hand.link.sleep(SHORT)
+        table, worse = _compared(hand, before, earlier)
+    if worse and table.failure is None:
+        table.failure = CheckFailed(
+            f"{hand.link.name}: sensor values did not come nearer to 0: {', '.join(worse[:4])}",
+            hint="is something touching the fingertips? Bias the hand unloaded",
+            code="not-biased",
+        )
+    return table
+
+
+def _look(hand: AidinHand) -> tuple[Wire, Wire]:
+    """Encoders and sensors of one moment."""
+    encoders, sensors = hand.talk.need(MOTOR_POS, SENSOR_STATE)
+    return encoders, sensors
+
+
+def _compared(hand: AidinHand, before: Wire, earlier: Wire) -> tuple[Table, list[str]]:
+    """The sensors now beside those `before`, and which did not come nearer to 0 than noise explains."""
+    table = hand.table(hand.read(elements_of(SENSOR_STATE)))
+    table.columns = (*hand.columns[:3], Column("before", "Before", right=True), *hand.columns[3:])
+    worse = []
+    for row, old, older in zip(table.rows, before, earlier, strict=True):
+        row["before"] = old
+        if "value" in row and abs(row["value"]) >= abs(old) and abs(row["value"]) > NOISE * abs(old - older):
+            worse.append(f"{row['finger']}.{row['element']} {old:g} to {row['value']:g}")
+    return table, worse
+
+
+def max_torque(hand: AidinHand, value: int) -> Table:
+    """Mode 5 with `maxtorque`, for 0.2 s. No feedback shows it. Raises NoAnswer when the hand says nothing at all."""
+    blind = connect_or_command(hand)
+    data, end = object_of(Mode.MAXTORQUE, maxtorque=value), hand.talk.deadline(SHORT)
+    while not end.expired:
+        hand.talk.tick(data, blind=blind)
+    hand.talk.check_bound()
+    if blind and not hand.talk.feedback.seen:
+        raise NoAnswer(
+            f"{hand.link.name}: maxtorque {value} was sent, but the hand says nothing",
+            hint="is it the hand's port (8000)? Another client may hold it",
+        )
+    hand.journal.info("not-read-back", "sent; the hand does not tell its maximum torque, so it cannot be read back")
+    param = AIDIN["maxtorque"]
+    row: Row = {
+        "name": param.name,
+        "key": param.key,
+        "finger": None,
+        "element": None,
+        "value": value,
+        "unit": param.unit,
+    }
+    return Table(rows=[row], columns=(hand.columns[0], *hand.columns[3:]), plain=("value",))

@@ -1,0 +1,258 @@
+"""`handctl aidin …`: the commands of the AIDIN-hand."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from handctl import verbs
+from handctl.clikit import Group, stream_options
+from handctl.devices.aidin.exchange import DEFAULT_RETRIES, Conversation
+from handctl.devices.aidin.fields import AIDIN, ANGLES, CURRENTS, ENCODERS, TIPS, Mode, Target
+from handctl.devices.aidin.hand import AidinHand
+from handctl.devices.aidin.way import way_of
+from handctl.errors import UsageError
+from handctl.mapverbs import add_map_verbs
+from handctl.param import Step
+from handctl.result import Table
+from handctl.run import Family, Run
+
+if TYPE_CHECKING:
+    from handctl.devices.aidin.targets import Goal
+    from handctl.link import ByteLink
+    from handctl.options import Settings
+    from handctl.result import Journal
+
+PORT = 8000
+RECOMMENDED = 700
+CAP = 300.0
+
+
+def open_aidin(link: ByteLink, settings: Settings, journal: Journal) -> AidinHand:
+    """An AIDIN-hand behind `link`; nothing is sent until something is asked."""
+    return AidinHand(
+        Conversation(
+            link,
+            journal,
+            timeout=settings.timeout,
+            retries=settings.retries if settings.retries is not None else DEFAULT_RETRIES,
+            bound=link.deadline(settings.deadline) if settings.deadline is not None else None,
+            way=way_of(settings),
+        )
+    )
+
+
+cli = Group(
+    "aidin",
+    family=Family("aidin", open_aidin, tcp_port=PORT, exchange=True, check=way_of),
+    help="AIDIN-hand over TCP with JSON (-p tcp://HOST, port 8000 when not given).",
+)
+add_map_verbs(
+    cli,
+    AIDIN,
+    part="PART",
+    example="joint_pos.index current_state.thumb.m1 sensor_state.fz",
+    without=("set", "watch", "snapshot", "diff", "restore"),
+)
+
+
+@cli.verb("watch", streams=True)
+@click.argument("names", nargs=-1, metavar="[NAME[.PART]]...")
+@stream_options
+def watch(run: Run, names: tuple[str, ...], rate: float, count: int | None, duration: float | None) -> Table:
+    """Live view on a terminal, a stream of rows elsewhere. Without names: motors, joints, currents, fingertip forces."""
+    verbs.select(AIDIN, names)
+    run.device().talk.connect()  # finding out how the hand speaks takes 0.3 s: no part of the first sample
+    return verbs.watch(run, AIDIN, names, rate=rate, count=count, duration=duration)
+
+
+def _takes_negatives(name: str) -> None:
+    """Numbers such as -4 are values of this command, not options; a mistyped option is refused as a number."""
+    cli.commands[name].context_settings = {"ignore_unknown_options": True}
+
+
+def _step(run: Run, meaning: str, mode: Mode, **data: int) -> Step:
+    from handctl.devices.aidin.stop import object_of, step_of
+
+    return step_of(meaning, object_of(mode, **data), way_of(run.settings).end)
+
+
+ASSUME = click.option(
+    "--assume-homed", is_flag=True, help="Go on although the encoders are out of their range, as before homing."
+)
+
+
+@cli.verb("home", writes=True)
+def home(run: Run) -> Table:
+    """Homing: OPENS ALL FINGERS for 3.5 s, then open is the origin. Asks first; Ctrl-C stops.
+
+    Needed after every power-on: the encoders are incremental.
+    """
+    from handctl.devices.aidin import homing
+
+    steps = [_step(run, f"homing, every 20 ms for {homing.HOLD:g} s and nothing else in between", Mode.HOMING)]
+    if run.settings.dry_run:
+        return run.dry_run(steps)
+    run.confirm(f"All fingers will OPEN for {homing.HOLD:g} s, a held object falls. Keep clear", steps)
+    return homing.home(run.device(), run.guide)
+
+
+@cli.verb("initial", writes=True)
+@ASSUME
+def initial(run: Run, assume_homed: bool) -> Table:
+    """Move all fingers to the origin that homing set: fully open. Asks first; Ctrl-C stops."""
+    from handctl.devices.aidin import homing
+
+    steps = [_step(run, "initial position, every 20 ms until it is reached", Mode.INITIAL)]
+    if run.settings.dry_run:
+        return run.dry_run(steps)
+    run.confirm("All fingers will move to their origin and OPEN, a held object falls", steps)
+    return homing.initial(run.device(), run.guide, assume_homed=assume_homed)
+
+
+@cli.verb("stop", writes=True)
+def stop(run: Run) -> Table:
+    """Motor power off, at once, without a question. The fingers move freely, a held object falls."""
+    from handctl.devices.aidin import stop as stopping
+
+    if run.settings.dry_run:
+        return run.dry_run([_step(run, f"stop, sent {stopping.STOPS} times", Mode.STOP)])
+    return stopping.stop(run.device())
+
+
+@cli.verb("bias", writes=True)
+def bias(run: Run) -> Table:
+    """Make the present sensor values 0. Touch nothing: a load present now is taken away from all later values."""
+    from handctl.devices.aidin import adjust
+
+    if run.settings.dry_run:
+        return run.dry_run([_step(run, "sensor bias, every 20 ms for 0.5 s", Mode.BIAS)])
+    return adjust.bias(run.device())
+
+
+@cli.verb("max-torque", writes=True)
+@click.argument("value", metavar="N")
+def max_torque(run: Run, value: str) -> Table:
+    """Set the maximum output current. 0 to 1000 in 0.1 %, 700 to 1000 is recommended; it cannot be read back."""
+    from handctl.devices.aidin import adjust
+
+    param = AIDIN["maxtorque"]
+    number = int(param.parse(value))
+    steps = [_step(run, "maximum torque, every 20 ms for 0.2 s", Mode.MAXTORQUE, maxtorque=number)]
+    if number < RECOMMENDED:
+        run.journal.warn("low-torque", f"maxtorque {number}: 700 to 1000 is recommended ({param.source})")
+    if run.settings.dry_run:
+        return run.dry_run(steps)
+    if number == 0:
+        run.confirm("Without torque the fingers do not move, and may not hold what they hold", steps)
+    return adjust.max_torque(run.device(), number)
+
+
+# -- targets --------------------------------------------------------------------------------------------------------
+
+
+def _values(body: Callable[..., Any]) -> Callable[..., Any]:
+    return click.argument("values", nargs=-1, required=True, metavar="VALUES | FINGER.ELEMENT=VALUE...")(body)
+
+
+def _plan(run: Run, goal: Goal) -> Table:
+    """The last object of the ramp. What is kept is taken from a hand that tells it unasked; nothing is sent."""
+    from handctl.devices.aidin import motion
+
+    return run.dry_run(motion.plan(None if goal.whole else run.device(), goal, way_of(run.settings).end))
+
+
+def _move(run: Run, target: Target, values: tuple[str, ...], assume_homed: bool, *, rad: bool = False) -> Table:
+    from handctl.devices.aidin import motion
+    from handctl.devices.aidin.targets import parse
+
+    goal = parse(target, values, rad=rad)
+    if run.settings.dry_run:
+        return _plan(run, goal)
+    return motion.move(run.device(), goal, run.guide, assume_homed=assume_homed)
+
+
+@cli.verb("encoders", writes=True)
+@_values
+@ASSUME
+def encoders(run: Run, values: tuple[str, ...], assume_homed: bool) -> Table:
+    """Move motors to encoder counts.
+
+    All 15 (thumb, index, middle, ring, little, each m1 m2 m3), or pairs.
+    Others keep their place: `encoders index.m3=85000`. The hand must be homed. A ramp of a fifth of the stroke a second;
+    Ctrl-C stops (motor power off).
+    """
+    return _move(run, ENCODERS, values, assume_homed)
+
+
+@cli.verb("joints", writes=True)
+@_values
+@click.option("--rad", is_flag=True, help="The values are radians, not degrees.")
+@ASSUME
+def joints(run: Run, values: tuple[str, ...], rad: bool, assume_homed: bool) -> Table:
+    """Move joints to angles in degrees.
+
+    All 15 (thumb, index, middle, ring, little, each q1 q2 q3) or 20 (with q4), or pairs.
+    Others keep their place: `joints index.q3=160 thumb.q1=10`. q3 is the angle between two links (180 is straight);
+    q4 follows q3. The hand must be homed. A ramp of 60 degrees a second; Ctrl-C stops (motor power off).
+    """
+    return _move(run, ANGLES, values, assume_homed, rad=rad)
+
+
+@cli.verb("fingertips", writes=True)
+@_values
+@ASSUME
+def fingertips(run: Run, values: tuple[str, ...], assume_homed: bool) -> Table:
+    """Move fingertips to coordinates in mm.
+
+    All 15 (thumb, index, middle, ring, little, each x y z in its finger's own frame), or pairs.
+    Others keep their place: `fingertips index.z=120`. The hand must be homed. A ramp of 60 mm a second; Ctrl-C stops
+    (motor power off).
+    """
+    return _move(run, TIPS, values, assume_homed)
+
+
+@cli.verb("currents", writes=True)
+@_values
+@click.option("--cap", type=click.FloatRange(0, 1000), default=CAP, show_default=True, metavar="N", help="Refuse more.")
+@click.option(
+    "--duration",
+    type=click.FloatRange(0, 60, min_open=True),
+    default=1.0,
+    show_default=True,
+    metavar="S",
+    help="How long they flow once the ramp is over.",
+)
+def currents(run: Run, values: tuple[str, ...], cap: float, duration: float) -> Table:
+    """Drive motors by current: NO POSITION LIMIT.
+
+    All 15 (thumb, index, middle, ring, little, each m1 m2 m3), or pairs; the fingers push as far as they get.
+    Sets the maximum torque to 1000 first, as the manual requires, and leaves it there. A ramp of 200 a second, held,
+    back to 0, then stop. Asks first; Ctrl-C takes them back to 0 and stops, a second one stops at once.
+    """
+    from handctl.devices.aidin import currents as driving
+    from handctl.devices.aidin.targets import parse
+
+    goal = parse(CURRENTS, values, cap=cap)
+    first = _step(run, "maximum torque 1000, every 20 ms for 0.2 s", Mode.MAXTORQUE, maxtorque=1000)
+    last = _step(run, "stop, sent 3 times", Mode.STOP)
+    if run.settings.dry_run:
+        table = _plan(run, goal)
+        middle = table.rows[0]
+        whole = run.dry_run([first, last])
+        middle["step"], whole.rows[1]["step"] = 2, 3
+        return Table(rows=[whole.rows[0], middle, whole.rows[1]], columns=table.columns, plain=table.plain)
+    if not any(goal.named.values()) and goal.whole:
+        raise UsageError("all currents are 0: nothing would flow", hint="`handctl aidin stop` switches the motors off")
+    run.confirm(
+        f"The motors will be driven by CURRENT for {duration:g} s: the fingers push without a position limit, "
+        "and the maximum torque stays at 1000",
+        [first, last],
+    )
+    return driving.currents(run.device(), goal, run.guide, seconds=duration, cap=cap)
+
+
+for _name in ("max-torque", "encoders", "joints", "fingertips", "currents"):
+    _takes_negatives(_name)

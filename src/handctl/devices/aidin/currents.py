@@ -1,0 +1,111 @@
+"""Current control of the AIDIN-hand: a ramp from 0, held, back to 0, stop (aidin, Modes: current control).
+
+There is no position limit: however it ends, the currents go to 0 and the stop mode is sent.
+"""
+
+from __future__ import annotations
+
+from handctl.devices.aidin.adjust import SHORT
+from handctl.devices.aidin.exchange import PERIOD
+from handctl.devices.aidin.feedback import Feedback, Wire
+from handctl.devices.aidin.fields import Mode
+from handctl.devices.aidin.hand import AidinHand, reading
+from handctl.devices.aidin.homing import connect_or_command
+from handctl.devices.aidin.motion import mark, measured, target_object
+from handctl.devices.aidin.stop import object_of, send_stop, stopped, stopping
+from handctl.devices.aidin.targets import Goal, ramp
+from handctl.errors import CheckFailed, HandctlError, NoAnswer
+from handctl.guide import Guide
+from handctl.param import elements_of
+from handctl.result import Table
+
+
+def currents(hand: AidinHand, goal: Goal, guide: Guide, *, seconds: float, cap: float) -> Table:
+    """Mode 41: maxtorque 1000 first, a ramp from 0, held for `seconds`, back to 0, stop; rows have `target` and `reached`.
+
+    Ctrl-C takes the currents back to 0 on the same ramp and stops, a second one stops at once; so does every error.
+    Raises CheckFailed when the currents were not there.
+    """
+    values = _values(hand, goal, cap)
+    drive = _Drive(hand, goal, guide)
+    with stopping(hand):
+        try:
+            try:
+                table = drive.run(values, seconds)
+                drive.to(drive.zero, "currents go back to 0")
+            except KeyboardInterrupt:
+                guide.say("interrupted: the currents go back to 0; Ctrl-C again stops at once")
+                drive.to(drive.zero, "currents go back to 0")
+                raise
+        except HandctlError as exc:
+            raise stopped(hand, exc) from exc
+        finally:
+            guide.done()
+        send_stop(hand)
+    hand.talk.check_bound()
+    hand.journal.info("stopped", "currents are back at 0 and stop was sent: the fingers move freely")
+    return table
+
+
+def _values(hand: AidinHand, goal: Goal, cap: float) -> list[float]:
+    """The whole vector, the elements that are not given as measured. A hand that only answers commands needs it whole."""
+    if connect_or_command(hand):
+        if not goal.whole:
+            raise NoAnswer(
+                f"{hand.link.name}: the hand says nothing unasked, so the currents that are not given are not known",
+                hint="give the whole vector of 15. Nothing was commanded.",
+            )
+        return goal.complete(None)
+    values = goal.complete(measured(hand, goal.target))
+    beyond = [f"{goal.target.command.elements[i]} {value:g}" for i, value in enumerate(values) if abs(value) > cap]
+    if beyond:
+        raise CheckFailed(
+            f"{hand.link.name}: {', '.join(beyond)} would be kept, which is beyond the cap of {cap:g}",
+            hint="give a value for it too. Nothing was sent.",
+            code="beyond-cap",
+        )
+    return values
+
+
+class _Drive:
+    """Currents on their way; `at` is what the hand was told last."""
+
+    def __init__(self, hand: AidinHand, goal: Goal, guide: Guide) -> None:
+        self._hand = hand
+        self._goal = goal
+        self._guide = guide
+        self.zero = [0.0] * goal.target.command.count
+        self.at = self.zero
+
+    def run(self, values: list[float], seconds: float) -> Table:
+        """Up the ramp and hold; the currents that the hand told last."""
+        talk = self._hand.talk
+        talk.feedback = Feedback()
+        first, end = object_of(Mode.MAXTORQUE, maxtorque=1000), talk.deadline(SHORT)
+        while not end.expired:
+            talk.tick(first, blind=True)
+        self._told()
+        self.to(values, "currents rise")
+        data, end = target_object(self._goal, values), talk.deadline(seconds)
+        while not end.expired:
+            talk.tick(data)
+            self._guide.progress(f"currents on: {end.remaining:.1f} s left (Ctrl-C: back to 0, stop)")
+        found, param = self._told(), self._goal.target.feedback
+        table = self._hand.table([reading(element, found) for element in elements_of(param)])
+        mark(self._hand, self._goal, values, table)
+        return table
+
+    def to(self, values: list[float], what: str) -> None:
+        """Go there on the ramp. Raises NoAnswer when the hand falls silent meanwhile."""
+        way = ramp(self._goal, self.at, values, PERIOD)
+        for number, step in enumerate(way, 1):
+            self.at = list(step)
+            self._hand.talk.tick(target_object(self._goal, step))
+            self._guide.progress(f"{what}: {number * PERIOD:.1f} of {len(way) * PERIOD:.1f} s")
+
+    def _told(self) -> Wire:
+        """The currents of the last feedback, without asking: nothing may come between the objects."""
+        param, talk = self._goal.target.feedback, self._hand.talk
+        if not talk.feedback.seen:
+            raise talk.nothing_came()
+        return talk.usable(param, talk.feedback.result(param.key))

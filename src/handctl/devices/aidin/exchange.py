@@ -1,0 +1,352 @@
+"""The conversation with one AIDIN-hand: find out how it speaks, take what it tells, send one object a period.
+
+The manual does not say who speaks first: listen, then ask with an empty object, never with a mode (dossier 6). Feedback
+is merged key by key; a key that is wrong is refused by itself.
+"""
+
+from __future__ import annotations
+
+from handctl.devices.aidin.feedback import ALL, Feedback, Wire
+from handctl.devices.aidin.fields import FEEDBACK, AidinParam
+from handctl.devices.aidin.messages import Decoder, MalformedObject
+from handctl.devices.aidin.way import FIND_OUT, Exchange, Way
+from handctl.errors import HandctlError, LinkError, NoAnswer, ProtocolError, UsageError
+from handctl.link import ByteLink, Deadline
+from handctl.result import Journal, hex_bytes
+
+LISTEN = 0.3
+LISTEN_MORE = 1.0
+"""Seconds for the next bytes, once anything at all has come."""
+LISTEN_LONGEST = 4.0
+FIRST_POLL = 0.5
+POLL = 0.2
+SILENCE = 1.0
+PERIOD = 0.02
+SETTLE = 0.03
+"""Seconds after an answer in which the other keys may follow in objects of their own."""
+DEFAULT_RETRIES = 2
+WRITE_SECONDS = 1.0
+CYCLES = 3
+"""A key that is missing or wrong so many times running is given up."""
+BAD_IN_A_ROW = 3
+MOST_UNKNOWN, LONGEST_NAME = 20, 40
+READS_AT_ONCE = 256
+
+
+class Conversation:
+    """One connection.
+
+    timeout   seconds of silence allowed; None = 1 s of a stream, 0.2 s for the answer to a poll
+    retries   polls repeated without an answer
+    bound     the end of the whole command
+    way       what is said about how the hand speaks
+    """
+
+    def __init__(
+        self,
+        link: ByteLink,
+        journal: Journal,
+        *,
+        timeout: float | None = None,
+        retries: int = DEFAULT_RETRIES,
+        bound: Deadline | None = None,
+        way: Way = FIND_OUT,
+    ) -> None:
+        self.link = link
+        self.journal = journal
+        self.timeout = timeout
+        self.retries = retries
+        self.bound = bound
+        self.way = way
+        self.exchange = Exchange.UNKNOWN
+        self.feedback = Feedback()
+        self._decoder = Decoder()
+        self._bad_in_a_row = 0
+        self._junk = b""
+        self._echoes = 0
+        self._last = 0.0  # when feedback came last
+        self._unanswered = 0
+        self._unknown: set[str] = set()
+
+    # -- connect -------------------------------------------------------------------------------------------------
+
+    def connect(self, *, silent: bool = False) -> None:
+        """Find out who speaks first: listen, then poll. With `silent` only listen.
+
+        Raises NoAnswer when nothing comes, ProtocolError when what comes is no feedback, UsageError for a hand that is
+        said to answer commands only.
+        """
+        if self.way.exchange is Exchange.COMMAND:
+            raise UsageError(
+                "--exchange command: a hand that only answers commands is not read, nothing is commanded just to look",
+                hint="`home`, `stop`, `max-torque`, `initial --assume-homed` and `currents` with the whole vector show its "
+                "answers; other targets need to know where it is. Nothing was sent.",
+                code="commands-only",
+            )
+        if self.exchange is not Exchange.UNKNOWN:
+            return
+        if self.way.exchange is not Exchange.POLL or silent:
+            self._listen(LISTEN if self.way.exchange is Exchange.UNKNOWN else self.timeout or SILENCE)
+        if self.feedback.seen:
+            self.exchange = Exchange.STREAM
+            return
+        if self._junk or self._decoder.pending:
+            raise self._no_feedback()
+        asks = self.way.exchange is not Exchange.STREAM and not silent
+        if asks:
+            for _ in range(min(2, 1 + self.retries)):
+                self.send(self.way.poll)
+                if self._answer(self.timeout or FIRST_POLL):
+                    self.exchange = Exchange.POLL
+                    return
+                if self._junk:
+                    break
+        raise self.nothing_came() if self._junk or self._echoes else self._silent(asked=asks)
+
+    def _listen(self, seconds: float) -> None:
+        """Take what the hand says unasked. Once it has begun it may finish: an object may come in small pieces."""
+        end, last = self.deadline(seconds), self.deadline(LISTEN_LONGEST)
+        while not self.feedback.complete() and not end.expired and not last.expired:
+            before = self._bytes_seen
+            self._receive(end.earlier(last))
+            if self._bytes_seen != before:
+                end = self.deadline(LISTEN_MORE)
+
+    @property
+    def _bytes_seen(self) -> int:
+        return sum(self.feedback.seen.values()) + len(self._junk) + len(self._decoder.pending)
+
+    # -- time ----------------------------------------------------------------------------------------------------
+
+    def deadline(self, seconds: float) -> Deadline:
+        """The deadline `seconds` from now, or the command's own where that is earlier."""
+        return self.link.deadline(seconds).earlier(self.bound)
+
+    def check_bound(self) -> None:
+        """Raise NoAnswer when --deadline is over."""
+        if self.bound is not None and self.bound.expired:
+            raise NoAnswer(f"{self.link.name}: --deadline is over", hint="a longer --deadline", code="deadline")
+
+    # -- bytes ---------------------------------------------------------------------------------------------------
+
+    def send(self, data: bytes) -> None:
+        """One object, ended by the terminator, in one write. Raises LinkError."""
+        self.link.write(data + self.way.end, self.link.deadline(WRITE_SECONDS))
+        self.journal.counters.sent += 1
+
+    def _receive(self, deadline: Deadline) -> bool:
+        """Take what arrives before `deadline`; whether feedback was in it. Raises LinkError, ProtocolError."""
+        try:
+            data = self.link.read(deadline)
+        except LinkError as exc:
+            raise self._closed(exc) from exc
+        if not data:
+            return False
+        self._decoder.feed(data)
+        found = False
+        while True:
+            try:
+                content = self._decoder.next()
+            except MalformedObject as exc:
+                self._note_bad(exc)
+                continue
+            if content is None:
+                return found
+            found = self._take(content) or found
+
+    def _take(self, content: dict[str, object]) -> bool:
+        if not self.feedback.take(content):
+            self._echoes += 1
+            if "hand_mode" not in content:
+                self._note_unknown(content)
+            return False
+        self.journal.counters.received += 1
+        self._bad_in_a_row = self._unanswered = 0
+        self._last = self.link.now()
+        self._note_unknown(content)
+        return True
+
+    def _note_unknown(self, content: dict[str, object]) -> None:
+        """Name keys that the manual does not have, each once and not more than a person reads."""
+        new = [key for key in content if key not in ALL and key not in self._unknown][
+            : MOST_UNKNOWN - len(self._unknown)
+        ]
+        if new:
+            self._unknown.update(new)
+            names = ", ".join(key[:LONGEST_NAME] for key in new)
+            self.journal.info("unknown-keys", f"keys that the manual does not have: {names}")
+
+    def _note_bad(self, exc: MalformedObject) -> None:
+        counters = self.journal.counters
+        self._junk = (self._junk + exc.data)[:64]
+        if exc.stray:
+            counters.stray_bytes += len(exc.data)
+            return
+        counters.bad_frames += 1
+        self._bad_in_a_row += 1
+        if self._bad_in_a_row >= BAD_IN_A_ROW:
+            raise ProtocolError(
+                f"{self.link.name}: {BAD_IN_A_ROW} objects in a row are damaged, the last one: {exc.text}; "
+                f"its bytes begin {hex_bytes(exc.data[:16])}",
+                hint="look at the connection with --trace FILE",
+                code="bad-json",
+            )
+
+    def drain(self) -> None:
+        """Take everything that has already arrived."""
+        now = self.link.deadline(0)
+        for _ in range(READS_AT_ONCE):
+            before = self._bytes_seen
+            if not self._receive(now) and self._bytes_seen == before:
+                return
+
+    # -- feedback ------------------------------------------------------------------------------------------------
+
+    def refresh(self, params: tuple[AidinParam, ...] = FEEDBACK) -> dict[str, Wire | ProtocolError]:
+        """Values that come from now on, by key; of a key that stays away or is wrong, why.
+
+        Raises NoAnswer when no feedback comes at all, ProtocolError when nothing of it can be used.
+        """
+        self.connect()
+        self.drain()
+        keys = tuple(param.key for param in params)
+        feedback = self.feedback = Feedback()
+        attempts = 1 + self.retries if self.exchange is Exchange.POLL else 1
+        for attempt in range(attempts):
+            self.check_bound()
+            if attempt and not feedback.seen:
+                self.journal.counters.retries += 1
+            if self.exchange is Exchange.POLL:
+                self.send(self.way.poll)
+                if self._answer(self.poll_seconds, keys) and self.feedback.complete(keys):
+                    break
+            else:
+                self._follow(keys)
+        if not feedback.seen:
+            self.check_bound()
+            raise self.nothing_came()
+        return {key: self.feedback.result(key) for key in keys}
+
+    def need(self, *params: AidinParam) -> list[Wire]:
+        """The values of all these, from now on. Raises as `refresh` does, and ProtocolError for one that is wrong."""
+        found = self.refresh(params)
+        return [self.usable(param, found[param.key]) for param in params]
+
+    def usable(self, param: AidinParam, found: Wire | ProtocolError) -> Wire:
+        """The array, or raise what is wrong with it."""
+        found = self.named(param, found)
+        if isinstance(found, ProtocolError):
+            raise found
+        return found
+
+    def named(self, param: AidinParam, found: Wire | ProtocolError) -> Wire | ProtocolError:
+        """The same; an error says which hand and which key."""
+        if not isinstance(found, ProtocolError):
+            return found
+        text = f"{self.link.name}: {param.key}: {found.text}"
+        return ProtocolError(text, hint="look at it with --trace FILE", code=found.code)
+
+    def _follow(self, keys: tuple[str, ...]) -> None:
+        """Read a stream until all `keys` are good, or another one has come three times since."""
+        end, last = self.deadline(self.timeout or SILENCE), self.deadline(LISTEN_LONGEST)
+        while not end.expired and not last.expired:
+            before = self._bytes_seen
+            if self._receive(end) and (self.feedback.complete(keys) or max(self.feedback.seen.values()) >= CYCLES):
+                return
+            if self._bytes_seen != before:
+                end = self.deadline(self.timeout or SILENCE)
+
+    def _answer(self, seconds: float, keys: tuple[str, ...] = ()) -> bool:
+        """Wait for the answer to an object; the rest of its keys may follow at once. False on silence."""
+        end, last = self.deadline(seconds), self.deadline(LISTEN_LONGEST)
+        answered = False
+        while not end.expired and not last.expired and not (answered and self.feedback.complete(keys)):
+            before = self._bytes_seen
+            answered = self._receive(end) or answered
+            if self._bytes_seen != before:
+                end = self.deadline(SETTLE if answered else seconds)
+        return answered
+
+    @property
+    def poll_seconds(self) -> float:
+        """How long the answer to a poll may take."""
+        return self.timeout or POLL
+
+    # -- one object a period --------------------------------------------------------------------------------------
+
+    def tick(self, data: bytes, *, blind: bool = False) -> None:
+        """Send one object and take feedback until its period is over; a hand that answers is waited for.
+
+        Raises NoAnswer when feedback stays away (1 s of a stream, three unanswered objects) unless `blind`.
+        """
+        self.check_bound()
+        if self.exchange is Exchange.STREAM:
+            self.drain()
+        start, end = self.link.now(), self.deadline(PERIOD)
+        self.send(data)
+        waits = self.exchange in (Exchange.POLL, Exchange.COMMAND)
+        answer = self.deadline(min(POLL, self.poll_seconds)) if waits else end
+        answered = False
+        while not (answered and waits) and not answer.expired:
+            answered = self._receive(answer) or answered
+        while not end.expired:
+            answered = self._receive(end) or answered
+        if answered and self.exchange is Exchange.UNKNOWN:
+            self.exchange = Exchange.COMMAND
+        self._unanswered = 0 if answered else self._unanswered + 1
+        silent = self._unanswered > self.retries if waits else start - self._last > (self.timeout or SILENCE)
+        if silent and not blind:
+            self.check_bound()
+            raise self._silent(moving=True)
+
+    # -- what went wrong -------------------------------------------------------------------------------------------
+
+    def nothing_came(self) -> HandctlError:
+        """The error of a hand that has sent no feedback: silence, or what came instead."""
+        return self._no_feedback() if self._junk or self._decoder.pending or self._echoes else self._silent()
+
+    def _silent(self, *, asked: bool = True, moving: bool = False) -> NoAnswer:
+        name, said = self.link.name, self.way.exchange
+        if self.journal.counters.received and (moving or self.exchange is not Exchange.UNKNOWN):
+            return NoAnswer(
+                f"{name}: the hand has stopped sending feedback", hint="look at its state and at the network: `status`"
+            )
+        if said is Exchange.STREAM:
+            text = f"connected, the hand has said nothing for {self.timeout or SILENCE:g} s, and --exchange stream asks nothing"
+            return NoAnswer(f"{name}: {text}", hint="leave --exchange out: then the hand is asked with an empty object")
+        if not asked:
+            return NoAnswer(
+                f"{name}: connected, the hand says nothing unasked, and a dry run asks nothing",
+                hint="give the whole vector: then nothing needs to be known",
+            )
+        poll = "an empty object" if self.way.poll == FIND_OUT.poll else self.way.poll.decode("ascii")[:60]
+        unasked = "says nothing unasked and does not answer" if said is Exchange.UNKNOWN else "does not answer"
+        return NoAnswer(
+            f"{name}: connected, the hand {unasked} {poll}",
+            hint="is it the hand's port (8000)? Another client may hold it. If it speaks otherwise: --exchange stream|poll, "
+            "--poll-json TEXT, --tx-terminator nul|none; `stop` and `home` are sent all the same",
+        )
+
+    def _closed(self, exc: LinkError) -> HandctlError:
+        """A connection that ended before any feedback came: junk tells who it was, silence that the hand is taken."""
+        if self.journal.counters.received:
+            return exc
+        if self._junk:
+            return self._no_feedback()
+        hint = "another client may hold the hand, which serves one; or it is another server: check address and port"
+        return LinkError(exc.text, hint=hint, code=exc.code)
+
+    def _no_feedback(self) -> HandctlError:
+        seen = self._junk or self._decoder.pending[:64]
+        if not seen:
+            return ProtocolError(
+                f"{self.link.name}: only our own object came back, no feedback",
+                hint="an echo server, not the hand: check address and port",
+                code="echo",
+            )
+        text = "".join(chr(byte) if 32 <= byte < 127 else "." for byte in seen)
+        return ProtocolError(
+            f"{self.link.name}: no feedback of the hand came, but {hex_bytes(seen)} ({text})",
+            hint="another server, or another kind of hand: this speaks to the AIDIN-hand (TCP/JSON), port 8000",
+            code="garbage",
+        )

@@ -1,0 +1,196 @@
+"""Homing and the initial position of the AIDIN-hand (aidin, Modes), proved by the encoders.
+
+The encoders are incremental: homing makes the open position their origin, and a power cycle loses it. The hand does not
+tell whether it is homed.
+"""
+
+from __future__ import annotations
+
+from handctl.devices.aidin.feedback import Feedback
+from handctl.devices.aidin.fields import AIDIN, AidinParam, Mode
+from handctl.devices.aidin.hand import AidinHand, outside, reading
+from handctl.devices.aidin.stop import object_of, stopped, stopping
+from handctl.devices.aidin.way import Exchange
+from handctl.errors import CheckFailed, HandctlError, NoAnswer
+from handctl.guide import Guide
+from handctl.param import Number, elements_of
+from handctl.result import Table
+
+HOLD = 3.5
+"""Seconds of homing: the documented 3 and a reserve."""
+LARGEST_GAP = 0.25
+"""A longer pause between two homing objects may count as an interruption: the hold begins again."""
+HOLDS = 3
+INITIAL = 5.0
+AT_ORIGIN = 0.01
+TICKS = 5
+STILL = 0.001
+"""Share of a stroke that a motor may change from one look to the next and still stand."""
+MOTOR_POS = AIDIN["motor_pos"]
+
+
+def connect_or_command(hand: AidinHand) -> bool:
+    """Find out how the hand speaks; True when it says nothing, which a hand that only answers commands does too."""
+    if hand.talk.way.exchange is Exchange.COMMAND:
+        hand.talk.exchange = Exchange.COMMAND
+        return True
+    try:
+        hand.talk.connect()
+    except NoAnswer:
+        hand.talk.check_bound()
+        hand.journal.warn("unasked", "the hand says nothing unasked; perhaps it answers commands only")
+        return True
+    return False
+
+
+def home(hand: AidinHand, guide: Guide) -> Table:
+    """Mode 1 for 3.5 s and nothing else in between; then every encoder must be near 0 (aidin, Modes: homing).
+
+    Raises CheckFailed when they are not, NoAnswer when the hand says nothing.
+    """
+    blind = connect_or_command(hand)
+    guide.say(f"homing: all fingers open for {HOLD:g} s; keep clear")
+    data = object_of(Mode.HOMING)
+    with stopping(hand, "homing failed, the hand is not homed; "):
+        try:
+            _hold(hand, data, guide, blind=blind)
+        except HandctlError as exc:
+            raise stopped(hand, exc) from exc
+        finally:
+            guide.done()
+        now = _origin(hand, data, blind=blind)
+    off = _away(now)
+    if off:
+        raise CheckFailed(
+            f"{hand.link.name}: homing is not confirmed, encoders are not at 0: {named(MOTOR_POS, off, now)}",
+            hint="is a finger blocked? Home again; look with `handctl aidin status`",
+            code="not-homed",
+        )
+    hand.journal.info(
+        "homed", "homed: the open position is the origin. The hand was left in homing mode, nothing more is sent"
+    )
+    return hand.table(hand.read(elements_of(MOTOR_POS))) if not blind else _last_known(hand)
+
+
+def _hold(hand: AidinHand, data: bytes, guide: Guide, *, blind: bool) -> None:
+    link, talk = hand.link, hand.talk
+    begin = last = link.now()
+    holds = 1
+    while link.now() - begin < HOLD:
+        talk.tick(data, blind=blind or hand.talk.exchange is Exchange.STREAM)
+        now = link.now()
+        if now - last > LARGEST_GAP:
+            if holds == HOLDS:
+                raise CheckFailed(
+                    f"{link.name}: homing was held up again and again, last for {now - last:.2f} s",
+                    hint="a slow answer or a busy machine: homing needs an object at least every 0.25 s",
+                    code="interrupted-hold",
+                )
+            holds, begin = holds + 1, now
+            hand.journal.warn("interrupted-hold", f"homing was held up for {now - last:.2f} s and begins again")
+        last = now
+        guide.progress(f"homing: fingers open, {min(HOLD, now - begin):.1f} of {HOLD:g} s (Ctrl-C stops)")
+
+
+def _origin(hand: AidinHand, data: bytes, *, blind: bool) -> tuple[int, ...]:
+    """The encoders after the hold; a hand that only answers commands has told them with its answers."""
+    talk = hand.talk
+    if not blind:
+        found = talk.refresh((MOTOR_POS,))[MOTOR_POS.key]
+    else:
+        talk.feedback = Feedback()
+        talk.tick(data, blind=True)
+        if MOTOR_POS.key not in talk.feedback.seen:
+            raise NoAnswer(
+                f"{hand.link.name}: homing was sent for {HOLD:g} s, but the hand says nothing: it is not confirmed",
+                hint="is it the hand's port (8000)? Another client may hold it",
+            )
+        found = talk.feedback.result(MOTOR_POS.key)
+    return tuple(int(number) for number in talk.usable(MOTOR_POS, found))
+
+
+def _away(encoders: tuple[int, ...]) -> list[int]:
+    """Motors that are not within 1 % of their stroke of the origin."""
+    return [index for index, value in enumerate(encoders) if abs(value) > stroke(index) * AT_ORIGIN]
+
+
+def stroke(index: int) -> float:
+    limit = MOTOR_POS.limit(index)
+    assert limit is not None
+    return limit[1] - limit[0]
+
+
+def moving(before: tuple[Number, ...] | None, now: tuple[Number, ...]) -> list[int]:
+    """Motors whose encoder has changed by more than jitter; all of them without a look before."""
+    if before is None:
+        return list(range(len(now)))
+    return [i for i, (a, b) in enumerate(zip(before, now, strict=True)) if abs(b - a) > stroke(i) * STILL]
+
+
+def named(param: AidinParam, indices: list[int], values: tuple[Number, ...] | list[Number]) -> str:
+    shown = ", ".join(f"{param.elements[index]} {values[index]:.{param.places}f}" for index in indices[:4])
+    return shown + (f" and {len(indices) - 4} more" if len(indices) > 4 else "")
+
+
+def _last_known(hand: AidinHand) -> Table:
+    values = hand.talk.feedback.values[MOTOR_POS.key]
+    return hand.table([reading(element, values) for element in elements_of(MOTOR_POS)])
+
+
+def check_homed(hand: AidinHand, *, assume: bool) -> None:
+    """Refuse position commands to encoders outside their ranges: the hand cannot tell whether it was homed.
+
+    Raises CheckFailed; nothing has been sent then.
+    """
+    (encoders,) = hand.talk.need(MOTOR_POS)
+    wrong = [index for index, value in enumerate(encoders) if outside(MOTOR_POS, index, value)]
+    if wrong and not assume:
+        raise CheckFailed(
+            f"{hand.link.name}: encoders are out of their range, the hand was not homed since power-on: "
+            f"{named(MOTOR_POS, wrong, encoders)}",
+            hint="`handctl aidin home` first; --assume-homed goes on all the same. Nothing was sent.",
+            code="not-homed",
+        )
+    hand.journal.info("homed-unknown", "the hand does not tell whether it was homed since power-on: this needs it")
+
+
+def initial(hand: AidinHand, guide: Guide, *, assume_homed: bool) -> Table:
+    """Mode 2 until every encoder is within 1 % of its stroke of 0, 5 s at most. Raises CheckFailed, NoAnswer."""
+    talk = hand.talk
+    blind = connect_or_command(hand)
+    if not blind:
+        check_homed(hand, assume=assume_homed)
+    elif not assume_homed:
+        raise NoAnswer(
+            f"{hand.link.name}: the hand says nothing unasked, so nothing shows that it is homed",
+            hint="`handctl aidin home` first; --assume-homed goes on all the same. Nothing was sent.",
+        )
+    data, end = object_of(Mode.INITIAL), talk.deadline(INITIAL)
+    now: tuple[int, ...] | None = None
+    before: tuple[int, ...] | None = None
+    with stopping(hand):
+        try:
+            while not end.expired and (now is None or _away(now) or moving(before, now)):
+                before = now
+                for _ in range(TICKS):
+                    talk.tick(data, blind=blind)
+                now = _encoders(talk.feedback) or now
+                guide.progress("moving to the initial position (Ctrl-C stops)")
+        finally:
+            guide.done()
+    talk.check_bound()
+    if now is None:
+        raise NoAnswer(f"{hand.link.name}: the initial position was commanded, but the hand says nothing")
+    if _away(now):
+        raise CheckFailed(
+            f"{hand.link.name}: the initial position was not reached: {named(MOTOR_POS, _away(now), now)}",
+            hint="a hand that was not homed ignores it; or blocked, or the maximum torque is too low",
+            code="not-reached",
+        )
+    return hand.table(hand.read(elements_of(MOTOR_POS))) if not blind else _last_known(hand)
+
+
+def _encoders(feedback: Feedback) -> tuple[int, ...] | None:
+    if MOTOR_POS.key in feedback.errors or MOTOR_POS.key not in feedback.values:
+        return None
+    return tuple(int(number) for number in feedback.values[MOTOR_POS.key])

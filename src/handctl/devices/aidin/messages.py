@@ -1,0 +1,213 @@
+"""JSON objects <-> bytes of the AIDIN-hand (aidin, TCP/IP information). Knows JSON and the framing, no key and no mode.
+
+Out: one compact object, with its terminator at most 2047 bytes. In: flat objects, glued or cut anywhere, with blanks, line
+ends or NUL between them. The manual has no delimiter and no length, so only a closed object counts.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from math import inf, isfinite
+
+from handctl.errors import ProtocolError, UsageError
+
+LARGEST_OUT = 2047
+"""The hand's buffer has 2048 bytes; whose and of what is not said."""
+LONGEST_END = 2
+LARGEST_IN = 65536
+LONGEST_STRING = 256
+DEEPEST = 8
+BETWEEN = b" \t\r\n\0"
+NOTHING = b"{}"
+"""The neutral object: no key, no mode."""
+
+_OUTSIDE = re.compile(rb'["{}]|[^ \t\r\n0-9+\-.,:\[\]a-zA-Z]')
+_INSIDE = re.compile(rb'["\\]|[\x00-\x1f]')
+
+Out = int | float | Sequence[int] | Sequence[float]
+
+
+class MalformedObject(ProtocolError):
+    """Bytes dropped by the decoder. `data` are they; `stray` tells that no object had begun in them."""
+
+    def __init__(self, text: str, data: bytes, *, stray: bool = False) -> None:
+        super().__init__(text, code="garbage" if stray else "bad-json")
+        self.data = data
+        self.stray = stray
+
+
+def encode(fields: Mapping[str, Out]) -> bytes:
+    """One object without its terminator; integers without, floats always with a decimal point (6 decimals at most).
+
+        {"hand_mode":5,"maxtorque":800}
+
+    Raises UsageError for a number that JSON does not have and for an object that the hand's buffer cannot hold.
+    """
+    body = ",".join(f'"{key}":{_value(value)}' for key, value in fields.items())
+    data = b"{" + body.encode("ascii") + b"}"
+    if len(data) + LONGEST_END > LARGEST_OUT:
+        raise UsageError(f"an object of {len(data)} bytes: the hand takes {LARGEST_OUT}", code="too-long")
+    return data
+
+
+def _value(value: Out) -> str:
+    if isinstance(value, Sequence):
+        return "[" + ",".join(_number(single) for single in value) + "]"
+    return _number(value)
+
+
+def _number(value: int | float) -> str:
+    if isinstance(value, int):
+        return str(int(value))
+    if not isfinite(value):
+        raise UsageError(f"{value} is not a number that can be sent", hint="nothing was sent", code="not-a-number")
+    text = f"{value:.6f}".rstrip("0")
+    text = f"{text}0" if text.endswith(".") else text
+    return "0.0" if text == "-0.0" else text
+
+
+class Decoder:
+    """Bytes in any pieces -> objects. Keeps at most LARGEST_IN bytes once `next` has returned None."""
+
+    def __init__(self) -> None:
+        self._buffer = bytearray()
+        self._restart()
+
+    def _restart(self) -> None:
+        self._position = self._depth = 0
+        self._string = -1  # where the string began in which the scan is, -1 = in none
+
+    @property
+    def pending(self) -> bytes:
+        """The beginning of an object that has not been closed yet."""
+        return bytes(self._buffer)
+
+    def feed(self, data: bytes) -> None:
+        """Take bytes as they arrived."""
+        self._buffer += data
+
+    def next(self) -> dict[str, object] | None:
+        """The next object, None when more bytes are needed.
+
+        Raises MalformedObject, a ProtocolError, for bytes that make none; they are dropped up to the next ``{``.
+        """
+        if self._position == 0:
+            self._skip()
+        end = self._scan()
+        if end is None:
+            return None
+        data = bytes(self._buffer[:end])
+        content = _parse(data)
+        if content is None:
+            raise self._drop("an object that is no JSON")
+        del self._buffer[:end]
+        self._restart()
+        return content
+
+    def _skip(self) -> None:
+        rest = self._buffer.lstrip(BETWEEN)
+        if len(rest) != len(self._buffer):
+            self._buffer = rest
+        if rest and rest[0] != 0x7B:
+            place = rest.find(b"{")
+            data = bytes(rest if place < 0 else rest[:place])
+            del self._buffer[: len(data)]
+            raise MalformedObject(f"{len(data)} bytes that begin no JSON object", data, stray=True)
+
+    def _scan(self) -> int | None:
+        """Where the object ends that the buffer begins with, None when it is not closed yet."""
+        buffer = self._buffer
+        while True:
+            found = (_OUTSIDE if self._string < 0 else _INSIDE).search(buffer, self._position)
+            if self._string >= 0 and (found.start() if found else len(buffer)) - self._string > LONGEST_STRING:
+                raise self._drop("a string without an end")
+            if found is None:
+                self._position = max(self._position, len(buffer))
+                if len(buffer) > LARGEST_IN:
+                    raise self._drop(f"an object without an end in {len(buffer)} bytes")
+                return None
+            token, place, self._position = found[0], found.start(), found.end()
+            if self._string >= 0:
+                if token == b"\\":
+                    self._position += 1
+                elif token == b'"':
+                    self._string = -1
+                else:
+                    raise self._drop("a string without an end")
+            elif token == b'"':
+                self._string = place
+            elif token == b"{":
+                self._open(place)
+            elif token == b"}":
+                self._depth -= 1
+                if self._depth == 0:
+                    return self._position
+            else:
+                raise self._drop("an object that is no JSON")
+
+    def _open(self, place: int) -> None:
+        """Count an opening brace. The hand's objects are flat; inside one, a brace must at least stand where JSON has it.
+
+        What was cut off behind a comma takes the next object for a part of itself, until the one after it shows the
+        mistake; then the next one is still in the buffer.
+        """
+        before = bytes(self._buffer[max(0, place - 64) : place]).rstrip()
+        if self._depth and (not before.endswith((b":", b",", b"[")) or self._depth >= DEEPEST):
+            raise self._drop("an object that was cut off")
+        self._depth += 1
+
+    def _drop(self, what: str) -> MalformedObject:
+        """Drop the header only, so that an object that begins within the rest is still found."""
+        place = self._buffer.find(b"{", 1)
+        data = bytes(self._buffer if place < 0 else self._buffer[:place])
+        del self._buffer[: len(data)]
+        self._restart()
+        return MalformedObject(f"{what}: {data[:48]!r}", data)
+
+
+def _parse(data: bytes) -> dict[str, object] | None:
+    from json import loads
+
+    try:
+        content = loads(data)
+    except (ValueError, RecursionError):
+        return None
+    return content if isinstance(content, dict) else None
+
+
+def numbers(value: object, count: int, *, whole: tuple[int, int] | None = None) -> tuple[int, ...] | tuple[float, ...]:
+    """The numbers of one key: an array of `count`; with `whole` integers of that range (12.0 is one, too).
+
+    Raises ProtocolError naming what is wrong; the other keys of the object may be right all the same.
+    """
+    if not isinstance(value, list):
+        raise ProtocolError(f"expected an array of {count} numbers, found {_shown(value)}", code="bad-type")
+    if len(value) != count:
+        raise ProtocolError(f"expected {count} numbers, found {len(value)}", code="bad-length")
+    checked = [_checked(single, place, count, whole) for place, single in enumerate(value, 1)]
+    return tuple(int(number) for number in checked) if whole is not None else tuple(checked)
+
+
+def _checked(single: object, place: int, count: int, whole: tuple[int, int] | None) -> float:
+    if isinstance(single, bool) or not isinstance(single, int | float):
+        raise ProtocolError(f"number {place} of {count} is {_shown(single)}", code="bad-type")
+    try:
+        number = float(single)
+    except OverflowError:
+        number = inf
+    if not isfinite(number):
+        raise ProtocolError(f"number {place} of {count} is not finite: {_shown(single)}", code="not-finite")
+    if whole is not None and (number != int(number) or not whole[0] <= number <= whole[1]):
+        raise ProtocolError(
+            f"number {place} of {count} is {_shown(single)}, not an integer from {whole[0]} to {whole[1]}",
+            code="bad-type",
+        )
+    return number
+
+
+def _shown(value: object) -> str:
+    if isinstance(value, int) and not isinstance(value, bool) and abs(value) > 1 << 64:
+        return "a very long integer"  # its digits may be more than Python prints
+    text = repr(value)
+    return text if len(text) <= 40 else f"{text[:37]}..."

@@ -1,0 +1,125 @@
+"""Targets of the AIDIN-hand: encoders, joints, fingertips, on a ramp and watched until they arrive.
+
+An object is sent every 20 ms; there is no acknowledge, so that feedback alone proves arrival (aidin, Modes).
+"""
+
+from __future__ import annotations
+
+from handctl.devices.aidin.exchange import PERIOD
+from handctl.devices.aidin.feedback import Feedback, values_of
+from handctl.devices.aidin.fields import Target
+from handctl.devices.aidin.hand import AidinHand
+from handctl.devices.aidin.homing import check_homed
+from handctl.devices.aidin.stop import object_of, step_of, stopping
+from handctl.devices.aidin.targets import Goal, missed, ramp
+from handctl.errors import CheckFailed
+from handctl.guide import Guide
+from handctl.param import Number, Step, elements_of
+from handctl.result import Column, Table
+
+ARRIVE = 3.0
+"""Seconds after the ramp's end until a target counts as not reached."""
+SETTLED = 0.2
+"""Seconds near the target until it counts as reached: a hand that passes by, or still comes nearer, is not there."""
+
+
+def target_object(goal: Goal, values: tuple[float, ...] | list[float]) -> bytes:
+    """The object that sends a whole vector to its target."""
+    return object_of(goal.target.mode, **{goal.target.command.key: goal.wire(values)})
+
+
+def measured(hand: AidinHand, target: Target) -> list[Number]:
+    """Where the hand is, in the target's unit. Raises ProtocolError when its key is missing or wrong."""
+    (wire,) = hand.talk.need(target.feedback)
+    return values_of(target.feedback, wire)
+
+
+def plan(hand: AidinHand | None, goal: Goal, end: bytes) -> list[Step]:
+    """The object that ends a movement, for --dry-run, with its terminator; `hand` is only listened to, where elements are kept."""
+    here = None
+    if hand is not None:
+        hand.talk.connect(silent=True)
+        here = measured(hand, goal.target)
+    data = target_object(goal, goal.complete(here))
+    return [step_of(f"mode {int(goal.target.mode)}, the last object of a ramp from where the hand is", data, end)]
+
+
+def move(hand: AidinHand, goal: Goal, guide: Guide, *, assume_homed: bool) -> Table:
+    """Go there on a ramp from where the hand is, and see it arrive; rows have `target` and `reached`.
+
+    Raises CheckFailed naming what did not arrive within 3 s of the ramp's end; then sending has ended, too.
+    """
+    talk = hand.talk
+    check_homed(hand, assume=assume_homed)
+    here = measured(hand, goal.target)
+    values = goal.complete(here)
+    with stopping(hand):
+        try:
+            _follow(hand, goal, ramp(goal, here, values, PERIOD), guide)
+            talk.feedback = Feedback()
+            arrived = _settle(hand, goal, values, guide)
+        finally:
+            guide.done()
+    talk.check_bound()
+    if arrived:
+        hand.journal.info("reached", "reached; nothing more is sent, the hand is expected to hold")
+    return _result(hand, goal, values)
+
+
+def _follow(hand: AidinHand, goal: Goal, way: list[tuple[float, ...]], guide: Guide) -> None:
+    for number, values in enumerate(way, 1):
+        hand.talk.tick(target_object(goal, values))
+        guide.progress(f"moving: {number * PERIOD:.1f} of {len(way) * PERIOD:.1f} s (Ctrl-C stops)")
+
+
+def _settle(hand: AidinHand, goal: Goal, values: list[float], guide: Guide) -> bool:
+    """Repeat the target until everything has been near it for a while; False when that takes too long."""
+    talk, data = hand.talk, target_object(goal, values)
+    end = talk.deadline(ARRIVE)
+    since: float | None = None
+    while not end.expired:
+        talk.tick(data)
+        guide.progress("waiting for arrival (Ctrl-C stops)")
+        if not _near(hand, goal, values):
+            since = None
+        elif since is None:
+            since = hand.link.now()
+        elif hand.link.now() - since >= SETTLED:
+            return True
+    return False
+
+
+def _near(hand: AidinHand, goal: Goal, values: list[float]) -> bool:
+    feedback, key = hand.talk.feedback, goal.target.feedback.key
+    if key in feedback.errors or key not in feedback.values:
+        return False
+    return not missed(goal, values, values_of(goal.target.feedback, feedback.values[key]))
+
+
+def _result(hand: AidinHand, goal: Goal, values: list[float]) -> Table:
+    param = goal.target.feedback
+    table = hand.table(hand.read(elements_of(param)))
+    if table.failure is None:
+        mark(hand, goal, values, table)
+    return table
+
+
+def mark(hand: AidinHand, goal: Goal, values: list[float], table: Table) -> None:
+    """Set each row beside its target; a target that was missed is a CheckFailed."""
+    param = goal.target.feedback
+    now = [row["value"] for row in table.rows]
+    off = missed(goal, values, now)
+    for index, row in enumerate(table.rows):
+        row["target"] = round(values[index], 4)
+        row["reached"] = index not in off
+    table.columns = (*hand.columns[:4], Column("target", "Target", right=True), hand.columns[4])
+    if off:
+        named = ", ".join(
+            f"{param.elements[i]} {now[i]:.{param.places}f} of {values[i]:.{param.places}f}" for i in off[:4]
+        )
+        more = f" and {len(off) - 4} more" if len(off) > 4 else ""
+        table.failure = CheckFailed(
+            f"{hand.link.name}: not reached: {named}{more}{f' {param.unit}' if param.unit else ''}",
+            hint="unreachable together with the others, blocked, the maximum torque is too low, or the hand is not homed",
+            code="not-reached",
+        )

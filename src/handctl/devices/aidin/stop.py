@@ -1,0 +1,117 @@
+"""Commands as bytes, and the way to stop: mode 3, motor power off (aidin, Modes: stop).
+
+Mode and data always travel in one object. Ctrl-C during anything that moves sends the stop mode.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from handctl.devices.aidin.exchange import PERIOD
+from handctl.devices.aidin.feedback import Feedback, Wire
+from handctl.devices.aidin.fields import AIDIN, Mode
+from handctl.devices.aidin.hand import AidinHand, reading
+from handctl.devices.aidin.messages import Out, encode
+from handctl.errors import CheckFailed, HandctlError, Interrupted
+from handctl.param import Step, elements_of
+from handctl.result import Table
+
+STOPS = 3
+CONFIRM = 1.2
+"""Seconds for the currents to vanish; also a slow stream has spoken by then."""
+NO_CURRENT = 20
+"""2 % of 1000."""
+CURRENT_STATE = AIDIN["current_state"]
+
+
+def object_of(mode: Mode, **data: Out) -> bytes:
+    """The object of one command, without its terminator."""
+    return encode({"hand_mode": int(mode), **data})
+
+
+def step_of(meaning: str, data: bytes, end: bytes) -> Step:
+    """A command for --dry-run: what it does with the object in words, and its bytes with their terminator."""
+    return Step(f"{meaning}: {data.decode()}", data + end, moves=True)
+
+
+def stop(hand: AidinHand) -> Table:
+    """Motor power off, at once: sent before anything else, repeated until the currents are near 0.
+
+    Where no current was seen to vanish, a message says that feedback proves nothing.
+    Raises NoAnswer when the hand says nothing, CheckFailed when currents stay.
+    """
+    talk, data, flowed = hand.talk, object_of(Mode.STOP), False
+    for _ in range(STOPS):
+        talk.tick(data, blind=True)
+        flowed = flowed or _flow(_currents(talk.feedback))
+    talk.feedback = Feedback()
+    end = talk.deadline(CONFIRM)
+    while not (told := _currents(talk.feedback)) or _flow(told):
+        flowed = flowed or _flow(told)
+        if end.expired:
+            raise _not_confirmed(hand, told)
+        talk.tick(data, blind=True)
+    if not flowed:
+        hand.journal.info(
+            "idle",
+            "stop was sent; no current was seen to vanish, because none flowed when the hand was heard first: "
+            "feedback does not show that the motors are off",
+            "if in doubt, switch the power off",
+        )
+    return hand.table([reading(element, told) for element in elements_of(CURRENT_STATE)])
+
+
+def _flow(told: Wire | None) -> bool:
+    return told is not None and max(map(abs, told)) > NO_CURRENT
+
+
+def _currents(feedback: Feedback) -> Wire | None:
+    return None if CURRENT_STATE.key in feedback.errors else feedback.values.get(CURRENT_STATE.key)
+
+
+def _not_confirmed(hand: AidinHand, told: Wire | None) -> HandctlError:
+    hint = "watch the hand; switch its power off if it still moves"
+    name, talk = hand.link.name, hand.talk
+    if told is not None:
+        text = f"{name}: stop was sent, but currents up to {max(map(abs, told))} flow"
+        return CheckFailed(text, hint=hint, code="not-stopped")
+    found = (
+        talk.named(CURRENT_STATE, talk.feedback.result(CURRENT_STATE.key))
+        if talk.feedback.seen
+        else talk.nothing_came()
+    )
+    error = found if isinstance(found, HandctlError) else talk.nothing_came()
+    text = f"stop was sent again and again for {CONFIRM:g} s and is not confirmed"
+    return type(error)(f"{error.text}; {text}", hint=hint, code=error.code)
+
+
+def send_stop(hand: AidinHand) -> None:
+    for _ in range(STOPS):
+        hand.talk.send(object_of(Mode.STOP))
+        hand.link.sleep(PERIOD)
+
+
+def halt(hand: AidinHand) -> str:
+    """After Ctrl-C: the stop mode; what became of it."""
+    try:
+        send_stop(hand)
+    except HandctlError as exc:
+        return f"stop could not be sent ({exc.text}): switch the hand's power off if it still moves"
+    except KeyboardInterrupt:
+        return "interrupted again while stop was sent: switch the hand's power off if it still moves"
+    return f"stop was sent {STOPS} times: motor power is off, the fingers move freely and a held object falls"
+
+
+def stopped(hand: AidinHand, exc: HandctlError) -> HandctlError:
+    """The error of something that was driving the fingers, with what became of them: stop is sent."""
+    return type(exc)(exc.text, hint="; ".join(filter(None, (exc.hint, halt(hand)))), code=exc.code)
+
+
+@contextmanager
+def stopping(hand: AidinHand, what: str = "") -> Iterator[None]:
+    """Around whatever moves: Ctrl-C stops the hand."""
+    try:
+        yield
+    except KeyboardInterrupt as exc:
+        raise Interrupted(f"interrupted: {what}{halt(hand)}") from exc

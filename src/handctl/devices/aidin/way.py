@@ -1,0 +1,104 @@
+"""How a hand speaks where the manual is silent: who begins, what asks, what ends an object (dossier 2, 6).
+
+Says nothing of bytes that come, and knows no link. The defaults find out by themselves.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import TYPE_CHECKING
+
+from handctl.devices.aidin.fields import AIDIN
+from handctl.devices.aidin.messages import LARGEST_OUT, LONGEST_END, NOTHING
+from handctl.errors import UsageError
+
+if TYPE_CHECKING:
+    from handctl.options import Settings
+
+TERMINATORS = {"newline": b"\n", "none": b"", "nul": b"\0", "crlf": b"\r\n"}
+"""What may follow an object; white space after an object is JSON, too."""
+DEEPEST = 8
+COMMANDS = frozenset(param.key.lower() for param in AIDIN if not param.readable)
+
+
+class Exchange(Enum):
+    """Who speaks first."""
+
+    UNKNOWN = "auto"
+    STREAM = "stream"
+    POLL = "poll"
+    COMMAND = "command"  # answers commands only
+
+
+@dataclass(frozen=True, slots=True)
+class Way:
+    """What is said about a hand.
+
+    exchange  UNKNOWN = listen, then ask
+    poll      the object that asks for feedback and commands nothing, without its terminator
+    end       the terminator of every object
+    """
+
+    exchange: Exchange = Exchange.UNKNOWN
+    poll: bytes = NOTHING
+    end: bytes = TERMINATORS["newline"]
+
+
+FIND_OUT = Way()
+
+
+def way_of(settings: Settings) -> Way:
+    """The Way of --exchange, --poll-json and --tx-terminator. Raises UsageError for what does not fit together."""
+    exchange = Exchange(settings.exchange or "auto")
+    text = settings.poll_json
+    if text is not None and exchange in (Exchange.STREAM, Exchange.COMMAND):
+        raise UsageError(
+            f"--poll-json does not fit --exchange {exchange.value}: nothing is asked then",
+            hint="leave one of them out. Nothing was sent.",
+        )
+    poll = NOTHING if text is None else neutral(text)
+    return Way(exchange, poll, TERMINATORS[settings.tx_terminator or "newline"])
+
+
+def neutral(text: str) -> bytes:
+    """An object of the user that asks for feedback, compact and in ASCII.
+
+    Raises UsageError for a text that is no JSON object, and for one with a key that commands: a mode moves the hand or
+    drops what it holds, and never provokes a status.
+    """
+    from json import dumps, loads
+
+    try:
+        content = loads(text, parse_constant=_no_number)
+        data = dumps(content, separators=(",", ":"), allow_nan=False).encode("ascii")
+    except (ValueError, RecursionError) as exc:
+        raise UsageError(f"--poll-json {text[:40]!r} is no JSON: {exc}", hint='e.g. {"get":1}') from exc
+    if not isinstance(content, dict):
+        raise UsageError(f"--poll-json {text[:40]!r} is no JSON object", hint='e.g. {"get":1}')
+    commanding = sorted(_keys(content) & COMMANDS)
+    if commanding:
+        raise UsageError(
+            f"--poll-json: {', '.join(commanding)} would command the hand each time that it is asked",
+            hint="the poll object may hold no key of a command (aidin, Command keys). Nothing was sent.",
+            code="commanding-poll",
+        )
+    if len(data) + LONGEST_END > LARGEST_OUT:
+        raise UsageError(f"--poll-json: {len(data)} bytes, the hand's buffer has 2048", hint="a shorter object")
+    return data
+
+
+def _no_number(name: str) -> None:
+    raise ValueError(f"{name} is no number of JSON")
+
+
+def _keys(content: object, depth: int = 0) -> set[str]:
+    """All keys at any depth, in lower case and without what a careless parser might pass over."""
+    if depth > DEEPEST:
+        raise UsageError("--poll-json: nested too deeply", hint="the hand's objects are flat")
+    if isinstance(content, list):
+        return set().union(*(_keys(single, depth + 1) for single in content))
+    if not isinstance(content, dict):
+        return set()
+    own = {key.strip(" \t\r\n\0").lower() for key in content}
+    return own.union(*(_keys(single, depth + 1) for single in content.values()))
