@@ -1,26 +1,34 @@
 """The options that every command, group and the root accept, and how they become settings. Imports click only.
 
-Precedence: command line (the level nearest the verb wins), then the environment, then the default.
+Precedence: command line (the level nearest the verb wins), environment, named device, configuration file, default.
+A device that the environment or the file names stands back when a level above it says where the device is.
 """
 
 from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
 from handctl.errors import UsageError
 
+if TYPE_CHECKING:
+    from handctl.config import Check, Config
+
 FORMATS = ("table", "plain", "json", "ndjson", "csv")
 GIVEN = "handctl.given"
 """Key in click's shared meta: the options given so far; a later (deeper) level overwrites an earlier one."""
+SOURCES = "handctl.sources"
+"""Key in click's shared meta: setting -> Source, for every setting that is not the default."""
 
 
 class Settings(NamedTuple):
-    """The shared options after precedence: command line (the level nearest the verb), environment, default."""
+    """The shared options after precedence. `kind` is the family of the named device, None without one."""
 
+    device: str | None = None
+    kind: str | None = None
     port: str | None = None
     fake: bool = False
     wire: str | None = None
@@ -38,6 +46,37 @@ class Settings(NamedTuple):
     verbose: bool = False
     color: str = "auto"
     debug: bool = False
+    exchange: str | None = None
+    poll_json: str | None = None
+    tx_terminator: str | None = None
+
+
+class Source(NamedTuple):
+    """Where a setting comes from: its level in words, and the variable or the FILE:LINE."""
+
+    level: str
+    where: str = ""
+
+
+COMMAND_LINE = Source("command line")
+ENVIRONMENT, NAMED, FILE = "environment", "named device", "configuration file"
+WITHOUT_FILE = "completion"
+"""Its script must come out whatever the file says, also when that is damaged."""
+WITHOUT_DEVICE = ("devices list", "devices add", "devices remove")
+"""They edit what the named devices are made of, so they must not need one."""
+
+
+class Seconds(click.FloatRange):
+    """A number above 0 that a clock can wait for."""
+
+    def __init__(self) -> None:
+        super().__init__(min=0, min_open=True)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        number = super().convert(value, param, ctx)
+        if not 0 < number < float("inf"):
+            self.fail(f"{value} is not a number of seconds.", param, ctx)
+        return number
 
 
 class SharedOption(click.Option):
@@ -64,14 +103,19 @@ class SharedOption(click.Option):
         given[f"{self.key}@"] = level
 
 
-def shared_options(wires: Sequence[str] = ()) -> list[click.Parameter]:
-    """A fresh set of the options that every command, group and the root accept; `wires` of a family that has several."""
+def shared_options(wires: Sequence[str] = (), exchange: bool = False) -> list[click.Parameter]:
+    """A fresh set of the options that every command, group and the root accept.
+
+    `wires` of a family that has several; with `exchange` those of a family whose manual does not say who speaks first.
+    """
     connect, output, safety = "Connection", "Output", "Writing"
-    number = click.FloatRange(min=0, min_open=True)
+    number = Seconds()
     return [
         SharedOption(["-p", "--port"], connect, metavar="LINK", help="Where the device is: /dev/ttyUSB0, COM3, usb:VID:PID[:SERIAL], tcp://HOST:PORT, fake://…, replay:FILE, any pyserial URL."),
         SharedOption(["--fake"], connect, is_flag=True, help="Talk to the built-in simulator of this device."),
         *(SharedOption([f"--{wire}"], connect, key="wire", fixed=wire, is_flag=True, help=f"With --fake or --dry-run: the {wire} wire (default: {wires[0]}).") for wire in wires),
+        SharedOption(["-d", "--device"], connect, metavar="NAME", help="A device named in the configuration file, see `handctl devices`."),
+        *(exchange_options(connect) if exchange else ()),
         SharedOption(["--id"], connect, type=int, metavar="N", help="Device id, as the protocol has it."),
         SharedOption(["--baud"], connect, type=click.IntRange(min=1), metavar="N", help="Speed of the serial port in bit/s."),
         SharedOption(["--timeout"], connect, type=number, metavar="S", help="Seconds of silence allowed per reply."),
@@ -91,23 +135,167 @@ def shared_options(wires: Sequence[str] = ()) -> list[click.Parameter]:
     ]  # fmt: skip
 
 
-def resolve(ctx: click.Context, wires: Sequence[str] = ()) -> Settings:
-    """The settings of this command. Raises UsageError for an environment variable that cannot be understood."""
+def exchange_options(section: str) -> list[click.Parameter]:
+    """How a device speaks where its manual is silent."""
+    ends = click.Choice(["newline", "none", "nul", "crlf"])
+    return [
+        SharedOption(["--exchange"], section, type=click.Choice(["auto", "stream", "poll", "command"]), help="Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only."),
+        SharedOption(["--poll-json"], section, metavar="TEXT", help="The JSON object that asks for feedback (default: {}); none that commands."),
+        SharedOption(["--tx-terminator"], section, type=ends, help="What follows each object that is sent (default: newline)."),
+    ]  # fmt: skip
+
+
+def resolve(ctx: click.Context, wires: Sequence[str] = (), device: str = "") -> Settings:
+    """The settings of this command; with `device`, as `-d` with that name would have them. Where each comes from is
+    kept in the context's meta under SOURCES.
+
+    Raises UsageError for an environment variable or a configuration file that cannot be understood.
+    """
     given: dict[str, Any] = ctx.meta.get(GIVEN, {})
-    values = {key: given[key] for key in Settings._fields if key in given}
-    for option in shared_options(wires):
-        assert isinstance(option, SharedOption)
-        text = os.environ.get(f"HANDCTL_{str(option.name).upper()}")
-        if not text or option.key in values:
-            continue
-        if option.key in ("port", "fake") and ({"port", "fake"} & values.keys()):
+    chosen = _Chosen()
+    for key in Settings._fields:
+        if key in given:
+            chosen.take(key, given[key], COMMAND_LINE)
+    if device:
+        chosen.values["device"], chosen.sources["device"] = device, COMMAND_LINE
+    options = [option for option in shared_options(wires, exchange=True) if isinstance(option, SharedOption)]
+    linked = chosen.linked
+    for option in options:
+        variable = f"HANDCTL_{str(option.name).upper()}"
+        text = os.environ.get(variable)
+        if not text or option.key in chosen.values or (option.key == "device" and linked):
             continue
         value = _from_environment(ctx, option, text)
-        if option.fixed is None:
-            values[option.key] = value
-        elif value:
-            values[option.key] = option.fixed
-    return Settings(**values)
+        if option.fixed is None or value:
+            chosen.take(option.key, value if option.fixed is None else option.fixed, Source(ENVIRONMENT, variable))
+    command = " ".join(ctx.command_path.split()[1:])
+    if command != WITHOUT_FILE:
+        _from_file(chosen, options, with_device=command not in WITHOUT_DEVICE)
+    ctx.meta[SOURCES] = chosen.sources
+    return Settings(**chosen.values)
+
+
+class _Chosen:
+    """The settings so far, from the highest level down: what is there stays."""
+
+    def __init__(self) -> None:
+        self.values: dict[str, Any] = {}
+        self.sources: dict[str, Source] = {}
+
+    @property
+    def linked(self) -> bool:
+        """Whether it is said where the device is."""
+        return self.values.get("port") is not None or bool(self.values.get("fake"))
+
+    def take(self, key: str, value: Any, source: Source) -> None:
+        """A value of a lower level, where no higher one has said anything."""
+        if key not in self.values and not (key in ("port", "fake") and self.linked):
+            self.values[key] = value
+            self.sources[key] = source
+
+
+def config_path() -> str:
+    """The configuration file: HANDCTL_CONFIG, or handctl/config.toml in the XDG place."""
+    named = os.environ.get("HANDCTL_CONFIG")
+    if named:
+        return named
+    base = os.environ.get("XDG_CONFIG_HOME", "")
+    if not os.path.isabs(base):  # so says the XDG specification
+        base = os.path.join(os.path.expanduser("~"), ".config")
+    return os.path.join(base, "handctl", "config.toml")
+
+
+def read_config(path: str) -> Config:
+    """The configuration file, checked; a missing one is empty. Raises UsageError."""
+    from handctl.config import load
+
+    return load(path, checks())
+
+
+def checks() -> dict[str, Check]:
+    """Key of the configuration file -> what it may hold: every shared option by its name."""
+    from functools import partial
+
+    options = shared_options(("serial", "can"), exchange=True)
+    return {str(option.name): partial(_checked, option) for option in options}
+
+
+def _checked(option: click.Parameter, value: Any) -> Any:
+    """A value of the file as the option would have it; texts are not numbers there. Raises ValueError."""
+    kind = option.type
+    if getattr(option, "is_flag", False):
+        if not isinstance(value, bool):
+            raise ValueError("expected true or false")
+        return value
+    if isinstance(kind, click.FloatRange):
+        wanted, text = isinstance(value, int | float), "expected a number"
+    elif kind.name.startswith("integer"):
+        wanted, text = isinstance(value, int), "expected a whole number"
+    else:
+        wanted, text = isinstance(value, str) and bool(value), "expected a text in quotes"
+    if not wanted or isinstance(value, bool):
+        raise ValueError(text)
+    try:
+        return kind.convert(value, option, None)
+    except click.UsageError as exc:
+        raise ValueError(exc.message) from exc
+
+
+def _from_file(chosen: _Chosen, options: Sequence[SharedOption], with_device: bool) -> None:
+    path = config_path()
+    if _missing(path):
+        if os.environ.get("HANDCTL_CONFIG") and with_device:
+            raise UsageError(
+                f"HANDCTL_CONFIG={path}: there is no such file",
+                hint="correct or unset it; `handctl devices add` makes the file",
+                code="config",
+            )
+        if not (with_device and "device" in chosen.values):
+            return
+    config = read_config(path)
+    values = {
+        option: entry
+        for option in options
+        if (entry := config.values.get(str(option.name))) and (option.fixed is None or entry.value)
+    }
+    _refuse_pairs({str(option.name): option.key for option, entry in values.items() if entry.value}, path)
+    if with_device:
+        if "device" in config.values and not chosen.linked:
+            name, line = config.values["device"]
+            chosen.take("device", name, Source(FILE, f"{path}:{line}"))
+        if "device" in chosen.values:
+            device = config.find(chosen.values["device"])
+            chosen.take("kind", device.kind, Source(NAMED, f"{path}:{device.line}"))
+            for key, entry in device.entries.items():
+                chosen.take(key, entry.value, Source(NAMED, f"{path}:{entry.line}"))
+    for option, entry in values.items():
+        if option.key == "device" or (option.key == "wire" and chosen.values.get("port")):
+            continue  # the LINK says which wire it is
+        value = entry.value if option.fixed is None else option.fixed
+        chosen.take(option.key, value, Source(FILE, f"{path}:{entry.line}"))
+
+
+def _missing(path: str) -> bool:
+    """Whether there is no such file; one that may not be looked at is there, and reading it will say so."""
+    try:
+        os.stat(path)
+    except (FileNotFoundError, NotADirectoryError):
+        return True
+    except OSError:
+        return False
+    return False
+
+
+def _refuse_pairs(keys: dict[str, str], path: str) -> None:
+    """Two entries of the file that say different things about one setting."""
+    said: dict[str, str] = {}
+    for name, key in keys.items():
+        about = "port" if key == "fake" else key
+        if about in said:
+            raise UsageError(
+                f"{path}: {said[about]} and {name} exclude each other", hint="keep one of them", code="config"
+            )
+        said[about] = name
 
 
 def _from_environment(ctx: click.Context, option: SharedOption, text: str) -> Any:

@@ -15,10 +15,11 @@ import click
 from handctl import __version__
 from handctl.console import TerminalGuide, print_stderr
 from handctl.errors import HandctlError, Interrupted, NotConfirmed, OutputError, UsageError
-from handctl.options import Settings, from_click
+from handctl.options import COMMAND_LINE, ENVIRONMENT, FILE, SOURCES, Settings, Source, from_click
 
 if TYPE_CHECKING:
     from handctl.link import Link
+    from handctl.link.lock import Lock
     from handctl.param import Step
     from handctl.result import Journal, Message, Table
 
@@ -30,6 +31,9 @@ class Family(NamedTuple):
     open      (link, settings, journal) -> device
     baud      speed of a serial port unless --baud says otherwise, None = none
     wires     the kinds of wire it has, the default first; () = bytes only
+    tcp_port  port of tcp://HOST without one, None = it must be given; a family that has one has no serial wire
+    exchange  takes the options that say how the device speaks, where its manual does not
+    check     settings -> raises UsageError for what does not fit together
     explain   (device, error) -> a better error when nothing valid ever came; read-only
     """
 
@@ -38,6 +42,9 @@ class Family(NamedTuple):
     baud: int | None = None
     explain: Callable[[Any, HandctlError], HandctlError] | None = None
     wires: tuple[str, ...] = ()
+    tcp_port: int | None = None
+    exchange: bool = False
+    check: Callable[[Settings], object] | None = None
 
 
 class Run:
@@ -53,8 +60,11 @@ class Run:
         self.journal = Journal(self._show_message)
         self.live = False
         self.streams = bool(getattr(ctx.command, "streams", False))
+        self.sources: dict[str, Source] = ctx.meta.get(SOURCES, {})
+        self._writes = bool(getattr(ctx.command, "writes", False))
         self._held: list[Message] = []
         self._link: Link | None = None
+        self._lock: Lock | None = None
         self._trace: Any = None
         self._device: Any = None
 
@@ -72,6 +82,7 @@ class Run:
         from handctl.link import NoFrames, NoLink, is_can
 
         assert self.family is not None
+        self._refuse_other_family()
         port = self.settings.port
         can = self.settings.wire == "can" if port is None else is_can(port)
         return self.family.open(NoFrames() if can else NoLink(), self.settings, self.journal)
@@ -84,13 +95,19 @@ class Run:
             assert self.family is not None
             name = self.link_name()
             tap = self._tap()
-            self._link = open_link(name, baud=self.settings.baud or self.family.baud, tap=tap)
+            baud = self.settings.baud or self.family.baud
+            if not name.startswith(("fake://", "replay:")):
+                from handctl.link.lock import hold
+
+                self._lock = hold(name, f"handctl {self.command}", self.family.tcp_port)
+            self._link = open_link(name, baud=baud, tap=tap, tcp_port=self.family.tcp_port)
         return self._link
 
     def link_name(self) -> str:
         """The LINK: --port, or the simulator for --fake. Raises UsageError when neither is given; never picks one."""
         from handctl.link import is_can
 
+        self._refuse_other_family()
         port, wire = self.settings.port, self.settings.wire
         kind = self.family.kind if self.family is not None else ""
         if port and not port.startswith("replay:"):
@@ -100,13 +117,21 @@ class Run:
                 )
             if wire is not None and is_can(port) != (wire == "can"):
                 raise UsageError(f"--{wire} does not fit {port}", hint="leave it out: the LINK says which wire it is")
+            if self.family is not None and self.family.tcp_port is not None and _is_serial(port):
+                raise UsageError(
+                    f"{port}: {kind} has no serial wire",
+                    hint=f"-p tcp://HOST (port {self.family.tcp_port} when not given)",
+                )
         if port:
             return port
         if self.settings.fake:
             return f"fake://{kind}?bus=can" if wire == "can" else f"fake://{kind}"
+        where = "-p /dev/ttyUSB0 (see `ls /dev/serial/by-id`), -p tcp://HOST:PORT"
+        if self.family is not None and self.family.tcp_port is not None:
+            where = f"-p tcp://HOST (port {self.family.tcp_port} when not given)"
         raise UsageError(
             "no device: where is it?",
-            hint=f"-p /dev/ttyUSB0 (see `ls /dev/serial/by-id`), -p tcp://HOST:PORT, or --fake for the simulated {kind}",
+            hint=f"{where}, -d NAME (see `handctl devices list`), or --fake for the simulated {kind}",
             code="no-link",
         )
 
@@ -116,6 +141,8 @@ class Run:
         With `word` the user must type it.
         """
         if self.settings.yes:
+            if self.sources["yes"].level == FILE:
+                self.journal.warn("yes-from-file", f"not asked: yes = true in {self.sources['yes'].where}")
             return
         if not self.guide.interactive:
             raise NotConfirmed(
@@ -167,6 +194,9 @@ class Run:
             if hasattr(signal, name):
                 signal.signal(getattr(signal, name), _terminate)
         try:
+            self._check_named_device()
+            if self.family is not None and self.family.check is not None:
+                self.family.check(self.settings)
             table = body()
             if table is not None and table.samples is not None:
                 failure = self._stream(table)
@@ -183,6 +213,31 @@ class Run:
         if failure is not None:
             failure.shown = True
             raise failure
+
+    def _check_named_device(self) -> None:
+        """Whether the device that -d names is meant; a default device is judged when its link is needed."""
+        if self.sources.get("device") == COMMAND_LINE:
+            self._refuse_other_family()
+        source = self.sources.get("port") or self.sources.get("fake")
+        if self.settings.kind is None or source is None or source.level != ENVIRONMENT:
+            return
+        text = f"{source.where} takes the place of the port of {self.settings.device}"
+        if self._writes and not self.settings.dry_run:
+            raise UsageError(
+                f"{text}: which device is meant?", hint=f"unset {source.where}, or leave out -d", code="two-devices"
+            )
+        self.journal.warn("other-port", text, f"unset {source.where} to reach {self.settings.device}")
+
+    def _refuse_other_family(self) -> None:
+        kind = self.settings.kind
+        if kind is None or self.family is None or kind == self.family.kind:
+            return
+        name = self.settings.device
+        raise UsageError(
+            f"{name} is of family {kind} ({self.sources['kind'].where}), not {self.family.kind}",
+            hint=f"`handctl {kind} …` reaches it; `handctl devices list` shows the others",
+            code="wrong-family",
+        )
 
     def _stream(self, table: Table) -> HandctlError | None:
         from handctl import render
@@ -227,6 +282,9 @@ class Run:
             return failure or exc
         except OSError as exc:
             return failure or OutputError(f"{self.settings.trace}: the trace cannot be written: {exc.strerror or exc}")
+        finally:
+            if self._lock is not None:
+                self._lock.release()
         return failure
 
     def _tap(self) -> Any:
@@ -315,6 +373,10 @@ def make_envelope(
         "messages": rows,
         "counters": counters if counters is not None else Counters().as_row(),
     }
+
+
+def _is_serial(port: str) -> bool:
+    return "://" not in port or port.startswith("spy://")
 
 
 def _terminate(_number: int, _frame: Any) -> None:

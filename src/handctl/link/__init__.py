@@ -167,12 +167,14 @@ class NoFrames(FrameLink):
         """Nothing to release."""
 
 
-def open_link(link: str, *, baud: int | None = None, tap: Tap | None = None) -> Link:
-    """Open `link` exclusively; `baud` in bit/s for serial ports. With `tap`, everything that passes is recorded.
+def open_link(link: str, *, baud: int | None = None, tap: Tap | None = None, tcp_port: int | None = None) -> Link:
+    """Open `link` exclusively; `baud` in bit/s for serial ports, `tcp_port` for a tcp:// without a port of its own.
+
+    With `tap`, everything that passes is recorded.
 
     Raises UsageError for a LINK that cannot be understood, LinkError for one that cannot be opened.
     """
-    opened = _open(link, baud)
+    opened = _open(link, baud, tcp_port)
     return tap.around(opened) if tap is not None else opened
 
 
@@ -187,7 +189,7 @@ def is_can(link: str) -> bool:
     return link.startswith("can:") or (link.startswith("fake://") and "bus=can" in link.partition("?")[2].split("&"))
 
 
-def _open(link: str, baud: int | None) -> Link:
+def _open(link: str, baud: int | None, tcp_port: int | None) -> Link:
     # Imported on use: a fake or a TCP link must not pay for pyserial.
     if link.startswith("fake://") and is_can(link):
         from handctl.link.fake import FakeFrames
@@ -204,7 +206,7 @@ def _open(link: str, baud: int | None) -> Link:
     if link.startswith("tcp://"):
         from handctl.link.tcp import TcpLink
 
-        return TcpLink(link)
+        return TcpLink(link, tcp_port)
     if link.startswith("can:"):
         from handctl.link.can import CanLink
 

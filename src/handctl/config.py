@@ -1,0 +1,257 @@
+"""The configuration file as data: which keys may stand in it, what they hold, and in which line each stands.
+
+    port = "/dev/ttyUSB0"        # any shared option, by its long name with _ for -
+    format = "plain"
+
+    [devices.left]               # one named device: kind and port, and what else the line needs
+    kind = "exo"
+    port = "/dev/serial/by-id/usb-FTDI_FT232R_A1-if00-port0"
+    id = 2
+
+Nothing in it is passed over: an unknown key, a wrong type or a value out of range is a UsageError with the line. What
+an option takes is said by the caller, one check per key. Knows no precedence and does not write.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any, NamedTuple
+
+from handctl.errors import UsageError
+from handctl.families import FAMILIES
+
+Check = Callable[[Any], Any]
+"""Value as TOML has it -> value of the option. Raises ValueError with what is wrong."""
+
+DEVICE_KEYS = ("port", "id", "baud", "timeout", "deadline", "retries")
+"""What a named device may say beside its kind; port must be there."""
+FAMILY_KEYS = {"aidin": ("exchange", "poll_json", "tx_terminator")}
+"""What those of one family may say further."""
+NAME_HELP = "letters, digits, - and _"
+
+
+class Entry(NamedTuple):
+    """One checked value and the line where it stands, None where the text does not tell."""
+
+    value: Any
+    line: int | None
+
+
+class Device(NamedTuple):
+    """One `[devices.NAME]`."""
+
+    name: str
+    kind: str
+    entries: dict[str, Entry]
+    line: int | None
+
+
+class Config(NamedTuple):
+    """The whole file; empty when there is none."""
+
+    path: str
+    text: str
+    values: dict[str, Entry]
+    devices: dict[str, Device]
+
+    def find(self, name: str) -> Device:
+        """The device of this name. Raises UsageError with what is known."""
+        found = self.devices.get(name)
+        if found is not None:
+            return found
+        from difflib import get_close_matches
+
+        near = get_close_matches(name, list(self.devices))
+        known = f"named so far: {', '.join(self.devices)}" if self.devices else "none has a name yet"
+        meant = f"did you mean {' or '.join(near)}? " if near else ""
+        raise UsageError(
+            f"no device is named {name!r} in {self.path}",
+            hint=f"{meant}{known}; `handctl devices add {name} FAMILY -p LINK` names one",
+            code="unknown-device",
+        )
+
+
+class Statement(NamedTuple):
+    """One table header or one KEY = VALUE of a TOML text.
+
+    start, end   offsets of its lines, line feed included
+    code_end     offset behind its last character that is neither space nor comment
+    path         the full key, table included
+    """
+
+    start: int
+    end: int
+    code_end: int
+    path: tuple[str, ...]
+    header: bool
+
+
+def is_name(text: object) -> bool:
+    """Whether a device may have this name: it must fit into a shell word and a bare TOML key."""
+    return (
+        isinstance(text, str)
+        and bool(text)
+        and text.isascii()
+        and text.replace("-", "a").replace("_", "a").isalnum()
+        and not text.startswith("-")
+    )
+
+
+def load(path: str, checks: Mapping[str, Check]) -> Config:
+    """Read and check the file; one that is missing is empty. Raises UsageError."""
+    try:
+        with open(path, "rb") as file:
+            content = file.read()
+    except (FileNotFoundError, NotADirectoryError):
+        return Config(path, "", {}, {})
+    except OSError as exc:
+        raise UsageError(
+            f"{path}: the configuration file cannot be read: {exc.strerror or exc}",
+            hint="make it readable, or name another one in HANDCTL_CONFIG",
+            code="config",
+        ) from exc
+    try:
+        text = content.decode("utf-8")
+    except UnicodeDecodeError as exc:
+        line = content[: exc.start].count(b"\n") + 1
+        raise _wrong(path, line, f"byte {content[exc.start]:02X} is not UTF-8", "save the file as UTF-8") from exc
+    return parse(path, text, checks)
+
+
+def parse(path: str, text: str, checks: Mapping[str, Check]) -> Config:
+    """The configuration in `text`; `path` is for the messages. Raises UsageError."""
+    data = _toml(path, text)
+    book = _Book(path, lines_of(text), checks)
+    tables = data.pop("devices", {})
+    values = {key: book.entry((key,), value, tuple(checks), "option") for key, value in data.items()}
+    if not isinstance(tables, dict):
+        raise book.wrong(("devices",), "devices must be a table", "write [devices.NAME]")
+    return Config(path, text, values, {name: book.device(name, table) for name, table in tables.items()})
+
+
+def _toml(path: str, text: str) -> dict[str, Any]:
+    import tomllib
+
+    try:
+        return tomllib.loads(text)
+    except (ValueError, RecursionError) as exc:  # ValueError: TOMLDecodeError, and numbers beyond Python's limit
+        import re
+
+        what = str(exc) if isinstance(exc, ValueError) else "nested too deeply"
+        place = re.search(r" \(at line (\d+), column (\d+)\)$", what)
+        line = int(place[1]) if place else text.count("\n") + 1 if "at end of document" in what else None
+        what = what.partition(" (at ")[0] + (f" at column {place[2]}" if place else "")
+        raise _wrong(path, line, f"not valid TOML: {what}", "correct that line; texts stand in quotes") from exc
+
+
+class _Book:
+    """Checks one file's entries; knows where each stands."""
+
+    def __init__(self, path: str, lines: Mapping[tuple[str, ...], int], checks: Mapping[str, Check]) -> None:
+        self._path = path
+        self._lines = lines
+        self._checks = checks
+
+    def line(self, place: tuple[str, ...]) -> int | None:
+        while place and place not in self._lines:
+            place = place[:-1]
+        return self._lines.get(place)
+
+    def wrong(self, place: tuple[str, ...], text: str, hint: str) -> UsageError:
+        return _wrong(self._path, self.line(place), text, hint)
+
+    def entry(self, place: tuple[str, ...], value: Any, known: tuple[str, ...], what: str) -> Entry:
+        key = place[-1]
+        if key not in known:
+            from difflib import get_close_matches
+
+            near = get_close_matches(key, known)
+            meant = f"did you mean {' or '.join(near)}? " if near else ""
+            raise self.wrong(place, f"{key}: there is no such {what}", f"{meant}known: {', '.join(known)}")
+        try:
+            return Entry(self._checks[key](value), self.line(place))
+        except ValueError as exc:
+            shown = repr(value) if isinstance(value, str | int | float) else "the value"
+            raise self.wrong(place, f"{key} = {shown}: {exc}", "correct that line") from exc
+
+    def device(self, name: str, table: Any) -> Device:
+        place = ("devices", name)
+        if not is_name(name):
+            raise self.wrong(place, f"{name!r} cannot be the name of a device", f"allowed: {NAME_HELP}")
+        if not isinstance(table, dict):
+            raise self.wrong(place, f"devices.{name} must be a table", f"write [devices.{name}]")
+        for key in ("kind", "port"):
+            if key not in table:
+                raise self.wrong(place, f"device {name} has no {key}", f"add a line {key} = …, or remove the table")
+        kind = table["kind"]
+        if kind not in list(FAMILIES):
+            raise self.wrong(
+                (*place, "kind"), f"kind = {kind!r}: no such device family", f"one of {', '.join(FAMILIES)}"
+            )
+        known = ("kind", *DEVICE_KEYS, *FAMILY_KEYS.get(kind, ()))
+        entries = {
+            key: self.entry((*place, key), value, known, f"key of a device of family {kind}")
+            for key, value in table.items()
+            if key != "kind"
+        }
+        return Device(name, kind, entries, self.line(place))
+
+
+def _wrong(path: str, line: int | None, text: str, hint: str) -> UsageError:
+    where = f"{path}, line {line}" if line is not None else path
+    return UsageError(f"{where}: {text}", hint=hint, code="config")
+
+
+# -- where things stand in the text ---------------------------------------------------------------------------------
+
+TOKENS = (
+    r'"""(?:\\[\s\S]|[^\\])*?""""{0,2}' r"|'''[\s\S]*?''''{0,2}"
+    r'|"(?:\\.|[^"\\\n])*"' r"|'[^'\n]*'"
+    r"|#[^\n]*|[\[\]{}\n]" r"""|[^"'#\[\]{}\n]+"""
+)  # fmt: skip
+"""The pieces of a valid TOML text: strings, comments, brackets, line ends, and the rest."""
+
+
+def statements(text: str) -> Iterator[Statement]:
+    """The statements of a valid TOML text in order; blank and comment lines are none."""
+    import re
+
+    table: tuple[str, ...] = ()
+    start = code_end = depth = 0
+    for found in [*re.finditer(TOKENS, text), None]:
+        token = found[0] if found is not None else "\n"
+        if token == "\n" and depth == 0:
+            end = found.end() if found is not None else len(text)
+            body = text[start:code_end].strip()
+            if code_end > start and body:
+                header = body.startswith("[")
+                path = (*(() if header else table), *_key(body))
+                table = path if header else table
+                yield Statement(start, end, code_end, path, header)
+            start = code_end = end
+        elif found is not None and not token.startswith("#"):
+            depth += (token in "[{") - (token in "]}")
+            code_end = found.start() + len(token.rstrip()) if token.strip() else code_end
+
+
+def _key(body: str) -> Iterator[str]:
+    import tomllib
+
+    node: Any = tomllib.loads(body)
+    while True:
+        if isinstance(node, list) and len(node) == 1:
+            node = node[0]
+        if not isinstance(node, dict) or len(node) != 1:
+            return
+        ((key, node),) = node.items()
+        yield key
+
+
+def lines_of(text: str) -> dict[tuple[str, ...], int]:
+    """Key -> number of the line where it, or the first thing below it, stands."""
+    lines: dict[tuple[str, ...], int] = {}
+    for statement in statements(text):
+        line = text.count("\n", 0, statement.start) + 1
+        for length in range(1, len(statement.path) + 1):
+            lines.setdefault(statement.path[:length], line)
+    return lines

@@ -1,0 +1,190 @@
+"""`handctl devices`: names for devices, kept in the configuration file; `handctl -d NAME FAMILY …` uses one.
+
+Sends nothing to any device. Knows how a LINK is written, not what answers on it.
+"""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from handctl.clikit import Group
+from handctl.errors import UsageError
+from handctl.families import FAMILIES
+from handctl.options import COMMAND_LINE, SOURCES, Settings, Source, checks, config_path, read_config, resolve
+from handctl.result import Column, Row, Table
+from handctl.run import Run
+
+if TYPE_CHECKING:
+    from handctl.config import Config, Device
+
+cli = Group(
+    "devices",
+    help="Names for devices, kept in the configuration file. `handctl -d NAME FAMILY …` then knows the port, the id "
+    "and the speed. HANDCTL_CONFIG names another file.",
+)
+
+COLUMNS = (
+    Column("name", "Name"),
+    Column("family", "Family"),
+    Column("link", "Link"),
+    Column("id", "Id", right=True),
+    Column("baud", "Baud", right=True),
+    Column("timeout", "Timeout", right=True, unit="s"),
+    Column("deadline", "Deadline", right=True, unit="s"),
+    Column("retries", "Retries", right=True),
+)
+
+
+def row_of(device: Device) -> Row:
+    """One named device with the keys that rows of `scan` have."""
+    said = {key: entry.value for key, entry in device.entries.items()}
+    keys = ("id", "baud", "timeout", "deadline", "retries")
+    return {"name": device.name, "family": device.kind, "link": said["port"], **{key: said.get(key) for key in keys}}
+
+
+@cli.verb("list")
+def list_devices(run: Run) -> Table:
+    """List the named devices."""
+    path = config_path()
+    rows = [row_of(device) for device in read_config(path).devices.values()]
+    if not rows:
+        run.journal.info("no-devices", f"no device has a name yet in {path}", "handctl devices add NAME FAMILY -p LINK")
+    return Table(rows=rows, columns=COLUMNS)
+
+
+@cli.verb("add", writes=True)
+@click.argument("name")
+@click.argument("family", type=click.Choice(list(FAMILIES)), required=False)
+@click.option(
+    "--from-scan", "scanned", metavar="FILE", help="Take family, link, id and baud from the output of scan --json; - is stdin."
+)  # fmt: skip
+@click.option("--force", is_flag=True, help="Replace the device that has this name now.")
+def add(run: Run, name: str, family: str | None, scanned: str | None, force: bool) -> Table:
+    """Name a device: its family and what is given of --port, --id, --baud, --timeout, --deadline, --retries.
+
+    `handctl devices add left exo -p /dev/serial/by-id/…`; the device is not asked. Writes the configuration file.
+    """
+    from handctl.config import NAME_HELP, is_name
+    from handctl.tools import devicefile, naming
+
+    if not is_name(name):
+        raise UsageError(f"{name!r} cannot be the name of a device", hint=f"allowed: {NAME_HELP}")
+    given = _given(run)
+    if scanned is not None:
+        found = naming.from_scan(_read(scanned), family, given)
+        family, given = str(found.pop("kind")), {**found, **given}
+    if family is None:
+        raise UsageError("which family is it?", hint=f"add one of {', '.join(FAMILIES)}, or --from-scan FILE")
+    if "port" not in given:
+        raise UsageError("where is it?", hint=f"handctl devices add {name} {family} -p LINK", code="no-link")
+    naming.check(run, family, given)
+    values = {"kind": family, **given}
+    path = config_path()
+    present = read_config(path)
+    done = "replaced" if name in present.devices else "added"
+
+    def edit(config: Config) -> str:
+        _refuse_taken(config, name, force)
+        return devicefile.put(config, name, values)
+
+    if run.settings.dry_run:
+        devicefile.verified(present, edit(present), checks(), values, name)
+        run.journal.info("dry-run", "dry run: nothing was written")
+    else:
+        devicefile.change(path, checks(), edit, values, name)
+        run.journal.info("next", f"{name} is known now", f"handctl -d {name} {family} status")
+    keys = ("id", "baud", "timeout", "deadline", "retries")
+    row = {"name": name, "family": family, "link": given["port"], **{key: given.get(key) for key in keys}}
+    return Table(rows=[{**row, "file": path, "result": done}], columns=(*COLUMNS, *DONE), plain=("name",))
+
+
+DONE = (Column("file", "File"), Column("result", "Result"))
+
+
+@cli.verb("remove", writes=True)
+@click.argument("name")
+def remove(run: Run, name: str) -> Table:
+    """Forget a name. Writes the configuration file; comments and everything else in it stay."""
+    from handctl.tools import devicefile
+
+    path = config_path()
+    config = read_config(path)
+    device = config.find(name)
+    default = config.values.get("device")
+    if default is not None and default.value == name:
+        raise UsageError(
+            f"{path}, line {default.line}: {name} is the default device there", hint="take that line out first"
+        )
+    if run.settings.dry_run:
+        devicefile.verified(config, devicefile.drop(config, name), checks(), {}, name)
+        run.journal.info("dry-run", "dry run: nothing was written")
+    else:
+        devicefile.change(path, checks(), lambda now: devicefile.drop(now, name), {}, name)
+    row = {**row_of(device), "file": path, "result": "removed"}
+    return Table(rows=[row], columns=(*COLUMNS, *DONE), plain=("name",))
+
+
+@cli.verb("show")
+@click.argument("name", required=False)
+def show(run: Run, name: str | None) -> Table:
+    """Show every setting as `-d NAME` would have it, and where each comes from.
+
+    Without NAME: as a command without -d would have it. Origins are the command line, the environment, the named
+    device, the configuration file (with the line) and the default.
+    """
+    ctx = click.get_current_context()
+    settings = resolve(ctx, ("serial", "can"), name or "")
+    sources: dict[str, Source] = ctx.meta[SOURCES]
+    rows = [_setting(key, getattr(settings, key), sources.get(key)) for key in Settings._fields]
+    columns = (
+        Column("name", "Setting"),
+        Column("value", "Value"),
+        Column("origin", "Origin"),
+        Column("where", "Where"),
+    )
+    return Table(rows=rows, columns=columns)
+
+
+def _setting(key: str, value: Any, source: Source | None) -> Row:
+    return {
+        "name": key,
+        "value": value,
+        "origin": source.level if source is not None else "default",
+        "where": source.where if source is not None else "",
+    }
+
+
+def _given(run: Run) -> dict[str, Any]:
+    """What the command line itself says about the device; what comes from elsewhere is not copied into it."""
+    from handctl.config import DEVICE_KEYS
+
+    if run.sources.get("device") == COMMAND_LINE:
+        raise UsageError("-d names a device that is known: what is the new one?", hint="leave out -d")
+    said = {key: getattr(run.settings, key) for key in DEVICE_KEYS if run.sources.get(key) == COMMAND_LINE}
+    if run.sources.get("fake") == COMMAND_LINE:
+        raise UsageError("--fake is no place that can be named", hint="give it as a LINK: -p fake://exo")
+    return said
+
+
+def _refuse_taken(config: Config, name: str, force: bool) -> None:
+    if name in config.devices and not force:
+        device = config.devices[name]
+        raise UsageError(
+            f"{name} is named already: {device.kind} on {device.entries['port'].value} "
+            f"({config.path}, line {device.line})",
+            hint="take another name, or add --force to replace it",
+            code="name-taken",
+        )
+
+
+def _read(name: str) -> str:
+    if name == "-":
+        return sys.stdin.read()
+    try:
+        with open(name, encoding="utf-8") as file:
+            return file.read()
+    except (OSError, UnicodeDecodeError) as exc:
+        raise UsageError(f"{name}: cannot be read: {getattr(exc, 'strerror', None) or exc}") from exc

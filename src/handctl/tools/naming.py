@@ -1,0 +1,167 @@
+"""What a named device may be: how a LINK is written, a name of a port that outlives the next plugging, rows of a scan.
+
+Opens nothing and sends nothing; reads /dev and /sys.
+"""
+
+from __future__ import annotations
+
+import importlib
+import json
+import os
+from typing import Any
+
+from handctl.errors import UsageError
+from handctl.families import FAMILIES
+from handctl.run import Family, Run
+
+URLS = ("socket", "rfc2217", "spy", "loop", "hwgrep", "alt", "cp2110")
+"""Schemes of pyserial."""
+BY_ID = "/dev/serial/by-id"
+TTY = "/sys/class/tty"
+
+
+def check(run: Run, kind: str, given: dict[str, Any]) -> None:
+    """Whether a device of this family can be at this LINK with these settings. Raises UsageError.
+
+    A path that may name another adapter tomorrow gets a warning with the better name.
+    """
+    family: Family = importlib.import_module(FAMILIES[kind][0]).cli.family
+    port = str(given["port"])
+    check_link(port, family)
+    _ask_family(run, family, given)
+    stable = stable_name(port)
+    if stable:
+        run.journal.warn("unstable-name", f"{port} may be another adapter after the next plugging", f"-p {stable}")
+
+
+def check_link(link: str, family: Family) -> None:
+    """The syntax of a LINK. Raises UsageError."""
+    scheme, separator, rest = link.partition("://")
+    if link.startswith("usb:"):
+        parts = link.split(":", 3)[1:]
+        if len(parts) < 2 or not all(0 < len(part) <= 4 and _hex(part) for part in parts[:2]):
+            raise UsageError(
+                f"{link}: expected usb:VID:PID or usb:VID:PID:SERIAL, hexadecimal", hint="e.g. usb:0403:6001"
+            )
+    elif link.startswith("can:"):
+        if "can" not in family.wires:
+            raise UsageError(
+                f"{link}: {family.kind} has no CAN wire", hint="give a serial port, usb:VID:PID or tcp://HOST:PORT"
+            )
+        from handctl.link.can import split_link
+
+        split_link(link)
+    elif scheme == "tcp" and separator:
+        from handctl.link.tcp import split_address
+
+        split_address(link, family.tcp_port)
+    elif scheme == "fake" and separator:
+        from handctl.link.fake import split_url
+
+        simulated, _ = split_url(link)
+        if simulated != family.kind:
+            raise UsageError(
+                f"{link}: that is a simulated {simulated or 'nothing'}, not {family.kind}", hint=f"fake://{family.kind}"
+            )
+    elif separator and scheme not in URLS:
+        raise UsageError(
+            f"{link}: there is no link of kind {scheme}://", hint=f"tcp://, fake://, or of pyserial: {', '.join(URLS)}"
+        )
+    elif separator and not rest and scheme != "loop":
+        raise UsageError(f"{link}: it names no place", hint="e.g. socket://192.168.1.20:4001")
+    elif not separator and not link.startswith("replay:"):
+        _check_path(link)
+
+
+def _hex(text: str) -> bool:
+    return all(char in "0123456789abcdefABCDEF" for char in text)
+
+
+def _check_path(link: str) -> None:
+    if not link:
+        raise UsageError("the LINK is empty", hint="give a port, e.g. -p /dev/ttyUSB0")
+    if not os.path.isabs(link) and not (link.upper().startswith("COM") and link[3:].isdecimal()):
+        raise UsageError(
+            f"{link}: not a full path, and no link that handctl knows",
+            hint="e.g. /dev/ttyUSB0, COM3, usb:0403:6001, tcp://192.168.1.20:8000",
+        )
+
+
+def _ask_family(run: Run, family: Family, given: dict[str, Any]) -> None:
+    """The family itself refuses an id that it does not have."""
+    from handctl.link import NoFrames, NoLink, is_can
+
+    settings = run.settings._replace(**given)
+    family.open(NoFrames() if is_can(str(given["port"])) else NoLink(), settings, run.journal)
+
+
+def stable_name(port: str) -> str:
+    """A name of this adapter itself for a path like /dev/ttyUSB0: its by-id link, or usb:VID:PID:SERIAL; "" = none."""
+    name = os.path.basename(port)
+    if not name.startswith(("ttyUSB", "ttyACM")) or os.path.dirname(port) != "/dev":
+        return ""
+    real = os.path.realpath(port)
+    try:
+        links = sorted(os.path.join(BY_ID, entry) for entry in os.listdir(BY_ID))
+    except OSError:
+        links = []
+    for link in links:
+        if os.path.realpath(link) == real:
+            return link
+    folder = os.path.realpath(os.path.join(TTY, name, "device"))
+    while len(folder) > 1 and not os.path.exists(os.path.join(folder, "idVendor")):
+        folder = os.path.dirname(folder)
+    vendor, product, serial = (_line(os.path.join(folder, key)) for key in ("idVendor", "idProduct", "serial"))
+    return ":".join(filter(None, ("usb", vendor, product, serial))) if vendor and product else ""
+
+
+def _line(path: str) -> str:
+    try:
+        with open(path, encoding="utf-8") as file:
+            return file.read().strip()
+    except (OSError, UnicodeDecodeError):
+        return ""
+
+
+def from_scan(text: str, kind: str | None, given: dict[str, Any]) -> dict[str, Any]:
+    """The one device that a scan's JSON tells of (and that fits `kind` and what is given): kind, port, id, baud.
+
+    Takes the envelope, a list of rows, or one row a line. Raises UsageError when none fits, or several do.
+    """
+    rows = [row for row in _rows(text) if row.get("link") and "error" not in row]
+    asked = {"family": kind, "link": given.get("port"), "id": given.get("id"), "baud": given.get("baud")}
+    fits = [row for row in rows if all(value in (None, row.get(key)) for key, value in asked.items())]
+    if len(fits) != 1:
+        seen = "; ".join(
+            " ".join(f"{key} {row[key]}" for key in asked if row.get(key) is not None) for row in fits or rows
+        )
+        raise UsageError(
+            f"{len(fits)} devices of the scan fit" if fits else "no device of the scan fits",
+            hint=f"it found: {seen}. Say which by FAMILY, -p LINK, --id or --baud" if seen else "scan again: `handctl scan --json`",
+            code="from-scan",
+        )  # fmt: skip
+    (row,) = fits
+    types = {"family": str, "link": str, "id": int, "baud": int}
+    bad = [key for key, kind_of in types.items() if row.get(key) is not None and type(row[key]) is not kind_of]
+    if bad or row.get("family") not in FAMILIES:
+        key = bad[0] if bad else "family"
+        raise UsageError(
+            f"the scan says {key} = {row.get(key)!r}: not usable", hint="give the values as options", code="from-scan"
+        )
+    found = {"kind": row["family"], "port": row["link"], "id": row.get("id"), "baud": row.get("baud")}
+    return {key: value for key, value in found.items() if value is not None}
+
+
+def _rows(text: str) -> list[dict[str, Any]]:
+    try:
+        try:
+            content = json.loads(text)
+        except ValueError:
+            content = [json.loads(line) for line in text.splitlines() if line.strip()]
+    except (ValueError, RecursionError) as exc:
+        raise UsageError(f"the scan is not JSON: {exc}", hint="`handctl scan --json`", code="from-scan") from exc
+    if isinstance(content, dict):
+        content = content.get("rows", [content])
+    if not isinstance(content, list):
+        content = []
+    return [row for row in content if isinstance(row, dict)]
