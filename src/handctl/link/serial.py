@@ -9,12 +9,15 @@ from __future__ import annotations
 import errno
 import os
 import sys
+from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import serial
 
 from handctl.errors import LinkError, UsageError
 from handctl.link import ByteLink, Deadline
+from handctl.link.owners import Process, group_of, group_remedy, holders
 
 WRITE_SECONDS = 2.0
 SLICE_SECONDS = 0.05  # polling step where the port has no file descriptor to wait on (Windows, rfc2217://)
@@ -28,8 +31,6 @@ def open_serial(link: str, baud: int | None) -> ByteLink:
 
 def find_usb(link: str) -> str:
     """The device path of `usb:VID:PID[:SERIAL]` (hex). Exactly one port must match; never another one."""
-    from serial.tools import list_ports
-
     parts = link.split(":")[1:]
     try:
         vid, pid = int(parts[0], 16), int(parts[1], 16)
@@ -38,13 +39,13 @@ def find_usb(link: str) -> str:
             f"{link}: expected usb:VID:PID or usb:VID:PID:SERIAL, hexadecimal", hint="e.g. usb:0403:6001"
         ) from exc
     wanted = ":".join(parts[2:])
-    ports = [port for port in list_ports.comports() if (port.vid, port.pid) == (vid, pid)]
+    ports = [port for port in listed_ports() if (port.vid, port.pid) == (vid, pid)]
     if wanted:
         ports = [port for port in ports if (port.serial_number or "") == wanted]
     if not ports:
         present = ", ".join(
             f"{port.device} (usb:{port.vid:04X}:{port.pid:04X}:{port.serial_number or ''})"
-            for port in list_ports.comports()
+            for port in listed_ports()
             if port.vid is not None
         )
         raise LinkError(
@@ -60,6 +61,13 @@ def find_usb(link: str) -> str:
             code="ambiguous",
         )
     return str(ports[0].device)
+
+
+def listed_ports() -> list[Any]:
+    """The serial ports that pyserial knows of, on any system: its ListPortInfo objects. Opens none."""
+    from serial.tools import list_ports
+
+    return list(list_ports.comports())
 
 
 class SerialLink(ByteLink):
@@ -195,41 +203,8 @@ def _refuse_if_held(link: str, device: str) -> None:
         raise _busy(link, names)
 
 
-def holders(device: str) -> list[str]:
-    """Processes that have `device` open, as far as the system tells: ["screen (pid 4711)"]. Linux only."""
-    target = os.path.realpath(device)
-    found = []
-    try:
-        pids = [entry for entry in os.listdir("/proc") if entry.isdecimal()]
-    except OSError:
-        return []
-    for pid in pids:
-        if int(pid) == os.getpid():
-            continue
-        try:
-            descriptors = os.listdir(f"/proc/{pid}/fd")
-        except OSError:
-            continue  # not ours to look at, or just ended
-        for descriptor in descriptors:
-            try:
-                if os.readlink(f"/proc/{pid}/fd/{descriptor}") == target:
-                    found.append(f"{_process_name(pid)} (pid {pid})")
-                    break
-            except OSError:
-                continue
-    return found
-
-
-def _process_name(pid: str) -> str:
-    try:
-        with open(f"/proc/{pid}/comm", encoding="utf-8", errors="replace") as file:
-            return file.read().strip()
-    except OSError:
-        return "a process"
-
-
-def _busy(link: str, names: list[str]) -> LinkError:
-    who = ", ".join(names) if names else "another program (the system does not tell which)"
+def _busy(link: str, names: Sequence[Process]) -> LinkError:
+    who = ", ".join(map(str, names)) if names else "another program (the system does not tell which)"
     return LinkError(
         f"{link}: the port is in use by {who}", hint="close that program, then run the command again", code="busy"
     )
@@ -251,13 +226,8 @@ def _cannot_open(link: str, device: str, exc: Exception) -> LinkError | UsageErr
 
 
 def _permission_hint(device: str) -> str:
-    try:
-        import grp
-
-        group = grp.getgrgid(os.stat(device).st_gid).gr_name
-    except (OSError, KeyError, ImportError):
-        return "ask for access to the port"
-    return f"the port belongs to group {group}: sudo usermod -aG {group} $USER, then log in again"
+    group = group_of(Path(device))
+    return group_remedy(group[1]) if group is not None else "ask for access to the port"
 
 
 def _ports_hint() -> str:

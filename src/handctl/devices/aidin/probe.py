@@ -1,0 +1,33 @@
+"""Is there an AIDIN-hand? Listen, and after silence an empty object: it has no key, so it asks for nothing (dossier 6)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from handctl.devices.aidin.exchange import Conversation
+from handctl.devices.aidin.hand import AidinHand
+from handctl.devices.aidin.way import Exchange
+from handctl.link import ByteLink, Deadline
+from handctl.result import Journal, Row
+
+FAMILY = "aidin"
+WIRES = ("tcp",)
+SPEEDS: tuple[int, ...] = ()
+PING = "feedback"
+ECHOES = False
+
+
+def probe(link: ByteLink, journal: Journal, deadline: Deadline, ids: Sequence[int] = (1,)) -> list[Row]:
+    """Rows family, link, baud, id (it has none), evidence. Raises NoAnswer, ProtocolError for what came instead."""
+    quiet = Journal()
+    quiet.counters = journal.counters
+    talk = Conversation(link, quiet, retries=0, bound=deadline)
+    talk.connect()
+    how = "streams" if talk.exchange is Exchange.STREAM else "answers an empty object with"
+    evidence = f"{how} {', '.join(sorted(talk.feedback.seen))}"
+    return [{"family": FAMILY, "link": link.name, "baud": None, "id": None, "evidence": evidence}]
+
+
+def ping(device: AidinHand) -> None:
+    """Feedback that comes from now on: the answer to an empty object, or the next of its stream. Raises NoAnswer, ProtocolError."""
+    device.talk.refresh()

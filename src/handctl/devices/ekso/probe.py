@@ -1,0 +1,43 @@
+"""Is there an EksoNR? GetTime, the shortest read, with a checked CRC and our own msgID in its answer (ekso §6). Read-only."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from handctl.devices.ekso.dataport import DataPort
+from handctl.devices.ekso.device import Ekso
+from handctl.devices.ekso.frames import Command
+from handctl.link import ByteLink, Deadline
+from handctl.result import Journal, Row
+
+FAMILY = "ekso"
+WIRES = ("serial", "tcp")
+SPEEDS = (115200,)
+PING = "GetTime"
+ECHOES = False
+TIMEOUT = 0.25
+
+
+def probe(link: ByteLink, journal: Journal, deadline: Deadline, ids: Sequence[int] = (1,)) -> list[Row]:
+    """Rows family, link, baud, id (it has none), evidence. Raises NoAnswer, ProtocolError for what came instead.
+
+    Asked twice: what another probe left in the device may swallow the first.
+    """
+    quiet = Journal()
+    quiet.counters = journal.counters
+    port = DataPort(link, quiet, timeout=TIMEOUT, retries=1, bound=deadline)
+    hour, minute, second = port.read(Command.GET_TIME).body[:3]
+    return [
+        {
+            "family": FAMILY,
+            "link": link.name,
+            "baud": link.baud,
+            "id": None,
+            "evidence": f"GetTime says {hour:02}:{minute:02}:{second:02}, CRC and msgID fit",
+        }
+    ]
+
+
+def ping(device: Ekso) -> None:
+    """GetTime, asked once. Raises what the port raises."""
+    device.port.exchange(Command.GET_TIME)

@@ -1,0 +1,39 @@
+"""Is there an EH55BF1? Two bytes of system_voltage are read at the link's present speed (exo §2.3). Read-only.
+
+The hands of the same maker answer it as well: a wrist is looked for first, and what answers both is a wrist.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from handctl.devices.inspire import probing
+from handctl.devices.inspire.bus import Bus
+from handctl.devices.inspire.exo import ExoHand
+from handctl.devices.inspire.exo_scan import KIND, scan
+from handctl.guide import Guide
+from handctl.link import ByteLink, Deadline
+from handctl.result import Journal, Row
+
+FAMILY = "exo"
+WIRES = ("serial", "tcp")
+SPEEDS = probing.SPEEDS
+PING = "system_voltage"
+ECHOES = False
+WINDOW = 8
+"""Ids asked back to back: RS-232 and Bluetooth have both directions (dossier, windowed scan)."""
+
+
+def probe(link: ByteLink, journal: Journal, deadline: Deadline, ids: Sequence[int] = (1,)) -> list[Row]:
+    """Rows family, link, baud, id, evidence. Raises NoAnswer on silence, ProtocolError for what came instead."""
+    bus = Bus(link, ids[0], probing.quiet(journal), retries=0, bound=deadline)
+    one = len(ids) == 1
+    table = scan(
+        ExoHand(bus), Guide(), ids, [link.baud or 0], 1 if one else WINDOW, probing.WAIT_MS if one else None, False
+    )
+    return probing.found(table, KIND.value)
+
+
+def ping(device: ExoHand) -> None:
+    """One short read, asked once. Raises what the bus raises."""
+    device.bus.read(*KIND.probe, retries=0)

@@ -1,0 +1,34 @@
+"""Looking for a device of this family at a link's present speed, for `handctl scan`: the family's own scan, made quiet."""
+
+from __future__ import annotations
+
+from handctl.result import Journal, Row, Table
+
+SPEEDS = (115200, 57600, 19200)
+"""exo §2.3.2; the wrist's manual has 115200 only, its hand's the others too."""
+WAIT_MS = 120.0
+"""Reply window of a single id, with room for Bluetooth."""
+
+
+def quiet(journal: Journal) -> Journal:
+    """A journal that keeps its messages to itself and counts into `journal`."""
+    own = Journal()
+    own.counters = journal.counters
+    return own
+
+
+def found(table: Table, value: str) -> list[Row]:
+    """The rows of a scan with the reading as evidence. Raises what the scan met instead of a device."""
+    if table.failure is not None:
+        raise table.failure
+    return [
+        {
+            "family": row["family"],
+            "link": row["link"],
+            "baud": row["baud"],
+            "id": row["id"],
+            "evidence": f"{value} reads {row[value]}, asked twice"
+            + (f"; {row['suspicion']}" if row.get("suspicion") else ""),
+        }
+        for row in table.rows
+    ]

@@ -1,0 +1,125 @@
+"""`handctl doctor`: checks of this machine and of one link, each with evidence and remedy. Changes nothing.
+
+Diagnosing is its job: a link that cannot be opened, or a device that is silent, is a row and exit code 7, not 3 or 4.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from handctl.clikit import Command
+from handctl.errors import CheckFailed, LinkError, UsageError
+from handctl.families import PROBES
+from handctl.result import Cell, Column, Grid, Row, Table
+from handctl.run import Family, Run
+from handctl.tools.machine import Machine
+from handctl.tools.machine_checks import Check, machine_checks
+from handctl.tools.probes import family_of, probe_of
+
+if TYPE_CHECKING:
+    from handctl.link import Link
+    from handctl.options import Settings
+    from handctl.result import Journal
+
+LINK_SECONDS = 8.0
+PING_TIMEOUT = 0.5
+COLUMNS = (
+    Column("check", "Check"),
+    Column("status", "Status"),
+    Column("evidence", "Evidence"),
+    Column("remedy", "Remedy"),
+)
+TONES = {"ok": "good", "warning": "warn", "fail": "bad", "skipped": "dim"}
+
+
+@click.command("doctor", cls=Command)
+@click.option("--device-family", type=click.Choice(list(PROBES)), help="Which device is on the link; -d NAME knows it.")
+@click.option(
+    "--count",
+    type=click.IntRange(1, 10000),
+    default=100,
+    show_default=True,
+    metavar="N",
+    help="Reads for the error rate.",
+)
+def cli(device_family: str | None, count: int) -> Table:
+    """Check this machine, and with -p LINK that link: permissions, holders, delays, speed, echo, error rate.
+
+    Each row has its evidence and its remedy. Exit code 7 when there is a warning or a failure, also when the link
+    cannot be opened. The device is only read, with its cheapest documented question.
+    """
+    run: Run = click.get_current_context().obj
+    machine = Machine()
+    checks = machine_checks(machine)
+    kind = device_family or run.settings.kind
+    if run.settings.port or run.settings.fake:
+        checks += examine(run, machine, kind, count)
+    elif kind is not None:
+        raise UsageError(f"where is the {kind}?", hint="give -p LINK, -d NAME or --fake", code="no-link")
+    return table(checks)
+
+
+def table(checks: Sequence[Check]) -> Table:
+    """The rows; a finding is a CheckFailed."""
+    findings = [check for check in checks if check.status in ("warning", "fail")]
+    result = Table(rows=[check.as_row() for check in checks], columns=COLUMNS, view=_view, plain=("check", "status"))
+    if findings:
+        names = ", ".join(f"{check.name} ({check.status})" for check in findings)
+        result.failure = CheckFailed(
+            f"{len(findings)} of {len(checks)} checks found something: {names}",
+            hint=min(findings, key=_telling).remedy,
+            code="findings",
+        )
+    return result
+
+
+def _telling(check: Check) -> tuple[bool, bool]:
+    """Failures before warnings; the speed that a device does answer at before its silence."""
+    return check.status != "fail", check.name != "speed"
+
+
+def examine(run: Run, machine: Machine, kind: str | None, reads: int) -> list[Check]:
+    """The checks of the link that the user named."""
+    from handctl.tools.link_checks import LinkChecks, failed_open, port_checks
+
+    if kind is None and run.settings.fake:
+        raise UsageError("which simulator?", hint="add --device-family exo, or -p fake://exo", code="no-family")
+    run.family = family_of(kind) if kind is not None else Family("unknown", _no_device, 115200, wires=("serial", "can"))
+    name = run.link_name()
+    checks = port_checks(machine, name)
+    run.guide.progress(f"{name}: opening")
+    try:
+        link = run.open_link()
+    except LinkError as exc:
+        return [*checks, *failed_open(exc)]
+    speed = getattr(link, "baud", None)
+    checks.append(Check("open", "ok", f"{name} opens" + (f" at {speed} bit/s" if speed else "")))
+    seconds = run.settings.deadline or LINK_SECONDS
+    settings = run.settings._replace(retries=0, timeout=run.settings.timeout or PING_TIMEOUT, deadline=seconds)
+    family, probe = run.family, probe_of(kind) if kind is not None else None
+
+    def device(on: Link) -> Any:
+        return family.open(on, settings, run.journal)
+
+    looking = LinkChecks(link, probe, device, reads, link.deadline(seconds), run.journal.counters)
+    run.guide.progress(f"{name}: reading {reads} times")
+    try:
+        checks.extend(looking.run())
+    except LinkError as exc:
+        checks.append(Check("connection", "fail", exc.text, exc.hint))
+    run.guide.done()
+    return checks
+
+
+def _no_device(link: Any, settings: Settings, journal: Journal) -> Any:
+    raise UsageError("which device it is was not said", hint="--device-family")
+
+
+def _view(rows: list[Row]) -> list[Grid]:
+    """Check and status side by side; the remedies below, so that nothing is cut at 80 columns."""
+    lines = [(row["check"], Cell(row["status"], TONES[row["status"]]), row["evidence"]) for row in rows]
+    notes = [f"{row['check']}: {row['remedy']}" for row in rows if row["remedy"]]
+    return [Grid(("Check", "Status", "Evidence"), tuple(lines), notes=tuple(notes))]

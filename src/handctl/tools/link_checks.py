@@ -1,0 +1,383 @@
+"""The checks of `handctl doctor` that concern one link: does it open, does the device answer, how fast, how reliably.
+
+Asks nothing but the family's cheapest documented read. Every check has an end; what an answer means is not known here.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer, ProtocolError
+from handctl.latency import RoundTrips
+from handctl.link import ByteLink, CanFrame, Deadline, FrameLink, Link
+from handctl.result import Counters, Journal, hex_bytes
+from handctl.tools import ports as port_tool
+from handctl.tools.machine import Machine, Port
+from handctl.tools.machine_checks import Check
+from handctl.tools.probes import FamilyProbe
+
+LISTEN = 0.3
+READS = 100
+READ_SECONDS = 3.0
+"""The series of reads ends then, however many it has."""
+SPEED_SECONDS = 4.0
+GIVE_UP = 5
+"""A device that has not answered once so many times is not asked a hundred times."""
+BAD_SHARE = 0.01
+PLATEAU = (0.035, 0.060)
+"""Seconds: a median in there on TCP is a delayed acknowledge (dossier aidin, 1)."""
+FTDI = (0.0145, 0.0205)
+"""Seconds: a median in there, of which the bytes need less than half, is the 16 ms of an FTDI adapter's latency timer.
+
+Bluetooth takes as long by itself.
+"""
+WRONG_SPEED = frozenset({"garbage", "bad-checksum", "cut-short", "echo-differs", "no-answer", "wrong-id"})
+
+
+# -- before it is opened ----------------------------------------------------------------------------------------------
+
+
+def port_checks(machine: Machine, link: str) -> list[Check]:
+    """Permission, holder and latency timer of a serial port; skipped where the system knows none by that name."""
+    port = machine.port(link)
+    if port is None and link.startswith("usb:"):
+        wanted = link.lower().removeprefix("usb:")
+        matching = [each for each in machine.ports() if each.usb.lower().startswith(wanted)]
+        port = matching[0] if len(matching) == 1 else None
+    if port is None:
+        return []
+    found = {problem.check: problem for problem in port_tool.problems(port)}
+
+    def check(name: str, status: str, evidence: str) -> Check:
+        problem = found.get(name)
+        return Check(name, status, problem.text, problem.remedy) if problem else Check(name, "ok", evidence)
+
+    return [
+        check("permission", "fail", f"{port.path} may be read and written"),
+        check("holder", "fail", "nobody else has it open"),
+        check("latency_timer", "warning", _timer(port)),
+    ]
+
+
+def _timer(port: Port) -> str:
+    return f"{port.latency_ms} ms" if port.latency_ms is not None else "this adapter tells none"
+
+
+# -- the wire, watched ------------------------------------------------------------------------------------------------
+
+
+class Watched(ByteLink):
+    """A byte link that remembers what went out and came back since `forget`."""
+
+    def __init__(self, link: ByteLink) -> None:
+        self._link = link
+        self.name, self.fake, self.replayed = link.name, link.fake, link.replayed
+        self.baud, self.can_set_baud = link.baud, link.can_set_baud
+        self.written = b""
+        self.came = b""
+        self.speeds: list[int] = []
+        """Speeds that were set, in order."""
+
+    def forget(self) -> None:
+        """Begin anew."""
+        self.written = self.came = b""
+
+    @property
+    def echoed(self) -> bool:
+        """Whether what came begins with what was sent."""
+        return len(self.written) > 2 and self.came.startswith(self.written)
+
+    def now(self) -> float:
+        return self._link.now()
+
+    def sleep(self, seconds: float) -> None:
+        self._link.sleep(seconds)
+
+    def event(self, text: str) -> None:
+        self._link.event(text)
+
+    def power_cycle(self) -> bool:
+        return False
+
+    def write(self, data: bytes, deadline: Deadline) -> None:
+        self.written += data
+        self._link.write(data, deadline)
+
+    def read(self, deadline: Deadline, size: int = 4096) -> bytes:
+        data = self._link.read(deadline, size)
+        self.came = (self.came + data)[-4096:]
+        return data
+
+    def set_baud(self, baud: int) -> None:
+        self._link.set_baud(baud)
+        self.baud = self._link.baud
+        self.speeds.append(baud)
+
+    def close(self) -> None:
+        self._link.close()
+
+
+# -- the device -------------------------------------------------------------------------------------------------------
+
+
+@dataclass(slots=True)
+class Series:
+    """N reads: their round trips, and the codes of those that failed."""
+
+    trips: RoundTrips = field(default_factory=RoundTrips)
+    failed: Counter[str] = field(default_factory=Counter)
+    first: HandctlError | None = None
+    echoes: int = 0
+    questions: int = 0
+    """Reads that sent something; without any the device speaks by itself."""
+    wire: float = 0.0
+    """Seconds that the bytes of one read need on the line."""
+
+    @property
+    def asked(self) -> int:
+        """How many reads there were."""
+        return len(self.trips) + self.failed.total()
+
+
+class LinkChecks:
+    """The checks of one opened link. `device` makes the family's device on a link; `probe` is None for a link alone.
+
+    `counters` are those that the device counts into.
+    """
+
+    def __init__(
+        self,
+        link: Link,
+        probe: FamilyProbe | None,
+        device: Callable[[Link], Any],
+        reads: int,
+        bound: Deadline,
+        counters: Counters,
+    ) -> None:
+        self._link: Link = Watched(link) if isinstance(link, ByteLink) else link
+        self._probe = probe
+        self._device = device
+        self._reads = reads
+        self._bound = bound
+        self._counters = counters
+
+    def run(self) -> Iterator[Check]:
+        """All rows, each as soon as it is known. Raises LinkError when the link is lost on the way."""
+        yield self._unasked()
+        if self._probe is None:
+            hint = "name the device with --device-family, or find it with `handctl scan`"
+            yield Check("answer", "skipped", "nothing was sent: which device it is was not said", hint)
+            return
+        first = getattr(self._link, "baud", None)
+        series = self.read_series()
+        yield self._answer(series)
+        yield self._speed(series, first)
+        yield self._echo(series)
+        if len(series.trips):
+            yield self._errors(series)
+            yield self._round_trip(series)
+            yield self._plateau(series)
+
+    def _unasked(self) -> Check:
+        """What comes before anything is sent."""
+        if isinstance(self._link, FrameLink):
+            return self._traffic(self._link)
+        assert isinstance(self._link, Watched)
+        deadline = self._link.deadline(LISTEN).earlier(self._bound)
+        came = b""
+        while len(came) < 1024 and not deadline.expired:
+            came += self._link.read(deadline)
+        self._link.forget()
+        if not came:
+            return Check("unasked", "ok", f"nothing came within {LISTEN:g} s before something was sent")
+        text = f"{len(came)} bytes came before anything was sent: {hex_bytes(came[:16])}"
+        if self._probe is not None and "serial" not in self._probe.WIRES:
+            return Check("unasked", "ok", f"{text} (this device may speak by itself)")
+        return Check("unasked", "warning", text, "another device, a second master on the line, or a wrong speed")
+
+    def _traffic(self, link: FrameLink) -> Check:
+        deadline = link.deadline(LISTEN).earlier(self._bound)
+        frames: list[CanFrame] = []
+        while not deadline.expired and len(frames) < 1000:
+            frame = link.receive(deadline)
+            if frame is None:
+                break
+            frames.append(frame)
+        if link.error_frames:
+            remedy = "check bitrate, termination (120 ohm at both ends) and that a device is powered"
+            return Check("unasked", "warning", f"{link.error_frames} error frames on the bus", remedy)
+        return Check("unasked", "ok", f"{len(frames)} frames of others within {LISTEN:g} s")
+
+    def read_series(self) -> Series:
+        """Up to `reads` pings, ended by time, and by silence from the start."""
+        assert self._probe is not None
+        series, link = Series(), self._link
+        device = self._device(link)
+        end = link.deadline(READ_SECONDS).earlier(self._bound)
+        self._settle(device, series)
+        while (
+            series.asked < self._reads and not end.expired and not (not len(series.trips) and series.asked >= GIVE_UP)
+        ):
+            self._ping(device, series)
+        return series
+
+    def _settle(self, device: Any, series: Series) -> None:
+        """The first read may have to find the device first: it counts as an answer only when it fails."""
+        before = Series()
+        self._ping(device, before)
+        if before.first is not None:
+            series.failed, series.first, series.echoes = before.failed, before.first, before.echoes
+
+    def _ping(self, device: Any, series: Series) -> None:
+        assert self._probe is not None
+        link = self._link
+        if isinstance(link, Watched):
+            link.forget()
+        started = link.now()
+        try:
+            self._probe.ping(device)
+        except (NoAnswer, ProtocolError) as exc:
+            series.failed[exc.code] += 1
+            series.first = series.first or exc
+        except DeviceRefused:
+            series.trips.add(link.now() - started)  # it does not like the question, but it answers
+        else:
+            series.trips.add(link.now() - started)
+        series.echoes += isinstance(link, Watched) and link.echoed
+        series.questions += not isinstance(link, Watched) or bool(link.written)
+        if isinstance(link, Watched) and link.baud and link.can_set_baud:
+            series.wire = max(series.wire, (len(link.written) + len(link.came)) * 10 / link.baud)
+
+    # -- what the series means ------------------------------------------------------------------------------------
+
+    def _answer(self, series: Series) -> Check:
+        assert self._probe is not None
+        if len(series.trips):
+            return Check("answer", "ok", f"the device answers {self._probe.PING}")
+        error = series.first
+        assert error is not None
+        return Check("answer", "fail", error.text, error.hint)
+
+    def _speed(self, series: Series, first: int | None) -> Check:
+        """Whether the device answers at the speed that was asked for, else whether it does at another."""
+        assert self._probe is not None
+        link, probe = self._link, self._probe
+        if not isinstance(link, Watched) or not link.can_set_baud or len(probe.SPEEDS) < 2:
+            return Check("speed", "skipped", "this link or this device has one speed only")
+        if len(series.trips) and link.baud != first:
+            text = f"the device answers at {link.baud}, not at {first}; it was looked for"
+            return Check("speed", "ok", text, f"--baud {link.baud} finds it at once")
+        if len(series.trips):
+            return Check("speed", "ok", f"the device answers at {first}")
+        if link.speeds:
+            return Check("speed", "ok", f"looked for at {', '.join(map(str, dict.fromkeys(link.speeds)))} as well")
+        return self._other_speeds(link, probe, series, first)
+
+    def _other_speeds(self, link: Watched, probe: FamilyProbe, series: Series, first: int | None) -> Check:
+        """Nobody at this speed: does one answer at another?"""
+        tried = []
+        end = link.deadline(SPEED_SECONDS).earlier(self._bound)
+        try:
+            for speed in probe.SPEEDS:
+                if speed == first:
+                    continue
+                if end.expired:
+                    break
+                link.set_baud(speed)
+                tried.append(str(speed))
+                if _answers(probe, link, end):
+                    remedy = f"--baud {speed}, or set the device back to {first}"
+                    return Check("speed", "fail", f"the device answers at {speed}, not at {first}", remedy)
+        finally:
+            if first is not None:
+                link.set_baud(first)
+        garbage = sum(series.failed[code] for code in WRONG_SPEED - {"no-answer"})
+        text = f"no answer at {', '.join(tried)} either" if tried else "no time was left for other speeds"
+        if garbage:
+            remedy = "wrong speed is likely: look at the type plate, or `handctl scan`"
+            return Check("speed", "warning", f"what comes at {first} is garbage; {text}", remedy)
+        return Check("speed", "ok", text)
+
+    def _echo(self, series: Series) -> Check:
+        assert self._probe is not None
+        if not isinstance(self._link, Watched):
+            return Check("echo", "skipped", "CAN frames are not echoed on a byte level")
+        if self._probe.ECHOES:
+            return Check("echo", "skipped", "this device echoes by itself")
+        if not series.echoes:
+            return Check("echo", "ok", "our own bytes do not come back")
+        text = f"our own bytes came back in {series.echoes} of {series.asked} reads"
+        if len(series.trips):
+            remedy = "an RS-485 adapter with its receiver on while it sends: harmless, or switch its echo off"
+            return Check("echo", "warning", f"{text}, before the answer", remedy)
+        return Check("echo", "fail", text, "TX and RX are connected, or the device has no power: check the wiring")
+
+    def _errors(self, series: Series) -> Check:
+        total, stray = series.failed.total(), self._counters.stray_bytes
+        text = f"{total} of {series.asked} reads failed"
+        if total:
+            kinds = ", ".join(f"{count} {code}" for code, count in series.failed.most_common())
+            text += f" ({100 * total / series.asked:.1f} %): {kinds}"
+        if stray and not series.echoes:
+            text += f"; {stray} bytes of no answer came in between"
+            if not total:
+                return Check("error_rate", "warning", text, _error_remedy({"garbage"}))
+        if not total:
+            return Check("error_rate", "ok", text)
+        status = "fail" if total * 10 > series.asked else "warning" if total > BAD_SHARE * series.asked else "ok"
+        remedy = _error_remedy(set(series.failed)) if status != "ok" else ""
+        return Check("error_rate", status, text, remedy)
+
+    def _round_trip(self, series: Series) -> Check:
+        assert self._probe is not None
+        row = series.trips.as_row()
+        what = self._probe.PING if series.questions else f"{self._probe.PING} comes by itself, interval"
+        classes = " ".join(f"≤{top:g}:{count}" if top else f"more:{count}" for top, count in row["histogram"])
+        text = (
+            f"{what}: median {row['median_ms']:.1f} ms, p95 {row['p95_ms']:.1f}, max {row['max_ms']:.1f} "
+            f"over {row['count']}; histogram in ms {classes}"
+        )
+        late = not series.failed and row["late"] > 0.05 * row["count"] and row["max_ms"] > 20
+        remedy = "other programs, a hub or a busy computer delay answers: try another USB port" if late else ""
+        return Check("round_trip", "warning" if late else "ok", text, remedy, tuple(row.items()))
+
+    def _plateau(self, series: Series) -> Check:
+        """The two delays that a whole population of users takes for a slow device."""
+        median = series.trips.quantile(0.5)
+        if not series.questions:
+            return Check("delay", "skipped", "the device speaks by itself: no question, no round trip")
+        if self._link.name.startswith("tcp://"):
+            if PLATEAU[0] <= median <= PLATEAU[1]:
+                text = f"median {median * 1000:.0f} ms: the plateau of a delayed acknowledge, not the device"
+                remedy = (
+                    "its server writes an answer in pieces: set TCP_NODELAY there, or TCP_QUICKACK in other clients"
+                )
+                return Check("delay", "warning", text, remedy)
+            return Check("delay", "ok", f"median {median * 1000:.1f} ms is not the 40 ms of a delayed acknowledge")
+        if FTDI[0] <= median <= FTDI[1] and series.wire < median / 2 and "rfcomm" not in self._link.name:
+            text = f"median {median * 1000:.0f} ms: looks like an adapter's latency timer of 16 ms"
+            return Check("delay", "warning", text, "set the timer to 1 ms: `handctl ports` shows how")
+        return Check("delay", "ok", f"median {median * 1000:.1f} ms is not the 16 ms of a latency timer")
+
+
+def _answers(probe: FamilyProbe, link: Link, end: Deadline) -> bool:
+    try:
+        return bool(probe.probe(link, Journal(), end))
+    except (NoAnswer, ProtocolError):
+        return False
+
+
+def _error_remedy(codes: set[str]) -> str:
+    if codes <= {"no-answer"}:
+        return "answers are lost: another program on this port, a loose plug, or a longer --timeout"
+    if "wrong-id" in codes:
+        return "two devices or two masters on one line: leave one"
+    return "bytes are damaged on the way: cable, ground, hub; two devices with one id do that as well"
+
+
+def failed_open(error: LinkError) -> list[Check]:
+    """The rows of a link that cannot be opened."""
+    return [Check("open", "fail", error.text, error.hint), Check("answer", "skipped", "the link is not open")]

@@ -1,0 +1,188 @@
+"""The checks of `handctl doctor` that concern this computer: versions, permissions, programs in the way, room, clock."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+import time
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from handctl.result import Row
+from handctl.tools import ports as port_tool
+from handctl.tools.machine import Machine, Port
+
+PYTHON = (3, 11)
+PACKAGES = {"click": "8.2", "pyserial": "3.5", "rich": "13.7", "python-can": "4.3", "crcmod": "1.7", "bincopy": "20.0"}
+"""Oldest version of each that is known to do; a test compares with the package's own requirements."""
+ROOM_LITTLE, ROOM_NONE = 100_000_000, 5_000_000
+"""Bytes: logs and traces need room."""
+WIDTH = 80
+
+
+class Check(NamedTuple):
+    """One row: `status` is ok, warning, fail or skipped; `numbers` are further keys of its row."""
+
+    name: str
+    status: str
+    evidence: str
+    remedy: str = ""
+    numbers: tuple[tuple[str, Any], ...] = ()
+
+    def as_row(self) -> Row:
+        """The row of the contract: check, status, evidence, remedy."""
+        row = {"check": self.name, "status": self.status, "evidence": self.evidence, "remedy": self.remedy or None}
+        return {**row, **dict(self.numbers)}
+
+
+def machine_checks(machine: Machine) -> list[Check]:
+    """All of them, each in a fraction of a second."""
+    found = machine.ports()
+    return [
+        python(),
+        packages(),
+        permissions(found),
+        *grabbers(machine, found),
+        *adapters(machine),
+        clock(time.time(), _newest_source()),
+        locale(),
+        terminal(),
+        room(Path.cwd()),
+        locks(machine),
+    ]
+
+
+def python() -> Check:
+    """The interpreter."""
+    found = ".".join(map(str, sys.version_info[:3]))
+    if sys.version_info[:2] >= PYTHON:
+        return Check("python", "ok", f"{found} ({sys.executable})")
+    return Check("python", "fail", f"{found} is too old", f"install Python {'.'.join(map(str, PYTHON))} or newer")
+
+
+def packages() -> Check:
+    """Versions of what handctl needs."""
+    from importlib import metadata
+
+    seen, missing, old = [], [], []
+    for name, oldest in PACKAGES.items():
+        try:
+            version = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            missing.append(name)
+            continue
+        seen.append(f"{name} {version}")
+        if _numbers(version) < _numbers(oldest):
+            old.append(f"{name} {version} (needs {oldest})")
+    evidence = ", ".join(seen) or "no package tells its version"
+    if missing and not seen:
+        return Check("packages", "skipped", "a single-file build does not tell the versions of its parts")
+    if missing or old:
+        wrong = ", ".join([*(f"{name} is missing" for name in missing), *old])
+        return Check("packages", "fail", f"{wrong}; {evidence}", "pip install --upgrade handctl")
+    return Check("packages", "ok", evidence)
+
+
+def _numbers(version: str) -> tuple[int, int, int]:
+    """``8.10`` -> (8, 10, 0); what is no number counts as 0."""
+    parts = ["".join(filter(str.isdigit, part)) for part in version.split(".")[:3]]
+    major, minor, patch = (int(part or 0) for part in [*parts, "", "", ""][:3])
+    return major, minor, patch
+
+
+def permissions(found: list[Port]) -> Check:
+    """Whether the serial ports that are plugged in may be opened."""
+    if not found:
+        return Check("permissions", "skipped", "no serial port is plugged in")
+    closed = [port for port in found if not port.permitted]
+    if closed:
+        names = ", ".join(port.path for port in closed)
+        return Check("permissions", "warning", f"may not be opened: {names}", port_tool.permission_remedy(closed[0]))
+    return Check("permissions", "ok", f"may be opened: {', '.join(port.path for port in found)}")
+
+
+def grabbers(machine: Machine, found: list[Port]) -> list[Check]:
+    """ModemManager and brltty: in the way only where there are serial ports."""
+    running = {process.name: process for process in machine.grabbers()}
+    checks = []
+    for name in ("ModemManager", "brltty"):
+        if name not in running:
+            checks.append(Check(name.lower(), "ok", "not running"))
+        elif not found and not machine.without_port():
+            checks.append(Check(name.lower(), "ok", f"{running[name]} runs, but no serial port is plugged in"))
+        else:
+            checks.append(Check(name.lower(), "warning", *port_tool.grabber_problem(running[name], found)))
+    return checks
+
+
+def adapters(machine: Machine) -> list[Check]:
+    """Adapters without a port, and CAN interfaces that reach no wrist."""
+    checks = [Check("adapter", "warning", *port_tool.orphan(chip)) for chip in machine.without_port()]
+    for interface in machine.can_interfaces():
+        for problem in port_tool.can_problems(interface):
+            checks.append(Check(problem.check, "warning", problem.text, problem.remedy))
+    return checks
+
+
+def _newest_source() -> float:
+    """When this installation was made, 0 when its files do not tell."""
+    try:
+        return os.stat(__file__).st_mtime
+    except OSError:
+        return 0.0
+
+
+def clock(now: float, installed: float) -> Check:
+    """Logs carry the time of this computer: it cannot be earlier than the installation."""
+    shown = time.strftime("%Y-%m-%d %H:%M:%S %z", time.localtime(now))
+    if now + 86400 < installed:
+        text = f"{shown} is before handctl was installed: logs and snapshots get wrong times"
+        return Check("clock", "warning", text, "sudo timedatectl set-ntp true, or sudo date -s 'YYYY-MM-DD HH:MM'")
+    return Check("clock", "ok", shown)
+
+
+def locale() -> Check:
+    """Units and bars need more than ASCII."""
+    encoding = (getattr(sys.stdout, "encoding", None) or "").lower().replace("-", "")
+    if encoding == "utf8":
+        return Check("locale", "ok", "output is UTF-8")
+    text = f"output is {encoding or 'of unknown encoding'}: units such as °C come out as ?"
+    return Check("locale", "warning", text, "export LC_ALL=C.UTF-8 or PYTHONUTF8=1")
+
+
+def terminal() -> Check:
+    """Tables are made for 80 columns."""
+    if not sys.stdout.isatty():
+        return Check("terminal", "ok", "stdout is no terminal")
+    columns = shutil.get_terminal_size().columns
+    if columns < WIDTH:
+        text = f"{columns} columns: tables wrap"
+        return Check("terminal", "warning", text, f"make the window {WIDTH} columns wide, or use --format plain")
+    if os.environ.get("TERM", "") in ("", "dumb"):
+        return Check("terminal", "warning", "TERM is not set: no colours, no live view", "export TERM=xterm-256color")
+    return Check("terminal", "ok", f"{os.environ['TERM']}, {columns} columns")
+
+
+def room(folder: Path) -> Check:
+    """Whether logs can be written here."""
+    free = shutil.disk_usage(folder).free
+    evidence = f"{folder}: {free / 1e6:.0f} MB free"
+    if not os.access(folder, os.W_OK):
+        return Check(
+            "disk", "warning", f"{folder} may not be written", "change to a folder of your own, or use -o FILE"
+        )
+    if free < ROOM_LITTLE:
+        remedy = "make room, or change to another disk: logs, traces and snapshots go here"
+        return Check("disk", "fail" if free < ROOM_NONE else "warning", evidence, remedy)
+    return Check("disk", "ok", evidence)
+
+
+def locks(machine: Machine) -> Check:
+    """Lock files that a dead program left behind: other programs then call the port busy."""
+    stale = machine.stale_locks()
+    if not stale:
+        return Check("locks", "ok", "no stale lock of a port")
+    paths = " ".join(path for path, _ in stale)
+    evidence = ", ".join(f"{path} of pid {pid}, which is gone" for path, pid in stale)
+    return Check("locks", "warning", evidence, f"sudo rm {paths}")

@@ -1,0 +1,63 @@
+"""What a family offers for being looked for: one small module each, found by name in `families.PROBES`."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, Protocol, cast
+
+from handctl.families import FAMILIES, PROBES
+from handctl.link import Deadline, Link
+from handctl.result import Journal, Row
+
+if TYPE_CHECKING:
+    from handctl.run import Family
+
+
+class FamilyProbe(Protocol):
+    """The module of one family. Nothing in it writes to the device or moves it.
+
+    WIRES   kinds of link it may be on: "serial", "tcp", "can"
+    SPEEDS  bit/s of its serial port, the usual one first; () = it has none
+    PING    what `ping` reads, for people
+    ECHOES  whether the device itself sends back what it receives
+    """
+
+    FAMILY: str
+    WIRES: tuple[str, ...]
+    SPEEDS: tuple[int, ...]
+    PING: str
+    ECHOES: bool
+
+    def probe(self, link: Any, journal: Journal, deadline: Deadline, ids: Sequence[int] = (1,)) -> list[Row]:
+        """Look at the link's present speed: rows family, link, baud, id, evidence.
+
+        Raises NoAnswer on silence; ProtocolError whose code names what came instead (echo, garbage …); LinkError.
+        """
+
+    def ping(self, device: Any) -> None:
+        """The cheapest documented read, asked once. Raises NoAnswer, ProtocolError, LinkError."""
+
+
+def probe_of(family: str) -> FamilyProbe:
+    """The probe of a family by name."""
+    return cast(FamilyProbe, importlib.import_module(PROBES[family]))
+
+
+def family_of(name: str) -> Family:
+    """How the shared machinery opens that family's device."""
+    return cast("Family", importlib.import_module(FAMILIES[name][0]).cli.family)
+
+
+def wire_of(link: str) -> str:
+    """Which kind of link a LINK is: "serial", "tcp" or "can"."""
+    from handctl.link import is_can
+
+    if is_can(link):
+        return "can"
+    return "tcp" if link.startswith(("tcp://", "fake://aidin")) else "serial"
+
+
+def has_speed(link: Link) -> bool:
+    """Whether this end's speed can be changed and means something."""
+    return bool(getattr(link, "can_set_baud", False))

@@ -1,0 +1,369 @@
+"""`handctl scan`: which device answers on a port. Read-only probes of each family, in an order that disturbs none.
+
+On a serial port, after listening:
+ 1. ekso   GetTime is 6 bytes without a start byte. It goes first: an EksoNR that has got part of anything else may wait
+           for the rest and swallow it. For the others it is noise of less than a character at their slower speeds.
+ 2. wrist  then exo, at each speed of the frame they share: header, length and sum protect everybody else. A hand with a
+           wrist answers both questions, so the wrist is asked first.
+ 3. barrett  ^C and CR, last: for the others they are two bytes of no frame. They end a movement and start none.
+A BarrettHand hears 1 and 2 at its own speed as a few odd characters: never as a CR, so no line is carried out, and at
+9600, the boot monitor's speed, never as FF, its trigger (a test samples the bits). Its ^C then clears them away.
+On TCP the AIDIN-hand is looked for first: binary requests might upset a server that parses text, while its empty object
+is harmless to all; a pause behind it lets an EksoNR forget it. CAN has the wrist only.
+What talks by itself before anything was asked is left alone: none of the serial devices does.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import IO, Any, NamedTuple
+
+import click
+
+from handctl import __version__
+from handctl.clikit import Command
+from handctl.errors import HandctlError, LinkError, NoAnswer, OutputError, ProtocolError, UsageError
+from handctl.families import PROBES
+from handctl.link import ByteLink, Link, open_link
+from handctl.link.tap import Tap
+from handctl.options import SharedOption
+from handctl.result import Column, Journal, Row, Table, hex_bytes
+from handctl.run import Run
+from handctl.tools.machine import Machine
+from handctl.tools.probes import FamilyProbe, has_speed, probe_of, wire_of
+
+LISTEN = 0.3
+TALKATIVE = 16
+"""So many bytes unasked are somebody who talks by himself."""
+PAUSE = 0.5
+PORT_SECONDS = 15.0
+"""Bound for one port when only the usual id is asked for; all ids take longer."""
+ALL_IDS_SECONDS = 60.0
+MODBUS_HINT = (
+    "a hand of this maker on RS-485 may speak Modbus RTU only: 01 03 03 E8 00 01 04 7A reads its id (not sent)"
+)
+COLUMNS = (
+    Column("family", "Family"),
+    Column("link", "Link"),
+    Column("baud", "Baud", right=True),
+    Column("id", "Id", right=True),
+    Column("evidence", "Evidence"),
+)
+
+
+class Step(NamedTuple):
+    """One probe: a family, at a speed (None = the link has none to set)."""
+
+    family: str
+    speed: int | None
+
+
+@dataclass(slots=True)
+class Search:
+    """What was tried on one link and what came: `met` is (step, code) for every probe without a device."""
+
+    link: str
+    rows: list[Row] = field(default_factory=list)
+    met: list[tuple[Step, str]] = field(default_factory=list)
+    unasked: bytes = b""
+    error: HandctlError | None = None
+    expired: bool = False
+
+
+class _ScanCommand(Command):
+    """Takes -p several times."""
+
+    def get_params(self, ctx: click.Context) -> list[click.Parameter]:
+        params = super().get_params(ctx)
+        own = {name for param in self.params for name in param.opts}
+        return [param for param in params if not (isinstance(param, SharedOption) and own & set(param.opts))]
+
+
+@click.command("scan", cls=_ScanCommand)
+@click.option(
+    "-p",
+    "--port",
+    "links",
+    multiple=True,
+    metavar="LINK",
+    help="Where to look; may be repeated. Default: all serial ports that are free and permitted.",
+)
+@click.option(
+    "--family",
+    "families",
+    multiple=True,
+    type=click.Choice(list(PROBES)),
+    help="Look for this one only; may be repeated.",
+)
+@click.option("--ids", metavar="FROM-TO", help="Ids to ask for, e.g. 1-254 (exo and wrist; default: --id, or 1).")
+@click.option("--all", "find_all", is_flag=True, help="Go on after the first device on a port.")
+def cli(links: tuple[str, ...], families: tuple[str, ...], ids: str | None, find_all: bool) -> Table:
+    """Find out which device answers on a port: family, speed, id. Read-only; a port that is in use is left alone."""
+    run: Run = click.get_current_context().obj
+    settings = run.settings
+    wanted = tuple(family for family in PROBES if not families or family in families)
+    names = list(links) or ([settings.port] if settings.port else [])
+    if settings.fake and not links:
+        names = [f"fake://{family}" for family in wanted]
+    elif not names:
+        names = free_ports(Machine(), run.journal)
+    chosen = parse_ids(ids or str(settings.id or 1))
+    seconds = settings.deadline or (PORT_SECONDS if len(chosen) == 1 else ALL_IDS_SECONDS)
+    with tracing(run) as tap:
+        scan = Scan(run, wanted, chosen, seconds, find_all, tap)
+        return report([scan.look(name) for name in names], wanted, run.journal)
+
+
+def free_ports(machine: Machine, journal: Journal) -> list[str]:
+    """Serial ports that nobody holds and that we may open; of the others, why they are left out."""
+    names = []
+    for port in machine.ports():
+        if port.free:
+            names.append(port.path)
+            continue
+        why = f"in use by {', '.join(map(str, port.held))}" if port.held else "not permitted"
+        journal.warn("left-out", f"{port.path} is {why}: not looked at", hint="`handctl ports` names the remedy")
+    if not names:
+        raise LinkError(
+            "no serial port is free to be looked at",
+            hint="`handctl ports` shows what is there; give a place with -p, e.g. -p tcp://HOST",
+            code="no-port",
+        )
+    return names
+
+
+def parse_ids(text: str) -> list[int]:
+    """``1-254`` or ``1,7`` -> ids 1 to 254 in that order. Raises UsageError."""
+    ids: list[int] = []
+    for part in text.split(","):
+        first, dash, last = part.strip().partition("-")
+        ends = first, last if dash else first
+        if not all(end.isdecimal() and 1 <= int(end) <= 254 for end in ends):
+            raise UsageError(f"--ids {text}: expected FROM-TO or a list, 1 to 254", hint="e.g. --ids 1-254")
+        ids += range(int(ends[0]), int(ends[1]) + 1)
+    if not ids:
+        raise UsageError(f"--ids {text}: no id in it", hint="e.g. --ids 1-254")
+    return list(dict.fromkeys(ids))
+
+
+def plan(wire: str, families: Sequence[str], speeds: bool) -> list[Step]:
+    """Which probes, in which order, on a kind of link; without `speeds` each family once, at the link's own."""
+    order = ("aidin", "ekso", "wrist", "exo", "barrett") if wire == "tcp" else ("ekso", "wrist", "exo", "barrett")
+    found = [family for family in order if family in families and wire in probe_of(family).WIRES]
+    if not speeds:
+        return [Step(family, None) for family in found]
+    steps = [Step(family, speed) for family in found for speed in probe_of(family).SPEEDS]
+    # Wrist and exo share their frame: both are asked at one speed before the next one is set.
+    shared = [step for step in steps if step.family in ("wrist", "exo")]
+    shared.sort(key=lambda step: -(step.speed or 0))
+    return [
+        *(step for step in steps if step.family == "ekso"),
+        *shared,
+        *(step for step in steps if step.family == "barrett"),
+    ]
+
+
+class Scan:
+    """Looks at one link after the other."""
+
+    def __init__(
+        self, run: Run, families: Sequence[str], ids: Sequence[int], seconds: float, find_all: bool, tap: Tap | None
+    ) -> None:
+        self._run = run
+        self._families = families
+        self._ids = ids
+        self._seconds = seconds
+        self._all = find_all
+        self._tap = tap
+
+    def look(self, name: str) -> Search:
+        """All probes on one link until a device answers. What fails is in the Search; LinkError of the link too."""
+        search = Search(name)
+        wire = wire_of(name)
+        try:
+            link = open_link(name, baud=self._run.settings.baud or 115200, tap=self._tap, tcp_port=8000)
+        except LinkError as exc:
+            search.error = exc
+            return search
+        try:
+            self._probes(link, wire, search)
+        except LinkError as exc:
+            search.error = exc
+        finally:
+            self._run.guide.done()
+            link.close()
+        return search
+
+    def _probes(self, link: Link, wire: str, search: Search) -> None:
+        bound = link.deadline(self._seconds)
+        steps = plan(wire, self._families, has_speed(link) and wire == "serial")
+        if self._run.settings.baud is not None:
+            steps = [Step(family, None) for family in dict.fromkeys(step.family for step in steps)]
+        if wire == "serial" and isinstance(link, ByteLink):
+            self._run.guide.progress(f"{search.link}: listening")
+            search.unasked = _listen(link)
+            if len(search.unasked) >= TALKATIVE:
+                return
+        before: Step | None = None
+        for number, step in enumerate(steps, 1):
+            if bound.expired:
+                search.expired = True
+                return
+            if before is not None and before.family == "aidin":
+                link.sleep(PAUSE)
+            before = step
+            at = f" at {step.speed}" if step.speed else ""
+            self._run.guide.progress(f"{search.link}: {step.family}{at} ({number} of {len(steps)})")
+            if step.speed is not None and isinstance(link, ByteLink) and link.baud != step.speed:
+                link.set_baud(step.speed)
+            self._one(link, step, search, bound)
+            if search.rows and not self._all:
+                return
+
+    def _one(self, link: Link, step: Step, search: Search, bound: Any) -> None:
+        """One probe; a hand that answers as a wrist is not counted again as an exo."""
+        probe: FamilyProbe = probe_of(step.family)
+        try:
+            rows = probe.probe(link, self._run.journal, bound, self._ids)
+        except (NoAnswer, ProtocolError) as exc:
+            search.met.append((step, exc.code))
+            return
+        known = {(row["baud"], row["id"]) for row in search.rows if row["family"] == "wrist"}
+        search.rows += [row for row in rows if step.family != "exo" or (row["baud"], row["id"]) not in known]
+
+
+def _listen(link: ByteLink) -> bytes:
+    """What comes before anything was asked."""
+    deadline = link.deadline(LISTEN)
+    came = b""
+    while len(came) < 256 and not deadline.expired:
+        came += link.read(deadline)
+    return came
+
+
+@contextlib.contextmanager
+def tracing(run: Run) -> Iterator[Tap | None]:
+    """A tap for --trace and -v over all links of a run; None without them."""
+    path, verbose = run.settings.trace, run.settings.verbose
+    if not path and not verbose:
+        yield None
+        return
+    with contextlib.ExitStack() as stack:
+        file: IO[str] | None = None
+        try:
+            if path:
+                file = stack.enter_context(open(path, "w", encoding="utf-8", buffering=1))
+                file.write(f"# handctl {__version__} {run.command}\n")
+        except OSError as exc:
+            raise UsageError(f"{path}: the trace cannot be written: {exc.strerror or exc}") from exc
+
+        def write(line: str) -> None:
+            try:
+                if file is not None:
+                    file.write(line)
+            except OSError as exc:
+                raise OutputError(f"{path}: the trace cannot be written: {exc.strerror or exc}") from exc
+            if verbose:
+                run.guide.say(line.rstrip("\n"))
+
+        yield Tap(write)
+
+
+# -- what it means ------------------------------------------------------------------------------------------------
+
+
+def report(searches: Sequence[Search], families: Sequence[str], journal: Journal) -> Table:
+    """All rows; for every link without a device, what was tried and what came instead."""
+    table = Table(rows=[row for search in searches for row in search.rows], columns=COLUMNS)
+    empty = [search for search in searches if not search.rows]
+    errors = [_nothing(search) for search in empty]
+    for error in errors if table.rows or len(errors) > 1 else ():
+        journal.warn(error.code, error.text, hint=error.hint)
+    for search in searches:
+        if search.expired and search.rows:
+            journal.warn("deadline", f"{search.link}: --deadline ended the search")
+    if not table.rows:
+        table.failure = errors[0] if len(errors) == 1 else _none(errors)
+    table.extra = {
+        "scan": {
+            "links": [search.link for search in searches],
+            "families": list(families),
+            "tried": [
+                {"link": search.link, "family": step.family, "baud": step.speed, "came": code}
+                for search in searches
+                for step, code in search.met
+            ],
+        }
+    }
+    return table
+
+
+def _none(errors: Sequence[HandctlError]) -> HandctlError:
+    """Nothing on any of several links: the most telling of their errors decides the exit code."""
+    worst = max(errors, key=lambda error: (error.exit_code == 5, error.exit_code))
+    return type(worst)(f"no device on {len(errors)} links; {worst.text}", hint=worst.hint, code=worst.code)
+
+
+def _nothing(search: Search) -> HandctlError:
+    """Why there is no device on one link."""
+    if search.error is not None:
+        return search.error
+    name, unasked = search.link, search.unasked
+    if len(unasked) >= TALKATIVE:
+        shown = hex_bytes(unasked[:24])
+        if is_modbus(unasked):
+            text = f"{name}: a Modbus RTU master or device talks on this line ({shown})"
+            return ProtocolError(text, hint=f"nothing was sent; {MODBUS_HINT}", code="modbus")
+        text = f"{name}: {len(unasked)} bytes came before anything was asked ({shown}): none of these devices does that"
+        return ProtocolError(
+            text, hint="nothing was sent; is it another device, or a wrong speed (--baud)?", code="talks"
+        )
+    tried = f"tried {_summary(search.met)}"
+    if search.expired:
+        return NoAnswer(f"{name}: --deadline ended the search; {tried}", hint="a longer --deadline", code="deadline")
+    codes = [code for _, code in search.met if code != NoAnswer.default_code]
+    if not codes:
+        return NoAnswer(f"{name}: complete silence; {tried}", hint=SILENCE, code=NoAnswer.default_code)
+    if "boot-monitor" in codes:
+        hint = "wait until its firmware runs, then scan again; without firmware: `handctl barrett firmware`"
+        return ProtocolError(f"{name}: a BarrettHand in its boot monitor; {tried}", hint=hint, code="boot-monitor")
+    if set(codes) <= {"echo", "echo-differs"}:
+        hint = "an echo or a TX-RX short, no device: check the wiring"
+        return ProtocolError(f"{name}: only our own bytes come back; {tried}", hint=hint, code="echo")
+    return ProtocolError(f"{name}: bytes came, but no valid answer; {tried}", hint=GARBAGE, code="garbage")
+
+
+SILENCE = (
+    "check power, cable, crossed TX and RX, RS-232 on RS-485; another id than 1: --ids 1-254; "
+    f"a CAN adapter: -p can:slcan:PORT; {MODBUS_HINT}"
+)
+GARBAGE = "another kind of device, a disturbed line, two devices with one id, or an slcan adapter (-p can:slcan:PORT)"
+
+
+def _summary(met: Sequence[tuple[Step, str]]) -> str:
+    """``ekso at 115200 (no-answer), exo at 115200, 57600, 19200 (echo)``."""
+    groups: dict[tuple[str, str], list[str]] = {}
+    for step, code in met:
+        groups.setdefault((step.family, code), []).append(str(step.speed) if step.speed else "")
+    parts = []
+    for (family, code), speeds in groups.items():
+        at = f" at {', '.join(filter(None, speeds))}" if any(speeds) else ""
+        parts.append(f"{family}{at}: {'silence' if code == NoAnswer.default_code else code}")
+    return "; ".join(parts) or "nothing"
+
+
+def is_modbus(data: bytes) -> bool:
+    """Whether `data` holds a Modbus RTU frame: address 1..247, a function, and a CRC-16 that fits."""
+    for start in range(len(data) - 4):
+        if not 1 <= data[start] <= 247 or not 1 <= data[start + 1] & 0x7F <= 24:
+            continue
+        crc = 0xFFFF
+        for end in range(start, len(data) - 2):
+            crc ^= data[end]
+            for _ in range(8):
+                crc = crc >> 1 ^ 0xA001 if crc & 1 else crc >> 1
+            if end >= start + 2 and data[end + 1 : end + 3] == crc.to_bytes(2, "little"):
+                return True
+    return False
