@@ -6,6 +6,7 @@ from handctl.devices.inspire import eb90
 from handctl.devices.inspire.bus import Bus, explain, hint_for
 from handctl.devices.inspire.device import RegisterDevice
 from handctl.devices.inspire.registers import EXO, Register
+from handctl.devices.inspire.spans import element_at
 from handctl.errors import CheckFailed, DeviceRefused, NoAnswer, ProtocolError, UsageError
 from handctl.param import Element, ParamMap, Reading, Step
 from handctl.result import Column, Row, Table, hex_bytes
@@ -73,10 +74,8 @@ def _part_of(params: ParamMap[Register], address: int) -> str:
 
 def _element_at(params: ParamMap[Register], address: int) -> tuple[int, Register] | None:
     """The documented, readable element that begins at `address`: (index, register)."""
-    for register in params:
-        if register.readable and address in register.span and (address - register.address) % register.size == 0:
-            return (address - register.address) // register.size, register
-    return None
+    found = element_at(params, address)
+    return None if found is None or not found[0].readable else (found[1], found[0])
 
 
 def plan_write(hand: RegisterDevice, address: int, data: bytes, undocumented: bool) -> Step:

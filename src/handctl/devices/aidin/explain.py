@@ -1,0 +1,171 @@
+"""What recorded bytes of the AIDIN-hand mean: JSON objects in words, by its book of keys and modes.
+
+Bytes in, pieces out; knows no link. The hand streams by itself; only the neutral object ``{}`` asks for something.
+"""
+
+from __future__ import annotations
+
+from handctl.devices.aidin.fields import AIDIN, FEEDBACK, FINGERS, MODES, AidinParam
+from handctl.devices.aidin.messages import BETWEEN, Decoder, MalformedObject, numbers
+from handctl.errors import ProtocolError
+from handctl.piece import DEVICE, HOST, Part, Piece, Value, stray
+
+KEYS = {param.key: param for param in AIDIN}
+FEEDBACK_KEYS = {param.key for param in FEEDBACK}
+
+
+def aidin() -> AidinExplainer:
+    """For the AIDIN-hand."""
+    return AidinExplainer()
+
+
+class _Stream:
+    """One direction: the decoder, and the bytes that it has not given back yet."""
+
+    def __init__(self) -> None:
+        self.decoder = Decoder()
+        self._held = bytearray()
+
+    def feed(self, data: bytes) -> None:
+        self.decoder.feed(data)
+        self._held += data
+
+    def taken(self) -> bytes:
+        """What the decoder has used up since the last time."""
+        size = len(self._held) - len(self.decoder.pending)
+        raw = bytes(self._held[:size])
+        del self._held[:size]
+        return raw
+
+    def restart(self) -> bytes:
+        """Everything that is held; the decoder begins anew."""
+        raw = bytes(self._held)
+        self._held.clear()
+        self.decoder = Decoder()
+        return raw
+
+
+class AidinExplainer:
+    """One connection."""
+
+    def __init__(self) -> None:
+        self._streams = {HOST: _Stream(), DEVICE: _Stream()}
+        self._asked = False
+
+    def feed(self, direction: str, data: bytes, can_id: int | None = None) -> list[Piece]:
+        """See Explainer. There is no CAN."""
+        stream = self._streams[direction]
+        stream.feed(data)
+        pieces: list[Piece] = []
+        while True:
+            try:
+                content = stream.decoder.next()
+            except MalformedObject as exc:
+                kind = ("stray", "") if exc.stray else ("bad-json", exc.text.partition(":")[0])
+                pieces.append(stray(direction, stream.taken(), kind[1], kind[0]))
+                continue
+            raw = stream.taken()
+            if content is not None:
+                pieces.append(self._piece(direction, raw, content))
+            elif raw and pieces and pieces[-1].frame:
+                pieces[-1] = _longer(pieces[-1], raw)  # the line end behind an object
+            elif raw:
+                pieces.append(Piece(direction=direction, raw=raw, meaning="blanks between objects", title="blanks"))
+            if content is None:
+                return pieces
+
+    def flush(self) -> list[Piece]:
+        """See Explainer."""
+        pieces = []
+        for direction, stream in self._streams.items():
+            raw = stream.restart()
+            if raw:
+                pieces.append(stray(direction, raw, f"an object cut off after {len(raw)} bytes", "cut-short"))
+        return pieces
+
+    def decode(self, data: bytes, side: str = "", can_id: int | None = None) -> list[Piece]:
+        """See Explainer. Feedback keys tell the hand, everything else the host."""
+        device = any(f'"{key}"'.encode() in data for key in FEEDBACK_KEYS)
+        direction = side or (DEVICE if device else HOST)
+        return [*self.feed(direction, data), *self.flush()]
+
+    def recognises(self, data: bytes, can_id: int | None = None) -> bool:
+        """See Explainer."""
+        return can_id is None and data.lstrip(BETWEEN)[:1] == b"{"
+
+    def _piece(self, direction: str, raw: bytes, content: dict[str, object]) -> Piece:
+        texts, parts, problem = [], [], ""
+        values: list[Value] = []
+        for key, value in content.items():
+            text, found, wrong = _explained(key, value)
+            texts.append(text)
+            values += found
+            problem = problem or wrong
+            parts.append(Part(b"", key, text.removeprefix(f"{key} ")))
+        meaning = "; ".join(texts) if texts else "the neutral object: no key, nothing commanded"
+        asks = "object" if direction == HOST and not content else ""
+        answers = "object" if direction == DEVICE and self._asked else ""
+        self._asked = bool(asks) or (self._asked and direction == HOST)
+        keys = ", ".join(content)
+        mode = content.get("hand_mode")
+        return Piece(
+            direction=direction, raw=raw, meaning=meaning, problem=problem, values=tuple(values), asks=asks,
+            answers=answers, title=f"{direction} {keys}", fields={"keys": keys, "mode": mode if isinstance(mode, int) else None},
+            parts=tuple(parts),
+        )  # fmt: skip
+
+
+def _longer(piece: Piece, tail: bytes) -> Piece:
+    from dataclasses import replace
+
+    return replace(piece, raw=piece.raw + tail)
+
+
+def _explained(key: str, value: object) -> tuple[str, list[Value], str]:
+    """One key in words, its values in the units of the book, and what is wrong with it."""
+    if key == "hand_mode" and isinstance(value, int):
+        name = MODES.get(value)
+        return f"hand_mode {value}: {name or 'not documented'}", [Value(key, value)], "" if name else "unknown-mode"
+    param = KEYS.get(key)
+    if param is None or not param.elements:
+        tenths = param is not None and param.unit == "0.1 %" and isinstance(value, int)
+        shown = f"{value / 10:g} %" if tenths and isinstance(value, int) else _shown(value)
+        known = param is not None or key in ("hand_mode", "maxtorque")
+        good = known and isinstance(value, int | float) and not isinstance(value, bool)
+        kept: list[Value] = [Value(key, value)] if good and isinstance(value, int | float) else []
+        unit = f" {param.unit}" if param is not None and param.unit and not tenths else ""
+        return f"{key} {shown}{unit}" + ("" if known else " (not documented)"), kept, "" if known else "unknown-key"
+    try:
+        checked = numbers(value, param.count, whole=param.whole)
+    except ProtocolError as exc:
+        return f"{key}: {exc.text}", [], "bad-value"
+    amounts = [param.from_wire(number) for number in checked]
+    found = [
+        Value(f"{param.name}.{part}", amount, param.unit) for part, amount in zip(param.elements, amounts, strict=True)
+    ]
+    return f"{key} {_by_finger(param, [param_text(param, amount) for amount in amounts])}", found, ""
+
+
+def param_text(param: AidinParam, amount: float) -> str:
+    """A value with the decimals that people see."""
+    return f"{amount:.{param.places}f}" if param.places else f"{amount:g}" if isinstance(amount, float) else str(amount)
+
+
+def _by_finger(param: AidinParam, texts: list[str]) -> str:
+    """``[deg] thumb 0.6 1.0 136.1 136.1, index …``: the elements of each finger in wire order."""
+    size = len(param.labels)
+    groups = [f"{finger} {' '.join(texts[i * size : i * size + size])}" for i, finger in enumerate(FINGERS)]
+    unit = f" [{param.unit}]" if param.unit else ""
+    return f"({' '.join(param.labels)}){unit}: {', '.join(groups)}"
+
+
+def _shown(value: object) -> str:
+    from json import dumps
+
+    if isinstance(value, int) and abs(value) > 1 << 64:
+        return "a very long integer"
+    try:
+        text = dumps(value)
+    except (ValueError, RecursionError):
+        return "a value that cannot be shown"
+    return text if len(text) <= 60 else f"{text[:57]}..."

@@ -1,0 +1,267 @@
+"""What recorded bytes of the BarrettHand mean: GCL lines, RealTime blocks and the boot monitor's records in words.
+
+Bytes in, pieces out; knows no link. Three languages share the line: which one is spoken follows from the conversation
+(LOOP was acknowledged; "X" was answered by ":"). The layout of RealTime blocks follows from the flags that were read or
+set before; until one was seen it counts as the factory has it.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import NamedTuple
+
+from handctl.devices.barrett import gclwords, loopwords
+from handctl.devices.barrett.commands import split
+from handctl.devices.barrett.language import Answer, Decoder, explain_status
+from handctl.devices.barrett.loopwords import Flags, LoopWords
+from handctl.devices.barrett.monitorwords import MonitorWords, records
+from handctl.piece import DEVICE, HOST, Part, Piece, stray
+
+CR, ABORT, STAR = 0x0D, 0x03, 0x2A
+LONGEST_COMMAND = 256
+LONGEST_ANSWER = 16384
+WAITING = 8
+"""Commands whose answer is waited for: a hand answers one at a time."""
+
+
+class Asked(NamedTuple):
+    """A command on its way: what was sent, and the key that its answer bears."""
+
+    command: str
+    key: str
+
+
+def barrett() -> BarrettExplainer:
+    """For the BH8 series."""
+    return BarrettExplainer()
+
+
+class BarrettExplainer:
+    """One conversation."""
+
+    def __init__(self) -> None:
+        self._typed = bytearray()
+        self._came = bytearray()
+        self._asked: deque[Asked] = deque(maxlen=WAITING)
+        self._flags = Flags()
+        self._loop: LoopWords | None = None
+        self._monitor: MonitorWords | None = None
+        self._count = 0
+
+    def feed(self, direction: str, data: bytes, can_id: int | None = None) -> list[Piece]:
+        """See Explainer. There is no CAN."""
+        return self._from_host(data) if direction == HOST else self._from_hand(data)
+
+    def flush(self) -> list[Piece]:
+        """See Explainer. What was spoken before is over."""
+        pieces = []
+        for inner in (self._loop, self._monitor):
+            if inner is not None:
+                pieces += inner.flush()
+        self._loop = self._monitor = None
+        for direction, buffer in ((HOST, self._typed), (DEVICE, self._came)):
+            raw = bytes(buffer)
+            buffer.clear()
+            block = loopwords.factory_block(direction, raw) if raw and b"=>" not in raw else []
+            pieces += block  # a recording that begins inside RealTime
+            if raw and not block:
+                what = "a command without its CR" if direction == HOST else "an answer without its prompt"
+                pieces.append(stray(direction, raw, f"{what}: {gclwords.shown(raw)}", "cut-short"))
+        self._asked.clear()
+        return pieces
+
+    def decode(self, data: bytes, side: str = "", can_id: int | None = None) -> list[Piece]:
+        """See Explainer. Blocks are read with factory flags, all four motors."""
+        direction = side or _side(data)
+        whole = records(data) or loopwords.factory_block(direction, data)
+        if whole:
+            return whole
+        if direction == DEVICE:
+            first = data.replace(b"\r", b"\n").partition(b"\n")[0].decode("ascii", "replace")
+            if split(first)[1] is not None:
+                self._asked.append(Asked(first, ""))
+        return [*self.feed(direction, data), *self.flush()]
+
+    def recognises(self, data: bytes, can_id: int | None = None) -> bool:
+        """See Explainer. Printable ASCII with line ends; a ^C."""
+        return can_id is None and all(32 <= byte < 127 or byte in (3, 10, 13) for byte in data) and data[:1] != b"{"
+
+    # -- from the host ------------------------------------------------------------------------------------------------
+
+    def _from_host(self, data: bytes) -> list[Piece]:
+        pieces: list[Piece] = []
+        while data:
+            if self._monitor is not None:
+                found, data = self._monitor.host(data)
+                pieces += found
+                if data:
+                    pieces += self._monitor.flush()
+                    self._monitor = None
+            elif self._loop is not None and not self._loop.leaving:
+                found, data = self._loop.host(data)
+                pieces += found
+            else:
+                pieces += self._typed_byte(data[0])
+                data = data[1:]
+        return pieces
+
+    def _typed_byte(self, byte: int) -> list[Piece]:
+        pieces: list[Piece] = []
+        if byte == CR:
+            command = self._typed.decode("ascii", "replace")
+            raw = bytes(self._typed) + b"\r"
+            self._typed.clear()
+            return [self._command(command, raw)]
+        if byte == ABORT:
+            if self._typed:
+                pieces.append(stray(HOST, bytes(self._typed), f"an unfinished command: {gclwords.shown(self._typed)}"))
+                self._typed.clear()
+            key = "" if self._asked else self._expect("")
+            return [*pieces, _piece(HOST, b"\x03", "^C: abort", asks=key)]
+        self._typed.append(byte)
+        if len(self._typed) >= LONGEST_COMMAND:
+            pieces.append(stray(HOST, bytes(self._typed)))
+            self._typed.clear()
+        return pieces
+
+    def _expect(self, command: str) -> str:
+        self._count += 1
+        key = f"gcl {self._count}"
+        self._asked.append(Asked(command, key))
+        return key
+
+    def _command(self, command: str, raw: bytes) -> Piece:
+        if any(not 32 <= byte < 127 for byte in raw[:-1]):
+            return stray(HOST, raw, f"a line that is no command: {gclwords.shown(raw)}")
+        if not command and self._asked and self._came:
+            return _piece(HOST, raw, "an empty line")  # to an answer that has already begun, e.g. behind a new speed
+        fields = {"command": command}
+        parts = (Part(raw[:-1], "command", command), Part(raw[-1:], "CR", ""))
+        key = self._expect(command)
+        meaning, problem = gclwords.command(command)
+        return _piece(HOST, raw, meaning, problem=problem, asks=key, fields=fields, parts=parts)
+
+    # -- from the hand ------------------------------------------------------------------------------------------------
+
+    def _from_hand(self, data: bytes) -> list[Piece]:
+        pieces: list[Piece] = []
+        if self._monitor is not None:
+            data = bytes(self._came) + data
+            self._came.clear()
+            return self._monitor.device(data)
+        self._came += data
+        while self._came:
+            if self._loop is not None:
+                found, rest, over = self._loop.device(bytes(self._came))
+                pieces += found
+                self._came[:] = rest
+                if over:
+                    pieces += self._loop.flush()
+                    self._loop = None
+                    continue
+                break
+            found = self._next()
+            if not found:
+                break
+            pieces += found
+            if self._monitor is not None:
+                return [*pieces, *self._from_hand(b"")]
+        if len(self._came) > LONGEST_ANSWER:
+            pieces.append(stray(DEVICE, bytes(self._came)))
+            self._came.clear()
+        return pieces
+
+    def _next(self) -> list[Piece]:
+        """The next whole answer in supervisory mode."""
+        came = bytes(self._came)
+        if bytes(self._typed) in (b"X", b"XX") and came[:1] == b":":
+            return self._handed_over()
+        for place, asked in enumerate(self._asked):
+            kind = split(asked.command)[1]
+            if kind is not None and kind.kind == "loop":
+                entered = self._entered(came, asked, place)
+                if entered:
+                    return entered
+            decoder = Decoder(asked.command)
+            decoder.feed(came)
+            answer = decoder.next()
+            if answer is None:
+                continue
+            if decoder.skipped:
+                return [self._take(stray(DEVICE, came[: decoder.skipped]))]
+            for _ in range(place + 1):
+                self._asked.popleft()
+            return [self._take(self._answer(asked, answer))]
+        unasked = None if self._asked else self._unasked(came)
+        return [] if unasked is None else [unasked]
+
+    def _take(self, piece: Piece) -> Piece:
+        del self._came[: len(piece.raw)]
+        return piece
+
+    def _unasked(self, came: bytes) -> Piece | None:
+        """A prompt by itself: at power-on, behind a reset, or the blank that a prompt was cut off from."""
+        if came == b" ":
+            return self._take(_piece(DEVICE, came, "the blank of the prompt"))
+        end = came.find(b"=>")
+        if end < 0 or (end and came[end - 1] not in (10, 13)):
+            return None
+        size = end + 3 if came[end + 2 : end + 3] == b" " else end + 2
+        lines = gclwords.lines(came[:end])
+        text = f"prompt, behind {' | '.join(lines)}" if lines else "prompt"
+        return self._take(_piece(DEVICE, came[:size], text, parts=gclwords.line_parts(came[:size])))
+
+    def _answer(self, asked: Asked, answer: Answer) -> Piece:
+        raw = answer.raw if answer.raw.endswith(b"=> ") else answer.raw[: answer.raw.rfind(b"=>") + 2]
+        self._flags.note(asked.command, answer)
+        meaning, values, problem = gclwords.answer(asked.command, answer)
+        if answer.status:
+            problem = "refused" if answer.status != 16384 else ""
+            status = f"ERR {answer.status}: {explain_status(answer.status)}"
+            meaning = f"{meaning}; {status}" if answer.lines else status
+        fields = {"command": asked.command, "status": answer.status}
+        return _piece(
+            DEVICE, raw, meaning, problem=problem, answers=asked.key, fields=fields, values=values,
+            title=f"answer to {asked.command}", parts=gclwords.line_parts(raw),
+        )  # fmt: skip
+
+    def _entered(self, came: bytes, asked: Asked, place: int) -> list[Piece]:
+        """The echo of LOOP with the acknowledgement right behind it (barrett §6.1)."""
+        sent = asked.command.upper().encode("ascii", "replace")
+        start = came.upper().find(sent)
+        if start < 0 or came[start + len(sent) : start + len(sent) + 1] != b"*":
+            return []
+        if start:
+            return [self._take(stray(DEVICE, came[:start]))]
+        for _ in range(place + 1):
+            self._asked.popleft()
+        self._loop = LoopWords(self._flags.layout(split(asked.command)[0]), self._flags.complete)
+        meaning = f"in RealTime: {self._loop.summary}"
+        parts = (Part(came[: len(sent)], "echo", asked.command), Part(b"*", "acknowledgement", "in RealTime"))
+        entered = self._take(_piece(DEVICE, came[: len(sent) + 1], meaning, answers=asked.key, parts=parts))
+        ahead = bytes(self._typed)
+        self._typed.clear()
+        return [entered, *self._from_host(ahead)]
+
+    def _handed_over(self) -> list[Piece]:
+        """The boot monitor answers "X" with ":" once the hand is switched on (dossier 7.2)."""
+        typed = bytes(self._typed)
+        self._typed.clear()
+        self._asked.clear()
+        self._monitor = MonitorWords()
+        return [
+            _piece(HOST, typed, "X: asks the boot monitor for a download", asks="monitor"),
+            self._take(_piece(DEVICE, b":", "the boot monitor is ready for a download", answers="monitor")),
+        ]
+
+
+def _piece(direction: str, raw: bytes, meaning: str, **more: object) -> Piece:
+    return Piece(direction=direction, raw=raw, meaning=meaning, **more)  # type: ignore[arg-type]
+
+
+def _side(data: bytes) -> str:
+    """Who sends such bytes: an answer has a prompt or a line feed, a block of the hand begins with *."""
+    if data[:1] == b"*" or data == b":" or b"=>" in data:
+        return DEVICE
+    text = all(32 <= byte < 127 or byte in (10, 13) for byte in data)
+    return DEVICE if text and b"\n" in data else HOST

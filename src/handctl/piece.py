@@ -1,0 +1,90 @@
+"""Piece: a stretch of recorded bytes with its meaning, and Explainer, which a family makes for them. Data; imports nothing.
+
+A family turns the bytes of a transcript into pieces, in the order of each direction; whoever shows, compares or counts
+transcripts sees pieces only and knows no protocol.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import NamedTuple, Protocol
+
+HOST, DEVICE = "host", "device"
+SIDES = (HOST, DEVICE)
+
+
+class Part(NamedTuple):
+    """One field of a frame: its bytes, its name, what it says."""
+
+    raw: bytes
+    name: str
+    meaning: str
+
+
+class Value(NamedTuple):
+    """One number (or text) that a frame carries, by the name of the family's map."""
+
+    name: str
+    value: float | str | None
+    unit: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Piece:
+    """A frame, or bytes that belong to none.
+
+    direction  "host" or "device": who sent it
+    raw        its bytes; on CAN the data of the frame `can_id`. All pieces of a direction joined are all its bytes
+    meaning    in words: names, values with units, status words
+    problem    code of what is wrong with it, "" = nothing: stray, bad-checksum, cut-short, echo, refused …
+    frame      False for bytes that form no whole, valid frame
+    title      the meaning without its values, for pairing it with its like in another transcript; "" = the meaning
+    asks       key of the answer that a request expects, "" = none
+    answers    key of the request that this answers, "" = it comes by itself
+    fields     family fields for scripts: id, flag, address, command …
+    values     the numbers in it
+    parts      all its bytes, field by field; of a JSON object its keys, without bytes
+    """
+
+    direction: str
+    raw: bytes
+    meaning: str
+    problem: str = ""
+    frame: bool = True
+    can_id: int | None = None
+    title: str = ""
+    asks: str = ""
+    answers: str = ""
+    fields: Mapping[str, int | str | None] = field(default_factory=dict)
+    values: tuple[Value, ...] = ()
+    parts: tuple[Part, ...] = ()
+
+
+class Explainer(Protocol):
+    """What a family's `explain` module makes: stateful for one transcript."""
+
+    def feed(self, direction: str, data: bytes, can_id: int | None = None) -> list[Piece]:
+        """Bytes as they were recorded -> the pieces that are complete now, of either direction."""
+        ...
+
+    def flush(self) -> list[Piece]:
+        """The line was interrupted (end, power cycle, another speed): what is held back, as the pieces it is."""
+        ...
+
+    def decode(self, data: bytes, side: str = "", can_id: int | None = None) -> list[Piece]:
+        """Frames from a manual or a scope, without a conversation around them; `side` "" = tell from the bytes."""
+        ...
+
+    def recognises(self, data: bytes, can_id: int | None = None) -> bool:
+        """Whether a transcript that begins with these bytes looks like this family's."""
+        ...
+
+
+def stray(direction: str, data: bytes, why: str = "", problem: str = "stray") -> Piece:
+    """Bytes of no frame."""
+    count = f"{len(data)} byte{'s' if len(data) != 1 else ''}"
+    return Piece(
+        direction=direction, raw=data, frame=False, problem=problem, title=problem,
+        meaning=why or f"{count} of no frame", parts=(Part(data, problem, why or f"{count} of no frame"),),
+    )  # fmt: skip

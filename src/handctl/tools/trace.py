@@ -1,0 +1,288 @@
+"""`handctl trace`: recorded transcripts and single frames in words, without a device. Draws nothing from any family."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import sys
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from handctl.clikit import Group
+from handctl.errors import CheckFailed, HandctlError, UsageError
+from handctl.families import EXPLAINERS
+from handctl.run import Run
+
+if TYPE_CHECKING:
+    from handctl.piece import Piece
+    from handctl.result import Grid, Row, Table
+    from handctl.tools.trace_diff import Difference
+    from handctl.tools.trace_read import Told
+
+MOST_DIFFERENCES = 10_000
+"""Differences that are shown; those beyond are counted."""
+
+cli = Group(
+    "trace",
+    help="Show, decode, diff recorded transcripts, without a device.\n\nA transcript is what --trace FILE records. "
+    "`show` tells every frame in words, `diff` compares two by meaning, `decode` explains a frame from a manual or a scope.",
+)
+family_option = click.option(
+    "--family",
+    type=click.Choice(list(EXPLAINERS)),
+    help="Whose bytes they are (default: as the first line of the file says, else as the bytes look).",
+)
+
+
+@cli.verb("show")
+@click.argument("file")
+@family_option
+@click.option(
+    "--only", type=click.Choice(["errors"]), help="Rows with something wrong: bad frames, refusals, no answer."
+)
+@click.option("--grep", "pattern", metavar="REGEX", help="Rows whose meaning or bytes match, in any case.")
+def show(run: Run, file: str, family: str | None, only: str | None, pattern: str | None) -> Table | None:
+    """Every frame of FILE (- = stdin) in words: time, direction, bytes, meaning, round trip; statistics at the end.
+
+    Frames are put together from any pieces; what belongs to none is shown as stray bytes. `*` marks what is wrong.
+    """
+    told = _Telling(file, family)
+    matches = _matcher(only, pattern)
+    match run.settings.format:
+        case "json":
+            return _collected(run, told, matches)
+        case "table":
+            _write_text(run, told, matches)
+            return None
+        case _:
+            return _streamed(run, told, matches)
+
+
+@cli.verb("diff")
+@click.argument("a")
+@click.argument("b")
+@family_option
+def diff(run: Run, a: str, b: str, family: str | None) -> Table:
+    """Compare two transcripts by what was said, not by time or pieces; exit 7 when they differ.
+
+    A and B are files, or - for stdin. An exchange is a request with its answer. Message numbers do not count.
+    """
+    from handctl.result import Column, Table
+    from handctl.tools.trace_diff import compare, exchanges
+
+    if a == b == "-":
+        raise UsageError("stdin can be read once only", hint="give a file for A or B")
+    one = _Telling(a, family)
+    rows_a = one.rows(run)
+    first = next(rows_a, None)
+    other = _Telling(b, family or one.family)
+    rows_b = other.rows(run)
+    counts = dict.fromkeys(("same", "changed", "only-a", "only-b"), 0)
+    rows: list[Row] = []
+    for step in compare(exchanges(_put_back(first, rows_a)), exchanges(rows_b)):
+        counts[step.status] += 1
+        if step.status != "same" and len(rows) < MOST_DIFFERENCES:
+            rows.append(_difference_row(step))
+    differing = sum(counts.values()) - counts["same"]
+    text = f"{counts['same']} same, {counts['changed']} changed, {counts['only-a']} only in {a}, {counts['only-b']} only in {b}"
+    if differing > len(rows):
+        run.journal.warn("many", f"the first {len(rows)} of {differing} differences are shown")
+    if not differing:
+        run.journal.info("same", f"no difference in {counts['same']} exchanges")
+    failure = CheckFailed(f"the transcripts differ: {text}", code="differ") if differing else None
+    columns = (
+        Column("status", "Status"), Column("line_a", "Line A", right=True), Column("line_b", "Line B", right=True),
+        Column("name", "Name"), Column("a", "In A"), Column("b", "In B"),
+    )  # fmt: skip
+    return Table(rows=rows, columns=columns, text=_difference_text, failure=failure, extra={"statistics": counts})
+
+
+@cli.verb("decode")
+@click.argument("family", type=click.Choice(list(EXPLAINERS)))
+@click.argument("hex_bytes", metavar="HEX...", nargs=-1, required=True)
+@click.option("--from", "side", type=click.Choice(["host", "device"]), help="Who sent it (default: as the bytes look).")
+def decode(run: Run, family: str, hex_bytes: tuple[str, ...], side: str | None) -> Table:
+    """Explain one frame or several, field by field: from a manual, a scope, a hex dump; - reads stdin.
+
+    Any usual notation: EB 90, 0xEB,0x90, \\xEB\\x90, xxd, a line of a transcript, a CAN frame as 11000001#04. A wrong
+    checksum is shown with the right one. Exit 7 when nothing in it is a valid frame.
+    """
+    from handctl.result import Column, Table
+    from handctl.tools.trace_bytes import parse_given
+    from handctl.tools.trace_read import explainer_of
+
+    text = sys.stdin.read() if hex_bytes == ("-",) else " ".join(hex_bytes)
+    explainer = explainer_of(family)
+    pieces: list[Piece] = []
+    for given in parse_given(text):
+        if given.can_id is not None and family != "wrist":
+            raise UsageError(f"{family} has no CAN wire", hint="give the bytes alone")
+        pieces += explainer.decode(given.data, side or given.side, given.can_id)
+    columns = (Column("direction", "From"), Column("bytes", "Bytes"), Column("meaning", "Meaning"))
+    table = Table(rows=[_piece_row(piece) for piece in pieces], columns=columns, view=_decoded_view)
+    if not any(piece.frame for piece in pieces):
+        table.failure = CheckFailed(
+            f"nothing in these bytes is a valid frame of {family}",
+            hint="`trace decode -h` lists the families",
+            code="no-frame",
+        )
+    return table
+
+
+# -- show -------------------------------------------------------------------------------------------------------------
+
+
+class _Telling:
+    """One transcript being told; `family` and `statistics` are known once the first row came."""
+
+    def __init__(self, path: str, family: str | None) -> None:
+        self.path = path
+        self.family = family or ""
+        self.statistics: Any = None
+
+    def rows(self, run: Run) -> Iterator[Told]:
+        """The rows; the file is open as long as they are read. Raises UsageError."""
+        from handctl.tools.trace_read import Teller, chosen, lines_of, opened
+
+        with opened(self.path) as source:
+            self.family, by_bytes, lines = chosen(lines_of(source, self.path), self.family, self.path)
+            if by_bytes:
+                text = f"{self.path}: taken for {self.family} by its bytes"
+                run.journal.info("family", text, hint="--family names another")
+            teller = Teller(self.family)
+            self.statistics = teller.statistics
+            yield from teller.tell(lines)
+
+    @property
+    def extra(self) -> dict[str, Any]:
+        """The statistics for the JSON envelope."""
+        return {} if self.statistics is None else {"statistics": {"family": self.family, **self.statistics.as_row()}}
+
+
+def _matcher(only: str | None, pattern: str | None) -> Callable[[Told], bool]:
+    """Which rows are shown."""
+    try:
+        wanted = re.compile(pattern, re.IGNORECASE) if pattern is not None else None
+    except re.error as exc:
+        raise UsageError(
+            f"--grep {pattern!r}: {exc}", hint="a regular expression; \\ before . * + ( ) to mean themselves"
+        ) from exc
+
+    def matches(row: Told) -> bool:
+        from handctl.tools.trace_read import wire
+
+        if row.comment:
+            return only is None and wanted is None
+        if only is not None and not row.problem:
+            return False
+        return wanted is None or bool(wanted.search(row.meaning) or (row.piece and wanted.search(wire(row.piece))))
+
+    return matches
+
+
+def _collected(run: Run, told: _Telling, matches: Callable[[Told], bool]) -> Table:
+    from handctl.result import Table
+
+    rows: list[Row] = []
+    failure: HandctlError | None = None
+    try:
+        rows += (row.as_row() for row in told.rows(run) if not row.comment and matches(row))
+    except UsageError as exc:
+        failure = exc
+    return Table(rows=rows, failure=failure, extra=told.extra)
+
+
+def _streamed(run: Run, told: _Telling, matches: Callable[[Told], bool]) -> Table:
+    from handctl.result import Column, Sample, Table
+
+    def samples() -> Iterator[Sample]:
+        for row in told.rows(run):
+            if not row.comment and matches(row):
+                yield Sample(row.first.t or 0.0, ({"t": None, **row.as_row()},))
+
+    columns = tuple(Column(key) for key in ("line", "direction", "round_trip_ms", "problem", "bytes", "meaning"))
+    return Table(samples=samples(), columns=columns, summary=lambda: told.extra)
+
+
+def _write_text(run: Run, told: _Telling, matches: Callable[[Told], bool]) -> None:
+    from handctl.render import Sink
+    from handctl.tools.trace_text import row_text, statistics_text
+
+    with Sink(run.settings) as sink:
+        width = shutil.get_terminal_size().columns if sink.terminal else None
+        for row in told.rows(run):
+            if matches(row):
+                sink.write(row_text(row, width) + "\n")
+            if sink.broken:
+                return
+        for line in statistics_text(told.statistics, told.family):
+            sink.write(line + "\n")
+
+
+# -- diff and decode --------------------------------------------------------------------------------------------------
+
+
+def _put_back(first: Told | None, rest: Iterator[Told]) -> Iterator[Told]:
+    if first is not None:
+        yield first
+    yield from rest
+
+
+def _difference_row(step: Difference) -> Row:
+    from handctl.tools.trace_diff import changes
+
+    sides = {side: getattr(step, side) for side in ("a", "b")}
+    shown = step.a or step.b
+    assert shown is not None
+    row: Row = {"status": step.status, "line_a": None, "line_b": None, "name": shown.key.partition(" ")[2]}
+    for side, exchange in sides.items():
+        row[side] = None if exchange is None else exchange.text
+        if exchange is not None:
+            row[f"line_{side}"] = exchange.line
+    if step.a is not None and step.b is not None:
+        row["changes"] = [dict(zip(("name", "a", "b"), change, strict=True)) for change in changes(step.a, step.b)]
+    return row
+
+
+def _difference_text(rows: list[Row]) -> str:
+    lines: list[str] = []
+    for row in rows:
+        where = ", ".join(f"line {row[f'line_{side}']} of {side.upper()}" for side in "ab" if row[f"line_{side}"])
+        lines.append(f"{row['status']}: {where}")
+        if row.get("changes"):
+            lines.append(f"  {row['name']}")
+            lines += [f"    {change['name']}: {change['a']} -> {change['b']}" for change in row["changes"]]
+            continue
+        lines += [f"  {mark} {row[side]}" for mark, side in (("-", "a"), ("+", "b")) if row[side] is not None]
+    return "".join(f"{line}\n" for line in lines)
+
+
+def _piece_row(piece: Piece) -> Row:
+    from handctl.result import hex_bytes
+    from handctl.tools.trace_read import Stamp, Told
+
+    nowhere = Stamp(None, 0)
+    row = Told(nowhere, nowhere, piece).as_row()
+    del row["line"]
+    row["parts"] = [{"bytes": hex_bytes(part.raw), "field": part.name, "meaning": part.meaning} for part in piece.parts]
+    return row
+
+
+def _decoded_view(rows: list[Row]) -> list[Grid]:
+    from handctl.result import Cell, Grid
+    from handctl.tools.trace_read import printable
+
+    grids = []
+    for row in rows:
+        lines = tuple(
+            (
+                part["bytes"],
+                part["field"],
+                Cell(printable(part["meaning"]), "bad" if "wrong" in part["meaning"] else ""),
+            )
+            for part in row["parts"]
+        ) or ((row["bytes"], "", ""),)
+        grids.append(Grid(("Bytes", "Field", "Meaning"), lines, f"from the {row['direction']}: {row['meaning']}"))
+    return grids

@@ -1,0 +1,353 @@
+"""Transcripts as a stream of told lines: which family, which pieces, which answer belongs to which request, how long.
+
+Reads line by line and keeps what is open only, so that a file of any size needs little memory. Knows no protocol: a
+family's explainer, found by name in `families`, makes the pieces.
+"""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from collections import deque
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import IO, Any, NamedTuple
+
+from handctl.errors import UsageError
+from handctl.families import EXPLAINERS, FAMILIES
+from handctl.latency import RoundTrips
+from handctl.link.tap import Entry, parse
+from handctl.piece import DEVICE, HOST, SIDES, Explainer, Piece
+from handctl.result import Row
+
+LONGEST_LINE = 1 << 20
+OPEN_REQUESTS = 64
+"""Requests without an answer that are remembered; the oldest is given up beyond."""
+MOST_TRIPS = 1_000_000
+"""Round trips that go into the figures: those of the first hours of a long recording."""
+CASE = "# case "
+MARKS = {">": HOST, "<": DEVICE}
+PLAIN_HINT = "a transcript is what --trace FILE records; a line is: [SECONDS] > HEX BYTES"
+
+
+class Line(NamedTuple):
+    """One line of a transcript: an entry, or a comment."""
+
+    number: int
+    entry: Entry | None
+    comment: str = ""
+
+
+@contextmanager
+def opened(path: str) -> Iterator[IO[str]]:
+    """The transcript, ``-`` = stdin. Raises UsageError when it cannot be read."""
+    if path == "-":
+        yield sys.stdin
+        return
+    try:
+        file = open(path, encoding="utf-8-sig", errors="surrogateescape")  # noqa: SIM115 - closed below
+    except OSError as exc:
+        raise UsageError(f"{path}: cannot be read: {exc.strerror or exc}", hint=PLAIN_HINT, code="no-file") from exc
+    with file:
+        yield file
+
+
+def lines_of(file: IO[str], source: str) -> Iterator[Line]:
+    """The lines of a transcript. Raises UsageError naming the line that is damaged."""
+    number = 0
+    while True:
+        try:
+            text = file.readline(LONGEST_LINE)
+        except (OSError, ValueError) as exc:
+            why = exc.strerror if isinstance(exc, OSError) else "not a text file"
+            raise UsageError(f"{source}: cannot be read behind line {number}: {why}", hint=PLAIN_HINT) from exc
+        if not text:
+            return
+        number += 1
+        if len(text) >= LONGEST_LINE:
+            raise UsageError(f"{source}, line {number}: longer than {LONGEST_LINE} characters", hint=PLAIN_HINT)
+        stripped = text.strip()
+        if stripped.startswith("#"):
+            yield Line(number, None, printable(stripped))
+            continue
+        try:
+            entries = parse((stripped,), source)
+        except UsageError as exc:
+            reason = printable(str(exc.__cause__))
+            raise UsageError(
+                f"{source}, line {number}: {reason}", hint="a line is: [SECONDS] > HEX BYTES", code="damaged"
+            ) from exc
+        for entry in entries:
+            yield Line(number, entry._replace(line=number))
+
+
+def printable(text: str) -> str:
+    """The text without anything that a terminal would act on."""
+    return "".join(letter if letter.isprintable() else "?" for letter in text)
+
+
+def explainer_of(family: str) -> Explainer:
+    """The explainer of a family. Raises UsageError for a name that is none."""
+    if family not in EXPLAINERS:
+        raise UsageError(f"{family!r} is no device family", hint=f"one of {', '.join(EXPLAINERS)}")
+    module, _, name = EXPLAINERS[family].partition(":")
+    made: Explainer = getattr(importlib.import_module(module), name)()
+    return made
+
+
+def family_in(comment: str) -> str:
+    """The family in the first line of a recorded trace, ``# handctl 0.1.0 exo dump, fake://exo``; "" = none."""
+    words = comment.lstrip("# ").split()
+    if len(words) < 3 or words[0] != "handctl":
+        return ""
+    if words[2].rstrip(",") in FAMILIES:
+        return words[2].rstrip(",")
+    named = words[-1].removeprefix("fake://").partition("?")[0]
+    return named if named in FAMILIES else ""
+
+
+def chosen(lines: Iterator[Line], family: str, source: str) -> tuple[str, bool, Iterator[Line]]:
+    """(family, whether it was told from the bytes, all lines): from the option, the first comment, or the first bytes."""
+    seen: list[Line] = []
+    for line in lines:
+        seen.append(line)
+        if line.entry is None and not family and line.number == 1:
+            family = family_in(line.comment)
+        if family or (line.entry is not None and line.entry.data) or len(seen) > 10_000:
+            break
+    told = not family
+    entry = next((line.entry for line in seen if line.entry is not None and line.entry.data), None)
+    if not family and entry is not None:
+        family = next((name for name in EXPLAINERS if explainer_of(name).recognises(entry.data, entry.can_id)), "")
+    if not family:
+        raise UsageError(
+            f"{source}: which device is it? Neither the first line nor the bytes tell",
+            hint=f"--family {'|'.join(EXPLAINERS)}",
+            code="which-family",
+        )
+    return family, told, _chained(seen, lines)
+
+
+def _chained(seen: list[Line], rest: Iterator[Line]) -> Iterator[Line]:
+    while seen:
+        yield seen.pop(0)
+    yield from rest
+
+
+class Stamp(NamedTuple):
+    """When and where bytes were recorded."""
+
+    t: float | None
+    line: int
+
+
+@dataclass(slots=True)
+class Told:
+    """One row of `trace show`: a piece, an event, a comment, or a request that stayed without an answer.
+
+    first, last   where its first and last byte stand
+    request       where the request stands that it answers
+    round_trip    seconds from there to its last byte, None without times
+    unasked       an answer to nothing that was asked
+    """
+
+    first: Stamp
+    last: Stamp
+    piece: Piece | None = None
+    event: str = ""
+    comment: str = ""
+    unanswered: Piece | None = None
+    request: Stamp | None = None
+    round_trip: float | None = None
+    unasked: bool = False
+
+    @property
+    def problem(self) -> str:
+        """Code of what is wrong here, "" = nothing."""
+        if self.unanswered is not None:
+            return "no-answer"
+        if self.piece is not None and self.piece.problem:
+            return self.piece.problem
+        return "unasked" if self.unasked else ""
+
+    @property
+    def meaning(self) -> str:
+        """In words."""
+        if self.unanswered is not None:
+            return printable(f"no answer to the request of line {self.first.line}: {self.unanswered.meaning}")
+        text = self.event if self.piece is None else self.piece.meaning
+        return printable(f"{text} (answers no request)" if self.unasked else text)
+
+    @property
+    def kind(self) -> str:
+        """``frame``, ``stray``, ``event`` or ``unanswered``."""
+        if self.unanswered is not None:
+            return "unanswered"
+        return "event" if self.piece is None else "frame" if self.piece.frame else "stray"
+
+    def as_row(self) -> Row:
+        """For JSON and CSV. Keys of the family stand beside the common ones; what does not apply is left out."""
+        piece = self.piece
+        shown = piece or self.unanswered
+        row: Row = {
+            "line": self.first.line, "direction": None if shown is None else shown.direction, "kind": self.kind,
+            "bytes": "" if piece is None else wire(piece), "meaning": self.meaning, "problem": self.problem or None,
+        }  # fmt: skip
+        if self.first.t is not None:
+            row = {"t": self.first.t, **row}
+        if self.request is not None:
+            row["request_line"] = self.request.line
+        if self.round_trip is not None:
+            row["round_trip_ms"] = round(self.round_trip * 1000, 3)
+        if shown is not None:
+            for key, value in shown.fields.items():
+                if value is not None and key not in row:
+                    row[key] = printable(value) if isinstance(value, str) else value
+            if shown.values:
+                row["values"] = [value._asdict() for value in shown.values]
+        return row
+
+
+def wire(piece: Piece) -> str:
+    """The bytes of a piece as a transcript has them."""
+    text = piece.raw.hex(" ").upper()
+    return text if piece.can_id is None else f"can {piece.can_id:08X} [{len(piece.raw)}] {text}".rstrip()
+
+
+@dataclass(slots=True)
+class Statistics:
+    """What `trace show` counts."""
+
+    frames: dict[str, int] = field(default_factory=lambda: dict.fromkeys(SIDES, 0))
+    count: dict[str, int] = field(default_factory=lambda: dict.fromkeys(SIDES, 0))
+    stray: dict[str, int] = field(default_factory=lambda: dict.fromkeys(SIDES, 0))
+    problems: dict[str, int] = field(default_factory=dict)
+    requests: int = 0
+    answered: int = 0
+    start: float | None = None
+    end: float | None = None
+    trips: RoundTrips = field(default_factory=RoundTrips)
+
+    @property
+    def seconds(self) -> float | None:
+        """From the first to the last byte with a time."""
+        return None if self.start is None or self.end is None else self.end - self.start
+
+    def note(self, told: Told) -> None:
+        """Count one row."""
+        if told.problem:
+            self.problems[told.problem] = self.problems.get(told.problem, 0) + 1
+        if told.piece is None:
+            return
+        direction = told.piece.direction
+        self.count[direction] += len(told.piece.raw)
+        if told.piece.frame:
+            self.frames[direction] += 1
+        else:
+            self.stray[direction] += len(told.piece.raw)
+        self.requests += bool(told.piece.asks)
+        self.answered += told.request is not None
+        if told.round_trip is not None and len(self.trips) < MOST_TRIPS:
+            self.trips.add(told.round_trip)
+
+    def as_row(self) -> dict[str, Any]:
+        """For the JSON envelope."""
+        seconds = self.seconds
+        return {
+            "frames": self.frames, "bytes": self.count, "stray_bytes": self.stray, "requests": self.requests,
+            "answered": self.answered, "problems": self.problems,
+            "seconds": None if seconds is None else round(seconds, 6),
+            "bytes_per_second": None if not seconds else {side: round(self.count[side] / seconds, 1) for side in SIDES},
+            "round_trip": self.trips.as_row(),
+        }  # fmt: skip
+
+
+class Teller:
+    """Lines -> told rows. `statistics` grow with what has been given out.
+
+    A comment ``# case NAME`` begins another conversation, as in a file of test vectors.
+    """
+
+    def __init__(self, family: str) -> None:
+        self.statistics = Statistics()
+        self._family = family
+        self._explainer = explainer_of(family)
+        self._stamps: dict[str, deque[list[Any]]] = {side: deque() for side in SIDES}
+        self._open: dict[str, tuple[Stamp, Piece]] = {}
+
+    def tell(self, lines: Iterable[Line]) -> Iterator[Told]:
+        """The rows, in the order in which they became complete."""
+        for line in lines:
+            if line.entry is None:
+                if line.comment.startswith(CASE):
+                    yield from self._over()
+                    self._explainer = explainer_of(self._family)
+                yield Told(Stamp(None, line.number), Stamp(None, line.number), comment=line.comment)
+                continue
+            for told in self._entry(line.entry):
+                self.statistics.note(told)
+                yield told
+        yield from self._over()
+
+    def _over(self) -> Iterator[Told]:
+        """The conversation has ended: what is held back, and what stayed without an answer."""
+        for told in (*self._pieces(self._explainer.flush()), *self._given_up(0)):
+            self.statistics.note(told)
+            yield told
+
+    def _entry(self, entry: Entry) -> Iterator[Told]:
+        stamp = Stamp(entry.time, entry.line)
+        if entry.mark == "!":
+            yield from self._pieces(self._explainer.flush())
+            yield from self._given_up(0)
+            yield Told(stamp, stamp, event=entry.text)
+            return
+        direction = MARKS[entry.mark]
+        if entry.time is not None:
+            statistics = self.statistics
+            statistics.start = entry.time if statistics.start is None else min(statistics.start, entry.time)
+            statistics.end = entry.time if statistics.end is None else max(statistics.end, entry.time)
+        if entry.can_id is None:
+            self._stamps[direction].append([len(entry.data), stamp])
+        pieces = self._explainer.feed(direction, entry.data, entry.can_id)
+        yield from self._pieces(pieces, stamp if entry.can_id is not None else None)
+        yield from self._given_up(OPEN_REQUESTS)
+
+    def _pieces(self, pieces: Iterable[Piece], stamp: Stamp | None = None) -> Iterator[Told]:
+        for piece in pieces:
+            first, last = (stamp, stamp) if stamp is not None else self._span(piece)
+            told = Told(first, last, piece)
+            if piece.asks:
+                if piece.asks in self._open:
+                    yield self._unanswered(piece.asks)
+                self._open[piece.asks] = (last, piece)
+            elif piece.answers:
+                request = self._open.pop(piece.answers, None)
+                told.unasked = request is None
+                if request is not None:
+                    told.request = request[0]
+                    if request[0].t is not None and last.t is not None:
+                        told.round_trip = max(0.0, last.t - request[0].t)
+            yield told
+
+    def _span(self, piece: Piece) -> tuple[Stamp, Stamp]:
+        """Where the bytes of a piece were recorded: they are taken off the lines of their direction in order."""
+        stamps, left = self._stamps[piece.direction], len(piece.raw)
+        first = last = stamps[0][1] if stamps else Stamp(None, 0)
+        while left and stamps:
+            last = stamps[0][1]
+            taken = min(left, stamps[0][0])
+            left -= taken
+            stamps[0][0] -= taken
+            if not stamps[0][0]:
+                stamps.popleft()
+        return first, last
+
+    def _unanswered(self, key: str) -> Told:
+        stamp, piece = self._open.pop(key)
+        return Told(stamp, stamp, unanswered=piece)
+
+    def _given_up(self, keep: int) -> Iterator[Told]:
+        while len(self._open) > keep:
+            yield self._unanswered(next(iter(self._open)))
