@@ -1,4 +1,5 @@
-"""The commands that every device with a parameter map has: status, dump, get, set, describe, watch, snapshot, diff, restore.
+"""The commands that every device with a parameter map has: status, dump, get, set, describe, watch, snapshot, diff, restore,
+report.
 
 Their meaning is in `verbs`; here they become click commands of a family's group. A family that needs one of its own
 leaves it out with `without` and defines it itself.
@@ -6,7 +7,7 @@ leaves it out with `without` and defines it itself.
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from typing import Any
 
 import click
@@ -28,8 +29,12 @@ def add_map_verbs(
     example: str = "",
     setting: str = "",
     without: Collection[str] = (),
+    checks: Callable[[Run], Table] | None = None,
 ) -> None:
-    """Add the verbs for `params`. `part` names an element for help ("FINGER"), `example` and `setting` show how."""
+    """Add the verbs for `params`. `part` names an element for help ("FINGER"), `example` and `setting` show how.
+
+    `checks` are further rows for a report's findings, from a family that can look deeper by reading alone.
+    """
     named = f"NAME[.{part}]" if part else "NAME"
     shown = f", such as `{example}`" if example else ""
 
@@ -81,6 +86,23 @@ def add_map_verbs(
         """Write what differs from a snapshot, read it back. Shows the plan; safe to run again after an interruption."""
         return verbs.restore(run, params, file)
 
+    @click.argument("file", type=click.Path(dir_okay=False), metavar="FILE.html")
+    @click.option(
+        "--watch",
+        type=click.FloatRange(0, 600),
+        default=3.0,
+        show_default=True,
+        metavar="S",
+        help="Seconds to watch what changes by itself; 0 = not at all.",
+    )
+    @click.option("--include-ids", is_flag=True, help="Keep serial numbers, pilot ids, and the answers that hold them.")
+    @click.option("--force", is_flag=True, help="Replace FILE.html.")
+    def report(run: Run, file: str, watch: float, include_ids: bool, force: bool) -> Table:
+        """One page for a service ticket: status, dump, findings, curves, environment, bytes. Only reads."""
+        from handctl import report as pages
+
+        return pages.report(run, params, file, pages.Wishes(watch, include_ids, force), checks=checks)
+
     for name, body, writes in (
         ("status", status, False),
         ("dump", dump, False),
@@ -91,6 +113,7 @@ def add_map_verbs(
         ("snapshot", snapshot, False),
         ("diff", diff, False),
         ("restore", restore, True),
+        ("report", report, False),
     ):
         if name not in without:
             group.verb(name, writes=writes, streams=name == "watch")(body)

@@ -1,0 +1,266 @@
+"""`report`: one page about one device, to be attached to a service ticket, over any device's map. Only reads.
+
+Each part is asked for by itself: what cannot be read leaves a hole with its reason, the page is written all the same,
+and the exit code is that of the first error. Knows no family and no HTML.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import os
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from handctl import __version__, verbs
+from handctl.errors import CheckFailed, HandctlError, LinkError, NoAnswer, OutputError, ProtocolError, UsageError
+from handctl.link.tap import Tap
+from handctl.param import ParamMap
+from handctl.render import default_view
+from handctl.report.facts import environment, port
+from handctl.report.html import Report, page
+from handctl.report.private import REDACTED, Privacy
+from handctl.report.svg import curves
+from handctl.report.transcript import explained, shortened
+from handctl.result import Cell, Column, Grid, Sample, Table
+
+if TYPE_CHECKING:
+    from handctl.run import Run
+
+RATE_HZ = 10.0
+COLUMNS = (Column("file", "File"), Column("size", "Size", right=True, unit="B"), Column("sha256", "SHA-256"))
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class Wishes:
+    """What the user asked for: `watch` in seconds (0 = none), whether ids are kept, whether FILE may be replaced."""
+
+    watch: float = 3.0
+    include_ids: bool = False
+    force: bool = False
+
+
+@dataclass(slots=True)
+class _Visit:
+    """One conversation with a device: what was recorded, what went wrong, whether asking on makes sense."""
+
+    run: Run
+    lines: list[str] = field(default_factory=list)
+    problems: list[tuple[str, HandctlError]] = field(default_factory=list)
+    over: bool = False
+
+    def attempt(self, part: str, action: Callable[[], T]) -> T | None:
+        """What `action` returns; None when it fails, or when nobody is there any more. Usage errors are the caller's."""
+        if self.over:
+            return None
+        self.lines.append(f"# {part}")
+        try:
+            return action()
+        except UsageError:
+            raise
+        except HandctlError as exc:
+            self.failed(part, exc)
+        return None
+
+    def failed(self, part: str, error: HandctlError) -> None:
+        """Note it. A lost link, and a device that never answered, are not asked again."""
+        self.problems.append((part, error))
+        silent = isinstance(error, NoAnswer | ProtocolError) and self.run.journal.counters.received == 0
+        self.over = isinstance(error, LinkError) or silent
+
+    def record(self, line: str) -> None:
+        """One line from the tap."""
+        self.lines.append(line.rstrip("\n"))
+
+
+def report(
+    run: Run, params: ParamMap[Any], path: str, wishes: Wishes, *, checks: Callable[[Run], Table] | None = None
+) -> Table:
+    """Read everything and write the page. `checks` are a family's own, as rows that only reading finds.
+
+    Raises UsageError, before anything is sent, when FILE cannot be meant.
+    """
+    _refuse(path, wishes.force)
+    privacy = Privacy(params, wishes.include_ids)
+    visit = _Visit(run)
+    _recorded(run, visit)
+    content = Report(params.kind, run.command, __version__, _now(), simulated=False)
+    content.privacy, content.masked = _promise(privacy), privacy.masks
+    _ask(run, params, visit, content, privacy, wishes, checks)
+    _conclude(run, visit, content, privacy)
+    data = page(content).encode("utf-8", "replace")
+    _write(path, data, wishes.force)
+    row = {"file": path, "size": len(data), "sha256": hashlib.sha256(data).hexdigest()}
+    run.journal.info("written", f"{path}: {_promise(privacy)}")
+    failure = visit.problems[0][1] if visit.problems else None
+    return Table(rows=[row], columns=COLUMNS, failure=failure)
+
+
+def _now() -> str:
+    return datetime.now(UTC).isoformat(timespec="seconds")
+
+
+def _promise(privacy: Privacy) -> str:
+    """What the page does not hold, in a sentence or two."""
+    if privacy.keep_ids:
+        return "with serial numbers and pilot ids (--include-ids), without users and home folders"
+    text = "without serial numbers, users and home folders"
+    if privacy.masks:
+        text += (
+            f"; {' and '.join(privacy.holds)} {REDACTED}, and the bytes that the device sent left out, which hold it"
+        )
+    return f"{text} (--include-ids keeps ids)"
+
+
+def _recorded(run: Run, visit: _Visit) -> None:
+    """Let the device be opened behind a tap of ours, whether or not --trace has one of its own."""
+    assert run.family is not None
+    opening, tap = run.family.open, Tap(visit.record)
+    run.family = run.family._replace(open=lambda link, settings, journal: opening(tap.around(link), settings, journal))
+
+
+# -- asking -------------------------------------------------------------------------------------------------------
+
+
+def _ask(
+    run: Run,
+    params: ParamMap[Any],
+    visit: _Visit,
+    content: Report,
+    privacy: Privacy,
+    wishes: Wishes,
+    checks: Callable[[Run], Table] | None,
+) -> None:
+    device: Any = visit.attempt("connection", run.device)
+    visit.over = visit.over or device is None
+    status = visit.attempt("status", lambda: device.status(False))
+    if status is not None:
+        content.status = _grids(visit, "status", privacy.table(status))
+    else:
+        _explain(run, visit, device)
+    dump = visit.attempt("dump", lambda: device.dump())
+    if dump is not None:
+        dump.view = None
+        content.dump = _grids(visit, "dump", privacy.table(dump))
+    tells = getattr(device, "identity", None)  # a device without stored settings has none
+    identity = visit.attempt("identity", tells) if tells is not None else None
+    if identity is not None:
+        content.facts = [fact for fact in privacy.identity(identity).items() if fact[0] != "kind"]
+    found = visit.attempt("checks", lambda: checks(run)) if checks is not None else None
+    if found is not None:
+        content.checks = _grids(visit, "checks", privacy.table(found))
+    if wishes.watch:
+        visit.attempt("watch", lambda: _watch(run, params, content, wishes.watch, visit))
+
+
+def _explain(run: Run, visit: _Visit, device: Any) -> None:
+    """Whether a device that never answered is there in another way (another speed), as every command would say."""
+    explain = run.family.explain if run.family is not None else None
+    if not visit.problems or device is None or explain is None or run.settings.baud is not None:
+        return
+    part, error = visit.problems[-1]
+    if visit.over and error.exit_code in (4, 5):
+        with contextlib.suppress(HandctlError):
+            visit.problems[-1] = (part, explain(device, error))
+
+
+def _grids(visit: _Visit, part: str, table: Table) -> list[Grid]:
+    """How people see a table. What it could not read is a problem of this page; what it judged is not."""
+    if table.failure is not None and not isinstance(table.failure, CheckFailed):
+        visit.failed(part, table.failure)
+    if not table.rows:
+        return []
+    if table.view is not None:
+        with contextlib.suppress(TypeError, ValueError):  # a view that counts with what is a word now
+            return table.view(table.rows)
+    return default_view(table)
+
+
+def _watch(run: Run, params: ParamMap[Any], content: Report, seconds: float, visit: _Visit) -> None:
+    table = verbs.watch(run, params, (), rate=RATE_HZ, count=None, duration=seconds)
+    samples: list[Sample] = []
+    run.guide.progress(f"watching for {seconds:g} s")
+    try:
+        for sample in table.samples or ():
+            samples.append(sample)
+    except HandctlError as exc:
+        visit.failed("watch", exc)
+    run.guide.done()
+    content.curves = curves(samples, table.decimals)
+    content.words = table.flags | {param.name for param in params if param.choices}
+    content.seconds = samples[-1].t if samples else 0.0
+    stream = table.summary()["stream"] if table.summary is not None else {}
+    rate = f", true rate {stream['rate_hz']:g} Hz" if stream.get("rate_hz") else ""
+    content.watched = f"{len(samples)} samples in {content.seconds:.1f} s{rate}."
+
+
+def _conclude(run: Run, visit: _Visit, content: Report, privacy: Privacy) -> None:
+    """What is known when the conversation is over: findings, counters, this computer, the bytes, what is missing."""
+    link = run.link_name()
+    content.simulated = run.simulated
+    content.facts = [("device", content.kind), ("link", privacy.text(link)), *content.facts]
+    for part, error in visit.problems:
+        told = type(error)(privacy.text(error.text), hint=privacy.text(error.hint), code=error.code)
+        content.problems.append((part, told))
+    content.findings = privacy.messages(run.journal.messages)
+    content.status, content.dump, content.checks = (
+        [_told(grid, privacy) for grid in grids] for grids in (content.status, content.dump, content.checks)
+    )
+    content.counters = [(key.replace("_", " "), str(value)) for key, value in run.journal.counters.as_row().items()]
+    content.environment = [(name, privacy.text(text)) for name, text in (*environment(), *port(link))]
+    passed = any(not line.startswith("#") for line in visit.lines)
+    content.transcript = list(shortened(list(explained(visit.lines, content.kind, privacy)))) if passed else []
+    reason = "not read, see above" if visit.problems else "nothing to show"
+    content.missing = {"Status": reason, "Dump": reason, "Transcript": "no byte passed"}
+    content.missing["Watch"] = reason if visit.problems else "none was asked for (--watch 0)"
+    if visit.problems:
+        content.missing["Findings"] = "what could be read shows none" if content.status else reason
+
+
+def _told(grid: Grid, privacy: Privacy) -> Grid:
+    """A finished grid without what its texts must not tell. Its numbers come from rows that are blanked already."""
+
+    def told(cell: str | Cell) -> str | Cell:
+        text = cell.text if isinstance(cell, Cell) else cell
+        if not any(map(str.isalpha, text)):
+            return cell
+        return cell._replace(text=privacy.text(text)) if isinstance(cell, Cell) else privacy.text(text)
+
+    lines = tuple(tuple(told(cell) for cell in line) for line in grid.lines)
+    return grid._replace(lines=lines, title=privacy.text(grid.title), notes=tuple(map(privacy.text, grid.notes)))
+
+
+# -- the file -----------------------------------------------------------------------------------------------------
+
+
+def _refuse(path: str, force: bool) -> None:
+    """Raise UsageError for a file that is not to be replaced and for a place where none can be."""
+    if os.path.exists(path) and not os.path.isfile(path):
+        raise UsageError(f"{path} is no file", hint="give the name of a page, such as report.html", code="no-file")
+    if os.path.exists(path) and not force:
+        raise UsageError(
+            f"{path} exists and is not overwritten", hint="choose another name, or --force", code="file-exists"
+        )
+    folder = os.path.dirname(path) or "."
+    if not os.path.isdir(folder) or not os.access(folder, os.W_OK):
+        raise UsageError(f"{path}: no file can be made in {folder}", hint="nothing was sent", code="no-folder")
+
+
+def _write(path: str, data: bytes, force: bool) -> None:
+    """Write a new file beside it, synced, then renamed: whole or not there. Raises OutputError."""
+    temporary = f"{path}.{os.getpid()}.part"
+    try:
+        with open(temporary, "wb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        if not force and os.path.exists(path):
+            raise FileExistsError(17, "it appeared meanwhile and is not overwritten")
+        os.replace(temporary, path)
+    except OSError as exc:
+        with contextlib.suppress(OSError):
+            os.unlink(temporary)
+        raise OutputError(f"{path}: the report cannot be written: {exc.strerror or exc}") from exc

@@ -1,0 +1,67 @@
+"""What a report tells about this computer: system, Python, packages, the port. No user, no host name, no folder."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Iterator
+from importlib import metadata
+
+PACKAGES = ("click", "rich", "pyserial", "python-can", "crcmod", "bincopy")
+
+Facts = list[tuple[str, str]]
+"""(what, text) in the order of the page."""
+
+
+def environment() -> Facts:
+    """System, Python and the versions of the packages that handctl uses."""
+    facts = [
+        ("system", f"{platform.system()} {platform.release()} {platform.machine()}".strip()),
+        ("Python", f"{platform.python_implementation()} {platform.python_version()}"),
+    ]
+    return facts + [(name, _version(name)) for name in PACKAGES]
+
+
+def _version(package: str) -> str:
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return "not installed as a package"
+
+
+def port(link: str) -> Facts:
+    """What the system says of the serial port or CAN interface behind `link`; nothing for links that are no port of it."""
+    from handctl.tools.machine import Machine
+
+    machine = Machine()
+    if link.startswith("can:socketcan:"):
+        name = link.removeprefix("can:socketcan:").partition("?")[0]
+        return [fact for found in machine.can_interfaces() if found.name == name for fact in (
+            ("CAN interface", name), ("state", found.state), ("driver", found.driver or "unknown"),
+            ("bitrate", f"{found.bitrate} bit/s" if found.bitrate else "not told"),
+        )]  # fmt: skip
+    path = _device_of(link)
+    if link.startswith("usb:"):
+        wanted = link.removeprefix("usb:").lower()
+        found = next((port for port in machine.ports() if port.usb.lower().startswith(wanted)), None)
+    else:
+        found = machine.port(path) if path else None
+    if found is None:
+        return [("port", f"{path or 'none'}: not known to the system")] if path or link.startswith("usb:") else []
+    state = "free" if found.free else "in use" if found.held else "not permitted"
+    return list(_told([
+        ("port", found.path), ("adapter", found.chip.name if found.chip is not None else ""),
+        ("USB", ":".join(found.usb.split(":")[:2])), ("driver", found.driver), ("product", found.product),
+        ("state", state), ("held by", ", ".join(map(str, found.held))), ("group", found.group),
+        ("latency timer", f"{found.latency_ms} ms" if found.latency_ms is not None else ""),
+    ]))  # fmt: skip
+
+
+def _device_of(link: str) -> str:
+    """The device file of a serial LINK; a COM name stays as it is; empty for every other kind of link."""
+    if link.startswith("spy://"):
+        link = link.removeprefix("spy://").partition("?")[0]
+    return link if link.startswith("/dev/") or link.upper().startswith("COM") else ""
+
+
+def _told(facts: Facts) -> Iterator[tuple[str, str]]:
+    return ((name, text) for name, text in facts if text)

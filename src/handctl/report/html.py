@@ -1,0 +1,236 @@
+"""A report as one HTML page: no script, nothing from outside, for a phone, a dark screen and A4 paper alike.
+
+Everything that is not written in this file passes through `svg.escape`. Knows what a report says, not where it comes from.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+
+from handctl.errors import HandctlError
+from handctl.report.svg import Curve, draw, escape
+from handctl.result import Cell, Grid, Message
+
+
+@dataclass(slots=True)
+class Report:
+    """What the page says; texts are final (redacted already), not yet escaped.
+
+    problems   (section, error) in the order they happened; then the page is incomplete
+    curves     quantity -> its elements; `words` are the quantities whose numbers are codes
+    masked     what the device sent is left out of the transcript
+    missing    why a section is empty, by its name
+    """
+
+    kind: str
+    command: str
+    version: str
+    made: str
+    simulated: bool
+    facts: list[tuple[str, str]] = field(default_factory=list)
+    problems: list[tuple[str, HandctlError]] = field(default_factory=list)
+    findings: list[Message] = field(default_factory=list)
+    checks: list[Grid] = field(default_factory=list)
+    status: list[Grid] = field(default_factory=list)
+    dump: list[Grid] = field(default_factory=list)
+    curves: dict[str, list[Curve]] = field(default_factory=dict)
+    words: frozenset[str] = frozenset()
+    watched: str = ""
+    seconds: float = 0.0
+    counters: list[tuple[str, str]] = field(default_factory=list)
+    environment: list[tuple[str, str]] = field(default_factory=list)
+    transcript: list[str] = field(default_factory=list)
+    privacy: str = ""
+    masked: bool = False
+    missing: dict[str, str] = field(default_factory=dict)
+
+
+LEVELS = {"error": "Error", "warning": "Warning", "info": "Note"}
+SECTIONS = ("Findings", "Status", "Watch", "Dump", "Counters", "Environment", "Transcript")
+POLICY = "default-src 'none'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'"
+"""The browser itself refuses anything from outside."""
+STYLE = """
+:root{color-scheme:light dark;--fg:#1c2126;--bg:#fff;--dim:#57606a;--line:#d4d9df;--panel:#f5f7f9;--good:#176339;
+--warn:#835300;--bad:#b0241b;--curve:#1f5f9f}
+@media (prefers-color-scheme:dark){:root{--fg:#e4e8ec;--bg:#14181c;--dim:#a0aab4;--line:#343c44;--panel:#1c2228;
+--good:#6fcf97;--warn:#e5b454;--bad:#ff8a80;--curve:#7ab8f5}}
+*{box-sizing:border-box}
+body{margin:0 auto;max-width:64rem;padding:1rem;font:16px/1.45 system-ui,sans-serif;color:var(--fg);background:var(--bg)}
+h1{font-size:1.6rem;margin:.2rem 0}h2{font-size:1.2rem;margin:2rem 0 .6rem;padding-bottom:.2rem;
+border-bottom:1px solid var(--line)}h3{font-size:1rem;margin:1rem 0 .3rem}
+.mark{display:inline-block;margin:0;padding:.1rem .6rem;border:2px solid var(--warn);color:var(--warn);font-weight:600}
+.scroll{overflow-x:auto;margin:.5rem 0}
+table{border-collapse:collapse;font-size:.875rem;font-variant-numeric:tabular-nums}
+caption{text-align:left;font-weight:600;padding:.3rem 0}
+th,td{padding:.2rem .8rem .2rem 0;text-align:left;vertical-align:top;border-bottom:1px solid var(--line)}
+th{color:var(--dim);font-weight:600}.right{text-align:right}
+.good{color:var(--good)}.warn,.warning{color:var(--warn)}.bad,.error{color:var(--bad);font-weight:600}.dim,.note{color:var(--dim)}
+.note{font-size:.875rem;margin:.3rem 0}
+dl{display:grid;grid-template-columns:max-content 1fr;gap:.15rem 1.2rem;margin:.6rem 0}
+dt{color:var(--dim)}dd{margin:0;overflow-wrap:anywhere}
+.problems{border-left:4px solid var(--bad);background:var(--panel);padding:.4rem 1rem;margin:1rem 0}
+ul{padding-left:1.2rem}li{margin:.25rem 0}
+nav ul{display:flex;flex-wrap:wrap;gap:.2rem 1rem;list-style:none;padding:0}
+a{color:var(--curve)}
+.plots{display:grid;grid-template-columns:repeat(auto-fill,minmax(10.5rem,1fr));gap:.6rem}
+figure{margin:0;padding:.4rem;background:var(--panel);break-inside:avoid}
+figcaption{font-size:.8rem;line-height:1.3}figcaption span{display:block;color:var(--dim)}
+svg{display:block;width:100%;height:auto}.axis{stroke:var(--line);fill:none}
+.curve{stroke:var(--curve);stroke-width:1.5;fill:none}circle.curve{fill:var(--curve)}
+pre{font:12px/1.5 ui-monospace,monospace;white-space:pre-wrap;overflow-wrap:anywhere;background:var(--panel);padding:.6rem}
+@media (max-width:30rem){body{padding:.6rem;font-size:15px}dl{grid-template-columns:1fr}dd{margin-bottom:.3rem}}
+@page{size:A4;margin:14mm}
+@media print{:root{color-scheme:light;--fg:#000;--bg:#fff;--dim:#444;--line:#bbb;--panel:#fff;--good:#0b4f2a;--warn:#6b4400;
+--bad:#8c150d;--curve:#123f73}body{max-width:none;padding:0;font-size:10.5pt}nav{display:none}.scroll{overflow:visible}
+h2,h3,caption{break-after:avoid}tr{break-inside:avoid}table{font-size:8.5pt}pre{font-size:7pt;padding:0}
+.plots{grid-template-columns:repeat(4,1fr)}figure{border:1px solid var(--line)}}
+"""
+
+
+def page(report: Report) -> str:
+    """The whole page."""
+    title = f"{report.kind} service report, {report.made}"
+    bodies = (
+        _findings(report),
+        _grids(report.status, report, "Status"),
+        _watch(report),
+        _grids(report.dump, report, "Dump"),
+        _facts(report.counters),
+        _facts(report.environment),
+        _transcript(report),
+    )
+    sections = "".join(
+        f'<section id="{name.lower()}" aria-labelledby="h-{name.lower()}"><h2 id="h-{name.lower()}">{name}</h2>\n{body}</section>\n'
+        for name, body in zip(SECTIONS, bodies, strict=True)
+    )
+    links = "".join(f'<li><a href="#{name.lower()}">{name}</a></li>' for name in SECTIONS)
+    return (
+        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        '<meta name="referrer" content="no-referrer">\n'
+        f'<meta name="generator" content="handctl {escape(report.version)}">\n'
+        f"<title>{escape(title)}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n"
+        f'{_header(report)}<nav aria-label="Sections"><ul>{links}</ul></nav>\n<main>\n{sections}</main>\n'
+        f'<footer><p class="note">This page is {escape(report.privacy)}.</p></footer>\n</body>\n</html>\n'
+    )
+
+
+def _header(report: Report) -> str:
+    mark = '<p class="mark">Simulated: no device behind these values</p>\n' if report.simulated else ""
+    facts = [*report.facts, ("made", report.made), ("tool", f"handctl {report.version} ({report.command})")]
+    return (
+        f"<header>\n{mark}<h1>{escape(report.kind)} service report</h1>\n{_facts(facts)}{_problems(report)}</header>\n"
+    )
+
+
+def _problems(report: Report) -> str:
+    if not report.problems:
+        return ""
+    items = "".join(
+        f"<li><strong>{escape(section)}</strong>: {escape(error.text)} <code>{escape(error.code)}</code>{_hint(error.hint)}</li>"
+        for section, error in report.problems
+    )
+    return (
+        f'<div class="problems"><p class="error">Incomplete: not everything could be read</p><ul>{items}</ul></div>\n'
+    )
+
+
+def _hint(text: str) -> str:
+    return f'<br><span class="note">next: {escape(text)}</span>' if text else ""
+
+
+def _findings(report: Report) -> str:
+    items = "".join(
+        f'<li><span class="{escape(found.level)}">{LEVELS.get(found.level, "Note")}:</span> {escape(found.text)} '
+        f"<code>{escape(found.code)}</code>{_hint(found.hint)}</li>"
+        for found in report.findings
+    )
+    if not items and "Findings" in report.missing:
+        return _empty(report, "Findings")
+    said = f"<ul>{items}</ul>\n" if items else ""
+    if not items and not report.checks:
+        said = "<p>Nothing unhealthy was found.</p>\n"
+    return said + "".join(_table(grid) for grid in report.checks)
+
+
+def _empty(report: Report, section: str) -> str:
+    return f'<p class="note">{escape(report.missing.get(section, "nothing"))}</p>\n'
+
+
+def _facts(facts: Iterable[tuple[str, str]]) -> str:
+    rows = "".join(f"<dt>{escape(name)}</dt><dd>{escape(text)}</dd>" for name, text in facts)
+    return f"<dl>{rows}</dl>\n"
+
+
+# -- tables -------------------------------------------------------------------------------------------------------
+
+
+def _grids(grids: Sequence[Grid], report: Report, section: str) -> str:
+    return "".join(_table(grid, f"{section} {number}") for number, grid in enumerate(grids, 1)) or _empty(
+        report, section
+    )
+
+
+def _table(grid: Grid, name: str = "Checks") -> str:
+    right = [' class="right"' if position in grid.right else "" for position in range(len(grid.headings))]
+    heads = "".join(
+        f'<th scope="col"{side}>{escape(text)}</th>' for text, side in zip(grid.headings, right, strict=True)
+    )
+    lines = "".join(f"<tr>{_line(line, grid)}</tr>\n" for line in grid.lines)
+    caption = f"<caption>{escape(grid.title)}</caption>" if grid.title else ""
+    notes = "".join(f'<p class="note">{escape(note)}</p>\n' for note in grid.notes)
+    return (
+        f'<div class="scroll" role="region" tabindex="0" aria-label="{escape(grid.title or name)}">'
+        f"<table>{caption}<thead><tr>{heads}</tr></thead>\n<tbody>{lines}</tbody></table></div>\n{notes}"
+    )
+
+
+def _line(line: Sequence[str | Cell], grid: Grid) -> str:
+    cells = []
+    for position, cell in enumerate(line):
+        text, tone = (cell.text, cell.tone) if isinstance(cell, Cell) else (cell, "")
+        names = " ".join(filter(None, (tone, "right" if position in grid.right else "")))
+        cells.append(f"<td{f' class={chr(34)}{escape(names)}{chr(34)}' if names else ''}>{escape(text)}</td>")
+    return "".join(cells)
+
+
+# -- curves and bytes ---------------------------------------------------------------------------------------------
+
+
+def _watch(report: Report) -> str:
+    if not report.curves:
+        return _empty(report, "Watch")
+    parts = [f'<p class="note">{escape(report.watched)} Each picture has its own scale.</p>\n']
+    for name, group in report.curves.items():
+        unit = f" [{group[0].unit}]" if group[0].unit else ""
+        parts.append(f"<h3>{escape(name + unit)}</h3>\n")
+        parts.append(_words(group) if name in report.words else _plots(group, report.seconds))
+    return "".join(parts)
+
+
+def _plots(group: Sequence[Curve], seconds: float) -> str:
+    figures = "".join(
+        f"<figure>{draw(curve, seconds)}<figcaption>{escape(curve.part or curve.name)}"
+        f"<span>{escape(curve.summary)}</span><span>{escape(curve.meaning)}</span></figcaption></figure>\n"
+        for curve in group
+    )
+    return f'<div class="plots">{figures}</div>\n'
+
+
+def _words(group: Sequence[Curve]) -> str:
+    """Codes and bits: what they meant, in the order they came."""
+    return _facts((curve.part or curve.name, ", ".join(curve.labels) or curve.summary) for curve in group)
+
+
+def _transcript(report: Report) -> str:
+    if not report.transcript:
+        return _empty(report, "Transcript")
+    said = "&gt; host, &lt; device; seconds since the link was opened; the format of --trace. "
+    said += (
+        "What the device sent is left out, because it holds ids: --include-ids keeps it."
+        if report.masked
+        else "replay: takes it."
+    )
+    return f'<p class="note">{said}</p>\n<pre>{escape(chr(10).join(report.transcript))}</pre>\n'
