@@ -8,10 +8,39 @@ FAMILIES: dict[str, tuple[str, str]] = {
     "exo": ("handctl.devices.inspire.exo_cli", "Inspire EH55BF1 exoskeleton hand (RS-232, Bluetooth serial)"),
     "wrist": ("handctl.devices.inspire.wrist_cli", "Inspire wrist module of the dexterous hand (RS-232, RS-485, CAN)"),
     "barrett": ("handctl.devices.barrett.cli", "BarrettHand BH8 series (RS-232)"),
+    "ekso": ("handctl.devices.ekso.cli", "EksoNR DataPort (serial over USB)"),
+    "aidin": ("handctl.devices.aidin.cli", "AIDIN-hand (TCP, JSON)"),
 }
 
 TOOLS: dict[str, tuple[str, str]] = {
+    "ports": (
+        "handctl.tools.ports",
+        "serial ports and CAN interfaces: what they are, who holds them, what to do about it",
+    ),
+    "scan": ("handctl.tools.scan", "which device answers on a port: family, speed, id; read-only"),
+    "doctor": ("handctl.tools.doctor", "checks of this machine and of one link, each with its remedy"),
+    "devices": ("handctl.tools.devices", "named devices in the configuration file: list, add, remove, show"),
     "sim": ("handctl.sim.cli", "a simulated device as a server for any client: pty, TCP, slcan"),
+    "trace": ("handctl.tools.trace", "show, decode, diff recorded transcripts, without a device"),
+    "completion": ("handctl.tools.completion", "print or install the shell completion: bash, zsh, fish"),
 }
 
+EXPLAINERS: dict[str, str] = {
+    "exo": "handctl.devices.inspire.explain:exo",
+    "wrist": "handctl.devices.inspire.explain:wrist",
+    "aidin": "handctl.devices.aidin.explain:aidin",
+    "barrett": "handctl.devices.barrett.explain:barrett",
+    "ekso": "handctl.devices.ekso.explain:ekso",
+}
+"""Family -> module:function that makes its explainer of recorded bytes."""
+
 COMMANDS: dict[str, tuple[str, str]] = {**FAMILIES, **TOOLS}
+
+PROBES: dict[str, str] = {
+    "ekso": "handctl.devices.ekso.probe",
+    "wrist": "handctl.devices.inspire.wrist_probe",
+    "exo": "handctl.devices.inspire.exo_probe",
+    "barrett": "handctl.devices.barrett.probe",
+    "aidin": "handctl.devices.aidin.probe",
+}
+"""Family -> module that looks for its device and pings it; what it offers stands in `tools.probes`."""

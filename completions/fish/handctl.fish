@@ -1,0 +1,627 @@
+# fish completion of handctl, generated from its command tree: do not edit
+
+function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets cmds opts takes args
+    set shared
+    set cmds
+    set opts
+    set takes
+    set args
+    switch "$argv[1]"
+        case ''
+            set cmds 'exo	Inspire EH55BF1 exoskeleton hand (RS-232, Bluetooth serial)' 'wrist	Inspire wrist module of the dexterous hand (RS-232, RS-485, CAN)' 'barrett	BarrettHand BH8 series (RS-232)' 'ekso	EksoNR DataPort (serial over USB)' 'aidin	AIDIN-hand (TCP, JSON)' 'ports	serial ports and CAN interfaces: what they are, who holds them, what to do about it' 'scan	which device answers on a port: family, speed, id; read-only' 'doctor	checks of this machine and of one link, each with its remedy' 'devices	named devices in the configuration file: list, add, remove, show' 'sim	a simulated device as a server for any client: pty, TCP, slcan' 'trace	show, decode, diff recorded transcripts, without a device' 'completion	print or install the shell completion: bash, zsh, fish'
+            set opts '-V	Show the version.' '--version	Show the version.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+        case 'exo'
+            set cmds 'baud	Show the speed code, or write a new RATE: 115200, 57600 or 19200. Effective after save and a power cycle.' 'calibrate	Guided calibration of forces and positions. The hand must be worn, and it moves the wearer\'s fingers.' 'clear-errors	Clear actuator errors and show what is left. Over-temperature is not clearable: it goes away by cooling.' 'describe	The map itself: place, type, range, access, manual section. Needs no device.' 'diff	Compare two snapshots, or snapshot A with the live device. Exit 7 when they differ.' 'dump	Every readable documented quantity, in as few transactions as the protocol allows.' 'factory-reset	Restore factory defaults. The address is undocumented for this hand; writes a backup first.' 'force	Command forces, -1000 to 1000: positive opens the hand, negative closes it. Shows the positions it answers.' 'get	Read quantities by name, such as position_actual.index temperature.' 'id	Show the id, or give the hand a NEW one (1 to 254). Acts at once; save keeps it. One hand on the line.' 'position	Command positions, 0 (bent) to 1000 (open). Shows the forces it answers; --wait shows where the fingers end.' 'raw	Send these bytes exactly and show what comes back, decoded. Anything but a read asks first.' 'read	Read COUNT bytes (1 to 252) from any ADDRESS; documented registers are decoded.' 'report	One page for a service ticket: status, dump, findings, curves, environment, bytes. Only reads.' 'restore	Write what differs from a snapshot, read it back. Shows the plan; safe to run again after an interruption.' 'save	Keep the present parameters in flash; waits for the hand\'s result (about 1 s).' 'scan	Look for hands by read-only probes: id 1 at each speed, then all ids. Bounded; confirms each hit twice.' 'set	Write quantities by name and read them back, such as position_set.index=300 force_set=0,0,0,0,0.' 'snapshot	Write every setting to FILE, with device identity, tool version, time and checksum.' 'status	What to look at first, decoded: values per part, errors in words.' 'watch	Live view on a terminal, a stream of rows elsewhere. Without names: what changes by itself.' 'write	Write bytes at ADDRESS, low byte first, and read them back. Checked against the manual; asks first.'
+            set opts '-h	Show this message and exit.' '--help	Show this message and exit.'
+        case 'exo baud'
+            set opts '--save	Save to flash afterwards: the speed acts only after that and a power cycle.' '--verify	Then wait for the power cycle (up to 120 s) and find the hand at the new speed.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set args 'none'
+        case 'exo calibrate'
+            set opts '-h	Show this message and exit.' '--help	Show this message and exit.'
+        case 'exo clear-errors'
+            set opts '-h	Show this message and exit.' '--help	Show this message and exit.'
+        case 'exo describe'
+            set opts '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set args 'name:exo*'
+        case 'exo diff'
+            set opts '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set args 'file' 'file'
+        case 'exo dump'
+            set opts '-h	Show this message and exit.' '--help	Show this message and exit.'
+        case 'exo factory-reset'
+            set opts '--undocumented-address	Yes, write to address 1006: this manual names none, it is taken from the RH56 hand.' '--backup	Snapshot to write first (default: exo-before-reset.json); never overwritten.' '--skip-identity-check	Do not check first that the registers look like an EH55BF1\'s.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set takes --backup=file
+        case 'exo force'
+            set opts '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set args 'none*'
+        case 'exo get'
+            set opts '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set args 'read:exo*'
+        case 'exo id'
+            set opts '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set args 'none'
+        case 'exo position'
+            set opts '--wait	Watch up to S seconds until the fingers stand still; Ctrl-C holds them where they are.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set takes --wait=none
+            set args 'none*'
+        case 'exo raw'
+            set opts '--wait	Seconds to listen after the last byte. Default: 0.5.' '--force-ambiguous	Send a frame that another device of this maker would take for something else.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set takes --wait=none
+            set args 'none*'
+        case 'exo read'
+            set opts '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set args 'none' 'none'
+        case 'exo report'
+            set opts '--watch	Seconds to watch what changes by itself; 0 = not at all. Default: 3.' '--include-ids	Keep serial numbers, pilot ids, and the answers that hold them.' '--force	Replace FILE.html.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set takes --watch=none
+            set args 'file'
+        case 'exo restore'
+            set opts '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set args 'file'
+        case 'exo save'
+            set opts '--skip-identity-check	Do not check first that the registers look like an EH55BF1\'s.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+        case 'exo scan'
+            set opts '--ids	Ids to ask. Default: 1-254.' '--speeds	Speeds to try. Default: 115200,57600,19200.' '--window	Ids asked per reply window; 1 = one by one (RS-485). Default: 8.' '--reply-window	Wait per window (default: 20, or 30 with an FTDI adapter whose latency timer is high).' '--all	Go through all ids and speeds instead of ending at the first hand.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set takes --ids=none --speeds=none --window=none --reply-window=none
+        case 'exo set'
+            set opts '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set args 'set:exo*'
+        case 'exo snapshot'
+            set opts '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set args 'file'
+        case 'exo status'
+            set opts '--check	Exit 7 when anything is unhealthy.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+        case 'exo watch'
+            set opts '--rate	Samples per second; 0 = as fast as the device answers. Default: 10.' '--count	End after N samples.' '--duration	End after S seconds.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set takes --rate=none --count=none --duration=none
+            set args 'read:exo*'
+        case 'exo write'
+            set opts '--undocumented	Allow an address that the manual does not document.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set args 'none' 'none'
+        case 'wrist'
+            set cmds 'center	Move both axes to 0 degrees and wait until they stand.' 'describe	The map itself: place, type, range, access, manual section. Needs no device.' 'diff	Compare two snapshots, or snapshot A with the live device. Exit 7 when they differ.' 'dump	Every readable documented quantity, in as few transactions as the protocol allows.' 'get	Read quantities by name, such as pitch_actual yaw_actual.' 'hand-read	Read COUNT bytes from ADDRESS of the hand that carries the wrist (flags 11, CAN 0), raw.' 'hand-write	Write bytes into the register space of the hand that carries the wrist. Undocumented here; asks first.' 'move	Move to angles in degrees and wait until it stands; tells what was reached. Ctrl-C holds it where it is.' 'raw	Send exactly these bytes (on CAN: IDENTIFIER#DATA) and show what comes back. Anything but a read asks first.' 'read	Read COUNT bytes from ADDRESS of the wrist\'s registers; documented ones are decoded.' 'report	One page for a service ticket: status, dump, findings, curves, environment, bytes. Only reads.' 'restore	Write what differs from a snapshot, read it back. Shows the plan; safe to run again after an interruption.' 'scan	Look for wrist modules by read-only probes, at 115200 or on the CAN bus. Bounded; confirms each hit twice.' 'set	Write quantities by name and read them back, such as yaw_set=10 pitch_set=-10 move_time=1000.' 'snapshot	Write every setting to FILE, with device identity, tool version, time and checksum.' 'status	What to look at first, decoded: values per part, errors in words.' 'watch	Live view on a terminal, a stream of rows elsewhere. Without names: what changes by itself.' 'write	Write 2, 4 or 6 bytes at 1038..1043, low byte first, and read them back. Moves.'
+            set opts '-h	Show this message and exit.' '--help	Show this message and exit.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
+        case 'wrist center'
+            set opts '--time	Movement time; without it the one the wrist holds.' '-h	Show this message and exit.' '--help	Show this message and exit.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
+            set takes --time=none
+        case 'wrist describe'
+            set opts '-h	Show this message and exit.' '--help	Show this message and exit.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
+            set args 'name:wrist*'
+        case 'wrist diff'
+            set opts '-h	Show this message and exit.' '--help	Show this message and exit.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
+            set args 'file' 'file'
+        case 'wrist dump'
+            set opts '-h	Show this message and exit.' '--help	Show this message and exit.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
+        case 'wrist get'
+            set opts '-h	Show this message and exit.' '--help	Show this message and exit.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
+            set args 'read:wrist*'
+        case 'wrist hand-read'
+            set opts '-h	Show this message and exit.' '--help	Show this message and exit.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
+            set args 'none' 'none'
+        case 'wrist hand-write'
+            set opts '--force-ambiguous	Send what another device or register space would take for something else.' '-h	Show this message and exit.' '--help	Show this message and exit.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
+            set args 'none' 'none'
+        case 'wrist move'
+            set opts '--pitch	-22.66 to 22.12, two decimals.' '--yaw	-25.50 to 25.50, two decimals.' '--time	Movement time; without it the one the wrist holds.' '--wait	Longest wait for the arrival.' '-h	Show this message and exit.' '--help	Show this message and exit.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
+            set takes --pitch=none --yaw=none --time=none --wait=none
+        case 'wrist raw'
+            set opts '--wait	Seconds to listen. Default: 0.5.' '--force-ambiguous	Send what another device or register space would take for something else.' '-h	Show this message and exit.' '--help	Show this message and exit.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
+            set takes --wait=none
+            set args 'none*'
+        case 'wrist read'
+            set opts '-h	Show this message and exit.' '--help	Show this message and exit.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
+            set args 'none' 'none'
+        case 'wrist report'
+            set opts '--watch	Seconds to watch what changes by itself; 0 = not at all. Default: 3.' '--include-ids	Keep serial numbers, pilot ids, and the answers that hold them.' '--force	Replace FILE.html.' '-h	Show this message and exit.' '--help	Show this message and exit.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
+            set takes --watch=none
+            set args 'file'
+        case 'wrist restore'
+            set opts '-h	Show this message and exit.' '--help	Show this message and exit.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
+            set args 'file'
+        case 'wrist scan'
+            set opts '--ids	Ids to ask (on CAN up to 16383, 4096 at once). Default: 1-254.' '--window	Serial: ids asked per reply window; more than 1 needs full duplex (RS-232). Default: 1.' '--reply-window	Wait per window (default 20).' '--all	Go through all ids instead of ending at the first wrist.' '-h	Show this message and exit.' '--help	Show this message and exit.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
+            set takes --ids=none --window=none --reply-window=none
+        case 'wrist set'
+            set opts '-h	Show this message and exit.' '--help	Show this message and exit.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
+            set args 'set:wrist*'
+        case 'wrist snapshot'
+            set opts '-h	Show this message and exit.' '--help	Show this message and exit.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
+            set args 'file'
+        case 'wrist status'
+            set opts '--check	Exit 7 when anything is unhealthy.' '-h	Show this message and exit.' '--help	Show this message and exit.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
+        case 'wrist watch'
+            set opts '--rate	Samples per second; 0 = as fast as the device answers. Default: 10.' '--count	End after N samples.' '--duration	End after S seconds.' '-h	Show this message and exit.' '--help	Show this message and exit.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
+            set takes --rate=none --count=none --duration=none
+            set args 'read:wrist*'
+        case 'wrist write'
+            set opts '-h	Show this message and exit.' '--help	Show this message and exit.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
+            set args 'none' 'none'
+        case 'barrett'
+            set cmds 'baud	Show the speed, or change it: the hand and the port switch over together, then it is verified.' 'close	Close to CT; stopping on an object is no error.' 'defaults	Factory values into RAM (FDEF, PDEF), not saved; the speed goes to 9600.' 'describe	The parameter map itself: mnemonic, range, defaults, access, section. Needs no device.' 'diagnose	Troubleshooting (§8): what can be checked, then for a SYMPTOM what is left to hands, with sections.' 'diff	Compare two snapshots, or snapshot A with the live device. Exit 7 when they differ.' 'dump	Every readable documented quantity, in as few transactions as the protocol allows.' 'errors	Status codes in the manual\'s wording; CODE may be a sum. Needs no device.' 'fingertips	Fingertips in mm from the palm\'s centre, joint angles and their limits (§9.5, §9.6). Only reads.' 'firmware	Firmware files: check one, load one into the hand (barrett §3.7).' 'gcl	Any GCL: each argument is one command; without arguments a script on stdin, or a prompt on a terminal.' 'get	Read quantities by name, such as P SG.F1 temperature.' 'help	The hand\'s own help for COMMAND beside the manual\'s.' 'home	Move to position 0.' 'init	Initialize (HI): the fingers open fully; needed before any movement after power-on or reset.' 'load	EEPROM to RAM, motors and hand (FLOAD, PLOAD); the speed may change and is looked for.' 'maintenance	Strokes and cycles per motor, greasing due by point, fasteners, pretension, temperatures (§7).' 'move	Move to a POSITION in counts, without one to DP.' 'open	Open to OT.' 'realtime	Exchange RealTime blocks (LOOP) as fast as the line allows: live view, NDJSON or CSV.' 'report	One page for a service ticket: status, dump, findings, curves, environment, bytes. Only reads.' 'reset	Restart the firmware like a power cycle; shows its banner. The motors need init afterwards.' 'restore	Write what differs from a snapshot into RAM, read it back; --save keeps it. Speed last.' 'save	RAM to EEPROM: compared with the last save first, confirmed, counted (5,000 in the hand\'s life).' 'set	Set parameters in RAM and read them back, e.g. MCV=80 HSG.F1=150 --motors 12. One value goes to all motors.' 'snapshot	Write every setting to FILE, with device identity, tool version, time and checksum.' 'status	What to look at first, decoded: values per part, errors in words.' 'step-close	Close by COUNTS, without them by DS.' 'step-open	Open by COUNTS, without them by DS.' 'stop	Motor power off (T), also for motors that are not initialized.' 'strain	Strain without load: 20 readings per finger against 100 to 140, and how to adjust them (§7.4).' 'torque-close	Close under torque control until it stalls.' 'torque-open	Open under torque control until it stalls.' 'version	What the firmware says of itself.' 'watch	Live view on a terminal, a stream of rows elsewhere. Without names: what changes by itself.'
+            set opts '-h	Show this message and exit.' '--help	Show this message and exit.'
+        case 'barrett baud'
+            set opts '--save	Save it to EEPROM: the hand starts at this speed from then on.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set args 'none'
+        case 'barrett close'
+            set opts '--motors	Which motors: digits, G = fingers, S = spread (default: all).' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set takes --motors=none
+        case 'barrett defaults'
+            set opts '-h	Show this message and exit.' '--help	Show this message and exit.'
+        case 'barrett describe'
+            set opts '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set args 'name:barrett*'
+        case 'barrett diagnose'
+            set opts '--list	The symptoms of the manual. Needs no device.' '--move	MOVES: also try the symptom\'s movements (asks first).' '--motors	Fingers to move with --move. Default: G.' '--hand	Whose journal, when serial numbers are not unique (0).' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set takes --motors=none --hand=none
+            set args 'none'
+        case 'barrett diff'
+            set opts '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set args 'file' 'file'
+        case 'barrett dump'
+            set opts '-h	Show this message and exit.' '--help	Show this message and exit.'
+        case 'barrett errors'
+            set opts '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set args 'none'
+        case 'barrett fingertips'
+            set opts '--positions	Counts to calculate with instead of the hand\'s. Needs no device.' '--breakaway	With --positions: the clutch let go at COUNTS.' '--live	Again and again: live view on a terminal, a stream elsewhere.' '--rate	Samples per second; 0 = as fast as the device answers. Default: 10.' '--count	End after N samples.' '--duration	End after S seconds.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set takes --positions=none --breakaway=none --rate=none --count=none --duration=none
+        case 'barrett firmware'
+            set cmds 'check	Check an S-record FILE: records, checksums, ranges, overlaps, counts, end record. Needs no device.' 'download	Load FILE into the hand; the power supply must be switched off and on when asked.'
+            set opts '-h	Show this message and exit.' '--help	Show this message and exit.'
+        case 'barrett firmware check'
+            set opts '--force	Let a missing end record pass.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set args 'file'
+        case 'barrett firmware download'
+            set opts '--force	Load a file without an end record.' '--expect	Exit 7 unless the hand then says this version, e.g. 4.34.' '--window	Bytes sent ahead of their echo, 1 to 4: 2 halves the time, above 2 is unproven on hardware. Default: 1.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set takes --expect=none --window=none
+            set args 'file'
+        case 'barrett gcl'
+            set opts '--keep-going	Go on after an error.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set args 'none*'
+        case 'barrett get'
+            set opts '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set args 'read:barrett*'
+        case 'barrett help'
+            set opts '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set args 'none'
+        case 'barrett home'
+            set opts '--motors	Which motors: digits, G = fingers, S = spread (default: all).' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set takes --motors=none
+        case 'barrett init'
+            set opts '--motors	Which motors: digits, G = fingers, S = spread (default: all).' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set takes --motors=none
+        case 'barrett load'
+            set opts '-h	Show this message and exit.' '--help	Show this message and exit.'
+        case 'barrett maintenance'
+            set opts '--greased	Record as greased now: all, worm, spur, motor-spur, palm, one finger as in spur.F1, several by comma.' '--steps	How to do it, with sections. Needs no device.' '--check	Exit 7 when anything is due or too hot.' '--hand	Whose journal, when serial numbers are not unique (0).' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set takes --greased=none --steps=choice:lubrication,fasteners,pretension,strain,firmware --hand=none
+        case 'barrett move'
+            set opts '--motors	Which motors: digits, G = fingers, S = spread (default: all).' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set takes --motors=none
+            set args 'none'
+        case 'barrett open'
+            set opts '--motors	Which motors: digits, G = fingers, S = spread (default: all).' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set takes --motors=none
+        case 'barrett realtime'
+            set opts '--motors	Motors of the loop: digits, G = fingers, S = spread (default: all).' '--send	What control blocks carry: velocity, gain; velocity@12 for some motors.' '--receive	What feedback carries: velocity, strain, position, delta, temperature, none; strain@12 for some motors (default: as the hand\'s flags are).' '--velocity	Constant control velocity, -127 to 127: 20, or 20,5, or F1=20,F2=5.' '--gain	Constant proportional gain, 0 to 255, in the same way.' '--control	Control values as CSV or JSON lines (t, velocity.F1 …); - is stdin.' '--measure	Exchange N blocks and show only the timing.' '--sequential	Wait for the whole feedback before the next block.' '--hold	Leave the motors powered at the end.' '--rate	Samples per second; 0 = as fast as the device answers. Default: 0.' '--count	End after N samples.' '--duration	End after S seconds.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set takes --motors=none --send=none --receive=none --velocity=none --gain=none --control=file --measure=none --rate=none --count=none --duration=none
+        case 'barrett report'
+            set opts '--watch	Seconds to watch what changes by itself; 0 = not at all. Default: 3.' '--include-ids	Keep serial numbers, pilot ids, and the answers that hold them.' '--force	Replace FILE.html.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set takes --watch=none
+            set args 'file'
+        case 'barrett reset'
+            set opts '-h	Show this message and exit.' '--help	Show this message and exit.'
+        case 'barrett restore'
+            set opts '--save	Save to EEPROM afterwards.' '--force	Write a value that the manual allows and warns of, or save unchanged values.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set args 'file'
+        case 'barrett save'
+            set opts '--force	Write a value that the manual allows and warns of, or save unchanged values.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+        case 'barrett set'
+            set opts '--motors	Which motors: digits, G = fingers, S = spread (default: all).' '--force	Write a value that the manual allows and warns of, or save unchanged values.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set takes --motors=none
+            set args 'set:barrett*'
+        case 'barrett snapshot'
+            set opts '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set args 'file'
+        case 'barrett status'
+            set opts '--check	Exit 7 when anything is unhealthy.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+        case 'barrett step-close'
+            set opts '--motors	Which motors: digits, G = fingers, S = spread (default: all).' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set takes --motors=none
+            set args 'none'
+        case 'barrett step-open'
+            set opts '--motors	Which motors: digits, G = fingers, S = spread (default: all).' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set takes --motors=none
+            set args 'none'
+        case 'barrett stop'
+            set opts '--motors	Which motors: digits, G = fingers, S = spread (default: all).' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set takes --motors=none
+        case 'barrett strain'
+            set opts '--open	MOVES: initialize, free the spread, open the fingers first.' '--live	Watch it while the potentiometer is turned; the bar\'s ends are 100 and 140.' '--check	Exit 7 when a reading is not within 100 to 140.' '--rate	Samples per second; 0 = as fast as the device answers. Default: 10.' '--count	End after N samples.' '--duration	End after S seconds.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set takes --rate=none --count=none --duration=none
+        case 'barrett torque-close'
+            set opts '--motors	Which motors: digits, G = fingers, S = spread (default: all).' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set takes --motors=none
+        case 'barrett torque-open'
+            set opts '--motors	Which motors: digits, G = fingers, S = spread (default: all).' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set takes --motors=none
+        case 'barrett version'
+            set opts '-h	Show this message and exit.' '--help	Show this message and exit.'
+        case 'barrett watch'
+            set opts '--rate	Samples per second; 0 = as fast as the device answers. Default: 10.' '--count	End after N samples.' '--duration	End after S seconds.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set takes --rate=none --count=none --duration=none
+            set args 'read:barrett*'
+        case 'ekso'
+            set cmds 'cancel	Cancel the running action (CancelAction).' 'data	What the device senses now (GetData, 27 words).' 'date	The device\'s date.' 'describe	The map itself; needs no device.' 'diff	Compare two snapshots, or snapshot A with the live device. Exit 7 when they differ.' 'dump	Every readable documented quantity, in as few transactions as the protocol allows.' 'export	Turn a log into an OpenSim motion file or SI units, on stdout or into -o FILE. Needs no device.' 'feedback	Steps, times, assistance (GetFeedback, 17 words).' 'get	Read quantities by name, such as step_length left_knee_angle 216.' 'log	Record GetData into FILE (CSV) with a sidecar FILE.json; FILE may be a directory. Ctrl-C ends it.' 'policy	What this tool asks for before it writes; needs no device.' 'report	One page for a service ticket: status, dump, findings, curves, environment, bytes. Only reads.' 'restore	Write what differs from a snapshot, one by one.' 'set	Write one setting, with every check.' 'settings	All settings (GetSettings, 22 words).' 'snapshot	Write every setting to FILE, with device identity, tool version, time and checksum.' 'status	What to look at first, decoded: values per part, errors in words.' 'time	The device\'s time of day.' 'watch	Live view on a terminal, a stream of rows elsewhere. Without names: what changes by itself.'
+            set opts '-h	Show this message and exit.' '--help	Show this message and exit.'
+        case 'ekso cancel'
+            set opts '--word	Command word. Default: 256.' '--operator	Who does it, for the audit log; needed by --yes.' '--audit	The audit log (default: ekso-audit.jsonl in the user\'s state folder). No log, no write.' '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set takes --word=none --operator=none --audit=file --length-mode=none
+        case 'ekso data'
+            set opts '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set takes --length-mode=none
+        case 'ekso date'
+            set opts '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set takes --length-mode=none
+        case 'ekso describe'
+            set opts '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set args 'name:ekso*'
+        case 'ekso diff'
+            set opts '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set takes --length-mode=none
+            set args 'file' 'file'
+        case 'ekso dump'
+            set opts '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set takes --length-mode=none
+        case 'ekso export'
+            set opts '--format	mot = OpenSim motion file, csv = the log\'s columns.' '--si	With csv: metres and radians instead of inches and degrees.' '--segment	Only segment N; a motion file holds just one.' '--knee-sign	With mot: sign of knee flexion in your model (default 1, as the device has it; gait2392 has -1).' '--rate	With mot: resample linearly, never across a gap.' '-h	Show this message and exit.' '--help	Show this message and exit.' '-p	Where the device is: /dev/ttyUSB0, COM3, usb:VID:PID[:SERIAL], tcp://HOST:PORT, fake://…, replay:FILE, any pyserial URL.' '--port	Where the device is: /dev/ttyUSB0, COM3, usb:VID:PID[:SERIAL], tcp://HOST:PORT, fake://…, replay:FILE, any pyserial URL.' '--fake	Talk to the built-in simulator of this device.' '-d	A device named in the configuration file, see handctl devices.' '--device	A device named in the configuration file, see handctl devices.' '--id	Device id, as the protocol has it.' '--baud	Speed of the serial port in bit/s.' '--timeout	Seconds of silence allowed per reply.' '--deadline	Seconds for the whole command.' '--retries	Repetitions of a read without a valid answer (writes are never repeated).' '--trace	Record every byte with its time; play it back with -p replay:FILE.' '--json	Same as --format json; for a stream one row a line.' '--csv	Same as --format csv.' '-o	Write the data there instead of stdout, whole or not at all.' '--output	Write the data there instead of stdout, whole or not at all.' '--color	Colour (default: auto; NO_COLOR is honoured).' '-q	No messages but errors.' '--quiet	No messages but errors.' '-v	Show every byte on stderr, as --trace records it.' '--verbose	Show every byte on stderr, as --trace records it.' '--debug	Show tracebacks.' '-n	Print the exact bytes of a command that writes or moves; send nothing.' '--dry-run	Print the exact bytes of a command that writes or moves; send nothing.' '-y	Answer the confirmation.' '--yes	Answer the confirmation.'
+            set takes --format=choice:mot,csv --segment=none --knee-sign=choice:1,-1 --rate=none -p=link --port=link -d=device --device=device --id=none --baud=none --timeout=none --deadline=none --retries=none --trace=file -o=file --output=file --color=choice:auto,always,never
+            set args 'file'
+            set shared no
+        case 'ekso feedback'
+            set opts '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set takes --length-mode=none
+        case 'ekso get'
+            set opts '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set takes --length-mode=none
+            set args 'read:ekso*'
+        case 'ekso log'
+            set opts '--rate	Samples per second; 0 = as fast as the device answers. Default: 0.' '--count	End after N samples.' '--duration	End after S seconds.' '--raw	Append the 27 words as they came.' '--mark	Mark the first row.' '--silence	End after S seconds without a valid answer; a restart of the device takes less. Default: 60.' '--include-pilot-id	Keep the wearer\'s number in the sidecar.' '--force	Overwrite FILE.' '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set takes --rate=none --count=none --duration=none --mark=none --silence=none --length-mode=none
+            set args 'file'
+        case 'ekso policy'
+            set opts '-h	Show this message and exit.' '--help	Show this message and exit.'
+        case 'ekso report'
+            set opts '--watch	Seconds to watch what changes by itself; 0 = not at all. Default: 3.' '--include-ids	Keep serial numbers, pilot ids, and the answers that hold them.' '--force	Replace FILE.html.' '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set takes --watch=none --length-mode=none
+            set args 'file'
+        case 'ekso restore'
+            set opts '--operator	Who does it, for the audit log; needed by --yes.' '--audit	The audit log (default: ekso-audit.jsonl in the user\'s state folder). No log, no write.' '--override-step-limit	Allow a larger step than this tool\'s policy; never for leg lengths.' '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set takes --operator=none --audit=file --length-mode=none
+            set args 'file'
+        case 'ekso set'
+            set opts '--operator	Who does it, for the audit log; needed by --yes.' '--audit	The audit log (default: ekso-audit.jsonl in the user\'s state folder). No log, no write.' '--override-step-limit	Allow a larger step than this tool\'s policy; never for leg lengths.' '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set takes --operator=none --audit=file --length-mode=none
+            set args 'set:ekso*'
+        case 'ekso settings'
+            set opts '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set takes --length-mode=none
+        case 'ekso snapshot'
+            set opts '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set takes --length-mode=none
+            set args 'file'
+        case 'ekso status'
+            set opts '--check	Exit 7 when anything is unhealthy.' '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set takes --length-mode=none
+        case 'ekso time'
+            set opts '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set takes --length-mode=none
+        case 'ekso watch'
+            set opts '--rate	Samples per second; 0 = as fast as the device answers. Default: 10.' '--count	End after N samples.' '--duration	End after S seconds.' '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set takes --rate=none --count=none --duration=none --length-mode=none
+            set args 'read:ekso*'
+        case 'aidin'
+            set cmds 'bias	Make the present sensor values 0. Touch nothing: a load present now is taken away from all later values.' 'currents	Drive motors by current: NO POSITION LIMIT.' 'describe	The map itself: place, type, range, access, manual section. Needs no device.' 'dump	Every readable documented quantity, in as few transactions as the protocol allows.' 'encoders	Move motors to encoder counts.' 'fingertips	Move fingertips to coordinates in mm.' 'get	Read quantities by name, such as joint_pos.index current_state.thumb.m1 sensor_state.fz.' 'home	Homing: OPENS ALL FINGERS for 3.5 s, then open is the origin. Asks first; Ctrl-C stops.' 'initial	Move all fingers to the origin that homing set: fully open. Asks first; Ctrl-C stops.' 'joints	Move joints to angles in degrees.' 'max-torque	Set the maximum output current. 0 to 1000 in 0.1 %, 700 to 1000 is recommended; it cannot be read back.' 'report	One page for a service ticket: status, dump, findings, curves, environment, bytes. Only reads.' 'status	What to look at first, decoded: values per part, errors in words.' 'stop	Motor power off, at once, without a question. The fingers move freely, a held object falls.' 'watch	Live view on a terminal, a stream of rows elsewhere. Without names: motors, joints, currents, fingertip forces.'
+            set opts '-h	Show this message and exit.' '--help	Show this message and exit.' '--exchange	Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only.' '--poll-json	The JSON object that asks for feedback (default: {}); none that commands.' '--tx-terminator	What follows each object that is sent (default: newline).'
+            set takes --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
+        case 'aidin bias'
+            set opts '-h	Show this message and exit.' '--help	Show this message and exit.' '--exchange	Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only.' '--poll-json	The JSON object that asks for feedback (default: {}); none that commands.' '--tx-terminator	What follows each object that is sent (default: newline).'
+            set takes --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
+        case 'aidin currents'
+            set opts '--cap	Refuse more. Default: 300.' '--duration	How long they flow once the ramp is over. Default: 1.' '-h	Show this message and exit.' '--help	Show this message and exit.' '--exchange	Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only.' '--poll-json	The JSON object that asks for feedback (default: {}); none that commands.' '--tx-terminator	What follows each object that is sent (default: newline).'
+            set takes --cap=none --duration=none --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
+            set args 'none*'
+        case 'aidin describe'
+            set opts '-h	Show this message and exit.' '--help	Show this message and exit.' '--exchange	Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only.' '--poll-json	The JSON object that asks for feedback (default: {}); none that commands.' '--tx-terminator	What follows each object that is sent (default: newline).'
+            set takes --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
+            set args 'name:aidin*'
+        case 'aidin dump'
+            set opts '-h	Show this message and exit.' '--help	Show this message and exit.' '--exchange	Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only.' '--poll-json	The JSON object that asks for feedback (default: {}); none that commands.' '--tx-terminator	What follows each object that is sent (default: newline).'
+            set takes --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
+        case 'aidin encoders'
+            set opts '--assume-homed	Go on although the encoders are out of their range, as before homing.' '-h	Show this message and exit.' '--help	Show this message and exit.' '--exchange	Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only.' '--poll-json	The JSON object that asks for feedback (default: {}); none that commands.' '--tx-terminator	What follows each object that is sent (default: newline).'
+            set takes --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
+            set args 'none*'
+        case 'aidin fingertips'
+            set opts '--assume-homed	Go on although the encoders are out of their range, as before homing.' '-h	Show this message and exit.' '--help	Show this message and exit.' '--exchange	Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only.' '--poll-json	The JSON object that asks for feedback (default: {}); none that commands.' '--tx-terminator	What follows each object that is sent (default: newline).'
+            set takes --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
+            set args 'none*'
+        case 'aidin get'
+            set opts '-h	Show this message and exit.' '--help	Show this message and exit.' '--exchange	Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only.' '--poll-json	The JSON object that asks for feedback (default: {}); none that commands.' '--tx-terminator	What follows each object that is sent (default: newline).'
+            set takes --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
+            set args 'read:aidin*'
+        case 'aidin home'
+            set opts '-h	Show this message and exit.' '--help	Show this message and exit.' '--exchange	Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only.' '--poll-json	The JSON object that asks for feedback (default: {}); none that commands.' '--tx-terminator	What follows each object that is sent (default: newline).'
+            set takes --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
+        case 'aidin initial'
+            set opts '--assume-homed	Go on although the encoders are out of their range, as before homing.' '-h	Show this message and exit.' '--help	Show this message and exit.' '--exchange	Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only.' '--poll-json	The JSON object that asks for feedback (default: {}); none that commands.' '--tx-terminator	What follows each object that is sent (default: newline).'
+            set takes --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
+        case 'aidin joints'
+            set opts '--rad	The values are radians, not degrees.' '--assume-homed	Go on although the encoders are out of their range, as before homing.' '-h	Show this message and exit.' '--help	Show this message and exit.' '--exchange	Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only.' '--poll-json	The JSON object that asks for feedback (default: {}); none that commands.' '--tx-terminator	What follows each object that is sent (default: newline).'
+            set takes --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
+            set args 'none*'
+        case 'aidin max-torque'
+            set opts '-h	Show this message and exit.' '--help	Show this message and exit.' '--exchange	Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only.' '--poll-json	The JSON object that asks for feedback (default: {}); none that commands.' '--tx-terminator	What follows each object that is sent (default: newline).'
+            set takes --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
+            set args 'none'
+        case 'aidin report'
+            set opts '--watch	Seconds to watch what changes by itself; 0 = not at all. Default: 3.' '--include-ids	Keep serial numbers, pilot ids, and the answers that hold them.' '--force	Replace FILE.html.' '-h	Show this message and exit.' '--help	Show this message and exit.' '--exchange	Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only.' '--poll-json	The JSON object that asks for feedback (default: {}); none that commands.' '--tx-terminator	What follows each object that is sent (default: newline).'
+            set takes --watch=none --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
+            set args 'file'
+        case 'aidin status'
+            set opts '--check	Exit 7 when anything is unhealthy.' '-h	Show this message and exit.' '--help	Show this message and exit.' '--exchange	Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only.' '--poll-json	The JSON object that asks for feedback (default: {}); none that commands.' '--tx-terminator	What follows each object that is sent (default: newline).'
+            set takes --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
+        case 'aidin stop'
+            set opts '-h	Show this message and exit.' '--help	Show this message and exit.' '--exchange	Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only.' '--poll-json	The JSON object that asks for feedback (default: {}); none that commands.' '--tx-terminator	What follows each object that is sent (default: newline).'
+            set takes --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
+        case 'aidin watch'
+            set opts '--rate	Samples per second; 0 = as fast as the device answers. Default: 10.' '--count	End after N samples.' '--duration	End after S seconds.' '-h	Show this message and exit.' '--help	Show this message and exit.' '--exchange	Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only.' '--poll-json	The JSON object that asks for feedback (default: {}); none that commands.' '--tx-terminator	What follows each object that is sent (default: newline).'
+            set takes --rate=none --count=none --duration=none --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
+            set args 'read:aidin*'
+        case 'ports'
+            set opts '-h	Show this message and exit.' '--help	Show this message and exit.'
+        case 'scan'
+            set opts '-p	Where to look; may be repeated. Default: all serial ports that are free and permitted.' '--port	Where to look; may be repeated. Default: all serial ports that are free and permitted.' '--family	Look for this one only; may be repeated.' '--ids	Ids to ask for, e.g. 1-254 (exo and wrist; default: --id, or 1).' '--all	Go on after the first device on a port.' '-h	Show this message and exit.' '--help	Show this message and exit.' '--fake	Talk to the built-in simulator of this device.' '-d	A device named in the configuration file, see handctl devices.' '--device	A device named in the configuration file, see handctl devices.' '--id	Device id, as the protocol has it.' '--baud	Speed of the serial port in bit/s.' '--timeout	Seconds of silence allowed per reply.' '--deadline	Seconds for the whole command.' '--retries	Repetitions of a read without a valid answer (writes are never repeated).' '--trace	Record every byte with its time; play it back with -p replay:FILE.' '--format	How results are written (default: table).' '--json	Same as --format json; for a stream one row a line.' '--csv	Same as --format csv.' '-o	Write the data there instead of stdout, whole or not at all.' '--output	Write the data there instead of stdout, whole or not at all.' '--color	Colour (default: auto; NO_COLOR is honoured).' '-q	No messages but errors.' '--quiet	No messages but errors.' '-v	Show every byte on stderr, as --trace records it.' '--verbose	Show every byte on stderr, as --trace records it.' '--debug	Show tracebacks.' '-n	Print the exact bytes of a command that writes or moves; send nothing.' '--dry-run	Print the exact bytes of a command that writes or moves; send nothing.' '-y	Answer the confirmation.' '--yes	Answer the confirmation.'
+            set takes -p=link --port=link --family=choice:ekso,wrist,exo,barrett,aidin --ids=none -d=device --device=device --id=none --baud=none --timeout=none --deadline=none --retries=none --trace=file --format=choice:table,plain,json,ndjson,csv -o=file --output=file --color=choice:auto,always,never
+            set shared no
+        case 'doctor'
+            set opts '--device-family	Which device is on the link; -d NAME knows it.' '--count	Reads for the error rate. Default: 100.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set takes --device-family=choice:ekso,wrist,exo,barrett,aidin --count=none
+        case 'devices'
+            set cmds 'add	Name a device: its family and what is given of --port, --id, --baud, --timeout, --deadline, --retries.' 'list	List the named devices.' 'remove	Forget a name. Writes the configuration file; comments and everything else in it stay.' 'show	Show every setting as -d NAME would have it, and where each comes from.'
+            set opts '-h	Show this message and exit.' '--help	Show this message and exit.'
+        case 'devices add'
+            set opts '--from-scan	Take family, link, id and baud from the output of scan --json; - is stdin.' '--force	Replace the device that has this name now.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set takes --from-scan=file
+            set args 'none' 'choice:exo,wrist,barrett,ekso,aidin'
+        case 'devices list'
+            set opts '-h	Show this message and exit.' '--help	Show this message and exit.'
+        case 'devices remove'
+            set opts '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set args 'device'
+        case 'devices show'
+            set opts '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set args 'device'
+        case 'sim'
+            set cmds 'aidin	AIDIN-hand (TCP, JSON).' 'barrett	BarrettHand BH8-series: supervisory and RealTime mode, boot monitor.' 'control	Send a command to a running simulator.' 'ekso	EksoNR exoskeleton, DataPort.' 'exo	Inspire EH55BF1 exoskeleton hand.' 'wrist	Inspire wrist module with the hand behind it.'
+            set opts '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set shared no
+        case 'sim aidin'
+            set opts '--pty	Serve on a new pseudo terminal.' '--tcp	Serve on a TCP port; port 0 is any free one.' '--seed	Start of the random generator.' '--fault	Faults and states, see below; may be repeated.' '--after	The first N requests are healthy.' '--every	Of the later requests only each N-th is hit.' '--wire	Emulate the transmission time at this speed (\'auto\': the device\'s).' '--state	Keep memory, flash and positions in this file.' '--duration	Stop by itself after S seconds.' '--control	Unix socket for commands, see \'sim control\'.' '--set	A further option, see below.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set takes --tcp=none --seed=none --fault=choice:healthy,silent,deaf,noise,garble,truncate,dribble,split,bad-checksum,wrong-id,twin-id,echo,loopback,duplicate,stale,late,slow,disconnect,refuse,missing-key,extra-key,wrong-length,nan,wrong-type,not-json,braces,unclosed,degrees,swapped,stuck,frozen,blocked,dead-motor,no-homing,no-bias,weak,touched --after=none --every=none --wire=none --state=file --duration=none --control=file --set=none
+            set shared no
+        case 'sim barrett'
+            set opts '--pty	Serve on a new pseudo terminal.' '--tcp	Serve on a TCP port; port 0 is any free one.' '--seed	Start of the random generator.' '--fault	Faults and states, see below; may be repeated.' '--after	The first N requests are healthy.' '--every	Of the later requests only each N-th is hit.' '--wire	Emulate the transmission time at this speed (\'auto\': the device\'s).' '--state	Keep memory, flash and positions in this file.' '--duration	Stop by itself after S seconds.' '--control	Unix socket for commands, see \'sim control\'.' '--set	A further option, see below.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set takes --tcp=none --seed=none --fault=choice:healthy,silent,deaf,noise,garble,truncate,dribble,split,bad-checksum,wrong-id,twin-id,echo,loopback,duplicate,stale,late,slow,disconnect,refuse,no-echo,hang,no-abort,blocked,obstacle,strain,strain-offset,no-gauges,hot,over-temperature,not-homed,no-board,no-motor,reversed,breakaway,eeprom-worn,erratic,unknown-codes,loop-error,loop-silent,loop-drop,loop-extra,wrong-echo,missing-echo,extra-byte,monitor-hang --after=none --every=none --wire=none --state=file --duration=none --control=file --set=none
+            set shared no
+        case 'sim control'
+            set opts '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set args 'file' 'none*'
+            set shared no
+        case 'sim ekso'
+            set opts '--pty	Serve on a new pseudo terminal.' '--tcp	Serve on a TCP port; port 0 is any free one.' '--seed	Start of the random generator.' '--fault	Faults and states, see below; may be repeated.' '--after	The first N requests are healthy.' '--every	Of the later requests only each N-th is hit.' '--wire	Emulate the transmission time at this speed (\'auto\': the device\'s).' '--state	Keep memory, flash and positions in this file.' '--duration	Stop by itself after S seconds.' '--control	Unix socket for commands, see \'sim control\'.' '--set	A further option, see below.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set takes --tcp=none --seed=none --fault=choice:healthy,silent,deaf,noise,garble,truncate,dribble,split,bad-checksum,wrong-id,twin-id,echo,loopback,duplicate,stale,late,slow,disconnect,refuse,acknowledge,acknowledge-set,set-unanswered,not-taken,neighbour,pendant,stands-up,fidget,unlisted-codes,unknown-state,stuck-sensor,hip-offset,frozen-clock,clock-jump,reboot,unsolicited,wrong-command,short-body,stray-zero --after=none --every=none --wire=none --state=file --duration=none --control=file --set=none
+            set shared no
+        case 'sim exo'
+            set opts '--pty	Serve on a new pseudo terminal.' '--tcp	Serve on a TCP port; port 0 is any free one.' '--seed	Start of the random generator.' '--fault	Faults and states, see below; may be repeated.' '--after	The first N requests are healthy.' '--every	Of the later requests only each N-th is hit.' '--wire	Emulate the transmission time at this speed (\'auto\': the device\'s).' '--state	Keep memory, flash and positions in this file.' '--duration	Stop by itself after S seconds.' '--control	Unix socket for commands, see \'sim control\'.' '--set	A further option, see below.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set takes --tcp=none --seed=none --fault=choice:healthy,silent,deaf,noise,garble,truncate,dribble,split,bad-checksum,wrong-id,twin-id,echo,loopback,duplicate,stale,late,slow,disconnect,refuse,strict,block-silent,no-late-frames,save-fails,fresh,foreign,baud-at-1002,faults,hot,blocked,locked-rotor,over-temperature,over-current,motor-abnormal,communication,unknown-bits --after=none --every=none --wire=none --state=file --duration=none --control=file --set=none
+            set shared no
+        case 'sim wrist'
+            set opts '--pty	Serve on a new pseudo terminal.' '--tcp	Serve on a TCP port; port 0 is any free one.' '--slcan-pty	CAN, as an slcan adapter on a new pseudo terminal.' '--slcan-tcp	CAN, as an slcan adapter on a TCP port.' '--seed	Start of the random generator.' '--fault	Faults and states, see below; may be repeated.' '--after	The first N requests are healthy.' '--every	Of the later requests only each N-th is hit.' '--wire	Emulate the transmission time at this speed (\'auto\': the device\'s).' '--state	Keep memory, flash and positions in this file.' '--duration	Stop by itself after S seconds.' '--control	Unix socket for commands, see \'sim control\'.' '--set	A further option, see below.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set takes --tcp=none --slcan-tcp=none --seed=none --fault=choice:healthy,silent,deaf,noise,garble,truncate,dribble,split,bad-checksum,wrong-id,twin-id,echo,loopback,duplicate,stale,late,slow,disconnect,refuse,strict,block-silent,no-wrist,save-fails,foreign,faults,hot,blocked,locked-rotor,over-temperature,over-current,motor-abnormal,communication,unknown-bits,no-late-frames,no-ack,bus-off --after=none --every=none --wire=none --state=file --duration=none --control=file --set=none
+            set shared no
+        case 'trace'
+            set cmds 'decode	Explain one frame or several, field by field: from a manual, a scope, a hex dump; - reads stdin.' 'diff	Compare two transcripts by what was said, not by time or pieces; exit 7 when they differ.' 'show	Every frame of FILE (- = stdin) in words: time, direction, bytes, meaning, round trip; statistics at the end.'
+            set opts '-h	Show this message and exit.' '--help	Show this message and exit.'
+        case 'trace decode'
+            set opts '--from	Who sent it (default: as the bytes look).' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set takes --from=choice:host,device
+            set args 'choice:exo,wrist,aidin,barrett,ekso' 'none*'
+        case 'trace diff'
+            set opts '--family	Whose bytes they are (default: as the first line of the file says, else as the bytes look).' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set takes --family=choice:exo,wrist,aidin,barrett,ekso
+            set args 'none' 'none'
+        case 'trace show'
+            set opts '--family	Whose bytes they are (default: as the first line of the file says, else as the bytes look).' '--only	Rows with something wrong: bad frames, refusals, no answer.' '--grep	Rows whose meaning or bytes match, in any case.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set takes --family=choice:exo,wrist,aidin,barrett,ekso --only=choice:errors --grep=none
+            set args 'file'
+        case 'completion'
+            set opts '--install	Write it into your own completion directory instead of to stdout.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set args 'choice:bash,zsh,fish'
+    end
+    if test -z "$shared"
+        set -a opts '-p	Where the device is: /dev/ttyUSB0, COM3, usb:VID:PID[:SERIAL], tcp://HOST:PORT, fake://…, replay:FILE, any pyserial URL.' '--port	Where the device is: /dev/ttyUSB0, COM3, usb:VID:PID[:SERIAL], tcp://HOST:PORT, fake://…, replay:FILE, any pyserial URL.' '--fake	Talk to the built-in simulator of this device.' '-d	A device named in the configuration file, see handctl devices.' '--device	A device named in the configuration file, see handctl devices.' '--id	Device id, as the protocol has it.' '--baud	Speed of the serial port in bit/s.' '--timeout	Seconds of silence allowed per reply.' '--deadline	Seconds for the whole command.' '--retries	Repetitions of a read without a valid answer (writes are never repeated).' '--trace	Record every byte with its time; play it back with -p replay:FILE.' '--format	How results are written (default: table).' '--json	Same as --format json; for a stream one row a line.' '--csv	Same as --format csv.' '-o	Write the data there instead of stdout, whole or not at all.' '--output	Write the data there instead of stdout, whole or not at all.' '--color	Colour (default: auto; NO_COLOR is honoured).' '-q	No messages but errors.' '--quiet	No messages but errors.' '-v	Show every byte on stderr, as --trace records it.' '--verbose	Show every byte on stderr, as --trace records it.' '--debug	Show tracebacks.' '-n	Print the exact bytes of a command that writes or moves; send nothing.' '--dry-run	Print the exact bytes of a command that writes or moves; send nothing.' '-y	Answer the confirmation.' '--yes	Answer the confirmation.'
+        set -a takes -p=link --port=link -d=device --device=device --id=none --baud=none --timeout=none --deadline=none --retries=none --trace=file --format=choice:table,plain,json,ndjson,csv -o=file --output=file --color=choice:auto,always,never
+    end
+end
+
+function __handctl_map --no-scope-shadowing # FAMILY: names of its quantities; sets readable settable known elements values
+    switch "$argv[1]"
+        case exo
+            set readable 'id	id of the hand on its line' 'baud_code	speed after save and power cycle' 'clear_errors	write 1: clear the clearable actuator errors' 'save	write 1: keep the present parameters in flash' 'calibrate	write 1: calibrate forces and positions on the worn hand' 'system_voltage	supply voltage as the hand counts it' 'position_set	commanded position, 0 bent to 1000 open; -1 leaves a finger alone' 'force_set	commanded force; positive opens the hand, negative closes it' 'position_actual	measured position, 0 bent to 1000 open; thumb rotation 0 inside the palm' 'force_actual	measured force; positive: the user closes the hand, negative: opens it' 'current	actuator current' 'error	actuator error bits' 'temperature	actuator temperature'
+            set settable 'id	id of the hand on its line' 'baud_code	speed after save and power cycle' 'position_set	commanded position, 0 bent to 1000 open; -1 leaves a finger alone' 'force_set	commanded force; positive opens the hand, negative closes it'
+            set known 'id	id of the hand on its line' 'baud_code	speed after save and power cycle' 'clear_errors	write 1: clear the clearable actuator errors' 'save	write 1: keep the present parameters in flash' 'factory_reset	write 1: restore factory defaults; undocumented address, taken from the RH56 hand' 'calibrate	write 1: calibrate forces and positions on the worn hand' 'system_voltage	supply voltage as the hand counts it' 'position_set	commanded position, 0 bent to 1000 open; -1 leaves a finger alone' 'force_set	commanded force; positive opens the hand, negative closes it' 'position_actual	measured position, 0 bent to 1000 open; thumb rotation 0 inside the palm' 'force_actual	measured force; positive: the user closes the hand, negative: opens it' 'current	actuator current' 'error	actuator error bits' 'temperature	actuator temperature'
+            set elements position_set=little,ring,middle,index,thumb force_set=little,ring,middle,index,thumb position_actual=little,ring,middle,index,thumb,thumb_rotation force_actual=little,ring,middle,index,thumb current=little,ring,middle,index,thumb error=little,ring,middle,index,thumb temperature=little,ring,middle,index,thumb
+            set values baud_code=0,1,2
+        case wrist
+            set readable 'pitch_actual	measured pitch' 'yaw_actual	measured yaw' 'current_1024	current of a servo actuator' 'current_1026	current of a servo actuator' 'error_1	error bits of actuator #1' 'error_2	error bits of actuator #2' 'temperature_1	temperature of actuator #1' 'temperature_2	temperature of actuator #2' 'yaw_set	commanded yaw' 'pitch_set	commanded pitch' 'move_time	time of a movement from here to the target'
+            set settable 'yaw_set	commanded yaw' 'pitch_set	commanded pitch' 'move_time	time of a movement from here to the target'
+            set known 'pitch_actual	measured pitch' 'yaw_actual	measured yaw' 'current_1024	current of a servo actuator' 'current_1026	current of a servo actuator' 'error_1	error bits of actuator #1' 'error_2	error bits of actuator #2' 'temperature_1	temperature of actuator #1' 'temperature_2	temperature of actuator #2' 'yaw_set	commanded yaw' 'pitch_set	commanded pitch' 'move_time	time of a movement from here to the target'
+        case barrett
+            set readable 'default_position	target of M without argument; useful to 17,800 / 3150' 'default_step	step of IC and IO without argument' 'strain_limit_high	a movement ends above this strain; 255 and 256 = off' 'strain_limit_low	a movement ends below this strain; 255 and 256 = off' 'max_open_velocity	opening velocity; below 40 it may not move (§8)' 'max_close_velocity	closing velocity; sets the tip force of TC' 'strain_limit_high_alias	the same value as HSG' 'odometer	way of the motor in its life' 'position	position; about 0 to 17,800, spread 3150' 'status	sum of status codes, 0 = ready' 'strain	strain gauge; 255 = no gauge, 100 to 140 without load (§7.4)' 'loop_control_velocity	control block has a velocity' 'loop_control_velocity_coefficient	factor of the control velocity; 0 would always stop' 'loop_control_proportional_gain	control block has a gain' 'loop_feedback_velocity	feedback has the velocity' 'loop_feedback_velocity_coefficient	divisor of the fed back velocity' 'loop_feedback_strain	feedback has the strain' 'loop_feedback_absolute_position	feedback has the position' 'loop_feedback_delta_position	feedback has the change of position' 'loop_feedback_delta_position_coefficient	divisor of the fed back change' 'acceleration	acceleration; 0 would never move' 'close_target	where C goes' 'enabled	moves without a prefix too; 0 makes a finger seem dead' 'filter_derivative_zero	filter zero; other than 0 is noisy' 'filter_integral_pole	filter pole; other than 0 may go unstable' 'filter_proportional_gain	filter gain; sets the spread\'s pinch torque' 'hold	servo after a movement; fingers only heat from it' 'init_hit_count	hits of the open stop during HI' 'init_offset	way back from the stop after HI; larger lowers the breakaway force' 'init_velocity	velocity of HI' 'max_position_error	how near counts as reached' 'open_target	where O goes; also sets the breakaway force' 'sample_time	sample time of the motor controller; not to be changed' 'strain_flip	strain is turned around; legacy' 'stop_time	how long a stalled motor is driven on' 'baud_rate	speed of the serial line; acts at once' 'loop_feedback_temperature	feedback has the temperature' 'over_temperature_limit	motor commands fail above; 0 = off, 600 to 650 advised' 'temperature	CPU board; normal 400 to 600, limit 650 (§2)' 'peak_temperature	highest temperature of its life' 'uptime_seconds	time of operation in its life' 'serial_number	serial number; 0 on upgraded hands' 'loop_feedback_delta_discard	what a change too large for a byte does' 'breakaway_detected	the clutch has let go' 'breakaway_position	where the clutch let go' 'breakaway_stop	stop at breakaway' 'breakaway_acceleration_threshold	threshold of the detection' 'loop_control_torque	control block has a torque; excludes velocity and gain' 'loop_feedback_breakaway_position	feedback block has the breakaway position' 'loop_feedback_analog_input	feedback block has the analog input' 'DP' 'DS' 'HSG' 'LSG' 'MOV' 'MCV' 'MSG' 'OD' 'P' 'S' 'SG' 'LCV' 'LCVC' 'LCPG' 'LFV' 'LFVC' 'LFS' 'LFAP' 'LFDP' 'LFDPC' 'ACCEL' 'CT' 'EN' 'FDZ' 'FIP' 'FPG' 'HOLD' 'IHIT' 'IOFF' 'IVEL' 'MPE' 'OT' 'SAMPLE' 'SGFLIP' 'TSTOP' 'BAUD' 'LFT' 'OTEMP' 'TEMP' 'PTEMP' 'UPSECS' 'SN' 'LFDPD' 'BD' 'BP' 'BS' 'BDAT' 'LCT' 'LFBP' 'LFAIN'
+            set settable 'default_position	target of M without argument; useful to 17,800 / 3150' 'default_step	step of IC and IO without argument' 'strain_limit_high	a movement ends above this strain; 255 and 256 = off' 'strain_limit_low	a movement ends below this strain; 255 and 256 = off' 'max_open_velocity	opening velocity; below 40 it may not move (§8)' 'max_close_velocity	closing velocity; sets the tip force of TC' 'strain_limit_high_alias	the same value as HSG' 'loop_control_velocity	control block has a velocity' 'loop_control_velocity_coefficient	factor of the control velocity; 0 would always stop' 'loop_control_proportional_gain	control block has a gain' 'loop_feedback_velocity	feedback has the velocity' 'loop_feedback_velocity_coefficient	divisor of the fed back velocity' 'loop_feedback_strain	feedback has the strain' 'loop_feedback_absolute_position	feedback has the position' 'loop_feedback_delta_position	feedback has the change of position' 'loop_feedback_delta_position_coefficient	divisor of the fed back change' 'acceleration	acceleration; 0 would never move' 'close_target	where C goes' 'enabled	moves without a prefix too; 0 makes a finger seem dead' 'filter_derivative_zero	filter zero; other than 0 is noisy' 'filter_integral_pole	filter pole; other than 0 may go unstable' 'filter_proportional_gain	filter gain; sets the spread\'s pinch torque' 'hold	servo after a movement; fingers only heat from it' 'init_hit_count	hits of the open stop during HI' 'init_offset	way back from the stop after HI; larger lowers the breakaway force' 'init_velocity	velocity of HI' 'max_position_error	how near counts as reached' 'open_target	where O goes; also sets the breakaway force' 'sample_time	sample time of the motor controller; not to be changed' 'strain_flip	strain is turned around; legacy' 'stop_time	how long a stalled motor is driven on' 'baud_rate	speed of the serial line; acts at once' 'loop_feedback_temperature	feedback has the temperature' 'over_temperature_limit	motor commands fail above; 0 = off, 600 to 650 advised' 'loop_feedback_delta_discard	what a change too large for a byte does' 'breakaway_stop	stop at breakaway' 'breakaway_acceleration_threshold	threshold of the detection' 'loop_control_torque	control block has a torque; excludes velocity and gain' 'loop_feedback_breakaway_position	feedback block has the breakaway position' 'loop_feedback_analog_input	feedback block has the analog input' 'DP' 'DS' 'HSG' 'LSG' 'MOV' 'MCV' 'MSG' 'LCV' 'LCVC' 'LCPG' 'LFV' 'LFVC' 'LFS' 'LFAP' 'LFDP' 'LFDPC' 'ACCEL' 'CT' 'EN' 'FDZ' 'FIP' 'FPG' 'HOLD' 'IHIT' 'IOFF' 'IVEL' 'MPE' 'OT' 'SAMPLE' 'SGFLIP' 'TSTOP' 'BAUD' 'LFT' 'OTEMP' 'LFDPD' 'BS' 'BDAT' 'LCT' 'LFBP' 'LFAIN'
+            set known 'default_position	target of M without argument; useful to 17,800 / 3150' 'default_step	step of IC and IO without argument' 'strain_limit_high	a movement ends above this strain; 255 and 256 = off' 'strain_limit_low	a movement ends below this strain; 255 and 256 = off' 'max_open_velocity	opening velocity; below 40 it may not move (§8)' 'max_close_velocity	closing velocity; sets the tip force of TC' 'strain_limit_high_alias	the same value as HSG' 'odometer	way of the motor in its life' 'position	position; about 0 to 17,800, spread 3150' 'status	sum of status codes, 0 = ready' 'strain	strain gauge; 255 = no gauge, 100 to 140 without load (§7.4)' 'loop_control_velocity	control block has a velocity' 'loop_control_velocity_coefficient	factor of the control velocity; 0 would always stop' 'loop_control_proportional_gain	control block has a gain' 'loop_feedback_velocity	feedback has the velocity' 'loop_feedback_velocity_coefficient	divisor of the fed back velocity' 'loop_feedback_strain	feedback has the strain' 'loop_feedback_absolute_position	feedback has the position' 'loop_feedback_delta_position	feedback has the change of position' 'loop_feedback_delta_position_coefficient	divisor of the fed back change' 'acceleration	acceleration; 0 would never move' 'close_target	where C goes' 'enabled	moves without a prefix too; 0 makes a finger seem dead' 'filter_derivative_zero	filter zero; other than 0 is noisy' 'filter_integral_pole	filter pole; other than 0 may go unstable' 'filter_proportional_gain	filter gain; sets the spread\'s pinch torque' 'hold	servo after a movement; fingers only heat from it' 'init_hit_count	hits of the open stop during HI' 'init_offset	way back from the stop after HI; larger lowers the breakaway force' 'init_velocity	velocity of HI' 'max_position_error	how near counts as reached' 'open_target	where O goes; also sets the breakaway force' 'sample_time	sample time of the motor controller; not to be changed' 'strain_flip	strain is turned around; legacy' 'stop_time	how long a stalled motor is driven on' 'baud_rate	speed of the serial line; acts at once' 'loop_feedback_temperature	feedback has the temperature' 'over_temperature_limit	motor commands fail above; 0 = off, 600 to 650 advised' 'temperature	CPU board; normal 400 to 600, limit 650 (§2)' 'peak_temperature	highest temperature of its life' 'uptime_seconds	time of operation in its life' 'serial_number	serial number; 0 on upgraded hands' 'loop_feedback_delta_discard	what a change too large for a byte does' 'breakaway_detected	the clutch has let go' 'breakaway_position	where the clutch let go' 'breakaway_stop	stop at breakaway' 'breakaway_acceleration_threshold	threshold of the detection' 'loop_control_torque	control block has a torque; excludes velocity and gain' 'loop_feedback_breakaway_position	feedback block has the breakaway position' 'loop_feedback_analog_input	feedback block has the analog input' 'DP' 'DS' 'HSG' 'LSG' 'MOV' 'MCV' 'MSG' 'OD' 'P' 'S' 'SG' 'LCV' 'LCVC' 'LCPG' 'LFV' 'LFVC' 'LFS' 'LFAP' 'LFDP' 'LFDPC' 'ACCEL' 'CT' 'EN' 'FDZ' 'FIP' 'FPG' 'HOLD' 'IHIT' 'IOFF' 'IVEL' 'MPE' 'OT' 'SAMPLE' 'SGFLIP' 'TSTOP' 'BAUD' 'LFT' 'OTEMP' 'TEMP' 'PTEMP' 'UPSECS' 'SN' 'LFDPD' 'BD' 'BP' 'BS' 'BDAT' 'LCT' 'LFBP' 'LFAIN'
+            set elements default_position=F1,F2,F3,SPREAD DP=F1,F2,F3,SPREAD default_step=F1,F2,F3,SPREAD DS=F1,F2,F3,SPREAD strain_limit_high=F1,F2,F3,SPREAD HSG=F1,F2,F3,SPREAD strain_limit_low=F1,F2,F3,SPREAD LSG=F1,F2,F3,SPREAD max_open_velocity=F1,F2,F3,SPREAD MOV=F1,F2,F3,SPREAD max_close_velocity=F1,F2,F3,SPREAD MCV=F1,F2,F3,SPREAD strain_limit_high_alias=F1,F2,F3,SPREAD MSG=F1,F2,F3,SPREAD odometer=F1,F2,F3,SPREAD OD=F1,F2,F3,SPREAD position=F1,F2,F3,SPREAD P=F1,F2,F3,SPREAD status=F1,F2,F3,SPREAD S=F1,F2,F3,SPREAD strain=F1,F2,F3,SPREAD SG=F1,F2,F3,SPREAD loop_control_velocity=F1,F2,F3,SPREAD LCV=F1,F2,F3,SPREAD loop_control_velocity_coefficient=F1,F2,F3,SPREAD LCVC=F1,F2,F3,SPREAD loop_control_proportional_gain=F1,F2,F3,SPREAD LCPG=F1,F2,F3,SPREAD loop_feedback_velocity=F1,F2,F3,SPREAD LFV=F1,F2,F3,SPREAD loop_feedback_velocity_coefficient=F1,F2,F3,SPREAD LFVC=F1,F2,F3,SPREAD loop_feedback_strain=F1,F2,F3,SPREAD LFS=F1,F2,F3,SPREAD loop_feedback_absolute_position=F1,F2,F3,SPREAD LFAP=F1,F2,F3,SPREAD loop_feedback_delta_position=F1,F2,F3,SPREAD LFDP=F1,F2,F3,SPREAD loop_feedback_delta_position_coefficient=F1,F2,F3,SPREAD LFDPC=F1,F2,F3,SPREAD acceleration=F1,F2,F3,SPREAD ACCEL=F1,F2,F3,SPREAD close_target=F1,F2,F3,SPREAD CT=F1,F2,F3,SPREAD enabled=F1,F2,F3,SPREAD EN=F1,F2,F3,SPREAD filter_derivative_zero=F1,F2,F3,SPREAD FDZ=F1,F2,F3,SPREAD filter_integral_pole=F1,F2,F3,SPREAD FIP=F1,F2,F3,SPREAD filter_proportional_gain=F1,F2,F3,SPREAD FPG=F1,F2,F3,SPREAD hold=F1,F2,F3,SPREAD HOLD=F1,F2,F3,SPREAD init_hit_count=F1,F2,F3,SPREAD IHIT=F1,F2,F3,SPREAD init_offset=F1,F2,F3,SPREAD IOFF=F1,F2,F3,SPREAD init_velocity=F1,F2,F3,SPREAD IVEL=F1,F2,F3,SPREAD max_position_error=F1,F2,F3,SPREAD MPE=F1,F2,F3,SPREAD open_target=F1,F2,F3,SPREAD OT=F1,F2,F3,SPREAD sample_time=F1,F2,F3,SPREAD SAMPLE=F1,F2,F3,SPREAD strain_flip=F1,F2,F3,SPREAD SGFLIP=F1,F2,F3,SPREAD stop_time=F1,F2,F3,SPREAD TSTOP=F1,F2,F3,SPREAD breakaway_detected=F1,F2,F3,SPREAD BD=F1,F2,F3,SPREAD breakaway_position=F1,F2,F3,SPREAD BP=F1,F2,F3,SPREAD breakaway_stop=F1,F2,F3,SPREAD BS=F1,F2,F3,SPREAD breakaway_acceleration_threshold=F1,F2,F3,SPREAD BDAT=F1,F2,F3,SPREAD loop_control_torque=F1,F2,F3,SPREAD LCT=F1,F2,F3,SPREAD loop_feedback_breakaway_position=F1,F2,F3,SPREAD LFBP=F1,F2,F3,SPREAD loop_feedback_analog_input=F1,F2,F3,SPREAD LFAIN=F1,F2,F3,SPREAD
+            set values loop_control_velocity=0,1 LCV=0,1 loop_control_proportional_gain=0,1 LCPG=0,1 loop_feedback_velocity=0,1 LFV=0,1 loop_feedback_strain=0,1 LFS=0,1 loop_feedback_absolute_position=0,1 LFAP=0,1 loop_feedback_delta_position=0,1 LFDP=0,1 enabled=0,1 EN=0,1 hold=0,1 HOLD=0,1 strain_flip=0,1 SGFLIP=0,1 baud_rate=6,12,24,48,96,192,384 BAUD=6,12,24,48,96,192,384 loop_feedback_temperature=0,1 LFT=0,1 loop_feedback_delta_discard=0,1 LFDPD=0,1 loop_control_torque=0,1 LCT=0,1 loop_feedback_breakaway_position=0,1 LFBP=0,1 loop_feedback_analog_input=0,1 LFAIN=0,1
+        case ekso
+            set readable 'upper_leg_length	length of the thigh' 'lower_leg_length	length of the shank' 'step_length	length of a step' 'step_height	height of a step' 'swing_time	duration of the swing' 'stand_time	duration of the stance' 'knee_flexion	flexion of the knee' 'hip_flexion	flexion of the hip' 'forward_shift	weight shift forward; unit unknown' 'lateral_shift	weight shift to the side; unit unknown' 'walk_mode	how steps are started' 'stand_mode	how standing up is led' 'target_sounds	which targets sound' 'injury_mode	affected side' 'left_swing_assist	help in the left swing' 'right_swing_assist	help in the right swing' 'left_stance_support	support of the left stance' 'right_stance_support	support of the right stance' 'swing_complete	when a swing is complete; unit unknown' 'pilot_id	number of the pilot; personal' 'sit_mode	how sitting down is led' 'lean_allowance	how far leaning is allowed' 'torso_pitch	trunk, leaning forward is positive' 'torso_roll	trunk to the side; sign unknown' 'right_toe_pressure	sole sensor; unit unknown' 'right_heel_pressure	sole sensor; unit unknown' 'left_toe_pressure	sole sensor; unit unknown' 'left_heel_pressure	sole sensor; unit unknown' 'right_hip_x	hip before the foot' 'right_hip_y	hip above the sole' 'left_hip_x	hip before the foot' 'left_hip_y	hip above the sole' 'right_hip_current	motor current' 'right_hip_angle	flexion is positive' 'right_knee_current	motor current' 'right_knee_angle	flexion is positive' 'left_hip_current	motor current' 'left_hip_angle	flexion is positive' 'left_knee_current	motor current' 'left_knee_angle	flexion is positive' 'state	high digit posture, bit 0x0400 joints driven; other bits unknown' 'foot_state	one byte a foot; meaning unknown' 'min_state	meaning unknown' 'lcd_button_state	meaning unknown' 'weight_shift	weight shift' 'hmi_data	meaning unknown' 'va_ref_time	unit unknown' 'boot_time_high	milliseconds since power-on, high word' 'boot_time_low	milliseconds since power-on, low word' 'steps_taken	steps, wraps at 65536' 'upright_time	time upright, wraps at 65536' 'walk_time	time walking, wraps at 65536' 'left_max_forward_assist	unit unknown' 'left_assist_gain	unit unknown' 'right_max_forward_assist	unit unknown' 'right_assist_gain	unit unknown' 'left_hip_stance_support	unit unknown' 'left_knee_stance_support	unit unknown' 'right_hip_stance_support	unit unknown' 'right_knee_stance_support	unit unknown' 'left_step_length	as reported' 'right_step_length	as reported' 'left_swing_time	as reported' 'right_swing_time	as reported'
+            set settable 'upper_leg_length	length of the thigh' 'lower_leg_length	length of the shank' 'step_length	length of a step' 'step_height	height of a step' 'swing_time	duration of the swing' 'stand_time	duration of the stance' 'knee_flexion	flexion of the knee' 'hip_flexion	flexion of the hip' 'forward_shift	weight shift forward; unit unknown' 'lateral_shift	weight shift to the side; unit unknown' 'walk_mode	how steps are started' 'stand_mode	how standing up is led' 'target_sounds	which targets sound' 'injury_mode	affected side' 'left_swing_assist	help in the left swing' 'right_swing_assist	help in the right swing' 'left_stance_support	support of the left stance' 'right_stance_support	support of the right stance' 'sit_mode	how sitting down is led' 'lean_allowance	how far leaning is allowed'
+            set known 'upper_leg_length	length of the thigh' 'lower_leg_length	length of the shank' 'step_length	length of a step' 'step_height	height of a step' 'swing_time	duration of the swing' 'stand_time	duration of the stance' 'knee_flexion	flexion of the knee' 'hip_flexion	flexion of the hip' 'forward_shift	weight shift forward; unit unknown' 'lateral_shift	weight shift to the side; unit unknown' 'walk_mode	how steps are started' 'stand_mode	how standing up is led' 'target_sounds	which targets sound' 'injury_mode	affected side' 'left_swing_assist	help in the left swing' 'right_swing_assist	help in the right swing' 'left_stance_support	support of the left stance' 'right_stance_support	support of the right stance' 'swing_complete	when a swing is complete; unit unknown' 'pilot_id	number of the pilot; personal' 'sit_mode	how sitting down is led' 'lean_allowance	how far leaning is allowed' 'torso_pitch	trunk, leaning forward is positive' 'torso_roll	trunk to the side; sign unknown' 'right_toe_pressure	sole sensor; unit unknown' 'right_heel_pressure	sole sensor; unit unknown' 'left_toe_pressure	sole sensor; unit unknown' 'left_heel_pressure	sole sensor; unit unknown' 'right_hip_x	hip before the foot' 'right_hip_y	hip above the sole' 'left_hip_x	hip before the foot' 'left_hip_y	hip above the sole' 'right_hip_current	motor current' 'right_hip_angle	flexion is positive' 'right_knee_current	motor current' 'right_knee_angle	flexion is positive' 'left_hip_current	motor current' 'left_hip_angle	flexion is positive' 'left_knee_current	motor current' 'left_knee_angle	flexion is positive' 'state	high digit posture, bit 0x0400 joints driven; other bits unknown' 'foot_state	one byte a foot; meaning unknown' 'min_state	meaning unknown' 'lcd_button_state	meaning unknown' 'weight_shift	weight shift' 'hmi_data	meaning unknown' 'va_ref_time	unit unknown' 'boot_time_high	milliseconds since power-on, high word' 'boot_time_low	milliseconds since power-on, low word' 'steps_taken	steps, wraps at 65536' 'upright_time	time upright, wraps at 65536' 'walk_time	time walking, wraps at 65536' 'left_max_forward_assist	unit unknown' 'left_assist_gain	unit unknown' 'right_max_forward_assist	unit unknown' 'right_assist_gain	unit unknown' 'left_hip_stance_support	unit unknown' 'left_knee_stance_support	unit unknown' 'right_hip_stance_support	unit unknown' 'right_knee_stance_support	unit unknown' 'left_step_length	as reported' 'right_step_length	as reported' 'left_swing_time	as reported' 'right_swing_time	as reported'
+            set values walk_mode=0,1,2,3 stand_mode=0,1 target_sounds=0,1,2,3 injury_mode=0,1,2,3 left_swing_assist=0,1,2,3,4,5,6,7,8,9,10,11,12,13,14,15,16,17,18,19,20,21,22,23,24,25,26,27 right_swing_assist=0,1,2,3,4,5,6,7,8,9,10,11,12,13,14,15,16,17,18,19,20,21,22,23,24,25,26,27 left_stance_support=0,1,2,3,4,5 right_stance_support=0,1,2,3,4,5 sit_mode=0,1 lean_allowance=0,1,2
+        case aidin
+            set readable 'motor_pos	motor encoders, 0 where homing left them' 'joint_pos	joint angles' 'task_space_pos	fingertip coordinates' 'current_state	motor currents' 'sensor_state	fingertip forces and torques'
+            set known 'motor_pos	motor encoders, 0 where homing left them' 'joint_pos	joint angles' 'task_space_pos	fingertip coordinates' 'current_state	motor currents' 'sensor_state	fingertip forces and torques' 'hand_mode	operating mode' 'maxtorque	maximum current; 700 to 1000 recommended' 'hand_tp_cmd	encoder targets' 'hand_joint_cmd	joint angle targets' 'hand_taskspace_cmd	fingertip targets' 'hand_tt_cmd	motor current targets'
+            set elements motor_pos=thumb.m1,thumb.m2,thumb.m3,index.m1,index.m2,index.m3,middle.m1,middle.m2,middle.m3,ring.m1,ring.m2,ring.m3,little.m1,little.m2,little.m3 joint_pos=thumb.q1,thumb.q2,thumb.q3,thumb.q4,index.q1,index.q2,index.q3,index.q4,middle.q1,middle.q2,middle.q3,middle.q4,ring.q1,ring.q2,ring.q3,ring.q4,little.q1,little.q2,little.q3,little.q4 task_space_pos=thumb.x,thumb.y,thumb.z,index.x,index.y,index.z,middle.x,middle.y,middle.z,ring.x,ring.y,ring.z,little.x,little.y,little.z current_state=thumb.m1,thumb.m2,thumb.m3,index.m1,index.m2,index.m3,middle.m1,middle.m2,middle.m3,ring.m1,ring.m2,ring.m3,little.m1,little.m2,little.m3 sensor_state=thumb.fx,thumb.fy,thumb.fz,thumb.tx,thumb.ty,thumb.tz,index.fx,index.fy,index.fz,index.tx,index.ty,index.tz,middle.fx,middle.fy,middle.fz,middle.tx,middle.ty,middle.tz,ring.fx,ring.fy,ring.fz,ring.tx,ring.ty,ring.tz,little.fx,little.fy,little.fz,little.tx,little.ty,little.tz hand_tp_cmd=thumb.m1,thumb.m2,thumb.m3,index.m1,index.m2,index.m3,middle.m1,middle.m2,middle.m3,ring.m1,ring.m2,ring.m3,little.m1,little.m2,little.m3 hand_joint_cmd=thumb.q1,thumb.q2,thumb.q3,thumb.q4,index.q1,index.q2,index.q3,index.q4,middle.q1,middle.q2,middle.q3,middle.q4,ring.q1,ring.q2,ring.q3,ring.q4,little.q1,little.q2,little.q3,little.q4 hand_taskspace_cmd=thumb.x,thumb.y,thumb.z,index.x,index.y,index.z,middle.x,middle.y,middle.z,ring.x,ring.y,ring.z,little.x,little.y,little.z hand_tt_cmd=thumb.m1,thumb.m2,thumb.m3,index.m1,index.m2,index.m3,middle.m1,middle.m2,middle.m3,ring.m1,ring.m2,ring.m3,little.m1,little.m2,little.m3
+    end
+end
+
+function __handctl_lookup # WORD WORD=CONTENT...: the content of that word
+    for entry in $argv[2..-1]
+        if string match -q -- "$argv[1]=*" $entry
+            string replace -- "$argv[1]=" '' $entry
+            return
+        end
+    end
+    return 1
+end
+
+function __handctl_link # VALUE: what a LINK may be
+    if string match -q 'replay:*' -- $argv[1]
+        string replace -r -- '^' replay: (__fish_complete_path (string replace 'replay:' '' -- $argv[1]))
+        return
+    end
+    printf '%s\n' tcp:// usb: can:socketcan: can:slcan: can:pcan: socket:// replay: fake://exo fake://wrist fake://barrett fake://ekso fake://aidin
+    set -l ports /dev/serial/by-id/* /dev/ttyUSB* /dev/ttyACM* /dev/rfcomm*
+    set -l interfaces /sys/class/net/can* /sys/class/net/vcan* /sys/class/net/slcan*
+    set -l slcan /dev/ttyACM* /dev/ttyUSB*
+    string join \n -- $ports can:socketcan:(string replace -r '.*/' '' -- $interfaces) can:slcan:$slcan
+    if string match -qr '^[./~]' -- $argv[1]
+        __fish_complete_path $argv[1]
+    end
+end
+
+function __handctl_devices # the tables [devices.NAME] of the configuration file
+    set -l base $HOME/.config
+    set -q XDG_CONFIG_HOME; and set base $XDG_CONFIG_HOME
+    set -l file $base/handctl/config.toml
+    if test -r $file
+        string replace -rf '^\s*\[devices\."?([A-Za-z0-9_-]+)"?[\].].*' '$1' <$file
+    end
+end
+
+function __handctl_names # read|set|name FAMILY VALUE: quantities, then their elements, then their values
+    set -l readable
+    set -l settable
+    set -l known
+    set -l elements
+    set -l values
+    set -l sign ''
+    __handctl_map $argv[2]
+    set -l words $readable
+    switch $argv[1]
+        case set
+            set words $settable
+            set sign =
+        case name
+            set words $known
+    end
+    set -l base (string replace -r '[.=].*' '' -- $argv[3])
+    if test -n "$sign"; and string match -q '*=*' -- $argv[3]
+        set -l found (__handctl_lookup $base $values)
+        and string replace -r -- '^' (string replace -r '=.*' '=' -- $argv[3]) (string split , -- $found)
+        return
+    end
+    for word in $words
+        set -l parts (string split -m 1 \t -- $word)
+        if string match -q -- "$argv[3]*" $parts[1]; or test "$base" = "$parts[1]"
+            string join \t -- $parts[1]$sign $parts[2..-1]
+            set -l found (__handctl_lookup $parts[1] $elements)
+            and printf '%s\n' $parts[1].(string split , -- $found)$sign
+        end
+    end
+end
+
+function __handctl_take # TOKEN VALUE: what may stand in this place
+    set -l parts (string split -m 1 : -- $argv[1])
+    switch $parts[1]
+        case choice
+            string split , -- $parts[2]
+        case read set name
+            __handctl_names $parts[1] $parts[2] "$argv[2]"
+        case link
+            __handctl_link "$argv[2]"
+        case device
+            __handctl_devices
+        case file
+            __fish_complete_path "$argv[2]"
+        case dir
+            __fish_complete_directories "$argv[2]"
+    end
+end
+
+function __handctl
+    set -l shared
+    set -l cmds
+    set -l opts
+    set -l takes
+    set -l args
+    set -l where
+    set -l pending
+    set -l ends
+    set -l count 0
+    set -l tokens (commandline -opc)
+    set -l current (commandline -ct)
+    __handctl_node ''
+    for word in $tokens[2..-1]
+        if test -n "$pending"
+            set pending
+        else if test -z "$ends" -a "x$word" = x--
+            set ends yes
+        else if test -z "$ends"; and string match -q -- '--*=*' $word
+            continue
+        else if test -z "$ends"; and string match -q -- '-?*' $word
+            set -l flags $word
+            if not string match -q -- '--*' $word
+                while test (string length -- $flags) -gt 2; and not __handctl_lookup (string sub -l 2 -- $flags) $takes >/dev/null
+                    set flags -(string sub -s 3 -- $flags)
+                end
+            end
+            set pending (__handctl_lookup $flags $takes)
+        else if string match -q -- $word\t'*' $cmds
+            set where (string trim -- "$where $word")
+            __handctl_node $where
+        else
+            set count (math $count + 1)
+        end
+    end
+    if test -n "$pending"
+        __handctl_take $pending "$current"
+    else if test -z "$ends"; and string match -q -- '--*=*' $current
+        set -l parts (string split -m 1 = -- $current)
+        set pending (__handctl_lookup $parts[1] $takes)
+        and string replace -r -- '^' "$parts[1]=" (__handctl_take $pending "$parts[2]")
+    else if test -z "$ends"; and string match -q -- '-*' $current
+        printf '%s\n' $opts
+    else if test (builtin count $cmds) -gt 0
+        printf '%s\n' $cmds
+    else if test (builtin count $args) -gt 0
+        if test $count -ge (builtin count $args)
+            string match -q '*\*' -- $args[-1]; or return
+            set count (math (builtin count $args) - 1)
+        end
+        __handctl_take (string replace -r '\*$' '' -- $args[(math $count + 1)]) "$current"
+    end
+end
+
+complete -c handctl -f -a '(__handctl)'
+complete -c handctl.pyz -f -a '(__handctl)'

@@ -1,0 +1,31 @@
+"""Man pages, shell completions and README's tables, generated from the command tree and the parameter maps.
+
+`python -m handctl.docgen` writes them into `man/` and `completions/`; `handctl completion` prints the one of a shell.
+`tree` reads the click commands into plain data, `man` and `bash`, `zsh`, `fish` write text from that. Only `tree`
+knows click; nothing here talks to a device.
+"""
+
+from __future__ import annotations
+
+from handctl.docgen.tree import Node, read_tree
+
+SHELLS = ("bash", "zsh", "fish")
+COMPLETIONS = {"bash": "bash/handctl", "zsh": "zsh/_handctl", "fish": "fish/handctl.fish"}
+"""Where each completion lies under `completions/`; the file name is the one that the shell looks for."""
+
+
+def completion(shell: str, tree: Node | None = None) -> str:
+    """The completion script of one of SHELLS."""
+    from handctl.docgen import bash, fish, zsh
+
+    return {"bash": bash.script, "zsh": zsh.script, "fish": fish.script}[shell](tree or read_tree())
+
+
+def generate() -> dict[str, str]:
+    """Every generated file: path below the project -> text."""
+    from handctl.docgen.man import pages
+
+    tree = read_tree()
+    files = {f"completions/{path}": completion(shell, tree) for shell, path in COMPLETIONS.items()}
+    files |= {f"man/{name}": text for name, text in pages(tree).items()}
+    return files

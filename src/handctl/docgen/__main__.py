@@ -1,0 +1,39 @@
+"""`python -m handctl.docgen [DIRECTORY]`: write `completions/`, `man/` and README's tables there, by default here."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from handctl.docgen import generate
+from handctl.docgen.readme import filled
+from handctl.docgen.tree import read_tree
+
+
+def main(argv: Sequence[str]) -> int:
+    """Write what differs, remove man pages of commands that are gone; tells each."""
+    if len(argv) > 1 or any(word.startswith("-") for word in argv):
+        sys.stderr.write("usage: python -m handctl.docgen [DIRECTORY]\n")
+        return 2
+    top = Path(argv[0] if argv else ".")
+    files = generate()
+    readme = top / "README.md"
+    if readme.is_file():
+        files["README.md"] = filled(readme.read_text(encoding="utf-8"), read_tree())
+    for name, text in files.items():
+        path = top / name
+        if path.is_file() and path.read_text(encoding="utf-8") == text:
+            continue
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+        sys.stdout.write(f"wrote {path}\n")
+    for path in sorted(top.glob("man/handctl*.1")):
+        if f"man/{path.name}" not in files:
+            path.unlink()
+            sys.stdout.write(f"removed {path}\n")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,243 @@
+"""The bash completion: tables as case statements, and a walk over the line. No process is started for a TAB.
+
+Options are looked up in words of the form `--opt=token`; see `tree.Value.token` for the tokens.
+"""
+
+from __future__ import annotations
+
+from shlex import quote
+
+from handctl.docgen.tables import INTERFACES, MARK, PORTS, PREFIXES, SLCAN, common, names_of, own
+from handctl.docgen.tree import Node, Option
+from handctl.families import FAMILIES
+
+
+def script(tree: Node) -> str:
+    """The whole script."""
+    shared = common(tree)
+    places = {
+        "@MARK@": MARK,
+        "@SHARED@": quote(_words(shared)),
+        "@SHARED_TAKES@": quote(_takes(shared)),
+        "@NODES@": "\n".join(_node(node, shared) for node in tree.walk()),
+        "@MAPS@": "\n".join(_map(node) for node in tree.children if node.params),
+        "@PREFIXES@": " ".join((*PREFIXES, *(f"fake://{family}" for family in FAMILIES))),
+        "@PORTS@": " ".join(PORTS),
+        "@INTERFACES@": " ".join(INTERFACES),
+        "@SLCAN@": " ".join(SLCAN),
+    }
+    text = TEMPLATE
+    for place, content in places.items():
+        text = text.replace(place, content)
+    return text
+
+
+def _words(options: tuple[Option, ...]) -> str:
+    return " ".join(name for option in options for name in option.names)
+
+
+def _takes(options: tuple[Option, ...]) -> str:
+    return " ".join(f"{name}={option.value.token}" for option in options if option.value for name in option.names)
+
+
+def _node(node: Node, shared: tuple[Option, ...]) -> str:
+    options, takes_shared = own(node, shared)
+    arguments = " ".join(argument.value.token + ("*" if argument.repeats else "") for argument in node.arguments)
+    parts = {
+        "cmds": " ".join(child.path[-1] for child in node.children),
+        "opts": _words(options),
+        "takes": _takes(options),
+        "args": arguments,
+        "shared": "" if takes_shared else "no",
+    }
+    return f"        {quote(node.name)}) {' '.join(f'{key}={quote(text)}' for key, text in parts.items() if text)} ;;"
+
+
+def _map(node: Node) -> str:
+    names = names_of(node.params)
+    elements = " ".join(f"{name}={','.join(words)}" for name, words in names.elements.items())
+    values = " ".join(f"{name}={','.join(words)}" for name, words in names.values.items())
+    return (
+        f"        {node.name})\n"
+        f"            read={quote(' '.join(names.read))}\n            set={quote(' '.join(names.set))}\n"
+        f"            name={quote(' '.join(names.name))}\n            elements={quote(elements)}\n"
+        f"            values={quote(values)}\n            ;;"
+    )
+
+
+TEMPLATE = r"""# bash @MARK@: do not edit
+
+_handctl_node() # PATH: what stands below it; sets cmds opts takes args
+{
+    local shared=
+    cmds='' opts='' takes='' args=''
+    case $1 in
+@NODES@
+    esac
+    [[ $shared ]] || opts+=" "@SHARED@ takes+=" "@SHARED_TAKES@
+    takes=" $takes"
+}
+
+_handctl_map() # FAMILY: names of its quantities; sets read set name elements values
+{
+    case $1 in
+@MAPS@
+    esac
+}
+
+_handctl_offer() # HEAD WORD...: those that continue what is typed, each after HEAD
+{
+    local head=$1 word
+    shift
+    for word; do
+        [[ $head$word == "$cur"* ]] && COMPREPLY+=("$head$word")
+    done
+    return 0
+}
+
+_handctl_link() # HEAD
+{
+    local place value=${cur#"$1"}
+    if [[ $value == replay:* ]]; then
+        compopt -o default
+        return
+    fi
+    _handctl_offer "$1" @PREFIXES@
+    for place in @PORTS@; do
+        [[ -e $place ]] && _handctl_offer "$1" "$place"
+    done
+    for place in @INTERFACES@; do
+        [[ -e $place ]] && _handctl_offer "$1can:socketcan:" "${place##*/}"
+    done
+    for place in @SLCAN@; do
+        [[ -e $place && $value == can:slcan:* ]] && _handctl_offer "$1can:slcan:" "$place"
+    done
+    ((${#COMPREPLY[@]})) || compopt -o default
+}
+
+_handctl_devices() # HEAD: the tables [devices.NAME] of the configuration file
+{
+    local line file=${XDG_CONFIG_HOME:-$HOME/.config}/handctl/config.toml
+    local table='^[[:space:]]*\[devices\."?([A-Za-z0-9_-]+)"?[].]'
+    [[ -r $file ]] || return 0
+    while IFS= read -r line || [[ $line ]]; do
+        [[ $line =~ $table ]] && _handctl_offer "$1" "${BASH_REMATCH[1]}"
+    done <"$file"
+    return 0
+}
+
+_handctl_names() # read|set|name FAMILY: quantities, then their elements, then their values
+{
+    local read set name elements values list sign= base=${cur%%[.=]*}
+    _handctl_map "$2"
+    elements=" $elements" values=" $values"
+    [[ $1 == set ]] && sign='='
+    if [[ $sign && $cur == *=* ]]; then
+        [[ $values == *" $base="* ]] || return 0
+        list=${values#*" $base="}
+        list=${list%% *}
+        _handctl_offer "${cur%%=*}=" ${list//,/ }
+        return
+    fi
+    if [[ $cur != *.* ]]; then
+        _handctl_offer '' ${!1}
+        ((${#COMPREPLY[@]} == 1)) || { COMPREPLY=("${COMPREPLY[@]/%/$sign}"); return; }
+        base=${COMPREPLY[0]}
+        COMPREPLY=("$base$sign")
+    fi
+    [[ $elements == *" $base="* && " ${!1} " == *" $base "* ]] || return 0
+    list=${elements#*" $base="}
+    list=${list%% *}
+    list=" ${list//,/ }"
+    for list in $list; do
+        _handctl_offer '' "$base.$list$sign"
+    done
+}
+
+_handctl_take() # TOKEN HEAD: what may stand in this place
+{
+    local detail=${1#*:}
+    case $1 in
+        choice:*) _handctl_offer "$2" ${detail//,/ } ;;
+        read:* | set:* | name:*) _handctl_names "${1%%:*}" "$detail" ;;
+        link) _handctl_link "$2" ;;
+        device) _handctl_devices "$2" ;;
+        file) compopt -o default ;;
+        dir) compopt -o dirnames ;;
+    esac
+}
+
+_handctl_words() # the words up to the cursor, with what readline splits at = and : put together; sets words cur
+{
+    local line=${COMP_LINE:0:COMP_POINT} rest index last
+    words=()
+    for ((index = 0; index <= COMP_CWORD; index++)); do
+        rest=${line#"${line%%[![:space:]]*}"}
+        last=${#words[@]}
+        [[ $index -gt 0 && $rest == "$line" && ${COMP_WORDS[index]} ]] && ((last--))
+        if ((index == COMP_CWORD)); then
+            words[last]+=$rest
+        else
+            words[last]+=${COMP_WORDS[index]}
+            line=${rest#"${COMP_WORDS[index]}"}
+        fi
+    done
+    cur=${words[-1]}
+    unset 'words[-1]'
+}
+
+_handctl()
+{
+    local IFS=$' \t\n' cur words cmds opts takes args word flags path= pending= ends= count=0
+    COMPREPLY=()
+    _handctl_words
+    _handctl_node ''
+    for word in "${words[@]:1}"; do
+        if [[ $pending ]]; then
+            pending=
+        elif [[ ! $ends && $word == -- ]]; then
+            ends=yes
+        elif [[ ! $ends && $word == --*=* ]]; then
+            :
+        elif [[ ! $ends && $word == -?* ]]; then
+            flags=$word
+            [[ $word == --* ]] || while [[ ${#flags} -gt 2 && $takes != *" ${flags:0:2}="* ]]; do
+                flags=-${flags:2}
+            done
+            [[ $takes == *" $flags="* ]] && pending=${takes#*" $flags="} && pending=${pending%% *}
+        elif [[ " $cmds " == *" $word "* ]]; then
+            path+=${path:+ }$word
+            _handctl_node "$path"
+        elif [[ $word == *[\<\>]* ]]; then
+            pending=file
+        else
+            ((count++))
+        fi
+    done
+    if [[ $pending ]]; then
+        _handctl_take "$pending" ''
+    elif [[ ! $ends && $cur == --*=* ]]; then
+        word=${cur%%=*}
+        [[ $takes == *" $word="* ]] && pending=${takes#*" $word="} && _handctl_take "${pending%% *}" "$word="
+    elif [[ ! $ends && $cur == -* ]]; then
+        _handctl_offer '' $opts
+    elif [[ $cmds ]]; then
+        _handctl_offer '' $cmds
+    elif [[ $args ]]; then
+        args=($args)
+        ((count < ${#args[@]})) || { count=$((${#args[@]} - 1)); [[ ${args[count]} == *'*' ]] || return 0; }
+        _handctl_take "${args[count]%'*'}" ''
+    fi
+    if ((${#COMPREPLY[@]} == 1)) && [[ ${COMPREPLY[0]} == *[=:/] ]]; then
+        compopt -o nospace
+    fi
+    # readline replaces only what follows the last of its word breaks
+    word=
+    [[ $COMP_WORDBREAKS == *=* && $cur == *=* ]] && word=${cur%"${cur##*=}"}
+    [[ $COMP_WORDBREAKS == *:* && $cur == *:* && ${cur%"${cur##*:}"} == "$word"* ]] && word=${cur%"${cur##*:}"}
+    [[ $word ]] && COMPREPLY=("${COMPREPLY[@]#"$word"}")
+    return 0
+}
+
+complete -F _handctl handctl handctl.pyz
+"""

@@ -1,0 +1,240 @@
+"""The fish completion: the same tables and walk as in bash, with help texts. No process is started for a TAB."""
+
+from __future__ import annotations
+
+from handctl.docgen.tables import INTERFACES, MARK, PORTS, PREFIXES, SLCAN, common, names_of, own, plain
+from handctl.docgen.tree import Node, Option
+from handctl.families import FAMILIES
+
+
+def script(tree: Node) -> str:
+    """The whole script."""
+    shared = common(tree)
+    places = {
+        "@MARK@": MARK,
+        "@SHARED@": _described(shared),
+        "@SHARED_TAKES@": _takes(shared),
+        "@NODES@": "\n".join(_node(node, shared) for node in tree.walk()),
+        "@MAPS@": "\n".join(_map(node) for node in tree.children if node.params),
+        "@PREFIXES@": " ".join((*PREFIXES, *(f"fake://{family}" for family in FAMILIES))),
+        "@PORTS@": " ".join(PORTS),
+        "@INTERFACES@": " ".join(INTERFACES),
+        "@SLCAN@": " ".join(SLCAN),
+    }
+    text = TEMPLATE
+    for place, content in places.items():
+        text = text.replace(place, content)
+    return text
+
+
+def quote(text: str) -> str:
+    """A fish word: in single quotes only a backslash and a quote are special."""
+    escaped = text.replace("\\", "\\\\").replace("'", "\\'")
+    return f"'{escaped}'"
+
+
+def _words(key: str, words: list[str]) -> str:
+    return f"            set {key} {' '.join(words)}\n" if words else ""
+
+
+def _described(options: tuple[Option, ...]) -> str:
+    return " ".join(quote(f"{name}\t{plain(option.help)}") for option in options for name in option.names)
+
+
+def _takes(options: tuple[Option, ...]) -> str:
+    return " ".join(f"{name}={option.value.token}" for option in options if option.value for name in option.names)
+
+
+def _node(node: Node, shared: tuple[Option, ...]) -> str:
+    options, takes_shared = own(node, shared)
+    return (
+        f"        case {quote(node.name)}\n"
+        + _words("cmds", [quote(f"{child.path[-1]}\t{plain(child.summary)}") for child in node.children])
+        + _words("opts", [_described(options)] if options else [])
+        + _words("takes", [_takes(options)] if _takes(options) else [])
+        + _words("args", [quote(argument.value.token + "*" * argument.repeats) for argument in node.arguments])
+        + ("" if takes_shared else "            set shared no\n")
+    ).rstrip()
+
+
+def _map(node: Node) -> str:
+    names = names_of(node.params)
+    docs = {param.name: param.doc for param in node.params}
+
+    def table(words: tuple[str, ...]) -> list[str]:
+        return [quote(f"{word}\t{plain(docs[word])}" if word in docs else word) for word in words]
+
+    return (
+        f"        case {node.name}\n"
+        + _words("readable", table(names.read))
+        + _words("settable", table(names.set))
+        + _words("known", table(names.name))
+        + _words("elements", [f"{name}={','.join(words)}" for name, words in names.elements.items()])
+        + _words("values", [f"{name}={','.join(words)}" for name, words in names.values.items()])
+    ).rstrip()
+
+
+TEMPLATE = r"""# fish @MARK@: do not edit
+
+function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets cmds opts takes args
+    set shared
+    set cmds
+    set opts
+    set takes
+    set args
+    switch "$argv[1]"
+@NODES@
+    end
+    if test -z "$shared"
+        set -a opts @SHARED@
+        set -a takes @SHARED_TAKES@
+    end
+end
+
+function __handctl_map --no-scope-shadowing # FAMILY: names of its quantities; sets readable settable known elements values
+    switch "$argv[1]"
+@MAPS@
+    end
+end
+
+function __handctl_lookup # WORD WORD=CONTENT...: the content of that word
+    for entry in $argv[2..-1]
+        if string match -q -- "$argv[1]=*" $entry
+            string replace -- "$argv[1]=" '' $entry
+            return
+        end
+    end
+    return 1
+end
+
+function __handctl_link # VALUE: what a LINK may be
+    if string match -q 'replay:*' -- $argv[1]
+        string replace -r -- '^' replay: (__fish_complete_path (string replace 'replay:' '' -- $argv[1]))
+        return
+    end
+    printf '%s\n' @PREFIXES@
+    set -l ports @PORTS@
+    set -l interfaces @INTERFACES@
+    set -l slcan @SLCAN@
+    string join \n -- $ports can:socketcan:(string replace -r '.*/' '' -- $interfaces) can:slcan:$slcan
+    if string match -qr '^[./~]' -- $argv[1]
+        __fish_complete_path $argv[1]
+    end
+end
+
+function __handctl_devices # the tables [devices.NAME] of the configuration file
+    set -l base $HOME/.config
+    set -q XDG_CONFIG_HOME; and set base $XDG_CONFIG_HOME
+    set -l file $base/handctl/config.toml
+    if test -r $file
+        string replace -rf '^\s*\[devices\."?([A-Za-z0-9_-]+)"?[\].].*' '$1' <$file
+    end
+end
+
+function __handctl_names # read|set|name FAMILY VALUE: quantities, then their elements, then their values
+    set -l readable
+    set -l settable
+    set -l known
+    set -l elements
+    set -l values
+    set -l sign ''
+    __handctl_map $argv[2]
+    set -l words $readable
+    switch $argv[1]
+        case set
+            set words $settable
+            set sign =
+        case name
+            set words $known
+    end
+    set -l base (string replace -r '[.=].*' '' -- $argv[3])
+    if test -n "$sign"; and string match -q '*=*' -- $argv[3]
+        set -l found (__handctl_lookup $base $values)
+        and string replace -r -- '^' (string replace -r '=.*' '=' -- $argv[3]) (string split , -- $found)
+        return
+    end
+    for word in $words
+        set -l parts (string split -m 1 \t -- $word)
+        if string match -q -- "$argv[3]*" $parts[1]; or test "$base" = "$parts[1]"
+            string join \t -- $parts[1]$sign $parts[2..-1]
+            set -l found (__handctl_lookup $parts[1] $elements)
+            and printf '%s\n' $parts[1].(string split , -- $found)$sign
+        end
+    end
+end
+
+function __handctl_take # TOKEN VALUE: what may stand in this place
+    set -l parts (string split -m 1 : -- $argv[1])
+    switch $parts[1]
+        case choice
+            string split , -- $parts[2]
+        case read set name
+            __handctl_names $parts[1] $parts[2] "$argv[2]"
+        case link
+            __handctl_link "$argv[2]"
+        case device
+            __handctl_devices
+        case file
+            __fish_complete_path "$argv[2]"
+        case dir
+            __fish_complete_directories "$argv[2]"
+    end
+end
+
+function __handctl
+    set -l shared
+    set -l cmds
+    set -l opts
+    set -l takes
+    set -l args
+    set -l where
+    set -l pending
+    set -l ends
+    set -l count 0
+    set -l tokens (commandline -opc)
+    set -l current (commandline -ct)
+    __handctl_node ''
+    for word in $tokens[2..-1]
+        if test -n "$pending"
+            set pending
+        else if test -z "$ends" -a "x$word" = x--
+            set ends yes
+        else if test -z "$ends"; and string match -q -- '--*=*' $word
+            continue
+        else if test -z "$ends"; and string match -q -- '-?*' $word
+            set -l flags $word
+            if not string match -q -- '--*' $word
+                while test (string length -- $flags) -gt 2; and not __handctl_lookup (string sub -l 2 -- $flags) $takes >/dev/null
+                    set flags -(string sub -s 3 -- $flags)
+                end
+            end
+            set pending (__handctl_lookup $flags $takes)
+        else if string match -q -- $word\t'*' $cmds
+            set where (string trim -- "$where $word")
+            __handctl_node $where
+        else
+            set count (math $count + 1)
+        end
+    end
+    if test -n "$pending"
+        __handctl_take $pending "$current"
+    else if test -z "$ends"; and string match -q -- '--*=*' $current
+        set -l parts (string split -m 1 = -- $current)
+        set pending (__handctl_lookup $parts[1] $takes)
+        and string replace -r -- '^' "$parts[1]=" (__handctl_take $pending "$parts[2]")
+    else if test -z "$ends"; and string match -q -- '-*' $current
+        printf '%s\n' $opts
+    else if test (builtin count $cmds) -gt 0
+        printf '%s\n' $cmds
+    else if test (builtin count $args) -gt 0
+        if test $count -ge (builtin count $args)
+            string match -q '*\*' -- $args[-1]; or return
+            set count (math (builtin count $args) - 1)
+        end
+        __handctl_take (string replace -r '\*$' '' -- $args[(math $count + 1)]) "$current"
+    end
+end
+
+complete -c handctl -f -a '(__handctl)'
+complete -c handctl.pyz -f -a '(__handctl)'
+"""

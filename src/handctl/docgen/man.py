@@ -1,0 +1,236 @@
+"""The man pages: handctl(1), and one for each top-level command, as git has it.
+
+Everything but the prose of `texts` comes from the command tree, the parameter maps, the error tree and the options.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+
+from handctl import __version__
+from handctl.docgen import texts
+from handctl.docgen.roff import Page, bold, escape, italic, marked
+from handctl.docgen.tables import common, mnemonic
+from handctl.docgen.tree import Node, Option
+from handctl.errors import HandctlError
+from handctl.families import FAMILIES
+from handctl.param import Param
+
+EDITION = "2026-11-21"
+"""Date of the pages: of their wording, not of the day they are generated."""
+
+
+def pages(tree: Node) -> dict[str, str]:
+    """File name -> page."""
+    return {"handctl.1": _root(tree)} | {f"handctl-{node.path[0]}.1": _command(node, tree) for node in tree.children}
+
+
+def _page(name: str, summary: str) -> Page:
+    page = Page(name, EDITION, f"handctl {__version__}", "handctl manual")
+    page.section("NAME")
+    page.para(f"{escape(name)} \\- {escape(summary)}")
+    return page
+
+
+def _root(tree: Node) -> str:
+    page = _page("handctl", tree.help.rstrip("."))
+    page.section("SYNOPSIS")
+    page.literal([f"{bold('handctl')} [{italic('OPTIONS')}] {italic('COMMAND')} ..."])
+    page.section("DESCRIPTION")
+    page.para(escape(tree.help))
+    page.para(
+        "Options may stand at any level: before the command, after it or after its verb. The one nearest the verb wins. "
+        "Each has an environment variable."
+    )
+    for text in texts.SAFETY:
+        page.para(marked(text))
+    page.section("COMMANDS")
+    for node in tree.children:
+        page.item(_reference(f"handctl-{node.path[0]}"), _sentence(node.summary))
+    page.section("OPTIONS")
+    _options(page, tree.options)
+    page.section("LINKS")
+    for link, text in texts.LINKS:
+        page.item(bold(link), marked(text))
+    page.section("OUTPUT")
+    for text in texts.OUTPUT:
+        page.para(marked(text))
+    return _closing(page, tree, tree)
+
+
+def _command(node: Node, tree: Node) -> str:
+    name = f"handctl-{node.path[0]}"
+    page = _page(name, node.summary)
+    leaves = [leaf for leaf in node.walk() if not leaf.children]
+    page.section("SYNOPSIS")
+    page.literal([_usage(leaf) for leaf in leaves])
+    page.section("DESCRIPTION")
+    _paragraphs(page, node.help, inside=False)
+    shared = common(tree)
+    if node.children:
+        page.section("COMMANDS")
+        for leaf in leaves:
+            first, _, rest = leaf.help.partition("\n\n")
+            page.item(_usage(leaf, len(node.path)), marked(first))
+            _paragraphs(page, rest, inside=True)
+            if leaf.writes and "-n, --dry-run" not in leaf.help:
+                page.more(f"It writes: {bold('-n')} shows the bytes and sends nothing.")
+            _below(page, leaf, (*shared, *node.options))
+    page.section("OPTIONS")
+    _options(page, node.options)
+    if node.params:
+        page.section("QUANTITIES")
+        for param in node.params:
+            page.item(_quantity(param), _about(param))
+    return _closing(page, node, tree)
+
+
+def _usage(node: Node, skip: int = 0) -> str:
+    """The line of a command; `skip` words of its path are left out, and so is the program."""
+    words = [bold(" ".join(("handctl", *node.path)) if not skip else " ".join(node.path[skip:]))]
+    if not skip:
+        words.append(f"[{italic('OPTIONS')}]")
+    return " ".join([*words, *(italic(argument.metavar) for argument in node.arguments)])
+
+
+def _paragraphs(page: Page, text: str, *, inside: bool) -> None:
+    """A click help text; a paragraph that begins with \\b keeps its lines. The first one of an item stands there."""
+    for paragraph in filter(None, re.split(r"\n\s*\n", text)):
+        if paragraph.startswith("\b"):
+            lines = [escape(line) for line in paragraph.lstrip("\b\n").splitlines()]
+            if inside:
+                page.indent()
+            page.literal(lines)
+            if inside:
+                page.outdent()
+        elif inside:
+            page.more(marked(" ".join(paragraph.split())))
+        else:
+            page.para(marked(" ".join(paragraph.split())))
+
+
+def _below(page: Page, leaf: Node, known: Sequence[Option]) -> None:
+    """A command's own options and lists, indented below it."""
+    own = [option for option in leaf.options if option not in known and "--help" not in option.names]
+    if not own and not leaf.sections:
+        return
+    page.indent()
+    for option in own:
+        page.item(_tag(option), marked(option.help))
+    for section in leaf.sections:
+        page.para(bold(section.title) if section.rows else marked(section.text))
+        for word, text in section.rows:
+            page.item(bold(word), _sentence(text))
+    page.outdent()
+
+
+def _options(page: Page, options: Iterable[Option]) -> None:
+    groups: dict[str, list[Option]] = {}
+    for option in options:
+        groups.setdefault(option.section, []).append(option)
+    for title in ("Options", *(name for name in groups if name != "Options")):
+        if title in groups and len(groups) > 1:
+            page.subsection("General" if title == "Options" else title)
+        for option in groups.get(title, ()):
+            page.item(_tag(option), marked(option.help))
+
+
+def _tag(option: Option) -> str:
+    names = ", ".join(bold(name) for name in option.names)
+    return f"{names} {italic(option.metavar)}" if option.metavar else names
+
+
+def _quantity(param: Param) -> str:
+    short = mnemonic(param)
+    return bold(param.name) + (f", {bold(short)}" if short else "")
+
+
+def _about(param: Param) -> str:
+    access = {"r": "read only", "rw": "read and write", "w": "write only"}.get(param.access, param.access)
+    facts = ["trigger" if param.trigger else access]
+    if param.range_text:
+        facts.append(param.range_text + (f" {param.unit}" if param.unit else ""))
+    elif param.unit:
+        facts.append(f"in {param.unit}")
+    parts = [_sentence(param.doc + (f"; {param.note}" if param.note else "")), _sentence("; ".join(facts))]
+    if param.elements:
+        parts.append(f"Elements: {', '.join(map(italic, param.elements))}.")
+    if param.bits:
+        parts.append(f"Bits from 0: {escape(', '.join(param.bits))}.")
+    return " ".join([*parts, f"Source: {escape(param.source)}."])
+
+
+def _closing(page: Page, node: Node, tree: Node) -> str:
+    name = node.path[0] if node.path else ""
+    page.section("EXIT STATUS")
+    for code, text in exit_codes():
+        page.item(bold(str(code)), _sentence(text))
+    if common(node):
+        page.section("ENVIRONMENT")
+        for variable, text in _environment(node):
+            page.item(bold(variable), text)
+    files = list(texts.FILES.get(name, ()))
+    if not name:
+        files = [entry for child in tree.children for entry in texts.FILES.get(child.path[0], ()) if "/" in entry[0]]
+    elif name in FAMILIES and any(child.path == ("devices",) for child in tree.children):
+        files += texts.FILES["devices"]
+    if files:
+        page.section("FILES")
+        for path, text in files:
+            page.item(italic(path), marked(text))
+    page.section("EXAMPLES")
+    for line, text in examples(node):
+        page.item(bold(line), marked(text))
+    page.section("SEE ALSO")
+    others = ["handctl", *(f"handctl-{child.path[0]}" for child in tree.children)]
+    page.para(",\n".join(_reference(other) for other in others if other != "-".join(("handctl", *node.path))))
+    return page.text
+
+
+def exit_codes() -> list[tuple[int, str]]:
+    """Exit code -> meaning, from the error tree."""
+
+    def below(kind: type[HandctlError]) -> Iterable[type[HandctlError]]:
+        for child in kind.__subclasses__():
+            yield child
+            yield from below(child)
+
+    found = {0: "Done.", 1: "A bug in handctl, or the output could not be written."}
+    for kind in below(HandctlError):
+        if kind.__module__ == HandctlError.__module__ and kind.exit_code not in found:
+            text = " ".join((kind.__doc__ or "").split())
+            found[kind.exit_code] = re.sub(rf" ?Exit code {kind.exit_code}\b[^.]*\.", "", text)
+    return sorted(found.items())
+
+
+def _environment(node: Node) -> Iterable[tuple[str, str]]:
+    for option in node.options:
+        if option.env:
+            long = option.names[-1]
+            yield option.env, f"1 is the same as {bold(long)}." if option.value is None else _same(long, option.metavar)
+    yield "NO_COLOR", f"Anything but an empty value: no colour, unless {bold('--color always')} is given."
+
+
+def _same(name: str, metavar: str) -> str:
+    return f"The same as {bold(name)} {italic(metavar)}."
+
+
+def examples(node: Node) -> list[tuple[str, str]]:
+    """Command line -> what it shows: the page's own, or the usual ones that the command has the verbs for."""
+    name = node.path[0] if node.path else ""
+    if name in texts.EXAMPLES:
+        return list(texts.EXAMPLES[name])
+    verbs = {child.path[-1] for child in node.children}
+    usual = [(line.format(name), text) for line, text in texts.USUAL if line.split()[2] in verbs]
+    return usual or [(f"handctl {name} --help", "What it takes.")]
+
+
+def _reference(page: str) -> str:
+    return f"\\%{bold(page)}(1)"
+
+
+def _sentence(text: str) -> str:
+    text = text.strip()
+    text = text[:1].upper() + text[1:]
+    return marked(text if text.endswith((".", "?", "!")) else f"{text}.")

@@ -1,0 +1,93 @@
+"""A man(7) page as text: titles, paragraphs, tagged items, literal lines; every character escaped once, here.
+
+Clean under `mandoc -T lint` and `groff -man -ww`. Knows nothing of handctl.
+"""
+
+from __future__ import annotations
+
+import re
+import textwrap
+
+WIDTH = 78
+SPECIAL = {"\\": r"\e", "-": r"\-", "'": r"\(aq", "`": r"\(ga", "^": r"\(ha", "~": r"\(ti"}
+
+
+def escape(text: str) -> str:
+    """Plain text as roff: hyphens stay hyphens (an option can be copied), other scripts become \\[uXXXX]."""
+    return "".join(SPECIAL.get(c) or (c if c.isascii() else f"\\[u{ord(c):04X}]") for c in text)
+
+
+def bold(text: str) -> str:
+    """Words to be typed as they are."""
+    return f"\\fB{escape(text)}\\fR"
+
+
+def italic(text: str) -> str:
+    """Words to be replaced."""
+    return f"\\fI{escape(text)}\\fR"
+
+
+def marked(text: str) -> str:
+    """A text in which `this` is to be typed as it is."""
+    parts = re.split(r"`([^`]+)`", text)
+    return "".join(bold(part) if position % 2 else escape(part) for position, part in enumerate(parts))
+
+
+class Page:
+    """Collects the lines of one page. Texts for `para`, `item` and `tag` are roff already: see `marked`."""
+
+    def __init__(self, name: str, date: str, source: str, manual: str) -> None:
+        self._lines = [f'.TH {escape(name.upper())} 1 {date} "{source}" "{manual}"', ".nh", ".ad l"]
+
+    @property
+    def text(self) -> str:
+        """The finished page."""
+        return "\n".join(self._lines) + "\n"
+
+    def section(self, title: str) -> None:
+        """A heading at the margin."""
+        self._lines.append(f".SH {title}")
+
+    def subsection(self, title: str) -> None:
+        """A heading within a section."""
+        self._lines.append(f".SS {escape(title)}")
+
+    def para(self, text: str) -> None:
+        """A paragraph."""
+        if not self._lines[-1].startswith((".SH", ".SS")):
+            self._lines.append(".PP")
+        self._fill(text)
+
+    def item(self, tag: str, text: str) -> None:
+        """A tagged paragraph."""
+        self._lines += [".TP", tag]
+        self._fill(text)
+
+    def more(self, text: str) -> None:
+        """A further paragraph of the last item."""
+        self._lines.append(".IP")
+        self._fill(text)
+
+    def literal(self, lines: list[str]) -> None:
+        """Lines that keep their breaks, indented where they stand; roff already."""
+        if not self._lines[-1].startswith((".SH", ".SS", ".IP", ".RS")):
+            self._lines.append(".PP")
+        self._lines += [".nf", *(_guard(line) for line in lines), ".fi"]
+
+    def indent(self) -> None:
+        """What follows belongs to the last item."""
+        self._lines.append(".RS")
+
+    def outdent(self) -> None:
+        """The end of `indent`."""
+        self._lines.append(".RE")
+
+    def _fill(self, text: str) -> None:
+        for sentence in re.split(r"(?<=[.?!:]) +(?=[A-Z\\])", " ".join(text.split())):
+            lines = textwrap.wrap(sentence, WIDTH, break_long_words=False, break_on_hyphens=False)
+            self._lines += [_guard(line) for line in lines]
+
+
+def _guard(line: str) -> str:
+    """A line that begins with a dot is not a request."""
+    return f"\\&{line}" if line.startswith((".", "'")) else line

@@ -1,0 +1,75 @@
+"""What the three completion scripts have in common: which names a map offers, and how the tables are cut.
+
+Knows no shell's syntax.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from handctl.docgen.tree import Node, Option
+from handctl.param import Param
+
+MARK = "completion of handctl, generated from its command tree"
+"""Stands in the first lines of every script: how an installed one is recognised as ours."""
+
+PREFIXES = ("tcp://", "usb:", "can:socketcan:", "can:slcan:", "can:pcan:", "socket://", "replay:")
+"""How a LINK may begin, beside a path and the simulators."""
+
+PORTS = ("/dev/serial/by-id/*", "/dev/ttyUSB*", "/dev/ttyACM*", "/dev/rfcomm*")
+INTERFACES = ("/sys/class/net/can*", "/sys/class/net/vcan*", "/sys/class/net/slcan*")
+SLCAN = ("/dev/ttyACM*", "/dev/ttyUSB*")
+
+
+class Names(NamedTuple):
+    """The words of one family's map: for reading, for setting, all; elements of vectors, values of enumerations."""
+
+    read: tuple[str, ...]
+    set: tuple[str, ...]
+    name: tuple[str, ...]
+    elements: dict[str, tuple[str, ...]]
+    values: dict[str, tuple[str, ...]]
+
+
+def names_of(params: tuple[Param, ...]) -> Names:
+    """The words that the verbs of a map take. A mnemonic is a second name."""
+
+    def spelled(chosen: list[Param]) -> tuple[str, ...]:
+        return (*(param.name for param in chosen), *filter(None, map(mnemonic, chosen)))
+
+    def table(pairs: list[tuple[Param, tuple[str, ...]]]) -> dict[str, tuple[str, ...]]:
+        return {name: words for param, words in pairs if words for name in filter(None, (param.name, mnemonic(param)))}
+
+    writable = [param for param in params if param.writable]
+    return Names(
+        read=spelled([param for param in params if param.readable]),
+        set=spelled(writable),
+        name=spelled(list(params)),
+        elements=table([(param, param.elements) for param in params]),
+        values=table([(param, tuple(map(str, param.choices))) for param in writable]),
+    )
+
+
+def mnemonic(param: Param) -> str:
+    """The device's own short name of a quantity where it has one, e.g. ``HSG``."""
+    return str(getattr(param, "mnemonic", ""))
+
+
+def common(tree: Node) -> tuple[Option, ...]:
+    """The options that every command of every device has: the root's. A wire belongs to one family."""
+    return tuple(option for option in tree.options if option.shared)
+
+
+def own(node: Node, shared: tuple[Option, ...]) -> tuple[tuple[Option, ...], bool]:
+    """The options of a command without the `shared` ones, and whether it takes all of those too.
+
+    One that has an option of its own in place of a shared one lists all.
+    """
+    if not set(shared) <= set(node.options):
+        return node.options, False
+    return tuple(option for option in node.options if option not in shared), True
+
+
+def plain(text: str) -> str:
+    """A help text as one line without markup."""
+    return " ".join(text.replace("`", "").split())

@@ -1,0 +1,201 @@
+"""The zsh completion: the same tables and walk as in bash, with help texts. No process is started for a TAB."""
+
+from __future__ import annotations
+
+from shlex import quote
+
+from handctl.docgen.tables import INTERFACES, MARK, PORTS, PREFIXES, SLCAN, common, names_of, own, plain
+from handctl.docgen.tree import Node, Option
+from handctl.families import FAMILIES
+from handctl.param import Param
+
+
+def script(tree: Node) -> str:
+    """The whole script."""
+    shared = common(tree)
+    places = {
+        "@MARK@": MARK,
+        "@SHARED@": " ".join(_described(shared)),
+        "@SHARED_TAKES@": " ".join(_takes(shared)),
+        "@NODES@": "\n".join(_node(node, shared) for node in tree.walk()),
+        "@MAPS@": "\n".join(_map(node) for node in tree.children if node.params),
+        "@PREFIXES@": " ".join(PREFIXES),
+        "@FAKES@": " ".join(f"fake://{family}" for family in FAMILIES),
+        "@PORTS@": " ".join(f"{pattern}(N)" for pattern in PORTS),
+        "@INTERFACES@": " ".join(f"{pattern}(N:t)" for pattern in INTERFACES),
+        "@SLCAN@": " ".join(f"{pattern}(N)" for pattern in SLCAN),
+    }
+    text = TEMPLATE
+    for place, content in places.items():
+        text = text.replace(place, content)
+    return text
+
+
+def _pair(word: str, text: str) -> str:
+    escaped = word.replace(":", "\\:")
+    return quote(f"{escaped}:{plain(text)}")
+
+
+def _described(options: tuple[Option, ...]) -> list[str]:
+    return [_pair(name, option.help) for option in options for name in option.names]
+
+
+def _takes(options: tuple[Option, ...]) -> list[str]:
+    return [f"{name} {option.value.token}" for option in options if option.value for name in option.names]
+
+
+def _node(node: Node, shared: tuple[Option, ...]) -> str:
+    options, takes_shared = own(node, shared)
+    parts = {
+        "cmds": [_pair(child.path[-1], child.summary) for child in node.children],
+        "opts": _described(options),
+        "takes": _takes(options),
+        "args": [quote(argument.value.token + ("*" if argument.repeats else "")) for argument in node.arguments],
+    }
+    lines = [f"            {key}=({' '.join(words)})\n" for key, words in parts.items() if words]
+    lines += [] if takes_shared else ["            shared=no\n"]
+    return f"        ({quote(node.name)})\n{''.join(lines)}            ;;"
+
+
+def _map(node: Node) -> str:
+    names = names_of(node.params)
+    texts: dict[str, Param] = {param.name: param for param in node.params}
+
+    def table(words: tuple[str, ...]) -> str:
+        return " ".join(_pair(word, texts[word].doc) if word in texts else quote(word) for word in words)
+
+    def lists(content: dict[str, tuple[str, ...]]) -> str:
+        return " ".join(f"{name} {quote(' '.join(words))}" for name, words in content.items())
+
+    return (
+        f"        ({node.name})\n"
+        f"            read=({table(names.read)})\n            set=({table(names.set)})\n"
+        f"            name=({table(names.name)})\n            elements=({lists(names.elements)})\n"
+        f"            values=({lists(names.values)})\n            ;;"
+    )
+
+
+TEMPLATE = r"""#compdef handctl handctl.pyz
+# zsh @MARK@: do not edit
+
+_handctl_node() { # PATH: what stands below it; sets cmds opts takes args
+    local shared=
+    cmds=() opts=() takes=() args=()
+    case $1 in
+@NODES@
+    esac
+    [[ -n $shared ]] && return
+    opts+=(@SHARED@)
+    takes+=(@SHARED_TAKES@)
+}
+
+_handctl_map() { # FAMILY: names of its quantities; sets read set name elements values
+    case $1 in
+@MAPS@
+    esac
+}
+
+_handctl_link() {
+    if compset -P 'replay:'; then
+        _files
+        return
+    fi
+    local -a ports=(@PORTS@) interfaces=(@INTERFACES@) slcan=(@SLCAN@)
+    compadd -S '' -- @PREFIXES@
+    compadd -- @FAKES@ $ports can:socketcan:$^interfaces can:slcan:$^slcan
+    _files
+}
+
+_handctl_devices() { # the tables [devices.NAME] of the configuration file
+    local file=${XDG_CONFIG_HOME:-$HOME/.config}/handctl/config.toml line
+    local -a match mbegin mend found
+    [[ -r $file ]] || return 1
+    while IFS= read -r line || [[ -n $line ]]; do
+        [[ $line =~ '^[[:space:]]*\[devices\."?([A-Za-z0-9_-]+)"?[].]' ]] && found+=($match[1])
+    done <$file
+    compadd -- $found
+}
+
+_handctl_names() { # read|set|name FAMILY: quantities, then their elements, then their values
+    local -a read set name words
+    local -A elements values
+    local base=${PREFIX%%[.=]*} sign=
+    _handctl_map $2
+    [[ $1 == set ]] && sign='='
+    if [[ -n $sign && $PREFIX == *=* ]]; then
+        compset -P '*='
+        compadd -- ${=values[$base]}
+        return
+    fi
+    words=(${(P)1})
+    if [[ $PREFIX == *.* ]]; then
+        [[ -n ${(M)words:#$base(:*|)} ]] || return 1
+        compadd -S "${sign:- }" -- $base.${^=elements[$base]}
+        return
+    fi
+    words=(${(M)words:#$PREFIX*})
+    _describe -t quantities quantity words -S "${sign:- }"
+    base=${words[1]%%:*}
+    [[ $#words -eq 1 && -n ${elements[$base]} ]] && compadd -S "${sign:- }" -- $base.${^=elements[$base]}
+}
+
+_handctl_take() { # TOKEN: what may stand in this place
+    local detail=${1#*:}
+    case $1 in
+        (choice:*) compadd -- ${(s:,:)detail} ;;
+        (read:*|set:*|name:*) _handctl_names ${1%%:*} $detail ;;
+        (link) _handctl_link ;;
+        (device) _handctl_devices ;;
+        (file) _files ;;
+        (dir) _files -/ ;;
+    esac
+}
+
+_handctl() {
+    emulate -L zsh
+    setopt extended_glob
+    local -a cmds opts args
+    local -A takes
+    local word flags where= pending= ends= count=0
+    _handctl_node ''
+    for word in ${words[2,CURRENT-1]}; do
+        if [[ -n $pending ]]; then
+            pending=
+        elif [[ -z $ends && $word == -- ]]; then
+            ends=yes
+        elif [[ -z $ends && $word == --*=* ]]; then
+            continue
+        elif [[ -z $ends && $word == -?* ]]; then
+            flags=$word
+            [[ $word == --* ]] || while (( $#flags > 2 && ! ${+takes[${flags[1,2]}]} )); do
+                flags=-${flags[3,-1]}
+            done
+            pending=${takes[$flags]}
+        elif (( ${cmds[(I)$word:*]} )); then
+            where+=${where:+ }$word
+            _handctl_node $where
+        else
+            (( count++ ))
+        fi
+    done
+    if [[ -n $pending ]]; then
+        _handctl_take $pending
+    elif [[ -z $ends && $PREFIX == --*=* ]]; then
+        pending=${takes[${PREFIX%%=*}]}
+        [[ -n $pending ]] && compset -P '*=' && _handctl_take $pending
+    elif [[ -z $ends && $PREFIX == -* ]]; then
+        _describe -o -t options option opts
+    elif (( $#cmds )); then
+        _describe -t commands command cmds
+    elif (( $#args )); then
+        (( count < $#args )) || { count=$(( $#args - 1 )); [[ $args[-1] == *'*' ]] || return 1 }
+        _handctl_take ${args[count + 1]%'*'}
+    fi
+}
+
+if [[ $funcstack[1] == _handctl ]]; then
+    _handctl "$@"
+else
+    compdef _handctl handctl handctl.pyz
+fi
+"""

@@ -1,0 +1,114 @@
+"""`handctl completion SHELL [--install]`: print the completion script of a shell, or put it where the shell looks.
+
+The script is generated at once, so that it fits this version also where no data files are installed.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import click
+
+from handctl.clikit import Command
+from handctl.errors import OutputError, UsageError
+from handctl.result import Column, Table
+from handctl.run import Run
+
+SHELLS = ("bash", "zsh", "fish")
+"""Those that `docgen` writes for; a test compares."""
+
+
+@click.command("completion", cls=Command, writes=True)
+@click.argument("shell", type=click.Choice(SHELLS))
+@click.option("--install", is_flag=True, help="Write it into your own completion directory instead of to stdout.")
+def cli(shell: str, install: bool) -> Table:
+    """Print the completion of bash, zsh or fish, or install it for this user.
+
+    Pressing TAB then starts no program: commands, options, choices and the names of quantities are in the script.
+    """
+    from handctl.docgen import completion
+
+    run: Run = click.get_current_context().obj
+    text = completion(shell)
+    if not install:
+        if run.settings.dry_run:
+            raise UsageError("printing changes nothing", hint="run it without -n, or add --install")
+        return Table(rows=[{"shell": shell, "script": text}], text=lambda _rows: text, columns=(Column("script"),))
+    path = place(shell)
+    done = _state(path, text)
+    if run.settings.dry_run:
+        run.journal.info("dry-run", "dry run: nothing was written")
+    elif done != "unchanged":
+        _write(path, text)
+    run.journal.info("next", next_step(shell, path))
+    columns = (Column("shell", "Shell"), Column("file", "File"), Column("result", "Result"))
+    return Table(rows=[{"shell": shell, "file": str(path), "result": done}], columns=columns, plain=("file",))
+
+
+def place(shell: str) -> Path:
+    """The user's own file for this shell, by the XDG base directories."""
+    home = Path.home()
+    data = Path(os.environ.get("XDG_DATA_HOME") or home / ".local" / "share")
+    config = Path(os.environ.get("XDG_CONFIG_HOME") or home / ".config")
+    match shell:
+        case "bash":
+            return data / "bash-completion" / "completions" / "handctl"
+        case "zsh":
+            return data / "zsh" / "site-functions" / "_handctl"
+        case _:
+            return config / "fish" / "completions" / "handctl.fish"
+
+
+def next_step(shell: str, path: Path) -> str:
+    """What the user has to do until TAB works."""
+    match shell:
+        case "bash":
+            return (
+                "open a new shell; where the package bash-completion is missing, add this to ~/.bashrc: "
+                f"source {path}"
+            )  # fmt: skip
+        case "zsh":
+            return f"add this to ~/.zshrc: fpath=({path.parent} $fpath); autoload -Uz compinit; compinit"
+        case _:
+            return "it works in the next fish that you open"
+
+
+def _state(path: Path, text: str) -> str:
+    """What installing does: "installed", "replaced" or "unchanged". Raises UsageError for a file that is not ours."""
+    from handctl.docgen.tables import MARK
+
+    try:
+        present = path.read_text(encoding="utf-8", errors="replace")
+    except FileNotFoundError:
+        return "installed"
+    except OSError as exc:
+        raise OutputError(f"{path}: cannot be read: {exc.strerror or exc}") from exc
+    if present == text:
+        return "unchanged"
+    if not any(MARK in line for line in present.splitlines()[:3]):
+        raise UsageError(
+            f"{path} is not a completion that handctl generated",
+            hint="it stays as it is; move it away, or print the script and put it where you want it",
+            code="foreign-file",
+        )
+    return "replaced"
+
+
+def _write(path: Path, text: str) -> None:
+    """Whole or not at all."""
+    import tempfile
+
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=".handctl-")
+        try:
+            with open(handle, "w", encoding="utf-8") as file:
+                file.write(text)
+            os.chmod(name, 0o644)
+            os.replace(name, path)
+        except BaseException:
+            os.unlink(name)
+            raise
+    except OSError as exc:
+        raise OutputError(f"{path}: cannot be written: {exc.strerror or exc}") from exc
