@@ -158,7 +158,9 @@ def stream(table: Table, sink: Sink, context: Context) -> HandctlError | None:
     ):
         sink.flush()
         with contextlib.suppress(OSError):
-            sys.stderr.write(f"handctl: note: {_summary_text(summary['stream'])}\n")
+            drawn = how == "table" and sink.terminal  # the live view has the mark in its head
+            mark = ", simulated" if context.simulated and not drawn else ""
+            sys.stderr.write(f"handctl: note: {_summary_text(summary['stream'])}{mark}\n")
     return failure
 
 
