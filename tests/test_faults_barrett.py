@@ -36,6 +36,8 @@ from tests.cli_support import Result, Spy, run, spying
 
 # -- what the contract allows ---------------------------------------------------------------------------------------
 
+pytestmark = pytest.mark.faults
+
 RIGHT = {0}
 LINE_FAULTS: dict[str, set[int]] = {
     # the answer is there, perhaps late, in pieces or behind an older one; nothing of the same form can be meant

@@ -18,6 +18,8 @@ from tests.cli_support import Result, Spy, check_schema, fake, run, sent, spying
 
 # -- what the contract allows ---------------------------------------------------------------------------------------
 
+pytestmark = pytest.mark.faults
+
 RIGHT = {0}
 LINE_FAULTS: dict[str, set[int]] = {
     # the reply is there, perhaps late, in pieces, twice or among other bytes

@@ -31,6 +31,8 @@ from tests.wrist_commands import (
 
 # -- what the contract allows ---------------------------------------------------------------------------------------
 
+pytestmark = pytest.mark.faults
+
 RIGHT = {0}
 LINE_FAULTS: dict[str, dict[str, set[int]]] = {
     "serial": {

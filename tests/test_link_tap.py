@@ -209,6 +209,56 @@ def test_reading_a_replay_in_small_pieces(tmp_path: Path) -> None:
     link.close()
 
 
+def test_what_came_unasked_comes_again_at_its_time(tmp_path: Path) -> None:
+    link = open_link(transcript(tmp_path, "0.010 < 01 02", "0.020 < 03", "0.050 < 04"))
+    assert link.read(link.deadline(0)) == b""
+    assert [(link.read(link.deadline(1.0), 1), link.now()) for _ in range(3)] == [
+        (b"\x01", 0.010), (b"\x02", 0.010), (b"\x03", 0.020),
+    ]  # fmt: skip
+    assert (link.read(link.deadline(0.01)), link.now()) == (b"", pytest.approx(0.03))
+    assert (link.read(link.deadline(1.0)), link.now()) == (b"\x04", 0.050)
+    assert (link.read(link.deadline(1.0)), link.now()) == (b"", pytest.approx(1.05))
+    with pytest.raises(LinkError) as caught:
+        link.write(unhex(READ_ID), link.deadline(1.0))
+    assert caught.value.code == "replay-miss"
+
+
+def test_time_goes_by_between_requests_as_it_did(tmp_path: Path) -> None:
+    link = open_link(transcript(tmp_path, "0.1 < 01", "1.0 > AA", "1.5 < 02", "3.0 > BB", "< 03"))
+    link.write(b"\xaa", link.deadline(1.0))
+    assert link.now() == 1.0
+    assert link.read(link.deadline(0)) == b"\x01"
+    assert (link.read(link.deadline(1.0)), link.now()) == (b"\x02", 1.5)
+    link.write(b"\xbb", link.deadline(1.0))
+    assert (link.read(link.deadline(0)), link.now()) == (b"\x03", 3.0)
+
+
+def test_a_request_more_than_recorded_hears_what_a_stream_said_last(tmp_path: Path) -> None:
+    """How often a command repeats itself until something is reached is a matter of microseconds."""
+    link = open_link(transcript(tmp_path, "0.0 < 01", "0.1 > AA", "0.2 < 02", "0.3 > AA", "0.4 < 03"))
+    heard = []
+    for _ in range(4):
+        link.write(b"\xaa", link.deadline(1.0))
+        while chunk := link.read(link.deadline(0.15)):
+            heard.append(chunk)
+    assert heard == [b"\x01", b"\x02", b"\x03", b"\x03", b"\x03"]
+
+
+@pytest.mark.parametrize("command", [("status",), ("home", "--yes"), ("joints", "index.q3=160"), ("stop",)])
+def test_a_hand_that_streams_can_be_played(command: tuple[str, ...], tmp_path: Path) -> None:
+    from tests.cli_support import run
+
+    path = tmp_path / "t"
+    live = run("aidin", *command, "-p", "fake://aidin?clock=virtual&start=homed&rate=97", "--trace", path, "--json")
+    again = run("aidin", *command, "-p", f"replay:{path}", "--json")
+    assert (live.code, again.code) == (0, 0), again
+    for old, new in zip(live.rows, again.rows, strict=True):  # one object earlier or later, where it is still settling
+        assert {**new, "value": 0, "rad": 0} == {**old, "value": 0, "rad": 0}
+        assert new["value"] == pytest.approx(old["value"], abs=0.05)
+    other = run("aidin", "max-torque", "900", "-p", f"replay:{path}", "--json")
+    assert (other.code, other.error["code"]) == (3, "replay-miss")
+
+
 def test_transcripts_that_cannot_be_played(tmp_path: Path) -> None:
     binary = tmp_path / "binary"
     binary.write_bytes(b"\xff\xfe\x00")
@@ -218,7 +268,8 @@ def test_transcripts_that_cannot_be_played(tmp_path: Path) -> None:
         f"replay:{binary}",
         "replay:",
         transcript(tmp_path, "# nothing"),
-        transcript(tmp_path, f"< {ID_IS_1}"),
+        transcript(tmp_path, "! power-cycle"),
+        transcript(tmp_path, "< can 11000001 [1] 04"),
         transcript(tmp_path, "rubbish"),
     ):
         with pytest.raises(UsageError) as caught:

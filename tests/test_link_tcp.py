@@ -130,3 +130,55 @@ def test_reading_waits_for_bytes_that_come_later(listener: socket.socket) -> Non
     timer.join()
     peer.close()
     link.close()
+
+
+def test_options_of_the_socket(listener: socket.socket) -> None:
+    from handctl.link import tcp
+
+    link = tcp.TcpLink(f"tcp://127.0.0.1:{listener.getsockname()[1]}")
+    assert link._socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
+    assert link._socket.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE)
+    link.close()
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_quick_acknowledges_are_asked_for_before_each_wait(listener: socket.socket, known: bool, monkeypatch: pytest.MonkeyPatch) -> None:  # fmt: skip
+    from handctl.link import tcp
+
+    link = tcp.TcpLink(f"tcp://127.0.0.1:{listener.getsockname()[1]}")
+    asked: list[tuple[int, int, int]] = []
+
+    class Noted:
+        def __getattr__(self, name: str) -> object:
+            return getattr(inner, name)
+
+        def setsockopt(self, *option: int) -> None:
+            asked.append(option)  # type: ignore[arg-type]
+
+    inner, link._socket = link._socket, Noted()  # type: ignore[assignment]
+    monkeypatch.setattr(tcp, "QUICKACK", 12 if known else None)
+    for _ in range(2):
+        assert link.read(link.deadline(0)) == b""
+    assert asked == [(socket.IPPROTO_TCP, 12, 1)] * (2 if known else 0)
+    link.close()
+
+
+def test_who_may_be_in_the_way_is_said() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        link = open_link(f"tcp://127.0.0.1:{server.getsockname()[1]}")
+        server.accept()[0].close()
+        with pytest.raises(LinkError) as caught:
+            link.read(link.deadline(2.0))
+    link.close()
+    refused = opening(link.name)
+    assert all("another client may hold the device" in error.hint for error in (caught.value, refused))
+
+
+def test_an_address_that_does_not_answer_is_given_up_after_3_s(monkeypatch: pytest.MonkeyPatch) -> None:
+    def connect(address: tuple[str, int], timeout: float) -> None:
+        assert timeout == 3
+        raise TimeoutError
+
+    monkeypatch.setattr(socket, "create_connection", connect)
+    error = opening("tcp://192.0.2.7:8000")
+    assert (error.exit_code, error.code, "3 s" in error.text) == (3, "connect-timeout", True)

@@ -9,7 +9,7 @@ import sys
 from datetime import UTC, datetime
 from pathlib import Path
 
-from tests.bench import barrett, exo, startup, wrist
+from tests.bench import aidin, barrett, exo, startup, wrist
 from tests.bench.measure import Figure
 
 
@@ -20,7 +20,7 @@ def main() -> int:
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures there too")
     options = parser.parse_args()
     figures: list[Figure] = []
-    for part in (startup.run, exo.run, wrist.run, barrett.run):
+    for part in (startup.run, exo.run, wrist.run, barrett.run, aidin.run):
         for figure in part(quick=options.quick):
             figures.append(figure)
             print(figure.line(), flush=True)

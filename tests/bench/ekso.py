@@ -1,0 +1,80 @@
+"""GetData of the EksoNR against the wire: 66 bytes a sample, 174.5 Hz at 115200 bit/s, through every way to get it."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from tests.bench.measure import HANDCTL, Figure
+
+SAMPLE_BYTES = 6 + 60
+"""A request without a body and an answer of 27 words (dossier 9)."""
+FLOOR_MS = SAMPLE_BYTES * 10 / 115200 * 1000
+GOAL = 1 / 0.95
+"""At least 0.95 of the wire's 174.5 Hz."""
+
+
+@contextmanager
+def served() -> Iterator[str]:
+    """A simulated unit on a pty with wire time; yields its link."""
+    command = [HANDCTL, "sim", "ekso", "--pty", "--wire", "115200"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        try:
+            yield json.loads(process.stdout.readline())["link"]
+        finally:
+            process.terminate()
+
+
+def run(*, quick: bool) -> Iterator[Figure]:
+    """Yield the figures."""
+    count = 500 if quick else 2000
+    with served() as link:
+        ways = {"device loop": bare, "watch, 15 rows a sample": watch, "log": log}
+        for name, measured in ways.items():
+            rate = measured(link, count)
+            note = f"{rate:.1f} Hz of 174.5, pty, wire emulated, {count} samples"
+            yield Figure(f"ekso GetData at 115200: {name}", 1000 / rate, FLOOR_MS, "ms", GOAL, note)
+
+
+def bare(link: str, count: int) -> float:
+    """Samples a second of the port alone, in this process."""
+    from handctl.devices.ekso.dataport import DataPort
+    from handctl.link import open_link
+    from handctl.result import Journal
+
+    opened = open_link(link, baud=115200)
+    try:
+        samples = DataPort(opened, Journal()).samples()  # type: ignore[arg-type]
+        moments = [next(samples)[0] for _ in range(count)]
+    finally:
+        opened.close()
+    return (count - 1) / (moments[-1] - moments[0])
+
+
+def watch(link: str, count: int) -> float:
+    """Samples a second of `watch --json --rate 0`, as its closing line says, with a reader at the other end of a pipe."""
+    done = _handctl("watch", "--json", "--rate", "0", "--count", str(count), "-p", link)
+    end = json.loads(done.splitlines()[-1])["end"]["stream"]
+    if end["samples"] != count or end["failed"]:
+        raise SystemExit(f"watch: {end}")
+    return float(end["rate_hz"])
+
+
+def log(link: str, count: int) -> float:
+    """Rows a second of a log by the device's own clock, as its sidecar says."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "bench.csv"
+        _handctl("log", str(file), "--count", str(count), "--json", "-p", link)
+        told = json.loads(file.with_name("bench.csv.json").read_text(encoding="utf-8"))
+    if told["rows"] != count or told["lost"]:
+        raise SystemExit(f"log: {told['rows']} rows, {told['lost']} lost")
+    return float(told["rate_hz"])
+
+
+def _handctl(*args: str) -> str:
+    return subprocess.run([HANDCTL, "ekso", *args], capture_output=True, text=True, check=True).stdout

@@ -1,0 +1,51 @@
+"""Every decoder under random, mutated and adversarial streams. A few thousand chunks here, 10^6 each with marker `long`.
+
+What holds for each is in fuzz_decoders.py (frames), fuzz_texts.py (files and texts) and fuzz_devices.py (simulators).
+HANDCTL_LONG_SECONDS bounds the long run of all decoders together; each has an equal share.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests import fuzz_decoders
+from tests.fuzz_decoders import Aidin, Eb90, Ekso, Slcan
+from tests.fuzz_support import Episode, long_seconds, run_episodes
+
+SHORT, LONG = 2_000, 1_000_000
+SLOWEST = 5.0
+"""Processor seconds that one episode may take in the long run: what is quadratic shows in its floods."""
+DECODERS = {
+    "eb90 sniffing": lambda folder: Eb90(),
+    "eb90 replies": lambda folder: Eb90(b"\x90\xeb"),
+    "eb90 one reply": lambda folder: Eb90(b"\x90\xeb\x01\x05\x11\xc0\x05"),
+    "ekso": lambda folder: Ekso(),
+    "aidin": lambda folder: Aidin(),
+    "gcl": lambda folder: fuzz_decoders.gcl,
+    "realtime": lambda folder: fuzz_decoders.loop,
+    "download": lambda folder: fuzz_decoders.transfer,
+    "canreg": lambda folder: fuzz_decoders.canreg_words,
+    "slcan host": lambda folder: Slcan(),
+}
+
+
+def episode_of(name: str, folder: Path) -> Episode:
+    """The episode of a decoder; files go to `folder`."""
+    return DECODERS[name](folder)
+
+
+@pytest.mark.parametrize("name", DECODERS)
+def test_fuzz(name: str, tmp_path: Path) -> None:
+    done, _ = run_episodes(episode_of(name, tmp_path), SHORT, 60.0)
+    assert done >= SHORT
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", DECODERS)
+def test_fuzz_long(name: str, tmp_path: Path) -> None:
+    seconds = long_seconds(len(DECODERS))
+    done, slowest = run_episodes(episode_of(name, tmp_path), LONG, seconds, seed=2)
+    assert done >= LONG or (seconds < float("inf") and done >= SHORT)
+    assert slowest < SLOWEST
