@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from handctl.devices.aidin.exchange import Exchange
 from handctl.devices.aidin.fields import AIDIN, FEEDBACK
+from handctl.devices.aidin.way import Exchange
 from handctl.errors import HandctlError, LinkError, NoAnswer, ProtocolError
 from handctl.link import Deadline
 from handctl.param import elements_of

@@ -136,6 +136,25 @@ def test_dry_run_of_watching_moves_nothing() -> None:
     assert [row["bytes"] for row in rows] == ["31 4C 4F 4F 50 0D", "41", "03"]
 
 
+def test_init_comes_before_everything(tmp_path: Path) -> None:
+    trace = tmp_path / "trace.txt"
+    port = fake(clock="virtual", initialized="0")
+    assert do("--motors", "1", "--count", "1", port=port).code == 6
+    result = do("--motors", "1", "--count", "1", "--init", "--trace", trace, port=port)
+    assert result.code == 0
+    lines = [piece for piece in sent(trace) if piece[-1:] == b"\r"]
+    assert lines.index(b"1HI\r") < lines.index(b"1LOOP\r")
+
+
+def test_an_init_that_fails_ends_it(tmp_path: Path) -> None:
+    trace = tmp_path / "trace.txt"
+    result = do(
+        "--init", "--count", "1", "--trace", trace, port=fake(clock="virtual", initialized="0", fault="no-motor")
+    )
+    assert result.code == 6
+    assert b"1234LOOP\r" not in sent(trace)
+
+
 # -- what is refused --------------------------------------------------------------------------------------------------
 
 

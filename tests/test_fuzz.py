@@ -10,8 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from tests import fuzz_decoders
+from tests import fuzz_decoders, fuzz_texts
 from tests.fuzz_decoders import Aidin, Eb90, Ekso, Slcan
+from tests.fuzz_devices import STREAMS, Explain, Simulated, SlcanAdapter
 from tests.fuzz_support import Episode, long_seconds, run_episodes
 
 SHORT, LONG = 2_000, 1_000_000
@@ -28,6 +29,14 @@ DECODERS = {
     "download": lambda folder: fuzz_decoders.transfer,
     "canreg": lambda folder: fuzz_decoders.canreg_words,
     "slcan host": lambda folder: Slcan(),
+    "slcan adapter": lambda folder: SlcanAdapter(),
+    "s-records": lambda folder: fuzz_texts.s_records,
+    "transcript": fuzz_texts.Transcript,
+    "configuration": fuzz_texts.Configuration,
+    "snapshot": fuzz_texts.Snapshot,
+    "ekso log": fuzz_texts.EksoLog,
+    **{f"explain {family}": lambda folder, family=family: Explain(family) for family in STREAMS},
+    **{f"sim {family}": lambda folder, family=family: Simulated(family) for family in STREAMS},
 }
 
 

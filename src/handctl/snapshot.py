@@ -64,11 +64,15 @@ def write(path: str, content: Mapping[str, Any]) -> None:
         raise OutputError(f"{path}: the snapshot cannot be written: {exc.strerror or exc}") from exc
 
 
+def _refuse(name: str) -> None:
+    raise ValueError(f"{name} is no number that JSON has")
+
+
 def load(path: str, kind: str) -> dict[str, Any]:
     """Read and check a snapshot of a `kind` device. Raises UsageError for anything that is not whole and ours."""
     try:
         with open(path, encoding="utf-8") as file:
-            content = json.load(file)
+            content = json.load(file, parse_constant=_refuse)
     except FileNotFoundError as exc:
         raise UsageError(f"{path}: no such file", hint=f"`handctl {kind} snapshot {path}` makes one") from exc
     except OSError as exc:
@@ -90,7 +94,7 @@ def load(path: str, kind: str) -> dict[str, Any]:
         raise UsageError(f"{path}: a snapshot of {content.get('kind')}, not of {kind}", hint=UNTOUCHED)
     values = content.get("values")
     if not isinstance(values, dict) or not all(
-        isinstance(v, int | float) and not isinstance(v, bool) for v in values.values()
+        isinstance(v, int | float) and not isinstance(v, bool) and abs(v) < float("inf") for v in values.values()
     ):
         raise UsageError(f"{path}: damaged: its values are not numbers by name", hint=UNTOUCHED)
     return content

@@ -192,7 +192,13 @@ def _samples(
 ) -> Iterator[Sample]:
     start = due = link.now()
     failures = 0
-    while (count is None or stats.samples < count) and (duration is None or link.now() - start < duration):
+    ask_ahead = getattr(device, "ask_ahead", None) if not rate else None
+    asked = False
+
+    def wanted() -> bool:
+        return (count is None or stats.samples < count) and (duration is None or link.now() - start < duration)
+
+    while asked or wanted():
         t = link.now() - start
         try:
             readings = device.read(elements)
@@ -212,6 +218,9 @@ def _samples(
             readings = [Reading(element, None, b"", exc) for element in elements]
         stats.samples += 1
         stats.first, stats.last = (t if stats.samples == 1 else stats.first), t
+        asked = ask_ahead is not None and wanted()
+        if ask_ahead is not None and asked:  # the line works while this sample is shown
+            ask_ahead(elements)
         yield Sample(t, tuple(device.row(reading) for reading in readings))
         if rate:
             due += 1 / rate

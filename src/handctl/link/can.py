@@ -85,13 +85,13 @@ class CanLink(FrameLink):
         while True:
             try:
                 message = self._bus.recv(min(POLL_SECONDS, deadline.remaining))
-            except (can.CanError, OSError, ValueError) as exc:
+            except (can.CanError, OSError, ValueError, IndexError) as exc:  # an adapter's text is taken apart unchecked
                 raise LinkError(
                     f"{self.name}: the bus is lost: {exc}",
                     hint="check the adapter's cable, then run the command again",
                     code="lost",
                 ) from exc
-            if message is not None and message.is_error_frame:
+            if message is not None and (message.is_error_frame or not _possible(message)):
                 self.error_frames += 1
             elif message is not None and message.is_extended_id and not message.is_remote_frame and message.is_rx:
                 return CanFrame(message.arbitration_id, bytes(message.data))
@@ -107,6 +107,12 @@ class CanLink(FrameLink):
             self._bus.shutdown()
         if self._lock is not None:
             os.close(self._lock)
+
+
+def _possible(message: can.Message) -> bool:
+    """Whether a classic CAN frame can be like this; a damaged line of an slcan adapter may say otherwise."""
+    whole = message.is_remote_frame or message.dlc == len(message.data) <= 8
+    return whole and not message.is_fd and 0 <= message.arbitration_id < 1 << 29
 
 
 def _lock(link: str, port: str) -> int | None:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from handctl.devices.aidin.adjust import SHORT
 from handctl.devices.aidin.exchange import PERIOD
-from handctl.devices.aidin.feedback import Feedback, Wire
+from handctl.devices.aidin.feedback import Wire
 from handctl.devices.aidin.fields import Mode
 from handctl.devices.aidin.hand import AidinHand, reading
 from handctl.devices.aidin.homing import connect_or_command
@@ -26,12 +26,13 @@ def currents(hand: AidinHand, goal: Goal, guide: Guide, *, seconds: float, cap: 
     Ctrl-C takes the currents back to 0 on the same ramp and stops, a second one stops at once; so does every error.
     Raises CheckFailed when the currents were not there.
     """
-    values = _values(hand, goal, cap)
+    blind = connect_or_command(hand)
+    values = _values(hand, goal, cap, blind=blind)
     drive = _Drive(hand, goal, guide)
     with stopping(hand):
         try:
             try:
-                table = drive.run(values, seconds)
+                table = drive.run(values, seconds, blind=blind)
                 drive.to(drive.zero, "currents go back to 0")
             except KeyboardInterrupt:
                 guide.say("interrupted: the currents go back to 0; Ctrl-C again stops at once")
@@ -47,9 +48,9 @@ def currents(hand: AidinHand, goal: Goal, guide: Guide, *, seconds: float, cap: 
     return table
 
 
-def _values(hand: AidinHand, goal: Goal, cap: float) -> list[float]:
+def _values(hand: AidinHand, goal: Goal, cap: float, *, blind: bool) -> list[float]:
     """The whole vector, the elements that are not given as measured. A hand that only answers commands needs it whole."""
-    if connect_or_command(hand):
+    if blind:
         if not goal.whole:
             raise NoAnswer(
                 f"{hand.link.name}: the hand says nothing unasked, so the currents that are not given are not known",
@@ -77,14 +78,14 @@ class _Drive:
         self.zero = [0.0] * goal.target.command.count
         self.at = self.zero
 
-    def run(self, values: list[float], seconds: float) -> Table:
-        """Up the ramp and hold; the currents that the hand told last."""
+    def run(self, values: list[float], seconds: float, *, blind: bool) -> Table:
+        """Up the ramp and hold; the currents that the hand told last. A hand of which nothing is known must answer first."""
         talk = self._hand.talk
-        talk.feedback = Feedback()
         first, end = object_of(Mode.MAXTORQUE, maxtorque=1000), talk.deadline(SHORT)
         while not end.expired:
-            talk.tick(first, blind=True)
-        self._told()
+            talk.tick(first, blind=blind)
+        if blind:
+            self._told()
         self.to(values, "currents rise")
         data, end = target_object(self._goal, values), talk.deadline(seconds)
         while not end.expired:

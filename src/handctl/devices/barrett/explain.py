@@ -78,7 +78,7 @@ class BarrettExplainer:
             return whole
         if direction == DEVICE:
             first = data.replace(b"\r", b"\n").partition(b"\n")[0].decode("ascii", "replace")
-            if split(first)[1] is not None:
+            if first.isascii() and split(first)[1] is not None:
                 self._asked.append(Asked(first, ""))
         return [*self.feed(direction, data), *self.flush()]
 

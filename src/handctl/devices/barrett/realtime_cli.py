@@ -51,6 +51,9 @@ def add_realtime(group: Group) -> None:
         "--measure", type=click.IntRange(min=2), metavar="N", help="Exchange N blocks and show only the timing."
     )
     @click.option("--sequential", is_flag=True, help="Wait for the whole feedback before the next block.")
+    @click.option(
+        "--init", "initialize", is_flag=True, help="Initialize the motors first (HI): the fingers open fully."
+    )
     @click.option("--hold", is_flag=True, help="Leave the motors powered at the end.")
     @streaming(0.0)
     def realtime(
@@ -63,6 +66,7 @@ def add_realtime(group: Group) -> None:
         path: str | None,
         measure: int | None,
         sequential: bool,
+        initialize: bool,
         hold: bool,
         rate: float,
         count: int | None,
@@ -83,13 +87,31 @@ def add_realtime(group: Group) -> None:
         source = _source(send, velocity, gain, path, indices)
         wish = Wish(tuple(indices), received, temperature, hold)
         if run.settings.dry_run:
-            return run.dry_run(_steps(run, wish, source))
+            return run.dry_run([*(_initialization(wish) if initialize else ()), *_steps(run, wish, source)])
+        if initialize:
+            _initialize(run, wish)
         loop = RealtimeLoop(run.device(), run.guide, wish, source, sequential=sequential)
         if measure is not None:
             return _measured(run, loop, measure, rate)
         table = Table(columns=COLUMNS, summary=loop.summary, ranges={"strain": (0, 255), "position": (0, 17800)})
         table.samples = _guarded(loop, table, rate, count, duration)
         return table
+
+
+def _initialization(wish: Wish) -> list[Step]:
+    from handctl.devices.barrett.language import encode
+    from handctl.param import Step
+
+    text = f"{wish.prefix}HI"
+    return [Step(f"{text}: initialize", encode(text), moves=True)]
+
+
+def _initialize(run: Run, wish: Wish) -> None:
+    from handctl.devices.barrett import motion
+
+    failure = motion.move(run.device(), wish.prefix, "HI", None, run.guide).failure
+    if failure is not None:
+        raise failure
 
 
 def _guarded(loop: RealtimeLoop, table: Table, rate: float, count: int | None, duration: float | None) -> Iterator[Any]:

@@ -134,6 +134,12 @@ class Ekso:
                 readings.append(Reading(element, param.from_raw(raw), (raw & 0xFFFF).to_bytes(2, "big")))
         return readings
 
+    def ask_ahead(self, elements: Sequence[Element]) -> None:
+        """Send the request of the next `read` of these elements already, when it is a single one."""
+        messages = {_word(element).message for element in elements}
+        if len(messages) == 1:
+            self.port.send_ahead(COMMANDS[messages.pop()])
+
     def row(self, reading: Reading) -> Row:
         """The data row of one reading (cli contract, row keys of ekso)."""
         param = _word(reading.element)
