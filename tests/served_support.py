@@ -20,7 +20,7 @@ LATE = 0.08
 """Seconds of the fault `late`, within TIMEOUT."""
 TIMEOUT = 0.2
 """--timeout of every command: silence allowed per reply."""
-DEADLINE = 3.0
+DEADLINE = 2.5
 """--deadline of every command; what waits for its end are the tries, which are two of each."""
 WIRES: dict[str, tuple[str, ...]] = {
     "pty": ("--pty",),
@@ -33,7 +33,7 @@ MADE: dict[str, tuple[str, ...]] = {
     "wrist": (),
     "barrett": ("initialized=1",),
     "ekso": ("sway=0", "startup=0.1"),
-    "aidin": ("start=homed",),
+    "aidin": ("start=homed", "rate=40"),
 }
 BAUD = {"exo": "115200", "wrist": "115200", "barrett": "9600"}
 """A speed that is given is not searched for: silence stays one wait per try."""

@@ -321,3 +321,21 @@ def test_can_is_refused_by_a_device_without_that_wire() -> None:
     result = run("exo", "dump", "-p", "can:socketcan:can0", "--json")
     assert (result.code, result.error["code"]) == (2, "usage")
     assert "no CAN wire" in result.error["text"]
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("exo", "watch", "--rate", "nan", "--fake"),
+        ("exo", "watch", "--duration", "inf", "--fake"),
+        ("exo", "report", "r.html", "--watch", "nan", "--fake"),
+        ("wrist", "move", "--pitch", "1", "--time", "1000", "--wait", "nan", "--fake"),
+        ("ekso", "log", "log.csv", "--duration", "nan", "--fake"),
+        ("aidin", "currents", "index.m1=1", "--duration", "nan", "--fake", "--yes"),
+        ("sim", "exo", "--pty", "--duration", "nan"),
+    ],
+)
+def test_nan_and_inf_are_no_numbers(words: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert run(*words).code == 2
+    assert list(tmp_path.iterdir()) == []

@@ -14,6 +14,7 @@ import click
 
 from handctl import verbs
 from handctl.clikit import Group, stream_options
+from handctl.options import Number
 from handctl.param import ParamMap
 from handctl.result import Table
 from handctl.run import Run
@@ -89,7 +90,7 @@ def add_map_verbs(
     @click.argument("file", type=click.Path(dir_okay=False), metavar="FILE.html")
     @click.option(
         "--watch",
-        type=click.FloatRange(0, 600),
+        type=Number(0, 600),
         default=3.0,
         show_default=True,
         metavar="S",

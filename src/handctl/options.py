@@ -66,17 +66,21 @@ WITHOUT_DEVICE = ("devices list", "devices add", "devices remove")
 """They edit what the named devices are made of, so they must not need one."""
 
 
-class Seconds(click.FloatRange):
+class Number(click.FloatRange):
+    """A number in a range; nan and inf are none."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        number = super().convert(value, param, ctx)
+        if not float("-inf") < number < float("inf"):
+            self.fail(f"{value} is not a number that can be used.", param, ctx)
+        return number
+
+
+class Seconds(Number):
     """A number above 0 that a clock can wait for."""
 
     def __init__(self) -> None:
         super().__init__(min=0, min_open=True)
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        number = super().convert(value, param, ctx)
-        if not 0 < number < float("inf"):
-            self.fail(f"{value} is not a number of seconds.", param, ctx)
-        return number
 
 
 class SharedOption(click.Option):

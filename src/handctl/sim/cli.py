@@ -62,6 +62,13 @@ def _address(ctx: click.Context, param: click.Parameter, text: str | None) -> tu
     return host.removeprefix("[").removesuffix("]") or "127.0.0.1", int(port)
 
 
+def _number(ctx: click.Context, param: click.Parameter, value: float | None) -> float | None:
+    """No range keeps nan out."""
+    if value is not None and value != value:
+        raise click.BadParameter("not a number")
+    return value
+
+
 def _raw_options(given: dict[str, Any], fault: tuple[str, ...], settings: tuple[str, ...]) -> dict[str, str]:
     """The options as a fake:// link would spell them."""
     raw: dict[str, str] = {}
@@ -104,7 +111,13 @@ def _server(kind: str, summary: str, *, can: bool = False) -> click.Command:
     @click.option("--every", metavar="N", help="Of the later requests only each N-th is hit.")
     @click.option("--wire", metavar="BAUD", help="Emulate the transmission time at this speed ('auto': the device's).")
     @click.option("--state", metavar="FILE", help="Keep memory, flash and positions in this file.")
-    @click.option("--duration", metavar="S", type=click.FloatRange(min=0.0), help="Stop by itself after S seconds.")
+    @click.option(
+        "--duration",
+        metavar="S",
+        type=click.FloatRange(0.0, 1e9),
+        callback=_number,
+        help="Stop by itself after S seconds.",
+    )
     @click.option("--control", metavar="PATH", help="Unix socket for commands, see 'sim control'.")
     @click.option("--set", "settings", metavar="KEY=VALUE", multiple=True, help="A further option, see below.")
     def command(

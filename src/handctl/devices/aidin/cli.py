@@ -15,6 +15,7 @@ from handctl.devices.aidin.hand import AidinHand
 from handctl.devices.aidin.way import way_of
 from handctl.errors import UsageError
 from handctl.mapverbs import add_map_verbs
+from handctl.options import Number
 from handctl.param import Step
 from handctl.result import Table
 from handctl.run import Family, Run
@@ -216,10 +217,10 @@ def fingertips(run: Run, values: tuple[str, ...], assume_homed: bool) -> Table:
 
 @cli.verb("currents", writes=True)
 @_values
-@click.option("--cap", type=click.FloatRange(0, 1000), default=CAP, show_default=True, metavar="N", help="Refuse more.")
+@click.option("--cap", type=Number(0, 1000), default=CAP, show_default=True, metavar="N", help="Refuse more.")
 @click.option(
     "--duration",
-    type=click.FloatRange(0, 60, min_open=True),
+    type=Number(0, 60, min_open=True),
     default=1.0,
     show_default=True,
     metavar="S",

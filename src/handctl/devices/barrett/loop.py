@@ -50,9 +50,15 @@ UNITS = {
 
 
 class RealtimeLoop:
-    """One run of the loop. `source` gives the control values; None sends none: the hand is only watched."""
+    """One run of the loop. `source` gives the control values; None sends none: the hand is only watched.
 
-    def __init__(self, hand: BarrettHand, guide: Guide, wish: Wish, source: Source | None, *, sequential: bool) -> None:
+    `measuring` keeps what the unit of velocity is fitted to; a loop of hours keeps nothing.
+    """
+
+    def __init__(
+        self, hand: BarrettHand, guide: Guide, wish: Wish, source: Source | None, *, sequential: bool,
+        measuring: bool = False,
+    ) -> None:  # fmt: skip
         self.hand = hand
         self.wish = wish
         self.source = source
@@ -68,6 +74,8 @@ class RealtimeLoop:
         self._last: Values = {}
         self._deltas: dict[int, DeltaPosition] = {}
         self._started = self._ended = 0.0
+        self._measuring = measuring
+        self._rate, self._late = 0.0, 0
         self.velocity_points: dict[int, list[tuple[float, int, int]]] = {index: [] for index in wish.motors}
 
     # -- the whole run -------------------------------------------------------------------------------------------
@@ -138,6 +146,7 @@ class RealtimeLoop:
         start = self._started = self._ended = due = link.now()
         asked = 0
         going = True
+        self._rate = rate
         while going or sent:
             while going and (not sent or (len(sent) == 1 and decoder.acknowledged and not self._sequential)):
                 now = link.now()
@@ -151,7 +160,9 @@ class RealtimeLoop:
                 if values is None or over or (bound is not None and bound.expired):
                     going = False
                     break
-                due = max(due + 1 / rate, now) if rate else now
+                if rate:
+                    self._late += now > due + 1 / rate
+                    due = max(due + 1 / rate, now)
                 self._send(values)
                 asked += 1
                 sent.append((now, {index: dict(names) for index, names in values.items()}))
@@ -250,7 +261,7 @@ class RealtimeLoop:
             position = self._deltas[index].add(found["delta"])
             if "position" not in found:
                 yield _row("position", "LFDP", name, position, "cts")
-        if "velocity" in found and "position" in found:
+        if self._measuring and "velocity" in found and "position" in found:
             self.velocity_points[index].append((now, found["position"], found["velocity"] * motor.velocity_divisor))
 
     def summary(self) -> dict[str, Any]:
@@ -264,10 +275,10 @@ class RealtimeLoop:
             "stream": {
                 "samples": self.blocks,
                 "failed": 0,
-                "late": self.trips.late,
+                "late": self._late,
                 "seconds": round(seconds, 3),
                 "rate_hz": round(rate, 2) if rate is not None else None,
-                "asked_hz": None,
+                "asked_hz": self._rate or None,
             },
             "loop": {
                 "control_bytes": size[0],

@@ -90,7 +90,7 @@ def add_realtime(group: Group) -> None:
             return run.dry_run([*(_initialization(wish) if initialize else ()), *_steps(run, wish, source)])
         if initialize:
             _initialize(run, wish)
-        loop = RealtimeLoop(run.device(), run.guide, wish, source, sequential=sequential)
+        loop = RealtimeLoop(run.device(), run.guide, wish, source, sequential=sequential, measuring=measure is not None)
         if measure is not None:
             return _measured(run, loop, measure, rate)
         table = Table(columns=COLUMNS, summary=loop.summary, ranges={"strain": (0, 255), "position": (0, 17800)})

@@ -15,7 +15,7 @@ import click
 from handctl import __version__
 from handctl.clikit import Command, Group, streaming
 from handctl.errors import HandctlError, LinkError, NoAnswer, OutputError, ProtocolError, UsageError
-from handctl.options import SharedOption
+from handctl.options import Number, SharedOption
 from handctl.result import Column, Table
 from handctl.run import Run
 
@@ -35,7 +35,7 @@ SUMMARY = (
     Column("segments", "Segments", right=True),
     Column("marks", "Marks", right=True),
 )
-POSITIVE = click.FloatRange(min=0, min_open=True)
+POSITIVE = Number(min=0, min_open=True)
 
 
 def add_log_commands(group: Group) -> None:
@@ -314,7 +314,7 @@ def _own_format(group: Group, name: str, body: Callable[..., Table]) -> click.Co
 )
 @click.option(
     "--rate",
-    type=click.FloatRange(min=0, min_open=True, max=1000),
+    type=Number(min=0, min_open=True, max=1000),
     metavar="HZ",
     help="With mot: resample linearly, never across a gap.",
 )

@@ -14,6 +14,7 @@ from handctl.devices.inspire.exo import ExoHand
 from handctl.devices.inspire.registers import BAUD_RATES, EXO
 from handctl.errors import HandctlError, NoAnswer, UsageError
 from handctl.mapverbs import add_map_verbs
+from handctl.options import Number
 from handctl.result import Table
 from handctl.run import Family, Run
 
@@ -112,7 +113,7 @@ def write(run: Run, address: int, data: str, undocumented: bool) -> Table:
 @click.argument("data", nargs=-1, required=True, metavar="HEX...")
 @click.option(
     "--wait",
-    type=click.FloatRange(min=0, min_open=True),
+    type=Number(min=0, min_open=True),
     default=0.5,
     show_default=True,
     metavar="S",
@@ -329,7 +330,7 @@ def force(run: Run, values: tuple[int, ...]) -> Table:
 @click.argument("values", nargs=5, type=_Signed(), metavar="LITTLE RING MIDDLE INDEX THUMB")
 @click.option(
     "--wait",
-    type=click.FloatRange(min=0, min_open=True),
+    type=Number(min=0, min_open=True),
     metavar="S",
     help="Watch up to S seconds until the fingers stand still; Ctrl-C holds them where they are.",
 )
@@ -382,7 +383,7 @@ def _command(run: Run, which: str, values: tuple[int, ...], wait: float | None =
 )
 @click.option(
     "--reply-window",
-    type=click.FloatRange(min=1, max=1000),
+    type=Number(min=1, max=1000),
     metavar="MS",
     help="Wait per window (default: 20, or 30 with an FTDI adapter whose latency timer is high).",
 )

@@ -12,6 +12,7 @@ from handctl.devices.inspire.registers import WRIST
 from handctl.devices.inspire.wrist import WIRING_HINT, Wrist
 from handctl.link import FrameLink
 from handctl.mapverbs import add_map_verbs
+from handctl.options import Number
 from handctl.result import Table
 from handctl.run import Family, Run
 
@@ -98,7 +99,7 @@ def hand_read(run: Run, address: int, count: int) -> Table:
 @click.option("--pitch", metavar="DEG", help="-22.66 to 22.12, two decimals.")
 @click.option("--yaw", metavar="DEG", help="-25.50 to 25.50, two decimals.")
 @click.option("--time", metavar="MS", help="Movement time; without it the one the wrist holds.")
-@click.option("--wait", type=click.FloatRange(min=0, min_open=True), metavar="S", help="Longest wait for the arrival.")
+@click.option("--wait", type=Number(min=0, min_open=True), metavar="S", help="Longest wait for the arrival.")
 def move(run: Run, pitch: str | None, yaw: str | None, time: str | None, wait: float | None) -> Table:
     """Move to angles in degrees and wait until it stands; tells what was reached. Ctrl-C holds it where it is."""
     wanted = {"yaw_set": yaw, "pitch_set": pitch, "move_time": time}
@@ -159,7 +160,7 @@ def hand_write(run: Run, address: int, data: str, force_ambiguous: bool) -> Tabl
 @click.argument("data", nargs=-1, required=True, metavar="HEX...")
 @click.option(
     "--wait",
-    type=click.FloatRange(min=0, min_open=True),
+    type=Number(min=0, min_open=True),
     default=0.5,
     show_default=True,
     metavar="S",
@@ -213,9 +214,7 @@ def raw(run: Run, data: tuple[str, ...], wait: float, force_ambiguous: bool) -> 
     metavar="K",
     help="Serial: ids asked per reply window; more than 1 needs full duplex (RS-232).",
 )
-@click.option(
-    "--reply-window", type=click.FloatRange(min=1, max=1000), metavar="MS", help="Wait per window (default 20)."
-)
+@click.option("--reply-window", type=Number(min=1, max=1000), metavar="MS", help="Wait per window (default 20).")
 @click.option("--all", "find_all", is_flag=True, help="Go through all ids instead of ending at the first wrist.")
 def scan(run: Run, ids: str, window: int, reply_window: float | None, find_all: bool) -> Table:
     """Look for wrist modules by read-only probes, at 115200 or on the CAN bus. Bounded; confirms each hit twice."""
