@@ -122,8 +122,8 @@ def whole_json(name: str, key: str) -> Callable[[Bench], None]:
     return holds
 
 
-def interrupt(bench: Bench, case: Case, number: int, source: random.Random) -> tuple[int, str]:
-    """Start the command, end it at a random moment; (exit code, stderr). stdout of an orderly end is checked."""
+def interrupt(bench: Bench, case: Case, number: int, source: random.Random) -> tuple[int, str, bool]:
+    """Start the command, end it at a random moment; (exit code, stderr, whether it had given its whole result)."""
     bench.trace.unlink(missing_ok=True)
     process = bench.start(case.command)
     if source.random() < 0.9:  # while it talks; else anywhere in its start-up
@@ -138,8 +138,10 @@ def interrupt(bench: Bench, case: Case, number: int, source: random.Random) -> t
     if process.poll() is None:
         process.send_signal(number)
     out, err = process.communicate(timeout=30)
-    code = process.returncode
-    if code == 130 and out:
-        last = json.loads(out.decode().splitlines()[-1]) if not out.startswith(b"{\n") else json.loads(out)
-        assert last.get("end", last)["exit_code"] == 130
-    return code, err.decode()
+    finished = False
+    if out and process.returncode != -signal.SIGKILL:
+        last = json.loads(out if out.startswith(b"{\n") else out.splitlines()[-1])
+        last = last.get("end", last)
+        assert process.returncode < 0 or last["exit_code"] == process.returncode
+        finished = "exit_code" in last
+    return process.returncode, err.decode(), finished

@@ -189,7 +189,7 @@ AIDIN = AidinMap("aidin", [
     _array("joint_pos", "joint angles", "Feedback keys", JOINTS, unit="deg", limits=JOINT_LIMITS, angles=True, places=1, note=COUPLED_NOTE),
     _array("task_space_pos", "fingertip coordinates", "Feedback keys", AXES, unit="mm", limits=TIP_LIMITS, places=1, note=FRAME_NOTE),
     _array("current_state", "motor currents", "Feedback keys", MOTORS, whole=INT16, note=CURRENT_NOTE),
-    _array("sensor_state", "fingertip forces and torques", "Feedback keys", SENSORS, places=4, note=SENSOR_NOTE),
+    _array("sensor_state", "fingertip forces and torques", "Feedback keys", SENSORS, places=5, note=SENSOR_NOTE),
     AidinParam(key="hand_mode", name="hand_mode", doc="operating mode", source="aidin, Modes", whole=UINT16, choices=MODES, access="w", trigger=True, verb="home, initial, stop, bias …", moves=True),
     AidinParam(key="maxtorque", name="maxtorque", doc="maximum current; 700 to 1000 recommended", source="aidin, Modes", unit="0.1 %", low=0, high=1000, whole=UINT16, access="w", trigger=True, verb="max-torque", persistent="unknown"),
     _command("hand_TP_cmd", "encoders", "encoder targets", MOTORS, unit="cts", limits=MOTOR_LIMITS, whole=INT32),
