@@ -217,7 +217,17 @@ def gcl(source: random.Random) -> int:
     return 11
 
 
-LOOP_PIECES = [b"*", b"\n\r", b"\n\rERR 2048\n\r=> ", b"ERR ", b"=> ", b"*\x01\x02\x03\x04", b"\x00", b"\n" * 80, b"9" * 30]
+LOOP_PIECES = [
+    b"*",
+    b"\n\r",
+    b"\n\rERR 2048\n\r=> ",
+    b"ERR ",
+    b"=> ",
+    b"*\x01\x02\x03\x04",
+    b"\x00",
+    b"\n" * 80,
+    b"9" * 30,
+]
 
 
 def loop(source: random.Random) -> int:
@@ -318,7 +328,17 @@ def canreg_words(source: random.Random) -> int:
     return 20
 
 
-SLCAN_GOODS = [b"T1100000120403\r", b"T5000000180011223344556677\r", b"t1232AABB\r", b"R110000012\r", b"\r", b"z\r", b"Z\r", b"\x07", b"F04\r"]
+SLCAN_GOODS = [
+    b"T1100000120403\r",
+    b"T5000000180011223344556677\r",
+    b"t1232AABB\r",
+    b"R110000012\r",
+    b"\r",
+    b"z\r",
+    b"Z\r",
+    b"\x07",
+    b"F04\r",
+]
 
 
 class Slcan:

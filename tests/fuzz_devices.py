@@ -9,11 +9,32 @@ from handctl.piece import DEVICE, HOST, SIDES
 from handctl.sim.slcan import Adapter
 from handctl.tools.trace_read import explainer_of
 from tests.ekso_support import frame as ekso_frame
-from tests.fuzz_decoders import AIDIN_GOODS, AIDIN_LIKELY, EB90_GOODS, EB90_LIKELY, EKSO_LIKELY, SLCAN_GOODS, VOLTAGE, ekso_goods
+from tests.fuzz_decoders import (
+    AIDIN_GOODS,
+    AIDIN_LIKELY,
+    EB90_GOODS,
+    EB90_LIKELY,
+    EKSO_LIKELY,
+    SLCAN_GOODS,
+    ekso_goods,
+)
 from tests.fuzz_support import Chunks
 from tests.support import unhex
 
-GCL_GOODS = [b"FGET P\r", b"FGET P\n\r1 2 3 4\n\r=> ", b"1LOOP\r", b"1LOOP\n\r*", b"X", b":", b"C\x10\x0a", b"*\x01\x02", b"\x03", b"1FSET P 3\r", b"\n\r=> ", b"ERR 4\n\r=> "]
+GCL_GOODS = [
+    b"FGET P\r",
+    b"FGET P\n\r1 2 3 4\n\r=> ",
+    b"1LOOP\r",
+    b"1LOOP\n\r*",
+    b"X",
+    b":",
+    b"C\x10\x0a",
+    b"*\x01\x02",
+    b"\x03",
+    b"1FSET P 3\r",
+    b"\n\r=> ",
+    b"ERR 4\n\r=> ",
+]
 GCL_LIKELY = b"\r\n=> *XCcAa:0123456789FGETSILOP\x03\xff"
 STREAMS = {
     "exo": (EB90_GOODS, EB90_LIKELY),
@@ -90,7 +111,9 @@ class SlcanAdapter:
     """The simulated slcan adapter: an answer to every line, and still one after junk."""
 
     def __init__(self) -> None:
-        self._chunks = Chunks([b"S8\r", b"O\r", b"C\r", b"V\r", b"F\r", *SLCAN_GOODS], b"TtRrOCLSsZMmVvNF0123456789ABCDEF\r\r\n\x07")
+        self._chunks = Chunks(
+            [b"S8\r", b"O\r", b"C\r", b"V\r", b"F\r", *SLCAN_GOODS], b"TtRrOCLSsZMmVvNF0123456789ABCDEF\r\r\n\x07"
+        )
 
     def __call__(self, source: random.Random) -> int:
         adapter = Adapter(handctl.sim.create("wrist", {"bus": "can"}))

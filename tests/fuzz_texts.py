@@ -177,7 +177,25 @@ SNAPSHOT: dict[str, object] = {
     "time": "2026-01-31T12:00:00+00:00", "link": "x", "fake": True, "values": {"id": 1, "position_set.little": 151},
 }  # fmt: skip
 SNAPSHOT_TEXT = json.dumps({**SNAPSHOT, "checksum": checksum(SNAPSHOT)}, indent=2).encode() + b"\n"
-ODD: list[object] = [None, True, 0, -1, 1.5, float("nan"), float("inf"), 10**400, "", "exo", "\ud800", [], {}, [[]], {"a": {}}, {"a": float("nan")}, {"a": 1e400}]
+ODD: list[object] = [
+    None,
+    True,
+    0,
+    -1,
+    1.5,
+    float("nan"),
+    float("inf"),
+    10**400,
+    "",
+    "exo",
+    "\ud800",
+    [],
+    {},
+    [[]],
+    {"a": {}},
+    {"a": float("nan")},
+    {"a": 1e400},
+]
 
 
 class Snapshot:

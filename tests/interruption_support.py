@@ -29,9 +29,7 @@ class Bench:
         self.family, self.folder = family, folder
         self.panel = folder / "panel"
         place = ("--tcp", "127.0.0.1:0") if family == "aidin" else ("--slcan-pty",) if "can" in args else ("--pty",)
-        self.simulator = Simulator(
-            *place, *(arg for arg in args if arg != "can"), "--control", self.panel, kind=family
-        )
+        self.simulator = Simulator(*place, *(arg for arg in args if arg != "can"), "--control", self.panel, kind=family)
 
     def ask(self, question: str) -> str:
         """What the control socket says, without its ok."""

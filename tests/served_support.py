@@ -18,10 +18,14 @@ from tests.ekso_commands import POWER_ON as EKSO_POWER_ON
 
 LATE = 0.08
 """Seconds of the fault `late`, within TIMEOUT."""
+TIMEOUTS = {"aidin": 1.0}
 TIMEOUT = 0.2
-"""--timeout of every command: silence allowed per reply."""
+"""--timeout: silence allowed per reply; a stream of big objects needs more than an answer to a question."""
+DRIBBLE_TIMEOUT = 1.0
+"""For answers of which each byte takes 3 ms."""
+DEADLINES = {"aidin": 6.0}
 DEADLINE = 2.5
-"""--deadline of every command; what waits for its end are the tries, which are two of each."""
+"""--deadline of every command; the AIDIN-hand's damaged feedback is waited for 4 s before it is taken for damaged."""
 WIRES: dict[str, tuple[str, ...]] = {
     "pty": ("--pty",),
     "tcp": ("--tcp", "127.0.0.1:0"),
@@ -50,7 +54,7 @@ LEFT_OVER: dict[str, tuple[str, ...]] = {
     "ekso": tuple(f"set {name} {raw}" for name, raw in EKSO_POWER_ON.items() if name in SETTINGS),
 }
 """Settings that a fault or a command may have changed, put back one by one."""
-NEVER_THE_SAME = {"barrett": ("not-homed", "over-temperature", "hang", "reversed", "erratic")}
+NEVER_THE_SAME = {"barrett": {"not-homed", "over-temperature", "hang", "reversed", "erratic"}}
 """Faults whose traces no control command wipes out: a new process comes after them."""
 
 
@@ -64,9 +68,8 @@ class Served:
 
     def __post_init__(self) -> None:
         self.panel = self.directory / "panel"
-        self.fault = "none"
+        self.fault = self.ended = "none"
         self.simulator: Simulator | None = None
-        self.violations = 0
         self.start()
 
     # -- the process --------------------------------------------------------------------------------------------------
@@ -78,7 +81,7 @@ class Served:
         self.simulator = Simulator(
             *WIRES[self.wire], "--seed", "1", "--control", self.panel, *settings, kind=self.device
         )
-        self.fault = "none"
+        self.fault = self.ended = "none"
         self.baseline = self.ask("motors") if self.device == "barrett" else ""
 
     def stop(self) -> None:
@@ -100,7 +103,13 @@ class Served:
     def options(self) -> tuple[str, ...]:
         """The connection of a command line."""
         baud = ("--baud", BAUD[self.device]) if self.wire in ("pty", "tcp") and self.device in BAUD else ()
-        return ("-p", self.link, "--timeout", str(TIMEOUT), "--deadline", str(DEADLINE), "--retries", "1", *baud)
+        timeout = DRIBBLE_TIMEOUT if self.fault == "dribble" else TIMEOUTS.get(self.device, TIMEOUT)
+        return ("-p", self.link, "--timeout", str(timeout), "--deadline", str(self.deadline), "--retries", "1", *baud)
+
+    @property
+    def deadline(self) -> float:
+        """Seconds that a command may take by its --deadline."""
+        return DEADLINES.get(self.device, DEADLINE)
 
     def ask(self, command: str) -> str:
         """One control command; its answer without the "ok"."""
@@ -122,12 +131,13 @@ class Served:
             self.ask("fault none")
         except ServeError:  # a pty that hung up: its process is gone
             self.start()
+        self.ended, self.fault = self.fault, "none"
 
     def heal(self) -> None:
         """As at power-on: by control commands, or by a new process where they do not reach."""
         try:
             self.ask("fault none")
-            if self.fault in NEVER_THE_SAME.get(self.device, ()):
+            if {self.fault, self.ended} & NEVER_THE_SAME.get(self.device, set()):
                 raise ServeError("worn")
             for command in (*HEALING[self.device], *LEFT_OVER.get(self.device, ())):
                 self.ask(command)
@@ -135,12 +145,12 @@ class Served:
                 self._reset_ram()
         except ServeError:
             self.start()
-        self.fault = "none"
+        self.fault = self.ended = "none"
 
     def _reset_ram(self) -> None:
-        """The factory's velocities again, by the hand's own commands; a new process where something else differs."""
-        if self.ask("ram MCV") != "100 100 100 60" or self.ask("ram HSG") != "256 256 256 256":
-            words = ("gcl", "FSET HSG 256", "123FSET MCV 100", "4FSET MCV 60")
+        """The factory's default positions again, by the hand's own commands; a new process where something else differs."""
+        if self.ask("ram DP") != "8500 8500 8500 1575":
+            words = ("gcl", "123FSET DP 8500", "4FSET DP 1575")
             assert run("barrett", *words, "-p", self.link, "--json").code == 0
         if self.ask("motors") != self.baseline:
             raise ServeError("moved")

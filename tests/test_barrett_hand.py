@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from handctl.devices.barrett.hand import refusal, unhealthy
+from handctl.devices.barrett.hand import refusal
 from handctl.devices.barrett.language import Answer
+from handctl.devices.barrett.views import unhealthy
 from handctl.errors import CheckFailed, DeviceRefused, NoAnswer, ProtocolError
 from tests.barrett_support import (
     ABORT,

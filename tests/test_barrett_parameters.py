@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from handctl.devices.barrett.hand import audit
 from handctl.devices.barrett.parameters import BARRETT, SPEEDS, GclParam, all_elements, check_careful, standard
+from handctl.devices.barrett.views import audit
 from handctl.errors import UsageError
 from handctl.verbs import settings_of
 from tests.barrett_support import changes, elements

@@ -175,12 +175,13 @@ def test_interrupted_and_repeated_often(bench_of: Get, name: str) -> None:
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
 def test_the_configuration_file(tmp_path: Path, number: int) -> None:
     """`devices add` interrupted anywhere: the file is the old one or the new one, and the next edit works."""
-    from tests.cli_support import clean_environment, program
     import subprocess
+
+    from tests.cli_support import clean_environment, program
 
     config = tmp_path / "config.toml"
     environment = {"HANDCTL_CONFIG": str(config)}
-    old = '# kept\nretries = 3\n'
+    old = "# kept\nretries = 3\n"
     source = random.Random(SEED)
     for turn in range(3):
         config.write_text(old, encoding="utf-8")

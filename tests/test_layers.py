@@ -51,7 +51,7 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
     ("options", ("config", "errors")),
     ("console", ("guide",)),
     ("run", ("", "console", "errors", "link", "link.lock", "link.tap", "options", "param", "render", "result")),
-    ("mapverbs", ("", "clikit", "param", "report", "result", "run", "verbs")),
+    ("mapverbs", ("", "clikit", "options", "param", "report", "result", "run", "verbs")),
     ("report", ("", "errors", "link.tap", "param", "render", "report.*", "result", "run", "verbs")),
     ("report.facts", ("tools.machine",)),
     ("report.html", ("errors", "report.svg", "result")),

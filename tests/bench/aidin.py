@@ -7,7 +7,6 @@ import json
 import multiprocessing
 import socket
 import statistics
-import subprocess
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -16,7 +15,7 @@ from handctl.devices.aidin.exchange import Conversation
 from handctl.devices.aidin.way import Exchange, Way
 from handctl.link.tcp import TcpLink
 from handctl.result import Journal
-from tests.bench.measure import HANDCTL, Figure
+from tests.bench.measure import Figure, handctl, served
 
 ASKED = b"{}\n"
 POLLED = Way(exchange=Exchange.POLL)
@@ -68,10 +67,18 @@ def run(*, quick: bool) -> Iterator[Figure]:
     with answering() as port:
         ours, floor = exchanges(port, runs)
     note = f"{len(told())} bytes, decoded and checked; the floor is send and recv alone, in turn with ours"
-    yield Figure("aidin poll over loopback", ours, floor, "us", 10.0, note)
+    yield Figure("aidin poll over loopback", ours, floor, "us", 10.0, note, "send and recv")
     with answering(400) as port:
         slow = statistics.median(polled(port, 20)) / 1000
-    yield Figure("aidin poll, server in 400-byte writes", slow, PLATEAU_MS, "ms", 0.25, "floor: the plateau")
+    yield Figure(
+        "aidin poll, server in 400-byte writes",
+        slow,
+        PLATEAU_MS,
+        "ms",
+        0.25,
+        "a client that delays its acknowledgement waits so long",
+        "40 ms plateau",
+    )
     yield streamed(2 if quick else 10)
 
 
@@ -113,27 +120,18 @@ def exchange(plain: socket.socket) -> None:
 
 def streamed(seconds: int) -> Figure:
     """Objects that `watch` took of a stream beside those that came: none may be lost or be late."""
-    command = [HANDCTL, "sim", "aidin", "--tcp", "127.0.0.1:0", "--set", f"rate={RATE}"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
-        assert process.stdout is not None
-        try:
-            link = json.loads(process.stdout.readline())["link"]
-            watch = [
-                HANDCTL,
-                "aidin",
-                "watch",
-                "motor_pos",
-                "-p",
-                link,
-                "--rate",
-                "0",
-                "--duration",
-                str(seconds),
-                "--json",
-            ]
-            done = subprocess.run(watch, capture_output=True, text=True, check=True)
-        finally:
-            process.terminate()
-    end = json.loads(done.stdout.splitlines()[-1])["end"]
+    with served("aidin", "--tcp", "127.0.0.1:0", "--set", f"rate={RATE}") as link:
+        done = handctl(
+            "aidin", "watch", "motor_pos", "-p", link, "--rate", "0", "--duration", str(seconds), "--json"
+        )  # fmt: skip
+    end = json.loads(done.splitlines()[-1])["end"]
     note = f"{end['stream']['samples']} samples of {RATE} a second, {end['counters']['bad_frames']} damaged"
-    return Figure("aidin watch, period of the samples", 1000 / end["stream"]["rate_hz"], 1000 / RATE, "ms", 1.05, note)
+    return Figure(
+        "aidin watch, period of the samples",
+        1000 / end["stream"]["rate_hz"],
+        1000 / RATE,
+        "ms",
+        1.05,
+        note,
+        "the stream",
+    )

@@ -4,35 +4,29 @@ from __future__ import annotations
 
 import json
 import statistics
-import subprocess
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from tests.bench.measure import HANDCTL, Figure
+from tests.bench.measure import Event, Figure, handctl, served, traced
 
 DUMP_CHARACTERS = 720
 """Three FGET and one PGET with CR, and their answers with echo and prompt; echo and line overlap (dossier 12)."""
 
 
 @contextmanager
-def served(*options: str) -> Iterator[str]:
+def hand(*options: str) -> Iterator[str]:
     """A simulated hand on a pty with wire time; yields its link."""
-    command = [HANDCTL, "sim", "barrett", "--pty", "--wire", "auto", "--set", "initialized=1", *options]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
-        assert process.stdout is not None
-        try:
-            yield json.loads(process.stdout.readline())["link"]
-        finally:
-            process.terminate()
+    with served("barrett", "--pty", "--wire", "auto", "--set", "initialized=1", *options) as link:
+        yield link
 
 
 def run(*, quick: bool) -> Iterator[Figure]:
     """Yield the figures."""
     for speed in (9600, 38400):
         floor = DUMP_CHARACTERS * 10 / speed * 1000
-        with served("--set", f"baud={speed}") as link:
+        with hand("--set", f"baud={speed}") as link:
             sessions = [dump_milliseconds(link, speed) for _ in range(5 if quick else 15)]
         times, characters = zip(*sessions, strict=True)
         note = f"pty, wire emulated; best {min(times):.1f}; {max(characters)} characters one after the other"
@@ -46,15 +40,7 @@ def run(*, quick: bool) -> Iterator[Figure]:
 def dump_milliseconds(link: str, speed: int) -> tuple[float, int]:
     """Time from the first byte of the first FGET to the last byte received, from the program's own trace, and the
     characters of that time that cannot overlap: each line until its CR is echoed, then the rest of its answer."""
-    with tempfile.TemporaryDirectory() as folder:
-        trace = Path(folder) / "trace.txt"
-        subprocess.run(
-            [HANDCTL, "barrett", "dump", "-p", link, "--baud", str(speed), "--json", "--trace", str(trace)],
-            stdout=subprocess.DEVNULL,
-            check=True,
-        )
-        lines = [line.split() for line in trace.read_text(encoding="utf-8").splitlines() if line[0] not in "#"]
-    events = [(float(words[0]), words[1], bytes.fromhex("".join(words[2:]))) for words in lines if words[1] in "<>"]
+    events = traced("barrett", "dump", "-p", link, "--baud", str(speed), "--json")
     first = next(number for number, (_, mark, data) in enumerate(events) if mark == ">" and data[:4] == b"FGET")
     session = events[first:]
     asked = [data for _, mark, data in session if mark == ">"]
@@ -79,37 +65,28 @@ def loop_figures(speed: int, blocks: int) -> Iterator[Figure]:
         "overlapped": (1 + FEEDBACK_BYTES) * byte,
         "pipelined": FEEDBACK_BYTES * byte,
     }
-    for more, floor in (((), "pipelined"), (("--sequential",), "overlapped")):
-        with served("--set", f"baud={speed}") as link:
-            done = subprocess.run(
-                [HANDCTL, "barrett", "realtime", "-p", link, "--baud", str(speed), *LOOP, "--measure", str(blocks),
-                 "--json", *more],
-                stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, check=True,
-            )  # fmt: skip
-        end = json.loads(done.stdout.splitlines()[-1])["end"]
+    for more in ((), ("--sequential",)):
+        with hand("--set", f"baud={speed}") as link:
+            words = ("-p", link, "--baud", str(speed), *LOOP, "--measure", str(blocks), "--json", *more)
+            end = json.loads(handctl("barrett", "realtime", *words).splitlines()[-1])["end"]
         rate, latency = end["stream"]["rate_hz"], end["loop"]["latency"]
         note = ", ".join(f"{rate * milliseconds / 1000:.2f} of {name}" for name, milliseconds in floors.items())
-        note = f"{rate:.1f} Hz: {note}; p99 {latency['p99_ms']:.1f} ms, late {latency['late']}"
-        name = f"barrett realtime{' --sequential' if more else ''} at {speed}"
-        goal = None if more else floors["overlapped"] / floors[floor] / 0.95
-        yield Figure(name, 1000 / rate, floors[floor], "ms", goal, note)
+        note = f"{rate:.1f} Hz: {note}; p99 {latency['p99_ms']:.1f} ms, {latency['late']} late"
+        name = f"barrett realtime at {speed}{', --sequential' if more else ''}"
+        yield Figure(name, 1000 / rate, floors["overlapped"], "ms", None if more else 1 / 0.95, note, "overlapped wire")
 
 
 def download_figure(size: int, window: int) -> Figure:
     """Seconds from the first trigger to the last echo; 32 bytes a record, 9600 bit/s (dossier 7.7, 12)."""
     records = size // 32
     with tempfile.TemporaryDirectory() as folder:
-        file, trace = Path(folder) / "bench.s19", Path(folder) / "trace.txt"
+        file = Path(folder) / "bench.s19"
         lines = [_record(0x2000 + 32 * number, bytes(32)) for number in range(records)]
         file.write_text("\n".join([*lines, "S9030000FC\n"]), encoding="ascii")
-        with served("--set", "switch=2,3", "--set", "download-end=quiet", "--set", "download-quiet=0.5") as link:
-            subprocess.run(
-                [HANDCTL, "barrett", "firmware", "download", str(file), "-p", link, "--baud", "9600", "--yes",
-                 "--window", str(window), "--trace", str(trace)],
-                stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, check=True,
-            )  # fmt: skip
-        text = trace.read_text(encoding="utf-8")
-    seconds = _download_seconds(text, 1 + records * 37)
+        with hand("--set", "switch=2,3", "--set", "download-end=quiet", "--set", "download-quiet=0.5") as link:
+            words = ("-p", link, "--baud", "9600", "--yes", "--window", str(window))
+            events = traced("barrett", "firmware", "download", str(file), *words)
+    seconds = _download_seconds(events, 1 + records * 37)
     # Window 1: triggers and every byte twice; windows above overlap the echo with the next byte.
     characters = (1 + records * 72) if window == 1 else 1 + records * 39
     note = f"pty, wire emulated; {size} bytes, {size / seconds:.0f} bytes/s"
@@ -128,10 +105,8 @@ def _record(address: int, data: bytes) -> str:
     return f"S1{(body + bytes([~sum(body) & 255])).hex().upper()}"
 
 
-def _download_seconds(text: str, count: int) -> float:
+def _download_seconds(events: list[Event], count: int) -> float:
     """From the first trigger behind `:` until the first answer after `count` bytes."""
-    lines = [line.split() for line in text.splitlines() if line[0] != "#"]
-    events = [(float(words[0]), words[1], bytes.fromhex("".join(words[2:]))) for words in lines if words[1] in "<>"]
     place = next(number for number, (_, mark, data) in enumerate(events) if mark == "<" and data.endswith(b":"))
     begun, sent = events[place + 1][0], 0
     for when, mark, data in events[place + 1 :]:

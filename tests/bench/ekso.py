@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import json
 import statistics
-import subprocess
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
-from tests.bench.measure import HANDCTL, Figure
+from tests.bench.measure import Figure, handctl, served
 
 SAMPLE_BYTES = 6 + 60
 """A request without a body and an answer of 27 words (dossier 9)."""
@@ -19,22 +17,10 @@ GOAL = 1 / 0.95
 """At least 0.95 of the wire's 174.5 Hz."""
 
 
-@contextmanager
-def served() -> Iterator[str]:
-    """A simulated unit on a pty with wire time; yields its link."""
-    command = [HANDCTL, "sim", "ekso", "--pty", "--wire", "115200"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
-        assert process.stdout is not None
-        try:
-            yield json.loads(process.stdout.readline())["link"]
-        finally:
-            process.terminate()
-
-
 def run(*, quick: bool) -> Iterator[Figure]:
     """Yield the figures."""
     count = 500 if quick else 2000
-    with served() as link:
+    with served("ekso", "--pty", "--wire", "115200") as link:
         ways = {"device loop": bare, "watch, 15 rows a sample": watch, "log": log}
         for name, measured in ways.items():
             rates = [measured(link, count) for _ in range(3)]
@@ -60,7 +46,7 @@ def bare(link: str, count: int) -> float:
 
 def watch(link: str, count: int) -> float:
     """Samples a second of `watch --json --rate 0`, as its closing line says, with a reader at the other end of a pipe."""
-    done = _handctl("watch", "--json", "--rate", "0", "--count", str(count), "-p", link)
+    done = handctl("ekso", "watch", "--json", "--rate", "0", "--count", str(count), "-p", link)
     end = json.loads(done.splitlines()[-1])["end"]["stream"]
     if end["samples"] != count or end["failed"]:
         raise SystemExit(f"watch: {end}")
@@ -71,12 +57,8 @@ def log(link: str, count: int) -> float:
     """Rows a second of a log by the device's own clock, as its sidecar says."""
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "bench.csv"
-        _handctl("log", str(file), "--count", str(count), "--json", "-p", link)
+        handctl("ekso", "log", str(file), "--count", str(count), "--json", "-p", link)
         told = json.loads(file.with_name("bench.csv.json").read_text(encoding="utf-8"))
     if told["rows"] != count or told["lost"]:
         raise SystemExit(f"log: {told['rows']} rows, {told['lost']} lost")
     return float(told["rate_hz"])
-
-
-def _handctl(*args: str) -> str:
-    return subprocess.run([HANDCTL, "ekso", *args], capture_output=True, text=True, check=True).stdout

@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
+import json
 import os
 import statistics
 import subprocess
 import sys
 import sysconfig
+import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 HANDCTL = str(Path(sysconfig.get_path("scripts")) / "handctl")
 PASS = [sys.executable, "-c", "pass"]
+WIRE = "wire"
 
 
 @dataclass(frozen=True)
 class Figure:
-    """One measured value beside its floor: `ratio` = value / floor, to be at most `goal` (None = only reported)."""
+    """One measured value beside its floor or peer, `against`: `ratio` = value / floor, at most `goal` (None = only reported)."""
 
     name: str
     value: float
@@ -27,6 +31,7 @@ class Figure:
     unit: str
     goal: float | None
     note: str = ""
+    against: str = WIRE
 
     @property
     def ratio(self) -> float:
@@ -38,36 +43,55 @@ class Figure:
         """Whether the goal is reached; figures without one always are."""
         return self.goal is None or self.ratio <= self.goal
 
-    def line(self) -> str:
-        """One line for people."""
-        goal = "" if self.goal is None else f"  goal {self.goal:g}  {'ok' if self.met else 'MISSED'}"
-        return (
-            f"{self.name:<44} {self.value:10.2f} {self.unit:<4} floor {self.floor:10.2f}  ratio {self.ratio:6.2f}{goal}"
-            f"{f'  ({self.note})' if self.note else ''}"
-        )
-
     def as_row(self) -> dict[str, Any]:
-        """For the JSON file."""
-        row = {"name": self.name, "value": self.value, "floor": self.floor, "unit": self.unit, "ratio": self.ratio}
-        return {**row, "goal": self.goal, "met": self.met, "note": self.note}
+        """For the JSON file; four significant digits are more than a run repeats."""
+        return {
+            "name": self.name,
+            "value": rounded(self.value),
+            "unit": self.unit,
+            "against": self.against,
+            "floor": rounded(self.floor),
+            "ratio": rounded(self.ratio),
+            "goal": None if self.goal is None else rounded(self.goal),
+            "verdict": "reported" if self.goal is None else "met" if self.met else "missed",
+            "note": self.note,
+        }
 
 
-def pair(command: Sequence[str], floor: Sequence[str], runs: int) -> tuple[float, float, float]:
-    """Median seconds of both commands, run in turn, and the median of the ratios pair by pair."""
-    _once(command)
-    _once(floor)
-    pairs = [(_once(command), _once(floor)) for _ in range(runs)]
-    return (
-        statistics.median(a for a, _ in pairs),
-        statistics.median(b for _, b in pairs),
-        statistics.median(a / b for a, b in pairs),
-    )
+def rounded(value: float) -> float:
+    """Four significant digits."""
+    return float(f"{value:.4g}")
 
 
-def _once(command: Sequence[str]) -> float:
+def environment() -> dict[str, str]:
+    """This process's environment without what changes how Python or handctl start: both as a user has them."""
+    return {name: text for name, text in os.environ.items() if not name.startswith(("PYTHON", "HANDCTL_"))}
+
+
+def quickest(commands: Sequence[Sequence[str]], runs: int) -> list[float]:
+    """Seconds of the quickest run of each command, run in turn: what else the machine does only ever adds."""
+    for command in commands:
+        once(command)
+    times = [[once(command) for command in commands] for _ in range(runs)]
+    return [min(column) for column in zip(*times, strict=True)]
+
+
+def once(command: Sequence[str]) -> float:
+    """Seconds of a command."""
     started = time.perf_counter()
-    subprocess.run(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, check=True)
+    subprocess.run(
+        command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, check=True,
+        env=environment(),
+    )  # fmt: skip
     return time.perf_counter() - started
+
+
+def handctl(*args: str) -> str:
+    """Standard output of a run."""
+    done = subprocess.run(
+        [HANDCTL, *args], stdin=subprocess.DEVNULL, capture_output=True, text=True, check=True, env=environment()
+    )
+    return done.stdout
 
 
 def peak_kilobytes(command: Sequence[str]) -> int:
@@ -79,6 +103,53 @@ def peak_kilobytes(command: Sequence[str]) -> int:
         "print(os.wait4(pid, 0)[2].ru_maxrss, file=sys.stderr)\n"
     )
     done = subprocess.run(
-        [sys.executable, "-c", code, *command], capture_output=True, text=True, check=True, env=os.environ
+        [sys.executable, "-c", code, *command], capture_output=True, text=True, check=True, env=environment()
     )
     return int(done.stderr.split()[-1])
+
+
+@contextmanager
+def served(kind: str, *options: str) -> Iterator[str]:
+    """A simulated device as a process of its own; yields its link."""
+    command = [HANDCTL, "sim", kind, *options]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment()) as process:
+        assert process.stdout is not None
+        try:
+            yield json.loads(process.stdout.readline())["link"]
+        finally:
+            process.terminate()
+
+
+Event = tuple[float, str, bytes]
+"""A line of a trace: seconds, `>` or `<`, bytes."""
+
+
+def traced(*args: str) -> list[Event]:
+    """What a run sent and received, by its own trace."""
+    with tempfile.TemporaryDirectory() as folder:
+        trace = Path(folder) / "trace.txt"
+        handctl(*args, "--trace", str(trace))
+        lines = [line.split() for line in trace.read_text(encoding="utf-8").splitlines() if not line.startswith("#")]
+    return [(float(words[0]), words[1], _bytes(words[2:])) for words in lines if words[1] in "<>"]
+
+
+def _bytes(words: Sequence[str]) -> bytes:
+    """The bytes of a line; of a CAN frame the data only."""
+    return bytes.fromhex("".join(words[3:] if words[:1] == ["can"] else words))
+
+
+def session_milliseconds(link: str, kind: str, transactions: int) -> float:
+    """`dump`: time between the first byte sent and the last received. The number of transactions must be this."""
+    events = traced(kind, "dump", "-p", link, "--json")
+    sent = [when for when, mark, _ in events if mark == ">"]
+    if len(sent) != transactions:
+        raise SystemExit(f"{kind} dump: {len(sent)} transactions instead of {transactions}")
+    return (max(when for when, mark, _ in events if mark == "<") - min(sent)) * 1000
+
+
+def dump_figure(name: str, link: str, kind: str, transactions: int, floor: float, goal: float | None, runs: int,
+                wire: str) -> Figure:  # fmt: skip
+    """The median of so many dumps beside the time of their bytes in ms."""
+    sessions = [session_milliseconds(link, kind, transactions) for _ in range(runs)]
+    note = f"{wire}; median of {runs}, best {min(sessions):.2f} ms"
+    return Figure(name, statistics.median(sessions), floor, "ms", goal, note)

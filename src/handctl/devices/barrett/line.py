@@ -20,6 +20,7 @@ PROMPT_WAIT = 0.5
 LATE_PROMPT = 0.25
 QUIET = 0.2
 LOOP_EXITS = 9
+LONGEST = 4
 DEFAULT_RETRIES = 2
 
 
@@ -147,12 +148,12 @@ class GclLine:
         )
         self.drain()
         link = self.link
-        deadline = link.deadline(seconds + 2 * self.wire_seconds(len(data) + 512)).earlier(self.bound)
-        link.write(data, deadline)
+        answer = Patience(link, seconds + 2 * self.wire_seconds(len(data) + 512), self.bound)
+        echo = Patience(link, (self.timeout or ECHO_SECONDS) + 2 * self.wire_seconds(len(data)), self.bound)
+        link.write(data, answer.deadline)
         self.journal.counters.sent += 1
         try:
-            echo = link.deadline((self.timeout or ECHO_SECONDS) + 2 * self.wire_seconds(len(data))).earlier(deadline)
-            return self._answer(command, deadline, echo)
+            return self._answer(command, answer, echo)
         except (NoAnswer, ProtocolError) as exc:
             if kind in ("motion", "init"):  # whatever still moves must not go on
                 self.resynchronise()
@@ -176,8 +177,8 @@ class GclLine:
         assert error is not None
         raise error
 
-    def _answer(self, command: str, deadline: Deadline, echo: Deadline) -> Answer:
-        """The answer before `deadline`; without an echo before `echo` nobody is there, and waiting longer is useless."""
+    def _answer(self, command: str, whole: Patience, echo: Patience) -> Answer:
+        """The answer within `whole`; without an echo within `echo` nobody is there, and waiting longer is useless."""
         decoder = Decoder(command)
         while True:
             answer = decoder.next()
@@ -190,10 +191,12 @@ class GclLine:
                 if answer.raw.endswith(PROMPT):  # the space behind the prompt, if there is one, is part of it
                     self.link.read(self.link.deadline(0.005 + self.wire_seconds(2)), 1)
                 return answer
-            until = deadline if decoder.echoed else echo
+            until = (whole if decoder.echoed else echo).deadline
             chunk = b"" if until.expired else self.link.read(until)
             if not chunk:
                 raise self._failure(command, decoder)
+            whole.renew()
+            echo.renew()
             decoder.feed(chunk)
 
     def _failure(self, command: str, decoder: Decoder) -> HandctlError:
@@ -279,6 +282,21 @@ class GclLine:
     def wire_seconds(self, count: int) -> float:
         """Transmission time of `count` bytes, 10 bits each; 0 where the link has no speed."""
         return count * 10 / self.link.baud if self.link.baud else 0.0
+
+
+class Patience:
+    """A wait that ends after `seconds` of silence: bytes renew it, up to LONGEST times as long and never beyond `bound`."""
+
+    def __init__(self, link: ByteLink, seconds: float, bound: Deadline | None) -> None:
+        self._link = link
+        self._seconds = seconds
+        self._last = link.deadline(LONGEST * seconds).earlier(bound)
+        self.deadline = self._last
+        self.renew()
+
+    def renew(self) -> None:
+        """Something came."""
+        self.deadline = self._link.deadline(self._seconds).earlier(self._last)
 
 
 SILENCE = (

@@ -10,8 +10,9 @@ from datetime import UTC, datetime
 from typing import Any, NamedTuple
 
 from handctl.devices.barrett import health, hostfile
-from handctl.devices.barrett.hand import STROKE, BarrettHand
+from handctl.devices.barrett.hand import BarrettHand
 from handctl.devices.barrett.parameters import BARRETT, MOTORS, all_elements
+from handctl.devices.barrett.views import STROKE
 from handctl.errors import CheckFailed, UsageError
 from handctl.result import Cell, Column, Grid, Row, Table
 

@@ -1,0 +1,85 @@
+"""The figures as a table for people, as JSON, and as the section of README that shows the last result."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from tests.bench.measure import Figure
+
+TOP = Path(__file__).parent.parent.parent
+LAST = Path(__file__).parent / "last.json"
+"""The result that README shows; written by --readme only."""
+SCHEMA = "handctl-bench/1"
+SECTION = re.compile(r"(<!-- figures: [^>]*-->\n).*?(<!-- end -->)", re.DOTALL)
+COLUMNS = ("figure", "value", "floor or peer", "ratio", "goal", "verdict")
+
+
+def content(
+    figures: Sequence[Figure], *, quick: bool, peers: Mapping[str, str], absent: Sequence[str]
+) -> dict[str, Any]:
+    """What the JSON file holds: the class of machine, never its name."""
+    return {
+        "schema": SCHEMA,
+        "date": datetime.now(UTC).date().isoformat(),
+        "python": platform.python_version(),
+        "machine": f"{os.cpu_count()} cores {platform.machine()}",
+        "quick": quick,
+        "peers": dict(peers),
+        "absent": list(absent),
+        "figures": [figure.as_row() for figure in figures],
+    }
+
+
+def cells(row: Mapping[str, Any]) -> tuple[str, ...]:
+    """One figure's cells, as COLUMNS."""
+    goal = "" if row["goal"] is None else f"≤ {row['goal']:.2f}"
+    floor = f"{row['floor']:.4g} {row['unit']} ({row['against']})"
+    return (row["name"], f"{row['value']:.4g} {row['unit']}", floor, f"{row['ratio']:.2f}", goal, row["verdict"])
+
+
+def table(rows: Iterable[Mapping[str, Any]]) -> str:
+    """Aligned columns, the notes at the end of the lines."""
+    lines = [(*COLUMNS, "note"), *((*cells(row), row["note"]) for row in rows)]
+    widths = [max(len(line[place]) for line in lines) for place in range(len(COLUMNS))]
+    return "".join(
+        "  ".join([*(text.ljust(width) for text, width in zip(line, widths, strict=False)), line[-1]]).rstrip() + "\n"
+        for line in lines
+    )
+
+
+def readme(text: str, last: Mapping[str, Any]) -> str:
+    """The page with its section of figures made anew. Raises ValueError when it has none."""
+    head = [
+        f"{last['date']}, Python {last['python']}, {last['machine']}{', quick run' if last['quick'] else ''}. "
+        "A ratio is value / floor or peer; lower is better.",
+        "",
+        f"| {' | '.join(COLUMNS)} |",
+        "|---|---|---|---|---|---|",
+    ]
+    lines = [*head, *(f"| {' | '.join(cells(row))} |" for row in last["figures"])]
+    if last["absent"]:
+        lines += ["", f"Not installed for this run: {', '.join(last['absent'])}."]
+    filled, count = SECTION.subn(lambda found: found[1] + "\n".join(lines) + "\n" + found[2], text)
+    if count != 1:
+        raise ValueError("README.md has no section of figures")
+    return filled
+
+
+def dumps(found: Mapping[str, Any]) -> str:
+    """The JSON file's text."""
+    return json.dumps(found, indent=1, ensure_ascii=False) + "\n"
+
+
+def publish(found: Mapping[str, Any]) -> None:
+    """Write the last result and README's section of it."""
+    page = TOP / "README.md"
+    filled = readme(page.read_text(encoding="utf-8"), found)
+    LAST.write_text(dumps(found), encoding="utf-8")
+    page.write_text(filled, encoding="utf-8")
