@@ -88,6 +88,8 @@ class Case:
     again: tuple[int, ...] = (0,)
     fresh: tuple[str, ...] = field(default=())
     """Files that are taken away first."""
+    rests: float = 0.0
+    """Seconds before the repetition: what no command can stop (a calibration, exo §2.3.6) goes on meanwhile."""
 
     def __str__(self) -> str:
         return f"{self.bench} {self.command.split(' -')[0]}"

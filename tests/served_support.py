@@ -23,9 +23,10 @@ TIMEOUT = 0.2
 """--timeout: silence allowed per reply; a stream of big objects needs more than an answer to a question."""
 DRIBBLE_TIMEOUT = 1.0
 """For answers of which each byte takes 3 ms."""
-DEADLINES = {"aidin": 6.0}
+DEADLINES = {"aidin": 6.0, "barrett": 4.0}
 DEADLINE = 2.5
-"""--deadline of every command; the AIDIN-hand's damaged feedback is waited for 4 s before it is taken for damaged."""
+"""--deadline of every command; the AIDIN-hand's damaged feedback is waited for 4 s before it is taken for damaged,
+and the BarrettHand's prompt is searched for."""
 WIRES: dict[str, tuple[str, ...]] = {
     "pty": ("--pty",),
     "tcp": ("--tcp", "127.0.0.1:0"),

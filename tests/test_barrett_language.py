@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import random
-import time
-
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
@@ -297,26 +293,3 @@ def harmless(command: str, chunks: list[bytes]) -> None:
 @example("C", [b"C\n\rERR \xb2\n\r=> "])
 def test_any_bytes(command: str, chunks: list[bytes]) -> None:
     harmless(command, chunks)
-
-
-def fuzz(count: int, seed: int, until: float = float("inf")) -> int:
-    chance = random.Random(seed)
-    done = 0
-    while done < count and time.monotonic() < until:
-        chunks = [
-            chance.choice(PIECES) if chance.random() < 0.8 else chance.randbytes(chance.randrange(9)) for _ in range(10)
-        ]
-        harmless(chance.choice(["FGET P", "C", "ERR 3"]), chunks)
-        done += len(chunks)
-    return done
-
-
-def test_many_chunks() -> None:
-    assert fuzz(5000, 1) == 5000
-
-
-@pytest.mark.long
-def test_a_million_chunks() -> None:
-    seconds = float(os.environ.get("HANDCTL_LONG_SECONDS", "inf"))
-    done = fuzz(1_000_000, 2, time.monotonic() + seconds)
-    assert done == 1_000_000 or seconds != float("inf")

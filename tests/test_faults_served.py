@@ -73,6 +73,9 @@ COMMANDS: dict[str, dict[str, Any]] = {
 NOT_STEADY = {("exo", "hot", "status"), ("wrist", "hot", "status")}
 """Readings that fall while they are read: what they are at a moment only virtual time can say."""
 
+SLOW = ("missing-key", "wrong-length", "nan", "wrong-type")
+"""Damaged feedback is waited for 4 s before it is taken for damaged: one command that reads, one that moves."""
+
 
 def commands_on(device: str, wire: str) -> list[str]:
     """All on the first wire, without one that reads and the one that moves on the others."""
@@ -93,7 +96,7 @@ def faults_of(device: str, wire: str) -> list[str]:
         "wrist": [*wrist.LINE_FAULTS[bus_of(wire)], *wrist.DEVICE_FAULTS],
         "barrett": barrett.FAULTS,
         "ekso": list(ekso_table.FAULTS),
-        "aidin": [name for name in aidin.FAULTS if name != "dribble"],  # an object would take 4 s
+        "aidin": [name for name in aidin.FAULTS if name not in ("dribble", "weak")],  # 4 s an object; from power-on
     }
     first = wire in (DEVICES[device][0], "slcan-tcp")
     return [name for name in tables[device] if first or name in line]
@@ -135,6 +138,7 @@ class ServedCell:
         errors = [message for message in self.envelope["messages"] if message["level"] == "error"]
         assert len(errors) == (self.result.code != 0), self
         for error in errors:
+            open("/tmp/causes.txt", "a").write(f"{self.served.device} {self.fault} {self.result.code} {error['code']}\n")
             if self.result.code in (3, 4, 5):
                 assert self.link in error["text"] and error["hint"], self
                 assert error["code"] in CAUSES[self.result.code], self
@@ -335,13 +339,14 @@ WHOLE = [
     for wire in wires
     for fault in faults_of(device, wire)
     for name in commands_on(device, wire)
-    if (device, fault, name) not in NOT_STEADY
+    if (device, fault, name) not in NOT_STEADY and not (device == "aidin" and fault in SLOW and name not in ("get", "joints"))
 ]
 
 
 @pytest.mark.long
 @pytest.mark.parametrize(("device", "wire", "fault", "name"), [
-    pytest.param(*cell, marks=pytest.mark.xdist_group("-".join((cell[0], cell[1], cell[3])))) for cell in WHOLE
+    pytest.param(*cell, marks=pytest.mark.xdist_group("-".join((cell[0], cell[1], cell[3], str(number % 3)))))
+    for number, cell in enumerate(WHOLE)
 ])  # fmt: skip
 def test_fault_served(bench: Bench, device: str, wire: str, fault: str, name: str) -> None:
     """Ends as it must; then the fault is over, and the next command works and is right."""

@@ -10,6 +10,9 @@ from pathlib import Path
 
 import pytest
 
+from handctl.errors import LinkError
+from handctl.link import Deadline
+from handctl.link.can import CanLink
 from tests import fuzz_decoders, fuzz_texts
 from tests.fuzz_decoders import Aidin, Eb90, Ekso, Slcan
 from tests.fuzz_devices import STREAMS, Explain, Simulated, SlcanAdapter
@@ -58,3 +61,22 @@ def test_fuzz_long(name: str, tmp_path: Path) -> None:
     done, slowest = run_episodes(episode_of(name, tmp_path), LONG, seconds, seed=2)
     assert done >= LONG or (seconds < float("inf") and done >= SHORT)
     assert slowest < SLOWEST
+
+
+@pytest.mark.parametrize("text", [b"T1234567\r", b"T12345678\xff\r", b"Tzzzzzzzz0\r", b"T\r", b"D00000001\r"])
+def test_damaged_text_of_an_adapter_loses_the_bus(text: bytes) -> None:
+    link = CanLink("can:slcan:loop://")
+    link._bus.serialPortOrig.reset_input_buffer()  # type: ignore[attr-defined]
+    link._bus.serialPortOrig.write(text)  # type: ignore[attr-defined]
+    with pytest.raises(LinkError) as caught:
+        link.receive(Deadline(lambda: 1.0, 0.0))
+    assert caught.value.code == "lost"
+
+
+@pytest.mark.parametrize("text", [b"TFFFFFFFF0\r", b"T20000000100\r", b"T11000001200\r", b"D1100000120403\r"])
+def test_impossible_frames_of_an_adapter_are_counted(text: bytes) -> None:
+    link = CanLink("can:slcan:loop://")
+    link._bus.serialPortOrig.reset_input_buffer()  # type: ignore[attr-defined]
+    link._bus.serialPortOrig.write(text)  # type: ignore[attr-defined]
+    assert link.receive(Deadline(lambda: 1.0, 0.0)) is None
+    assert link.error_frames == 1

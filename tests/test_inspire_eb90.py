@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import random
-import time
-
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -321,42 +317,3 @@ def test_a_frame_in_junk_is_found(
     assert found
     assert isinstance(found[0], Frame)
     assert found[0].encode() == wire
-
-
-def fuzz(rounds: int, seconds: float, seed: int) -> int:
-    """Random chunks through three decoders; returns the rounds done. Frames must be bytes that came; memory is bounded."""
-    source = random.Random(seed)
-    likely = unhex("90 EB EB 90 01 04 05 11 12 C0 05 E8 03")
-    good = unhex(VOLTAGE)
-    decoders = [Decoder(), Decoder([unhex("90 EB")]), decoder_for()]
-    end = time.monotonic() + seconds
-    found = 0
-    for done in range(rounds):
-        if done % 1024 == 0 and time.monotonic() > end:
-            return done
-        kind = source.random()
-        chunk = good if kind < 0.1 else bytes(source.choices(likely, k=source.randrange(12)))
-        if kind > 0.9:
-            chunk = source.randbytes(source.randrange(20))
-        for decoder in decoders:
-            for frame in run(decoder, chunk):
-                if isinstance(frame, Frame):
-                    found += 1
-                    assert frame.encode()[:2] in (unhex("90 EB"), unhex("EB 90"))
-                else:
-                    assert frame == "bad-checksum"
-            assert decoder.pending < 260
-    assert found > rounds // 100
-    return rounds
-
-
-def test_fuzz() -> None:
-    assert fuzz(20_000, 60.0, 1) == 20_000
-
-
-@pytest.mark.long
-def test_fuzz_long() -> None:
-    """10^6 chunks, or as many as HANDCTL_LONG_SECONDS allows."""
-    bound = os.environ.get("HANDCTL_LONG_SECONDS")
-    done = fuzz(1_000_000, float(bound) if bound else 600.0, 2)
-    assert done == 1_000_000 or (bound is not None and done >= 20_000)

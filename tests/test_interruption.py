@@ -60,7 +60,7 @@ CASES = [
     Case("exo", "force 1 2 3 4 5 -y", 0.05, is_("get 1498 10", "01 00 02 00 03 00 04 00 05 00"), ("force 0 0 0 0 0 -y",)),
     Case("exo", "id 5 -y", 0.7, id_5),
     Case("exo", "save -y", 1.1),
-    Case("exo", "calibrate -y", 1.1),
+    Case("exo", "calibrate -y", 1.1, rests=1.3),
     Case("exo", "restore {}/exo.json -y", 0.08, is_("get 1504 2", "F7 FF"), ("set force_set.index=-9 -y", "snapshot {}/exo.json", "set force_set.index=11 -y")),
     Case("exo", "factory-reset -y --undocumented-address --backup {}/before.json", 1.7, whole_json("before.json", "values"), fresh=("before.json",), again=(0, 2)),
     Case("exo", "snapshot {}/a.json", 0.04, whole_json("a.json", "checksum")),
@@ -73,7 +73,7 @@ CASES = [
     Case("wrist-can", "set yaw_set=3", 0.05, is_("get 1038 2", "2C 01"), ("set yaw_set=5",)),
     Case("wrist-can", "move --pitch 10 --yaw -5 --time 300", 0.4, is_("get 1038 4", "0C FE E8 03"), ("center",), still="get 1044 4"),
     Case("barrett", "set MCV=40 DP.F2=4321", 0.15, is_("ram DP", "8500 4321 8500 1575"), ("set DP=8500,8500,8500,1575 MCV=60",)),
-    Case("barrett", "save -y", 3.3, saved, ("set DP.F2=4321",), again=(0, 2)),
+    Case("barrett", "save -y", 3.3, saved, ("set DP.F2=1234", "save -y --force", "set DP.F2=4321"), again=(0, 2)),
     Case("barrett", "restore {}/barrett.json -y", 0.8, is_("ram DP", "8500 4321 8500 1575"), ("set DP.F2=4321", "snapshot {}/barrett.json", "set DP.F2=1234")),
     Case("barrett", "move 5000 --motors 12", 0.8, begins("motors", "F1 P 5000"), ("home",), still="motors"),
     Case("barrett", "init", 0.9, begins("motors", "F1 P 0 S 0")),
@@ -83,7 +83,7 @@ CASES = [
     Case("ekso", f"set step_length=15.5 {ME}", 0.3, is_("get step_length", "1550"), (f"set step_length=14.5 {ME}",)),
     Case("ekso", f"restore {{}}/ekso.json {ME}", 0.3, is_("get step_length", "1550"), (f"set step_length=15.5 {ME}", "snapshot {}/ekso.json", f"set step_length=14.5 {ME}")),
     Case("ekso", "log {}/gait.csv --rate 50 --count 20 --force", 0.5, log_is_whole),
-    Case("aidin", "home -y", 3.6, begins("state", "mode 3 homed"), still="get motor_pos", again=(0,)),
+    Case("aidin", "home -y", 3.6, begins("state", "mode 1 homed"), still="get motor_pos"),
     Case("aidin", "encoders index.m1=500", 0.4, still="get motor_pos"),
     Case("aidin", "joints index.q3=160 -y", 0.6, still="get motor_pos"),
     Case("aidin", "currents index.m1=20 -y --duration 0.3", 1.0, is_("get current_state", " ".join("0" * 15)), still="get motor_pos"),
@@ -145,6 +145,7 @@ def cell(bench: Bench, case: Case, number: int, source: random.Random) -> None:
         file = bench.folder / name
         if file.exists():  # of an earlier run or of this one: whole in either case
             assert file.read_bytes().endswith((b"\n", b"\r\n", b"</html>")), name
+    time.sleep(case.rests)
     done = bench.do(case.command)
     assert done.code in case.again, (code, err, done)
     case.holds(bench)

@@ -6,17 +6,22 @@ always be what the model says. Virtual time; a few examples here, many with mark
 
 from __future__ import annotations
 
-import json
 import tempfile
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, Phase, settings
 from hypothesis import strategies as st
-from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule, run_state_machine_as_test
+from hypothesis.stateful import (
+    RuleBasedStateMachine,
+    initialize,
+    invariant,
+    precondition,
+    rule,
+    run_state_machine_as_test,
+)
 
 from handctl.devices.aidin import adjust, homing
 from handctl.devices.aidin import motion as aidin_motion
@@ -30,9 +35,9 @@ from handctl.errors import UsageError
 from handctl.guide import Guide
 from handctl.param import Element
 from tests import aidin_support, barrett_support
-from tests.cli_support import FINGERS, POWER_ON, run
+from tests.cli_support import POWER_ON, run
 from tests.fuzz_support import long_seconds
-from tests.support import RecordedLink, fake_link, hand_on
+from tests.support import fake_link, hand_on
 from tests.wrist_support import WIRES, fake_wrist, wrist_on
 
 
@@ -116,7 +121,10 @@ class ExoMachine(RuleBasedStateMachine):
         self.link.power_cycle()
         self.fresh()
 
-    @rule(name=st.sampled_from(["position_set", "force_set", "id", "baud_code"]), value=st.sampled_from([-1001, 1001, 255, 4000, -2]))
+    @rule(
+        name=st.sampled_from(["position_set", "force_set", "id", "baud_code"]),
+        value=st.sampled_from([-1001, 1001, 255, 4000, -2]),
+    )
     def refuse(self, name: str, value: int) -> None:
         low, high = {"position_set": (-1, 1000), "force_set": (-1000, 1000), "id": (1, 254), "baud_code": (0, 2)}[name]
         if not low <= value <= high:
@@ -178,7 +186,10 @@ class WristMachine(RuleBasedStateMachine):
         self.link.power_cycle()
         self.adopt()
 
-    @rule(name=st.sampled_from(["pitch_set", "yaw_set"]), value=st.sampled_from(["22.13", "-22.67", "25.51", "-25.51", "400"]))
+    @rule(
+        name=st.sampled_from(["pitch_set", "yaw_set"]),
+        value=st.sampled_from(["22.13", "-22.67", "25.51", "-25.51", "400"]),
+    )
     def refuse(self, name: str, value: str) -> None:
         low, high = {"pitch_set": (-22.66, 22.12), "yaw_set": (-25.5, 25.5)}[name]
         if not low <= float(value) <= high:
@@ -283,7 +294,9 @@ class BarrettMachine(RuleBasedStateMachine):
 
     @invariant()
     def reads_equal(self) -> None:
-        wanted = [element(BARRETT, BARRETT.find(name)[0].name, motor) for name in (*PARAMETERS, "P") for motor in range(4)]
+        wanted = [
+            element(BARRETT, BARRETT.find(name)[0].name, motor) for name in (*PARAMETERS, "P") for motor in range(4)
+        ]
         got = [reading.value for reading in self.hand.read(wanted)]
         assert got[:-4] == [value for name in PARAMETERS for value in self.ram[name]]
         for now, goal in zip(got[-4:], self.at, strict=True):
@@ -293,7 +306,12 @@ class BarrettMachine(RuleBasedStateMachine):
 # -- ekso: settings one by one, within this tool's policy (ekso §6, ParameterID table) --------------------------------
 
 # name -> value of the simulated clinic preset, largest step of one write, decimals
-EKSO: dict[str, tuple[float, float]] = {"step_length": (14.75, 1.0), "step_height": (2.0, 0.5), "forward_shift": (-0.75, 0.5), "lateral_shift": (1.25, 0.5)}
+EKSO: dict[str, tuple[float, float]] = {
+    "step_length": (14.75, 1.0),
+    "step_height": (2.0, 0.5),
+    "forward_shift": (-0.75, 0.5),
+    "lateral_shift": (1.25, 0.5),
+}
 
 
 class EksoMachine(RuleBasedStateMachine):
@@ -361,7 +379,11 @@ class AidinMachine(RuleBasedStateMachine):
         self.at = [0] * 15
 
     @precondition(lambda self: self.homed)
-    @rule(finger=st.sampled_from(["thumb", "index", "middle", "ring", "little"]), motor=st.integers(0, 2), part=st.integers(0, 30))
+    @rule(
+        finger=st.sampled_from(["thumb", "index", "middle", "ring", "little"]),
+        motor=st.integers(0, 2),
+        part=st.integers(0, 30),
+    )
     def encoders(self, finger: str, motor: int, part: int) -> None:
         value = COUNTS.get(finger, OTHERS)[motor] * part // 100
         goal = parse(ENCODERS, [f"{finger}.m{motor + 1}={value}"])
@@ -377,7 +399,9 @@ class AidinMachine(RuleBasedStateMachine):
     def bias(self) -> None:
         adjust.bias(self.hand)
 
-    @rule(text=st.sampled_from(["index.m1=440001", "index.m1=-1", "thumb.m3=210001", "ring.m3=170001", "thumb.m1=280001"]))
+    @rule(
+        text=st.sampled_from(["index.m1=440001", "index.m1=-1", "thumb.m3=210001", "ring.m3=170001", "thumb.m1=280001"])
+    )
     def refuse(self, text: str) -> None:
         with pytest.raises(UsageError):
             parse(ENCODERS, [text])

@@ -64,6 +64,15 @@ def write(path: str, content: Mapping[str, Any]) -> None:
         raise OutputError(f"{path}: the snapshot cannot be written: {exc.strerror or exc}") from exc
 
 
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    # Of two entries of one name the checksum would cover the last only, while a person reads the first.
+    content = dict(pairs)
+    if len(content) != len(pairs):
+        names = [name for name, _ in pairs]
+        raise ValueError(f"{next(name for name in names if names.count(name) > 1)!r} stands there twice")
+    return content
+
+
 def _refuse(name: str) -> None:
     raise ValueError(f"{name} is no number that JSON has")
 
@@ -72,7 +81,7 @@ def load(path: str, kind: str) -> dict[str, Any]:
     """Read and check a snapshot of a `kind` device. Raises UsageError for anything that is not whole and ours."""
     try:
         with open(path, encoding="utf-8") as file:
-            content = json.load(file, parse_constant=_refuse)
+            content = json.load(file, parse_constant=_refuse, object_pairs_hook=_once)
     except FileNotFoundError as exc:
         raise UsageError(f"{path}: no such file", hint=f"`handctl {kind} snapshot {path}` makes one") from exc
     except OSError as exc:

@@ -104,9 +104,14 @@ class Conversation:
         raise self.nothing_came() if self._junk or self._echoes else self._silent(asked=asks)
 
     def _listen(self, seconds: float) -> None:
-        """Take what the hand says unasked. Once it has begun it may finish: an object may come in small pieces."""
+        """Take what the hand says unasked. Once it has begun it may finish: an object may come in small pieces.
+
+        A key that came three times says that the hand streams, whatever is wrong with another.
+        """
         end, last = self.deadline(seconds), self.deadline(LISTEN_LONGEST)
         while not self.feedback.complete() and not end.expired and not last.expired:
+            if max(self.feedback.seen.values(), default=0) >= CYCLES:
+                return
             before = self._bytes_seen
             self._receive(end.earlier(last))
             if self._bytes_seen != before:

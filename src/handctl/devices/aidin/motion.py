@@ -5,6 +5,8 @@ An object is sent every 20 ms; there is no acknowledge, so that feedback alone p
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from handctl.devices.aidin.exchange import PERIOD
 from handctl.devices.aidin.feedback import Feedback, values_of
 from handctl.devices.aidin.fields import Target
@@ -12,7 +14,7 @@ from handctl.devices.aidin.hand import AidinHand
 from handctl.devices.aidin.homing import check_homed
 from handctl.devices.aidin.stop import object_of, step_of, stopping
 from handctl.devices.aidin.targets import Goal, missed, ramp
-from handctl.errors import CheckFailed
+from handctl.errors import CheckFailed, NoAnswer
 from handctl.guide import Guide
 from handctl.param import Number, Step, elements_of
 from handctl.result import Column, Table
@@ -60,10 +62,23 @@ def move(hand: AidinHand, goal: Goal, guide: Guide, *, assume_homed: bool) -> Ta
             arrived = _settle(hand, goal, values, guide)
         finally:
             guide.done()
-    talk.check_bound()
+    if not arrived:
+        _tell_deadline(hand, goal, values)
     if arrived:
         hand.journal.info("reached", "reached; nothing more is sent, the hand is expected to hold")
     return _result(hand, goal, values)
+
+
+def _tell_deadline(hand: AidinHand, goal: Goal, values: list[float]) -> None:
+    """Raise NoAnswer when --deadline is over, with what was not reached by then as far as it is known."""
+    try:
+        hand.talk.check_bound()
+    except NoAnswer as exc:
+        feedback, param = hand.talk.feedback, goal.target.feedback
+        if param.key in feedback.values and param.key not in feedback.errors:
+            now = values_of(param, feedback.values[param.key])
+            exc.text += f"; not reached: {_shortfall(goal, values, now)}"
+        raise
 
 
 def _follow(hand: AidinHand, goal: Goal, way: list[tuple[float, ...]], guide: Guide) -> None:
@@ -114,12 +129,16 @@ def mark(hand: AidinHand, goal: Goal, values: list[float], table: Table) -> None
         row["reached"] = index not in off
     table.columns = (*hand.columns[:4], Column("target", "Target", right=True), hand.columns[4])
     if off:
-        named = ", ".join(
-            f"{param.elements[i]} {now[i]:.{param.places}f} of {values[i]:.{param.places}f}" for i in off[:4]
-        )
-        more = f" and {len(off) - 4} more" if len(off) > 4 else ""
         table.failure = CheckFailed(
-            f"{hand.link.name}: not reached: {named}{more}{f' {param.unit}' if param.unit else ''}",
+            f"{hand.link.name}: not reached: {_shortfall(goal, values, now)}",
             hint="unreachable together with the others, blocked, the maximum torque is too low, or the hand is not homed",
             code="not-reached",
         )
+
+
+def _shortfall(goal: Goal, values: list[float], now: Sequence[Number]) -> str:
+    """``index.q3 160.3 of 130.0 deg``, four elements at most."""
+    param, off = goal.target.feedback, missed(goal, values, now)
+    named = ", ".join(f"{param.elements[i]} {now[i]:.{param.places}f} of {values[i]:.{param.places}f}" for i in off[:4])
+    more = f" and {len(off) - 4} more" if len(off) > 4 else ""
+    return f"{named}{more}{f' {param.unit}' if param.unit else ''}"

@@ -121,7 +121,8 @@ class GclLine:
             if has_prompt(came):
                 self.journal.warn(
                     "loop",
-                    f"the hand was in its RealTime loop: {count + 1} ^C ended it, each but the last a small velocity",
+                    f"the prompt came after {count + 1} ^C: the hand was in its RealTime loop (each but the last then was a "
+                    "small velocity), or the line is disturbed",
                 )
                 return None
         return came
