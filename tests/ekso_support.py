@@ -17,7 +17,16 @@ DATA_WORDS += [0x2040, 0x0404, 0, 0, 125, 1, 12, 0, 0]
 FEEDBACK_WORDS = [312, 1240, 655, 425, 300, 450, 315, 600, 700, 620, 710, 152, 156, 9, 9, 0, 0]
 WORD_OF = {
     **{200 + word: word for word in range(10)},
-    **{210: 11, 211: 20, 212: 10, 213: 12, 214: 21, 215: 13, 216: 14, 217: 16, 218: 15, 219: 17},
+    210: 11,
+    211: 20,
+    212: 10,
+    213: 12,
+    214: 21,
+    215: 13,
+    216: 14,
+    217: 16,
+    218: 15,
+    219: 17,
 }
 """ParameterID -> word of GetSettings, typed from the manual's two tables."""
 SITTING, STANDING, RISING, DRIVING, UNKNOWN = 0x1040, 0x2040, 0x3040, 0x3440, 0x4440

@@ -40,7 +40,7 @@ STREAMS = {
     "exo": (EB90_GOODS, EB90_LIKELY),
     "wrist": (EB90_GOODS, EB90_LIKELY),
     "barrett": (GCL_GOODS, GCL_LIKELY),
-    "ekso": (ekso_goods(random.Random(3)) + [ekso_frame(155, 7, unhex("00 CA 06 0E"))], EKSO_LIKELY),
+    "ekso": ([*ekso_goods(random.Random(3)), ekso_frame(155, 7, unhex("00 CA 06 0E"))], EKSO_LIKELY),
     "aidin": (AIDIN_GOODS, AIDIN_LIKELY),
 }
 ASKS = {

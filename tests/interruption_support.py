@@ -92,7 +92,7 @@ class Case:
     """Seconds before the repetition: what no command can stop (a calibration, exo §2.3.6) goes on meanwhile."""
 
     def __str__(self) -> str:
-        return f"{self.bench} {self.command.split(' -')[0]}"
+        return f"{self.bench} {self.command.replace(' -y', '').replace(' --yes --operator me', '')}"
 
 
 def is_(question: str, answer: str) -> Callable[[Bench], None]:

@@ -94,7 +94,7 @@ class System:
                 "user": lambda: self.user,
                 "access": lambda path: f"/{path.relative_to(self.root)}" not in self.denied,
                 "run_ip": lambda: self.ip,
-                "listing": lambda: [],
+                "listing": list,
                 **more,
             }
         )

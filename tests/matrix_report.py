@@ -16,6 +16,7 @@ import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from itertools import pairwise
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -62,7 +63,7 @@ RECORDER = Recorder()
 
 def _link(args: Sequence[str]) -> str:
     """What was given as --port."""
-    for option, value in zip(args, args[1:], strict=False):
+    for option, value in pairwise(args):
         if option in ("-p", "--port"):
             return value
     return ""

@@ -237,9 +237,10 @@ def test_deadline_bounds_everything() -> None:
     link = ScriptedHand({"C": b"C", "FGET P": None})
     hand = hand_on(link)
     hand.line.bound = link.deadline(2.0)
-    with pytest.raises(ProtocolError):
+    with pytest.raises(NoAnswer, match="--deadline is over, C was not answered") as over:
         hand.line.ask("C")
-    assert link.clock <= 4.0
+    assert over.value.code == "deadline" and "^C was sent" in over.value.hint
+    assert link.clock <= 4.0 and ABORT in link.sent
     link.sent.clear()
     with pytest.raises(NoAnswer) as caught:
         hand.line.ask("FGET P")

@@ -288,7 +288,7 @@ NODES = {
 NODE = {
     "zsh": "_handctl_node '{path}'; print -r -- ${{cmds%%:*}} '|' ${{opts%%:*}}\n",
     "fish": r"__handctl_node '{path}'; echo (string replace -r '\t.*' '' -- $cmds) '|' (string replace -r '\t.*' '' -- $opts)"
-    + "\n",
+    "\n",
 }
 
 

@@ -269,7 +269,7 @@ def test_every_second_answer_lost_is_asked_for_again(scratch: Path, fault: str) 
         assert idents == list(range(1, len(idents) + 1)), (idents, cell)
 
 
-@pytest.mark.parametrize("fault", (*NO_ANSWER, "dribble", "split", "noise"))
+@pytest.mark.parametrize("fault", [*NO_ANSWER, "dribble", "split", "noise"])
 def test_deadline_bounds_the_whole_command(scratch: Path, fault: str) -> None:
     """--deadline counts for everything; only a write that has gone out is still read back."""
     for name in ("status", "dump", "watch", "log", "set", "restore", "cancel"):
@@ -333,7 +333,7 @@ def test_every_status_is_told_in_words(scratch: Path, status: int) -> None:
     """Dossier 2: 1 wrong state, 2 out of range, 3 not allowed; whatever else counts as refused, with its number."""
     words = {1: "refused in the present state", 2: "out of range", 3: "not allowed", 9: "unknown (9)"}
     for command in (WRITES[0], WRITES[-1]):
-        cell = Cell(scratch, command, "refuse", **{"refuse_status": status})
+        cell = Cell(scratch, command, "refuse", refuse_status=status)
         cell.holds(6, words[status])
 
 

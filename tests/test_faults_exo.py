@@ -1,7 +1,13 @@
 """Every fault of the simulator times every exo command: the right value or the right exit code, within bounds.
 
 Never a wrong value, a repeated write, a traceback or a hang. Runs the real `main()` against the simulator in virtual
-time. `EXPECTED` is the contract's table (exit codes by fault); what a command may show is in `cli_commands`.
+time. `LINE_FAULTS` and `DEVICE_FAULTS` are the contract's table (exit codes by fault); what a command may show is in
+`cli_commands`.
+
+By default every fault meets every command while it is there always. What else can only come out otherwise by its order
+in time is tried pairwise: faults that befall only some requests (line faults that harm, or that leave something behind
+for the next request; a state of the device does not count requests), the default timeout, and the deadline. Each fault
+and each command then comes up in each of these, in turns. With HANDCTL_SEEDS=N the whole product runs, N seeds a cell.
 """
 
 from __future__ import annotations
@@ -81,6 +87,38 @@ VIRTUAL_SECONDS, REAL_SECONDS = 90.0, 5.0
 
 SEEDS = range(int(os.environ.get("HANDCTL_SEEDS", "1")))
 """Seeds of the simulator per cell; more of them belong into a long run."""
+WHOLE = "HANDCTL_SEEDS" in os.environ
+ORDER_MATTERS = (*(name for name, codes in LINE_FAULTS.items() if codes != RIGHT), "stale", "late", "refuse")
+FAULTS = (*LINE_FAULTS, *DEVICE_FAULTS)
+
+
+def tried(fault: str, command: Command, turn: int, turns: int) -> bool:
+    """Whether it is the turn of this pair: of `turns` that follow each other for a fault, and for a command, one is."""
+    return WHOLE or (FAULTS.index(fault) + COMMANDS.index(command)) % turns == turn
+
+
+def pairs_of(turn: int, turns: int) -> list[object]:
+    """Line faults and commands whose turn it is."""
+    return [
+        pytest.param(fault, command, id=f"{fault}-{command.name}")
+        for fault in LINE_FAULTS
+        for command in COMMANDS
+        if tried(fault, command, turn, turns)
+    ]
+
+
+def cells() -> list[object]:
+    """Fault, command, variant: "always" for all, the others by turns where the order matters."""
+    rarer = [variant for variant in VARIANTS if variant != "always"]
+    return [
+        pytest.param(fault, command, variant, id=f"{fault}-{command.name}-{variant}")
+        for fault in FAULTS
+        for command in COMMANDS
+        for variant in VARIANTS
+        if variant == "always"
+        or WHOLE
+        or (fault in ORDER_MATTERS and tried(fault, command, rarer.index(variant), len(rarer)))
+    ]
 
 
 def truth_of(fault: str) -> Truth:
@@ -202,17 +240,14 @@ def scratch(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-@pytest.mark.parametrize("variant", VARIANTS)
-@pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command.name)
-@pytest.mark.parametrize("fault", [*LINE_FAULTS, *DEVICE_FAULTS])
+@pytest.mark.parametrize(("fault", "command", "variant"), cells())
 def test_fault(scratch: Path, fault: str, command: Command, variant: str) -> None:
     for seed in SEEDS:
         cell = Cell(scratch, command, fault, "--timeout", "1", seed=seed, **VARIANTS[variant])
         cell.holds(allowed(fault, command, variant))
 
 
-@pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command.name)
-@pytest.mark.parametrize("fault", LINE_FAULTS)
+@pytest.mark.parametrize(("fault", "command"), pairs_of(0, 3))
 def test_fault_with_default_timeout(scratch: Path, fault: str, command: Command) -> None:
     """Without --timeout a reply that is 0.6 s late may count as silence, and never as anything else."""
     cell = Cell(scratch, command, fault)
@@ -220,8 +255,7 @@ def test_fault_with_default_timeout(scratch: Path, fault: str, command: Command)
     cell.holds(codes | {4} if fault == "late" else codes)
 
 
-@pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command.name)
-@pytest.mark.parametrize("fault", LINE_FAULTS)
+@pytest.mark.parametrize(("fault", "command"), pairs_of(1, 3))
 def test_deadline_bounds_the_whole_command(scratch: Path, fault: str, command: Command) -> None:
     """--deadline counts for everything the command does: retries, fallbacks, probes at other speeds, waits."""
     cell = Cell(scratch, command, fault, "--deadline", "0.25", "--timeout", "1")

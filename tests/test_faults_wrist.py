@@ -293,8 +293,8 @@ def test_a_module_that_does_not_answer_across_gaps(verb: str) -> None:
 @pytest.mark.parametrize("command", WRITING, ids=lambda command: command.name)
 def test_an_acknowledgement_with_the_number_of_bytes(scratch: Path, command: Command) -> None:
     """Seen on the sibling: DLC 1, the number of bytes written; 0 bytes is a refusal (dossier W11)."""
-    Cell(scratch, "can", command, "healthy", **{"ack_dlc": 1}).holds(RIGHT)
-    cell = Cell(scratch, "can", command, "refuse", **{"ack_dlc": 1})
+    Cell(scratch, "can", command, "healthy", ack_dlc=1).holds(RIGHT)
+    cell = Cell(scratch, "can", command, "refuse", ack_dlc=1)
     cell.sound()
     assert cell.result.code == 6, cell
 

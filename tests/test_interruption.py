@@ -8,13 +8,16 @@ from __future__ import annotations
 import json
 import random
 import signal
+import subprocess
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
-from tests.cli_support import run
+from handctl.link import Deadline
+from tests import barrett_support
+from tests.cli_support import clean_environment, program, run
 from tests.fuzz_support import SEED, long_seconds
 from tests.interruption_support import ENDS, Bench, Case, begins, interrupt, is_, whole_json
 
@@ -57,6 +60,8 @@ def page_is_whole(bench: Bench) -> None:
 CASES = [
     Case("exo", "set force_set.index=-9 -y", 0.05, is_("get 1504 2", "F7 FF"), ("set force_set.index=11 -y",)),
     Case("exo", "position 100 200 300 400 500 -y", 0.05, is_("get 1486 10", "64 00 C8 00 2C 01 90 01 F4 01"), ("position 900 900 900 900 900 -y",)),
+    Case("exo", "position 100 200 300 400 500 -y --wait 3", 0.9, still="get 1546 10", before=("position 900 900 900 900 900 -y --wait 3",)),
+    Case("exo", "clear-errors", 0.05),
     Case("exo", "force 1 2 3 4 5 -y", 0.05, is_("get 1498 10", "01 00 02 00 03 00 04 00 05 00"), ("force 0 0 0 0 0 -y",)),
     Case("exo", "id 5 -y", 0.7, id_5),
     Case("exo", "save -y", 1.1),
@@ -64,8 +69,9 @@ CASES = [
     Case("exo", "restore {}/exo.json -y", 0.08, is_("get 1504 2", "F7 FF"), ("set force_set.index=-9 -y", "snapshot {}/exo.json", "set force_set.index=11 -y")),
     Case("exo", "factory-reset -y --undocumented-address --backup {}/before.json", 1.7, whole_json("before.json", "values"), fresh=("before.json",), again=(0, 2)),
     Case("exo", "snapshot {}/a.json", 0.04, whole_json("a.json", "checksum")),
-    Case("exo", "dump -o {}/dump.json", 0.04, whole_json("dump.json", "rows")),
+    Case("exo", "dump -o {}/dump.json", 0.04, whole_json("dump.json", "rows"), fresh=("dump.json",)),
     Case("exo", "report {}/page.html --watch 0.3 --force", 0.5, page_is_whole),
+    Case("exo", "baud 57600 -y", 0.05, is_("get 1001 1", "01"), ("baud 115200 -y",)),
     Case("wrist", "set yaw_set=3", 0.05, is_("get 1038 2", "2C 01"), ("set yaw_set=5",)),
     Case("wrist", "move --pitch 10 --yaw -5 --time 300", 0.4, is_("get 1038 4", "0C FE E8 03"), ("center",), still="get 1044 4"),
     Case("wrist", "restore {}/wrist.json -y", 0.08, is_("get 1038 2", "2C 01"), ("set yaw_set=3", "snapshot {}/wrist.json", "set yaw_set=5")),
@@ -80,6 +86,7 @@ CASES = [
     Case("barrett", "realtime --send velocity --velocity 20 --duration 0.4 --motors 1", 0.8, still="motors"),
     Case("barrett", "baud 38400 -y", 0.6, is_("ram BAUD", "384")),
     Case("barrett", "defaults -y", 0.1, is_("ram DP", "8500 8500 8500 1575"), ("set DP.F2=1234",)),
+    Case("barrett", "load -y", 0.2),
     Case("ekso", f"set step_length=15.5 {ME}", 0.3, is_("get step_length", "1550"), (f"set step_length=14.5 {ME}",)),
     Case("ekso", f"restore {{}}/ekso.json {ME}", 0.3, is_("get step_length", "1550"), (f"set step_length=15.5 {ME}", "snapshot {}/ekso.json", f"set step_length=14.5 {ME}")),
     Case("ekso", "log {}/gait.csv --rate 50 --count 20 --force", 0.5, log_is_whole),
@@ -87,6 +94,8 @@ CASES = [
     Case("aidin", "encoders index.m1=500", 0.4, still="get motor_pos"),
     Case("aidin", "joints index.q3=160 -y", 0.6, still="get motor_pos"),
     Case("aidin", "currents index.m1=20 -y --duration 0.3", 1.0, is_("get current_state", " ".join("0" * 15)), still="get motor_pos"),
+    Case("aidin", "bias", 0.8),
+    Case("aidin", "stop", 0.1, begins("state", "mode 3")),
     Case("aidin", "max-torque 700", 0.3, lambda bench: "maxtorque 700" in bench.ask("state") or pytest.fail(bench.ask("state")), ("max-torque 900",)),
 ]  # fmt: skip
 SHORT = [  # (case, signal): what differs most in how it ends
@@ -94,13 +103,12 @@ SHORT = [  # (case, signal): what differs most in how it ends
     ("exo save", signal.SIGKILL),
     ("exo restore {}/exo.json", signal.SIGINT),
     ("exo snapshot {}/a.json", signal.SIGKILL),
-    ("wrist move", signal.SIGINT),
+    ("wrist move --pitch 10 --yaw -5 --time 300", signal.SIGINT),
     ("wrist-can set yaw_set=3", signal.SIGKILL),
     ("barrett set MCV=40 DP.F2=4321", signal.SIGKILL),
-    ("barrett move 5000", signal.SIGINT),
-    ("barrett realtime", signal.SIGKILL),
+    ("barrett realtime --send velocity --velocity 20 --duration 0.4 --motors 1", signal.SIGKILL),
     ("ekso set step_length=15.5", signal.SIGKILL),
-    ("ekso log {}/gait.csv", signal.SIGTERM),
+    ("ekso log {}/gait.csv --rate 50 --count 20 --force", signal.SIGTERM),
     ("aidin encoders index.m1=500", signal.SIGINT),
 ]
 BY_NAME = {str(case): case for case in CASES}
@@ -130,6 +138,7 @@ def cell(bench: Bench, case: Case, number: int, source: random.Random) -> None:
     for name in case.fresh:
         (bench.folder / name).unlink(missing_ok=True)
     code, err, finished = interrupt(bench, case, number, source)
+    finished = finished or any((bench.folder / name).exists() for name in case.fresh)
     spoke = bench.trace.exists() and " > " in bench.trace.read_text(encoding="utf-8")
     orderly = (0, 130) if number != signal.SIGKILL else (0, -9)
     # Before anything was sent, or behind the last word, the signal may end the interpreter itself.
@@ -164,22 +173,32 @@ def test_interrupted_and_repeated(bench_of: Get, name: str, number: int) -> None
 @pytest.mark.long
 @pytest.mark.parametrize("name", BY_NAME)
 def test_interrupted_and_repeated_often(bench_of: Get, name: str) -> None:
-    """Each signal at least once, then for this case's share of the time, or ten times each."""
+    """Once, then for this case's share of the time, or ten times with each signal; the first signals take turns."""
     case, source = BY_NAME[name], random.Random(f"long {name}")
+    first = list(BY_NAME).index(name)
     end = time.monotonic() + long_seconds(len(CASES))
     for turn in range(30):
-        if turn >= len(ENDS) and time.monotonic() > end:
+        if turn and time.monotonic() > end:
             break
-        cell(bench_of(case.bench), case, ENDS[turn % len(ENDS)], source)
+        cell(bench_of(case.bench), case, ENDS[(first + turn) % len(ENDS)], source)
+
+
+@pytest.mark.parametrize("seconds", [0.0, 0.5, 1.0, 1.5, 3.0])
+def test_a_hand_that_is_still_saving_is_found_at_its_own_speed(seconds: float) -> None:
+    """It is silent until FSAVE is through; a search of the speeds that goes on meanwhile comes back to the first."""
+    _, link = barrett_support.simulated()
+    link.write(b"FSAVE\r", Deadline(link.now, link.now() + 1))
+    link.sleep(seconds)
+    hand = barrett_support.hand_on(link)
+    hand.line.connect()
+    assert link.inner.baud == 9600  # type: ignore[attr-defined]
+    assert "speed" not in barrett_support.codes(hand)
+    assert hand.version() == barrett_support.simulated()[0].version()
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
 def test_the_configuration_file(tmp_path: Path, number: int) -> None:
     """`devices add` interrupted anywhere: the file is the old one or the new one, and the next edit works."""
-    import subprocess
-
-    from tests.cli_support import clean_environment, program
-
     config = tmp_path / "config.toml"
     environment = {"HANDCTL_CONFIG": str(config)}
     old = "# kept\nretries = 3\n"

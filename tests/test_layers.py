@@ -25,7 +25,7 @@ ROOT = Path(handctl.__file__).parent
 CODECS = ("eb90", "canreg", "language", "realtime", "download", "frames", "messages")
 MAPS = ("registers", "parameters", "fields", "kinematics")
 KERNEL = (
-    *("errors", "families", "guide", "latency", "param", "piece", "result", "render", "terminal", "live"),
+    *("errors", "families", "files", "guide", "latency", "param", "piece", "result", "render", "terminal", "live"),
     *("snapshot", "verbs"),
     *("config", "options", "console", "run", "clikit", "mapverbs"),
     *("report", "report.facts", "report.html", "report.private", "report.svg", "report.transcript"),
@@ -35,6 +35,7 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
     # module, what it may import of handctl (first pattern that fits; `@` is its own family)
     ("errors", ()),
     ("families", ()),
+    ("files", ()),
     ("guide", ()),
     ("result", ()),
     ("latency", ()),
@@ -45,7 +46,7 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
     ("render", ("options", "result")),
     ("terminal", ("result",)),
     ("live", ("result", "terminal")),
-    ("snapshot", ("", "errors")),
+    ("snapshot", ("", "errors", "files")),
     ("verbs", ("errors", "param", "result", "run", "snapshot")),
     ("config", ("errors", "families")),
     ("options", ("config", "errors")),
@@ -71,8 +72,8 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
         "devices.*cli",
         ("", "clikit", "mapverbs", "run", "options", "verbs", "errors", "param", "result", "guide", "link", "@"),
     ),
-    ("devices.*", ("errors", "guide", "latency", "link", "param", "piece", "result", "@")),
-    ("tools.completion", ("docgen*", "clikit", "errors", "result", "run")),
+    ("devices.*", ("errors", "files", "guide", "latency", "link", "param", "piece", "result", "@")),
+    ("tools.completion", ("docgen*", "clikit", "errors", "files", "result", "run")),
     ("tools.*", ("", *KERNEL, "link*", "tools*")),
 ]
 
@@ -331,7 +332,9 @@ HEAVY = {
 
 def loaded(*args: str) -> tuple[int, set[str]]:
     """Exit code, and the modules that a run of handctl has loaded."""
-    process = subprocess.run([sys.executable, "-c", PROGRAM, *args], capture_output=True, text=True, timeout=30)
+    process = subprocess.run(
+        [sys.executable, "-c", PROGRAM, *args], capture_output=True, text=True, timeout=30, check=False
+    )
     code, modules = json.loads(process.stderr.rpartition("\n")[2])
     return code, set(modules)
 

@@ -59,14 +59,14 @@ class ExoMachine(RuleBasedStateMachine):
         self.link = fake_link()
         self.ram = {"id": 1, "baud_code": 0}
         self.flash = dict(self.ram)
+        self.at: list[int | None] = list(POWER_ON["position_actual"][2][:5])
         self.fresh()
 
     def fresh(self) -> None:
-        """What holds behind power-on."""
+        """What holds behind power-on; the fingers stay where they are."""
         self.ram = dict(self.flash)
         self.position = list(POWER_ON["position_set"][2])
         self.force = list(POWER_ON["force_set"][2])
-        self.at: list[int | None] = list(POWER_ON["position_actual"][2][:5])
         self.link.set_baud(SPEEDS[self.ram["baud_code"]])
         self.hand = hand_on(self.link, self.ram["id"])
 
@@ -414,10 +414,10 @@ class AidinMachine(RuleBasedStateMachine):
 
 
 MACHINES: dict[str, tuple[type[RuleBasedStateMachine], int, int]] = {
-    "exo": (ExoMachine, 6, 15),
-    "wrist": (WristMachine, 6, 10),
-    "barrett": (BarrettMachine, 3, 10),
-    "ekso": (EksoMachine, 2, 8),
+    "exo": (ExoMachine, 120, 15),
+    "wrist": (WristMachine, 40, 10),
+    "barrett": (BarrettMachine, 90, 12),
+    "ekso": (EksoMachine, 4, 8),
     "aidin": (AidinMachine, 3, 8),
 }
 """Machine, examples and steps of the default run."""
@@ -439,13 +439,15 @@ def test_machine(name: str) -> None:
 @pytest.mark.long
 @pytest.mark.parametrize("name", MACHINES)
 def test_machine_long(name: str) -> None:
-    """Rounds of fifty examples of thirty steps until this machine's share of the time is over, twenty rounds at most."""
-    end = time.monotonic() + long_seconds(len(MACHINES))
-    for turn in range(20):
-        if turn and time.monotonic() > end:
-            break
+    """Rounds of examples of thirty steps, for this machine's share of the time; twenty rounds when it has no bound."""
+    machine, examples, _ = MACHINES[name]
+    bound = long_seconds(len(MACHINES))
+    end = time.monotonic() + bound
+    rounds = 0
+    while rounds == 0 or (time.monotonic() < end if bound < float("inf") else rounds < 20):
+        rounds += 1
         bounded = settings(
-            max_examples=50 if long_seconds() == float("inf") else 10, stateful_step_count=30, deadline=None, database=None,
-            derandomize=False, suppress_health_check=QUIET, print_blob=True,
+            max_examples=examples, stateful_step_count=30, deadline=None, database=None, derandomize=False,
+            suppress_health_check=QUIET, print_blob=True,
         )  # fmt: skip
-        run_state_machine_as_test(MACHINES[name][0], settings=bounded)  # type: ignore[no-untyped-call]
+        run_state_machine_as_test(machine, settings=bounded)  # type: ignore[no-untyped-call]

@@ -406,6 +406,6 @@ def test_no_clock_and_no_json_before_a_device_is_made() -> None:
     )
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     done = subprocess.run(
-        [sys.executable, "-S", "-c", code], capture_output=True, text=True, timeout=20, env=environment
+        [sys.executable, "-S", "-c", code], capture_output=True, text=True, timeout=20, env=environment, check=False
     )
     assert done.stdout.strip() == "[]", done.stderr

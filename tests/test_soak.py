@@ -31,7 +31,9 @@ MINUTES_10 = 600.0
 LEAK_KILOBYTES = 768
 """Resident memory that a process may gain after its warm-up: 12 bytes a sample of the fastest stream in ten minutes."""
 DRIFT, STALL = 0.9, 0.4
-"""Rate of the last third to that of the first; rate of the slowest window to the median."""
+"""Rate of the last third to that of the first; rate of a window to the median, below which it is a stall."""
+STALLS = 0.1
+"""A machine that does other things too may stall in this part of the windows."""
 DRIFT_SECONDS = 30.0
 """A shorter run shows what else the machine did, no drift."""
 PIPE_BYTES, ROW_BYTES = 4096, 100
@@ -167,7 +169,7 @@ def steady(times: list[float], hertz: float) -> str:
     third = max(1, len(windows) // 3)
     text = f"{len(times)} samples, {median:.1f} Hz ({min(windows):.1f} to {max(windows):.1f} in {len(windows)} windows)"
     assert median >= hertz, text
-    assert min(windows) >= STALL * median, text
+    assert sum(window < STALL * median for window in windows) <= max(1, STALLS * len(windows)), text
     if times[-1] - times[0] >= DRIFT_SECONDS:
         assert statistics.median(windows[-third:]) >= DRIFT * statistics.median(windows[:third]), text
     return text

@@ -62,7 +62,7 @@ def build(target: Path) -> None:
                     if path.suffix == ".py":
                         _add(archive, f"{inside}c", _byte_code(path, inside, Path(scratch)))
                     _add(archive, inside, content)
-        os.chmod(name, stat.S_IMODE(os.stat(name).st_mode) | 0o755)
+        os.chmod(name, stat.S_IMODE(os.stat(name).st_mode) | 0o755)  # noqa: S103 - a program for all
         os.replace(name, target)
     except BaseException:
         Path(name).unlink(missing_ok=True)

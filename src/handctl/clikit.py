@@ -21,6 +21,9 @@ from handctl.families import COMMANDS
 from handctl.options import Number, config_path, from_click, read_config, resolve, shared_options
 from handctl.run import Family, Run, make_envelope
 
+MOST = 1000
+"""Characters of a first sentence: all of it."""
+
 
 class _SharedOptions(click.Command):
     """Accepts the shared options, and lists them by section after the command's own.
@@ -85,6 +88,12 @@ class Group(_SharedOptions, click.Group):
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         self.format_commands(ctx, formatter)
         super().format_options(ctx, formatter)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Each command with its whole first sentence: click cuts it, and what is left may mislead."""
+        found = [(name, self.get_command(ctx, name)) for name in self.list_commands(ctx)]
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, one.get_short_help_str(MOST)) for name, one in found if one and not one.hidden])
 
     def verb(
         self, name: str, *, writes: bool = False, streams: bool = False
@@ -217,7 +226,7 @@ def run_root(args: Sequence[str]) -> int:
     except click.ClickException as exc:
         error = HandctlError(exc.format_message())
         error.exit_code = exc.exit_code
-    except Exception as exc:
+    except Exception as exc:  # noqa: BLE001 - our own bug becomes exit code 1 and one message
         error = HandctlError(
             f"internal error: {type(exc).__name__}: {exc}", hint="this is a bug: --debug shows where", code="internal"
         )

@@ -205,10 +205,13 @@ def _wrong(path: str, line: int | None, text: str, hint: str) -> UsageError:
 # -- where things stand in the text ---------------------------------------------------------------------------------
 
 TOKENS = (
-    r'"""(?:\\[\s\S]|[^\\])*?""""{0,2}' r"|'''[\s\S]*?''''{0,2}"
-    r'|"(?:\\.|[^"\\\n])*"' r"|'[^'\n]*'"
-    r"|#[^\n]*|[\[\]{}\n]" r"""|[^"'#\[\]{}\n]+"""
-)  # fmt: skip
+    r'"""(?:\\[\s\S]|[^\\])*?""""{0,2}'
+    r"|'''[\s\S]*?''''{0,2}"
+    r'|"(?:\\.|[^"\\\n])*"'
+    r"|'[^'\n]*'"
+    r"|#[^\n]*|[\[\]{}\n]"
+    r"""|[^"'#\[\]{}\n]+"""
+)
 """The pieces of a valid TOML text: strings, comments, brackets, line ends, and the rest."""
 
 

@@ -6,9 +6,16 @@ import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from handctl.guide import Guide, Presses
+
+if TYPE_CHECKING:
+    from handctl.errors import HandctlError
+
+
+ENDING = ("SIGINT", "SIGQUIT", "SIGTERM", "SIGHUP")
+"""What asks the program to end: Ctrl-C, Ctrl-\\, a service manager, a closing terminal. A device is stopped first."""
 
 
 class TerminalGuide(Guide):
@@ -29,18 +36,22 @@ class TerminalGuide(Guide):
     def progress(self, text: str) -> None:
         """A line that replaces the last one; only on a terminal."""
         if self.moving:
-            columns = os.get_terminal_size(sys.stderr.fileno()).columns
-            shown = text[: columns - 1]
-            sys.stderr.write(f"\r{shown.ljust(self._width)}")
-            sys.stderr.flush()
-            self._width = len(shown)
+            self._draw(lambda columns: f"\r{text[: columns - 1].ljust(self._width)}")
+            self._width = len(text)
 
     def done(self) -> None:
         """Remove the progress line."""
         if self._width:
-            sys.stderr.write(f"\r{' ' * self._width}\r")
-            sys.stderr.flush()
+            self._draw(lambda columns: f"\r{' ' * min(self._width, columns - 1)}\r")
             self._width = 0
+
+    def _draw(self, line: Callable[[int], str]) -> None:
+        """Never raises: a terminal that has gone must not keep a device from being stopped."""
+        try:
+            sys.stderr.write(line(os.get_terminal_size(sys.stderr.fileno()).columns))
+            sys.stderr.flush()
+        except (OSError, ValueError):
+            self.moving = False
 
     @contextmanager
     def counting(self) -> Iterator[Presses]:
@@ -56,6 +67,26 @@ class TerminalGuide(Guide):
     def undisturbed(self) -> Iterator[None]:
         with self.counting():
             yield
+
+    @contextmanager
+    def impatient(self, seconds: float, stop: Callable[[], HandctlError]) -> Iterator[None]:
+        import signal
+        import threading
+
+        if not hasattr(signal, "setitimer") or threading.current_thread() is not threading.main_thread():
+            yield
+            return
+
+        def ring(_number: int, _frame: Any) -> None:
+            raise stop()
+
+        before = signal.signal(signal.SIGALRM, ring)
+        signal.setitimer(signal.ITIMER_REAL, seconds)
+        try:
+            yield
+        finally:
+            signal.setitimer(signal.ITIMER_REAL, 0)
+            signal.signal(signal.SIGALRM, before)
 
     def wait_for_enter(self, text: str) -> bool:
         self.done()
@@ -74,14 +105,14 @@ class TerminalGuide(Guide):
 
 @contextmanager
 def _on_interrupt(handler: Callable[[int, Any], None]) -> Iterator[None]:
-    """Let `handler` take what asks the program to end: Ctrl-C, a service manager's SIGTERM, a closing terminal."""
+    """Let `handler` take what asks the program to end."""
     import signal
     import threading
 
     if threading.current_thread() is not threading.main_thread():
         yield  # signals reach the main thread only
         return
-    numbers = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
+    numbers = [getattr(signal, name) for name in ENDING if hasattr(signal, name)]
     before = [(number, signal.signal(number, handler)) for number in numbers]
     try:
         yield
@@ -97,7 +128,7 @@ def print_stderr(text: str) -> None:
             text = _wrapped(text, os.get_terminal_size(sys.stderr.fileno()).columns)
         sys.stderr.write(text + "\n")
         sys.stderr.flush()
-    except OSError:
+    except (OSError, ValueError):
         return
 
 

@@ -5,8 +5,12 @@ Procedures get one and never print; the terminal's own guide lives in `console`.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from handctl.errors import HandctlError
 
 
 class Presses:
@@ -46,4 +50,12 @@ class Guide:
     @contextmanager
     def undisturbed(self) -> Iterator[None]:
         """While the device is being stopped and put back, Ctrl-C waits: every step in here has a deadline of its own."""
+        yield
+
+    @contextmanager
+    def impatient(self, seconds: float, stop: Callable[[], HandctlError]) -> Iterator[None]:
+        """When what happens inside lasts longer than `seconds`, call `stop` and raise its error there.
+
+        For output that a reader does not take while motors run. Where the system has no such alarm nothing happens.
+        """
         yield

@@ -69,15 +69,19 @@ WITHOUT_DEVICE = ("devices list", "devices add", "devices remove")
 class Number(click.FloatRange):
     """A number in a range; nan and inf are none."""
 
+    what = "a number that can be used"
+
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         number = super().convert(value, param, ctx)
         if not float("-inf") < number < float("inf"):
-            self.fail(f"{value} is not a number that can be used.", param, ctx)
+            self.fail(f"{value} is not {self.what}.", param, ctx)
         return number
 
 
 class Seconds(Number):
     """A number above 0 that a clock can wait for."""
+
+    what = "a number of seconds"
 
     def __init__(self) -> None:
         super().__init__(min=0, min_open=True)

@@ -163,10 +163,11 @@ class Param:
 
 def bit_names(value: int, names: Sequence[str]) -> str:
     """``0x06`` -> ``over_temperature, over_current``; undefined bits are named as such; 0 -> ``ok``."""
-    found = []
-    for bit in range(max(8, value.bit_length())):
-        if value >> bit & 1:
-            found.append(names[bit] if bit < len(names) else f"unknown_bit_{bit}")
+    found = [
+        names[bit] if bit < len(names) else f"unknown_bit_{bit}"
+        for bit in range(max(8, value.bit_length()))
+        if value >> bit & 1
+    ]
     return ", ".join(found) or "ok"
 
 

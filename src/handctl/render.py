@@ -53,7 +53,9 @@ class Sink:
 
     def __enter__(self) -> Sink:
         if self._path:
-            self._temporary = f"{self._path}.{os.getpid()}.part"
+            # Something that is no regular file (a pipe, a device) is written to; replacing it would destroy it.
+            special = os.path.exists(self._path) and not os.path.isfile(self._path)
+            self._temporary = self._path if special else f"{self._path}.{os.getpid()}.part"
             try:
                 self.file = open(self._temporary, "w", encoding="utf-8", newline="")
             except OSError as exc:
@@ -82,22 +84,36 @@ class Sink:
         except OSError as exc:
             raise OutputError(f"{self._path or 'stdout'}: cannot be written: {exc.strerror or exc}") from exc
 
+    def abandon(self) -> None:
+        """Write nothing more, also not what is buffered: the reader sleeps, and waiting for it would never end."""
+        self.broken = True
+        if not self._path:
+            with contextlib.suppress(OSError, ValueError), open(os.devnull, "wb") as nowhere:
+                os.dup2(nowhere.fileno(), self.file.fileno())
+
     def __exit__(self, kind: type[BaseException] | None, _exc: BaseException | None, _tb: TracebackType | None) -> None:
         if not self._path:
             if kind is None:
                 self.flush()
             return
+        special = self._temporary == self._path
         try:
             self.file.flush()
-            os.fsync(self.file.fileno())
+            if not special:
+                os.fsync(self.file.fileno())
             self.file.close()
+            if special:
+                return
             if kind is None:
                 os.replace(self._temporary, self._path)
             else:
                 os.unlink(self._temporary)
         except OSError as exc:
             with contextlib.suppress(OSError):
-                os.unlink(self._temporary)
+                self.file.close()
+            if not special:
+                with contextlib.suppress(OSError):
+                    os.unlink(self._temporary)
             raise OutputError(f"{self._path}: cannot be written: {exc.strerror or exc}") from exc
 
 
@@ -149,6 +165,8 @@ def stream(table: Table, sink: Sink, context: Context) -> HandctlError | None:
         close = getattr(samples, "close", None)
         if close is not None:
             close()
+    if isinstance(failure, OutputError) and failure.code == "reader":
+        sink.abandon()
     failure = failure or table.failure
     summary = table.summary() if table.summary is not None else {}
     if how in ("json", "ndjson"):

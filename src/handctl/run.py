@@ -6,14 +6,16 @@ decides where output goes. What a run does not need is not imported.
 
 from __future__ import annotations
 
+import contextlib
 import sys
+import time
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
 from handctl import __version__
-from handctl.console import TerminalGuide, print_stderr
+from handctl.console import ENDING, TerminalGuide, print_stderr
 from handctl.errors import HandctlError, Interrupted, NotConfirmed, OutputError, UsageError
 from handctl.options import COMMAND_LINE, ENVIRONMENT, FILE, SOURCES, Settings, Source, from_click
 
@@ -22,6 +24,9 @@ if TYPE_CHECKING:
     from handctl.link.lock import Lock
     from handctl.param import Step
     from handctl.result import Journal, Message, Table
+
+
+ONE_WISH_SECONDS = 0.5
 
 
 class Family(NamedTuple):
@@ -66,6 +71,7 @@ class Run:
         self._link: Link | None = None
         self._lock: Lock | None = None
         self._trace: Any = None
+        self._trace_failure: OutputError | None = None
         self._device: Any = None
 
     # -- what bodies ask for --
@@ -190,7 +196,8 @@ class Run:
         failure: HandctlError | None = None
         table: Table | None = None
         # SIGINT too: a script's background job starts with it ignored, and must be stoppable all the same.
-        for name in ("SIGINT", "SIGTERM", "SIGHUP"):
+        _Presses.last = float("-inf")
+        for name in ENDING:
             if hasattr(signal, name):
                 signal.signal(getattr(signal, name), _terminate)
         try:
@@ -206,6 +213,9 @@ class Run:
             failure = from_click(exc)
         except KeyboardInterrupt:
             failure = Interrupted("interrupted")
+        except BaseException:  # a bug of ours: the link and its lock are let go all the same
+            self._close(None)
+            raise
         failure = self._close(failure)
         if table is None or table.samples is None:
             self._show(table, failure)
@@ -281,11 +291,11 @@ class Run:
         except HandctlError as exc:
             return failure or exc
         except OSError as exc:
-            return failure or OutputError(f"{self.settings.trace}: the trace cannot be written: {exc.strerror or exc}")
+            return failure or self._trace_failure or self._trace_error(exc)
         finally:
             if self._lock is not None:
                 self._lock.release()
-        return failure
+        return failure or self._trace_failure
 
     def _tap(self) -> Any:
         if not self.settings.trace and not self.settings.verbose:
@@ -297,22 +307,34 @@ class Run:
                 self._trace = open(self.settings.trace, "w", encoding="utf-8", buffering=1)  # noqa: SIM115 - until _close
             except OSError as exc:
                 raise UsageError(f"{self.settings.trace}: the trace cannot be written: {exc.strerror or exc}") from exc
-            self._trace.write(f"# handctl {__version__} {self.command}, {self.link_name()}\n")
+            try:
+                self._trace.write(f"# handctl {__version__} {self.command}, {self.link_name()}\n")
+            except OSError as exc:  # nothing has been sent: better not to begin
+                raise self._trace_error(exc) from exc
         return Tap(self._write_trace)
 
     def _write_trace(self, line: str) -> None:
-        if self._trace is not None:
+        """One line of the transcript. Never raises: what stops a device passes here too; the failure ends up in the exit code."""
+        if self._trace is not None and self._trace_failure is None:
             try:
                 self._trace.write(line)
-            except OSError as exc:
-                raise OutputError(f"{self.settings.trace}: the trace cannot be written: {exc.strerror or exc}") from exc
+            except (OSError, ValueError) as exc:
+                self._trace_failure = self._trace_error(exc)
         if self.settings.verbose:
-            sys.stderr.write(line)
+            with contextlib.suppress(OSError, ValueError):
+                sys.stderr.write(line)
+
+    def _trace_error(self, exc: Exception) -> OutputError:
+        return OutputError(
+            f"{self.settings.trace}: the trace cannot be written: {getattr(exc, 'strerror', None) or exc}",
+            hint="the device was served all the same; what is recorded ends there",
+        )
 
     # -- envelope and messages --
 
     def envelope(self, failure: HandctlError | None, extra: dict[str, Any] | None = None) -> dict[str, Any]:
         """The JSON envelope without rows (cli contract, section 4)."""
+        failure = failure or self._trace_failure
         return make_envelope(
             self.command, failure, self._device_row(), self.journal.messages, self.journal.counters.as_row(), extra
         )
@@ -379,5 +401,15 @@ def _is_serial(port: str) -> bool:
     return "://" not in port or port.startswith("spy://")
 
 
+class _Presses:
+    """When the program was last asked to end."""
+
+    last = float("-inf")
+
+
 def _terminate(_number: int, _frame: Any) -> None:
-    raise KeyboardInterrupt
+    """Ctrl-C pressed twice, or a hang-up with a SIGTERM behind it, is one wish: the second must not cut off the stop."""
+    now = time.monotonic()
+    if now - _Presses.last >= ONE_WISH_SECONDS:
+        _Presses.last = now
+        raise KeyboardInterrupt

@@ -9,14 +9,13 @@ The checksum covers everything else in canonical form (sorted keys, no spaces), 
 
 from __future__ import annotations
 
-import contextlib
 import json
-import os
 from collections.abc import Mapping
 from typing import Any
 
 from handctl import __version__
 from handctl.errors import OutputError, UsageError
+from handctl.files import whole
 
 SCHEMA = "handctl-snapshot/1"
 Values = dict[str, int | float]
@@ -49,18 +48,12 @@ def make(kind: str, identity: Mapping[str, object], values: Values, *, link: str
 
 
 def write(path: str, content: Mapping[str, Any]) -> None:
-    """Write a snapshot atomically: a new file beside it, synced, then renamed. Raises OutputError."""
-    temporary = f"{path}.{os.getpid()}.part"
+    """Write a snapshot, whole or not at all. Raises OutputError."""
     try:
-        with open(temporary, "w", encoding="utf-8") as file:
+        with whole(path) as file:
             json.dump(content, file, indent=2, ensure_ascii=False)
             file.write("\n")
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(temporary, path)
     except OSError as exc:
-        with contextlib.suppress(OSError):
-            os.unlink(temporary)
         raise OutputError(f"{path}: the snapshot cannot be written: {exc.strerror or exc}") from exc
 
 

@@ -59,7 +59,7 @@ def print_grids(grids: Sequence[Grid], sink: Sink, mark: str) -> None:
                 console.print(title)
             widths = fitting(grid, console.width)
             if not widths:
-                grid = without_empty(grid)
+                grid = without_empty(grid)  # noqa: PLW2901 - the same grid, narrower
                 widths = fitting(grid, console.width)
             if widths:
                 console.print(grid_table(grid, widths))

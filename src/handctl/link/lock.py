@@ -95,7 +95,7 @@ def _folders() -> list[str]:
     user = os.getuid()
     runtime = os.environ.get("XDG_RUNTIME_DIR", "")
     found = [os.path.join(runtime, "handctl")] if os.path.isabs(runtime) else [f"/run/user/{user}/handctl"]
-    return [*found, os.path.join(os.environ.get("TMPDIR") or "/tmp", f"handctl-{user}")]
+    return [*found, os.path.join(os.environ.get("TMPDIR") or "/tmp", f"handctl-{user}")]  # noqa: S108 - made 0700, checked
 
 
 def _open(name: str) -> int:

@@ -99,7 +99,7 @@ class Tap:
         return TappedLink(link, self)
 
     def line(self, now: float, mark: str, text: str) -> None:
-        """Write one line of the transcript."""
+        """Write one line of the transcript. The writer must not raise: a stop must reach the wire whatever the disk does."""
         elapsed = max(0.0, now - (self._start if self._start is not None else now))
         self._write(f"{elapsed:.6f} {mark} {text}\n")
 
@@ -141,8 +141,11 @@ class TappedFrames(_Tapped, FrameLink):
         self._link = link
 
     def send(self, frame: CanFrame, deadline: Deadline) -> None:
-        self._tap.line(self.now(), ">", f"can {frame}")
-        self._link.send(frame, deadline)
+        sent = self.now()
+        try:
+            self._link.send(frame, deadline)
+        finally:
+            self._tap.line(sent, ">", f"can {frame}")
         self.error_frames = self._link.error_frames
 
     def receive(self, deadline: Deadline) -> CanFrame | None:
@@ -163,8 +166,11 @@ class TappedLink(_Tapped, ByteLink):
         self.baud = link.baud
 
     def write(self, data: bytes, deadline: Deadline) -> None:
-        self._tap.line(self.now(), ">", data.hex(" ").upper())
-        self._link.write(data, deadline)
+        sent = self.now()
+        try:
+            self._link.write(data, deadline)
+        finally:
+            self._tap.line(sent, ">", data.hex(" ").upper())
 
     def read(self, deadline: Deadline, size: int = 4096) -> bytes:
         data = self._link.read(deadline, size)

@@ -141,7 +141,7 @@ def _ask(
         content.status = _grids(visit, "status", privacy.table(status))
     else:
         _explain(run, visit, device)
-    dump = visit.attempt("dump", lambda: device.dump())
+    dump = visit.attempt("dump", lambda: device.dump())  # noqa: PLW0108 - there may be none
     if dump is not None:
         dump.view = None
         content.dump = _grids(visit, "dump", privacy.table(dump))
@@ -185,7 +185,7 @@ def _watch(run: Run, params: ParamMap[Any], content: Report, seconds: float, vis
     run.guide.progress(f"watching for {seconds:g} s")
     try:
         for sample in table.samples or ():
-            samples.append(sample)
+            samples.append(sample)  # noqa: PERF402 - what came before an error is kept
     except HandctlError as exc:
         visit.failed("watch", exc)
     run.guide.done()

@@ -7,6 +7,8 @@ servers of serve.py drive the same object, so both show the same device.
 
 from __future__ import annotations
 
+import importlib
+
 TYPE_CHECKING = False  # the typing module is not worth its import time here
 if TYPE_CHECKING:
     from typing import Any
@@ -15,35 +17,16 @@ if TYPE_CHECKING:
     from handctl.sim.model import Model
 
 KINDS = ("exo", "wrist", "barrett", "ekso", "aidin")
+"""Each has a module of its name here, with a class `Device`."""
 
 
 def model_class(kind: str, bus: str = "serial") -> type[Model]:
     """The model of one kind of device on one kind of wire; imported here so that no other model is."""
-    if kind == "exo":
-        from handctl.sim.exo import Device
-
-        return Device
-    if kind == "wrist" and bus == "can":
-        from handctl.sim.wrist_can import Device as CanWrist
-
-        return CanWrist
-    if kind == "wrist":
-        from handctl.sim.wrist import Device as Wrist
-
-        return Wrist
-    if kind == "barrett":
-        from handctl.sim.barrett import Device as Barrett
-
-        return Barrett
-    if kind == "ekso":
-        from handctl.sim.ekso import Device as Ekso
-
-        return Ekso
-    if kind == "aidin":
-        from handctl.sim.aidin import Device as Aidin
-
-        return Aidin
-    raise ValueError(f"no simulated device {kind!r}; known: {', '.join(KINDS)}")
+    if kind not in KINDS:
+        raise ValueError(f"no simulated device {kind!r}; known: {', '.join(KINDS)}")
+    module = f"{kind}_can" if kind == "wrist" and bus == "can" else kind
+    found: type[Model] = importlib.import_module(f"handctl.sim.{module}").Device
+    return found
 
 
 def create(kind: str, options: dict[str, str]) -> Line | Any:

@@ -223,9 +223,8 @@ class Device(Model):
         silence in the state "strict".
         """
         accepted, covered = [], 0
-        for first, size, count, access, low, high in REGISTERS:
-            if first == 1001:
-                first = self._speed_address()
+        for listed, size, count, access, low, high in REGISTERS:
+            first = self._speed_address() if listed == 1001 else listed
             for place in range(first, first + size * count, size) if "w" in access else ():
                 begin, end = max(place, address), min(place + size, address + len(data))
                 if begin >= end:

@@ -268,11 +268,12 @@ class Line(Cable):
         while self._out and self._out[0][0] <= now + 0.000000001:
             due, _, pieces, hang, speed = self._out.pop(0)
             start = max(due, self._tx_free)
-            for gap, step, data in pieces:
+            for gap, step, sent in pieces:
                 start += gap
+                data = sent
                 if None not in (speed, self.client_baud) and speed != self.client_baud:
-                    heard = self.device.mishear(data, speed or 0, self.client_baud or 0)
-                    data = data if heard is None else heard
+                    heard = self.device.mishear(sent, speed or 0, self.client_baud or 0)
+                    data = sent if heard is None else heard
                 self._tx.append(_Segment(start, step, data))
                 start += step * len(data)
             self._tx_free = start

@@ -340,7 +340,7 @@ def _serve(
         if panel is not None:
             stack.callback(panel.close)
         stack.callback(line.close)
-        print(json.dumps({"ready": True, "link": link(port.link)}), flush=True)
+        print(json.dumps({"ready": True, "link": link(port.link)}), flush=True)  # noqa: T201 - a server has no renderer
         _loop(line, port, panel, signals, None if duration is None else time.monotonic() + duration)
 
 
@@ -359,7 +359,7 @@ def _loop(line: Served, port: Port, panel: ControlPort | None, signals: _Signals
             del unsent[: port.write(bytes(unsent))]
             del unsent[UNREAD:]
         if line.hung_up:
-            print("simulator: hung up in the middle of a reply (fault disconnect)", file=sys.stderr, flush=True)
+            print("simulator: hung up in the middle of a reply (fault disconnect)", file=sys.stderr, flush=True)  # noqa: T201
             if port.hang_up():
                 return
             line.reconnect()

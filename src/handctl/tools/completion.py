@@ -12,6 +12,7 @@ import click
 
 from handctl.clikit import Command
 from handctl.errors import OutputError, UsageError
+from handctl.files import whole
 from handctl.result import Column, Table
 from handctl.run import Run
 
@@ -97,18 +98,9 @@ def _state(path: Path, text: str) -> str:
 
 def _write(path: Path, text: str) -> None:
     """Whole or not at all."""
-    import tempfile
-
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=".handctl-")
-        try:
-            with open(handle, "w", encoding="utf-8") as file:
-                file.write(text)
-            os.chmod(name, 0o644)
-            os.replace(name, path)
-        except BaseException:
-            os.unlink(name)
-            raise
+        with whole(path) as file:
+            file.write(text)
     except OSError as exc:
         raise OutputError(f"{path}: cannot be written: {exc.strerror or exc}") from exc

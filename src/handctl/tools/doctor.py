@@ -12,7 +12,7 @@ import click
 
 from handctl.clikit import Command
 from handctl.errors import CheckFailed, LinkError, UsageError
-from handctl.families import PROBES
+from handctl.families import FAMILIES
 from handctl.result import Cell, Column, Grid, Row, Table
 from handctl.run import Family, Run
 from handctl.tools.machine import Machine
@@ -36,7 +36,9 @@ TONES = {"ok": "good", "warning": "warn", "fail": "bad", "skipped": "dim"}
 
 
 @click.command("doctor", cls=Command)
-@click.option("--device-family", type=click.Choice(list(PROBES)), help="Which device is on the link; -d NAME knows it.")
+@click.option(
+    "--device-family", type=click.Choice(list(FAMILIES)), help="Which device is on the link; -d NAME knows it."
+)
 @click.option(
     "--count",
     type=click.IntRange(1, 10000),

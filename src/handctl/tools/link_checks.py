@@ -20,7 +20,6 @@ from handctl.tools.machine_checks import Check
 from handctl.tools.probes import FamilyProbe
 
 LISTEN = 0.3
-READS = 100
 READ_SECONDS = 3.0
 """The series of reads ends then, however many it has."""
 SPEED_SECONDS = 4.0

@@ -120,8 +120,10 @@ def adapters(machine: Machine) -> list[Check]:
     """Adapters without a port, and CAN interfaces that reach no wrist."""
     checks = [Check("adapter", "warning", *port_tool.orphan(chip)) for chip in machine.without_port()]
     for interface in machine.can_interfaces():
-        for problem in port_tool.can_problems(interface):
-            checks.append(Check(problem.check, "warning", problem.text, problem.remedy))
+        checks += [
+            Check(problem.check, "warning", problem.text, problem.remedy)
+            for problem in port_tool.can_problems(interface)
+        ]
     return checks
 
 

@@ -18,6 +18,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import groupby
 from typing import IO, Any, NamedTuple
 
 import click
@@ -25,7 +26,7 @@ import click
 from handctl import __version__
 from handctl.clikit import Command
 from handctl.errors import HandctlError, LinkError, NoAnswer, OutputError, ProtocolError, UsageError
-from handctl.families import PROBES
+from handctl.families import FAMILIES, PROBES
 from handctl.link import ByteLink, Link, open_link
 from handctl.link.tap import Tap
 from handctl.options import SharedOption
@@ -94,7 +95,7 @@ class _ScanCommand(Command):
     "--family",
     "families",
     multiple=True,
-    type=click.Choice(list(PROBES)),
+    type=click.Choice(list(FAMILIES)),
     help="Look for this one only; may be repeated.",
 )
 @click.option("--ids", metavar="FROM-TO", help="Ids to ask for, e.g. 1-254 (exo and wrist; default: --id, or 1).")
@@ -150,19 +151,14 @@ def parse_ids(text: str) -> list[int]:
 
 def plan(wire: str, families: Sequence[str], speeds: bool) -> list[Step]:
     """Which probes, in which order, on a kind of link; without `speeds` each family once, at the link's own."""
-    order = ("aidin", "ekso", "wrist", "exo", "barrett") if wire == "tcp" else ("ekso", "wrist", "exo", "barrett")
-    found = [family for family in order if family in families and wire in probe_of(family).WIRES]
+    found = [family for family in PROBES if family in families and wire in probe_of(family).WIRES]
+    if wire == "tcp":  # who is at home there comes before who is behind a serial server
+        found.sort(key=lambda family: "serial" in probe_of(family).WIRES)
     if not speeds:
         return [Step(family, None) for family in found]
-    steps = [Step(family, speed) for family in found for speed in probe_of(family).SPEEDS]
-    # Wrist and exo share their frame: both are asked at one speed before the next one is set.
-    shared = [step for step in steps if step.family in ("wrist", "exo")]
-    shared.sort(key=lambda step: -(step.speed or 0))
-    return [
-        *(step for step in steps if step.family == "ekso"),
-        *shared,
-        *(step for step in steps if step.family == "barrett"),
-    ]
+    # Neighbours of the same speeds are all asked at one speed before the next one is set.
+    groups = [(at, list(alike)) for at, alike in groupby(found, key=lambda family: probe_of(family).SPEEDS)]
+    return [Step(family, speed) for at, members in groups for speed in at for family in members]
 
 
 class Scan:

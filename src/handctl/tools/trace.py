@@ -12,7 +12,7 @@ import click
 
 from handctl.clikit import Group
 from handctl.errors import CheckFailed, HandctlError, UsageError
-from handctl.families import EXPLAINERS
+from handctl.families import FAMILIES
 from handctl.run import Run
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ cli = Group(
 )
 family_option = click.option(
     "--family",
-    type=click.Choice(list(EXPLAINERS)),
+    type=click.Choice(list(FAMILIES)),
     help="Whose bytes they are (default: as the first line of the file says, else as the bytes look).",
 )
 
@@ -100,7 +100,7 @@ def diff(run: Run, a: str, b: str, family: str | None) -> Table:
 
 
 @cli.verb("decode")
-@click.argument("family", type=click.Choice(list(EXPLAINERS)))
+@click.argument("family", type=click.Choice(list(FAMILIES)))
 @click.argument("hex_bytes", metavar="HEX...", nargs=-1, required=True)
 @click.option("--from", "side", type=click.Choice(["host", "device"]), help="Who sent it (default: as the bytes look).")
 def decode(run: Run, family: str, hex_bytes: tuple[str, ...], side: str | None) -> Table:

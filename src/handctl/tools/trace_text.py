@@ -12,7 +12,6 @@ from handctl.tools.trace_read import Stamp, Statistics, Told, wire
 NARROW = 72
 INDENT = 26
 BAR = 30
-TITLES = {"host": "from the host", "device": "from the device"}
 
 
 def row_text(told: Told, width: int | None) -> str:

@@ -29,7 +29,7 @@ def currents(hand: AidinHand, goal: Goal, guide: Guide, *, seconds: float, cap: 
     blind = connect_or_command(hand)
     values = _values(hand, goal, cap, blind=blind)
     drive = _Drive(hand, goal, guide)
-    with stopping(hand):
+    with stopping(hand, guide):
         try:
             try:
                 table = drive.run(values, seconds, blind=blind)
@@ -44,7 +44,7 @@ def currents(hand: AidinHand, goal: Goal, guide: Guide, *, seconds: float, cap: 
             guide.done()
         send_stop(hand)
     hand.talk.check_bound()
-    hand.journal.info("stopped", "currents are back at 0 and stop was sent: the fingers move freely")
+    hand.journal.info("stopped", "currents went back to 0 and stop was sent: without power the fingers move freely")
     return table
 
 

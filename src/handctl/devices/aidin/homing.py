@@ -51,14 +51,18 @@ def home(hand: AidinHand, guide: Guide) -> Table:
     blind = connect_or_command(hand)
     guide.say(f"homing: all fingers open for {HOLD:g} s; keep clear")
     data = object_of(Mode.HOMING)
-    with stopping(hand, "homing failed, the hand is not homed; "):
+    seen = _Travel()
+    with stopping(hand, guide, "homing failed, the hand is not homed; "):
         try:
-            _hold(hand, data, guide, blind=blind)
+            if not blind:
+                seen.note(tuple(int(number) for number in hand.talk.need(MOTOR_POS)[0]))
+            _hold(hand, data, guide, seen, blind=blind)
         except HandctlError as exc:
             raise stopped(hand, exc) from exc
         finally:
             guide.done()
         now = _origin(hand, data, blind=blind)
+        seen.note(now)
     off = _away(now)
     if off:
         raise CheckFailed(
@@ -66,18 +70,43 @@ def home(hand: AidinHand, guide: Guide) -> Table:
             hint="is a finger blocked? Home again; look with `handctl aidin status`",
             code="not-homed",
         )
-    hand.journal.info(
-        "homed", "homed: the open position is the origin. The hand was left in homing mode, nothing more is sent"
-    )
+    if seen.moved:
+        hand.journal.info(
+            "homed", "homed: the open position is the origin. The hand was left in homing mode, nothing more is sent"
+        )
+    else:
+        hand.journal.warn(
+            "nothing-moved",
+            "the encoders are at 0, but no motor moved: the hand was open already, or it is blocked, or it did not take "
+            "the command (just switched on, the encoders are 0 wherever the fingers are)",
+            hint="look at the fingers: are they fully open?",
+        )
     return hand.table(hand.read(elements_of(MOTOR_POS))) if not blind else _last_known(hand)
 
 
-def _hold(hand: AidinHand, data: bytes, guide: Guide, *, blind: bool) -> None:
+class _Travel:
+    """Whether any encoder has changed by more than jitter since it was first told."""
+
+    def __init__(self) -> None:
+        self._first: tuple[int, ...] | None = None
+        self.moved = False
+
+    def note(self, encoders: tuple[int, ...] | None) -> None:
+        """Encoders as they are now; None = not told."""
+        if encoders is None:
+            return
+        if self._first is None:
+            self._first = encoders
+        self.moved = self.moved or bool(moving(self._first, encoders))
+
+
+def _hold(hand: AidinHand, data: bytes, guide: Guide, seen: _Travel, *, blind: bool) -> None:
     link, talk = hand.link, hand.talk
     begin = last = link.now()
     holds = 1
     while link.now() - begin < HOLD:
         talk.tick(data, blind=blind or hand.talk.exchange is Exchange.STREAM)
+        seen.note(_encoders(talk.feedback))
         now = link.now()
         if now - last > LARGEST_GAP:
             if holds == HOLDS:
@@ -151,6 +180,13 @@ def check_homed(hand: AidinHand, *, assume: bool) -> None:
             hint="`handctl aidin home` first; --assume-homed goes on all the same. Nothing was sent.",
             code="not-homed",
         )
+    if not any(encoders):
+        hand.journal.warn(
+            "homed-unknown",
+            "all encoders are exactly 0: as just after homing, and as just after power-on wherever the fingers are",
+            hint="was it homed since it was switched on? If not, `handctl aidin home` first",
+        )
+        return
     hand.journal.info("homed-unknown", "the hand does not tell whether it was homed since power-on: this needs it")
 
 
@@ -166,15 +202,17 @@ def initial(hand: AidinHand, guide: Guide, *, assume_homed: bool) -> Table:
             hint="`handctl aidin home` first; --assume-homed goes on all the same. Nothing was sent.",
         )
     data, end = object_of(Mode.INITIAL), talk.deadline(INITIAL)
+    seen = _Travel()
     now: tuple[int, ...] | None = None
     before: tuple[int, ...] | None = None
-    with stopping(hand):
+    with stopping(hand, guide):
         try:
             while not end.expired and (now is None or _away(now) or moving(before, now)):
                 before = now
                 for _ in range(TICKS):
                     talk.tick(data, blind=blind)
                 now = _encoders(talk.feedback) or now
+                seen.note(now)
                 guide.progress("moving to the initial position (Ctrl-C stops)")
         finally:
             guide.done()
@@ -186,6 +224,13 @@ def initial(hand: AidinHand, guide: Guide, *, assume_homed: bool) -> Table:
             f"{hand.link.name}: the initial position was not reached: {named(MOTOR_POS, _away(now), now)}",
             hint="a hand that was not homed ignores it; or blocked, or the maximum torque is too low",
             code="not-reached",
+        )
+    if not seen.moved:
+        hand.journal.warn(
+            "nothing-moved",
+            "the encoders are at 0, but no motor moved: the fingers were there already, or the hand was not homed since "
+            "power-on and ignored it",
+            hint="look at the fingers; `handctl aidin home` makes it sure",
         )
     return hand.table(hand.read(elements_of(MOTOR_POS))) if not blind else _last_known(hand)
 

@@ -55,11 +55,14 @@ def move(hand: AidinHand, goal: Goal, guide: Guide, *, assume_homed: bool) -> Ta
     check_homed(hand, assume=assume_homed)
     here = measured(hand, goal.target)
     values = goal.complete(here)
-    with stopping(hand):
+    with stopping(hand, guide):
         try:
             _follow(hand, goal, ramp(goal, here, values, PERIOD), guide)
             talk.feedback = Feedback()
             arrived = _settle(hand, goal, values, guide)
+        except NoAnswer as exc:
+            exc.hint = f"no stop was sent, the hand is expected to go on to the last target it got; `handctl aidin stop` frees it; {exc.hint}"
+            raise
         finally:
             guide.done()
     if not arrived:
@@ -121,7 +124,6 @@ def _result(hand: AidinHand, goal: Goal, values: list[float]) -> Table:
 
 def mark(hand: AidinHand, goal: Goal, values: list[float], table: Table) -> None:
     """Set each row beside its target; a target that was missed is a CheckFailed."""
-    param = goal.target.feedback
     now = [row["value"] for row in table.rows]
     off = missed(goal, values, now)
     for index, row in enumerate(table.rows):

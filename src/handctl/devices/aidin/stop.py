@@ -6,14 +6,15 @@ Mode and data always travel in one object. Ctrl-C during anything that moves sen
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 from handctl.devices.aidin.exchange import PERIOD
 from handctl.devices.aidin.feedback import Feedback, Wire
 from handctl.devices.aidin.fields import AIDIN, Mode
 from handctl.devices.aidin.hand import AidinHand, reading
 from handctl.devices.aidin.messages import Out, encode
-from handctl.errors import CheckFailed, HandctlError, Interrupted
+from handctl.errors import CheckFailed, HandctlError, Interrupted, LinkError
+from handctl.guide import Guide
 from handctl.param import Step, elements_of
 from handctl.result import Table
 
@@ -87,31 +88,52 @@ def _not_confirmed(hand: AidinHand, told: Wire | None) -> HandctlError:
 
 
 def send_stop(hand: AidinHand) -> None:
+    """The stop mode, three times, whatever the hand says meanwhile; what it said is in `talk.feedback`. Raises LinkError."""
+    hand.talk.feedback = Feedback()
     for _ in range(STOPS):
         hand.talk.send(object_of(Mode.STOP))
         hand.link.sleep(PERIOD)
+    with suppress(HandctlError):
+        hand.talk.drain()
 
 
 def halt(hand: AidinHand) -> str:
-    """After Ctrl-C: the stop mode; what became of it."""
+    """The stop mode, now; what is known of it, and no more."""
     try:
         send_stop(hand)
     except HandctlError as exc:
         return f"stop could not be sent ({exc.text}): switch the hand's power off if it still moves"
     except KeyboardInterrupt:
         return "interrupted again while stop was sent: switch the hand's power off if it still moves"
-    return f"stop was sent {STOPS} times: motor power is off, the fingers move freely and a held object falls"
+    told = _currents(hand.talk.feedback)
+    if told is None:
+        seen = "the hand did not confirm it: watch it"
+    elif _flow(told):
+        seen = f"currents up to {max(map(abs, told))} still flowed: watch it"
+    else:
+        seen = "no current flows"
+    return f"stop was sent {STOPS} times, {seen}; without power the fingers move freely and a held object falls"
 
 
 def stopped(hand: AidinHand, exc: HandctlError) -> HandctlError:
     """The error of something that was driving the fingers, with what became of them: stop is sent."""
-    return type(exc)(exc.text, hint="; ".join(filter(None, (exc.hint, halt(hand)))), code=exc.code)
+    lost = "the connection is lost, stop cannot be sent: switch the hand's power off if it still moves"
+    told = lost if isinstance(exc, LinkError) else halt(hand)
+    return type(exc)(exc.text, hint="; ".join(filter(None, (exc.hint, told))), code=exc.code)
 
 
 @contextmanager
-def stopping(hand: AidinHand, what: str = "") -> Iterator[None]:
-    """Around whatever moves: Ctrl-C stops the hand."""
+def stopping(hand: AidinHand, guide: Guide, what: str = "") -> Iterator[None]:
+    """Around whatever moves: Ctrl-C, and anything that nobody expected, stops the hand before a word is said."""
     try:
         yield
     except KeyboardInterrupt as exc:
-        raise Interrupted(f"interrupted: {what}{halt(hand)}") from exc
+        with guide.undisturbed():
+            told = halt(hand)
+        raise Interrupted(f"interrupted: {what}{told}") from exc
+    except HandctlError:
+        raise  # who raised it has decided what becomes of the fingers
+    except Exception:
+        with guide.undisturbed():
+            halt(hand)
+        raise

@@ -164,7 +164,7 @@ def help_(run: Run, command: str | None) -> Table:
 @_motors
 @FORCE
 def set_(run: Run, assignments: tuple[str, ...], motors: str | None, force: bool) -> Table:
-    """Set parameters in RAM and read them back, e.g. `MCV=80 HSG.F1=150 --motors 12`. One value goes to all motors."""
+    """Set parameters in RAM and read them back, such as `MCV=80 HSG.F1=150 --motors 12`. One value goes to all motors."""
     chosen = [MOTORS[int(digit) - 1] for digit in motor_prefix(motors)] if motors is not None else list(MOTORS)
     changes = BARRETT.assignments_on(assignments, chosen)
     for objection in check_careful(changes, force):

@@ -13,6 +13,7 @@ from handctl.devices.barrett import hostfile
 from handctl.devices.barrett.hand import BarrettHand
 from handctl.devices.barrett.parameters import BARRETT, all_elements, standard
 from handctl.errors import HandctlError, UsageError
+from handctl.files import state_path
 from handctl.result import Column, Row, Table
 
 MOST_SAVES = 5000
@@ -22,7 +23,7 @@ UNKNOWN_KEYS = ("0", "simulated-0")
 
 def journal_path() -> Path:
     """Where the saves are counted."""
-    return hostfile.state_path("barrett-saves.json")
+    return state_path("barrett-saves.json")
 
 
 def load_journal() -> dict[str, Any]:

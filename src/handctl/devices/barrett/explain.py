@@ -17,7 +17,7 @@ from handctl.devices.barrett.loopwords import Flags, LoopWords
 from handctl.devices.barrett.monitorwords import MonitorWords, records
 from handctl.piece import DEVICE, HOST, Part, Piece, stray
 
-CR, ABORT, STAR = 0x0D, 0x03, 0x2A
+CR, ABORT = 0x0D, 0x03
 LONGEST_COMMAND = 256
 LONGEST_ANSWER = 16384
 WAITING = 8

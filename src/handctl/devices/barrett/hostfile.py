@@ -6,18 +6,12 @@ A hand keeps no record of its care; the host does, per serial number. Knows no h
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from handctl.errors import OutputError, UsageError
-
-
-def state_path(name: str) -> Path:
-    """$XDG_STATE_HOME/handctl/NAME, by default ~/.local/state/handctl/NAME."""
-    base = os.environ.get("XDG_STATE_HOME") or str(Path.home() / ".local" / "state")
-    return Path(base) / "handctl" / name
+from handctl.files import whole
 
 
 def load(path: Path, what: str, whole: Callable[[object], bool]) -> dict[str, Any]:
@@ -35,14 +29,10 @@ def load(path: Path, what: str, whole: Callable[[object], bool]) -> dict[str, An
 
 
 def store(path: Path, what: str, content: dict[str, Any]) -> None:
-    """Write `content` atomically. Raises OutputError."""
-    temporary = path.with_name(f"{path.name}.{os.getpid()}.part")
+    """Write `content`, whole or not at all. Raises OutputError."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with open(temporary, "w", encoding="utf-8") as file:
+        with whole(path) as file:
             json.dump(content, file, indent=1, sort_keys=True)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(temporary, path)
     except OSError as exc:
         raise OutputError(f"{path}: the {what} cannot be written: {exc.strerror or exc}") from exc

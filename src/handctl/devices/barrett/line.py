@@ -62,15 +62,17 @@ class GclLine:
         )
         garbage = b""
         for speed in speeds:
-            if link.can_set_baud and link.baud != speed:
-                link.set_baud(speed)
-            garbage += self._knock()
+            came = self._knock_at(speed)
+            if came and not garbage and speed != first:
+                # Silent at its speed, heard at another: a hand that was busy, saving say, has woken up meanwhile.
+                came += self._knock_at(first)
             if self._connected:
-                if speed != first:
+                if link.can_set_baud and link.baud != first:
                     self.journal.info(
-                        "speed", f"the hand answers at {speed} bit/s", hint=f"--baud {speed} finds it at once"
+                        "speed", f"the hand answers at {link.baud} bit/s", hint=f"--baud {link.baud} finds it at once"
                     )
                 return
+            garbage += came
             if self.bound is not None and self.bound.expired:
                 break
         tried = f"at {', '.join(map(str, speeds))} bit/s" if link.can_set_baud else "on this link"
@@ -81,6 +83,11 @@ class GclLine:
                 code="echo" if not garbage.strip(ABORT + CR) else "garbage",
             )
         raise NoAnswer(f"{link.name}: no answer {tried}", hint=SILENCE)
+
+    def _knock_at(self, speed: int) -> bytes:
+        if self.link.can_set_baud and self.link.baud != speed:
+            self.link.set_baud(speed)
+        return self._knock()
 
     def _knock(self) -> bytes:
         """^C, then CR; connected when the prompt comes. Returns bytes that were no prompt."""
@@ -156,10 +163,25 @@ class GclLine:
         try:
             return self._answer(command, answer, echo)
         except (NoAnswer, ProtocolError) as exc:
+            error: HandctlError = exc
+            if self.bound is not None and self.bound.expired:
+                error = NoAnswer(
+                    f"{link.name}: --deadline is over, {command} was not answered by then",
+                    hint="a longer --deadline",
+                    code="deadline",
+                )
             if kind in ("motion", "init"):  # whatever still moves must not go on
-                self.resynchronise()
-                exc.hint = f"^C was sent, the motors should stand; {exc.hint}"
-            raise
+                self._stop_motors()
+                error.hint = f"^C was sent, the motors should stand; {error.hint}"
+            raise error from (exc if error is not exc else None)
+
+    def _stop_motors(self) -> None:
+        """^C and what belongs to it, whatever --deadline says."""
+        bound, self.bound = self.bound, None
+        try:
+            self.resynchronise()
+        finally:
+            self.bound = bound
 
     def read(self, command: str) -> Answer:
         """A query, repeated after a resynchronisation when no valid answer came; anything else is `ask`ed once."""

@@ -28,7 +28,7 @@ from handctl.devices.barrett.realtime import (
     cycles,
 )
 from handctl.devices.barrett.schedule import Source, Values
-from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer, ProtocolError
+from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer, OutputError, ProtocolError
 from handctl.guide import Guide
 from handctl.latency import RoundTrips
 from handctl.link import Deadline
@@ -37,6 +37,7 @@ from handctl.result import Row, Sample
 
 BLOCK_SECONDS = 0.1
 ENTER_SECONDS = 1.5
+READER_SECONDS = 0.5
 NOT_INITIALIZED = 4
 """T says so of such a motor and cuts its power all the same (barrett §5.2.1)."""
 UNITS = {
@@ -86,7 +87,12 @@ class RealtimeLoop:
             self.layout = prepare(self.hand, self.wish, self.source, self._undo)
             self._decoder = Decoder(self.layout)
             self._enter()
-            yield from self._exchange(rate, count, duration)
+            for sample in self._exchange(rate, count, duration):
+                if self.source is None:
+                    yield sample
+                    continue
+                with self._guide.impatient(READER_SECONDS, self._stop_for_reader):
+                    yield sample
         except LinkError as exc:
             if self._inside and self.source is not None:
                 exc.hint = f"the motors keep their last velocity: switch the hand's power off now; {exc.hint}"
@@ -97,6 +103,16 @@ class RealtimeLoop:
         finally:
             with self._guide.undisturbed():
                 self._leave()
+
+    def _stop_for_reader(self) -> HandctlError:
+        """Nobody takes the rows, so no block would go out and the motors would keep their last velocity."""
+        with self._guide.undisturbed():
+            self._leave()
+        return OutputError(
+            f"the rows were not taken for {READER_SECONDS:g} s: no further block could be sent, the motors were stopped",
+            hint="a reader that keeps up, a lower --rate, or -o FILE",
+            code="reader",
+        )
 
     # -- in and out ----------------------------------------------------------------------------------------------
 
@@ -296,25 +312,34 @@ class RealtimeLoop:
         line = self.hand.line
         line.bound = None  # stopping has deadlines of its own
         moved = bool(self._last)
+        stands = False
         try:
             stands = self._go_out(moved)
+        except Exception as exc:  # noqa: BLE001 - one step that fails must not keep the next from stopping the motors
+            self._blame(exc, "switch the hand's power off if anything moves" if moved else "power-cycle the hand")
+        try:
             if moved and self.wish.hold and stands:
                 self.hand.journal.info("held", "velocity 0 was commanded; the motors stay powered (--hold)")
             elif moved:
-                answer = line.ask(f"{self.wish.prefix}T")
-                if answer.status & ~NOT_INITIALIZED:
-                    raise refusal(answer)
-                why = "; --hold is not kept: velocity 0 was not acknowledged" if self.wish.hold else ""
-                self.hand.journal.info("stopped", f"the motors were stopped and switched off (T){why}")
-        except HandctlError as exc:
-            self._blame(exc, "switch the hand's power off if anything moves" if moved else "power-cycle the hand")
-            self._undo.clear()
+                self._power_off()
+        except Exception as exc:  # noqa: BLE001 - the same
+            self._blame(exc, "switch the hand's power off if anything moves")
+        if self.failure is not None:
+            self._undo = []
         try:
             if self._undo:
                 self.hand.write(self._undo)
-        except HandctlError as exc:
+        except Exception as exc:  # noqa: BLE001 - the same
             flags = ", ".join(f"{element.full_name}={value}" for element, value in self._undo)
             self._blame(exc, f"the flags before were {flags}; a power cycle brings the saved ones back")
+        self._last, self._undo, self._thrown_out = {}, [], False  # once is enough
+
+    def _power_off(self) -> None:
+        answer = self.hand.line.ask(f"{self.wish.prefix}T")
+        if answer.status & ~NOT_INITIALIZED:
+            raise refusal(answer)
+        why = "; --hold is not kept: velocity 0 was not acknowledged" if self.wish.hold else ""
+        self.hand.journal.info("stopped", f"the motors were stopped and switched off (T){why}")
 
     def _go_out(self, moved: bool) -> bool:
         """Back to the prompt; whether the hand acknowledged velocity 0 on the way. Raises NoAnswer."""
@@ -360,9 +385,13 @@ class RealtimeLoop:
         }
         return self.layout.control(still, feedback=False)
 
-    def _blame(self, exc: HandctlError, hint: str) -> None:
-        self.hand.journal.note("error", "leaving", f"while leaving the loop: {exc.text}", hint)
-        self.failure = self.failure or type(exc)(f"while leaving the loop: {exc.text}", hint=hint, code=exc.code)
+    def _blame(self, exc: Exception, hint: str) -> None:
+        text = f"while leaving the loop: {exc.text if isinstance(exc, HandctlError) else repr(exc)}"
+        self.hand.journal.note("error", "leaving", text, hint)
+        kind = type(exc) if isinstance(exc, HandctlError) else HandctlError
+        self.failure = self.failure or kind(
+            text, hint=hint, code=exc.code if isinstance(exc, HandctlError) else "internal"
+        )
 
 
 def _row(name: str, parameter: str, motor: str | None, value: Number, unit: str | None) -> Row:

@@ -58,8 +58,10 @@ def move(hand: BarrettHand, prefix: str, name: str, argument: int | None, guide:
     try:
         answer = hand.line.ask(text, at_least=3 * seconds)
     except KeyboardInterrupt as exc:
+        with guide.undisturbed():
+            told = halt(hand)
         guide.done()
-        raise Interrupted(f"interrupted: {halt(hand)}") from exc
+        raise Interrupted(f"interrupted: {told}") from exc
     guide.done()
     table = _result(hand, name, answer, motors, goals, all_motors=not prefix)
     if answer.status:

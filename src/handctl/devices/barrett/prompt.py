@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import contextlib
-import os
 from pathlib import Path
 
 from handctl.devices.barrett.gcl import candidates
+from handctl.files import state_path
 
 
 def line_reader() -> object:
@@ -15,8 +15,7 @@ def line_reader() -> object:
         import readline
     except ImportError:
         return None
-    base = os.environ.get("XDG_STATE_HOME") or str(Path.home() / ".local" / "state")
-    path = Path(base) / "handctl" / "gcl-history"
+    path = state_path("gcl-history")
     with contextlib.suppress(OSError):
         path.parent.mkdir(parents=True, exist_ok=True)
         readline.read_history_file(path)

@@ -14,6 +14,7 @@ from handctl.devices.barrett.hand import BarrettHand
 from handctl.devices.barrett.parameters import BARRETT, MOTORS, all_elements
 from handctl.devices.barrett.views import STROKE
 from handctl.errors import CheckFailed, UsageError
+from handctl.files import state_path
 from handctl.result import Cell, Column, Grid, Row, Table
 
 FILE, WHAT = "barrett-greasing.json", "journal of greasing"
@@ -89,7 +90,7 @@ class Care:
                 raise reading.error
             self.at[(hand.row(reading)["parameter"], reading.element.part)] = int(reading.value or 0)
         self._hand = hand
-        self._path = hostfile.state_path(FILE)
+        self._path = state_path(FILE)
         self._journal = hostfile.load(self._path, WHAT, _whole)
         serial = self.at["SN", None]
         self.ambiguous = serial == 0 and not name

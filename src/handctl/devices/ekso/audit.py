@@ -13,15 +13,15 @@ from pathlib import Path
 from typing import Any
 
 from handctl.errors import OutputError
+from handctl.files import state_path
 
 TAIL = 65536
 """Bytes at the end of the log that are searched for the last write."""
 
 
 def default_path() -> Path:
-    """$XDG_STATE_HOME/handctl/ekso-audit.jsonl, by default below ~/.local/state."""
-    base = os.environ.get("XDG_STATE_HOME") or str(Path.home() / ".local" / "state")
-    return Path(base) / "handctl" / "ekso-audit.jsonl"
+    """ekso-audit.jsonl in the user's state folder."""
+    return state_path("ekso-audit.jsonl")
 
 
 class AuditLog:

@@ -23,7 +23,13 @@ SOUNDS = {0: "Off", 1: "Forward", 2: "Lateral", 3: "Both"}
 INJURY = {0: "Bilateral", 1: "Right Affected", 2: "Left Affected", 3: "2Free"}
 ASSIST = {
     **{code: f"{code * 5} %" for code in range(21)},
-    **{21: "Adapt", 22: "Max", 23: "High Resist", 24: "Low Resist", 25: "Neutral", 26: "Low Assist", 27: "High Assist"},
+    21: "Adapt",
+    22: "Max",
+    23: "High Resist",
+    24: "Low Resist",
+    25: "Neutral",
+    26: "Low Assist",
+    27: "High Assist",
 }
 STANCE = {0: "Low", 1: "Medium", 2: "High", 3: "Very High", 4: "Flex", 5: "Full"}
 SWING_COMPLETE = {0: "2.5", 1: "2.0", 2: "1.5", 3: "1.0", 4: "0.5", 5: "0.3", 6: "0.1"}

@@ -20,6 +20,7 @@ from handctl.devices.ekso.fields import SETTINGS, boot_ms
 from handctl.devices.ekso.logformat import SCHEMA, Layout, Stamp, clean
 from handctl.devices.ekso.timeline import Timeline
 from handctl.errors import HandctlError, Interrupted, NoAnswer, OutputError, ProtocolError, UsageError
+from handctl.files import whole
 from handctl.guide import Guide
 
 PROGRESS_S = 0.25
@@ -245,17 +246,11 @@ def open_new(path: str, force: bool) -> int:
 
 
 def write_whole(path: str, text: str) -> None:
-    """Write a file so that it is there whole or not at all: beside it, synced, then renamed. Raises OutputError."""
-    temporary = f"{path}.{os.getpid()}.part"
+    """Write a file so that it is there whole or not at all. Raises OutputError."""
     try:
-        with open(temporary, "w", encoding="utf-8") as file:
+        with whole(path) as file:
             file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(temporary, path)
     except OSError as exc:
-        with contextlib.suppress(OSError):
-            os.unlink(temporary)
         raise OutputError(f"{path}: cannot be written: {exc.strerror or exc}", code="log-file") from exc
 
 

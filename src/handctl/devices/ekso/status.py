@@ -92,9 +92,11 @@ def unfit(data: dict[str, float], settings: dict[str, float]) -> list[str]:
         if low is not None and high is not None and not low <= data[param.name] <= high:
             found.append(f"{param.name} {param.shown(data[param.name])} is implausible (policy {low:g}..{high:g} deg)")
     upper, lower = (settings[leg.name] for leg in LEGS)
-    for leg in LEGS:
-        if not LEG_LENGTHS[0] <= settings[leg.name] <= LEG_LENGTHS[1]:
-            found.append(f"{leg.name} {leg.shown(settings[leg.name])} is implausible (policy 10..25 in)")
+    found += [
+        f"{leg.name} {leg.shown(settings[leg.name])} is implausible (policy 10..25 in)"
+        for leg in LEGS
+        if not LEG_LENGTHS[0] <= settings[leg.name] <= LEG_LENGTHS[1]
+    ]
     off = {side: (x, y) for side, (x, y) in residuals(data, upper, lower).items() if abs(x) > MOST_X or abs(y) > MOST_Y}
     for side, (x, y) in off.items():
         found.append(f"the {side} hip is {x:+.2f}, {y:+.2f} in from where angles and leg lengths put it")
@@ -141,7 +143,8 @@ def _clock(ekso: Ekso) -> list[Row]:
         return [{"name": "clock", "word": None, "id": None, "error": exc.text, "unit": None}]
     rows = [{key: row[key] for key in ("name", "word", "id", "value", "raw", "unit", "label")} for row in (date, time)]
     try:
-        offset = (datetime.fromisoformat(f"{date['value']}T{time['value']}") - datetime.now()).total_seconds()
+        here = datetime.now()  # noqa: DTZ005 - the device tells no zone
+        offset = (datetime.fromisoformat(f"{date['value']}T{time['value']}") - here).total_seconds()
     except ValueError:
         return rows
     if abs(offset) > CLOCK_SECONDS:

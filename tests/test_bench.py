@@ -1,0 +1,91 @@
+"""The bench's arithmetic and reports, without measuring anything; README shows the last result that is checked in."""
+
+from __future__ import annotations
+
+import json
+import platform
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.bench import __main__ as bench
+from tests.bench import report
+from tests.bench.measure import Figure, environment, rounded
+
+MET = Figure("exo dump", 17.2451, 16.9271, "ms", 1.1, "median of 9")
+MISSED = Figure("start-up, -h", 70.0, 10.0, "ms", 6.0, "quickest of 5", "python -c pass")
+REPORTED = Figure("wrist dump on CAN", 3.6, 0.6, "ms", None)
+PAGE = "# title\n<!-- figures: measured -->\nold\n<!-- end -->\n<!-- links: generated -->\nkept\n<!-- end -->\n"
+
+
+def found(*figures: Figure, absent: tuple[str, ...] = ()) -> dict[str, object]:
+    return report.content(figures, quick=True, peers={"esptool": "5.0"}, absent=absent)
+
+
+def test_a_figure_is_judged_by_its_ratio() -> None:
+    assert [figure.met for figure in (MET, MISSED, REPORTED)] == [True, False, True]
+    assert [figure.as_row()["verdict"] for figure in (MET, MISSED, REPORTED)] == ["met", "missed", "reported"]
+    assert MET.as_row() == {
+        "name": "exo dump", "value": 17.25, "unit": "ms", "against": "wire", "floor": 16.93, "ratio": 1.019,
+        "goal": 1.1, "verdict": "met", "note": "median of 9",
+    }  # fmt: skip
+    assert (rounded(0.000123456), rounded(123456.0)) == (0.0001235, 123500.0)
+
+
+def test_the_table_has_a_line_a_figure() -> None:
+    lines = report.table([figure.as_row() for figure in (MET, MISSED, REPORTED)]).splitlines()
+    assert [word.strip() for word in lines[0].split("  ") if word] == [*report.COLUMNS, "note"]
+    assert lines[2].split() == [
+        "start-up,", "-h", "70", "ms", "10", "ms", "(python", "-c", "pass)", "7.00", "≤", "6.00", "missed", "quickest", "of", "5",
+    ]  # fmt: skip
+    assert len(lines) == 4 and "reported" in lines[3]
+
+
+def test_the_file_names_a_class_of_machine_only() -> None:
+    content = found(MET)
+    assert set(content) == {"schema", "date", "python", "machine", "quick", "peers", "absent", "figures"}
+    text = report.dumps(content)
+    assert json.loads(text) == content
+    assert platform.node() not in text and str(Path.home()) not in text
+
+
+def test_readme_gets_the_figures_and_keeps_the_rest() -> None:
+    page = report.readme(PAGE, found(MET, MISSED, absent=("mpremote",)))
+    assert "old" not in page and page.count("<!-- end -->") == 2 and page.endswith("kept\n<!-- end -->\n")
+    assert "| exo dump | 17.25 ms | 16.93 ms (wire) | 1.02 | ≤ 1.10 | met |\n" in page
+    assert "Not installed for this run: mpremote." in page and "quick run" in page
+    assert report.readme(page, found(MET, MISSED, absent=("mpremote",))) == page
+    with pytest.raises(ValueError, match="no section"):
+        report.readme("# title\n", found(MET))
+
+
+def test_readme_shows_the_last_result() -> None:
+    last = json.loads(report.LAST.read_text(encoding="utf-8"))
+    page = (report.TOP / "README.md").read_text(encoding="utf-8")
+    assert report.readme(page, last) == page
+    assert last["schema"] == report.SCHEMA
+    assert {row["name"].split(",")[0].split(" ")[0] for row in last["figures"]} >= {
+        "start-up", "peak", "TAB", "exo", "wrist", "barrett", "ekso", "aidin",
+    }  # fmt: skip
+
+
+def test_a_missed_goal_is_measured_again() -> None:
+    runs: list[bool] = []
+
+    def part(*, quick: bool) -> Iterator[Figure]:
+        runs.append(quick)
+        yield Figure("a", 12.0 - len(runs), 1.0, "ms", 10.0)
+        yield Figure("b", float(len(runs)), 1.0, "ms", 5.0)
+
+    assert [(figure.name, figure.value) for figure in bench.measured(part, True)] == [("a", 10.0), ("b", 1.0)]
+    assert runs == [True, True]
+    runs.clear()
+    assert [figure.met for figure in bench.measured(lambda quick: iter([MISSED]), False)] == [False]
+
+
+def test_programs_start_as_a_user_starts_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PYTHONDONTWRITEBYTECODE", "1")
+    monkeypatch.setenv("HANDCTL_FORMAT", "json")
+    assert not [name for name in environment() if name.startswith(("PYTHON", "HANDCTL_"))]
+    assert "PATH" in environment()

@@ -1,0 +1,74 @@
+"""Files are there whole or not at all, and what is no file is never replaced."""
+
+from __future__ import annotations
+
+import os
+import stat
+import threading
+from pathlib import Path
+
+import pytest
+
+from handctl.files import state_path, whole
+
+
+def test_a_new_file_appears_at_the_end(tmp_path: Path) -> None:
+    path = tmp_path / "a.json"
+    with whole(path) as file:
+        file.write("line\r\nmore ü\n")
+        assert not path.exists()
+    assert path.read_bytes() == "line\r\nmore ü\n".encode()
+    assert os.listdir(tmp_path) == ["a.json"]
+
+
+def test_an_error_leaves_the_old_one(tmp_path: Path) -> None:
+    path = tmp_path / "a.json"
+    path.write_text("old", encoding="ascii")
+    with pytest.raises(KeyboardInterrupt), whole(path, "wb") as file:
+        file.write(b"new")
+        raise KeyboardInterrupt
+    assert path.read_text(encoding="ascii") == "old"
+    assert os.listdir(tmp_path) == ["a.json"]
+
+
+def test_permissions_and_links_stay(tmp_path: Path) -> None:
+    path, link = tmp_path / "a.json", tmp_path / "link"
+    path.write_text("old", encoding="ascii")
+    path.chmod(0o640)
+    link.symlink_to("a.json")
+    with whole(link) as file:
+        file.write("new")
+    assert link.is_symlink()
+    assert path.read_text(encoding="ascii") == "new"
+    assert stat.S_IMODE(path.stat().st_mode) == 0o640
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes")
+def test_a_pipe_is_written_to(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    came: list[bytes] = []
+    reader = threading.Thread(target=lambda: came.append(pipe.read_bytes()))
+    reader.start()
+    with whole(pipe) as file:
+        file.write("through")
+    reader.join(10)
+    assert came == [b"through"]
+    assert stat.S_ISFIFO(pipe.lstat().st_mode)
+
+
+def test_no_folder_is_an_error_of_the_system(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError), whole(tmp_path / "none" / "a.json"):
+        pass
+    with pytest.raises(IsADirectoryError), whole(tmp_path):
+        pass
+
+
+@pytest.mark.parametrize(
+    ("base", "place"), [("/state", "/state"), ("", "/me/.local/state"), ("here", "/me/.local/state")]
+)
+def test_the_state_folder(base: str, place: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A relative path counts for nothing there, says the XDG specification."""
+    monkeypatch.setenv("HOME", "/me")
+    monkeypatch.setenv("XDG_STATE_HOME", base)
+    assert state_path("x.json") == Path(place) / "handctl" / "x.json"
