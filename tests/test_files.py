@@ -72,3 +72,15 @@ def test_the_state_folder(base: str, place: str, monkeypatch: pytest.MonkeyPatch
     monkeypatch.setenv("HOME", "/me")
     monkeypatch.setenv("XDG_STATE_HOME", base)
     assert state_path("x.json") == Path(place) / "handctl" / "x.json"
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes")
+def test_what_is_no_file_holds_no_configuration(tmp_path: Path) -> None:
+    from handctl.errors import UsageError
+    from handctl.tools.devicefile import change
+
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    with pytest.raises(UsageError, match="is no file"):
+        change(str(pipe), {}, lambda config: config.text, {}, "left")
+    assert stat.S_ISFIFO(pipe.lstat().st_mode)

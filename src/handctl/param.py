@@ -6,7 +6,7 @@ Everything that reads, writes, prints, explains, stores or completes a quantity 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Generic, NamedTuple, TypeVar
 
@@ -314,3 +314,22 @@ class Step(NamedTuple):
         """The bytes as the field writes them: ``EB 90 01 …``, or ``15038001 [4] E8 03 18 FC`` on CAN."""
         text = self.data.hex(" ").upper()
         return text if self.can_id is None else f"{self.can_id:08X} [{len(self.data)}] {text}".rstrip()
+
+
+def ids_in(text: str, check: Callable[[int], object]) -> list[int]:
+    """``1-254`` or ``1,2,10-20`` of an option --ids -> ids in that order, each once; `check` refuses what is none.
+
+    Raises UsageError.
+    """
+    ids: list[int] = []
+    for part in text.split(","):
+        first, dash, last = part.strip().partition("-")
+        if not first.isdecimal() or (dash and not last.isdecimal()):
+            raise UsageError(f"--ids {text}: expected FROM-TO or a list", hint="e.g. --ids 1-254 or --ids 1,2,7")
+        ends = int(first), int(last if dash else first)
+        for number in ends:
+            check(number)
+        if ends[0] > ends[1]:
+            raise UsageError(f"--ids {text}: no id in {part.strip()}", hint="the smaller one first, e.g. --ids 1-254")
+        ids += range(ends[0], ends[1] + 1)
+    return list(dict.fromkeys(ids))

@@ -15,6 +15,7 @@ from types import TracebackType
 from typing import IO, TYPE_CHECKING, Any, Protocol
 
 from handctl.errors import HandctlError, Interrupted, OutputError
+from handctl.files import whole
 from handctl.result import Cell, Column, Grid, Journal, Row, Sample, Table
 
 if TYPE_CHECKING:
@@ -41,7 +42,7 @@ class Sink:
 
     def __init__(self, settings: Settings) -> None:
         self._path = settings.output
-        self._temporary = ""
+        self._whole: contextlib.AbstractContextManager[IO[str]] | None = None
         self.file: IO[str] = sys.stdout
         self.color = settings.color
         self.broken = False
@@ -53,11 +54,9 @@ class Sink:
 
     def __enter__(self) -> Sink:
         if self._path:
-            # Something that is no regular file (a pipe, a device) is written to; replacing it would destroy it.
-            special = os.path.exists(self._path) and not os.path.isfile(self._path)
-            self._temporary = self._path if special else f"{self._path}.{os.getpid()}.part"
+            self._whole = whole(self._path)
             try:
-                self.file = open(self._temporary, "w", encoding="utf-8", newline="")
+                self.file = self._whole.__enter__()
             except OSError as exc:
                 raise OutputError(f"{self._path}: cannot be written: {exc.strerror or exc}") from exc
         return self
@@ -91,30 +90,15 @@ class Sink:
             with contextlib.suppress(OSError, ValueError), open(os.devnull, "wb") as nowhere:
                 os.dup2(nowhere.fileno(), self.file.fileno())
 
-    def __exit__(self, kind: type[BaseException] | None, _exc: BaseException | None, _tb: TracebackType | None) -> None:
-        if not self._path:
+    def __exit__(self, kind: type[BaseException] | None, exc: BaseException | None, tb: TracebackType | None) -> None:
+        if self._whole is None:
             if kind is None:
                 self.flush()
             return
-        special = self._temporary == self._path
         try:
-            self.file.flush()
-            if not special:
-                os.fsync(self.file.fileno())
-            self.file.close()
-            if special:
-                return
-            if kind is None:
-                os.replace(self._temporary, self._path)
-            else:
-                os.unlink(self._temporary)
-        except OSError as exc:
-            with contextlib.suppress(OSError):
-                self.file.close()
-            if not special:
-                with contextlib.suppress(OSError):
-                    os.unlink(self._temporary)
-            raise OutputError(f"{self._path}: cannot be written: {exc.strerror or exc}") from exc
+            self._whole.__exit__(kind, exc, tb)
+        except OSError as error:
+            raise OutputError(f"{self._path}: cannot be written: {error.strerror or error}") from error
 
 
 def show(table: Table | None, failure: HandctlError | None, sink: Sink, context: Context) -> None:

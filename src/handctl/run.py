@@ -216,13 +216,24 @@ class Run:
         except BaseException:  # a bug of ours: the link and its lock are let go all the same
             self._close(None)
             raise
-        failure = self._close(failure)
-        if table is None or table.samples is None:
-            self._show(table, failure)
-            failure = failure or (table.failure if table is not None else None)
+        failure = self._wind_up(table, failure)
         if failure is not None:
             failure.shown = True
             raise failure
+
+    def _wind_up(self, table: Table | None, failure: HandctlError | None) -> HandctlError | None:
+        """Close, then show; a Ctrl-C in between ends it, but what came of the command is not lost."""
+        try:
+            failure = self._close(failure)
+        except KeyboardInterrupt:
+            failure = self._close(failure or Interrupted("interrupted"))
+        if table is None or table.samples is None:
+            try:
+                self._show(table, failure)
+            except KeyboardInterrupt:
+                failure = failure or Interrupted("interrupted while the result was written")
+            failure = failure or (table.failure if table is not None else None)
+        return failure
 
     def _check_named_device(self) -> None:
         """Whether the device that -d names is meant; a default device is judged when its link is needed."""

@@ -291,7 +291,8 @@ def diff(run: Run, params: ParamMap[Any], a: str, b: str | None) -> Table:
         rows=rows, columns=(Column("name", "Name"), Column("a", a, right=True), Column("b", b or "device", right=True))
     )
     if rows:
-        table.failure = CheckFailed(f"{len(rows)} of {len(names)} values differ", code="differ")
+        hint = f"`handctl {params.kind} restore {a}` writes those of the file" if b is None else ""
+        table.failure = CheckFailed(f"{len(rows)} of {len(names)} values differ", hint=hint, code="differ")
     else:
         run.journal.info("equal", f"all {len(names)} values are equal")
     return table

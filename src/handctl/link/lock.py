@@ -49,7 +49,9 @@ def hold(link: str, command: str, tcp_port: int | None = None) -> Lock | None:
         os.close(descriptor)
         raise LinkError(
             f"{link}: the device is in use by {who}",
-            hint=f"wait for it, or end it: kill {pid}" if pid else "wait for it, then run the command again",
+            hint=f"wait for it, or end it: kill {pid} (it stops its device first)"
+            if pid
+            else "wait for it, then run the command again",
             code="busy",
         ) from exc
     os.ftruncate(descriptor, 0)

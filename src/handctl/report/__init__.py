@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from handctl import __version__, verbs
 from handctl.errors import CheckFailed, HandctlError, LinkError, NoAnswer, OutputError, ProtocolError, UsageError
+from handctl.files import whole
 from handctl.link.tap import Tap
 from handctl.param import ParamMap
 from handctl.render import default_view
@@ -250,17 +251,11 @@ def _refuse(path: str, force: bool) -> None:
 
 
 def _write(path: str, data: bytes, force: bool) -> None:
-    """Write a new file beside it, synced, then renamed: whole or not there. Raises OutputError."""
-    temporary = f"{path}.{os.getpid()}.part"
+    """Write the page, whole or not at all. Raises OutputError."""
     try:
-        with open(temporary, "wb") as file:
+        with whole(path, "wb") as file:
             file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        if not force and os.path.exists(path):
-            raise FileExistsError(17, "it appeared meanwhile and is not overwritten")
-        os.replace(temporary, path)
+            if not force and os.path.exists(path):
+                raise FileExistsError(17, "it appeared meanwhile and is not overwritten")
     except OSError as exc:
-        with contextlib.suppress(OSError):
-            os.unlink(temporary)
         raise OutputError(f"{path}: the report cannot be written: {exc.strerror or exc}") from exc

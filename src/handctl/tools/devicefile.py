@@ -79,10 +79,12 @@ def _toml(value: str | int | float) -> str:
 def change(path: str, checks: Mapping[str, Check], edit: Callable[[Config], str], wanted: Values, name: str) -> None:
     """Read the file, `edit` its text, and write it; afterwards device `name` holds `wanted`, {} = there is none.
 
-    Two handctl at once wait for each other. Raises UsageError for a file that is damaged or whose edit went wrong,
+    Two handctl at once wait for each other. Raises UsageError for what is no file, is damaged, or whose edit went wrong,
     OutputError when it cannot be written.
     """
     target = os.path.realpath(path)
+    if os.path.exists(path) and not os.path.isfile(path):  # a device, such as /dev/null, would be replaced
+        raise UsageError(f"{path} is no file", hint="HANDCTL_CONFIG names another; nothing was changed", code="config")
     try:
         os.makedirs(os.path.dirname(target), exist_ok=True)
         with _alone(os.path.dirname(target)):

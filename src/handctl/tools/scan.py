@@ -30,6 +30,7 @@ from handctl.families import FAMILIES, PROBES
 from handctl.link import ByteLink, Link, open_link
 from handctl.link.tap import Tap
 from handctl.options import SharedOption
+from handctl.param import ids_in
 from handctl.result import Column, Journal, Row, Table, hex_bytes
 from handctl.run import Run
 from handctl.tools.machine import Machine
@@ -137,16 +138,12 @@ def free_ports(machine: Machine, journal: Journal) -> list[str]:
 
 def parse_ids(text: str) -> list[int]:
     """``1-254`` or ``1,7`` -> ids 1 to 254 in that order. Raises UsageError."""
-    ids: list[int] = []
-    for part in text.split(","):
-        first, dash, last = part.strip().partition("-")
-        ends = first, last if dash else first
-        if not all(end.isdecimal() and 1 <= int(end) <= 254 for end in ends):
-            raise UsageError(f"--ids {text}: expected FROM-TO or a list, 1 to 254", hint="e.g. --ids 1-254")
-        ids += range(int(ends[0]), int(ends[1]) + 1)
-    if not ids:
-        raise UsageError(f"--ids {text}: no id in it", hint="e.g. --ids 1-254")
-    return list(dict.fromkeys(ids))
+
+    def check(number: int) -> None:
+        if not 1 <= number <= 254:
+            raise UsageError(f"--ids {text}: {number} is not 1 to 254", hint="e.g. --ids 1-254")
+
+    return ids_in(text, check)
 
 
 def plan(wire: str, families: Sequence[str], speeds: bool) -> list[Step]:

@@ -12,7 +12,7 @@ from typing import Any
 from handctl.devices.barrett import hostfile
 from handctl.devices.barrett.hand import BarrettHand
 from handctl.devices.barrett.parameters import BARRETT, all_elements, standard
-from handctl.errors import HandctlError, UsageError
+from handctl.errors import DeviceRefused, HandctlError, Interrupted, UsageError
 from handctl.files import state_path
 from handctl.result import Column, Row, Table
 
@@ -88,10 +88,13 @@ def save(hand: BarrettHand, *, force: bool, simulated: bool) -> Table:
     for verb in ["FSAVE", "PSAVE"] if force else verbs:
         try:
             hand.checked(hand.line.ask(verb))
-        except HandctlError:
+        except DeviceRefused:
             if done:  # one half is in the EEPROM: count it, and let the next save write all again
                 _count(hand, journal, key, {})
             raise
+        except (HandctlError, KeyboardInterrupt) as exc:
+            _count(hand, journal, key, {})  # it may have been written: the next save writes everything
+            raise _unsure(exc, verb) from exc
         done.append(verb)
     _count(hand, journal, key, now)
     rows: list[Row] = [
@@ -105,6 +108,15 @@ def save(hand: BarrettHand, *, force: bool, simulated: bool) -> Table:
         Column("default", "Default", right=True),
     )
     return Table(rows=rows, columns=columns)
+
+
+def _unsure(exc: HandctlError | KeyboardInterrupt, verb: str) -> HandctlError:
+    """What is known of a save whose answer did not come."""
+    text = f"{verb} was sent and may be writing the EEPROM"
+    hint = "leave the power on for 15 s, then `handctl barrett dump`; the save was counted"
+    if isinstance(exc, HandctlError):
+        return type(exc)(f"{exc.text}; {text}", hint=hint, code=exc.code)
+    return Interrupted(f"interrupted: {text}", hint=hint)
 
 
 class Ledger:

@@ -70,7 +70,7 @@ class RealtimeLoop:
         self._guide = guide
         self._sequential = sequential
         self._decoder = Decoder(self.layout)
-        self._inside = self._thrown_out = False
+        self._inside = self._thrown_out = self._asked = False
         self._undo: list[tuple[Element, Number]] = []
         self._last: Values = {}
         self._deltas: dict[int, DeltaPosition] = {}
@@ -130,22 +130,23 @@ class RealtimeLoop:
         sent = command.encode("ascii")
         deadline = link.deadline(ENTER_SECONDS + 2 * line.wire_seconds(len(sent) + 2)).earlier(line.bound)
         line.drain()
+        # From here on it may be in the loop, where every byte counts as a header: it is left by ^C and nothing else.
+        self._inside = self._asked = True
         line.link.write(sent + CR, deadline)
         hand.journal.counters.sent += 1
         came = b""
         while not deadline.expired:
             if len(came) > len(sent) and came[len(sent)] == ACKNOWLEDGE and came[: len(sent)].upper() == sent:
-                self._inside = True
                 hand.journal.counters.received += 1
                 self._decoder.feed(came[len(sent) + 1 :])
                 return
             if has_prompt(came):
+                self._inside = self._asked = False
                 raise refusal(Answer(command, (), _status(came), came))
             chunk = line.link.read(deadline)
             if not chunk:
                 break
             came += chunk
-        self._inside = True  # perhaps: it is left the safe way
         if not came:
             raise NoAnswer(
                 f"{link.name}: no answer to {command}", hint="`handctl barrett status` tells whether it is there"
@@ -311,7 +312,7 @@ class RealtimeLoop:
         """Zero velocity, ^C, prompt, T, flags as before. Never raises: what fails is told and sets `failure`."""
         line = self.hand.line
         line.bound = None  # stopping has deadlines of its own
-        moved = bool(self._last)
+        moved = bool(self._last) or (self._asked and self.source is not None)
         stands = False
         try:
             stands = self._go_out(moved)
@@ -332,7 +333,8 @@ class RealtimeLoop:
         except Exception as exc:  # noqa: BLE001 - the same
             flags = ", ".join(f"{element.full_name}={value}" for element, value in self._undo)
             self._blame(exc, f"the flags before were {flags}; a power cycle brings the saved ones back")
-        self._last, self._undo, self._thrown_out = {}, [], False  # once is enough
+        self._last, self._undo = {}, []
+        self._thrown_out = self._asked = False  # once is enough
 
     def _power_off(self) -> None:
         answer = self.hand.line.ask(f"{self.wish.prefix}T")

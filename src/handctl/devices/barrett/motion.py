@@ -8,7 +8,7 @@ from __future__ import annotations
 from handctl.devices.barrett.hand import BarrettHand, refusal
 from handctl.devices.barrett.language import Answer, explain_status, motors_of
 from handctl.devices.barrett.parameters import BARRETT, GclParam
-from handctl.errors import HandctlError, Interrupted, UsageError
+from handctl.errors import HandctlError, Interrupted, NoAnswer, ProtocolError, UsageError
 from handctl.guide import Guide
 from handctl.param import Element
 from handctl.result import Column, Row, Table
@@ -63,7 +63,11 @@ def move(hand: BarrettHand, prefix: str, name: str, argument: int | None, guide:
         guide.done()
         raise Interrupted(f"interrupted: {told}") from exc
     guide.done()
-    table = _result(hand, name, answer, motors, goals, all_motors=not prefix)
+    try:
+        table = _result(hand, name, answer, motors, goals, all_motors=not prefix)
+    except (NoAnswer, ProtocolError) as exc:
+        exc.text = f"{text} ended with status {answer.status}, but where the motors stand could not be read: {exc.text}"
+        raise
     if answer.status:
         table.failure = refusal(answer)
     return table

@@ -231,7 +231,11 @@ def set_(run: Run, assignments: tuple[str, ...], operator: str | None, audit: st
     _need_operator(run, operator)
     if run.settings.dry_run:
         steps = run.planner().plan([change])
-        run.journal.info("dry-run-gates", "step limit and stillness are checked against the device, when it is written")
+        run.journal.info(
+            "dry-run-gates",
+            "step limit and stillness are checked against the device, when it is written; the message number (and with it the CRC) "
+            "counts the reads before it",
+        )
         return run.dry_run(steps)
     ekso = _with_writer(run, operator, audit, override=override)
     before = ekso.words("settings")

@@ -32,6 +32,7 @@ from handctl.errors import (
     Interrupted,
     LinkError,
     NoAnswer,
+    OutputError,
     ProtocolError,
     UsageError,
 )
@@ -215,12 +216,23 @@ class Writer:
         except HandctlError as exc:
             self._result(change, boot, answer, None, f"read-back failed: {exc.text}")
             raise _unread(change, exc) from None
+        except KeyboardInterrupt as exc:
+            self._result(change, boot, answer, None, "not read back: interrupted twice")
+            raise Interrupted(
+                f"interrupted again: {change.text} was sent and not read back", hint="look with `handctl ekso settings`"
+            ) from exc
         finally:
             self.port.bound = bound
         failure = self._judge(change, before, after, answer, lost)
-        self._result(change, boot, answer, after, "applied" if failure is None else failure.text)
+        unlogged = self._result(change, boot, answer, after, "applied" if failure is None else failure.text)
         if failure is not None:
             raise failure
+        if unlogged is not None:
+            raise OutputError(
+                f"{change.text} was written and reads back; only its entry is missing: {unlogged.text}",
+                hint="make room and note it by hand; nothing else was sent",
+                code=unlogged.code,
+            )
         if interrupted:
             raise Interrupted(f"interrupted; {change.text} was written and read back", hint="nothing else was sent")
         if answer is None:
@@ -254,8 +266,7 @@ class Writer:
             return CheckFailed(
                 f"{self.port.where}: {change.text}: the read-back differs: {differences(wanted, after)}"
                 + (f"; status {status_text(status)}" if status is not None else ""),
-                hint=f"`handctl ekso set {change.param.name}={change.param.typed(change.param.from_raw(change.old))}` "
-                "sets the old value again; look with `handctl ekso settings` first",
+                hint=_way_back(before, after),
                 code="read-back",
             )
         if refused and status is not None:
@@ -308,16 +319,38 @@ class Writer:
             **more,
         )
 
-    def _result(self, change: Change, boot: int, answer: Frame | None, after: Raws | None, verdict: str) -> None:
-        self._record(
-            "result",
-            change,
-            boot,
-            answer=hex_bytes(answer.data) if answer is not None else None,
-            status=answer.words[0] & 0xFFFF if answer is not None else None,
-            read_back=None if after is None else {p.name: after[p.word] for p in SETTINGS if p.name != PERSONAL},
-            verdict=verdict,
-        )
+    def _result(
+        self, change: Change, boot: int, answer: Frame | None, after: Raws | None, verdict: str
+    ) -> OutputError | None:
+        """Note what came of it; returned is why that failed, which must not hide what came of it."""
+        try:
+            self._record(
+                "result",
+                change,
+                boot,
+                answer=hex_bytes(answer.data) if answer is not None else None,
+                status=answer.words[0] & 0xFFFF if answer is not None else None,
+                read_back=None if after is None else {p.name: after[p.word] for p in SETTINGS if p.name != PERSONAL},
+                verdict=verdict,
+            )
+        except OutputError as exc:
+            return exc
+        return None
+
+
+def _way_back(before: Raws, after: Raws) -> str:
+    """What would set the settings that changed to what they were."""
+    changed = [param for param in SETTINGS if after[param.word] != before[param.word]]
+    if not changed:
+        return "the old value is still there: nothing needs to be set back; look with `handctl ekso settings`"
+    ways = ", ".join(
+        f"`handctl ekso set {p.name}={p.typed(p.from_raw(before[p.word]))}`" for p in changed if p.id is not None
+    )
+    return (
+        f"look with `handctl ekso settings` first; {ways} sets back what changed"
+        if ways
+        else "look with `handctl ekso settings`"
+    )
 
 
 REFUSALS = {

@@ -11,6 +11,7 @@ from handctl.devices.inspire.registers import BAUD_RATES
 from handctl.devices.inspire.scanner import Findings, Scanner, Span
 from handctl.errors import NoAnswer, ProtocolError, UsageError
 from handctl.guide import Guide
+from handctl.param import ids_in
 from handctl.result import Column, Row, Table
 
 
@@ -53,18 +54,7 @@ def columns_of(kind: Kind) -> tuple[Column, ...]:
 
 def parse_ids(text: str) -> list[int]:
     """``1-254`` or ``1,2,10-20`` -> ids in that order. Raises UsageError."""
-    ids: list[int] = []
-    for part in text.split(","):
-        first, dash, last = part.strip().partition("-")
-        if not first.isdecimal() or (dash and not last.isdecimal()):
-            raise UsageError(f"--ids {text}: expected FROM-TO or a list", hint="e.g. --ids 1-254 or --ids 1,2,7")
-        ends = int(first), int(last if dash else first)
-        for device_id in ends:
-            eb90.check_id(device_id)
-        ids += range(ends[0], ends[1] + 1)
-    if not ids:
-        raise UsageError(f"--ids {text}: no id in it", hint="e.g. --ids 1-254")
-    return list(dict.fromkeys(ids))
+    return ids_in(text, eb90.check_id)
 
 
 def parse_speeds(text: str) -> list[int]:

@@ -12,6 +12,7 @@ from handctl.devices.inspire.wrist import WIRING_HINT, Wrist
 from handctl.errors import NoAnswer, ProtocolError, UsageError
 from handctl.guide import Guide
 from handctl.link import CanFrame
+from handctl.param import ids_in
 from handctl.result import Column, Row, Table
 
 KIND = Kind("wrist", probe=(1020, 2), twin=(1020, 4), value="pitch_raw", silence_hint=WIRING_HINT)
@@ -39,20 +40,12 @@ def scan_wrist(
 
 def parse_can_ids(text: str) -> list[int]:
     """``1-254`` -> ids 0..16383 in that order, at most 4096. Raises UsageError."""
-    ids: list[int] = []
-    for part in text.split(","):
-        first, dash, last = part.strip().partition("-")
-        if not first.isdecimal() or (dash and not last.isdecimal()):
-            raise UsageError(f"--ids {text}: expected FROM-TO or a list", hint="e.g. --ids 1-254")
-        ends = int(first), int(last if dash else first)
-        for hand_id in ends:
-            canreg.check_id(hand_id)
-        ids += range(ends[0], ends[1] + 1)
-    if not ids or len(ids) > MOST:
+    ids = ids_in(text, canreg.check_id)
+    if len(ids) > MOST:
         raise UsageError(
             f"--ids {text}: {len(ids)} ids; a scan asks 1 to {MOST}", hint="scan in parts, e.g. --ids 1-254"
         )
-    return list(dict.fromkeys(ids))
+    return ids
 
 
 def _scan_can(bus: CanBus, guide: Guide, ids: Sequence[int], wait: float, find_all: bool) -> Table:
