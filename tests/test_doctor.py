@@ -41,7 +41,7 @@ def healthy(answer: Result) -> dict[str, tuple[str, str, str | None]]:
 def link_rows(link: str, family: str, *args: str) -> tuple[Result, dict[str, tuple[str, str, str | None]]]:
     """doctor on a simulated line, in virtual time."""
     joint = "&" if "?" in link else "?"
-    answer = run("doctor", "-p", f"{link}{joint}clock=virtual", "--device-family", family, "--json", *args)
+    answer = run("doctor", "-p", f"{link}{joint}clock=virtual", "--family", family, "--json", *args)
     return answer, healthy(answer)
 
 
@@ -264,7 +264,7 @@ def test_a_link_alone_is_only_listened_to(system: System, tmp_path: Path) -> Non
 
 
 def test_a_port_that_is_not_there_is_a_row_and_7(system: System) -> None:
-    answer = run("doctor", "-p", "/dev/ttyNOTHING0", "--device-family", "ekso", "--json")
+    answer = run("doctor", "-p", "/dev/ttyNOTHING0", "--family", "ekso", "--json")
     rows = healthy(answer)
     assert answer.code == 7
     assert rows["open"][:2] == ("fail", "/dev/ttyNOTHING0: no such port")
@@ -289,7 +289,7 @@ def test_a_known_port_tells_permission_holder_and_timer(system: System) -> None:
 
 @pytest.mark.parametrize(
     ("args", "code"),
-    [(("--device-family", "exo"), "no-link"), (("--fake",), "no-family"), (("--device-family", "nobody"), "usage")],
+    [(("--family", "exo"), "no-link"), (("--fake",), "no-family"), (("--family", "nobody"), "usage")],
 )
 def test_what_cannot_be_examined(args: tuple[str, ...], code: str) -> None:
     answer = run("doctor", "--json", *args)
@@ -297,7 +297,7 @@ def test_what_cannot_be_examined(args: tuple[str, ...], code: str) -> None:
 
 
 def test_the_wrong_wire_is_a_usage_error(system: System) -> None:
-    assert run("doctor", "-p", "can:socketcan:can0", "--device-family", "ekso").code == 2
+    assert run("doctor", "-p", "can:socketcan:can0", "--family", "ekso").code == 2
 
 
 # -- delays -------------------------------------------------------------------------------------------------------
@@ -446,7 +446,7 @@ def test_the_plateau_of_a_served_hand(system: System) -> None:
     """A server that writes in pieces without TCP_NODELAY, as the manual's hand may be."""
     options = ("--set", "exchange=poll", "--set", "chunk=200", "--set", "nagle=1")
     with Simulator("--tcp", "127.0.0.1:0", *options, kind="aidin") as simulator:
-        answer = run("doctor", "-p", simulator.link, "--device-family", "aidin", "--json", "--count", "10")
+        answer = run("doctor", "-p", simulator.link, "--family", "aidin", "--json", "--count", "10")
     assert healthy(answer)["delay"][0] == "warning"
     assert "TCP_NODELAY" in str(healthy(answer)["delay"][2])
 

@@ -385,8 +385,8 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set takes -p=link --port=link --family=choice:exo,wrist,barrett,ekso,aidin --ids=none -d=device --device=device --id=none --baud=none --timeout=none --deadline=none --retries=none --trace=file --format=choice:table,plain,json,ndjson,csv -o=file --output=file --color=choice:auto,always,never
             set shared no
         case 'doctor'
-            set opts '--device-family	Which device is on the link; -d NAME knows it.' '--count	Reads for the error rate. Default: 100.' '-h	Show this message and exit.' '--help	Show this message and exit.'
-            set takes --device-family=choice:exo,wrist,barrett,ekso,aidin --count=none
+            set opts '--family	Which device is on the link; -d NAME knows it.' '--count	Reads for the error rate. Default: 100.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set takes --family=choice:exo,wrist,barrett,ekso,aidin --count=none
         case 'devices'
             set cmds 'add	Name a device: its family and what is given of --port, --id, --baud, --timeout, --deadline, --retries.' 'list	List the named devices.' 'remove	Forget a name. Writes the configuration file; comments and everything else in it stay.' 'show	Show every setting as -d NAME would have it, and where each comes from.'
             set opts '-h	Show this message and exit.' '--help	Show this message and exit.'

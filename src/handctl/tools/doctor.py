@@ -37,7 +37,7 @@ TONES = {"ok": "good", "warning": "warn", "fail": "bad", "skipped": "dim"}
 
 @click.command("doctor", cls=Command)
 @click.option(
-    "--device-family", type=click.Choice(list(FAMILIES)), help="Which device is on the link; -d NAME knows it."
+    "--family", type=click.Choice(list(FAMILIES)), help="Which device is on the link; -d NAME knows it."
 )
 @click.option(
     "--count",
@@ -47,7 +47,7 @@ TONES = {"ok": "good", "warning": "warn", "fail": "bad", "skipped": "dim"}
     metavar="N",
     help="Reads for the error rate.",
 )
-def cli(device_family: str | None, count: int) -> Table:
+def cli(family: str | None, count: int) -> Table:
     """Check this machine, and with -p LINK that link: permissions, holders, delays, speed, echo, error rate.
 
     Each row has its evidence and its remedy. Exit code 7 when there is a warning or a failure, also when the link
@@ -56,7 +56,7 @@ def cli(device_family: str | None, count: int) -> Table:
     run: Run = click.get_current_context().obj
     machine = Machine()
     checks = machine_checks(machine)
-    kind = device_family or run.settings.kind
+    kind = family or run.settings.kind
     if run.settings.port or run.settings.fake:
         checks += examine(run, machine, kind, count)
     elif kind is not None:
@@ -88,7 +88,7 @@ def examine(run: Run, machine: Machine, kind: str | None, reads: int) -> list[Ch
     from handctl.tools.link_checks import LinkChecks, failed_open, port_checks
 
     if kind is None and run.settings.fake:
-        raise UsageError("which simulator?", hint="add --device-family exo, or -p fake://exo", code="no-family")
+        raise UsageError("which simulator?", hint="add --family exo, or -p fake://exo", code="no-family")
     run.family = family_of(kind) if kind is not None else Family("unknown", _no_device, 115200, wires=("serial", "can"))
     name = run.link_name()
     checks = port_checks(machine, name)
@@ -117,7 +117,7 @@ def examine(run: Run, machine: Machine, kind: str | None, reads: int) -> list[Ch
 
 
 def _no_device(link: Any, settings: Settings, journal: Journal) -> Any:
-    raise UsageError("which device it is was not said", hint="--device-family")
+    raise UsageError("which device it is was not said", hint="--family")
 
 
 def _view(rows: list[Row]) -> list[Grid]:

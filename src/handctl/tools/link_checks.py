@@ -167,7 +167,7 @@ class LinkChecks:
         """All rows, each as soon as it is known. Raises LinkError when the link is lost on the way."""
         yield self._unasked()
         if self._probe is None:
-            hint = "name the device with --device-family, or find it with `handctl scan`"
+            hint = "name the device with --family, or find it with `handctl scan`"
             yield Check("answer", "skipped", "nothing was sent: which device it is was not said", hint)
             return
         first = getattr(self._link, "baud", None)
