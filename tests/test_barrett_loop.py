@@ -13,7 +13,7 @@ from handctl.devices.barrett.language import Answer
 from handctl.devices.barrett.loop import RealtimeLoop
 from handctl.devices.barrett.loop_flags import Wish
 from handctl.devices.barrett.schedule import Change, Schedule, Source, Values
-from handctl.errors import HandctlError, UsageError
+from handctl.errors import CheckFailed, HandctlError, UsageError
 from handctl.guide import Guide
 from handctl.link import Deadline
 from handctl.result import Sample
@@ -457,7 +457,7 @@ def test_a_bad_live_value_ends_it() -> None:
             return super().at(seconds)
 
     run = Run("wire=auto", source=Breaks({0: ("velocity",), 1: ("velocity",), 3: ()}, TWENTY)).go(None)
-    assert isinstance(run.error, UsageError)
+    assert isinstance(run.error, CheckFailed) and run.error.code == "control"
     assert_left(run)
 
 

@@ -217,9 +217,20 @@ def live(*lines: str | BaseException) -> Live:
 
 def test_live_lines_count_when_they_come() -> None:
     source = live("velocity.F1,velocity.F2\n", "20,30\n", "0,\n", "1,2\n")
-    assert velocities(source, 0.0, 99.0) == [(20, 30), (20, 30)]  # nobody has listened yet
+    assert velocities(source, 0.0, 1.0) == [(20, 30), (20, 30)]  # nobody has listened yet
+    assert velocities(source, 1.01, 99.0) == [(0, 0), (0, 0)]  # too long: who controls may hang
     source.listen()
     assert velocities(source, 99.0) == [None]  # and here the input ends
+
+
+def test_a_stale_live_line_keeps_its_gain_and_a_fresh_one_goes_on() -> None:
+    source = live("velocity.F1,gain.F1\n", "20,30\n", "5,\n")
+    assert isinstance(source, Live)
+    source._arrived.append({(0, "velocity"): 7})
+    assert source.at(3.0) == {0: {"velocity": 7, "gain": 30}, 1: {}}
+    assert source.at(4.5) == {0: {"velocity": 0, "gain": 30}, 1: {}}
+    source._arrived.append({(0, "velocity"): 9})
+    assert source.at(4.6) == {0: {"velocity": 9, "gain": 30}, 1: {}}
 
 
 def test_a_live_line_is_taken_over_by_the_next_block() -> None:

@@ -218,3 +218,11 @@ def test_a_hand_without_firmware(good: Path) -> None:
 def test_not_alive_afterwards(good: Path) -> None:
     result = load(good, port=fake(image_records=99))
     assert result.code in (4, 5) and result.error["code"] == "not-alive"
+
+
+def test_a_deadline_that_would_cut_the_download_off(tmp_path: Path) -> None:
+    path = tmp_path / "f.s19"
+    path.write_text("S10B2000112233445566FF0070\nS9030000FC\n")
+    with spying() as spy:
+        result = run("barrett", "firmware", "download", path, "--deadline", "5", "-y", "-p", "fake://barrett")
+    assert result.code == 2 and "too short" in result.err and spy.lines == []

@@ -265,7 +265,7 @@ def test_a_bad_live_line_stops_the_motors(tmp_path: Path) -> None:
     result = do(
         "--motors", "12", "--receive", "position", "--control", "-", "--trace", trace, stdin="velocity\n20\nfast\n"
     )
-    assert result.code == 2 and "line 3" in result.out, result
+    assert result.code == 7 and "line 3" in result.out, result
     assert blocks(trace)[-1] == "03"
 
 

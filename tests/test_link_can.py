@@ -251,7 +251,7 @@ def test_slcan_does_not_wait_two_seconds(monkeypatch: pytest.MonkeyPatch) -> Non
         return object()
 
     monkeypatch.setattr("handctl.link.can.can.Bus", bus)
-    for channel, wait in (("socket://h:1", 0.0), ("/dev/pts/3", 0.0), ("/dev/ttyACM0", 0.1)):
+    for channel, wait in (("socket://h:1", 0.0), ("/dev/pts/99999", 0.0), ("/dev/ttyACM0", 0.1)):
         CanLink(f"can:slcan:{channel}")
         assert asked[-1]["sleep_after_open"] == wait
         assert asked[-1]["receive_own_messages"] is False

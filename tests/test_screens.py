@@ -111,20 +111,20 @@ def test_columns_line_up_on_a_pipe(kind: str, verb: str, rows: int, columns: int
 def test_a_table_that_fits_is_a_table() -> None:
     lines = shown("exo", "status", 80).lines
     assert lines[0] == "id 1, 115200 baud (code 0), supply 558 (raw, scale unknown)  simulated"
-    assert lines[1] == "Finger    Position  Pos set  Force  Force set  mA  °C  Errors"
+    assert lines[1] == "Finger    Position  Set  Force  Set  mA  °C  Errors"
     assert set(lines[2]) == {"─"}
-    assert lines[3] == "little         110      151    -11        -61  21  31  ok"
+    assert lines[3] == "little         110  151    -11  -61  21  31  ok"
 
 
 def test_a_table_that_does_not_fit_names_every_value() -> None:
     lines = shown("exo", "status", 40).lines
     assert lines[2:8] == [
-        "little  Position: 110  Pos set: 151",
-        "  Force: -11  Force set: -61  mA: 21",
-        "  °C: 31  Errors: ok",
-        "ring  Position: 220  Pos set: 252",
-        "  Force: 12  Force set: 62  mA: 22",
-        "  °C: 32  Errors: ok",
+        "little  Position: 110  Set: 151",
+        "  Force: -11  Set: -61  mA: 21  °C: 31",
+        "  Errors: ok",
+        "ring  Position: 220  Set: 252  Force: 12",
+        "  Set: 62  mA: 22  °C: 32  Errors: ok",
+        "middle  Position: 330  Set: 353",
     ]
     assert lines[-4:-1] == [
         "position 0 bent .. 1000 open; force: set",

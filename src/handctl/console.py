@@ -18,6 +18,10 @@ ENDING = ("SIGINT", "SIGQUIT", "SIGTERM", "SIGHUP")
 """What asks the program to end: Ctrl-C, Ctrl-\\, a service manager, a closing terminal. A device is stopped first."""
 
 
+SUSPEND = "SIGTSTP"
+"""Ctrl-Z. A command that may move something ends on it too: stopped in its sleep, it could not stop the device."""
+
+
 class TerminalGuide(Guide):
     """Talks with the person on stderr; asks only when stdin and stderr are terminals."""
 
@@ -112,7 +116,7 @@ def _on_interrupt(handler: Callable[[int, Any], None]) -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield  # signals reach the main thread only
         return
-    numbers = [getattr(signal, name) for name in ENDING if hasattr(signal, name)]
+    numbers = [getattr(signal, name) for name in (*ENDING, SUSPEND) if hasattr(signal, name)]
     before = [(number, signal.signal(number, handler)) for number in numbers]
     try:
         yield

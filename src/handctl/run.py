@@ -7,6 +7,7 @@ decides where output goes. What a run does not need is not imported.
 from __future__ import annotations
 
 import contextlib
+import os
 import sys
 import time
 from collections.abc import Callable, Sequence
@@ -15,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import click
 
 from handctl import __version__
-from handctl.console import ENDING, TerminalGuide, print_stderr
+from handctl.console import ENDING, SUSPEND, TerminalGuide, print_stderr
 from handctl.errors import HandctlError, Interrupted, NotConfirmed, OutputError, UsageError
 from handctl.options import COMMAND_LINE, ENVIRONMENT, FILE, SOURCES, Settings, Source, from_click
 
@@ -197,11 +198,12 @@ class Run:
         table: Table | None = None
         # SIGINT too: a script's background job starts with it ignored, and must be stoppable all the same.
         _Presses.last = float("-inf")
-        for name in ENDING:
+        for name in (*ENDING, *((SUSPEND,) if self._writes else ())):
             if hasattr(signal, name):
                 signal.signal(getattr(signal, name), _terminate)
         try:
             self._check_named_device()
+            self._check_output()
             if self.family is not None and self.family.check is not None:
                 self.family.check(self.settings)
             table = body()
@@ -234,6 +236,16 @@ class Run:
                 failure = failure or Interrupted("interrupted while the result was written")
             failure = failure or (table.failure if table is not None else None)
         return failure
+
+    def _check_output(self) -> None:
+        """Raise OutputError now when -o cannot be written, not when the device has been served."""
+        path = self.settings.output
+        if not path or (os.path.exists(path) and not os.path.isfile(path) and not os.path.isdir(path)):
+            return
+        folder = os.path.dirname(path) or "."
+        if os.path.isdir(path) or not os.path.isdir(folder) or not os.access(folder, os.W_OK):
+            why = "it is a folder" if os.path.isdir(path) else f"{folder} is no folder that can be written to"
+            raise OutputError(f"{path}: cannot be written: {why}", hint="nothing was sent; name another place for -o")
 
     def _check_named_device(self) -> None:
         """Whether the device that -d names is meant; a default device is judged when its link is needed."""

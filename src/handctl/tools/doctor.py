@@ -36,9 +36,7 @@ TONES = {"ok": "good", "warning": "warn", "fail": "bad", "skipped": "dim"}
 
 
 @click.command("doctor", cls=Command)
-@click.option(
-    "--family", type=click.Choice(list(FAMILIES)), help="Which device is on the link; -d NAME knows it."
-)
+@click.option("--family", type=click.Choice(list(FAMILIES)), help="Which device is on the link; -d NAME knows it.")
 @click.option(
     "--count",
     type=click.IntRange(1, 10000),

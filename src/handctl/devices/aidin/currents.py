@@ -15,7 +15,7 @@ from handctl.devices.aidin.motion import mark, measured, target_object
 from handctl.devices.aidin.stop import object_of, send_stop, stopped, stopping
 from handctl.devices.aidin.targets import Goal, ramp
 from handctl.errors import CheckFailed, HandctlError, NoAnswer
-from handctl.guide import Guide
+from handctl.guide import Guide, Presses
 from handctl.param import elements_of
 from handctl.result import Table
 
@@ -35,8 +35,9 @@ def currents(hand: AidinHand, goal: Goal, guide: Guide, *, seconds: float, cap: 
                 table = drive.run(values, seconds, blind=blind)
                 drive.to(drive.zero, "currents go back to 0")
             except KeyboardInterrupt:
-                guide.say("interrupted: the currents go back to 0; Ctrl-C again stops at once")
-                drive.to(drive.zero, "currents go back to 0")
+                with guide.counting() as presses:
+                    guide.say("interrupted: the currents go back to 0; Ctrl-C again stops at once")
+                    drive.to(drive.zero, "currents go back to 0", presses)
                 raise
         except HandctlError as exc:
             raise stopped(hand, exc) from exc
@@ -96,10 +97,12 @@ class _Drive:
         mark(self._hand, self._goal, values, table)
         return table
 
-    def to(self, values: list[float], what: str) -> None:
-        """Go there on the ramp. Raises NoAnswer when the hand falls silent meanwhile."""
+    def to(self, values: list[float], what: str, presses: Presses | None = None) -> None:
+        """Go there on the ramp, until one of `presses` ends it. Raises NoAnswer when the hand falls silent meanwhile."""
         way = ramp(self._goal, self.at, values, PERIOD)
         for number, step in enumerate(way, 1):
+            if presses is not None and presses.count:
+                return
             self.at = list(step)
             self._hand.talk.tick(target_object(self._goal, step))
             self._guide.progress(f"{what}: {number * PERIOD:.1f} of {len(way) * PERIOD:.1f} s")

@@ -161,6 +161,7 @@ class Loader:
         self._sent = 0
         start = link.now()
         told = 0
+        self.hand.line.bound = None  # once begun it is finished: half a firmware is none
         with self._guide.counting() as presses:
             warned = 0
             for number, record in enumerate(self.firmware.records):

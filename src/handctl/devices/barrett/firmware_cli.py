@@ -14,6 +14,8 @@ from handctl.run import Run
 if TYPE_CHECKING:
     from handctl.devices.barrett.srecord import Firmware
 
+POWER_SECONDS = 20.0
+"""For the power switch and the hand's return, beside the download itself."""
 TONES = {"ok": "good", "warning": "warn", "force": "warn", "fail": "bad"}
 
 
@@ -65,6 +67,12 @@ def add_firmware(group: Group) -> None:
             raise UsageError(f"{file}: {problem[0]}", hint=f"{problem[1]}. Nothing was sent.", code="firmware-file")
         if expect is not None and version_in(expect) is None:
             raise UsageError(f"--expect {expect!r} is no version", hint="e.g. --expect 4.34")
+        needed = found.seconds + POWER_SECONDS
+        if run.settings.deadline is not None and run.settings.deadline < needed:
+            raise UsageError(
+                f"--deadline {run.settings.deadline:g} is too short: this download takes about {needed:.0f} s",
+                hint="a longer one, or none: a download that is cut off leaves the hand without firmware. Nothing was sent.",
+            )
         if run.settings.dry_run:
             return _plan(run, found)
         run.confirm(

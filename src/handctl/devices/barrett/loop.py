@@ -28,7 +28,16 @@ from handctl.devices.barrett.realtime import (
     cycles,
 )
 from handctl.devices.barrett.schedule import Source, Values
-from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer, OutputError, ProtocolError
+from handctl.errors import (
+    CheckFailed,
+    DeviceRefused,
+    HandctlError,
+    LinkError,
+    NoAnswer,
+    OutputError,
+    ProtocolError,
+    UsageError,
+)
 from handctl.guide import Guide
 from handctl.latency import RoundTrips
 from handctl.link import Deadline
@@ -147,6 +156,8 @@ class RealtimeLoop:
             if not chunk:
                 break
             came += chunk
+        if line.bound is not None and line.bound.expired:
+            raise NoAnswer(f"{link.name}: --deadline is over", hint="a longer --deadline", code="deadline")
         if not came:
             raise NoAnswer(
                 f"{link.name}: no answer to {command}", hint="`handctl barrett status` tells whether it is there"
@@ -172,7 +183,7 @@ class RealtimeLoop:
                         break
                     link.sleep(due - now)
                     now = link.now()
-                values = self.source.at(now - start) if self.source is not None else {}
+                values = self._values(now - start)
                 over = (count is not None and asked >= count) or (duration is not None and now - start >= duration)
                 if values is None or over or (bound is not None and bound.expired):
                     going = False
@@ -187,6 +198,15 @@ class RealtimeLoop:
                 yield self._sample(answer, sent, start)
         if bound is not None and bound.expired:
             raise NoAnswer(f"{link.name}: --deadline is over", hint="a longer --deadline", code="deadline")
+
+    def _values(self, seconds: float) -> Values | None:
+        """What to send now; None when the source is over. Raises CheckFailed for a line that came bad while motors ran."""
+        if self.source is None:
+            return {}
+        try:
+            return self.source.at(seconds)
+        except UsageError as exc:
+            raise CheckFailed(f"{exc.text}; the loop was left", hint=exc.hint, code="control") from exc
 
     def _send(self, values: Values) -> None:
         link = self.hand.link

@@ -45,7 +45,10 @@ def add_realtime(group: Group) -> None:
     @click.option("--velocity", metavar="V", help="Constant control velocity, -127 to 127: 20, or 20,5, or F1=20,F2=5.")
     @click.option("--gain", metavar="K", help="Constant proportional gain, 0 to 255, in the same way.")
     @click.option(
-        "--control", "path", metavar="FILE", help="Control values as CSV or JSON lines (t, velocity.F1 …); - is stdin."
+        "--control",
+        "path",
+        metavar="FILE",
+        help="Control values as CSV or JSON lines (t, velocity.F1 …); - is stdin. Live lines (without t) count for 1 s, then velocity is 0.",
     )
     @click.option(
         "--measure", type=click.IntRange(min=2), metavar="N", help="Exchange N blocks and show only the timing."

@@ -69,9 +69,14 @@ class Schedule(Source):
 
 
 class Live(Source):
-    """Lines that count when they come. Somebody else runs `listen`, in a thread: the loop never waits for a line."""
+    """Lines that count when they come. Somebody else runs `listen`, in a thread: the loop never waits for a line.
+
+    When none has come for `stale` seconds, velocities are 0 until one does: nothing else stops a hand whose controlling
+    program hangs (dossier 6.6).
+    """
 
     live = True
+    stale = 1.0
 
     def __init__(
         self, carries: Mapping[int, Sequence[str]], rows: Iterator[tuple[float | None, Change]], start: Change
@@ -79,6 +84,7 @@ class Live(Source):
         super().__init__(carries, {**start, **next(rows)[1]})
         self._rows = rows
         self._arrived: deque[Change | UsageError | None] = deque()
+        self._heard = 0.0
 
     def listen(self) -> None:
         """Take every line as it comes, until the input ends or a line is bad; `at` tells the loop."""
@@ -99,7 +105,13 @@ class Live(Source):
             if change is None:
                 return None
             self._take(change)
-        return self._state
+            self._heard = seconds
+        if seconds - self._heard <= self.stale:
+            return self._state
+        return {
+            index: {name: 0 if name == "velocity" else value for name, value in names.items()}
+            for index, names in self._state.items()
+        }
 
 
 def constant(text: str, name: str, motors: Sequence[int]) -> Change:

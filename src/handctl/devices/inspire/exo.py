@@ -233,5 +233,5 @@ def status_view(rows: list[Row]) -> list[Grid]:
         f"supply {at[('system_voltage', None)].get('value', '?')} (raw, scale unknown)"
     )
     notes = ("position 0 bent .. 1000 open; force: set + opens the hand, measured + is the user closing it (raw)",)
-    headings = ("Finger", "Position", "Pos set", "Force", "Force set", "mA", "°C", "Errors")
+    headings = ("Finger", "Position", "Set", "Force", "Set", "mA", "°C", "Errors")
     return [Grid(headings, (*lines, rotation), title=head, right=frozenset(range(1, 7)), notes=notes)]
