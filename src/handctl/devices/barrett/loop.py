@@ -209,17 +209,22 @@ class RealtimeLoop:
             raise CheckFailed(f"{exc.text}; the loop was left", hint=exc.hint, code="control") from exc
 
     def _send(self, values: Values) -> None:
+        """One block. A Ctrl-C meanwhile waits until it is sent and expected: leaving must know what is on the wire."""
         link = self.hand.link
         feedback = self.layout.feedback_size > 1
-        if self.source is not None:
-            block = self.layout.control(values, feedback=feedback)
-            self._last = values
-        else:
+        if self.source is None:
             block = FEEDBACK_ONLY if feedback else NEITHER
-        self._decoder.expect(feedback)
-        link_deadline = link.deadline(1.0 + self.hand.line.wire_seconds(len(block)))
-        self.hand.line.link.write(block, link_deadline)
-        self.hand.journal.counters.sent += 1
+        else:
+            block = self.layout.control(values, feedback=feedback)
+        with self._guide.counting() as presses:
+            if self.source is not None:
+                self._last = values
+            self._decoder.expect(feedback)
+            deadline = link.deadline(1.0 + self.hand.line.wire_seconds(len(block)))
+            self.hand.line.link.write(block, deadline)
+            self.hand.journal.counters.sent += 1
+        if presses.count:
+            raise KeyboardInterrupt
 
     def _answer(self, sent: deque[tuple[float, Values]]) -> Feedback | None:
         """The answer to the oldest block; None once when its acknowledgement has come: the next block may go out."""
