@@ -225,7 +225,7 @@ CAUSES: dict[str, set[str]] = {
     "bad-checksum": {"bad-checksum", "garbage", "bad-json"},  # GCL has no checksum, and no character with bit 7
     "truncate": {"cut-short", "garbage", "bad-checksum", "bad-json"}, "twin-id": {"bad-checksum", "no-answer"},
     **{name: {"echo-differs"} for name in ("duplicate", "no-echo")},
-    "noise": {"echo-differs", "garbage", "cut-short"},  # before, in or behind an answer, as chance has it
+    "noise": {"echo-differs", "garbage", "cut-short", "bad-line"},  # before, in or behind an answer, as chance has it
     "refuse": {"refused", "read-back", "not-reached"},
     **{name: {"not-arrived", "not-reached", "read-back"} for name in ("blocked", "foreign", "weak", "frozen", "swapped")},
     # EksoNR
