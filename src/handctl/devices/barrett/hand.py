@@ -107,7 +107,15 @@ class BarrettHand:
         if answer.status:
             into.update(dict.fromkeys(names, refusal(answer)))
             return
-        for name, numbers in zip(names, values(answer, len(names), count), strict=True):
+        try:
+            lines = values(answer, len(names), count)
+        except ProtocolError as exc:
+            raise ProtocolError(
+                f"{self.link.name}: {exc.text}",
+                hint="a disturbed line: run it again, check the cable",
+                code=exc.code,
+            ) from exc
+        for name, numbers in zip(names, lines, strict=True):
             into[name] = dict(zip(motors, numbers, strict=True))
 
     def row(self, reading: Reading) -> Row:
