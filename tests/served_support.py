@@ -59,7 +59,7 @@ PRESENT = {
     "exo": ("get", "system_voltage"), "wrist": ("get", "yaw_set"), "barrett": ("get", "LFT"), "ekso": ("time",),
 }  # fmt: skip
 """A request that no command of the matrix begins with."""
-NEVER_THE_SAME = {"barrett": {"not-homed", "over-temperature", "hang", "reversed", "erratic"}}
+NEVER_THE_SAME = {"barrett": {"not-homed", "hot", "over-temperature", "hang", "reversed", "erratic"}}
 """Faults whose traces no control command wipes out: a new process comes after them."""
 
 
