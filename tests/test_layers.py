@@ -26,7 +26,7 @@ CODECS = ("eb90", "canreg", "language", "realtime", "download", "frames", "messa
 MAPS = ("registers", "parameters", "fields", "kinematics")
 KERNEL = (
     *("errors", "families", "files", "guide", "latency", "param", "piece", "result", "render", "terminal", "live"),
-    *("snapshot", "verbs"),
+    *("sampling", "snapshot", "verbs"),
     *("config", "options", "console", "run", "clikit", "mapverbs"),
     *("report", "report.facts", "report.html", "report.private", "report.svg", "report.transcript"),
 )
@@ -47,11 +47,27 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
     ("terminal", ("result",)),
     ("live", ("result", "terminal")),
     ("snapshot", ("", "errors", "files")),
-    ("verbs", ("errors", "param", "result", "run", "snapshot")),
+    ("sampling", ("errors", "link", "result")),
+    ("verbs", ("errors", "param", "result", "run", "sampling", "snapshot")),
     ("config", ("errors", "families")),
     ("options", ("config", "errors")),
     ("console", ("guide",)),
-    ("run", ("", "console", "errors", "link", "link.lock", "link.tap", "options", "param", "render", "result")),
+    (
+        "run",
+        (
+            "",
+            "console",
+            "errors",
+            "link",
+            "link.lock",
+            "link.tap",
+            "link.tracefile",
+            "options",
+            "param",
+            "render",
+            "result",
+        ),
+    ),
     ("mapverbs", ("", "clikit", "options", "param", "report", "result", "run", "verbs")),
     ("report", ("", "errors", "files", "link.tap", "param", "render", "report.*", "result", "run", "verbs")),
     ("report.facts", ("tools.machine",)),
@@ -72,7 +88,7 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
         "devices.*cli",
         ("", "clikit", "mapverbs", "run", "options", "verbs", "errors", "param", "result", "guide", "link", "@"),
     ),
-    ("devices.*", ("errors", "files", "guide", "latency", "link", "param", "piece", "result", "@")),
+    ("devices.*", ("errors", "files", "guide", "latency", "link", "param", "piece", "result", "sampling", "@")),
     ("tools.completion", ("docgen*", "clikit", "errors", "files", "result", "run")),
     ("tools.*", ("", *KERNEL, "link*", "tools*")),
 ]

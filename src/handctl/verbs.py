@@ -5,12 +5,12 @@ A device satisfies `MapDevice`; its own peculiarities (an id that answers elsewh
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, Protocol
 
-from handctl.errors import CheckFailed, NoAnswer, ProtocolError, UsageError
+from handctl.errors import CheckFailed, HandctlError, NoAnswer, ProtocolError, UsageError
 from handctl.param import Element, Number, Param, ParamMap, Reading, Step, elements_of
-from handctl.result import Column, Journal, Row, Sample, Table
+from handctl.result import Column, Journal, Row, Table
 
 if TYPE_CHECKING:
     from handctl.link import Link
@@ -46,8 +46,6 @@ if TYPE_CHECKING:
 
 Check = Callable[[Sequence[tuple[Element, Number]]], None]
 """A device's own look at changes before anything is sent; raises UsageError."""
-FAILURES_IN_A_ROW = 3
-"""A stream gives up after so many samples without a valid answer."""
 
 
 def select(params: ParamMap[Any], names: Sequence[str]) -> list[Element]:
@@ -136,105 +134,44 @@ def watch(
     run: Run, params: ParamMap[Any], names: Sequence[str], *, rate: float, count: int | None, duration: float | None
 ) -> Table:
     """Sample quantities until `count` samples or `duration` seconds, or until Ctrl-C. `rate` 0 = as fast as it goes."""
-    device: MapDevice | None = None
-    elements = select(params, names) if names else []
-    if not names:
-        device = run.device()
-        elements = select(params, device.live)
-    device = device or run.device()
-    stats = _StreamStats(rate)
+    from functools import partial
+
+    from handctl.sampling import Sampler
+
+    elements = select(params, names)  # a wrong name is told before the link is opened
+    device: MapDevice = run.device()
+    elements = elements or select(params, device.live)
     ranges = {
         element.param.name: (float(element.param.low), float(element.param.high))
         for element in elements
         if element.param.low is not None and element.param.high is not None
     }
+
+    def take() -> tuple[list[Row], HandctlError | None]:
+        try:
+            readings = device.read(elements)
+        except (NoAnswer, ProtocolError) as exc:
+            readings = [Reading(element, None, b"", exc) for element in elements]
+        errors = [reading.error for reading in readings]
+        return [device.row(reading) for reading in readings], errors[0] if all(errors) else None
+
+    ask_ahead = getattr(device, "ask_ahead", None)
+    sampler = Sampler(
+        device.link,
+        take,
+        rate=rate,
+        count=count,
+        duration=duration,
+        ahead=partial(ask_ahead, elements) if ask_ahead is not None else None,
+    )
     return Table(
         columns=device.columns,
-        samples=_samples(device, device.link, elements, rate, count, duration, stats),
-        summary=stats.as_row,
+        samples=sampler.samples(),
+        summary=sampler.summary,
         ranges=ranges,
         decimals={element.param.name: element.param.decimals for element in elements if element.param.decimals},
         flags=frozenset(element.param.name for element in elements if element.param.bits),
     )
-
-
-class _StreamStats:
-    """The true rate and what went wrong."""
-
-    def __init__(self, rate: float) -> None:
-        self.asked = rate
-        self.samples = self.failed = self.late = 0
-        self.first = self.last = 0.0
-
-    def as_row(self) -> dict[str, Any]:
-        seconds = self.last - self.first
-        rate = (self.samples - 1) / seconds if self.samples > 1 and seconds > 0 else None
-        return {
-            "stream": {
-                "samples": self.samples,
-                "failed": self.failed,
-                "late": self.late,
-                "seconds": round(seconds, 3),
-                "rate_hz": round(rate, 2) if rate is not None else None,
-                "asked_hz": self.asked or None,
-            }
-        }
-
-
-def _samples(
-    device: MapDevice,
-    link: Any,
-    elements: list[Element],
-    rate: float,
-    count: int | None,
-    duration: float | None,
-    stats: _StreamStats,
-) -> Iterator[Sample]:
-    start = due = link.now()
-    failures = 0
-    ask_ahead = getattr(device, "ask_ahead", None) if not rate else None
-    asked = False
-
-    def wanted() -> bool:
-        return (count is None or stats.samples < count) and (duration is None or link.now() - start < duration)
-
-    while asked or wanted():
-        t = link.now() - start
-        try:
-            readings = device.read(elements)
-            refused = next((reading.error for reading in readings if reading.error is not None), None)
-            if refused is not None and all(reading.error is not None for reading in readings):
-                failures += 1
-                stats.failed += 1
-                if failures >= FAILURES_IN_A_ROW or stats.failed == stats.samples + 1:
-                    raise refused
-            else:
-                failures = 0
-        except (NoAnswer, ProtocolError) as exc:
-            failures += 1
-            stats.failed += 1
-            if failures >= FAILURES_IN_A_ROW or stats.failed == stats.samples + 1:
-                raise
-            readings = [Reading(element, None, b"", exc) for element in elements]
-        stats.samples += 1
-        stats.first, stats.last = (t if stats.samples == 1 else stats.first), t
-        asked = ask_ahead is not None and wanted()
-        if ask_ahead is not None and asked:  # the line works while this sample is shown
-            ask_ahead(elements)
-        yield Sample(t, tuple(device.row(reading) for reading in readings))
-        if rate:
-            due += 1 / rate
-            now = link.now()
-            if now < due:
-                if (count is None or stats.samples < count) and (duration is None or due - start < duration):
-                    link.sleep(due - now)
-                elif duration is not None and count is None:
-                    return
-            else:
-                # Behind: keep the phase, do not burst; a person is told how often.
-                missed = int((now - due) * rate)
-                stats.late += missed > 0
-                due += missed / rate
 
 
 # -- snapshot, diff, restore --------------------------------------------------------------------------------------
