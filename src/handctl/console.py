@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
@@ -20,6 +21,10 @@ ENDING = ("SIGINT", "SIGQUIT", "SIGTERM", "SIGHUP")
 
 SUSPEND = "SIGTSTP"
 """Ctrl-Z. A command that may move something ends on it too: stopped in its sleep, it could not stop the device."""
+
+
+ONE_WISH_SECONDS = 0.5
+"""Ctrl-C pressed twice, or a hang-up with a SIGTERM behind it, is one wish: the second must not cut off the stop."""
 
 
 class TerminalGuide(Guide):
@@ -105,6 +110,27 @@ class TerminalGuide(Guide):
         sys.stderr.flush()
         answer = sys.stdin.readline().strip()
         return answer == word if word else answer.casefold() in ("y", "yes")
+
+
+def end_on_signals(*, suspend: bool) -> None:
+    """From now on KeyboardInterrupt is raised, once a wish, by what asks the program to end; by Ctrl-Z too with `suspend`.
+
+    SIGINT too: a script's background job starts with it ignored, and must be stoppable all the same.
+    """
+    import signal
+
+    last = float("-inf")
+
+    def end(_number: int, _frame: Any) -> None:
+        nonlocal last
+        now = time.monotonic()
+        if now - last >= ONE_WISH_SECONDS:
+            last = now
+            raise KeyboardInterrupt
+
+    for name in (*ENDING, *((SUSPEND,) if suspend else ())):
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), end)
 
 
 @contextmanager

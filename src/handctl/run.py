@@ -6,28 +6,24 @@ decides where output goes. What a run does not need is not imported.
 
 from __future__ import annotations
 
-import contextlib
 import os
 import sys
-import time
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
 from handctl import __version__
-from handctl.console import ENDING, SUSPEND, TerminalGuide, print_stderr
+from handctl.console import TerminalGuide, end_on_signals, print_stderr
 from handctl.errors import HandctlError, Interrupted, NotConfirmed, OutputError, UsageError
 from handctl.options import COMMAND_LINE, ENVIRONMENT, FILE, SOURCES, Settings, Source, from_click
 
 if TYPE_CHECKING:
     from handctl.link import Link
     from handctl.link.lock import Lock
+    from handctl.link.tracefile import TraceFile
     from handctl.param import Step
     from handctl.result import Journal, Message, Table
-
-
-ONE_WISH_SECONDS = 0.5
 
 
 class Family(NamedTuple):
@@ -71,8 +67,7 @@ class Run:
         self._held: list[Message] = []
         self._link: Link | None = None
         self._lock: Lock | None = None
-        self._trace: Any = None
-        self._trace_failure: OutputError | None = None
+        self._trace: TraceFile | None = None
         self._device: Any = None
 
     # -- what bodies ask for --
@@ -192,15 +187,9 @@ class Run:
 
     def execute(self, body: Callable[[], Table | None]) -> None:
         """Run the body, show its table while the link is open, close, and raise what went wrong."""
-        import signal
-
         failure: HandctlError | None = None
         table: Table | None = None
-        # SIGINT too: a script's background job starts with it ignored, and must be stoppable all the same.
-        _Presses.last = float("-inf")
-        for name in (*ENDING, *((SUSPEND,) if self._writes else ())):
-            if hasattr(signal, name):
-                signal.signal(getattr(signal, name), _terminate)
+        end_on_signals(suspend=self._writes)
         try:
             self._check_named_device()
             self._check_output()
@@ -309,13 +298,11 @@ class Run:
         try:
             if self._link is not None:
                 self._link.close()
+        except HandctlError as exc:
+            failure = failure or exc
+        finally:
             if self._trace is not None:
                 self._trace.close()
-        except HandctlError as exc:
-            return failure or exc
-        except OSError as exc:
-            return failure or self._trace_failure or self._trace_error(exc)
-        finally:
             if self._lock is not None:
                 self._lock.release()
         return failure or self._trace_failure
@@ -324,34 +311,15 @@ class Run:
         if not self.settings.trace and not self.settings.verbose:
             return None
         from handctl.link.tap import Tap
+        from handctl.link.tracefile import TraceFile
 
-        if self.settings.trace:
-            try:
-                self._trace = open(self.settings.trace, "w", encoding="utf-8", buffering=1)  # noqa: SIM115 - until _close
-            except OSError as exc:
-                raise UsageError(f"{self.settings.trace}: the trace cannot be written: {exc.strerror or exc}") from exc
-            try:
-                self._trace.write(f"# handctl {__version__} {self.command}, {self.link_name()}\n")
-            except OSError as exc:  # nothing has been sent: better not to begin
-                raise self._trace_error(exc) from exc
-        return Tap(self._write_trace)
+        header = f"handctl {__version__} {self.command}, {self.link_name()}"
+        self._trace = TraceFile(self.settings.trace, header, self.settings.verbose)
+        return Tap(self._trace.write)
 
-    def _write_trace(self, line: str) -> None:
-        """One line of the transcript. Never raises: what stops a device passes here too; the failure ends up in the exit code."""
-        if self._trace is not None and self._trace_failure is None:
-            try:
-                self._trace.write(line)
-            except (OSError, ValueError) as exc:
-                self._trace_failure = self._trace_error(exc)
-        if self.settings.verbose:
-            with contextlib.suppress(OSError, ValueError):
-                sys.stderr.write(line)
-
-    def _trace_error(self, exc: Exception) -> OutputError:
-        return OutputError(
-            f"{self.settings.trace}: the trace cannot be written: {getattr(exc, 'strerror', None) or exc}",
-            hint="the device was served all the same; what is recorded ends there",
-        )
+    @property
+    def _trace_failure(self) -> HandctlError | None:
+        return self._trace.failure if self._trace is not None else None
 
     # -- envelope and messages --
 
@@ -422,17 +390,3 @@ def make_envelope(
 
 def _is_serial(port: str) -> bool:
     return "://" not in port or port.startswith("spy://")
-
-
-class _Presses:
-    """When the program was last asked to end."""
-
-    last = float("-inf")
-
-
-def _terminate(_number: int, _frame: Any) -> None:
-    """Ctrl-C pressed twice, or a hang-up with a SIGTERM behind it, is one wish: the second must not cut off the stop."""
-    now = time.monotonic()
-    if now - _Presses.last >= ONE_WISH_SECONDS:
-        _Presses.last = now
-        raise KeyboardInterrupt
