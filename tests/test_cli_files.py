@@ -56,16 +56,34 @@ def test_snapshot_holds_every_setting_and_says_where_from(tmp_path: Path) -> Non
 
 
 def test_snapshot_is_whole_or_not_there(tmp_path: Path) -> None:
-    path = tmp_path / "snap.json"
-    path.write_text("what was there before")
+    path = snapshot_of(tmp_path, force_set__index=-5)
+    before = path.read_text()
     for fault in ("silent", "bad-checksum", "disconnect"):
         for after in (0, 1):
             assert run("exo", "snapshot", path, "-p", fake(fault=fault, after=after)).code in (3, 4, 5, 7)
-            assert path.read_text() == "what was there before"
-    assert [entry.name for entry in tmp_path.iterdir()] == ["snap.json"]
+            assert path.read_text() == before
+    assert [entry.name for entry in tmp_path.iterdir()] == [path.name]
     result = run("exo", "snapshot", tmp_path / "no" / "such" / "dir.json", "--fake")
     assert result.code not in (0, 2)
     assert len(result.err.splitlines()) == 1
+
+
+def test_a_snapshot_replaces_only_an_older_one_of_its_kind(tmp_path: Path) -> None:
+    path = snapshot_of(tmp_path, force_set__index=-5)
+    path.write_text(path.read_text().replace("sha256:", "sha256:0"))  # damaged, but ours: a new one mends it
+    assert run("exo", "snapshot", path, "--fake").code == 0
+    assert json.loads(path.read_text())["values"]["force_set.index"] != -5
+    for name, text, words in (
+        ("notes.txt", "what I measured in March\n", "is no snapshot"),
+        ("other.json", '{"schema": "else"}', "is no snapshot"),
+        ("wrist.json", path.read_text().replace('"kind": "exo"', '"kind": "wrist"'), "is a snapshot of wrist"),
+        ("empty.json", "", "is no snapshot"),
+    ):
+        kept = tmp_path / name
+        kept.write_text(text)
+        result = run("exo", "snapshot", kept, "-p", "/dev/ttyNONE", "--json")  # before the port is opened
+        assert (result.code, result.error["code"]) == (2, "exists") and words in result.error["text"], result
+        assert "Nothing was sent" in result.error["hint"] and kept.read_text() == text
 
 
 # -- diff -------------------------------------------------------------------------------------------------------------

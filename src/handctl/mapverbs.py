@@ -73,7 +73,7 @@ def add_map_verbs(
 
     @click.argument("file", type=click.Path(dir_okay=False))
     def snapshot(run: Run, file: str) -> Table:
-        """Write every setting to FILE, with device identity, tool version, time and checksum. Replaces FILE."""
+        """Write every setting to FILE, with device identity, tool version, time and checksum. Replaces an older snapshot only."""
         return verbs.snapshot(run, file)
 
     @click.argument("a", type=click.Path(dir_okay=False))

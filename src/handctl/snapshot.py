@@ -10,6 +10,7 @@ The checksum covers everything else in canonical form (sorted keys, no spaces), 
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Mapping
 from typing import Any
 
@@ -70,8 +71,8 @@ def _refuse(name: str) -> None:
     raise ValueError(f"{name} is no number that JSON has")
 
 
-def load(path: str, kind: str) -> dict[str, Any]:
-    """Read and check a snapshot of a `kind` device. Raises UsageError for anything that is not whole and ours."""
+def _parsed(path: str, kind: str) -> dict[str, Any]:
+    """What a file that says to be a snapshot holds. Raises UsageError."""
     try:
         with open(path, encoding="utf-8") as file:
             content = json.load(file, parse_constant=_refuse, object_pairs_hook=_once)
@@ -83,6 +84,29 @@ def load(path: str, kind: str) -> dict[str, Any]:
         raise UsageError(f"{path}: not a snapshot: {exc}", hint=UNTOUCHED) from exc
     if not isinstance(content, dict) or not str(content.get("schema", "")).startswith("handctl-snapshot/"):
         raise UsageError(f"{path}: not a handctl snapshot", hint=UNTOUCHED)
+    return content
+
+
+def check_target(path: str, kind: str) -> None:
+    """Raise UsageError unless there is no such file, or an older snapshot of a `kind` device whose place a new one may take."""
+    if not os.path.isfile(path):  # what else it may be is told when it is written
+        return
+    try:
+        found = _parsed(path, kind).get("kind")
+    except UsageError:
+        found = None
+    if found != kind:
+        what = f"a snapshot of {found}" if found else "no snapshot"
+        raise UsageError(
+            f"{path} exists and is {what}: not replaced",
+            hint=f"name another file, or remove it first. {UNTOUCHED}",
+            code="exists",
+        )
+
+
+def load(path: str, kind: str) -> dict[str, Any]:
+    """Read and check a snapshot of a `kind` device. Raises UsageError for anything that is not whole and ours."""
+    content = _parsed(path, kind)
     if content["schema"] != SCHEMA:
         raise UsageError(
             f"{path}: schema {content['schema']}, this handctl {__version__} reads {SCHEMA}",

@@ -199,9 +199,10 @@ def take(device: MapDevice) -> dict[str, Number]:
 
 
 def snapshot(run: Run, path: str) -> Table:
-    """Write the whole configuration to a file, atomically."""
+    """Write the whole configuration to a file, atomically; the only file that it replaces is an older snapshot of this kind."""
     from handctl import snapshot as files
 
+    files.check_target(path, run.family.kind if run.family is not None else "")
     device: MapDevice = run.device()
     values = take(device)
     content = files.make(device.kind, device.identity(), values, link=run.link_name(), fake=run.simulated)
