@@ -327,15 +327,23 @@ def test_can_is_refused_by_a_device_without_that_wire() -> None:
     "words",
     [
         ("exo", "watch", "--rate", "nan", "--fake"),
+        ("exo", "watch", "--rate", "1e-300", "--fake"),
+        ("exo", "watch", "--duration", "1e300", "--fake"),
+        ("exo", "get", "id", "--timeout", "1e300", "--fake"),
+        ("exo", "get", "id", "--deadline", "1e10", "--fake"),
+        ("exo", "position", "1", "2", "3", "4", "5", "--wait", "1e300", "--fake", "-y"),
         ("exo", "watch", "--duration", "inf", "--fake"),
         ("exo", "report", "r.html", "--watch", "nan", "--fake"),
         ("wrist", "move", "--pitch", "1", "--time", "1000", "--wait", "nan", "--fake"),
+        ("wrist", "move", "--pitch", "1", "--time", "1000", "--wait", "1e300", "--fake"),
+        ("wrist", "center", "--wait", "1e300", "--fake"),
         ("ekso", "log", "log.csv", "--duration", "nan", "--fake"),
+        ("ekso", "log", "log.csv", "--duration", "1e300", "--fake"),
         ("aidin", "currents", "index.m1=1", "--duration", "nan", "--fake", "--yes"),
         ("sim", "exo", "--pty", "--duration", "nan"),
     ],
 )
-def test_nan_and_inf_are_no_numbers(words: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_no_clock_can_wait_for_is_refused(words: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     assert run(*words).code == 2
     assert list(tmp_path.iterdir()) == []

@@ -18,7 +18,7 @@ from handctl import __version__
 from handctl.console import print_stderr
 from handctl.errors import HandctlError, Interrupted, OutputError, UsageError
 from handctl.families import COMMANDS
-from handctl.options import Number, config_path, from_click, read_config, resolve, shared_options
+from handctl.options import Hertz, Seconds, config_path, from_click, read_config, resolve, shared_options
 from handctl.run import Family, Run, make_envelope
 
 MOST = 1000
@@ -118,11 +118,11 @@ def streaming(rate: float) -> Callable[[Callable[..., Any]], Callable[..., Any]]
 
     def decorate(body: Callable[..., Any]) -> Callable[..., Any]:
         for option in (
-            click.option("--duration", type=Number(min=0, min_open=True), metavar="S", help="End after S seconds."),
+            click.option("--duration", type=Seconds(), metavar="S", help="End after S seconds."),
             click.option("--count", type=click.IntRange(min=1), metavar="N", help="End after N samples."),
             click.option(
                 "--rate",
-                type=Number(min=0),
+                type=Hertz(),
                 default=rate,
                 show_default=True,
                 metavar="HZ",

@@ -15,7 +15,7 @@ import click
 from handctl import __version__
 from handctl.clikit import Command, Group, streaming
 from handctl.errors import HandctlError, LinkError, NoAnswer, OutputError, ProtocolError, UsageError
-from handctl.options import Number, SharedOption
+from handctl.options import Number, Seconds, SharedOption
 from handctl.result import Column, Table
 from handctl.run import Run
 
@@ -35,7 +35,6 @@ SUMMARY = (
     Column("segments", "Segments", right=True),
     Column("marks", "Marks", right=True),
 )
-POSITIVE = Number(min=0, min_open=True)
 
 
 def add_log_commands(group: Group) -> None:
@@ -64,7 +63,7 @@ def _sample(port: DataPort) -> _Sample:
 @click.option("--mark", metavar="TEXT", default="", help="Mark the first row.")
 @click.option(
     "--silence",
-    type=POSITIVE,
+    type=Seconds(),
     default=60.0,
     show_default=True,
     metavar="S",

@@ -14,7 +14,7 @@ from handctl.devices.inspire.exo import ExoHand
 from handctl.devices.inspire.registers import BAUD_RATES, EXO
 from handctl.errors import HandctlError, NoAnswer, UsageError
 from handctl.mapverbs import add_map_verbs
-from handctl.options import Number
+from handctl.options import Number, Seconds
 from handctl.result import Table
 from handctl.run import Family, Run
 
@@ -113,7 +113,7 @@ def write(run: Run, address: int, data: str, undocumented: bool) -> Table:
 @click.argument("data", nargs=-1, required=True, metavar="HEX...")
 @click.option(
     "--wait",
-    type=Number(min=0, min_open=True),
+    type=Seconds(),
     default=0.5,
     show_default=True,
     metavar="S",
@@ -330,7 +330,7 @@ def force(run: Run, values: tuple[int, ...]) -> Table:
 @click.argument("values", nargs=5, type=_Signed(), metavar="LITTLE RING MIDDLE INDEX THUMB")
 @click.option(
     "--wait",
-    type=Number(min=0, min_open=True),
+    type=Seconds(),
     metavar="S",
     help="Watch up to S seconds until the fingers stand still; Ctrl-C holds them where they are.",
 )
@@ -361,7 +361,7 @@ def _command(run: Run, which: str, values: tuple[int, ...], wait: float | None =
     hand = run.device()
     if wait is not None:
         return exo_motion.move(hand, list(values), run.guide, wait=wait)
-    table: Table = hand.command(which, list(values))
+    table = exo_motion.command(hand, which, list(values), run.guide)
     if which == "force" and any(values):
         run.journal.info("stays", "the force stays until another is commanded; `handctl exo force 0 0 0 0 0` releases")
     return table

@@ -12,7 +12,7 @@ from handctl.devices.inspire.registers import WRIST
 from handctl.devices.inspire.wrist import WIRING_HINT, Wrist
 from handctl.link import FrameLink
 from handctl.mapverbs import add_map_verbs
-from handctl.options import Number
+from handctl.options import Number, Seconds
 from handctl.result import Table
 from handctl.run import Family, Run
 
@@ -99,7 +99,7 @@ def hand_read(run: Run, address: int, count: int) -> Table:
 @click.option("--pitch", metavar="DEG", help="-22.66 to 22.12, two decimals.")
 @click.option("--yaw", metavar="DEG", help="-25.50 to 25.50, two decimals.")
 @click.option("--time", metavar="MS", help="Movement time; without it the one the wrist holds.")
-@click.option("--wait", type=Number(min=0, min_open=True), metavar="S", help="Longest wait for the arrival.")
+@click.option("--wait", type=Seconds(), metavar="S", help="Longest wait for the arrival.")
 def move(run: Run, pitch: str | None, yaw: str | None, time: str | None, wait: float | None) -> Table:
     """Move to angles in degrees and wait until it stands; tells what was reached. Ctrl-C holds it where it is."""
     wanted = {"yaw_set": yaw, "pitch_set": pitch, "move_time": time}
@@ -160,7 +160,7 @@ def hand_write(run: Run, address: int, data: str, force_ambiguous: bool) -> Tabl
 @click.argument("data", nargs=-1, required=True, metavar="HEX...")
 @click.option(
     "--wait",
-    type=Number(min=0, min_open=True),
+    type=Seconds(),
     default=0.5,
     show_default=True,
     metavar="S",
