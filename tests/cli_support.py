@@ -127,7 +127,7 @@ def check_schema(envelope: object) -> None:
 
 def clean_environment(extra: Mapping[str, str] | None = None) -> dict[str, str]:
     """The environment without anything that changes handctl's output, plus `extra`."""
-    dropped = ("NO_COLOR", "COLUMNS", "LINES", "FORCE_COLOR")
+    dropped = ("NO_COLOR", "COLUMNS", "LINES", "FORCE_COLOR", "PYTHONUNBUFFERED")
     kept = {k: v for k, v in os.environ.items() if not k.startswith("HANDCTL_") and k not in dropped}
     return {**kept, "XDG_CONFIG_HOME": "/nonexistent", **(extra or {})}
 

@@ -323,6 +323,55 @@ def test_can_is_refused_by_a_device_without_that_wire() -> None:
     assert "no CAN wire" in result.error["text"]
 
 
+def test_dry_run_for_good_does_not_keep_from_reading() -> None:
+    env = {"HANDCTL_DRY_RUN": "1"}
+    assert run("exo", "get", "id", "-p", fake(), "--format", "plain", env=env).out == "1\n"
+    assert run("exo", "set", "force_set.index=-9", "-p", fake(), env=env).lines[1].split()[1:3] == ["EB", "90"]
+    refused = run("exo", "get", "id", "-n", "-p", fake(), env=env)
+    assert refused.code == 2 and "only reads" in refused.err
+
+
+@pytest.mark.parametrize(
+    ("env", "words"),
+    [
+        ({"HANDCTL_PORT": "fake://exo?clock=virtual", "HANDCTL_FAKE": "1"}, "HANDCTL_PORT and HANDCTL_FAKE"),
+        ({"HANDCTL_JSON": "1", "HANDCTL_CSV": "1"}, "HANDCTL_JSON and HANDCTL_CSV"),
+        ({"HANDCTL_FORMAT": "plain", "HANDCTL_JSON": "1"}, "HANDCTL_FORMAT and HANDCTL_JSON"),
+        ({"HANDCTL_SERIAL": "1", "HANDCTL_CAN": "1"}, "HANDCTL_SERIAL and HANDCTL_CAN"),
+    ],
+)
+def test_variables_that_speak_of_one_setting_exclude_each_other(env: dict[str, str], words: str) -> None:
+    where = [] if "HANDCTL_PORT" in env else ["--fake"]
+    result = run("wrist" if "HANDCTL_CAN" in env else "exo", "describe", *where, env=env)
+    assert result.code == 2 and f"{words} exclude each other" in result.err
+    if "HANDCTL_SERIAL" not in env:  # what the command line says decides it; nobody asks the variables
+        assert run("exo", "describe", "-p", "fake://exo", "--csv", env=env).code == 0
+
+
+def test_a_variable_that_says_no_is_heard(tmp_path: Path) -> None:
+    file = tmp_path / "config.toml"
+    file.write_text("yes = true\n")
+    env = {"HANDCTL_CONFIG": str(file)}
+    assert run("exo", "save", "-p", fake(), env=env).code == 0
+    assert run("exo", "save", "-p", fake(), env={**env, "HANDCTL_YES": "0"}).code == 8
+    assert run("exo", "get", "id", "-p", fake(), env={"HANDCTL_FAKE": "0", "HANDCTL_PORT": "/dev/ttyNONE"}).code == 0
+
+
+@pytest.mark.parametrize("words", [
+    ("ekso", "time", "--fake", "--id", "3"), ("barrett", "get", "LFT", "--fake", "--id", "1"),
+    ("aidin", "status", "--fake", "--id", "1"), ("aidin", "status", "--fake", "--baud", "9600"),
+    ("wrist", "get", "move_time", "--fake", "--can", "--serial"),
+])  # fmt: skip
+def test_what_a_protocol_does_not_have_is_refused(words: tuple[str, ...]) -> None:
+    result = run(*words, "--json")
+    assert (result.code, result.json["counters"]["sent"]) == (2, 0), result
+
+
+def test_an_id_for_another_family_in_the_environment_is_none_here() -> None:
+    result = run("ekso", "time", "-p", "fake://ekso?clock=virtual", "--json", env={"HANDCTL_ID": "3"})
+    assert (result.code, result.json["device"]["id"]) == (0, None)
+
+
 @pytest.mark.parametrize(
     "words",
     [
@@ -343,7 +392,9 @@ def test_can_is_refused_by_a_device_without_that_wire() -> None:
         ("sim", "exo", "--pty", "--duration", "nan"),
     ],
 )
-def test_what_no_clock_can_wait_for_is_refused(words: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_no_clock_can_wait_for_is_refused(
+    words: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     assert run(*words).code == 2
     assert list(tmp_path.iterdir()) == []

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import subprocess
-import sys
+from pathlib import Path
 
 import pytest
 
-from tests.cli_support import run, run_program
+from tests.cli_support import Simulator, clean_environment, program, run, run_program
 from tests.test_layers import heavy, loaded
 
 TOOLS = ("ports", "scan", "doctor")
@@ -48,10 +48,31 @@ def test_stdout_holds_data_only() -> None:
     assert "> 96 00 00 01" in answer.err
 
 
-def test_a_full_disk_is_one_line_and_no_success() -> None:
-    with open("/dev/full", "wb") as full:
-        done = subprocess.run(
-            [sys.executable, "-m", "handctl", "doctor"], stdout=full, stderr=subprocess.PIPE, timeout=30, check=False
-        )
+@pytest.mark.parametrize("end", [">/dev/full", ">&-"])
+@pytest.mark.parametrize("words", [
+    ("doctor",), ("exo", "status", "--fake"), ("exo", "describe", "--json"), ("exo", "watch", "--count", "2", "--fake"),
+    ("exo", "-h"), ("--version",), ("completion", "bash"), ("ekso", "time", "--fake", "--json"),
+])  # fmt: skip
+def test_a_stdout_that_takes_nothing_is_one_line_and_no_success(words: tuple[str, ...], end: str) -> None:
+    done = subprocess.run(
+        ["sh", "-c", f'exec "$@" {end}', "sh", *program(*words)], env=clean_environment(), stdin=subprocess.DEVNULL,
+        stderr=subprocess.PIPE, timeout=30, check=False, text=True,
+    )  # fmt: skip
     assert done.returncode == 1
-    assert b"cannot be written" in done.stderr
+    (line,) = [text for text in done.stderr.splitlines() if "error" in text]
+    assert "cannot be written" in line and "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(("end", "code"), [("<&- >&- 2>&-", 1), (">&-", 1), ("2>&-", 0), ("<&-", 0)])
+def test_closed_streams_are_not_taken_by_a_link(tmp_path: Path, end: str, code: int) -> None:
+    """Else the port would be descriptor 1 or 2, and what is meant for a person would go to the device."""
+    trace = tmp_path / "trace.txt"
+    with Simulator("--pty") as simulator:
+        words = program("exo", "get", "id", "-v", "--trace", trace, "-p", simulator.link)
+        done = subprocess.run(
+            ["sh", "-c", f'exec "$@" {end}', "sh", *words], env=clean_environment(), capture_output=True, timeout=30,
+            check=False,
+        )  # fmt: skip
+    assert (done.returncode, b"id" in done.stdout) == (code, not code)
+    sent = [line.split("> ")[1] for line in trace.read_text().splitlines() if " > " in line]
+    assert sent == ["EB 90 01 04 11 E8 03 01 02"]

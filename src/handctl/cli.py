@@ -15,11 +15,27 @@ from handctl import __version__
 def main(argv: Sequence[str] | None = None) -> int:
     """Run handctl; returns the process exit code (cli contract, section 5)."""
     args = list(sys.argv[1:] if argv is None else argv)
+    _occupy_streams()
     if args in (["--version"], ["-V"]):
         return _finish(0, f"handctl {__version__}\n")
     from handctl.clikit import run_root
 
     return _finish(run_root(args))
+
+
+def _occupy_streams() -> None:
+    """Streams that were closed by the caller (`>&-`), which Python leaves out: else a device would be opened in their place.
+
+    What is then written to stdout fails as on a full disk; stderr and stdin are empty.
+    """
+    for number, name, flags in ((0, "stdin", os.O_RDONLY), (1, "stdout", os.O_RDONLY), (2, "stderr", os.O_WRONLY)):
+        if getattr(sys, name) is None:
+            null = os.open(os.devnull, flags)
+            if null != number:
+                os.dup2(null, number)
+                os.close(null)
+            stream = open(number, "w" if number else "r", encoding="utf-8", closefd=False)  # noqa: SIM115 - to the end
+            setattr(sys, name, stream)
 
 
 def _finish(code: int, text: str = "") -> int:
@@ -32,7 +48,8 @@ def _finish(code: int, text: str = "") -> int:
         _discard_stdout()
     except OSError as exc:
         _discard_stdout()
-        sys.stderr.write(f"handctl: error: stdout cannot be written: {exc.strerror or exc}\n")
+        if not code:  # else it, or what else went wrong, has been told already: one line
+            sys.stderr.write(f"handctl: error: stdout cannot be written: {exc.strerror or exc}\n")
         return code or 1
     return code
 

@@ -18,7 +18,7 @@ from handctl import __version__
 from handctl.console import print_stderr
 from handctl.errors import HandctlError, Interrupted, OutputError, UsageError
 from handctl.families import COMMANDS
-from handctl.options import Hertz, Seconds, config_path, from_click, read_config, resolve, shared_options
+from handctl.options import COMMAND_LINE, Hertz, Seconds, config_path, from_click, read_config, resolve, shared_options
 from handctl.run import Family, Run, make_envelope
 
 MOST = 1000
@@ -67,7 +67,8 @@ class Command(_SharedOptions):
     def invoke(self, ctx: click.Context) -> Any:
         wires = self.family.wires if self.family is not None else ()
         run = Run(ctx, resolve(ctx, wires), self.family)
-        if run.settings.dry_run and not self.writes:
+        # Said for good in the environment or the file it is a safety catch, and what only reads does not need it.
+        if run.settings.dry_run and not self.writes and run.sources["dry_run"] == COMMAND_LINE:
             raise run.failed(UsageError(
                 f"`handctl {run.command}` only reads: --dry-run is for commands that write or move",
                 hint="run it without -n: it changes nothing",

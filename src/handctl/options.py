@@ -126,6 +126,8 @@ class SharedOption(click.Option):
             if given.get(f"{other}@") == level:
                 raise UsageError("--port and --fake exclude each other", hint="give one of them")
             given.pop(other, None)
+        if self.key == "wire" and given.get("wire@") == level and given["wire"] != self.fixed:
+            raise UsageError(f"--{given['wire']} and --{self.fixed} exclude each other", hint="give one of them")
         given[self.key] = value if self.fixed is None else self.fixed
         given[f"{self.key}@"] = level
 
@@ -186,20 +188,29 @@ def resolve(ctx: click.Context, wires: Sequence[str] = (), device: str = "") -> 
     if device:
         chosen.values["device"], chosen.sources["device"] = device, COMMAND_LINE
     options = [option for option in shared_options(wires, exchange=True) if isinstance(option, SharedOption)]
-    linked = chosen.linked
-    for option in options:
-        variable = f"HANDCTL_{str(option.name).upper()}"
-        text = os.environ.get(variable)
-        if not text or option.key in chosen.values or (option.key == "device" and linked):
-            continue
-        value = _from_environment(ctx, option, text)
-        if option.fixed is None or value:
-            chosen.take(option.key, value if option.fixed is None else option.fixed, Source(ENVIRONMENT, variable))
+    _take_environment(ctx, chosen, options)
     command = " ".join(ctx.command_path.split()[1:])
     if command != WITHOUT_FILE:
         _from_file(chosen, options, with_device=command not in WITHOUT_DEVICE)
     ctx.meta[SOURCES] = chosen.sources
     return Settings(**chosen.values)
+
+
+def _take_environment(ctx: click.Context, chosen: _Chosen, options: Sequence[SharedOption]) -> None:
+    """What the environment says where the command line does not."""
+    linked = chosen.linked
+    found: dict[str, tuple[SharedOption, Any]] = {}
+    for option in options:
+        variable = f"HANDCTL_{str(option.name).upper()}"
+        text = os.environ.get(variable)
+        if not text or option.key in chosen.values or (linked and option.key in ("device", "port", "fake")):
+            continue
+        value = _from_environment(ctx, option, text)
+        if option.fixed is None or value:
+            found[variable] = option, value if option.fixed is None else option.fixed
+    _refuse_pairs({name: option.key for name, (option, value) in found.items() if value}, "environment")
+    for variable, (option, value) in found.items():
+        chosen.take(option.key, value, Source(ENVIRONMENT, variable))
 
 
 class _Chosen:
@@ -313,14 +324,14 @@ def _missing(path: str) -> bool:
     return False
 
 
-def _refuse_pairs(keys: dict[str, str], path: str) -> None:
-    """Two entries of the file that say different things about one setting."""
+def _refuse_pairs(keys: dict[str, str], where: str) -> None:
+    """Two entries of the file, or two variables, that speak of one setting."""
     said: dict[str, str] = {}
     for name, key in keys.items():
         about = "port" if key == "fake" else key
         if about in said:
             raise UsageError(
-                f"{path}: {said[about]} and {name} exclude each other", hint="keep one of them", code="config"
+                f"{where}: {said[about]} and {name} exclude each other", hint="keep one of them", code="config"
             )
         said[about] = name
 

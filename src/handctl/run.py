@@ -34,6 +34,7 @@ class Family(NamedTuple):
     baud      speed of a serial port unless --baud says otherwise, None = none
     wires     the kinds of wire it has, the default first; () = bytes only
     tcp_port  port of tcp://HOST without one, None = it must be given; a family that has one has no serial wire
+    ids       its protocol has device ids
     exchange  takes the options that say how the device speaks, where its manual does not
     check     settings -> raises UsageError for what does not fit together
     explain   (device, error) -> a better error when nothing valid ever came; read-only
@@ -45,6 +46,7 @@ class Family(NamedTuple):
     explain: Callable[[Any, HandctlError], HandctlError] | None = None
     wires: tuple[str, ...] = ()
     tcp_port: int | None = None
+    ids: bool = False
     exchange: bool = False
     check: Callable[[Settings], object] | None = None
 
@@ -193,8 +195,8 @@ class Run:
         try:
             self._check_named_device()
             self._check_output()
-            if self.family is not None and self.family.check is not None:
-                self.family.check(self.settings)
+            if self.family is not None:
+                self._check_protocol(self.family)
             table = body()
             if table is not None and table.samples is not None:
                 failure = self._stream(table)
@@ -249,6 +251,16 @@ class Run:
                 f"{text}: which device is meant?", hint=f"unset {source.where}, or leave out -d", code="two-devices"
             )
         self.journal.warn("other-port", text, f"unset {source.where} to reach {self.settings.device}")
+
+    def _check_protocol(self, family: Family) -> None:
+        """Refuse what was asked for on the command line and this protocol does not have."""
+        lacks = {"id": not family.ids, "baud": family.baud is None}
+        for key, missing in lacks.items():
+            if missing and self.sources.get(key) == COMMAND_LINE:
+                what = "device ids" if key == "id" else "serial wire and so no speed"
+                raise UsageError(f"--{key}: {family.kind} has no {what}", hint=f"leave --{key} out")
+        if family.check is not None:
+            family.check(self.settings)
 
     def _refuse_other_family(self) -> None:
         kind = self.settings.kind
@@ -341,7 +353,8 @@ class Run:
         )
         fake = link.fake if link is not None else bool(name and name.startswith("fake://"))
         bus = getattr(self._device, "bus", None)
-        return {"kind": self.family.kind, "link": name, "fake": fake, "id": getattr(bus, "id", self.settings.id)}
+        number = getattr(bus, "id", self.settings.id) if self.family.ids else None
+        return {"kind": self.family.kind, "link": name, "fake": fake, "id": number}
 
     @property
     def simulated(self) -> bool:

@@ -46,7 +46,7 @@ def explain(device: ExoHand, error: HandctlError) -> HandctlError:
 
 cli = Group(
     "exo",
-    family=Family("exo", open_exo, 115200, explain),
+    family=Family("exo", open_exo, 115200, explain, ids=True),
     help="Inspire EH55BF1 exoskeleton hand, over RS-232 or a Bluetooth serial port. A person may be wearing it: "
     "commands that move it or change it for good ask first.",
 )

@@ -54,7 +54,7 @@ def open_wrist(link: ByteLink | FrameLink, settings: Settings, journal: Journal)
 
 cli = Group(
     "wrist",
-    family=Family("wrist", open_wrist, 115200, wires=("serial", "can")),
+    family=Family("wrist", open_wrist, 115200, wires=("serial", "can"), ids=True),
     help="Inspire wrist module of the dexterous hand, over RS-232, RS-485 or CAN (-p can:INTERFACE:CHANNEL). "
     "It moves on its bench without asking.",
 )
