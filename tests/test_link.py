@@ -7,16 +7,22 @@ import pty
 import socket
 import subprocess
 import sys
+import threading
 import time
 import tty
 from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from types import SimpleNamespace
 
 import pytest
+import serial
+from serial.rfc2217 import PortManager
 
 from handctl.errors import HandctlError, LinkError
 from handctl.link import ByteLink, Deadline, NoLink, open_link
 from handctl.link import serial as serial_module
+from handctl.link.owners import Process
+from tests.cli_support import run
 from tests.support import unhex
 
 READ_ID, ID_IS_1 = unhex("EB 90 01 04 11 E8 03 01 02"), unhex("90 EB 01 04 11 E8 03 01 02")
@@ -209,11 +215,41 @@ def test_a_port_that_goes_away_is_lost() -> None:
     link = open_link(os.ttyname(theirs))
     os.close(theirs)
     os.close(ours)
-    with pytest.raises(LinkError) as caught:
-        link.write(READ_ID, link.deadline(1.0))
-        link.read(link.deadline(1.0))
-    assert (caught.value.exit_code, caught.value.code) == (3, "lost")
+    for attempt in (lambda: link.write(READ_ID, link.deadline(1.0)), lambda: link.read(link.deadline(1.0))):
+        with pytest.raises(LinkError) as caught:
+            attempt()
+        assert (caught.value.exit_code, caught.value.code) == (3, "lost")
     link.close()
+
+
+def test_an_adapter_that_was_unplugged_reads_as_nothing_and_is_lost(
+    terminal: tuple[int, str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Ready, and no byte: that is the end of a hung-up line, never silence that could be waited for again."""
+    ours, name = terminal
+    link = open_link(name)
+    assert isinstance(link, ByteLink)
+    os.write(ours, b"x")
+    monkeypatch.setattr(os, "read", lambda _file, _size: b"")
+    with pytest.raises(LinkError) as caught:
+        link.read(link.deadline(1.0))
+    assert caught.value.code == "lost"
+    link.close()
+
+
+def test_a_real_port_that_another_program_has_open_is_refused(
+    terminal: tuple[int, str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two readers would each get half of the bytes; the exclusive opening does not see one that opened it before."""
+    name, real = terminal[1], os.path.realpath
+    monkeypatch.setattr(os.path, "realpath", lambda path: "/dev/ttyUSB0" if path == name else real(path))
+    holding = [Process(4711, "minicom")]
+    monkeypatch.setattr(serial_module, "holders", lambda device: holding if device == name else [])
+    with pytest.raises(LinkError, match=r"in use by minicom \(pid 4711\)") as caught:
+        open_link(name)
+    assert caught.value.code == "busy"
+    holding.clear()
+    open_link(name).close()
 
 
 def test_a_port_that_takes_nothing_ends_at_the_deadline(terminal: tuple[int, str]) -> None:
@@ -355,6 +391,62 @@ def test_socket_url_carries_bytes(listener: socket.socket) -> None:
         link.read(link.deadline(2.0))
     assert caught.value.code == "lost"
     link.close()
+
+
+@contextmanager
+def device_server(baud: int = 115200) -> Iterator[tuple[str, serial.Serial]]:
+    """An RFC 2217 server (pyserial's own) whose port echoes what it gets: its LINK, and the port."""
+    port = serial.serial_for_url("loop://", baudrate=baud, timeout=0.02)
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+
+        def serve() -> None:
+            client, _ = listener.accept()
+            with client, suppress(OSError):
+                client.settimeout(0.01)
+                manager = PortManager(port, SimpleNamespace(write=client.sendall))
+                while port.is_open:
+                    with suppress(TimeoutError):
+                        data = client.recv(1024)
+                        if not data:
+                            return
+                        port.write(b"".join(manager.filter(data)))
+                    if port.in_waiting:
+                        client.sendall(b"".join(manager.escape(port.read(port.in_waiting))))
+
+        thread = threading.Thread(target=serve)
+        thread.start()
+        try:
+            yield f"rfc2217://127.0.0.1:{listener.getsockname()[1]}", port
+        finally:
+            port.close()
+            thread.join(5)
+
+
+def test_an_rfc2217_server_carries_bytes_and_sets_the_speed() -> None:
+    with device_server() as (name, port):
+        link = open_link(name, baud=57600)
+        assert port.baudrate == 57600
+        began = time.monotonic()
+        for _ in range(5):
+            link.write(READ_ID + b"\xff", link.deadline(1.0))
+            assert all_of(link, 10) == READ_ID + b"\xff"
+        assert link.read(link.deadline(0.03)) == b""
+        assert time.monotonic() - began < 4, "it negotiates with the server at each wait"
+        link.set_baud(19200)
+        assert port.baudrate == 19200
+        port.close()
+        with pytest.raises(LinkError) as caught:
+            for _ in range(3):
+                link.write(READ_ID, link.deadline(1.0))
+                link.read(link.deadline(1.0))
+        assert caught.value.code == "lost"
+        link.close()
+
+
+def test_a_command_over_an_rfc2217_server_that_echoes() -> None:
+    with device_server() as (name, _):
+        result = run("exo", "get", "id", "-p", name, "--timeout", "0.2", "--json")
+        assert (result.code, result.error["code"]) == (5, "echo")
 
 
 @pytest.mark.parametrize("link", ["nothing://x", "socket://", "socket://127.0.0.1:0", "socket://127.0.0.1:1"])

@@ -47,7 +47,19 @@ def test_link_texts(link: str, interface: str, channel: str, options: dict[str, 
     assert [type(value) for value in found[2].values()] == [type(value) for value in options.values()]
 
 
-@pytest.mark.parametrize("link", ["can:", "can:socketcan", "can:socketcan:", "can::can0", "can:virtual:x?bitrate"])
+@pytest.mark.parametrize(
+    "link",
+    [
+        "can:",
+        "can:socketcan",
+        "can:socketcan:",
+        "can::can0",
+        "can:virtual:x?bitrate",
+        "can:virtual:x?bitrate=fast",
+        "can:virtual:x?bitrate=0",
+        "can:virtual:x?bitrate=1.5",
+    ],
+)
 def test_link_texts_that_say_nothing(link: str) -> None:
     with pytest.raises(UsageError) as caught:
         split_link(link)

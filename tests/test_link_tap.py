@@ -9,9 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from handctl.errors import HandctlError, LinkError, UsageError
-from handctl.link import open_link
+from handctl.link import Deadline, open_link
 from handctl.link.fake import split_url
 from handctl.link.tap import Entry, Tap, parse
+from tests.cli_support import run
 from tests.support import ScriptedLink, hand_on, hexed, unhex
 
 READ_ID, ID_IS_1 = "EB 90 01 04 11 E8 03 01 02", "90 EB 01 04 11 E8 03 01 02"
@@ -394,3 +395,40 @@ def test_state_file_keeps_what_was_saved(tmp_path: Path) -> None:
     link.write(unhex("EB 90 02 04 11 E8 03 01 03"), link.deadline(1.0))
     assert hexed(link.read(link.deadline(1.0))) == "90 EB 02 04 11 E8 03 02 04"
     link.close()
+
+
+def test_a_lost_link_is_in_the_transcript_and_lost_again_in_its_replay(tmp_path: Path) -> None:
+    for number, (link, words) in enumerate([
+        ("fake://exo?clock=virtual&fault=disconnect", ("exo", "status")),
+        ("fake://wrist?clock=virtual&fault=disconnect", ("wrist", "status")),
+        ("fake://barrett?clock=virtual&fault=disconnect", ("barrett", "get", "LFT")),
+        ("fake://ekso?clock=virtual&fault=disconnect", ("ekso", "time")),
+        ("fake://aidin?clock=virtual&fault=disconnect", ("aidin", "status")),
+    ]):  # fmt: skip
+        trace = tmp_path / f"{number}.txt"
+        assert run(*words, "-p", link, "--trace", trace).code == 3
+        events = [entry.text for entry in parse(trace.read_text().splitlines()) if entry.mark == "!"]
+        assert events == ["disconnect"]
+        again = run(*words, "-p", f"replay:{trace}", "--json")
+        assert (again.code, again.error["code"]) == (3, "lost"), (words, again)
+        assert again.error["hint"]
+
+
+def test_a_link_that_is_only_slow_to_take_data_is_not_lost() -> None:
+    lines: list[str] = []
+
+    class Stuck(ScriptedLink):
+        def write(self, data: bytes, deadline: Deadline) -> None:
+            raise LinkError("takes no data", code="write-timeout")
+
+    tapped = Tap(lines.append).around(Stuck())
+    with pytest.raises(LinkError):
+        tapped.write(b"\x01", tapped.deadline(1.0))  # type: ignore[attr-defined]
+    assert [line.split()[1:] for line in lines] == [[">", "01"]]  # the line is recorded, no event
+
+
+@pytest.mark.parametrize("place", ["/dev/zero", "folder"])
+def test_a_transcript_without_an_end_is_refused(tmp_path: Path, place: str) -> None:
+    (tmp_path / "folder").mkdir()
+    result = run("exo", "get", "id", "-p", f"replay:{place if place[0] == '/' else tmp_path / place}")
+    assert result.code == 2 and "not a file" in result.err

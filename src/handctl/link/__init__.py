@@ -12,6 +12,7 @@ The clock belongs to the link: deadlines are made by it, so a link may run on vi
 
 from __future__ import annotations
 
+import os
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
@@ -181,8 +182,9 @@ def open_link(link: str, *, baud: int | None = None, tap: Tap | None = None, tcp
 def is_can(link: str) -> bool:
     """Whether a LINK carries CAN frames instead of bytes."""
     if link.startswith("replay:"):
+        path = link.removeprefix("replay:")
         try:
-            with open(link.removeprefix("replay:"), encoding="utf-8") as file:
+            with open(path if os.path.isfile(path) else "", encoding="utf-8") as file:
                 return any("> can " in line for line in file)
         except (OSError, UnicodeDecodeError):
             return False  # opening it will say what is wrong

@@ -39,6 +39,8 @@ def split_link(link: str) -> tuple[str, str, dict[str, Any]]:
             options[key] = float(value) if "." in value else int(value)
         except ValueError:
             options[key] = value
+    if not isinstance(options["bitrate"], int) or options["bitrate"] <= 0:
+        raise UsageError(f"{link}: bitrate={options['bitrate']} is no number of bit/s", hint="e.g. ?bitrate=1000000")
     return interface, channel, options
 
 
@@ -63,6 +65,8 @@ class CanLink(FrameLink):
         except (TypeError, ValueError) as exc:
             raise UsageError(f"{link}: {exc}", hint="the options behind ? go to python-can's interface") from exc
         except (can.CanError, OSError, ImportError, NotImplementedError) as exc:
+            if "invalid bitrate" in str(exc).lower():
+                raise UsageError(f"{link}: {exc}", hint="this adapter has only these") from exc
             raise LinkError(
                 f"{link}: cannot open: {exc}",
                 hint="check the interface and channel; for socketcan: sudo ip link set can0 up type can bitrate 1000000",

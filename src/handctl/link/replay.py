@@ -8,6 +8,7 @@ What came before the first `>` was said unasked, and is again.
 
 from __future__ import annotations
 
+import os
 from collections import deque
 from typing import NamedTuple
 
@@ -19,6 +20,8 @@ from handctl.link.tap import Entry, parse
 def open_replay(link: str, baud: int | None = None) -> Link:
     """The recorded device of `replay:FILE`, with serial bytes or with CAN frames. Raises UsageError."""
     path = link.removeprefix("replay:")
+    if os.path.exists(path) and not os.path.isfile(path):  # a pipe or a device may have no end
+        raise UsageError(f"{link}: cannot read the transcript: not a file")
     try:
         with open(path, encoding="utf-8") as file:
             entries = parse(file, path)
@@ -33,6 +36,8 @@ def open_replay(link: str, baud: int | None = None) -> Link:
 
 Key = tuple[int | None, bytes]
 """A recorded line: CAN identifier (None for serial) and bytes."""
+LOST: Key = (-1, b"")
+"""Where `! disconnect` was recorded."""
 Reply = tuple[float, Key]
 """What comes, and when: seconds after its request, or on the clock."""
 
@@ -56,7 +61,7 @@ class _Replayed(Link):
         self._cursor = 0
         self._clock = self._asked = 0.0
         self._incoming: deque[Reply] = deque(unasked)
-        self._streams = bool(unasked)
+        self._streams = any(key != LOST for _, key in unasked)
 
     def now(self) -> float:
         return self._clock
@@ -93,6 +98,12 @@ class _Replayed(Link):
         if self._incoming and self._incoming[0][0] <= max(self._clock, deadline.at):
             moment, key = self._incoming.popleft()
             self._clock = max(self._clock, moment)
+            if key == LOST:
+                raise LinkError(
+                    f"{self.name}: the link is lost here, as it was when this was recorded",
+                    hint="the transcript ends with it; the cable or the adapter was at fault then",
+                    code="lost",
+                )
             return key
         if deadline.at != float("inf"):
             self._clock = max(self._clock, deadline.at)
@@ -152,8 +163,8 @@ def _exchanges(entries: list[Entry]) -> tuple[list[Reply], list[Exchange]]:
         if entry.mark == ">":
             before, start = start, entry.time or 0.0
             exchanges.append(Exchange((entry.can_id, entry.data), max(0.0, start - before), []))
-        elif entry.mark == "<":
+        elif entry.mark == "<" or entry.text == "disconnect":
             delay = max(0.0, entry.time - start) if entry.time is not None else 0.0
             replies = exchanges[-1].replies if exchanges else unasked
-            replies.append((delay, (entry.can_id, entry.data)))
+            replies.append((delay, (entry.can_id, entry.data) if entry.mark == "<" else LOST))
     return unasked, exchanges

@@ -20,7 +20,10 @@ from handctl.link import ByteLink, Deadline
 from handctl.link.owners import Process, group_of, group_remedy, holders
 
 WRITE_SECONDS = 2.0
-SLICE_SECONDS = 0.05  # polling step where the port has no file descriptor to wait on (Windows, rfc2217://)
+SLICE_SECONDS = 0.05  # polling step where the port has no file descriptor to wait on (Windows, socket://)
+REMOTE_SECONDS = 0.01
+"""The same of rfc2217://, for good: it takes each new timeout for a new setting, negotiates with the server for a second and
+drops what arrives meanwhile. It has no time limit for writing either."""
 
 
 def open_serial(link: str, baud: int | None) -> ByteLink:
@@ -84,7 +87,9 @@ class SerialLink(ByteLink):
             _refuse_if_held(link, device)
         try:
             options: dict[str, Any] = {"baudrate": baud, "timeout": 0, "write_timeout": WRITE_SECONDS}
-            if not is_url:
+            if device.startswith("rfc2217://"):
+                options = {"baudrate": baud, "timeout": REMOTE_SECONDS}
+            elif not is_url:
                 options["exclusive"] = True
             self._port = serial.serial_for_url(device, **options)
         except (serial.SerialException, OSError) as exc:
@@ -146,12 +151,15 @@ class SerialLink(ByteLink):
         return data
 
     def _read_slices(self, deadline: Deadline, size: int) -> bytes:
+        remote = self._device.startswith("rfc2217://")
         while True:
-            self._port.timeout = min(SLICE_SECONDS, deadline.remaining)
+            if not remote:
+                self._port.timeout = min(SLICE_SECONDS, deadline.remaining)
             data = bytes(self._port.read(1))
             if data:
                 waiting = int(self._port.in_waiting)
-                self._port.timeout = 0
+                if not remote:
+                    self._port.timeout = 0
                 return data + bytes(self._port.read(min(waiting, size - 1))) if waiting and size > 1 else data
             if deadline.expired:
                 return b""

@@ -5,6 +5,7 @@
     0.004120 < 90 EB 01 04 11 E8 03 01 02
     0.010000 > can 11000001 [1] 04
     0.020000 ! baud 57600
+    0.031000 ! disconnect
 
 `>` host, `<` device, `!` an event; time in seconds since the start, may be absent. A tap sits around a link and
 writes such lines; `parse` reads them. Knows no protocol.
@@ -15,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
-from handctl.errors import UsageError
+from handctl.errors import LinkError, UsageError
 from handctl.link import ByteLink, CanFrame, Deadline, FrameLink, Link
 
 
@@ -110,6 +111,7 @@ class _Tapped(Link):
     def __init__(self, link: Link, tap: Tap) -> None:
         self._inner = link
         self._tap = tap
+        self._lost = False
         self.name = link.name
         self.fake = link.fake
         self.replayed = link.replayed
@@ -129,6 +131,13 @@ class _Tapped(Link):
             self.event("power-cycle")
         return done
 
+    def _failed(self, exc: LinkError) -> LinkError:
+        """That the link is lost is an event of the transcript, once."""
+        if exc.code == "lost" and not self._lost:
+            self._lost = True
+            self.event("disconnect")
+        return exc
+
     def close(self) -> None:
         self._inner.close()
 
@@ -143,13 +152,19 @@ class TappedFrames(_Tapped, FrameLink):
     def send(self, frame: CanFrame, deadline: Deadline) -> None:
         sent = self.now()
         try:
-            self._link.send(frame, deadline)
-        finally:
-            self._tap.line(sent, ">", f"can {frame}")
+            try:
+                self._link.send(frame, deadline)
+            finally:
+                self._tap.line(sent, ">", f"can {frame}")
+        except LinkError as exc:
+            raise self._failed(exc) from exc.__cause__
         self.error_frames = self._link.error_frames
 
     def receive(self, deadline: Deadline) -> CanFrame | None:
-        frame = self._link.receive(deadline)
+        try:
+            frame = self._link.receive(deadline)
+        except LinkError as exc:
+            raise self._failed(exc) from exc.__cause__
         self.error_frames = self._link.error_frames
         if frame is not None:
             self._tap.line(self.now(), "<", f"can {frame}")
@@ -168,12 +183,18 @@ class TappedLink(_Tapped, ByteLink):
     def write(self, data: bytes, deadline: Deadline) -> None:
         sent = self.now()
         try:
-            self._link.write(data, deadline)
-        finally:
-            self._tap.line(sent, ">", data.hex(" ").upper())
+            try:
+                self._link.write(data, deadline)
+            finally:
+                self._tap.line(sent, ">", data.hex(" ").upper())
+        except LinkError as exc:
+            raise self._failed(exc) from exc.__cause__
 
     def read(self, deadline: Deadline, size: int = 4096) -> bytes:
-        data = self._link.read(deadline, size)
+        try:
+            data = self._link.read(deadline, size)
+        except LinkError as exc:
+            raise self._failed(exc) from exc.__cause__
         if data:
             self._tap.line(self.now(), "<", data.hex(" ").upper())
         return data

@@ -22,7 +22,7 @@ def split_address(link: str, default_port: int | None = None) -> tuple[str, int]
         port = rest[1:] if rest.startswith(":") else rest and "?"
     else:
         host, _, port = text.partition(":")
-    if not port and default_port is not None:
+    if host and not port and default_port is not None:
         return host, default_port
     if not host or not port.isdecimal() or not 0 < int(port) < 65536:
         raise UsageError(
