@@ -12,8 +12,9 @@ from typing import Any
 import pytest
 
 import handctl
+from handctl.sim.serve import send_control
 from tests.cli_commands import COMMANDS, STORED, Command, prepare
-from tests.cli_support import fake, memory, pairs, run, s16, sent, spying, writes
+from tests.cli_support import Simulator, fake, memory, pairs, run, s16, sent, spying, writes
 
 SETTINGS = pairs(["id", "baud_code", "position_set", "force_set"])
 
@@ -65,7 +66,7 @@ def test_snapshot_is_whole_or_not_there(tmp_path: Path) -> None:
     assert [entry.name for entry in tmp_path.iterdir()] == [path.name]
     result = run("exo", "snapshot", tmp_path / "no" / "such" / "dir.json", "--fake")
     assert result.code not in (0, 2)
-    assert len(result.err.splitlines()) == 1
+    assert len(result.err.splitlines()) == 2  # the error and the next step
 
 
 def test_a_snapshot_replaces_only_an_older_one_of_its_kind(tmp_path: Path) -> None:
@@ -84,6 +85,24 @@ def test_a_snapshot_replaces_only_an_older_one_of_its_kind(tmp_path: Path) -> No
         result = run("exo", "snapshot", kept, "-p", "/dev/ttyNONE", "--json")  # before the port is opened
         assert (result.code, result.error["code"]) == (2, "exists") and words in result.error["text"], result
         assert "Nothing was sent" in result.error["hint"] and kept.read_text() == text
+
+
+def test_where_no_snapshot_can_be_written_is_told_before_anything_is_sent(tmp_path: Path) -> None:
+    for path in (tmp_path / "no" / "such.json", "/proc/1/such.json"):
+        result = run("exo", "snapshot", path, "-p", fake(), "--json")
+        assert (result.code, result.json["counters"]["sent"]) == (1, 0)
+        assert "Nothing was sent" in result.error["hint"]
+
+
+def test_a_snapshot_that_restore_will_refuse_says_so(tmp_path: Path) -> None:
+    with Simulator("--pty", "--control", tmp_path / "panel") as simulator:
+        assert send_control(str(tmp_path / "panel"), "set 1504 D0 07").startswith("ok")  # 2000, as another program may
+        taken = run("exo", "snapshot", tmp_path / "snap.json", "-p", simulator.link, "--json")
+        assert (taken.code, taken.codes()) == (0, ["out-of-range", "written"])
+        (warning,) = [message for message in taken.json["messages"] if message["level"] == "warning"]
+        assert "force_set.index = 2000" in warning["text"] and "force_set.index=" in warning["hint"]
+        refused = run("exo", "restore", tmp_path / "snap.json", "-y", "-p", simulator.link, "--json")
+        assert (refused.code, refused.json["counters"]["sent"]) == (2, 0)
 
 
 # -- diff -------------------------------------------------------------------------------------------------------------

@@ -58,6 +58,7 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
             "",
             "console",
             "errors",
+            "files",
             "link",
             "link.lock",
             "link.tap",

@@ -64,6 +64,19 @@ class Command(_SharedOptions):
         self.streams = streams
         self.family = family
 
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """As click does; its message on the number of values knows neither the command nor what the values are called."""
+        try:
+            return super().parse_args(ctx, args)
+        except click.UsageError as exc:
+            text = exc.message
+            for param in self.params:
+                if isinstance(param, click.Argument) and param.metavar:
+                    text = text.replace(f"Argument '{param.name}' takes", f"{param.metavar} takes")
+            if exc.ctx is not None and text == exc.message:
+                raise
+            raise click.UsageError(text, exc.ctx or ctx) from exc
+
     def invoke(self, ctx: click.Context) -> Any:
         wires = self.family.wires if self.family is not None else ()
         run = Run(ctx, resolve(ctx, wires), self.family)

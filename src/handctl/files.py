@@ -39,6 +39,18 @@ def whole(path: str | os.PathLike[str], mode: str = "w") -> Iterator[IO[Any]]:
         raise
 
 
+def why_unwritable(path: str) -> str:
+    """Why no file can be written there, as far as can be told without trying; "" when nothing speaks against it."""
+    folder = os.path.dirname(path) or "."
+    if os.path.isdir(path):
+        return "it is a folder"
+    if os.path.exists(path) and not os.path.isfile(path):  # a terminal, a pipe: written to as it is
+        return ""
+    if not os.path.isdir(folder) or not os.access(folder, os.W_OK):
+        return f"{folder} is no folder that can be written to"
+    return ""
+
+
 def state_path(name: str) -> Path:
     """$XDG_STATE_HOME/handctl/NAME, by default ~/.local/state/handctl/NAME: what this machine keeps for this user."""
     from pathlib import Path

@@ -6,7 +6,6 @@ decides where output goes. What a run does not need is not imported.
 
 from __future__ import annotations
 
-import os
 import sys
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -16,6 +15,7 @@ import click
 from handctl import __version__
 from handctl.console import TerminalGuide, end_on_signals, print_stderr
 from handctl.errors import HandctlError, Interrupted, NotConfirmed, OutputError, UsageError
+from handctl.files import why_unwritable
 from handctl.options import COMMAND_LINE, ENVIRONMENT, FILE, SOURCES, Settings, Source, from_click
 
 if TYPE_CHECKING:
@@ -231,11 +231,7 @@ class Run:
     def _check_output(self) -> None:
         """Raise OutputError now when -o cannot be written, not when the device has been served."""
         path = self.settings.output
-        if not path or (os.path.exists(path) and not os.path.isfile(path) and not os.path.isdir(path)):
-            return
-        folder = os.path.dirname(path) or "."
-        if os.path.isdir(path) or not os.path.isdir(folder) or not os.access(folder, os.W_OK):
-            why = "it is a folder" if os.path.isdir(path) else f"{folder} is no folder that can be written to"
+        if path and (why := why_unwritable(path)):
             raise OutputError(f"{path}: cannot be written: {why}", hint="nothing was sent; name another place for -o")
 
     def _check_named_device(self) -> None:

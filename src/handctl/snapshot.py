@@ -16,7 +16,7 @@ from typing import Any
 
 from handctl import __version__
 from handctl.errors import OutputError, UsageError
-from handctl.files import whole
+from handctl.files import whole, why_unwritable
 
 SCHEMA = "handctl-snapshot/1"
 Values = dict[str, int | float]
@@ -88,7 +88,11 @@ def _parsed(path: str, kind: str) -> dict[str, Any]:
 
 
 def check_target(path: str, kind: str) -> None:
-    """Raise UsageError unless there is no such file, or an older snapshot of a `kind` device whose place a new one may take."""
+    """Look at FILE before anything is sent. Raises OutputError where none can be written, UsageError for a file that is no
+    older snapshot of a `kind` device: only such a one may be replaced.
+    """
+    if why := why_unwritable(path):
+        raise OutputError(f"{path}: the snapshot cannot be written: {why}", hint=f"name another file. {UNTOUCHED}")
     if not os.path.isfile(path):  # what else it may be is told when it is written
         return
     try:

@@ -207,6 +207,15 @@ def snapshot(run: Run, path: str) -> Table:
     values = take(device)
     content = files.make(device.kind, device.identity(), values, link=run.link_name(), fake=run.simulated)
     files.write(path, content)
+    for name, value in values.items():
+        try:
+            device.map.find(name)[0].check(value, name)
+        except UsageError as exc:
+            run.journal.warn(
+                "out-of-range",
+                f"the device holds {exc.text}: `restore` will refuse this file",
+                hint=f"`handctl {device.kind} set {name}=…`, then take the snapshot again",
+            )
     run.journal.info("written", f"{path}: {len(values)} values of {device.kind}")
     rows = [{"name": name, "value": value} for name, value in values.items()]
     return Table(rows=rows, columns=(Column("name", "Name"), Column("value", "Value", right=True)))
