@@ -284,6 +284,10 @@ def test_dry_runs_print_the_exact_frame_and_open_nothing() -> None:
     )
     assert run("ekso", "set", "swing_time=0.29", "-n", "--format", "plain").out == "9B 04 00 01 00 CC 00 1D DC 39\n"
     assert run("ekso", "cancel", "-n", "--format", "plain").out == "9C 02 00 01 01 00 8B D5\n"
+    for args in (("cancel",), ("set", "swing_time=0.29")):
+        unsure = run("ekso", *args, "-n", "--length-mode", "auto", "--json")
+        assert (unsure.code, len(unsure.rows)) == (0, 1)
+        assert "length-mode" in unsure.codes()
     assert run("ekso", "set", "swing_time=0.295", "-n").code == 2
     assert run("ekso", "data", "-n", "--fake").code == 2
 
@@ -307,6 +311,11 @@ def test_cancel(tmp_path: Path) -> None:
     assert (result.code, result.rows[0]["label"], commands(trace)) == (0, "accepted", [156])
     assert [entry["event"] for entry in audit(tmp_path)] == ["cancel", "cancel-result"]
     assert do("cancel", "--word", "0").code == 2
+    for word in ("1", "0x0001", "0X1"):
+        assert run("ekso", "cancel", "-n", "--word", word, "--format", "plain").out == "9C 02 00 01 00 01 A8 C5\n"
+    for word in ("0x0", "0x10000", "0xyz", "65536", "-1"):
+        assert do("cancel", "--word", word).code == 2
+    assert "look with `handctl ekso status`" in do("cancel", port=unit(fault="refuse")).error["hint"]
     assert do("cancel", "--audit", "/dev/full").codes() == ["audit"], "stopping does not depend on a disk"
 
 

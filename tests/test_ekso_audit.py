@@ -34,8 +34,6 @@ def test_an_entry_is_a_line(tmp_path: Path) -> None:
     path = tmp_path / "a" / "b" / "log.jsonl"
     log = AuditLog(path, {"operator": "Zoë", "tool": "handctl 0"})
     log.record("intent", 12.25, id=202, old={"raw": 1, "value": 0.01})
-    log.close()
-    log.close()
     (entry,) = lines(path)
     assert entry.pop("utc")
     assert entry == {
@@ -72,6 +70,31 @@ def test_entries_are_appended_also_behind_half_a_line(tmp_path: Path) -> None:
     assert json.loads(last)["event"] == "intent"
     AuditLog(path, {}).record("result", 0.0)
     assert len(path.read_text(encoding="utf-8").splitlines()) == 4
+
+
+def test_an_entry_is_whole_behind_half_a_line_of_another_handctl_at_work(tmp_path: Path) -> None:
+    path = tmp_path / "log.jsonl"
+    log = AuditLog(path, {})
+    log.record("intent", 0.0)
+    with path.open("ab") as other:
+        other.write(b'{"event": "inte')  # killed there, while this one runs
+    log.record("result", 0.0)
+    assert [json.loads(line)["event"] for line in path.read_text(encoding="utf-8").splitlines()[::2]] == [
+        "intent", "result",
+    ]  # fmt: skip
+
+
+def test_nothing_is_held_open_between_entries(tmp_path: Path) -> None:
+    log = AuditLog(tmp_path / "log.jsonl", {})
+    log.check()
+    log.record("intent", 0.0)
+    open_files = {os.path.realpath(f"/proc/self/fd/{number}") for number in os.listdir("/proc/self/fd")}
+    assert str(tmp_path / "log.jsonl") not in open_files
+    (tmp_path / "log.jsonl").rename(tmp_path / "log.1")  # put away by the system's log rotation
+    log.record("result", 0.0)
+    assert [entry["event"] for name in ("log.1", "log.jsonl") for entry in lines(tmp_path / name)] == [
+        "intent", "result",
+    ]  # fmt: skip
 
 
 @pytest.mark.parametrize("place", ["/dev/full", "folder", "file/log.jsonl"])

@@ -9,8 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from handctl.devices.ekso.dataport import QUIET, find_mode
+from handctl.devices.ekso.dataport import QUIET
 from handctl.devices.ekso.frames import Command
+from handctl.devices.ekso.lengthmode import find_mode
 from handctl.errors import HandctlError, LinkError, NoAnswer, ProtocolError
 from handctl.link import Deadline
 from tests.ekso_support import DATA, SET, SETTING_WORDS, SETTINGS, TIME, Unit, codes, frame, pack, port_on
@@ -277,7 +278,7 @@ def test_a_convention_is_found_with_reads_only(mode: str, more: int) -> None:
     assert find_mode(port) == mode
     assert set(unit.commands()) == {TIME}
     gaps = [b - a for a, b in pairwise(unit.sent_at)]
-    assert all(gap >= 1.0 for gap in gaps), "a swallowed request must be over before the next"
+    assert all(gap >= 0.5 for gap in gaps), "a swallowed request must be over before the next"
     assert port.answer_mode == mode
     unit.sent.clear()
     port.read(Command.GET_TIME)
@@ -293,3 +294,69 @@ def test_no_convention_fits() -> None:
         find_mode(port)
     assert port.mode == "body"
     assert [request[1] for request in unit.sent] == [0, 6, 4, 2]
+
+
+@pytest.mark.parametrize(("timeout", "gap"), [(0.1, 0.6), (0.5, 1.0), (3.0, 3.5)])
+def test_the_line_rests_for_half_a_second_whatever_the_timeout(timeout: float, gap: float) -> None:
+    unit = Unit()
+    unit.on = {TIME: lambda _msg_id, _body: []}
+    with pytest.raises(NoAnswer):
+        find_mode(port_on(unit, timeout=timeout))
+    assert [b - a for a, b in pairwise(unit.sent_at)] == [pytest.approx(gap, abs=0.05)] * 3
+
+
+def test_looking_for_a_convention_ends_at_the_deadline() -> None:
+    unit = Unit()
+    unit.on = {TIME: lambda _msg_id, _body: []}
+    port = port_on(unit, timeout=3.0, bound=unit.deadline(1.0))
+    with pytest.raises(NoAnswer) as caught:
+        find_mode(port)
+    assert unit.clock == pytest.approx(1.0)
+    assert "no answer to GetTime (96 00 00 01 75 E7) before --deadline was over" in caught.value.text
+    assert (len(unit.sent), port.mode) == (1, "body")
+
+
+@pytest.mark.parametrize(("seconds", "requests"), [(0.3, 1), (5.0, 2)])
+def test_an_answer_that_waited_too_long_is_no_present_value(seconds: float, requests: int) -> None:
+    unit = Unit()
+    port = port_on(unit)
+    port.read(Command.GET_TIME)
+    unit.sent.clear()
+    port.send_ahead(Command.GET_DATA)
+    unit.sleep(seconds)
+    words = port.read(Command.GET_DATA).words
+    age = unit.clock * 1000 + unit.boot0 - ((words[25] & 0xFFFF) << 16 | words[26] & 0xFFFF)
+    assert age == pytest.approx(300 if requests == 1 else 0, abs=10)
+    assert unit.commands() == [DATA] * requests
+    assert port.counts.late == 0, "it came in time, and nobody took it"
+
+
+@pytest.mark.parametrize(("turn", "next_at"), [(0.01, 0.03), (0.2, 0.22), (9.0, 0.5)])
+def test_the_answer_that_ctrl_c_did_not_wait_for_passes_before_the_next_request(turn: float, next_at: float) -> None:
+    """One request at a time (ekso section 6); and what then comes is no fault of the line."""
+    unit = Unit()
+    port = port_on(unit)
+    port.read(Command.GET_TIME)
+    unit.on = {DATA: lambda msg_id, _body: [(0.006, b"\0"), (turn, frame(DATA, msg_id, unit.body_of(DATA)))]}
+    unit.interrupt_at = unit.clock + 0.005
+    with pytest.raises(KeyboardInterrupt):
+        port.read(Command.GET_DATA)
+    assert port.settings_raw() == tuple(SETTING_WORDS)
+    assert unit.sent_at[2] - unit.sent_at[1] == pytest.approx(next_at, abs=0.006)
+    assert (codes(port.journal), port.counts.late, port.journal.counters.as_row().get("foreign_frames")) == (
+        [],
+        0,
+        None,
+    )
+    assert port.journal.counters.stray_bytes == 0
+
+
+def test_what_was_asked_ahead_passes_before_another_request() -> None:
+    unit = Unit()
+    port = port_on(unit)
+    port.read(Command.GET_TIME)
+    unit.turn = 0.044
+    port.send_ahead(Command.GET_DATA)
+    port.read(Command.GET_TIME)
+    assert unit.sent_at[2] - unit.sent_at[1] == pytest.approx(0.064, abs=0.001)
+    assert port.counts.late == 0

@@ -7,10 +7,20 @@ from typing import Any
 
 import pytest
 
-from handctl.devices.ekso.device import dump_view, one_setting, words_view
+from handctl.devices.ekso.device import one_setting
 from handctl.devices.ekso.fields import EKSO, MESSAGES
 from handctl.devices.ekso.status import status_view, unfit
-from handctl.errors import CheckFailed, DeviceRefused, HandctlError, NoAnswer, ProtocolError, UsageError
+from handctl.devices.ekso.views import dump_view, words_view
+from handctl.errors import (
+    CheckFailed,
+    DeviceRefused,
+    HandctlError,
+    Interrupted,
+    LinkError,
+    NoAnswer,
+    ProtocolError,
+    UsageError,
+)
 from handctl.param import Reading
 from handctl.result import Cell, Grid
 from handctl.verbs import select
@@ -249,10 +259,26 @@ def test_boot_time_of_feedback_and_data_must_agree(apart: int, found: bool) -> N
 def test_status_without_a_clock() -> None:
     unit = Unit()
     unit.on = {TIME: lambda _msg_id, _body: []}
+    assert ekso_on(unit).status(False).failure is None
     table = ekso_on(unit).status(True)
-    assert table.failure is None
+    assert isinstance(table.failure, CheckFailed) and "date and time cannot be read" in table.failure.text
     assert "no answer to GetTime" in next(row["error"] for row in table.rows if row["name"] == "clock")
     assert texts(status_view(table.rows)[0])[3] == ["clock", "? ?"]
+
+
+def test_a_link_that_is_lost_at_the_clock_is_no_success() -> None:
+    def gone(_msg_id: int, _body: bytes) -> list[Reply]:
+        raise LinkError("the port is gone", code="lost")
+
+    unit = Unit()
+    unit.on = {DATE: gone}
+    table = ekso_on(unit).status(False)
+    assert isinstance(table.failure, LinkError)
+    assert len(table.rows) > 50
+    unit = Unit()
+    unit.on = {DATE: lambda _msg_id, _body: []}
+    table = ekso_on(unit, timeout=1.0, bound=unit.deadline(1.5)).status(True)
+    assert isinstance(table.failure, NoAnswer) and "before --deadline was over" in table.failure.text
 
 
 def test_unfit_at_the_edges() -> None:
@@ -307,6 +333,39 @@ def test_cancel_without_an_answer_shows_the_state_and_is_not_repeated() -> None:
     assert "the state is standing (0x2040)" in error.hint
     assert unit.commands() == [CANCEL, DATA]
     assert noted[1][1]["answer"] is None
+
+
+def test_ctrl_c_says_that_cancel_was_sent() -> None:
+    for when in (0.01, 0.6):  # while its answer is awaited, and while the state is read
+        unit = Unit()
+
+        def silent(_msg_id: int, _body: bytes, unit: Unit = unit, when: float = when) -> list[Reply]:
+            unit.interrupt_at = unit.clock + when
+            return []
+
+        unit.on = {CANCEL: silent, DATA: lambda _msg_id, _body: []}
+        noted, error = cancelling(unit)
+        assert isinstance(error, Interrupted)
+        assert error.text == "interrupted; CancelAction was sent and may have been taken"
+        assert noted[-1] == (
+            "cancel-result", {"answer": None, "verdict": "interrupted: its answer was not waited for"},
+        )  # fmt: skip
+        assert unit.commands().count(CANCEL) == 1
+
+
+def test_cancel_that_was_not_sent_does_not_claim_it() -> None:
+    unit = Unit()
+    noted: list[tuple[str, dict[str, object]]] = []
+    with pytest.raises(NoAnswer) as caught:
+        ekso_on(unit, bound=unit.deadline(0.0)).cancel(0x0100, lambda event, fields: noted.append((event, fields)))
+    assert "CancelAction was not sent" in caught.value.text
+    assert (caught.value.hint, unit.sent) == ("a longer --deadline", [])
+    assert noted[1][0] == "cancel-result"
+    unit = Unit()
+    unit.interrupt_at = 0.001  # while the line is made quiet
+    with pytest.raises(KeyboardInterrupt):
+        cancelling(unit)
+    assert unit.sent == []
 
 
 def test_an_echo_of_cancel_is_no_status() -> None:

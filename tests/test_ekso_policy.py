@@ -7,10 +7,11 @@ import os
 from pathlib import Path
 from typing import Any
 
+import pexpect
 import pytest
 
 from handctl.devices.ekso.audit import TAIL, AuditLog
-from tests.cli_support import Result, run
+from tests.cli_support import Result, clean_environment, program, run
 from tests.ekso_commands import ME, SCALES, unit
 
 STEPS = {
@@ -89,6 +90,23 @@ def test_an_unfinished_write_is_told(tmp_path: Path) -> None:
     assert "unfinished-write" not in set_("step_length=15.0").codes()
 
 
+def test_an_unfinished_write_is_told_before_the_next_is_confirmed(tmp_path: Path) -> None:
+    path = tmp_path / "handctl" / "ekso-audit.jsonl"
+    assert set_("step_length=15.0").code == 0
+    path.write_text(path.read_text(encoding="utf-8").splitlines(keepends=True)[0], encoding="utf-8")
+    command, *args = program("ekso", "set", "step_height=2", "-p", unit())
+    terminal = pexpect.spawn(
+        command, args, env=clean_environment({"XDG_STATE_HOME": str(tmp_path)}), encoding="utf-8", dimensions=(24, 200)
+    )
+    terminal.expect_exact("Type '2.00' to go on", timeout=20)
+    assert "has no result" in terminal.before
+    terminal.sendline("no")
+    terminal.expect(pexpect.EOF)
+    terminal.close()
+    assert terminal.exitstatus == 8
+    assert "has no result" not in terminal.before, "told once"
+
+
 def test_what_the_log_ends_with(tmp_path: Path) -> None:
     path = tmp_path / "log"
     log = AuditLog(path, {})
@@ -106,7 +124,6 @@ def test_what_the_log_ends_with(tmp_path: Path) -> None:
     with path.open("a", encoding="utf-8") as file:
         file.write("null\n[1]\nnonsense\n" + "x" * (TAIL // 2))
     assert log.unfinished() is not None
-    log.close()
 
 
 def test_a_log_that_is_no_file_is_not_waited_for(tmp_path: Path) -> None:

@@ -334,7 +334,7 @@ def test_silence_ends_a_log_but_not_at_once(tmp_path: Path) -> None:
 def test_a_lost_link_and_a_deadline_end_it_at_once(tmp_path: Path, error: HandctlError) -> None:
     failure, recording, _ = recorded(tmp_path / "a.csv", [*steady(2), (0.0, error)], limits=Limits())
     assert failure is error
-    assert recording.rows == 2
+    assert (recording.rows, recording.lost) == (2, 0), "what was not sent is not lost"
 
 
 def test_a_reboot_is_a_segment(tmp_path: Path) -> None:

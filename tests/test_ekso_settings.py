@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
+import re
+import shlex
+import signal
 from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
@@ -10,10 +14,12 @@ from typing import Any
 
 import pytest
 
+from handctl.console import TerminalGuide
 from handctl.devices.ekso.audit import AuditLog
 from handctl.devices.ekso.device import Ekso, one_setting
 from handctl.devices.ekso.fields import EKSO
-from handctl.devices.ekso.settings import Change, Writer, check_change, differences, moving, needs_second_answer
+from handctl.devices.ekso.settings import Change, Writer, check_change, differences, needs_second_answer
+from handctl.devices.ekso.stillness import moving
 from handctl.errors import (
     CheckFailed,
     DeviceRefused,
@@ -55,7 +61,7 @@ class Bench:
         self.asked: list[tuple[str, str]] = []
         self.ekso = Ekso(self.port)
         audit = AuditLog(self.log, {"operator": "me", "port": "unit"})
-        self.ekso.writer = Writer(self.port, audit, self._ask, override=override)
+        self.ekso.writer = Writer(self.port, audit, self._ask, override=override, guide=TerminalGuide(quiet=True))
 
     def _ask(self, question: str, word: str) -> None:
         self.asked.append((question, word))
@@ -294,6 +300,7 @@ def test_some_settings_only_while_sitting(bench: Bench, text: str) -> None:
     error = bench.failing(CheckFailed, text)
     assert error.code == "not-still"
     assert "only while sitting" in error.text
+    assert error.hint.startswith("sit still")
     assert SET not in bench.unit.commands()
     bench.unit.data[18] = SITTING
     bench.set(text)
@@ -391,6 +398,19 @@ def test_any_other_word_that_changes_is_noticed(bench: Bench, word: int) -> None
     assert bench.entries[1]["event"] == "result"
 
 
+def test_the_way_back_can_be_pasted_into_a_shell(bench: Bench) -> None:
+    def meddle(msg_id: int, body: bytes) -> list[Reply]:
+        bench.unit.settings[10] = 0
+        return [(0.001, frame(SET, msg_id, take(bench, body, 0)))]
+
+    bench.unit.on = {SET: meddle}
+    bench.unit.settings[10] = 17  # a code that nobody knows: no command sets it back
+    error = bench.failing(CheckFailed, "left_swing_assist=60 %")
+    (line,) = re.findall("`(handctl ekso set .*?)`", error.hint)
+    assert shlex.split(line) == ["handctl", "ekso", "set", "left_swing_assist=50 %"]
+    assert error.hint.endswith("walk_mode cannot be set back by this tool")
+
+
 def lost(bench: Bench, *, taken: bool, replies: Callable[[int], list[Reply]] = lambda _msg_id: []) -> None:
     """SetValue is taken or not, and its answer is `replies`."""
 
@@ -463,6 +483,30 @@ def test_ctrl_c_waits_for_the_read_back(bench: Bench, taken: bool) -> None:
     assert len(bench.unit.written()) == 1
 
 
+@pytest.mark.parametrize("entry", ["intent", "result"])
+def test_ctrl_c_waits_for_an_entry_of_the_log(bench: Bench, entry: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A disk may take its time: what was sent is told, and noted, all the same."""
+    fsync = os.fsync
+
+    def slow(file: int) -> None:
+        if bench.entries and bench.entries[-1]["event"] == entry and not pressed:
+            pressed.append(entry)
+            signal.raise_signal(signal.SIGINT)
+        fsync(file)
+
+    pressed: list[str] = []
+    monkeypatch.setattr(os, "fsync", slow)
+    error = bench.failing(Interrupted, "step_length=16")
+    assert pressed == [entry]
+    assert [noted["event"] for noted in bench.entries] == ["intent", "result"]
+    if entry == "intent":
+        assert "step_length 15.50 in -> 16.00 in was not sent" in error.text
+        assert (bench.unit.written(), bench.entries[1]["verdict"]) == ([], "not sent: interrupted")
+    else:
+        assert "step_length 15.50 in -> 16.00 in was written and read back" in error.text
+        assert bench.entries[1]["verdict"] == "applied"
+
+
 def test_a_deadline_does_not_keep_a_written_value_from_being_read_back(bench: Bench) -> None:
     lost(bench, taken=True)
     bench.port.bound = bench.unit.deadline(0.6)
@@ -506,6 +550,32 @@ def test_what_stops_in_between_says_what_is_done(bench: Bench) -> None:
     bench.unit.on = {}
     bench.set("step_length=16", "step_height=2.2", "swing_time=0.95")
     assert bench.unit.written()[2:] == [pack([203, 220]), pack([204, 95])], "run again, it goes on where it stopped"
+
+
+@pytest.mark.parametrize(
+    ("stop", "kind", "text", "hint"),
+    [
+        (NotConfirmed("no", hint="nothing was sent"), NotConfirmed, "no", "Already written: step_length."),
+        (KeyboardInterrupt(), Interrupted, "interrupted; already written: step_length", "the same command goes on"),
+    ],
+)
+def test_a_no_or_a_ctrl_c_at_the_next_question_says_what_is_done(
+    bench: Bench, stop: BaseException, kind: type[HandctlError], text: str, hint: str
+) -> None:
+    def ask(question: str, _word: str) -> None:
+        if "step_height" in question:
+            raise stop
+
+    assert bench.ekso.writer is not None
+    bench.ekso.writer._ask = ask  # type: ignore[attr-defined]
+    with pytest.raises(kind) as caught:
+        bench.set("step_length=16", "step_height=2.2")
+    assert caught.value.text == text
+    assert caught.value.hint.startswith(hint)
+    assert bench.unit.written() == [pack([202, 1600])]
+    with pytest.raises(type(stop)) as first:
+        bench.set("step_height=2.2")
+    assert first.value is stop, "with nothing written there is nothing to add"
 
 
 def test_differences_name_every_word() -> None:

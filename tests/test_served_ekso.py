@@ -169,14 +169,20 @@ def test_a_power_cycle_in_a_log_is_a_new_segment(start: Start, tmp_path: Path) -
     panel, file = tmp_path / "panel", tmp_path / "gait.csv"
     link = start("pty", "--control", panel, "--set", "startup=0.2").link
     process = subprocess.Popen(
-        program("ekso", "log", file, "-p", link, "--rate", "100", "--duration", "1.2", "--timeout", "0.2", "--json"),
+        program("ekso", "log", file, "-p", link, "--rate", "100", "--timeout", "0.2", "--json"),
         stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=clean_environment(),
     )  # fmt: skip
     wait_until(lambda: file.exists() and file.read_bytes().count(b"\n") > 20)
     assert run("sim", "control", panel, "reboot").code == 0
+
+    def segments_now() -> list[str]:
+        return [line.split(",")[4] for line in file.read_text(encoding="utf-8").splitlines()[1:]]
+
+    wait_until(lambda: segments_now()[-1] == "2")
+    process.send_signal(signal.SIGINT)
     out, _ = process.communicate(timeout=10)
     content = json.loads(out)
-    assert process.returncode == 0 and content["rows"][0]["segments"] == 2
+    assert process.returncode == 130 and content["rows"][0]["segments"] == 2
     assert "rebooted" in [message["code"] for message in content["messages"]]
-    segments = [line.split(",")[4] for line in file.read_text(encoding="utf-8").splitlines()[1:]]
+    segments = segments_now()
     assert segments == sorted(segments) and set(segments) == {"1", "2"}

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import json
 import os
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -25,7 +26,7 @@ def default_path() -> Path:
 
 
 class AuditLog:
-    """An append-only file; every entry is on the disk when `record` returns.
+    """An append-only file; every entry is on the disk when `record` returns, and nothing is held open between entries.
 
     `always` stands in every entry: operator, user, port, tool version.
     """
@@ -33,22 +34,31 @@ class AuditLog:
     def __init__(self, path: Path, always: dict[str, Any]) -> None:
         self.path = path
         self._always = always
-        self._file: int | None = None
 
-    def open(self) -> None:
+    def check(self) -> None:
         """Make sure that entries can be written, before anything is sent. Raises OutputError."""
-        if self._file is not None:
-            return
+        with self._opened() as file:
+            _torn(file)  # a pipe cannot tell, and would refuse an entry too
+
+    @contextmanager
+    def _opened(self) -> Iterator[int]:
+        """The file, made when there is none; its descriptor is closed at the end. Raises OutputError."""
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             fresh = not self.path.exists()
-            self._file = os.open(self.path, os.O_RDWR | os.O_APPEND | os.O_CREAT, 0o600)
-            if fresh:
-                _sync_folder(self.path.parent)
-            elif _torn(self._file):  # a killed writer left half a line: the next entry starts a line of its own
-                _write_all(self._file, b"\n")
+            file = os.open(self.path, os.O_RDWR | os.O_APPEND | os.O_CREAT, 0o600)
+            try:
+                if fresh:
+                    _sync_folder(self.path.parent)
+                yield file
+            finally:
+                os.close(file)
         except OSError as exc:
-            raise self._lost(exc) from exc
+            raise OutputError(
+                f"{self.path}: the audit log cannot be written: {exc.strerror or exc}",
+                hint="without it no setting is written; --audit FILE names another place",
+                code="audit",
+            ) from exc
 
     def unfinished(self) -> dict[str, Any] | None:
         """The intent that the log ends with: a write whose result nobody noted. None when there is none."""
@@ -59,7 +69,7 @@ class AuditLog:
                 file.seek(max(0, os.fstat(file.fileno()).st_size - TAIL))
                 lines = file.read(TAIL).split(b"\n")
         except OSError:
-            return None  # no log, or none that can be read: `open` tells
+            return None  # no log, or none that can be read: `check` tells
         for line in reversed(lines):
             with suppress(ValueError):  # half a line of a killed writer: its frame never went out
                 entry = json.loads(line)
@@ -72,28 +82,13 @@ class AuditLog:
 
         Raises OutputError.
         """
-        self.open()
-        assert self._file is not None
         now = datetime.now(UTC).isoformat(timespec="milliseconds")
         entry = {"event": event, "utc": now, "host_monotonic_s": round(host_s, 6), **self._always, **fields}
-        try:
-            _write_all(self._file, json.dumps(entry, ensure_ascii=False).encode() + b"\n")
-            os.fsync(self._file)
-        except OSError as exc:
-            raise self._lost(exc) from exc
-
-    def close(self) -> None:
-        """Release the file. May be called twice."""
-        if self._file is not None:
-            os.close(self._file)
-            self._file = None
-
-    def _lost(self, exc: OSError) -> OutputError:
-        return OutputError(
-            f"{self.path}: the audit log cannot be written: {exc.strerror or exc}",
-            hint="without it no setting is written; --audit FILE names another place",
-            code="audit",
-        )
+        line = json.dumps(entry, ensure_ascii=False).encode() + b"\n"
+        with self._opened() as file:
+            # half a line of a killed writer, perhaps of another handctl: this entry starts a line of its own
+            _write_all(file, b"\n" + line if _torn(file) else line)
+            os.fsync(file)
 
 
 def _torn(file: int) -> bool:

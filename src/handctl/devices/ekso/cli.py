@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from handctl import __version__, verbs
 from handctl.clikit import Command, Group
-from handctl.devices.ekso.dataport import DEFAULT_RETRIES, DataPort, check_mode
+from handctl.devices.ekso.dataport import DEFAULT_RETRIES, DataPort
 from handctl.devices.ekso.device import Ekso, one_setting, written_table
 from handctl.devices.ekso.fields import EKSO
+from handctl.devices.ekso.lengthmode import check_mode
 from handctl.devices.ekso.log_cli import add_log_commands
 from handctl.errors import UsageError
 from handctl.mapverbs import NAMES, add_map_verbs
@@ -192,7 +194,7 @@ def _with_writer(run: Run, operator: str | None, file: str | None, *, override: 
 
     audit = _audit(run, operator, file)
     _tell_unfinished(run, audit)
-    ekso.writer = Writer(ekso.port, audit, ask, override=override)
+    ekso.writer = Writer(ekso.port, audit, ask, override=override, guide=run.guide)
     return ekso
 
 
@@ -201,12 +203,15 @@ def _tell_unfinished(run: Run, audit: AuditLog) -> None:
     if last is None:
         return
     old, new = ((last.get(key) or {}).get("value") for key in ("old", "new"))
+    # at once: who is asked for the next write must know of the last one before answering
+    run.live, before = True, run.live
     run.journal.warn(
         "unfinished-write",
         f"{audit.path} ends with a write that has no result: {last.get('name')} {old} -> {new} at {last.get('utc')} "
         f"on {last.get('port')}",
         hint="handctl was killed or lost its log there: compare with `handctl ekso settings`",
     )
+    run.live = before
 
 
 def _need_operator(run: Run, operator: str | None) -> None:
@@ -264,23 +269,33 @@ def restore(run: Run, file: str, operator: str | None, audit: str | None, overri
     return verbs.restore(run, EKSO, file)
 
 
+class _WordRange(click.IntRange):
+    """A word, also in hex as messages and the audit log show it."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        if isinstance(value, str) and value.lower().startswith("0x"):
+            with suppress(ValueError):
+                value = int(value, 16)
+        return super().convert(value, param, ctx)
+
+
 @cli.verb("cancel", writes=True)
 @click.option(
-    "--word", default=0x0100, show_default=True, metavar="N", type=click.IntRange(1, 0xFFFF), help="Command word."
+    "--word",
+    default=0x0100,
+    show_default=True,
+    metavar="N",
+    type=_WordRange(1, 0xFFFF),
+    help="Command word, any but 0; 0x0100 is 256.",
 )
 @_audit_options
 def cancel(run: Run, word: int, operator: str | None, audit: str | None) -> Table:
     """Cancel the running action (CancelAction).
 
-    Sent once, without asking, and logged. What it stops is not documented.
+    Sent once, without asking, and logged; a log that cannot be written does not hold it up. What it stops is not documented.
     """
-    from handctl.devices.ekso.frames import Command as Code
-    from handctl.devices.ekso.frames import cancel_body
-    from handctl.param import Step
-
     if run.settings.dry_run:
-        request = run.planner().port.request(Code.CANCEL_ACTION, cancel_body(word))
-        return run.dry_run([Step(f"CancelAction 0x{word:04X}", request)])
+        return run.dry_run(run.planner().plan_cancel(word))
     ekso: Ekso = run.device()
     log = _audit(run, operator, audit)
 

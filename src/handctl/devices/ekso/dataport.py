@@ -10,17 +10,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from handctl.devices.ekso.fields import SETTINGS
-from handctl.devices.ekso.frames import (
-    ANSWER_SIZES,
-    LENGTH_MODES,
-    OVERHEAD,
-    Command,
-    Decoder,
-    Frame,
-    encode,
-    name_of,
-)
-from handctl.errors import HandctlError, NoAnswer, ProtocolError, UsageError
+from handctl.devices.ekso.frames import ANSWER_SIZES, OVERHEAD, Command, Decoder, Frame, encode, name_of
+from handctl.errors import HandctlError, NoAnswer, ProtocolError
 from handctl.link import ByteLink, Deadline
 from handctl.result import Journal, hex_bytes
 
@@ -82,6 +73,7 @@ class DataPort:
         self._decoder = Decoder()
         self._settled = False
         self._last: tuple[int, int] | None = None
+        self._given_up: tuple[tuple[int, int], Deadline] | None = None  # a request that Ctrl-C left without its answer
         self._ahead: tuple[bytes, Deadline, int] | None = None  # request, deadline, msgID
 
     # -- reading -------------------------------------------------------------------------------------------------
@@ -131,10 +123,18 @@ class DataPort:
         A bare acknowledgement and our own bytes coming back are no answer.
         """
         ahead, self._ahead = self._ahead, None
-        if ahead is not None and ahead[0] == encode(command, ahead[2], body, self.mode):
-            return self._wait(ahead[0], ahead[1])
-        request, deadline = self._send(command, body)
-        return self._wait(request, deadline)
+        fresh = ahead is not None and not ahead[1].expired  # what has lain there for longer is no present value
+        if ahead is not None and fresh and ahead[0] == encode(command, ahead[2], body, self.mode):
+            request, deadline = ahead[0], ahead[1]
+        else:
+            if ahead is not None:
+                self._given_up = _key(ahead[0]), ahead[1]
+            request, deadline = self._send(command, body)
+        try:
+            return self._wait(request, deadline)
+        except KeyboardInterrupt:
+            self._given_up = _key(request), deadline
+            raise
 
     def send_ahead(self, command: Command) -> None:
         """Send a read whose answer the next `read` of the same command takes: the line works while this side does.
@@ -222,10 +222,16 @@ class DataPort:
     # -- what is not the answer ----------------------------------------------------------------------------------
 
     def resynchronise(self) -> None:
-        """Discard input until the line has been quiet for 20 ms, or for the time of one answer at the most."""
+        """Discard input until the line has been quiet for 20 ms, or for the time of one answer at the most.
+
+        The answer to a request that was given up is waited for as long as it may take: one request at a time (ekso §6).
+        """
         last = self.link.deadline(self.timeout).earlier(self.bound)
         while not last.expired:
-            chunk = self.link.read(self.link.deadline(QUIET).earlier(last))
+            quiet = self.link.deadline(QUIET)
+            if self._given_up is not None and self._given_up[1].at > quiet.at:
+                quiet = self._given_up[1]
+            chunk = self.link.read(quiet.earlier(last))
             if not chunk:
                 break
             self._decoder.feed(chunk)
@@ -251,6 +257,9 @@ class DataPort:
             self._count_foreign(frame)
 
     def _count_foreign(self, frame: Frame) -> None:
+        if self._given_up is not None and (frame.command, frame.msg_id) == self._given_up[0]:
+            self._given_up = None  # nobody waits for it any more: no fault of the line
+            return
         known = frame.command in tuple(Command)
         if not known:
             self.counts.unsolicited += 1
@@ -303,8 +312,10 @@ class DataPort:
         name = name_of(attempt.request[0])
         sent = f"sent {hex_bytes(attempt.request)}"
         if not attempt.received and attempt.foreign is None:
+            over = self.bound is not None and self.bound.expired
             return NoAnswer(
-                f"{self.where}: no answer to {name} ({hex_bytes(attempt.request)}) within {self.timeout:g} s",
+                f"{self.where}: no answer to {name} ({hex_bytes(attempt.request)}) "
+                + ("before --deadline was over" if over else f"within {self.timeout:g} s"),
                 hint=HINTS["silence"],
             )
         code, text = attempt.explain()
@@ -319,7 +330,7 @@ class _Attempt:
     def __init__(self, request: bytes, sent_before: int) -> None:
         self.request = request
         self.sent_before = sent_before
-        self.key = (request[0], int.from_bytes(request[2:4], "big"))
+        self.key = _key(request)
         self.received = bytearray()
         self.broken: ProtocolError | None = None
         self.foreign: Frame | None = None
@@ -353,6 +364,11 @@ class _Attempt:
         return "garbage", f"{len(self.received)} bytes came that form no frame"
 
 
+def _key(request: bytes) -> tuple[int, int]:
+    """Command and msgID, which the answer repeats."""
+    return request[0], int.from_bytes(request[2:4], "big")
+
+
 def _places(data: bytes | bytearray, part: bytes) -> Iterator[int]:
     at = data.find(part)
     while at >= 0:
@@ -380,33 +396,3 @@ HINTS = {
     "cut-short": "the answer was cut off: check the cable, and that no other program reads the port",
     "garbage": "no frame in it: another kind of device, or a wrong speed (115200 is the usual one)",
 }
-
-
-# -- which length convention the device wants ---------------------------------------------------------------------
-
-
-def find_mode(port: DataPort) -> str:
-    """Try GetTime, a read, with every length convention until one is answered; the port keeps that one.
-
-    Between attempts the line rests for as long as one answer may take: a device that expects more bytes would swallow
-    the next request. Raises NoAnswer, ProtocolError of the first attempt when none is answered.
-    """
-    failure: HandctlError | None = None
-    for mode in ("body", "frame", "n-2", "n-4"):
-        port.mode = mode
-        try:
-            port.exchange(Command.GET_TIME)
-            return mode
-        except (NoAnswer, ProtocolError) as exc:
-            failure = failure or exc
-        port.link.sleep(port.timeout)
-    port.mode = "body"
-    assert failure is not None
-    raise failure
-
-
-def check_mode(text: str) -> str:
-    """A length convention or "auto". Raises UsageError."""
-    if text not in (*LENGTH_MODES, "auto"):
-        raise UsageError(f"length convention {text!r} does not exist", hint=f"auto, {', '.join(LENGTH_MODES)}")
-    return text

@@ -8,22 +8,15 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Protocol
 
-from handctl.devices.ekso.dataport import DataPort, find_mode
-from handctl.devices.ekso.fields import (
-    DATA,
-    EKSO,
-    FEEDBACK,
-    MESSAGES,
-    NOTHING_SENT,
-    Word,
-    boot_ms,
-    boot_text,
-)
-from handctl.devices.ekso.frames import Command, cancel_body, set_value_body, status_text
-from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer, ProtocolError, UsageError
+from handctl.devices.ekso.dataport import DataPort
+from handctl.devices.ekso.fields import DATA, EKSO, MESSAGES, NOTHING_SENT, Word
+from handctl.devices.ekso.frames import Command, Frame, cancel_body, set_value_body, status_text
+from handctl.devices.ekso.lengthmode import find_mode
+from handctl.devices.ekso.views import dump_view, words_view, written_view
+from handctl.errors import DeviceRefused, HandctlError, Interrupted, LinkError, NoAnswer, ProtocolError, UsageError
 from handctl.link import Link
 from handctl.param import Element, Number, Reading, Step, elements_of
-from handctl.result import Cell, Column, Grid, Journal, Row, Table
+from handctl.result import Column, Journal, Row, Table
 
 if TYPE_CHECKING:
     from handctl.devices.ekso.settings import Change
@@ -238,6 +231,7 @@ class Ekso:
         from handctl.devices.ekso.settings import Change, check_change
 
         steps = []
+        self._note_open_length()
         for element, value in changes:
             param = _word(element)
             assert param.id is not None
@@ -262,24 +256,59 @@ class Ekso:
         self.known = after = self.writer.write(wanted, shown)
         return [_reading(param, after[param.word]) for param, _ in wanted]
 
+    def plan_cancel(self, word: int) -> list[Step]:
+        """The CancelAction that `cancel` would send. Raises UsageError for word 0."""
+        self._note_open_length()
+        return [Step(f"CancelAction 0x{word:04X}", self._port.request(Command.CANCEL_ACTION, cancel_body(word)))]
+
+    def _note_open_length(self) -> None:
+        if self._find_length:
+            self.journal.info(
+                "length-mode",
+                f"shown with --length-mode {self._port.mode}: which one is needed only the device can tell",
+            )
+
     def cancel(self, word: int, record: Callable[[str, dict[str, object]], None]) -> Table:
-        """CancelAction once; `record` notes request and answer. Raises DeviceRefused, and UsageError for word 0."""
+        """CancelAction once; `record` notes request and answer.
+
+        Raises DeviceRefused, UsageError for word 0, Interrupted when nobody waited for the answer.
+        """
         body = cancel_body(word)
         request = self.port.request(Command.CANCEL_ACTION, body).hex(" ").upper()
         record("cancel", {"frame": request})
+        sent = self.journal.counters.sent
         try:
-            frame = self.port.exchange(Command.CANCEL_ACTION, body)
-        except (NoAnswer, ProtocolError, LinkError) as exc:
-            record("cancel-result", {"answer": None, "verdict": exc.text})
-            exc.hint = f"{self._state_now()} {exc.hint}"
-            raise
+            frame = self._cancelled(body, record, sent)
+        except KeyboardInterrupt:
+            if self.journal.counters.sent == sent:
+                raise
+            record("cancel-result", {"answer": None, "verdict": "interrupted: its answer was not waited for"})
+            raise Interrupted(
+                "interrupted; CancelAction was sent and may have been taken",
+                hint="look with `handctl ekso status`; `handctl ekso cancel` sends it again",
+            ) from None
         status = frame.words[0] & 0xFFFF
         text = status_text(status)
         record("cancel-result", {"answer": frame.data.hex(" ").upper(), "status": status, "verdict": text})
         if status & 0xFF:
-            raise DeviceRefused(f"{self.port.where}: CancelAction 0x{word:04X}: {text} (status 0x{status:04X})")
+            raise DeviceRefused(
+                f"{self.port.where}: CancelAction 0x{word:04X}: {text} (status 0x{status:04X})",
+                hint="the action may go on: look with `handctl ekso status`",
+            )
         row: Row = {"name": "cancel_action", "word": 0, "id": None, "value": 0, "raw": status, "unit": None}
         return Table(rows=[{**row, "label": text}], columns=self.columns)
+
+    def _cancelled(self, body: bytes, record: Callable[[str, dict[str, object]], None], sent: int) -> Frame:
+        """The answer to CancelAction; an error says what may have become of the request. `sent` requests went before."""
+        try:
+            return self.port.exchange(Command.CANCEL_ACTION, body)
+        except (NoAnswer, ProtocolError, LinkError) as exc:
+            record("cancel-result", {"answer": None, "verdict": exc.text})
+            if self.journal.counters.sent > sent:
+                exc.hint = f"{self._state_now()} {exc.hint}"
+            elif exc.code != "deadline":  # that one says by itself that nothing was sent
+                exc.hint = f"It was not sent, or not wholly. {exc.hint}"
+            raise
 
     def _state_now(self) -> str:
         try:
@@ -317,61 +346,3 @@ def written_table(ekso: Ekso, before: Sequence[int], readings: Sequence[Reading]
     table.columns = (*ekso.columns[:3], Column("before", "Before", right=True), *ekso.columns[3:])
     table.view = written_view
     return table
-
-
-# -- how people see it -------------------------------------------------------------------------------------------
-
-
-def words_view(rows: list[Row]) -> list[Grid]:
-    """One line a word, with as many decimals as the wire has, bits in hex; units and codes in words."""
-    ids = any(row.get("id") is not None for row in rows)
-    headings = ("Name", *(["ID"] if ids else []), "Value", "Unit", "Meaning")
-    lines = []
-    for row in rows:
-        identity = [str(row["id"]) if row.get("id") is not None else ""] if ids else []
-        lines.append((row["name"], *identity, _value_cell(row), row["unit"] or "", _meaning(row)))
-    notes = dict.fromkeys(f"{row['name']}: {row['error']}" for row in rows if "error" in row)
-    boot = {row["name"]: row.get("raw") for row in rows}
-    high, low = boot.get("boot_time_high"), boot.get("boot_time_low")
-    uptime = [f"boot {boot_text(boot_ms([high, low]))}"] if isinstance(high, int) and isinstance(low, int) else []
-    right = frozenset({1, 2} if ids else {1})
-    return [Grid(headings, tuple(lines), right=right, notes=(*uptime, *notes))]
-
-
-def written_view(rows: list[Row]) -> list[Grid]:
-    """Old and new side by side."""
-    lines = [
-        (row["name"], str(row["id"]), EKSO[row["name"]].shown(row["before"]), EKSO[row["name"]].shown(row["value"]))
-        for row in rows
-    ]
-    return [Grid(("Name", "ID", "Before", "Now"), tuple(lines), right=frozenset({1, 2, 3}))]
-
-
-def _param_of(row: Row) -> Word | None:
-    name = row["name"]
-    return EKSO[name] if name in EKSO else next((param for param in FEEDBACK if param.name == name), None)
-
-
-def _value_cell(row: Row) -> str | Cell:
-    if "error" in row:
-        return Cell("?", "bad")
-    param = _param_of(row)
-    return param.text(row["value"]) if param is not None else str(row["value"])
-
-
-def _meaning(row: Row) -> str | Cell:
-    label = row.get("label") or ""
-    return Cell(label, "warn") if label.startswith("unknown") else label
-
-
-def dump_view(rows: list[Row]) -> list[Grid]:
-    """A grid per message."""
-    grids = []
-    clocks = [row for row in rows if row["message"] in CLOCKS]
-    if clocks:
-        line = "  ".join(str(row.get("value", "?")) for row in clocks)
-        grids.append(Grid(("Date and time",), ((line,),), title="EksoNR"))
-    for message in MESSAGES:
-        (grid,) = words_view([row for row in rows if row["message"] == message])
-        grids.append(grid._replace(title=message.capitalize()))
-    return grids

@@ -124,9 +124,12 @@ class Word(Param):
     def parse(self, text: str, where: str = "") -> Number:
         """The value that a user typed: a label, a code (``2``, ``code:2``) or an exact decimal. Raises UsageError."""
         where = where or self.name
-        wanted = plain(text)
         if not self.choices:
             return self._exact(text.strip(), where)
+        number, percent, rest = text.strip().partition(
+            "%"
+        )  # in a number every sign counts: 7,5 % and -75 % are not 75 %
+        wanted = f"{number.rstrip()}%{rest}" if percent else plain(text)
         for code, label in self.choices.items():
             if wanted == plain(label):
                 return code
@@ -153,7 +156,7 @@ class Word(Param):
 
     def _exact(self, text: str, where: str) -> Number:
         try:
-            if "_" in text:
+            if "_" in text or not text.isascii():
                 raise InvalidOperation
             value = Decimal(text)
             if not value.is_finite() or abs(value) > 10**9:
@@ -323,8 +326,9 @@ class EksoMap(ParamMap[Word]):
 
     def find(self, name: str) -> tuple[Word, list[Element]]:
         """``step_length``, ``Step Length``, ``202`` -> that quantity. Raises UsageError with near names."""
-        known = self._by_alias.get(plain(name))
-        if known is not None:
+        key = plain(name)
+        known = self._by_alias.get(key)
+        if known is not None and (not key.isdecimal() or key == name.strip()):  # -202 is no ParameterID
             return self[known], elements_of(self[known])
         if name.strip().isdecimal():
             raise UsageError(

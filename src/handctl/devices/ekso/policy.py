@@ -1,12 +1,13 @@
 """`ekso policy`: every limit of this tool for writing a setting, as a table. Never a limit of the device.
 
-The limits themselves stand with the words (`fields`) and with the writer (`settings`); nothing is decided here.
+The limits themselves stand with the words (`fields`), with the writer (`settings`) and with `stillness`; nothing is decided here.
 """
 
 from __future__ import annotations
 
 from handctl.devices.ekso.fields import SETTINGS, Word
-from handctl.devices.ekso.settings import APART, BETWEEN_WRITES, BOOT_TOLERANCE_MS, MOST_SPEED
+from handctl.devices.ekso.settings import BETWEEN_WRITES
+from handctl.devices.ekso.stillness import APART, BOOT_TOLERANCE_MS, MOST_SPEED
 from handctl.result import Column, Row, Table
 
 COLUMNS = (

@@ -100,8 +100,10 @@ class Recording:
             self._append(self.layout.header)
             self.write_sidecar(complete=False)
         except HandctlError:
-            self.close()
-            os.unlink(path)  # a header alone would only be in the way of the next try
+            with contextlib.suppress(OutputError):
+                self.close()
+            with contextlib.suppress(OSError):
+                os.unlink(path)  # a header alone would only be in the way of the next try
             raise
 
     @property
@@ -167,7 +169,7 @@ class Recording:
             finally:
                 os.close(file)
         except OSError as exc:
-            if exc.errno in (errno.EINVAL, errno.ENOTSUP):  # a pipe or device cannot be synced
+            if exc.errno in (errno.EINVAL, errno.ENOTSUP):  # not every file system can sync
                 return
             raise OutputError(f"{self.path}: cannot be written: {exc.strerror or exc}", code="log-file") from exc
 
@@ -228,8 +230,14 @@ def file_name(text: str) -> str:
 
 
 def refuse_existing(path: str, force: bool) -> None:
-    """Raise UsageError when the file or its sidecar is there, unless `force`."""
+    """Raise UsageError when the file or its sidecar is there, unless `force`; a device or pipe is never written to."""
     for taken in (path, f"{path}.json"):
+        if os.path.exists(taken) and not os.path.isfile(taken):
+            raise UsageError(
+                f"{taken} is no file: a log is a file with its sidecar beside it",
+                hint="give the name of a new file, or a directory",
+                code="log-file",
+            )
         if os.path.lexists(taken) and not force:
             raise UsageError(
                 f"{taken} exists", hint="give another name, or --force to overwrite it", code="file-exists"
@@ -293,8 +301,10 @@ def record(
             try:
                 answer = sample()
             except (NoAnswer, ProtocolError) as exc:
+                if exc.code == "deadline":  # it was not even sent
+                    return exc
                 recording.lost += 1
-                if exc.code == "deadline" or clock.now() - heard >= limits.silence:
+                if clock.now() - heard >= limits.silence:
                     return exc
                 clock.sleep(PAUSE_S)
                 continue

@@ -1,4 +1,4 @@
-"""Writing one setting of a worn EksoNR: limits, stillness, one SetValue, read-back of everything, audit.
+"""Writing one setting of a worn EksoNR: limits, one SetValue when the wearer is still, read-back of everything, audit.
 
 The limits are this tool's policy (`describe` shows them); the device's own are not documented and it answers for
 itself. A write is never repeated.
@@ -6,25 +6,15 @@ itself. A write is never repeated.
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from handctl.devices.ekso.audit import AuditLog
 from handctl.devices.ekso.dataport import DataPort
-from handctl.devices.ekso.fields import (
-    ASSIST,
-    DATA,
-    DRIVEN,
-    NOTHING_SENT,
-    PERCENT_CODES,
-    SETTINGS,
-    SITTING,
-    STANDING,
-    Word,
-    boot_ms,
-    state_text,
-)
+from handctl.devices.ekso.fields import ASSIST, NOTHING_SENT, PERCENT_CODES, SETTINGS, Word
 from handctl.devices.ekso.frames import Command, Frame, set_value_body, status_text
+from handctl.devices.ekso.stillness import require_stillness
 from handctl.errors import (
     CheckFailed,
     DeviceRefused,
@@ -32,22 +22,18 @@ from handctl.errors import (
     Interrupted,
     LinkError,
     NoAnswer,
+    NotConfirmed,
     OutputError,
     ProtocolError,
     UsageError,
 )
+from handctl.guide import Guide
 from handctl.result import hex_bytes
 
-APART = 0.1
-"""Seconds between the two looks at the joints."""
-MOST_SPEED = 5.0
-"""deg/s; above, the wearer moves."""
-BOOT_TOLERANCE_MS = 50
 BETWEEN_WRITES = 1.0
-STATE = 18
+"""Seconds from one SetValue to the next."""
 PERSONAL = "pilot_id"
 """Stays out of the log."""
-JOINTS = tuple(param for param in DATA if param.name.endswith(("hip_angle", "knee_angle")))
 
 Raws = tuple[int, ...]
 """The 22 settings as raw integers."""
@@ -92,50 +78,6 @@ def needs_second_answer(change: Change) -> bool:
     return any(change.param.choices.get(raw) in change.param.twice for raw in (change.old, change.new))
 
 
-# -- stillness ----------------------------------------------------------------------------------------------------
-
-
-def moving(first: Sequence[int], second: Sequence[int], seconds: float, sitting: Sequence[Word] = ()) -> str | None:
-    """Why two GetData `seconds` apart are not those of somebody who sits or stands still; None when they are.
-
-    `sitting` are settings that are written only while sitting.
-    """
-    for words in (first, second):
-        state = words[STATE] & 0xFFFF
-        if state >> 12 not in (SITTING, STANDING):
-            return f"the posture is {state_text(state)}, neither sitting nor standing"
-        if state & DRIVEN:
-            return f"the joints are being driven: {state_text(state)}"
-        if sitting and state >> 12 != SITTING:
-            return f"{', '.join(param.name for param in sitting)}: only while sitting, the state is {state_text(state)}"
-    passed = (boot_ms(second) - boot_ms(first)) % 2**32
-    if passed >= 2**31:
-        return "BootTime went back: the device has restarted"
-    if abs(passed - seconds * 1000) > BOOT_TOLERANCE_MS:
-        return f"BootTime advanced by {passed} ms in {seconds * 1000:.0f} ms: the values are not fresh"
-    for param in JOINTS:
-        speed = abs(param.raw_of(second[param.word]) - param.raw_of(first[param.word])) / 100 / (passed / 1000 or 1e-3)
-        if speed >= MOST_SPEED:
-            return f"{param.name} moves at {speed:.1f} deg/s"
-    return None
-
-
-def require_stillness(port: DataPort, sitting: Sequence[Word] = ()) -> int:
-    """Two looks at least 100 ms apart; returns BootTime in ms. Raises CheckFailed naming the condition that fails."""
-    first = port.read(Command.GET_DATA).words
-    moment = (port.sent_at + port.answered_at) / 2
-    port.link.sleep(APART)
-    second = port.read(Command.GET_DATA).words
-    why = moving(first, second, (port.sent_at + port.answered_at) / 2 - moment, sitting)
-    if why is not None:
-        raise CheckFailed(
-            f"{port.where}: not written: {why}",
-            hint="sit or stand still and repeat the command; there is no override",
-            code="not-still",
-        )
-    return boot_ms(second)
-
-
 # -- one write ----------------------------------------------------------------------------------------------------
 
 
@@ -144,13 +86,24 @@ class Writer:
 
     ask       question with the word to be typed; raises NotConfirmed
     override  step limits may be exceeded (not those of leg lengths)
+    guide     holds Ctrl-C back while an entry is on its way to the disk
     """
 
-    def __init__(self, port: DataPort, audit: AuditLog, ask: Callable[[str, str], None], *, override: bool) -> None:
+    def __init__(
+        self,
+        port: DataPort,
+        audit: AuditLog,
+        ask: Callable[[str, str], None],
+        *,
+        override: bool,
+        guide: Guide | None = None,
+    ) -> None:
         self.port = port
         self.audit = audit
         self.override = override
         self._ask = ask
+        self._guide = guide or Guide()
+        self._interrupted = False
         self._written_at: float | None = None
         self._boot: int | None = None
 
@@ -164,7 +117,7 @@ class Writer:
         for change in changes:
             check_change(change, self.override)
         if changes:
-            self.audit.open()
+            self.audit.check()
             self._still([change.param for change in changes if change.param.sitting])
         done: list[str] = []
         for change in changes:
@@ -172,8 +125,15 @@ class Writer:
                 shown = self._write_one(change, shown)
             except HandctlError as exc:
                 if done:
-                    exc.hint += f"{' ' if exc.hint else ''}Already written: {', '.join(done)}."
+                    way = "" if isinstance(exc, NotConfirmed) or not exc.hint else f"{exc.hint.rstrip('.')}. "
+                    exc.hint = f"{way}Already written: {', '.join(done)}."
                 raise
+            except KeyboardInterrupt:
+                if not done:
+                    raise
+                raise Interrupted(
+                    f"interrupted; already written: {', '.join(done)}", hint="the same command goes on where it stopped"
+                ) from None
             done.append(change.param.name)
         return shown
 
@@ -192,18 +152,22 @@ class Writer:
         boot = self._still([change.param] if change.param.sitting else [])
         assert change.param.id is not None
         body = set_value_body(change.param.id, change.new)
-        self._record("intent", change, boot, frame=hex_bytes(self.port.request(Command.SET_VALUE, body)))
+        with self._guide.counting() as presses:
+            self._record("intent", change, boot, frame=hex_bytes(self.port.request(Command.SET_VALUE, body)))
+        if presses.count:
+            self._result(change, boot, None, None, "not sent: interrupted")
+            raise Interrupted(f"interrupted; {change.text} was not sent", hint="this setting is as it was")
         return self._send(change, before, boot, body)
 
     def _send(self, change: Change, before: Raws, boot: int, body: bytes) -> Raws:
         """The one SetValue; from here on nothing but a second Ctrl-C keeps the read-back from being done."""
         answer: Frame | None = None
         lost: HandctlError | None = None
-        interrupted = False
+        self._interrupted = False
         try:
             answer = self.port.exchange(Command.SET_VALUE, body)
         except KeyboardInterrupt:
-            interrupted = True
+            self._interrupted = True
         except (NoAnswer, ProtocolError) as exc:
             lost = exc
         except LinkError as exc:  # nobody is left who could be asked
@@ -233,7 +197,7 @@ class Writer:
                 hint="make room and note it by hand; nothing else was sent",
                 code=unlogged.code,
             )
-        if interrupted:
+        if self._interrupted:
             raise Interrupted(f"interrupted; {change.text} was written and read back", hint="nothing else was sent")
         if answer is None:
             self.port.journal.warn(
@@ -322,20 +286,25 @@ class Writer:
     def _result(
         self, change: Change, boot: int, answer: Frame | None, after: Raws | None, verdict: str
     ) -> OutputError | None:
-        """Note what came of it; returned is why that failed, which must not hide what came of it."""
-        try:
-            self._record(
-                "result",
-                change,
-                boot,
-                answer=hex_bytes(answer.data) if answer is not None else None,
-                status=answer.words[0] & 0xFFFF if answer is not None else None,
-                read_back=None if after is None else {p.name: after[p.word] for p in SETTINGS if p.name != PERSONAL},
-                verdict=verdict,
-            )
-        except OutputError as exc:
-            return exc
-        return None
+        """Note what came of it; returned is why that failed, which must not hide what came of it. Nor must a Ctrl-C."""
+        failure: OutputError | None = None
+        with self._guide.counting() as presses:
+            try:
+                self._record(
+                    "result",
+                    change,
+                    boot,
+                    answer=hex_bytes(answer.data) if answer is not None else None,
+                    status=answer.words[0] & 0xFFFF if answer is not None else None,
+                    read_back=None
+                    if after is None
+                    else {p.name: after[p.word] for p in SETTINGS if p.name != PERSONAL},
+                    verdict=verdict,
+                )
+            except OutputError as exc:
+                failure = exc
+        self._interrupted = self._interrupted or presses.count > 0
+        return failure
 
 
 def _way_back(before: Raws, after: Raws) -> str:
@@ -343,14 +312,14 @@ def _way_back(before: Raws, after: Raws) -> str:
     changed = [param for param in SETTINGS if after[param.word] != before[param.word]]
     if not changed:
         return "the old value is still there: nothing needs to be set back; look with `handctl ekso settings`"
+    # a code that nobody knows is never written
+    able = [p for p in changed if p.id is not None and (not p.choices or before[p.word] in p.choices)]
     ways = ", ".join(
-        f"`handctl ekso set {p.name}={p.typed(p.from_raw(before[p.word]))}`" for p in changed if p.id is not None
+        f"`handctl ekso set {shlex.quote(f'{p.name}={p.typed(p.from_raw(before[p.word]))}')}`" for p in able
     )
-    return (
-        f"look with `handctl ekso settings` first; {ways} sets back what changed"
-        if ways
-        else "look with `handctl ekso settings`"
-    )
+    left = ", ".join(p.name for p in changed if p not in able)
+    text = "look with `handctl ekso settings` first" + (f"; {ways} sets back what changed" if ways else "")
+    return text + (f"; {left} cannot be set back by this tool" if left else "")
 
 
 REFUSALS = {

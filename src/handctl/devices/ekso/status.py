@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 from handctl.devices.ekso.fields import DATA, FEEDBACK, LEGS, POSTURES, SETTINGS, Word, boot_ms, boot_text
 from handctl.devices.ekso.kinematics import MOST_X, MOST_Y, residuals
-from handctl.devices.ekso.settings import APART, BOOT_TOLERANCE_MS
-from handctl.errors import CheckFailed, HandctlError
+from handctl.devices.ekso.stillness import APART, BOOT_TOLERANCE_MS
+from handctl.errors import CheckFailed, HandctlError, LinkError
 from handctl.param import Reading
 from handctl.result import Cell, Grid, Row, Table
 
@@ -41,11 +41,17 @@ def status(ekso: Ekso, check: bool) -> Table:
     ]
     for text in _remarks(second, settings):
         ekso.journal.info("remark", text)
-    rows += _clock(ekso)
+    table = Table(rows=rows, columns=ekso.columns, view=status_view)
+    try:
+        rows += _clock(ekso)
+    except HandctlError as exc:  # all the rest is known, and shown
+        rows.append({"name": "clock", "word": None, "id": None, "error": exc.text, "unit": None})
+        findings.append(f"date and time cannot be read: {exc.text}")
+        over = ekso.port.bound is not None and ekso.port.bound.expired
+        table.failure = exc if over or isinstance(exc, LinkError) else None
     for text in findings:
         ekso.journal.warn("unhealthy", text)
-    table = Table(rows=rows, columns=ekso.columns, view=status_view)
-    if check and findings:
+    if check and findings and table.failure is None:
         table.failure = CheckFailed(
             f"{ekso.link.name}: {len(findings)} findings: {'; '.join(findings)}", code="unhealthy"
         )
@@ -136,11 +142,8 @@ def _label(readings: list[Reading], name: str) -> str:
 
 
 def _clock(ekso: Ekso) -> list[Row]:
-    """The device's date and time, with their distance from the host's clock; a broken clock is no reason to fail."""
-    try:
-        date, time = ekso.now()
-    except HandctlError as exc:
-        return [{"name": "clock", "word": None, "id": None, "error": exc.text, "unit": None}]
+    """The device's date and time, with their distance from the host's clock."""
+    date, time = ekso.now()
     rows = [{key: row[key] for key in ("name", "word", "id", "value", "raw", "unit", "label")} for row in (date, time)]
     try:
         here = datetime.now()  # noqa: DTZ005 - the device tells no zone
