@@ -384,7 +384,7 @@ def test_completion_installs_for_the_user(shell: str, tmp_path: Path) -> None:
 
 
 def test_completion_installs_below_home_without_xdg(tmp_path: Path) -> None:
-    env = {"HOME": str(tmp_path), "XDG_DATA_HOME": "", "XDG_CONFIG_HOME": ""}
+    env = {"HOME": str(tmp_path), "XDG_DATA_HOME": "relative", "XDG_CONFIG_HOME": ""}
     for shell, place in (
         ("bash", ".local/share/bash-completion/completions/handctl"),
         ("zsh", ".local/share/zsh/site-functions/_handctl"),

@@ -17,9 +17,11 @@ from unittest import mock
 import click
 import pytest
 
+import handctl
 import handctl.docgen.__main__ as program
 from handctl import __version__, clikit, errors
 from handctl.clikit import root
+from handctl.devices.barrett import upkeep
 from handctl.docgen import generate
 from handctl.docgen.roff import Page, escape, marked
 from handctl.docgen.tree import map_of
@@ -158,6 +160,14 @@ def test_exit_status_is_that_of_the_error_tree(name: str) -> None:
     assert "Exit code" not in text
 
 
+def test_every_file_that_is_kept_for_the_user_is_named() -> None:
+    sources = [path.read_text("utf-8") for path in Path(handctl.__file__).parent.rglob("*.py")]
+    kept = {name for text in sources for name in re.findall(r'state_path\("(.+)"\)', text)} | {upkeep.FILE}
+    assert len(kept) > 3
+    text = plain(section(PAGES["handctl"], "FILES"))
+    assert not {name for name in kept if name not in text}
+
+
 def test_every_shared_option_has_its_variable() -> None:
     text = plain(section(PAGES["handctl"], "ENVIRONMENT"))
     shared = [param for param in root.get_params(click.Context(root)) if isinstance(param, SharedOption)]
@@ -165,6 +175,7 @@ def test_every_shared_option_has_its_variable() -> None:
     for option in shared:
         assert f"HANDCTL_{str(option.name).upper()} " in text
     assert "NO_COLOR" in text
+    assert "HANDCTL_CONFIG" in text
     wrist = plain(section(PAGES["handctl-wrist"], "ENVIRONMENT"))
     assert "HANDCTL_CAN 1 is the same as --can." in wrist
 

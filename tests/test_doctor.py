@@ -19,6 +19,7 @@ from handctl.result import Counters
 from handctl.tools import doctor, link_checks, machine_checks
 from handctl.tools.link_checks import LinkChecks
 from handctl.tools.machine_checks import Check
+from handctl.tools.probes import probe_of
 from tests.cli_support import Result, Simulator, run
 from tests.machine_support import System
 
@@ -94,6 +95,16 @@ def test_grabbers_without_a_port_are_no_finding(system: System) -> None:
     assert healthy(answer)["permissions"][:2] == ("skipped", "no serial port is plugged in")
 
 
+def test_a_ctrl_c_keeps_what_was_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    def ended(*_args: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(probe_of("exo"), "ping", ended)
+    answer = run("doctor", "--json", "-p", "fake://exo?clock=virtual", "--family", "exo")
+    assert (answer.code, answer.error["code"]) == (130, "interrupted")
+    assert [row["check"] for row in answer.rows][-2:] == ["open", "unasked"]
+
+
 def test_old_and_missing_packages() -> None:
     versions = {"click": "8.1.7", "pyserial": "3.5", "rich": "13.10.1", "python-can": "4.3.0", "crcmod": "1.7"}
 
@@ -106,6 +117,7 @@ def test_old_and_missing_packages() -> None:
         check = machine_checks.packages()
     assert check.status == "fail"
     assert check.evidence.startswith("bincopy is missing, click 8.1.7 (needs 8.2); ")
+    assert check.remedy.endswith(" -m pip install 'bincopy>=20.0' 'click>=8.2'")  # handctl itself is in no registry
     with mock.patch.dict(versions, {"click": "8.10", "bincopy": "20"}), mock.patch.object(metadata, "version", version):
         assert machine_checks.packages().status == "ok"
     with mock.patch.object(metadata, "version", mock.Mock(side_effect=metadata.PackageNotFoundError)):

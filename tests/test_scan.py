@@ -5,6 +5,10 @@ On virtual time in this process; the served simulators are at the end, one each.
 
 from __future__ import annotations
 
+import ast
+import importlib
+import os
+import socket
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from unittest import mock
@@ -14,7 +18,8 @@ import pytest
 from handctl.errors import LinkError, ProtocolError
 from handctl.families import FAMILIES, PROBES
 from handctl.link import ByteLink, Deadline
-from handctl.result import Journal
+from handctl.link.lock import hold
+from handctl.result import Journal, Row
 from handctl.tools import scan
 from handctl.tools.probes import probe_of
 from handctl.tools.scan import Step
@@ -70,6 +75,15 @@ def test_every_family_has_a_probe() -> None:
         assert name == probe_of(name).FAMILY
 
 
+def test_a_family_is_named_in_families_only() -> None:
+    """A sixth device needs no change in the machinery that finds, names, checks and tells devices."""
+    for name in ("scan", "probes", "doctor", "devices", "naming", "trace", "trace_read", "config"):
+        module = name if name == "config" else f"tools.{name}"
+        source = Path(str(importlib.import_module(f"handctl.{module}").__file__)).read_text(encoding="utf-8")
+        texts = [node.value for node in ast.walk(ast.parse(source)) if isinstance(node, ast.Constant)]
+        assert not set(FAMILIES) & {text for text in texts if isinstance(text, str)}, module
+
+
 # -- what is sent, and in which order -----------------------------------------------------------------------------
 
 EKSO = "96 00 00 01"
@@ -87,7 +101,7 @@ def test_a_silent_port_gets_reads_only_in_the_documented_order(tmp_path: Path) -
     seen: list[tuple[int, list[str]]] = [(115200, [])]
     for line in trace.read_text().splitlines()[1:]:
         _, mark, rest = line.split(" ", 2)
-        if mark == "!":
+        if mark == "!" and rest.startswith("baud"):
             seen.append((int(rest.removeprefix("baud ")), []))
         elif mark == ">":
             text = "96" if rest.startswith("96 00 00") else rest
@@ -322,6 +336,30 @@ def test_a_boot_monitor_gets_nothing() -> None:
     assert (caught.value.code, line.sent) == ("boot-monitor", [])
 
 
+@pytest.mark.parametrize(
+    ("link", "family", "wire"), [("fake://wrist?bus=can", "exo", "CAN"), ("fake://exo?", "aidin", "a serial line")]
+)
+def test_a_family_that_cannot_be_there(link: str, family: str, wire: str) -> None:
+    answer = looked(f"{link}&clock=virtual", "--family", family)
+    assert (answer.code, answer.json["scan"]["tried"]) == (2, [])
+    assert f"{family} cannot be on {wire}" in answer.error["text"]
+
+
+def test_the_deadline_may_end_the_last_probe() -> None:
+    answer = looked(
+        "fake://exo?fault=silent&clock=virtual",
+        "--ids",
+        "1-254",
+        "--family",
+        "exo",
+        "--deadline",
+        "1",
+        "--baud",
+        "115200",
+    )
+    assert (answer.code, answer.error["code"]) == (4, "deadline")
+
+
 def test_the_deadline_ends_the_search() -> None:
     answer = looked("fake://exo?fault=silent&clock=virtual", "--deadline", "1")
     assert (answer.code, answer.error["code"]) == (4, "deadline")
@@ -397,3 +435,68 @@ def test_served_simulators_are_named(kind: str, place: tuple[str, ...], baud: in
         answer = looked(simulator.link)
     assert [(family, speed) for family, speed, _ in found(answer)] == [(kind, baud)]
     assert answer.rows[0]["link"] == simulator.link
+
+
+# -- beside others, and ended early -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("link", ["tcp://127.0.0.1:{}", "socket://127.0.0.1:{}"])
+def test_a_device_in_use_is_left_alone(link: str) -> None:
+    """Another handctl holds it: nothing is sent, not even a connection is made."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        server.settimeout(0.2)
+        place = link.format(server.getsockname()[1])
+        lock = hold(place, "handctl barrett close")
+        assert lock is not None
+        try:
+            answer = looked(place, "--deadline", "2")
+        finally:
+            lock.release()
+        assert (answer.code, answer.error["code"]) == (3, "busy")
+        assert "`handctl barrett close`" in answer.error["text"]
+        with pytest.raises(TimeoutError):
+            server.accept()
+
+
+def test_a_ctrl_c_keeps_what_was_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    probe = probe_of("wrist")
+
+    def ended(*_args: object) -> list[Row]:
+        raise KeyboardInterrupt
+
+    links = ("fake://ekso?clock=virtual", "fake://wrist?clock=virtual", "fake://exo?clock=virtual")
+    monkeypatch.setattr(probe, "probe", ended)
+    answer = run("scan", "--json", *(word for link in links for word in ("-p", link)))
+    assert (answer.code, answer.error["code"]) == (130, "interrupted")
+    assert [row["family"] for row in answer.rows] == ["ekso"]
+    assert answer.json["scan"]["links"] == list(links[:2])
+    assert len(answer.json["messages"]) == 1
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no /dev/full here")
+def test_a_trace_that_cannot_be_written_ends_nothing() -> None:
+    answer = looked("fake://ekso?clock=virtual", "--trace", "/dev/full")
+    assert (answer.code, answer.error["code"]) == (1, "output")
+
+
+def test_the_default_port_is_that_of_the_families_that_have_one() -> None:
+    answer = looked("tcp://127.0.0.1", "--family", "exo", "--deadline", "1")
+    assert answer.code == 2
+    assert "expected tcp://HOST:PORT" in answer.error["text"]
+
+
+def test_a_trace_of_a_scan_is_told_family_by_family(tmp_path: Path) -> None:
+    """Each request is decoded as the family that asked it."""
+    trace = tmp_path / "trace"
+    assert found(looked("fake://exo?clock=virtual", "--trace", str(trace))) == [("exo", 115200, 1)]
+    told = run("trace", "show", trace, "--json")
+    assert (told.code, told.json["statistics"]["family"]) == (0, "ekso, wrist, exo")
+    meanings = [row["meaning"] for row in told.rows if row["direction"] == "host" and row["kind"] == "frame"]
+    assert meanings[0] == "ask for GetTime"
+    assert "read pitch_actual: 2 bytes at 1020, id 1" in meanings
+    assert "read system_voltage: 2 bytes at 1472, id 1" in meanings
+    assert set(told.json["statistics"]["problems"]) == {"no-answer"}
+    assert told.json["messages"] == []
+    other = tmp_path / "other"
+    looked("fake://exo?clock=virtual&seed=1", "--trace", str(other))
+    assert run("trace", "diff", trace, other).code == 0  # the same, on another link

@@ -18,15 +18,13 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Any, NamedTuple
 
 from handctl.errors import UsageError
-from handctl.families import FAMILIES
+from handctl.families import FAMILIES, FAMILY_KEYS
 
 Check = Callable[[Any], Any]
 """Value as TOML has it -> value of the option. Raises ValueError with what is wrong."""
 
 DEVICE_KEYS = ("port", "id", "baud", "timeout", "deadline", "retries")
-"""What a named device may say beside its kind; port must be there."""
-FAMILY_KEYS = {"aidin": ("exchange", "poll_json", "tx_terminator")}
-"""What those of one family may say further."""
+"""What a named device may say beside its kind, and what `families` has for its family; port must be there."""
 NAME_HELP = "letters, digits, - and _"
 
 

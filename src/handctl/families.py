@@ -34,6 +34,9 @@ EXPLAINERS: dict[str, str] = {
 }
 """Family -> module:function that makes its explainer of recorded bytes."""
 
+FAMILY_KEYS: dict[str, tuple[str, ...]] = {"aidin": ("exchange", "poll_json", "tx_terminator")}
+"""Family -> options of its own that a named device may hold in the configuration file."""
+
 COMMANDS: dict[str, tuple[str, str]] = {**FAMILIES, **TOOLS}
 
 PROBES: dict[str, str] = {

@@ -41,7 +41,8 @@ def _root(tree: Node) -> str:
     page.para(escape(tree.help))
     page.para(
         "Options may stand at any level: before the command, after it or after its verb. The one nearest the verb wins. "
-        "Each has an environment variable."
+        "Each has an environment variable, and a key in the configuration file. The command line goes before the "
+        "environment, then comes what a named device says, then the file."
     )
     for text in texts.SAFETY:
         page.para(marked(text))
@@ -75,7 +76,8 @@ def _command(node: Node, tree: Node) -> str:
             page.item(_usage(leaf, len(node.path)), marked(first))
             _paragraphs(page, rest, inside=True)
             if leaf.writes and "-n, --dry-run" not in leaf.help:
-                page.more(f"It writes: {bold('-n')} shows the bytes and sends nothing.")
+                shows = "the bytes and sends" if node.path[0] in FAMILIES else "what would change and writes"
+                page.more(f"It writes: {bold('-n')} shows {shows} nothing.")
             _below(page, leaf, (*shared, *node.options))
     page.section("OPTIONS")
     _options(page, node.options)
@@ -209,6 +211,7 @@ def _environment(node: Node) -> Iterable[tuple[str, str]]:
         if option.env:
             long = option.names[-1]
             yield option.env, f"1 is the same as {bold(long)}." if option.value is None else _same(long, option.metavar)
+    yield "HANDCTL_CONFIG", f"Another configuration file than the one that {bold('handctl devices')} keeps."
     yield "NO_COLOR", f"Anything but an empty value: no colour, unless {bold('--color always')} is given."
 
 

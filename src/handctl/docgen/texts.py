@@ -36,11 +36,20 @@ SAFETY = (
 )
 
 FILES: dict[str, tuple[tuple[str, str], ...]] = {
-    "devices": (("$XDG_CONFIG_HOME/handctl/config.toml", "The named devices; by default below ~/.config."),),
+    "devices": (
+        (
+            "$XDG_CONFIG_HOME/handctl/config.toml",
+            "Options by their long names, with _ for -, and the named devices; by default below ~/.config.",
+        ),
+    ),
     "exo": (("exo-before-reset.json", "The snapshot that `factory-reset` writes first, here unless `--backup` says."),),
     "barrett": (
         ("$XDG_STATE_HOME/handctl/barrett-saves.json", "The count of EEPROM saves; by default below ~/.local/state."),
+        ("$XDG_STATE_HOME/handctl/barrett-greasing.json", "The greasings that `maintenance --greased` recorded."),
         ("$XDG_STATE_HOME/handctl/gcl-history", "The lines typed at the prompt of `gcl`."),
+    ),
+    "ekso": (
+        ("$XDG_STATE_HOME/handctl/ekso-audit.jsonl", "Who changed which setting; by default below ~/.local/state."),
     ),
     "completion": (
         ("$XDG_DATA_HOME/bash-completion/completions/handctl", "Installed for bash; by default below ~/.local/share."),

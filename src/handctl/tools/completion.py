@@ -50,8 +50,9 @@ def cli(shell: str, install: bool) -> Table:
 def place(shell: str) -> Path:
     """The user's own file for this shell, by the XDG base directories."""
     home = Path.home()
-    data = Path(os.environ.get("XDG_DATA_HOME") or home / ".local" / "share")
-    config = Path(os.environ.get("XDG_CONFIG_HOME") or home / ".config")
+    named = {name: Path(os.environ.get(f"XDG_{name}_HOME", "")) for name in ("DATA", "CONFIG")}
+    data = named["DATA"] if named["DATA"].is_absolute() else home / ".local" / "share"  # so says the XDG specification
+    config = named["CONFIG"] if named["CONFIG"].is_absolute() else home / ".config"
     match shell:
         case "bash":
             return data / "bash-completion" / "completions" / "handctl"

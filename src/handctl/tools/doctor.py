@@ -5,13 +5,13 @@ Diagnosing is its job: a link that cannot be opened, or a device that is silent,
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from handctl.clikit import Command
-from handctl.errors import CheckFailed, LinkError, UsageError
+from handctl.errors import CheckFailed, Interrupted, LinkError, UsageError
 from handctl.families import FAMILIES
 from handctl.result import Cell, Column, Grid, Row, Table
 from handctl.run import Family, Run
@@ -56,7 +56,12 @@ def cli(family: str | None, count: int) -> Table:
     checks = machine_checks(machine)
     kind = family or run.settings.kind
     if run.settings.port or run.settings.fake:
-        checks += examine(run, machine, kind, count)
+        try:
+            checks.extend(examine(run, machine, kind, count))
+        except KeyboardInterrupt:  # what was found until then is told
+            found = table(checks)
+            found.failure = Interrupted("interrupted")
+            return found
     elif kind is not None:
         raise UsageError(f"where is the {kind}?", hint="give -p LINK, -d NAME or --fake", code="no-link")
     return table(checks)
@@ -81,22 +86,23 @@ def _telling(check: Check) -> tuple[bool, bool]:
     return check.status != "fail", check.name != "speed"
 
 
-def examine(run: Run, machine: Machine, kind: str | None, reads: int) -> list[Check]:
-    """The checks of the link that the user named."""
+def examine(run: Run, machine: Machine, kind: str | None, reads: int) -> Iterator[Check]:
+    """The checks of the link that the user named, each as soon as it is known."""
     from handctl.tools.link_checks import LinkChecks, failed_open, port_checks
 
     if kind is None and run.settings.fake:
-        raise UsageError("which simulator?", hint="add --family exo, or -p fake://exo", code="no-family")
+        raise UsageError("which simulator?", hint=f"add --family {'|'.join(FAMILIES)}", code="no-family")
     run.family = family_of(kind) if kind is not None else Family("unknown", _no_device, 115200, wires=("serial", "can"))
     name = run.link_name()
-    checks = port_checks(machine, name)
+    yield from port_checks(machine, name)
     run.guide.progress(f"{name}: opening")
     try:
         link = run.open_link()
     except LinkError as exc:
-        return [*checks, *failed_open(exc)]
+        yield from failed_open(exc)
+        return
     speed = getattr(link, "baud", None)
-    checks.append(Check("open", "ok", f"{name} opens" + (f" at {speed} bit/s" if speed else "")))
+    yield Check("open", "ok", f"{name} opens" + (f" at {speed} bit/s" if speed else ""))
     seconds = run.settings.deadline or LINK_SECONDS
     settings = run.settings._replace(retries=0, timeout=run.settings.timeout or PING_TIMEOUT, deadline=seconds)
     family, probe = run.family, probe_of(kind) if kind is not None else None
@@ -107,11 +113,11 @@ def examine(run: Run, machine: Machine, kind: str | None, reads: int) -> list[Ch
     looking = LinkChecks(link, probe, device, reads, link.deadline(seconds), run.journal.counters)
     run.guide.progress(f"{name}: reading {reads} times")
     try:
-        checks.extend(looking.run())
+        yield from looking.run()
     except LinkError as exc:
-        checks.append(Check("connection", "fail", exc.text, exc.hint))
-    run.guide.done()
-    return checks
+        yield Check("connection", "fail", exc.text, exc.hint)
+    finally:
+        run.guide.done()
 
 
 def _no_device(link: Any, settings: Settings, journal: Journal) -> Any:

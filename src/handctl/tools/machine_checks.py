@@ -65,7 +65,9 @@ def packages() -> Check:
     """Versions of what handctl needs."""
     from importlib import metadata
 
-    seen, missing, old = [], [], []
+    seen: list[str] = []
+    missing: list[str] = []
+    old: dict[str, str] = {}
     for name, oldest in PACKAGES.items():
         try:
             version = metadata.version(name)
@@ -74,13 +76,14 @@ def packages() -> Check:
             continue
         seen.append(f"{name} {version}")
         if _numbers(version) < _numbers(oldest):
-            old.append(f"{name} {version} (needs {oldest})")
+            old[name] = f"{name} {version} (needs {oldest})"
     evidence = ", ".join(seen) or "no package tells its version"
     if missing and not seen:
         return Check("packages", "skipped", "a single-file build does not tell the versions of its parts")
     if missing or old:
-        wrong = ", ".join([*(f"{name} is missing" for name in missing), *old])
-        return Check("packages", "fail", f"{wrong}; {evidence}", "pip install --upgrade handctl")
+        wrong = ", ".join([*(f"{name} is missing" for name in missing), *old.values()])
+        needed = " ".join(f"'{name}>={PACKAGES[name]}'" for name in (*missing, *old))
+        return Check("packages", "fail", f"{wrong}; {evidence}", f"{sys.executable} -m pip install {needed}")
     return Check("packages", "ok", evidence)
 
 

@@ -55,7 +55,10 @@ def wire_of(link: str) -> str:
 
     if is_can(link):
         return "can"
-    return "tcp" if link.startswith(("tcp://", "fake://aidin")) else "serial"
+    simulated = link.removeprefix("fake://").partition("?")[0]
+    if link.startswith("fake://") and simulated in PROBES:
+        return probe_of(simulated).WIRES[0]
+    return "tcp" if link.startswith("tcp://") else "serial"
 
 
 def has_speed(link: Link) -> bool:

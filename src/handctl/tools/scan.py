@@ -15,26 +15,28 @@ What talks by itself before anything was asked is left alone: none of the serial
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
-from typing import IO, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import click
 
 from handctl import __version__
 from handctl.clikit import Command
-from handctl.errors import HandctlError, LinkError, NoAnswer, OutputError, ProtocolError, UsageError
+from handctl.errors import HandctlError, Interrupted, LinkError, NoAnswer, ProtocolError, UsageError
 from handctl.families import FAMILIES, PROBES
 from handctl.link import ByteLink, Link, open_link
+from handctl.link.lock import Lock, hold
 from handctl.link.tap import Tap
+from handctl.link.tracefile import TraceFile
 from handctl.options import SharedOption
 from handctl.param import ids_in
 from handctl.result import Column, Journal, Row, Table, hex_bytes
 from handctl.run import Run
 from handctl.tools.machine import Machine
-from handctl.tools.probes import FamilyProbe, has_speed, probe_of, wire_of
+from handctl.tools.probes import FamilyProbe, family_of, has_speed, probe_of, wire_of
+from handctl.tools.trace_read import FAMILY_EVENT
 
 LISTEN = 0.3
 TALKATIVE = 16
@@ -43,6 +45,7 @@ PAUSE = 0.5
 PORT_SECONDS = 15.0
 """Bound for one port when only the usual id is asked for; all ids take longer."""
 ALL_IDS_SECONDS = 60.0
+WIRE_NAMES = {"serial": "a serial line", "tcp": "TCP", "can": "CAN"}
 MODBUS_HINT = (
     "a hand of this maker on RS-485 may speak Modbus RTU only: 01 03 03 E8 00 01 04 7A reads its id (not sent)"
 )
@@ -64,11 +67,11 @@ class Step(NamedTuple):
 
 @dataclass(slots=True)
 class Search:
-    """What was tried on one link and what came: `met` is (step, code) for every probe without a device."""
+    """What was tried on one link and what came: `met` is (step, error) for every probe without a device."""
 
     link: str
     rows: list[Row] = field(default_factory=list)
-    met: list[tuple[Step, str]] = field(default_factory=list)
+    met: list[tuple[Step, HandctlError]] = field(default_factory=list)
     unasked: bytes = b""
     error: HandctlError | None = None
     expired: bool = False
@@ -99,10 +102,15 @@ class _ScanCommand(Command):
     type=click.Choice(list(FAMILIES)),
     help="Look for this one only; may be repeated.",
 )
-@click.option("--ids", metavar="FROM-TO", help="Ids to ask for, e.g. 1-254 (exo and wrist; default: --id, or 1).")
+@click.option(
+    "--ids", metavar="FROM-TO", help="Ids to ask for where devices have one, e.g. 1-254 (default: --id, or 1)."
+)
 @click.option("--all", "find_all", is_flag=True, help="Go on after the first device on a port.")
 def cli(links: tuple[str, ...], families: tuple[str, ...], ids: str | None, find_all: bool) -> Table:
-    """Find out which device answers on a port: family, speed, id. Read-only; a port that is in use is left alone."""
+    """Find out which device answers on a port: family, speed, id. Read-only; a port that is in use is left alone.
+
+    The ^C that a BarrettHand is looked for with ends a movement that it is in, and starts none.
+    """
     run: Run = click.get_current_context().obj
     settings = run.settings
     wanted = tuple(family for family in PROBES if not families or family in families)
@@ -113,9 +121,20 @@ def cli(links: tuple[str, ...], families: tuple[str, ...], ids: str | None, find
         names = free_ports(Machine(), run.journal)
     chosen = parse_ids(ids or str(settings.id or 1))
     seconds = settings.deadline or (PORT_SECONDS if len(chosen) == 1 else ALL_IDS_SECONDS)
-    with tracing(run) as tap:
-        scan = Scan(run, wanted, chosen, seconds, find_all, tap)
-        return report([scan.look(name) for name in names], wanted, run.journal)
+    trace = TraceFile(settings.trace, f"handctl {__version__} {run.command}", settings.verbose)
+    tap = Tap(trace.write) if settings.trace or settings.verbose else None
+    scan = Scan(run, wanted, chosen, seconds, find_all, tap)
+    searches: list[Search] = []
+    try:
+        for name in names:
+            searches.append(scan.look(name))
+            if isinstance(searches[-1].error, Interrupted):
+                break
+    finally:
+        trace.close()
+    table = report(searches, wanted, run.journal)
+    table.failure = table.failure or trace.failure
+    return table
 
 
 def free_ports(machine: Machine, journal: Journal) -> list[str]:
@@ -172,21 +191,31 @@ class Scan:
         self._tap = tap
 
     def look(self, name: str) -> Search:
-        """All probes on one link until a device answers. What fails is in the Search; LinkError of the link too."""
+        """All probes on one link until a device answers. What ends it early is in the Search."""
         search = Search(name)
         wire = wire_of(name)
-        try:
-            link = open_link(name, baud=self._run.settings.baud or 115200, tap=self._tap, tcp_port=8000)
-        except LinkError as exc:
-            search.error = exc
+        if not plan(wire, self._families, speeds=False):
+            text = f"{name}: {' and '.join(self._families)} cannot be on {WIRE_NAMES[wire]}"
+            search.error = UsageError(text, hint="another LINK, or without --family")
             return search
+        ports = [family_of(family).tcp_port for family in self._families] if wire == "tcp" else []
+        port = next(filter(None, ports), None)
+        lock: Lock | None = None
+        link: Link | None = None
         try:
+            lock = hold(name, f"handctl {self._run.command}", port)
+            link = open_link(name, baud=self._run.settings.baud or 115200, tap=self._tap, tcp_port=port)
             self._probes(link, wire, search)
         except LinkError as exc:
             search.error = exc
+        except KeyboardInterrupt:
+            search.error = Interrupted("interrupted")
         finally:
             self._run.guide.done()
-            link.close()
+            if link is not None:
+                link.close()
+            if lock is not None:
+                lock.release()
         return search
 
     def _probes(self, link: Link, wire: str, search: Search) -> None:
@@ -204,8 +233,10 @@ class Scan:
             if bound.expired:
                 search.expired = True
                 return
-            if before is not None and before.family == "aidin":
+            if before is not None and "serial" not in probe_of(before.family).WIRES:
                 link.sleep(PAUSE)
+            if before is None or before.family != step.family:
+                link.event(f"{FAMILY_EVENT}{step.family} on {search.link}")
             before = step
             at = f" at {step.speed}" if step.speed else ""
             self._run.guide.progress(f"{search.link}: {step.family}{at} ({number} of {len(steps)})")
@@ -214,17 +245,18 @@ class Scan:
             self._one(link, step, search, bound)
             if search.rows and not self._all:
                 return
+        search.expired = bound.expired  # the last probe may have been cut short
 
     def _one(self, link: Link, step: Step, search: Search, bound: Any) -> None:
-        """One probe; a hand that answers as a wrist is not counted again as an exo."""
+        """One probe; what has answered another family's probe with its id is not counted again."""
         probe: FamilyProbe = probe_of(step.family)
         try:
             rows = probe.probe(link, self._run.journal, bound, self._ids)
         except (NoAnswer, ProtocolError) as exc:
-            search.met.append((step, exc.code))
+            search.met.append((step, exc))
             return
-        known = {(row["baud"], row["id"]) for row in search.rows if row["family"] == "wrist"}
-        search.rows += [row for row in rows if step.family != "exo" or (row["baud"], row["id"]) not in known]
+        known = {(row["baud"], row["id"]) for row in search.rows if row["id"] is not None}
+        search.rows += [row for row in rows if (row["baud"], row["id"]) not in known]
 
 
 def _listen(link: ByteLink) -> bytes:
@@ -236,57 +268,31 @@ def _listen(link: ByteLink) -> bytes:
     return came
 
 
-@contextlib.contextmanager
-def tracing(run: Run) -> Iterator[Tap | None]:
-    """A tap for --trace and -v over all links of a run; None without them."""
-    path, verbose = run.settings.trace, run.settings.verbose
-    if not path and not verbose:
-        yield None
-        return
-    with contextlib.ExitStack() as stack:
-        file: IO[str] | None = None
-        try:
-            if path:
-                file = stack.enter_context(open(path, "w", encoding="utf-8", buffering=1))
-                file.write(f"# handctl {__version__} {run.command}\n")
-        except OSError as exc:
-            raise UsageError(f"{path}: the trace cannot be written: {exc.strerror or exc}") from exc
-
-        def write(line: str) -> None:
-            try:
-                if file is not None:
-                    file.write(line)
-            except OSError as exc:
-                raise OutputError(f"{path}: the trace cannot be written: {exc.strerror or exc}") from exc
-            if verbose:
-                run.guide.say(line.rstrip("\n"))
-
-        yield Tap(write)
-
-
 # -- what it means ------------------------------------------------------------------------------------------------
 
 
 def report(searches: Sequence[Search], families: Sequence[str], journal: Journal) -> Table:
     """All rows; for every link without a device, what was tried and what came instead."""
     table = Table(rows=[row for search in searches for row in search.rows], columns=COLUMNS)
-    empty = [search for search in searches if not search.rows]
-    errors = [_nothing(search) for search in empty]
+    stopped = [search.error for search in searches if isinstance(search.error, Interrupted)]
+    errors = [_nothing(search) for search in searches if not search.rows and search.error not in stopped]
     for error in errors if table.rows or len(errors) > 1 else ():
         journal.warn(error.code, error.text, hint=error.hint)
     for search in searches:
         if search.expired and search.rows:
             journal.warn("deadline", f"{search.link}: --deadline ended the search")
-    if not table.rows:
+    if stopped:
+        table.failure = stopped[0]
+    elif not table.rows:
         table.failure = errors[0] if len(errors) == 1 else _none(errors)
     table.extra = {
         "scan": {
             "links": [search.link for search in searches],
             "families": list(families),
             "tried": [
-                {"link": search.link, "family": step.family, "baud": step.speed, "came": code}
+                {"link": search.link, "family": step.family, "baud": step.speed, "came": error.code}
                 for search in searches
-                for step, code in search.met
+                for step, error in search.met
             ],
         }
     }
@@ -316,13 +322,13 @@ def _nothing(search: Search) -> HandctlError:
     tried = f"tried {_summary(search.met)}"
     if search.expired:
         return NoAnswer(f"{name}: --deadline ended the search; {tried}", hint="a longer --deadline", code="deadline")
-    codes = [code for _, code in search.met if code != NoAnswer.default_code]
-    if not codes:
+    met = {error.code: error for _, error in search.met if error.code != NoAnswer.default_code}
+    if not met:
         return NoAnswer(f"{name}: complete silence; {tried}", hint=SILENCE, code=NoAnswer.default_code)
-    if "boot-monitor" in codes:
-        hint = "wait until its firmware runs, then scan again; without firmware: `handctl barrett firmware`"
-        return ProtocolError(f"{name}: a BarrettHand in its boot monitor; {tried}", hint=hint, code="boot-monitor")
-    if set(codes) <= {"echo", "echo-differs"}:
+    if "boot-monitor" in met:
+        known = met["boot-monitor"]
+        return ProtocolError(f"{known.text}; {tried}", hint=known.hint, code=known.code)
+    if met.keys() <= {"echo", "echo-differs"}:
         hint = "an echo or a TX-RX short, no device: check the wiring"
         return ProtocolError(f"{name}: only our own bytes come back; {tried}", hint=hint, code="echo")
     return ProtocolError(f"{name}: bytes came, but no valid answer; {tried}", hint=GARBAGE, code="garbage")
@@ -335,11 +341,11 @@ SILENCE = (
 GARBAGE = "another kind of device, a disturbed line, two devices with one id, or an slcan adapter (-p can:slcan:PORT)"
 
 
-def _summary(met: Sequence[tuple[Step, str]]) -> str:
+def _summary(met: Sequence[tuple[Step, HandctlError]]) -> str:
     """``ekso at 115200 (no-answer), exo at 115200, 57600, 19200 (echo)``."""
     groups: dict[tuple[str, str], list[str]] = {}
-    for step, code in met:
-        groups.setdefault((step.family, code), []).append(str(step.speed) if step.speed else "")
+    for step, error in met:
+        groups.setdefault((step.family, error.code), []).append(str(step.speed) if step.speed else "")
     parts = []
     for (family, code), speeds in groups.items():
         at = f" at {', '.join(filter(None, speeds))}" if any(speeds) else ""

@@ -32,7 +32,7 @@ cli = Group(
 family_option = click.option(
     "--family",
     type=click.Choice(list(FAMILIES)),
-    help="Whose bytes they are (default: as the first line of the file says, else as the bytes look).",
+    help="Whose bytes they are (default: as the file says, else as the bytes look).",
 )
 
 
@@ -110,6 +110,7 @@ def decode(run: Run, family: str, hex_bytes: tuple[str, ...], side: str | None) 
     checksum is shown with the right one. Exit 7 when nothing in it is a valid frame.
     """
     from handctl.result import Column, Table
+    from handctl.tools.probes import probe_of
     from handctl.tools.trace_bytes import parse_given
     from handctl.tools.trace_read import explainer_of
 
@@ -117,7 +118,7 @@ def decode(run: Run, family: str, hex_bytes: tuple[str, ...], side: str | None) 
     explainer = explainer_of(family)
     pieces: list[Piece] = []
     for given in parse_given(text):
-        if given.can_id is not None and family != "wrist":
+        if given.can_id is not None and "can" not in probe_of(family).WIRES:
             raise UsageError(f"{family} has no CAN wire", hint="give the bytes alone")
         pieces += explainer.decode(given.data, side or given.side, given.can_id)
     columns = (Column("direction", "From"), Column("bytes", "Bytes"), Column("meaning", "Meaning"))
@@ -158,7 +159,7 @@ class _Telling:
     @property
     def extra(self) -> dict[str, Any]:
         """The statistics for the JSON envelope."""
-        return {} if self.statistics is None else {"statistics": {"family": self.family, **self.statistics.as_row()}}
+        return {} if self.statistics is None else {"statistics": self.statistics.as_row()}
 
 
 def _matcher(only: str | None, pattern: str | None) -> Callable[[Told], bool]:
@@ -217,7 +218,7 @@ def _write_text(run: Run, told: _Telling, matches: Callable[[Told], bool]) -> No
                 sink.write(row_text(row, width) + "\n")
             if sink.broken:
                 return
-        for line in statistics_text(told.statistics, told.family):
+        for line in statistics_text(told.statistics):
             sink.write(line + "\n")
 
 

@@ -13,7 +13,7 @@ from itertools import islice
 from typing import NamedTuple
 
 from handctl.piece import HOST, Piece, Value
-from handctl.tools.trace_read import Told
+from handctl.tools.trace_read import FAMILY_EVENT, Told
 
 WINDOW = 200
 """Exchanges that are looked ahead for the place where both meet again."""
@@ -60,7 +60,9 @@ def exchanges(told: Iterable[Told]) -> Iterator[Exchange]:
             if waiting is not None:
                 waiting.complete, waiting.answer = True, "no answer"
         elif row.piece is None:
-            line.append(Exchange(f"event {row.event}", row.first.line, request=f"event: {row.event}"))
+            # Where a scan looked counts as little as when.
+            event = row.event.partition(" on ")[0] if row.event.startswith(FAMILY_EVENT) else row.event
+            line.append(Exchange(f"event {event}", row.first.line, request=f"event: {event}"))
         elif row.request is not None and row.piece.answers in asked:
             waiting = asked.pop(row.piece.answers)
             waiting.complete, waiting.answer = True, row.meaning

@@ -27,6 +27,8 @@ OPEN_REQUESTS = 64
 MOST_TRIPS = 1_000_000
 """Round trips that go into the figures: those of the first hours of a long recording."""
 CASE = "# case "
+FAMILY_EVENT = "family "
+"""A scan's trace says so before it asks as another family: ``! family exo on /dev/ttyUSB0``."""
 MARKS = {">": HOST, "<": DEVICE}
 PLAIN_HINT = "a transcript is what --trace FILE records; a line is: [SECONDS] > HEX BYTES"
 
@@ -107,13 +109,23 @@ def family_in(comment: str) -> str:
     return named if named in FAMILIES else ""
 
 
+def family_of_event(entry: Entry) -> str:
+    """The family whose bytes follow this event; "" = none."""
+    name = entry.text.removeprefix(FAMILY_EVENT).partition(" ")[0]
+    return name if entry.text.startswith(FAMILY_EVENT) and name in EXPLAINERS else ""
+
+
 def chosen(lines: Iterator[Line], family: str, source: str) -> tuple[str, bool, Iterator[Line]]:
-    """(family, whether it was told from the bytes, all lines): from the option, the first comment, or the first bytes."""
+    """(family, whether it was told from the bytes, all lines): from the option, the first comment, the first bytes, or
+    an event before them that names it.
+    """
     seen: list[Line] = []
     for line in lines:
         seen.append(line)
         if line.entry is None and not family and line.number == 1:
             family = family_in(line.comment)
+        if line.entry is not None and not family:
+            family = family_of_event(line.entry)
         if family or (line.entry is not None and line.entry.data) or len(seen) > 10_000:
             break
     told = not family
@@ -217,8 +229,9 @@ def wire(piece: Piece) -> str:
 
 @dataclass(slots=True)
 class Statistics:
-    """What `trace show` counts."""
+    """What `trace show` counts. `families`: whose bytes they were taken for, in order."""
 
+    families: dict[str, None] = field(default_factory=dict)
     frames: dict[str, int] = field(default_factory=lambda: dict.fromkeys(SIDES, 0))
     count: dict[str, int] = field(default_factory=lambda: dict.fromkeys(SIDES, 0))
     stray: dict[str, int] = field(default_factory=lambda: dict.fromkeys(SIDES, 0))
@@ -255,7 +268,7 @@ class Statistics:
         """For the JSON envelope."""
         seconds = self.seconds
         return {
-            "frames": self.frames, "bytes": self.count, "stray_bytes": self.stray, "requests": self.requests,
+            "family": ", ".join(self.families), "frames": self.frames, "bytes": self.count, "stray_bytes": self.stray, "requests": self.requests,
             "answered": self.answered, "problems": self.problems,
             "seconds": None if seconds is None else round(seconds, 6),
             "bytes_per_second": None if not seconds else {side: round(self.count[side] / seconds, 1) for side in SIDES},
@@ -266,11 +279,12 @@ class Statistics:
 class Teller:
     """Lines -> told rows. `statistics` grow with what has been given out.
 
-    A comment ``# case NAME`` begins another conversation, as in a file of test vectors.
+    A comment ``# case NAME`` begins another conversation, as in a file of test vectors; an event ``! family NAME`` one
+    with another device.
     """
 
     def __init__(self, family: str) -> None:
-        self.statistics = Statistics()
+        self.statistics = Statistics(families={family: None})
         self._family = family
         self._explainer = explainer_of(family)
         self._stamps: dict[str, deque[list[Any]]] = {side: deque() for side in SIDES}
@@ -302,6 +316,9 @@ class Teller:
             yield from self._pieces(self._explainer.flush())
             yield from self._given_up(0)
             yield Told(stamp, stamp, event=entry.text)
+            if family := family_of_event(entry):
+                self._family, self._explainer = family, explainer_of(family)
+                self.statistics.families.setdefault(family)
             return
         direction = MARKS[entry.mark]
         if entry.time is not None:

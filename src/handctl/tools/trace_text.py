@@ -58,12 +58,12 @@ def _count(number: int, what: str) -> str:
     return f"{number} {what}{'' if number == 1 else 's'}"
 
 
-def statistics_text(statistics: Statistics, family: str) -> Iterator[str]:
+def statistics_text(statistics: Statistics) -> Iterator[str]:
     """The closing lines."""
     row: dict[str, Any] = statistics.as_row()
     rates = row["bytes_per_second"]
     yield ""
-    yield f"device      {family}"
+    yield f"device      {row['family']}"
     for side in SIDES:
         rate = f", {rates[side]:g} bytes/s" if rates else ""
         stray = f", {row['stray_bytes'][side]} of them in no frame" if row["stray_bytes"][side] else ""
