@@ -337,6 +337,8 @@ def test_a_babbling_line_ends_too(what: str) -> None:
         pytest.param("90 EB 01 04 11 C0 05 2E 09", "stale", id="another length"),
         pytest.param("90 EB 01 04 12 ED 03 01 08", "stale", id="an ack"),
         pytest.param("EB 90 01 04 11 E8 03 01 02", "stale", id="the request of a second master"),
+        pytest.param("90 90 EB A7 EB 90 64 18 EB", "garbage", id="junk of a wrong speed that holds a header"),
+        pytest.param("00 90 EB", "cut-short", id="cut after the header"),
         pytest.param("00 FF 55", "garbage", id="noise"),
         pytest.param("F8", "garbage", id="one byte"),
         pytest.param("90", "garbage", id="half a header"),

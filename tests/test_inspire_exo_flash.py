@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from handctl.devices.inspire import exo_flash as procedures
-from handctl.errors import DeviceRefused, HandctlError, NoAnswer
+from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer
 from handctl.guide import Guide
 from tests.support import (
     Reply,
@@ -169,6 +169,17 @@ def test_acks_without_end_do_not_hold_the_save() -> None:
     assert link.now() < 20.0
 
 
+@pytest.mark.parametrize("moment", [0.01, 0.1, 0.8])
+def test_an_interrupted_save_says_that_it_was_sent(moment: float) -> None:
+    link = ScriptedLink(lambda request: [(0.05, unhex(SAVE_ACK)), (1.0, unhex("90 EB 01 04 11 ED 03 00 06"))])
+    link.interrupt_at = moment
+    with pytest.raises(HandctlError) as caught:
+        procedures.save(hand_on(link), Guide())
+    assert caught.value.exit_code == 130
+    assert "save was sent" in caught.value.text
+    assert changing(link.sent) == [SAVE]
+
+
 # -- factory reset ----------------------------------------------------------------------------------------------------
 
 
@@ -200,3 +211,24 @@ def test_reset_on_a_line_with_echo() -> None:
     procedures.factory_reset(hand)
     assert hand.bus.id == 1
     assert len(changing(link.sent)) == 1
+
+
+def test_an_interrupted_reset_says_that_it_was_sent() -> None:
+    hand, link = fake_hand()
+    link.interrupt_at = 0.5
+    with pytest.raises(HandctlError) as caught:
+        procedures.factory_reset(hand)
+    assert caught.value.exit_code == 130
+    assert "reset was sent" in caught.value.text
+    assert "scan" in caught.value.hint
+
+
+def test_a_link_lost_during_a_save_or_a_reset_is_told() -> None:
+    hand, _ = fake_hand("fault=disconnect")
+    with pytest.raises(LinkError) as caught:
+        procedures.save(hand, Guide())
+    assert "whether it is done is unknown" in caught.value.text
+    hand, _ = fake_hand("fault=disconnect")
+    with pytest.raises(LinkError) as caught:
+        procedures.factory_reset(hand)
+    assert "reset was sent" in caught.value.text

@@ -7,10 +7,13 @@ from collections.abc import Callable
 import pytest
 
 from handctl.devices.inspire import exo_motion as procedures
-from handctl.errors import DeviceRefused, HandctlError, NoAnswer
+from handctl.devices.inspire import exo_raw
+from handctl.devices.inspire.registers import EXO
+from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer
 from handctl.guide import Guide
 from tests.support import (
     NotedGuide,
+    RecordedLink,
     Reply,
     ScriptedLink,
     changing,
@@ -201,3 +204,134 @@ def test_hold_that_fails_is_told() -> None:
         procedures.move(hand_on(link), TARGET, Guide(), wait=5.0)
     assert caught.value.exit_code == 130
     assert "could NOT be stopped" in caught.value.text
+
+
+# -- Ctrl-C while an answer is awaited --------------------------------------------------------------------------------
+
+RELEASE = "EB 90 01 0B 31 00 00 00 00 00 00 00 00 00 00 3D"
+
+
+def interrupted(link: RecordedLink, act: Callable[[], object]) -> HandctlError:
+    """What Ctrl-C ends in when the first write has been sent, and its answer has not come."""
+    send = link.write
+
+    def write(data: bytes, deadline: object) -> None:
+        send(data, deadline)  # type: ignore[arg-type]
+        if len(changing(link.sent)) == 1 and data == link.sent[-1] and data[4] != 0x11:
+            link.interrupt_at = 0.0
+
+    link.write = write  # type: ignore[method-assign]
+    with pytest.raises(HandctlError) as caught:
+        act()
+    assert caught.value.exit_code == 130
+    return caught.value
+
+
+def test_interrupted_force_command_is_released() -> None:
+    """The force would stay on the worn hand (exo §2.2.1); Ctrl-C stops it (cli contract, 5 and 7)."""
+    hand, link = fake_hand("turnaround=0.2")
+    error = interrupted(link, lambda: procedures.command(hand, "force", [100, 0, 0, 0, -100], Guide()))
+    assert changing(link.sent) == ["EB 90 01 0B 31 64 00 00 00 00 00 00 00 9C FF 3C", RELEASE]
+    assert "all forces were commanded to 0" in error.text
+
+
+def test_interrupted_position_command_is_held() -> None:
+    hand, link = fake_hand("turnaround=0.2")
+    error = interrupted(link, lambda: procedures.command(hand, "position", [900] * 5, Guide()))
+    assert "hold at" in error.text
+    assert [frame[12:14] for frame in changing(link.sent)] == ["32", "32"]
+
+
+@pytest.mark.parametrize(
+    ("text", "stopped"),
+    [("position_set.index=900", "hold at"), ("force_set.little=100", "all forces were commanded to 0")],
+)
+def test_interrupted_set_is_stopped(text: str, stopped: str) -> None:
+    """`set`, `restore` and `write` move the hand as the commands do (exo §2.3.7, §2.3.8)."""
+    hand, link = fake_hand("turnaround=0.2")
+    error = interrupted(link, lambda: hand.write(EXO.assignments([text])))
+    assert stopped in error.text
+    assert len(changing(link.sent)) == 2
+
+
+def test_interrupted_write_by_address_is_stopped() -> None:
+    hand, link = fake_hand("turnaround=0.2")
+    error = interrupted(link, lambda: exo_raw.write(hand, 1498, unhex("64 00")))
+    assert "all forces were commanded to 0" in error.text
+
+
+def test_interrupted_write_of_what_does_not_move_is_told() -> None:
+    hand, link = fake_hand("turnaround=0.2")
+    error = interrupted(link, lambda: hand.write(EXO.assignments(["baud_code=1"])))
+    assert error.text == "interrupted: baud_code may be written or not"
+    assert len(changing(link.sent)) == 1
+
+
+def test_a_release_without_an_answer_is_told() -> None:
+    link = ScriptedLink()
+    link.interrupt_at = 0.1
+    hand = hand_on(link)
+    with pytest.raises(HandctlError) as caught:
+        procedures.command(hand, "force", [100] * 5, Guide())
+    assert hexed(link.sent[-1]) == RELEASE
+    assert "NOT answered" in caught.value.text
+    assert "power" in caught.value.text
+
+
+def test_the_deadline_does_not_keep_a_hand_from_being_stopped() -> None:
+    hand, link = fake_hand("turnaround=0.2")
+    hand.bus.bound = link.deadline(0.1)
+    link.interrupt_at = 0.15
+    hand.bus.timeout = 0.5
+    assert "commanded to 0" in procedures.stop(hand, ["force_set"])
+
+
+@pytest.mark.parametrize("which", ["force", "position"])
+def test_a_lost_answer_of_a_command_says_that_the_hand_may_act(which: str) -> None:
+    """Never blindly repeated: after a lost reply, read first (cli contract, 7)."""
+    hand, link = fake_hand("fault=silent")
+    with pytest.raises(NoAnswer):
+        procedures.command(hand, which, [1, 2, 3, 4, 5], Guide())
+    assert "may act" in message(hand, "ack-lost")
+    assert len(changing(link.sent)) == 1
+
+
+def test_a_command_that_was_not_sent_is_not_said_to_act() -> None:
+    hand, link = fake_hand()
+    hand.bus.bound = link.deadline(0.0)
+    link.sleep(0.1)
+    with pytest.raises(NoAnswer):
+        procedures.command(hand, "force", [1, 2, 3, 4, 5], Guide())
+    assert (link.sent, codes(hand)) == ([], [])
+
+
+# -- a link that is lost, a hand that falls silent ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("fault", ["disconnect", "silent", "bad-checksum"])
+def test_a_motion_that_cannot_be_watched_any_more_may_go_on(fault: str) -> None:
+    hand, link = fake_hand(f"fault={fault}&after=3")
+    with pytest.raises(HandctlError) as caught:
+        procedures.move(hand, [1000] * 5, Guide(), wait=5.0)
+    assert caught.value.exit_code == {"disconnect": 3, "silent": 4, "bad-checksum": 5}[fault]
+    assert "the fingers may still move" in caught.value.text
+    assert "power" in caught.value.hint
+    assert len(changing(link.sent)) == 1
+
+
+def test_a_link_lost_during_a_command_or_a_write_is_told() -> None:
+    hand, _ = fake_hand("fault=disconnect")
+    with pytest.raises(LinkError) as caught:
+        procedures.command(hand, "force", [100] * 5, Guide())
+    assert "may still move" in caught.value.text
+    hand, _ = fake_hand("fault=disconnect")
+    with pytest.raises(LinkError) as caught:
+        hand.write(EXO.assignments(["position_set.index=300"]))
+    assert "position_set.index may be written or not, the device may move" in caught.value.text
+
+
+def test_a_link_lost_during_a_calibration_says_that_it_goes_on() -> None:
+    hand, _ = fake_hand("fault=disconnect")
+    with pytest.raises(LinkError) as caught:
+        procedures.calibrate(hand, Guide())
+    assert "goes on calibrating" in caught.value.text

@@ -183,6 +183,17 @@ def test_hand_gone_after_the_id_change() -> None:
     assert changing(link.sent) == [ID_2]
 
 
+def test_an_interrupted_id_change_names_the_id_the_hand_may_have() -> None:
+    hand, link = fake_hand("turnaround=0.1")
+    link.interrupt_at = 0.75  # the new id was asked twice, the old one once
+    with pytest.raises(HandctlError) as caught:
+        procedures.change_id(hand, 9)
+    assert caught.value.exit_code == 130
+    assert "9" in caught.value.text
+    assert "scan" in caught.value.hint
+    assert len(changing(link.sent)) == 1
+
+
 def test_refused_id_change_is_a_refusal() -> None:
     hand, link = fake_hand("fault=refuse")
     with pytest.raises(DeviceRefused):

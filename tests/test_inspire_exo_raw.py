@@ -313,3 +313,75 @@ def test_exchange_finds_frames_around_a_false_header() -> None:
 
     table = exo_raw.exchange(hand_on(ScriptedLink(answer)), unhex(READ_VOLTAGE), 0.2)
     assert [row["raw"] for row in table.rows] == [VOLTAGE]
+
+
+# -- writes by raw bytes, a save by raw bytes ---------------------------------------------------------------------------
+
+SAVE = "EB 90 01 04 12 ED 03 01 08"
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        (SAVE, "save = 1"),
+        ("EB 90 01 04 12 EE 03 01 09", "factory_reset = 1"),
+        ("EB 90 01 04 12 F1 03 01 0C", "calibrate = 1"),
+        (INDEX_300, "position_set.index = 300"),
+    ],
+)
+def test_a_raw_write_is_named_before_it_is_confirmed(data: str, words: str) -> None:
+    """Someone may be wearing the hand: 1009 is not a number to say yes to (exo §2.3)."""
+    assert words in exo_raw.plan_raw(unhex(data), False).meaning
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        pytest.param("EB 90 01 05 12 CE 05 E9 03 D7", id="position_set 1001"),
+        pytest.param("EB 90 01 05 12 CE 05 FE FF E8", id="position_set -2"),
+        pytest.param("EB 90 01 05 12 DA 05 17 FC 0A", id="force_set -1001"),
+        pytest.param("EB 90 01 04 12 E8 03 00 02", id="id 0"),
+        pytest.param("EB 90 01 04 12 E9 03 03 06", id="baud_code 3"),
+        pytest.param("EB 90 FF 04 12 E8 03 02 02", id="to id 255"),
+        pytest.param("EB 90 00 0B 32 F4 01 90 01 2C 01 C8 00 64 00 1C", id="to id 0"),
+    ],
+)
+def test_raw_writes_out_of_range_are_refused_unless_forced(data: str) -> None:
+    """Out of range is refused (cli contract, 7); ids 0 and 255 are never sent to (dossier, 1.1)."""
+    with pytest.raises(UsageError) as caught:
+        exo_raw.plan_raw(unhex(data), False)
+    assert "--force-ambiguous" in caught.value.hint
+    assert exo_raw.plan_raw(unhex(data), True).moves
+
+
+@pytest.mark.parametrize("flag", ["17", "18"])
+def test_the_result_of_a_raw_save_is_no_refusal(flag: str) -> None:
+    """00 is saved, whichever flag the result has (dossier, E12 and 4.3)."""
+    hand, _ = fake_hand(f"result-flag={flag}")
+    table = exo_raw.exchange(hand, unhex(SAVE), 2.0)
+    assert [row["meaning"] for row in table.rows] == ["accepted", "saved"]
+    assert table.failure is None
+
+
+@pytest.mark.parametrize("flag", ["17", "18"])
+def test_a_raw_save_that_failed_is_exit_6(flag: str) -> None:
+    hand, _ = fake_hand(f"fault=save-fails&result-flag={flag}")
+    table = exo_raw.exchange(hand, unhex(SAVE), 2.0)
+    assert [row["meaning"] for row in table.rows] == ["accepted", "save failed"]
+    assert table.failure is not None
+    assert table.failure.exit_code == 6
+
+
+def test_bytes_shorter_than_a_frame_with_a_late_answer() -> None:
+    link = ScriptedLink(lambda request: [(0.1, unhex("90 EB 01 04 12 ED 03 FF 06"))])
+    table = exo_raw.exchange(hand_on(link), unhex("EB 90 01"), 0.5)
+    assert [row["address"] for row in table.rows] == [1005]
+    assert table.failure is None
+
+
+def test_interrupted_raw_bytes_are_told() -> None:
+    step = exo_raw.plan_raw(unhex("EB 90 01 04 12 F1 03 01 0C"), False)
+    with pytest.raises(HandctlError) as caught, exo_raw.goes_on(step):
+        raise KeyboardInterrupt
+    assert caught.value.exit_code == 130
+    assert "calibrate = 1" in caught.value.text

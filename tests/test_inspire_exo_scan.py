@@ -267,6 +267,30 @@ def test_the_deadline_of_the_command_ends_the_scan() -> None:
     table = scan_hand(hand, window=1, speeds=SPEEDS)
     assert table.rows == []
     assert bench.link.now() < 0.6
+    assert table.failure is not None
+    assert (table.failure.code, table.failure.exit_code) == ("deadline", 4)
+    assert "silence" not in table.failure.text, "most ids were not asked"
+
+
+def test_nothing_is_sent_after_the_deadline() -> None:
+    bench = Bench()
+    bound = bench.link.deadline(0.3)
+    scan_hand(hand_on(bench.link, bound=bound), window=1, speeds=SPEEDS)
+    assert max(bench.link.sent_at) <= bound.at
+
+
+def test_a_deadline_that_was_long_enough_is_not_blamed() -> None:
+    bench = Bench()
+    table = scan_hand(hand_on(bench.link, bound=bench.link.deadline(30.0)), speeds=SPEEDS)
+    assert table.failure is not None
+    assert table.failure.code == "no-answer"
+
+
+def test_a_twin_on_a_link_without_a_speed_is_told_without_one() -> None:
+    hand, _ = fake_hand("fault=twin-id&jitter=1")
+    hand.link.baud, hand.link.can_set_baud = None, False
+    scan_hand(hand, ids=[1])
+    assert not any("None" in entry.text for entry in hand.journal.messages)
 
 
 def test_a_flood_ends_too() -> None:

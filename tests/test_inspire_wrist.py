@@ -303,7 +303,7 @@ def test_an_unusual_time_is_remarked(time: int, warned: bool) -> None:
         ("fault=faults", ["error_1: locked_rotor", "error_2: over_current"]),
         ("fault=over-temperature", ["error_2: over_temperature"]),
         ("fault=unknown-bits", ["error_2: unknown_bit_5, unknown_bit_7"]),
-        ("fault=foreign", ["pitch_actual = 30.0", "yaw_actual = 30.01"]),
+        ("fault=foreign", ["pitch_actual = 30.00 ", "yaw_actual = 30.01 "]),
     ],
 )
 def test_findings(wire: str, query: str, findings: list[str]) -> None:
@@ -317,6 +317,15 @@ def test_findings(wire: str, query: str, findings: list[str]) -> None:
     if table.failure is not None:
         assert (table.failure.code, table.failure.exit_code) == ("unhealthy", 7)
     assert wrist.status(False).failure is None
+
+
+def test_a_movement_time_outside_this_tools_range_is_not_unhealthy() -> None:
+    """The manual gives no range (wrist §2.1): 0 may be what a wrist wakes up with."""
+    wrist, link = fake_wrist()
+    link.inner._line.command("set 1042 0000")  # type: ignore[attr-defined]
+    table = wrist.status(True)
+    assert (table.failure, wrist.journal.messages) == (None, [])
+    assert next(row["value"] for row in table.rows if row["name"] == "move_time") == 0
 
 
 def test_error_bits_are_said_to_be_assumed() -> None:

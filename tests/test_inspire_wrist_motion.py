@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from handctl.devices.inspire.registers import WRIST
 from handctl.errors import HandctlError, Interrupted, NoAnswer, UsageError
 from handctl.guide import Guide
 from handctl.result import Table
@@ -220,6 +221,28 @@ def test_the_deadline_ends_the_wait_and_says_that_it_may_still_move(wire: str) -
     assert "may still move" in caught.value.text
     assert link.now() == pytest.approx(0.5, abs=0.1)
     assert len(writes_of(link)) == 1
+
+
+@pytest.mark.parametrize("wire", WIRES)
+@pytest.mark.parametrize(("fault", "exit_code"), [("disconnect", 3), ("silent", 4), ("truncate", 5)])
+def test_a_movement_that_cannot_be_watched_any_more_may_go_on(wire: str, fault: str, exit_code: int) -> None:
+    wrist, link = fake_wrist(wire, f"fault={fault}&after=4")
+    with pytest.raises(HandctlError) as caught:
+        move(wrist, 20.0, None, 2000)
+    assert caught.value.exit_code == exit_code
+    assert "the wrist may still move" in caught.value.text
+    assert len(writes_of(link)) == 1
+
+
+@pytest.mark.parametrize("wire", WIRES)
+def test_an_interrupted_set_is_held(wire: str) -> None:
+    """`set` moves as `move` does (wrist §2.1)."""
+    link: RecordedLink | RecordedFrames
+    wrist, link = fake_wrist(wire, "turnaround=0.2")
+    link.interrupt_at = 0.1
+    with pytest.raises(Interrupted) as caught:
+        wrist.write(WRIST.assignments(["yaw_set=20", "move_time=500"]))
+    assert "commanded to stay" in caught.value.text
 
 
 # -- at the command line ----------------------------------------------------------------------------------------------

@@ -195,6 +195,7 @@ def test_raw_can_shows_the_answer_and_the_traffic() -> None:
         ("device", 1, "11000001 [4] 6F 00 DE 00"),
     ]
     assert rows[2]["meaning"].startswith("read wrist, address 1024, id 1, 4 bytes")
+    assert "current_1024 = 111 mA" in rows[2]["meaning"], "decoded, as on the serial wire"
     assert link.now() == pytest.approx(0.5)
 
 
@@ -332,6 +333,50 @@ def test_hand_write_asks_and_is_read_back(wire: str) -> None:
     assert (row["address"], row["raw"]) == (1486, "F4 01")
     guarded = run("wrist", "hand-write", "1038", "18FC", "-p", port, "--yes", "--json")
     assert (guarded.code, guarded.json["counters"]["sent"]) == (2, 0)
+
+
+@pytest.mark.parametrize("wire", WIRES)
+def test_what_starts_something_in_the_hand_is_not_read_back(wire: str) -> None:
+    """A save is followed by a result of its own, and reads 0 again (RH56 §2.4.4; dossier, 4.3)."""
+    wrist, link = fake_wrist(wire)
+    table = wrist_raw.hand_write(wrist, 1005, b"\x01")
+    assert (table.failure, len(link.sent)) == (None, 1)
+
+
+@pytest.mark.parametrize("query", ["", "ack-id=old", "fault=echo"])
+@pytest.mark.parametrize("wire", WIRES)
+def test_a_new_id_is_read_back_through_it(wire: str, query: str) -> None:
+    """The acknowledgement comes from the new id already (RH56 ch. 3 ex. 1)."""
+    wrist, _ = fake_wrist(wire, query if wire == "serial" or "ack" not in query else "")
+    table = wrist_raw.hand_write(wrist, 1000, b"\x05")
+    assert (table.failure, table.rows[0]["raw"]) == (None, "05")
+    assert any("--id 5" in entry.hint for entry in wrist.journal.messages)
+
+
+def test_an_id_that_the_hand_did_not_take_is_a_failed_check() -> None:
+    answers = {
+        "EB 90 01 04 12 E8 03 05 07": "90 EB 01 04 12 E8 03 01 03",
+        "EB 90 01 04 11 E8 03 01 02": "90 EB 01 04 11 E8 03 01 02",
+    }
+    link = ScriptedLink(lambda request: [(0.0, unhex(answers[hexed(request)]))] if hexed(request) in answers else [])
+    failure = wrist_raw.hand_write(wrist_on(link), 1000, b"\x05").failure
+    assert isinstance(failure, CheckFailed)
+    assert "reads 01 after 05" in failure.text
+
+
+def test_impossible_ids_are_not_written_into_the_hand() -> None:
+    wrist, _ = fake_wrist()
+    for data in (b"\x00", b"\xff"):
+        with pytest.raises(UsageError):
+            wrist_raw.plan_hand_write(wrist, 1000, data, True)
+
+
+@pytest.mark.parametrize(("fault", "code"), [("silent", 4), ("wrong-id", 5)])
+def test_the_hand_behind_a_wrist_is_no_exo(fault: str, code: int) -> None:
+    answer = run("wrist", "hand-read", "1000", "1", "-p", fake_port("serial", f"fault={fault}"), "--json")
+    assert answer.code == code
+    assert "exo" not in answer.error["hint"]
+    assert "handctl wrist scan" in answer.error["hint"]
 
 
 def test_hand_write_that_did_not_take() -> None:

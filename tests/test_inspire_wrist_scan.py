@@ -229,7 +229,7 @@ def test_a_babbling_bus_ends() -> None:
 def test_the_deadline_ends_a_scan() -> None:
     bus = Bus()
     wrist = wrist_on(bus.link, bound=bus.link.deadline(0.05))
-    assert scan(wrist).failure is not None
+    assert ended(scan(wrist)) == ("deadline", 4)
     assert bus.link.now() <= 0.1
     assert len(bus.link.sent) < 254
 
@@ -302,3 +302,11 @@ def test_scan_at_the_command_line(wire: str) -> None:
 def test_impossible_ids_send_nothing(wire: str, ids: str) -> None:
     result = run("wrist", "scan", "--ids", ids, "-p", fake_port(wire), "--json")
     assert (result.code, result.json["counters"]["sent"]) == (2, 0)
+
+
+def test_a_given_speed_is_the_one_that_is_asked() -> None:
+    """The hand behind it knows other speeds (RH56 §2.4.2); --baud is not passed over."""
+    port = "fake://wrist?baud=57600&clock=virtual"
+    (row,) = run("wrist", "scan", "--ids", "1-3", "--baud", "57600", "-p", port, "--json").rows
+    assert row["baud"] == 57600
+    assert run("wrist", "scan", "--ids", "1-3", "-p", port, "--json").code == 4

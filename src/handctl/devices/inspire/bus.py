@@ -6,11 +6,12 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.eb90 import Decoder, Frame
-from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError
+from handctl.errors import DeviceRefused, HandctlError, Interrupted, LinkError, NoAnswer, ProtocolError
 from handctl.link import ByteLink, Deadline, Link
 from handctl.param import Step
 from handctl.result import Journal, hex_bytes
@@ -20,6 +21,35 @@ DEFAULT_TIMEOUT = 0.3
 DEFAULT_RETRIES = 2
 PATIENCE = 4
 """An answer that has begun and keeps coming may take this many timeouts in all."""
+
+
+@contextmanager
+def telling(left_behind: str, hint: str) -> Iterator[None]:
+    """Ctrl-C, or a link that is lost, in here is told with what it leaves behind. Raises Interrupted, LinkError."""
+    try:
+        yield
+    except KeyboardInterrupt as exc:
+        raise Interrupted(f"interrupted: {left_behind}", hint=hint) from exc
+    except LinkError as exc:
+        add(exc, left_behind, hint)
+        raise
+
+
+@contextmanager
+def watching(what: str) -> Iterator[None]:
+    """Whatever keeps a movement from being watched to its end is told with: it may still move."""
+    try:
+        yield
+    except (NoAnswer, ProtocolError, LinkError) as exc:
+        if exc.code != "deadline":
+            add(exc, f"{what} may still move", "switch the power off if that is dangerous")
+        raise
+
+
+def add(error: HandctlError, left_behind: str, hint: str) -> None:
+    """Tell in an error what it leaves behind, and that step first."""
+    error.text = f"{error.text}; {left_behind}"
+    error.hint = ". ".join(filter(None, (hint, error.hint)))
 
 
 class RegisterBus(ABC):
@@ -314,7 +344,8 @@ def explain(request: bytes, received: bytes) -> tuple[str, str]:
         return "bad-checksum", "the answer's checksum is wrong"
     if frames:
         return "stale", "a valid frame came, but not the answer to this request"
-    if pending >= 2 and eb90.DEVICE in rest:
+    # At a wrong speed 90 EB may come by chance: with the id behind it, or nothing, it is the beginning of an answer.
+    if pending >= 2 and (rest.endswith(eb90.DEVICE) or eb90.DEVICE + request[2:3] in rest):
         return "cut-short", f"the answer was cut off after {len(rest)} bytes"
     return "garbage", f"{len(rest)} bytes came that form no frame"
 

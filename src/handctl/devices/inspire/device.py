@@ -6,12 +6,13 @@ Everything is checked against the map before a byte is sent; a write is sent onc
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import contextmanager
 
 from handctl.devices.inspire.blocks import BlockReader, Memory
-from handctl.devices.inspire.bus import RegisterBus
+from handctl.devices.inspire.bus import RegisterBus, add
 from handctl.devices.inspire.registers import Register, register_of
-from handctl.errors import CheckFailed, HandctlError, NoAnswer, ProtocolError
+from handctl.errors import CheckFailed, HandctlError, Interrupted, LinkError, NoAnswer, ProtocolError
 from handctl.link import Link
 from handctl.param import Element, Number, ParamMap, Reading, Step
 from handctl.result import Column, Grid, Journal, Row, Table, hex_bytes
@@ -123,8 +124,35 @@ class RegisterDevice(ABC):
         """Write checked changes one frame at a time and read all of them back.
 
         A write without an answer is not repeated: the read-back decides. Raises DeviceRefused when a write is
-        refused; CheckFailed when the read-back differs, which it says with both values.
+        refused; CheckFailed when the read-back differs, which it says with both values; Interrupted on Ctrl-C, after
+        what moves was stopped.
         """
+        with self.stopping(
+            ", ".join(element.full_name for element, _ in changes),
+            {element.param.name for element, _ in changes if element.param.moves},
+        ):
+            return self._written(changes)
+
+    @contextmanager
+    def stopping(self, what: str, moving: Collection[str]) -> Iterator[None]:
+        """Ctrl-C while `what` is written stops the registers `moving` set going. Raises Interrupted."""
+        try:
+            yield
+        except KeyboardInterrupt as exc:
+            raise Interrupted(
+                f"interrupted: {self.stop(moving) if moving else f'{what} may be written or not'}",
+                hint=f"`handctl {self.kind} get` shows what it holds now",
+            ) from exc
+        except LinkError as exc:
+            may_move = ", the device may move" if moving else ""
+            add(exc, f"{what} may be written or not{may_move}", f"`handctl {self.kind} get` shows what it holds")
+            raise
+
+    @abstractmethod
+    def stop(self, names: Collection[str]) -> str:
+        """Stop what was set going by writing `names`, by the manual's means; returns in words what became of it."""
+
+    def _written(self, changes: Sequence[tuple[Element, Number]]) -> list[Reading]:
         written: list[str] = []
         for run in self.runs(changes):
             address, data = _encoded(run)

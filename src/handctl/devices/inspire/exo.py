@@ -6,13 +6,13 @@ save, calibration …) are in `exo_procedures`, the search for hands in `scan`.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.device import RegisterDevice
 from handctl.devices.inspire.registers import BAUD_RATES, EXO, FINGERS
-from handctl.errors import CheckFailed
+from handctl.errors import CheckFailed, NoAnswer, ProtocolError, UsageError
 from handctl.param import Element, Number, Reading, Step, elements_of
 from handctl.result import Cell, Grid, Row, Table, hex_bytes
 
@@ -64,6 +64,12 @@ class ExoHand(RegisterDevice):
                 readings += self.read([element])
         return readings
 
+    def stop(self, names: Collection[str]) -> str:
+        """Hold positions, release forces: the manual has no stop command."""
+        from handctl.devices.inspire.exo_motion import stop
+
+        return stop(self, names)
+
     def find_for_restore(self, values: dict[str, Number]) -> None:
         """Make `bus.id` the one that answers: after an interrupted restore that may be the snapshot's id already."""
         from handctl.devices.inspire.exo_procedures import probe
@@ -78,7 +84,17 @@ class ExoHand(RegisterDevice):
     def command(self, which: str, values: Sequence[int]) -> Table:
         """Send a force or position command and show its reply: positions after force, forces after position."""
         replied = EXO["position_actual"] if which == "force" else EXO["force_actual"]
-        numbers = self.bus.command(COMMAND_FLAGS[which], values)
+        sent = self.journal.counters.sent
+        try:
+            numbers = self.bus.command(COMMAND_FLAGS[which], values)
+        except (NoAnswer, ProtocolError):
+            if self.journal.counters.sent > sent:
+                self.journal.warn(
+                    "ack-lost",
+                    f"the {which} command was not answered: the hand may act on it all the same",
+                    hint=f"look with `handctl exo get {which}_set position_actual` before you repeat it",
+                )
+            raise
         readings = [
             Reading(element, number, eb90.pack_s16([number]))
             for element, number in zip(elements_of(replied), numbers, strict=True)
@@ -126,6 +142,24 @@ class ExoHand(RegisterDevice):
                 hint="on another hand this address may erase settings. Check the type plate; "
                 "--skip-identity-check overrides. Nothing was written.",
                 code="not-an-exo",
+            )
+
+
+COMMAND_RANGES = {"force": (-1000, 1000, "exo §2.2.1"), "position": (0, 1000, "exo §2.2.2")}
+"""Lowest, highest, section. The position command has no -1, which its register has."""
+
+
+def check_command(which: str, values: Sequence[int]) -> None:
+    """Refuse values that the force or position command does not have. Raises UsageError."""
+    low, high, source = COMMAND_RANGES[which]
+    for finger, value in zip(FINGERS, values, strict=True):
+        if not low <= value <= high:
+            alone = value == -1 and which == "position"
+            other = f"; to leave a finger alone: `handctl exo set position_set.{finger}=-1`" if alone else ""
+            raise UsageError(
+                f"{which} command with {value} for {finger}: out of range",
+                hint=f"allowed: {low}..{high} ({source}){other}. Nothing was sent.",
+                code="out-of-range",
             )
 
 
@@ -189,7 +223,8 @@ def registers_view(rows: list[Row]) -> list[Grid]:
         first = next(iter(mine.values()))
         values: list[str | Cell] = [cell(mine[None]) if None in mine else ""] if scalars else []
         values += [cell(mine[finger]) if finger in mine else "" for finger in fingers]
-        lines.append((name, "" if first["address"] is None else str(first["address"]), *values, first["unit"] or ""))
+        address = min((row["address"] for row in mine.values() if row["address"] is not None), default="")
+        lines.append((name, str(address), *values, first["unit"] or ""))
         notes += _remarks(name, mine)
     right = frozenset(range(1, len(headings) - 1))
     return [Grid(tuple(headings), tuple(lines), right=right, notes=tuple(notes))]

@@ -10,8 +10,8 @@ from handctl import verbs
 from handctl.clikit import Group
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.bus import DEFAULT_RETRIES, DEFAULT_TIMEOUT, Bus
-from handctl.devices.inspire.exo import ExoHand
-from handctl.devices.inspire.registers import BAUD_RATES, EXO
+from handctl.devices.inspire.exo import ExoHand, check_command
+from handctl.devices.inspire.registers import BAUD_RATES, EXO, address_in
 from handctl.errors import HandctlError, NoAnswer, UsageError
 from handctl.mapverbs import add_map_verbs
 from handctl.options import Number, Seconds
@@ -59,6 +59,8 @@ class _Signed(click.ParamType):  # type: ignore[type-arg,unused-ignore]
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         try:
+            if "_" in str(value):  # Python's grouping, which `set` does not take either
+                raise ValueError(value)
             return int(value)
         except (TypeError, ValueError):
             self.fail(f"{value!r} is not a whole number", param, ctx)
@@ -81,32 +83,34 @@ add_map_verbs(
 
 
 @cli.verb("read")
-@click.argument("address", type=click.IntRange(0, 65535))
+@click.argument("address")
 @click.argument("count", type=int)
-def read(run: Run, address: int, count: int) -> Table:
+def read(run: Run, address: str, count: int) -> Table:
     """Read COUNT bytes (1 to 252) from any ADDRESS; documented registers are decoded."""
     from handctl.devices.inspire import exo_raw
 
-    eb90.check_span(address, count)
-    return exo_raw.read(run.device(), address, count)
+    place = address_in(address)
+    eb90.check_span(place, count)
+    return exo_raw.read(run.device(), place, count)
 
 
 # -- writing ------------------------------------------------------------------------------------------------------
 
 
 @cli.verb("write", writes=True)
-@click.argument("address", type=click.IntRange(0, 65535))
+@click.argument("address")
 @click.argument("data", metavar="HEX")
 @click.option("--undocumented", is_flag=True, help="Allow an address that the manual does not document.")
-def write(run: Run, address: int, data: str, undocumented: bool) -> Table:
+def write(run: Run, address: str, data: str, undocumented: bool) -> Table:
     """Write bytes at ADDRESS, low byte first, and read them back. Checked against the manual; asks first."""
     from handctl.devices.inspire import exo_raw
 
-    step = exo_raw.plan_write(run.planner(), address, exo_raw.parse_hex(data), undocumented)
+    place = address_in(address)
+    step = exo_raw.plan_write(run.planner(), place, exo_raw.parse_hex(data), undocumented)
     if run.settings.dry_run:
         return run.dry_run([step])
     run.confirm(f"This writes to the hand, which may be worn: {step.meaning}", [step])
-    return exo_raw.write(run.device(), address, exo_raw.parse_hex(data))
+    return exo_raw.write(run.device(), place, exo_raw.parse_hex(data))
 
 
 @cli.verb("raw", writes=True)
@@ -122,7 +126,7 @@ def write(run: Run, address: int, data: str, undocumented: bool) -> Table:
 @click.option(
     "--force-ambiguous",
     is_flag=True,
-    help="Send a frame that another device of this maker would take for something else.",
+    help="Send what another device of this maker would take for something else, or what is out of range.",
 )
 def raw(run: Run, data: tuple[str, ...], wait: float, force_ambiguous: bool) -> Table:
     """Send these bytes exactly and show what comes back, decoded. Anything but a read asks first."""
@@ -134,7 +138,9 @@ def raw(run: Run, data: tuple[str, ...], wait: float, force_ambiguous: bool) -> 
         return run.dry_run([step])
     if step.moves or step.strands:
         run.confirm(f"This may move or change the hand, which may be worn: {step.meaning}", [step])
-    return exo_raw.exchange(run.device(), frame, wait)  # fmt: skip
+    hand = run.device()
+    with exo_raw.goes_on(step):
+        return exo_raw.exchange(hand, frame, wait)
 
 
 @cli.verb("id", writes=True)
@@ -205,10 +211,13 @@ def baud(run: Run, rate: int | None, save_too: bool, verify: bool) -> Table:
                 hint="until then it speaks the old speed",
             )
     else:
+        already = any(message.code == "already" for message in run.journal.messages)
         run.journal.warn(
             "not-saved",
-            f"{rate} baud is not saved: the hand keeps its old speed",
-            hint="`handctl exo save`, then power-cycle",
+            f"whether {rate} baud is saved is not known: if not, the hand keeps its old speed"
+            if already
+            else f"{rate} baud is not saved: the hand keeps its old speed",
+            hint=f"`handctl exo save --id {hand.bus.id}`, then power-cycle",
         )
     return table  # fmt: skip
 
@@ -346,14 +355,7 @@ for _command_with_numbers in (force, position):
 def _command(run: Run, which: str, values: tuple[int, ...], wait: float | None = None) -> Table:
     from handctl.devices.inspire import exo_motion
 
-    register = EXO[f"{which}_set"]
-    for finger, value in zip(register.elements, values, strict=True):
-        if value == -1 and which == "position":
-            raise UsageError(
-                "the position command has no -1 (exo §2.2.2)",
-                hint=f"to leave a finger alone: `handctl exo set position_set.{finger}=…`",
-            )
-        register.check(value, f"{which} of {finger}")
+    check_command(which, values)
     step = run.planner().command_step(which, list(values))
     if run.settings.dry_run:
         return run.dry_run([step])

@@ -7,6 +7,7 @@ hand's order is followed, and what is unknown on this hardware is said.
 from __future__ import annotations
 
 from handctl.devices.inspire import eb90
+from handctl.devices.inspire.bus import telling
 from handctl.devices.inspire.exo import ExoHand
 from handctl.devices.inspire.exo_procedures import probe
 from handctl.devices.inspire.registers import EXO, OVER_TEMPERATURE, Register
@@ -15,6 +16,7 @@ from handctl.guide import Guide
 from handctl.param import elements_of
 from handctl.result import Column, Row, Table, hex_bytes
 
+POWER_CYCLE = "switch the power off and on, then `handctl exo scan`: id and speed may be back to 1 and 115200."
 SAVE_RESULT_SECONDS = 2.5
 """The result comes about a second after the acknowledgement (RH56 ch. 3 ex. 4)."""
 
@@ -67,6 +69,14 @@ def save(hand: ExoHand, guide: Guide) -> Table:
     Two frames answer: the acknowledgement (01 = accepted) and the result (00 = saved, FF = failed; the sense is
     inverted, RH56 ch. 3 ex. 4). Nothing is sent in between. Raises DeviceRefused for FF or a refused acknowledgement.
     """
+    with telling(
+        "the save was sent, whether it is done is unknown",
+        "save again, or power-cycle and look with `handctl exo get id baud_code`",
+    ):
+        return _save(hand, guide)
+
+
+def _save(hand: ExoHand, guide: Guide) -> Table:
     bus, register = hand.bus, EXO["save"]
     results = [eb90.write_ack_prefix(bus.id, register.address), eb90.read_reply_prefix(bus.id, register.address, 1)]
     acknowledged = True
@@ -109,6 +119,11 @@ def save(hand: ExoHand, guide: Guide) -> Table:
 
 def factory_reset(hand: ExoHand) -> Table:
     """Write 1 to the sibling's reset address 1006; this manual names none (exo §2.3.5). Then look who answers."""
+    with telling("the reset was sent, who answers now is unknown", f"{POWER_CYCLE} Nothing was saved automatically."):
+        return _factory_reset(hand)
+
+
+def _factory_reset(hand: ExoHand) -> Table:
     bus, old = hand.bus, hand.bus.id
     register = EXO["factory_reset"]
     lost: HandctlError | None = None
@@ -124,8 +139,7 @@ def factory_reset(hand: ExoHand) -> Table:
     hand.journal.warn(
         "power-cycle",
         f"answering now: id {', '.join(map(str, there))}" if there else "nobody answers to id 1 or the old id now",
-        hint="switch the power off and on, then `handctl exo scan`: id and speed may be back to 1 and 115200. "
-        "Nothing was saved automatically.",
+        hint=f"{POWER_CYCLE} Nothing was saved automatically.",
     )
     if there:
         bus.id = there[0]

@@ -5,8 +5,10 @@ Someone may be wearing the hand: what cannot be stopped is said before and after
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 from handctl.devices.inspire import eb90
-from handctl.devices.inspire.bus import Bus
+from handctl.devices.inspire.bus import Bus, telling, watching
 from handctl.devices.inspire.exo import ExoHand
 from handctl.devices.inspire.exo_flash import outcome
 from handctl.devices.inspire.registers import EXO
@@ -39,7 +41,10 @@ def calibrate(hand: ExoHand, guide: Guide) -> Table:
     bus = hand.bus
     done = [eb90.read_reply_prefix(bus.id, 2, 1)]
     lost: HandctlError | None = None
-    try:
+    with telling(
+        "the hand goes on calibrating",
+        "no documented command stops a calibration: let it finish, or switch the power off",
+    ):
         try:
             bus.write(EXO["calibrate"].address, b"\x01")
         except (NoAnswer, ProtocolError) as exc:
@@ -49,13 +54,10 @@ def calibrate(hand: ExoHand, guide: Guide) -> Table:
             )
         started = bus.link.now()
         guide.say("Calibration runs. The hand leads through the steps above in this order; nothing is sent meanwhile.")
-        frame = _wait_with_clock(bus, done, guide, started)
-    except KeyboardInterrupt as exc:
-        guide.done()
-        raise Interrupted(
-            "interrupted: the hand goes on calibrating",
-            hint="no documented command stops a calibration: let it finish, or switch the power off",
-        ) from exc
+        try:
+            frame = _wait_with_clock(bus, done, guide, started)
+        finally:
+            guide.done()
     seconds = bus.link.now() - started
     if frame is None:
         bus.out_of_time("the end of the calibration, which goes on")
@@ -98,6 +100,16 @@ def _wait_with_clock(bus: Bus, prefixes: list[bytes], guide: Guide, started: flo
     return None
 
 
+def command(hand: ExoHand, which: str, values: list[int], guide: Guide) -> Table:
+    """Send a force or position command and show its reply. Raises Interrupted on Ctrl-C, after the hand was stopped."""
+    try:
+        with watching("the fingers"):
+            return hand.command(which, values)
+    except KeyboardInterrupt as exc:
+        with guide.undisturbed():
+            raise Interrupted(f"interrupted: {stop(hand, [f'{which}_set'])}") from exc
+
+
 def move(hand: ExoHand, values: list[int], guide: Guide, *, wait: float) -> Table:
     """Send a position command, then watch until the fingers stand still or `wait` seconds have passed.
 
@@ -105,11 +117,13 @@ def move(hand: ExoHand, values: list[int], guide: Guide, *, wait: float) -> Tabl
     command). Returns targets against reached positions; no verdict, since a worn finger may be held back.
     """
     try:
-        hand.command("position", values)
-        reached = _settle(hand, values, guide, wait)
+        with watching("the fingers"):
+            hand.command("position", values)
+            reached = _settle(hand, values, guide, wait)
     except KeyboardInterrupt as exc:
         guide.done()
-        raise Interrupted(f"interrupted: {_hold(hand)}") from exc
+        with guide.undisturbed():
+            raise Interrupted(f"interrupted: {stop(hand, ['position_set'])}") from exc
     rows = []
     for reading in reached:
         target = values[reading.element.index] if reading.element.index < len(values) else None
@@ -148,6 +162,28 @@ def _settle(hand: ExoHand, values: list[int], guide: Guide, wait: float) -> list
         equal += 1
     guide.done()
     return last
+
+
+def stop(hand: ExoHand, names: Collection[str]) -> str:
+    """Stop what a write of `names` set going (the manual has no stop command); what became of it in words.
+
+    Positions are commanded to where the fingers are just then, forces to 0, both also after --deadline.
+    """
+    hand.bus.bound = None
+    done = [_release(hand)] if "force_set" in names else []
+    return "; ".join([*done, _hold(hand)] if "position_set" in names else done)
+
+
+def _release(hand: ExoHand) -> str:
+    try:
+        hand.bus.command(eb90.FORCE_COMMAND, [0, 0, 0, 0, 0])
+    except HandctlError as exc:
+        return (
+            f"all forces were commanded to 0, NOT answered ({exc.text}): switch the power off if the hand still pushes"
+        )
+    except KeyboardInterrupt:
+        return "the forces could NOT be released (interrupted again): switch the power off if the hand still pushes"
+    return "all forces were commanded to 0"
 
 
 def _hold(hand: ExoHand) -> str:

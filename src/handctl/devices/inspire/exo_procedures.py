@@ -7,7 +7,7 @@ are those of the manual (cited) and, where it is silent, of the sibling hand; wh
 from __future__ import annotations
 
 from handctl.devices.inspire import eb90
-from handctl.devices.inspire.bus import Bus
+from handctl.devices.inspire.bus import Bus, telling
 from handctl.devices.inspire.exo import ExoHand
 from handctl.devices.inspire.registers import BAUD_RATES, EXO
 from handctl.errors import CheckFailed, HandctlError, LinkError, NoAnswer, ProtocolError
@@ -68,9 +68,13 @@ def explain_silence(hand: ExoHand, error: HandctlError) -> HandctlError:
         return error
     frame = bus.listen([eb90.DEVICE + bytes([bus.id])], max(LATE_SECONDS, bus.timeout))
     if frame is not None:
+        longer = f"--timeout {max(1.0, 4 * bus.timeout):g}"
+        written = any(message.code == "ack-lost" for message in bus.journal.messages)
         return NoAnswer(
             f"id {bus.id} on {bus.link.name} answers, but later than {bus.timeout:g} s",
-            hint=f"run the command again with --timeout {max(1.0, 4 * bus.timeout):g}",
+            hint=f"what was written may have been carried out: read it with {longer} before you repeat it"
+            if written
+            else f"run the command again with {longer}",
             code="late",
         )
     if not bus.link.can_set_baud:
@@ -115,6 +119,14 @@ def change_id(hand: ExoHand, new: int) -> Table:
             hint="choose a free id: `handctl exo scan --all` lists those in use. Nothing was written.",
             code="id-taken",
         )
+    with telling(
+        f"the hand may have id {new} already", "`handctl exo scan` finds it; a power cycle brings back the saved id"
+    ):
+        return _write_id(hand, new)
+
+
+def _write_id(hand: ExoHand, new: int) -> Table:
+    bus, old = hand.bus, hand.bus.id
     try:
         # The acknowledgement comes from the new id on the sibling hand; the manual does not say (RH56 ch. 3 ex. 1).
         bus.write(EXO["id"].address, bytes([new]), acknowledged_by=(new,))

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from contextlib import AbstractContextManager, nullcontext
+
 from handctl.devices.inspire import eb90
-from handctl.devices.inspire.bus import Bus, explain, hint_for
+from handctl.devices.inspire.bus import Bus, explain, hint_for, telling
 from handctl.devices.inspire.device import RegisterDevice
+from handctl.devices.inspire.exo import check_command
 from handctl.devices.inspire.registers import EXO, Register
-from handctl.devices.inspire.spans import element_at
+from handctl.devices.inspire.spans import describe, element_at, stretches
 from handctl.errors import CheckFailed, DeviceRefused, NoAnswer, ProtocolError, UsageError
 from handctl.param import Element, ParamMap, Reading, Step
 from handctl.result import Column, Row, Table, hex_bytes
+
+FORCED = "--force-ambiguous sends it all the same."
 
 
 def parse_hex(text: str) -> bytes:
@@ -133,7 +138,13 @@ def _checked(register: Register, address: int, data: bytes) -> str:
 
 
 def write(hand: RegisterDevice, address: int, data: bytes) -> Table:
-    """Write once, read back. Raises CheckFailed when the read-back differs."""
+    """Write once, read back; a read-back that differs is the table's failure. Raises Interrupted, after a stop."""
+    moving = [register.name for register in hand.map if register.moves and _overlap(register, address, len(data))]
+    with hand.stopping(f"{hex_bytes(data)} at {address}", moving):
+        return _write(hand, address, data)
+
+
+def _write(hand: RegisterDevice, address: int, data: bytes) -> Table:
     try:
         hand.bus.write(address, data)
     except (NoAnswer, ProtocolError) as exc:
@@ -159,13 +170,34 @@ def plan_raw(data: bytes, force_ambiguous: bool) -> Step:
     frame = frames[0]
     if frame.flag == eb90.READ and len(frame.payload) == 3:
         return Step(f"read {frame.payload[2]} bytes at {frame.address} from id {frame.id}", data)
+    if frame.flag in (eb90.WRITE, eb90.FORCE_COMMAND, eb90.POSITION_COMMAND) and not force_ambiguous:
+        _refuse_id(frame.id)
     if frame.flag == eb90.WRITE and frame.address is not None:
-        return Step(
-            f"write {hex_bytes(frame.data)} at {frame.address} to id {frame.id}", data, moves=True, strands=True
-        )
+        if not force_ambiguous:
+            _refuse_values(frame.address, frame.data)
+        meaning = f"write {hex_bytes(frame.data)} at {frame.address} to id {frame.id}"
+        return Step(f"{meaning}: {describe(EXO, frame.address, frame.data)}", data, moves=True, strands=True)
     if frame.flag in (eb90.FORCE_COMMAND, eb90.POSITION_COMMAND) and len(frame.payload) == 10:
         return _raw_command(frame, data, force_ambiguous)
     return Step(f"flag {frame.flag:02X}, which this hand's manual does not have", data, moves=True)
+
+
+def _refuse_id(device_id: int) -> None:
+    """Refuse to write to an id that no hand has: what the hands on the line make of it is unknown."""
+    try:
+        eb90.check_id(device_id)
+    except UsageError as exc:
+        raise UsageError(exc.text, hint=f"{exc.hint} {FORCED}", code="out-of-range") from exc
+
+
+def _refuse_values(address: int, data: bytes) -> None:
+    """Refuse a raw write of values that the manual does not allow. Raises UsageError."""
+    for register, index, raw in stretches(EXO, address, data):
+        if register is not None and register.writable:
+            try:
+                register.check(register.decode(raw), Element(register, index).full_name)
+            except UsageError as exc:
+                raise UsageError(exc.text, hint=f"{exc.hint} {FORCED}", code=exc.code) from exc
 
 
 def _may_go_on(data: bytes) -> bool:
@@ -188,16 +220,21 @@ def _raw_command(frame: eb90.Frame, data: bytes, force_ambiguous: bool) -> Step:
             hint="--force-ambiguous sends it all the same. Nothing was sent.",
             code="ambiguous",
         )
-    register = EXO[f"{name}_set"]
-    for finger, value in zip(register.elements, values, strict=True):
-        legal = register.allowed(value) and not (name == "position" and value == -1)
-        if not legal and not force_ambiguous:
-            raise UsageError(
-                f"{name} command with {value} for {finger}: out of range",
-                hint=f"allowed: {register.low}..{register.high} ({register.source}). Nothing was sent.",
-                code="out-of-range",
-            )
+    if not force_ambiguous:
+        try:
+            check_command(name, values)
+        except UsageError as exc:
+            raise UsageError(exc.text, hint=f"{exc.hint} {FORCED}", code=exc.code) from exc
     return Step(f"{name} command, little to thumb: {' '.join(map(str, values))}, to id {frame.id}", data, moves=True)
+
+
+def goes_on(step: Step) -> AbstractContextManager[None]:
+    """Ctrl-C while the answer to raw bytes is awaited: they are not taken back, which is told."""
+    if not (step.moves or step.strands):
+        return nullcontext()
+    return telling(
+        f"what was sent goes on: {step.meaning}", "raw bytes are not taken back: look with the verb `status`"
+    )
 
 
 def exchange(hand: RegisterDevice, data: bytes, wait: float) -> Table:
@@ -217,22 +254,49 @@ def exchange(hand: RegisterDevice, data: bytes, wait: float) -> Table:
     decoder = eb90.Decoder()
     decoder.feed(received)
     frames = _frames(decoder)
-    rows = [_frame_row(hand.map, frame, frame.encode() == data) for frame in frames]
+    rows = [
+        _frame_row(hand.map, frame, "our own bytes" if frame.encode() == data else result)
+        for frame, result in zip(frames, _results(data, frames), strict=True)
+    ]
     bus.journal.counters.received += len(rows)
     bus.journal.counters.stray_bytes += decoder.skipped
     table = Table(rows=rows, columns=RAW_COLUMNS, extra={"received": hex_bytes(received)})
     replies = [frame for frame in frames if frame.from_device]
-    refused = [
-        frame for frame in replies if frame.flag in WRITES and frame.address is not None and frame.data != b"\x01"
-    ]
+    refusal = _refusal(data, replies)
     if not any(frame.id == data[2] for frame in replies if len(data) > 2) and not _changes_id(data):
         code, text = explain(data, received)
         table.failure = ProtocolError(
             f"{bus.where}: {text}: {hex_bytes(received)}", hint=hint_for(code, bus.family), code=code
         )
-    elif refused and data[4] in WRITES:
-        table.failure = DeviceRefused(f"{bus.where}: the device answered {hex_bytes(refused[0].data)} instead of 01")
+    elif refusal:
+        table.failure = DeviceRefused(f"{bus.where}: {refusal}")
     return table
+
+
+def _refusal(data: bytes, replies: list[eb90.Frame]) -> str:
+    """In words, that what came refuses the write `data`; the result of a save has the inverse sense of its ack."""
+    answers = [frame.data for frame in replies if frame.flag in WRITES and frame.address is not None]
+    if data[4:5] not in (bytes([flag]) for flag in WRITES):
+        return ""
+    if answers and answers[0] != b"\x01":
+        return f"the device answered {hex_bytes(answers[0])} instead of 01"
+    failed = any(frame.address == EXO["save"].address and frame.data == b"\xff" for frame in replies)
+    return "the save failed: result FF (00 = saved, FF = failed)" if _saves(data) and failed else ""
+
+
+def _saves(data: bytes) -> bool:
+    """Whether it writes 1 to the save register, which is answered twice (RH56 ch. 3 ex. 4)."""
+    return data[4:8] == bytes([eb90.WRITE]) + EXO["save"].address.to_bytes(2, "little") + b"\x01"
+
+
+def _results(data: bytes, frames: list[eb90.Frame]) -> list[str]:
+    """For each frame what it tells about a save that was accepted before it, or nothing."""
+    accepted, results = False, []
+    for frame in frames:
+        mine = frame.from_device and frame.address == EXO["save"].address and _saves(data)
+        results.append({b"\x00": "saved", b"\xff": "save failed"}.get(frame.data, "") if accepted and mine else "")
+        accepted = accepted or (mine and frame.flag == eb90.WRITE and frame.data == b"\x01")
+    return results
 
 
 def _changes_id(data: bytes) -> bool:
@@ -265,14 +329,14 @@ def _frames(decoder: eb90.Decoder) -> list[eb90.Frame]:
         frames.append(frame)
 
 
-def _frame_row(params: ParamMap[Register], frame: eb90.Frame, echo: bool) -> Row:
+def _frame_row(params: ParamMap[Register], frame: eb90.Frame, meaning: str) -> Row:
     return {
         "direction": "device" if frame.from_device else "host",
         "id": frame.id,
         "flag": f"{frame.flag:02X}",
         "address": frame.address,
         "data": hex_bytes(frame.data if frame.address is not None else frame.payload),
-        "meaning": "our own bytes" if echo else _meaning(params, frame),
+        "meaning": meaning or _meaning(params, frame),
         "raw": hex_bytes(frame.encode()),
     }
 

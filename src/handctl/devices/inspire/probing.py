@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from handctl.errors import NoAnswer
 from handctl.result import Journal, Row, Table
 
 SPEEDS = (115200, 57600, 19200)
@@ -19,6 +20,8 @@ def quiet(journal: Journal) -> Journal:
 
 def found(table: Table, value: str) -> list[Row]:
     """The rows of a scan with the reading as evidence. Raises what the scan met instead of a device."""
+    if table.failure is not None and table.failure.code == "deadline":
+        raise NoAnswer(table.failure.text)  # the deadline is the search's, which says so itself
     if table.failure is not None:
         raise table.failure
     return [

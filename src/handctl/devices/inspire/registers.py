@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from handctl.errors import UsageError
 from handctl.param import Element, Number, Param, ParamMap
 
 FINGERS = ("little", "ring", "middle", "index", "thumb")
@@ -59,6 +60,19 @@ class Angle(Register):
 
     decimals: int = 2
     unit: str | None = "°"
+
+
+def address_in(text: str) -> int:
+    """``1486`` or ``0x5CE`` -> a register address (16 bits, exo §2.2.3; the manuals print both). Raises UsageError."""
+    try:
+        address = int(text, 16 if text[:2].lower() == "0x" else 10)
+    except ValueError:
+        address = -1
+    if "_" in text or not 0 <= address <= 0xFFFF:
+        raise UsageError(
+            f"{text!r} is not a register address", hint="0 to 65535, or hexadecimal: 1486 or 0x5CE. Nothing was sent."
+        )
+    return address
 
 
 def register_of(element: Element) -> Register:

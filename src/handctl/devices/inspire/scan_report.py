@@ -105,16 +105,18 @@ def scan(
         f"{found.probes} probes in {found.windows} windows, {found.seconds:.2f} s; asked for: ids {ids[0]}..{ids[-1]} at "
         f"{speeds_text}, {method} of {wait * 1000:g} ms"
     )
+    if found.cut:
+        summary += "; --deadline ended it before all were asked"
     bus.journal.info("scanned", summary)
     for speed, device_id in found.unconfirmed:
-        bus.journal.warn("unconfirmed", f"id {device_id} at {speed} answered once and not again: not counted")
+        bus.journal.warn("unconfirmed", f"id {device_id}{_at(speed)} answered once and not again: not counted")
     table = Table(
         rows=rows_of(found, link.name, kind), columns=columns_of(kind), extra={"scan": _facts(found, window, wait)}
     )
     for speed, device_id in sorted(found.twins, key=str):
         bus.journal.warn(
             "twin-id",
-            f"id {device_id} at {speed}: good and bad checksums mix on values that jitter: two devices with one id?",
+            f"id {device_id}{_at(speed)}: good and bad checksums mix on values that jitter: two devices with one id?",
             hint="leave one device on the line and give it another id",
         )
     if not found.hits:
@@ -122,6 +124,10 @@ def scan(
     elif not find_all:
         bus.journal.info("first", "ended at the first one; --all looks for more")
     return table
+
+
+def _at(speed: int | None) -> str:
+    return f" at {speed}" if speed else ""
 
 
 def _facts(found: Findings, window: int, wait: float) -> dict[str, object]:
@@ -163,6 +169,8 @@ def _nothing(found: Findings, name: str, summary: str, kind: Kind) -> NoAnswer |
             hint=hint_for("garbage", kind.family),
             code="garbage",
         )
+    if found.cut:
+        return NoAnswer(f"{name}: no {kind.family} so far ({summary})", hint="a longer --deadline", code="deadline")
     return NoAnswer(
         f"{name}: no {kind.family}, complete silence ({summary})",
         hint=kind.silence_hint,

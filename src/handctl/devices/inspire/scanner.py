@@ -33,7 +33,7 @@ Span = tuple[int, int]
 class Findings:
     """What a scan saw: `hits` (speed, id, value of the probed register), `twins`, replies with a wrong sum by id (`damaged`), answers under an id that
     does not answer when asked alone (`foreign`), `echo`, bytes of no
-    reply (`garbage`), probes and windows used."""
+    reply (`garbage`), whether the deadline of the command `cut` it off, probes and windows used."""
 
     hits: list[tuple[int | None, int, int]] = field(default_factory=list)
     twins: set[tuple[int | None, int]] = field(default_factory=set)
@@ -42,6 +42,7 @@ class Findings:
     foreign: int = 0
     echo: bool = False
     garbage: int = 0
+    cut: bool = False
     probes: int = 0
     windows: int = 0
     seconds: float = 0.0
@@ -68,7 +69,7 @@ class Scanner:
         started, first = link.now(), link.baud
         try:
             for speed in self._quick_first(ids, speeds):
-                if self.found.hits and not self._find_all:
+                if (self.found.hits and not self._find_all) or self._cut():
                     break
                 self._speed(*speed)
         finally:
@@ -101,12 +102,15 @@ class Scanner:
             if not self._group(group, answered) and len(group) > 1:
                 self._split(group, answered)
             self._confirm(speed, answered, group)
-            if self.found.hits and not self._find_all:
-                return
-            if bus.bound is not None and bus.bound.expired:
+            if (self.found.hits and not self._find_all) or (number < len(groups) - 1 and self._cut()):
                 return
         self._collect(answered, DRAIN_SECONDS)
         self._confirm(speed, answered, group)
+
+    def _cut(self) -> bool:
+        """Whether the deadline of the command ends the scan with something left to ask."""
+        self.found.cut = self._bus.bound is not None and self._bus.bound.expired
+        return self.found.cut
 
     def _split(self, group: list[int], answered: dict[int, int]) -> None:
         """Ask a group with garbage again in halves, descending only where garbage shows again."""

@@ -6,9 +6,10 @@ lie current limits and power-on speeds. On its bench it moves without asking.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 from handctl.devices.inspire import eb90
+from handctl.devices.inspire.bus import watching
 from handctl.devices.inspire.device import RegisterDevice
 from handctl.devices.inspire.registers import WRIST, register_of
 from handctl.errors import CheckFailed, HandctlError, Interrupted, UsageError
@@ -103,9 +104,13 @@ class Wrist(RegisterDevice):
             if row["name"].startswith("error_") and row.get("value")
         ]
         findings += [
-            f"{row['name']} = {row['value']} is outside {WRIST[row['name']].range_text} ({WRIST[row['name']].source})"
+            f"{row['name']} = {value_text(row)} is outside {WRIST[row['name']].range_text} ({WRIST[row['name']].source})"
             for row in table.rows
-            if "value" in row and not WRIST[row["name"]].bits and not WRIST[row["name"]].allowed(row["value"])
+            # The range of move_time is this tool's own: what the wrist holds may be right.
+            if "value" in row
+            and row["name"] != "move_time"
+            and not WRIST[row["name"]].bits
+            and not WRIST[row["name"]].allowed(row["value"])
         ]
         for finding in findings:
             self.journal.warn("unhealthy", finding)
@@ -139,11 +144,13 @@ class Wrist(RegisterDevice):
         if time is None:
             time = int(self.read([Element(WRIST["move_time"], 0)])[0].value or 0)
         try:
-            self.write(changes)
-            readings = self._watch(targets, guide, wait if wait is not None else time * 1.5 / 1000 + 2, time / 1000)
+            with watching("the wrist"):
+                self.write(changes)
+                readings = self._watch(targets, guide, wait if wait is not None else time * 1.5 / 1000 + 2, time / 1000)
         except KeyboardInterrupt as exc:
             guide.done()
-            raise Interrupted(f"interrupted: {self._hold()}") from exc
+            with guide.undisturbed():
+                raise Interrupted(f"interrupted: {self.stop(targets)}") from exc
         return self._arrival(readings, targets)
 
     def _watch(self, targets: dict[str, float], guide: Guide, wait: float, expected: float) -> list[Reading]:
@@ -193,7 +200,9 @@ class Wrist(RegisterDevice):
             self.journal.info("arrived", "arrived")
         return table
 
-    def _hold(self) -> str:
+    def stop(self, names: Collection[str]) -> str:
+        """Command both axes to where they are just then, also after --deadline: the manual has no stop command."""
+        self.bus.bound = None
         try:
             readings = self.read([Element(WRIST[name], 0) for name in ("yaw_actual", "pitch_actual")])
             yaw, pitch = (float(reading.value) for reading in readings if reading.value is not None)

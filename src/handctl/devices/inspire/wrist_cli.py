@@ -8,7 +8,7 @@ import click
 
 from handctl.clikit import Group
 from handctl.devices.inspire.bus import DEFAULT_RETRIES, DEFAULT_TIMEOUT, Bus
-from handctl.devices.inspire.registers import WRIST
+from handctl.devices.inspire.registers import WRIST, address_in
 from handctl.devices.inspire.wrist import WIRING_HINT, Wrist
 from handctl.link import FrameLink
 from handctl.mapverbs import add_map_verbs
@@ -71,25 +71,27 @@ add_map_verbs(cli, WRIST, example="pitch_actual yaw_actual", setting="yaw_set=10
 
 
 @cli.verb("read")
-@click.argument("address", type=click.IntRange(0, 65535))
+@click.argument("address")
 @click.argument("count", type=int)
-def read(run: Run, address: int, count: int) -> Table:
+def read(run: Run, address: str, count: int) -> Table:
     """Read COUNT bytes from ADDRESS of the wrist's registers; documented ones are decoded."""
     from handctl.devices.inspire import eb90, exo_raw
 
-    eb90.check_span(address, count)
-    return exo_raw.read(run.device(), address, count)
+    place = address_in(address)
+    eb90.check_span(place, count)
+    return exo_raw.read(run.device(), place, count)
 
 
 @cli.verb("hand-read")
-@click.argument("address", type=click.IntRange(0, 65535))
+@click.argument("address")
 @click.argument("count", type=int)
-def hand_read(run: Run, address: int, count: int) -> Table:
+def hand_read(run: Run, address: str, count: int) -> Table:
     """Read COUNT bytes from ADDRESS of the hand that carries the wrist (flags 11, CAN 0), raw."""
     from handctl.devices.inspire import eb90, wrist_raw
 
-    eb90.check_span(address, count)
-    return wrist_raw.hand_read(run.device(), address, count)
+    place = address_in(address)
+    eb90.check_span(place, count)
+    return wrist_raw.hand_read(run.device(), place, count)
 
 
 # -- moving and writing ---------------------------------------------------------------------------------------------
@@ -128,32 +130,33 @@ def _move(run: Run, values: dict[str, Any], wait: float | None) -> Table:
 
 
 @cli.verb("write", writes=True)
-@click.argument("address", type=click.IntRange(0, 65535))
+@click.argument("address")
 @click.argument("data", metavar="HEX")
-def write(run: Run, address: int, data: str) -> Table:
+def write(run: Run, address: str, data: str) -> Table:
     """Write 2, 4 or 6 bytes at 1038..1043, low byte first, and read them back. Moves."""
     from handctl.devices.inspire import exo_raw, wrist_raw
 
-    step = wrist_raw.plan_write(run.planner(), address, exo_raw.parse_hex(data))
+    place = address_in(address)
+    step = wrist_raw.plan_write(run.planner(), place, exo_raw.parse_hex(data))
     if run.settings.dry_run:
         return run.dry_run([step])
-    return wrist_raw.write(run.device(), address, exo_raw.parse_hex(data))
+    return wrist_raw.write(run.device(), place, exo_raw.parse_hex(data))
 
 
 @cli.verb("hand-write", writes=True)
-@click.argument("address", type=click.IntRange(0, 65535))
+@click.argument("address")
 @click.argument("data", metavar="HEX")
 @FORCE
-def hand_write(run: Run, address: int, data: str, force_ambiguous: bool) -> Table:
+def hand_write(run: Run, address: str, data: str, force_ambiguous: bool) -> Table:
     """Write bytes into the register space of the hand that carries the wrist. Undocumented here; asks first."""
     from handctl.devices.inspire import exo_raw, wrist_raw
 
-    payload = exo_raw.parse_hex(data)
-    step = wrist_raw.plan_hand_write(run.planner(), address, payload, force_ambiguous)
+    place, payload = address_in(address), exo_raw.parse_hex(data)
+    step = wrist_raw.plan_hand_write(run.planner(), place, payload, force_ambiguous)
     if run.settings.dry_run:
         return run.dry_run([step])
     run.confirm(f"This changes the hand, not the wrist: {step.meaning}", [step])
-    return wrist_raw.hand_write(run.device(), address, payload)
+    return wrist_raw.hand_write(run.device(), place, payload)
 
 
 @cli.verb("raw", writes=True)
@@ -190,9 +193,11 @@ def raw(run: Run, data: tuple[str, ...], wait: float, force_ambiguous: bool) -> 
         run.journal.warn("misprint", step.meaning)
     if step.moves or step.strands:
         run.confirm(f"This may move or change the device: {step.meaning}", [step])
-    if frame is not None:
-        return wrist_raw.exchange_can(run.device(), frame, wait)
-    return exo_raw.exchange(run.device(), payload, wait)
+    wrist = run.device()
+    with exo_raw.goes_on(step):
+        if frame is not None:
+            return wrist_raw.exchange_can(wrist, frame, wait)
+        return exo_raw.exchange(wrist, payload, wait)
 
 
 # -- files, scan ----------------------------------------------------------------------------------------------------
@@ -217,10 +222,11 @@ def raw(run: Run, data: tuple[str, ...], wait: float, force_ambiguous: bool) -> 
 @click.option("--reply-window", type=Number(min=1, max=1000), metavar="MS", help="Wait per window (default 20).")
 @click.option("--all", "find_all", is_flag=True, help="Go through all ids instead of ending at the first wrist.")
 def scan(run: Run, ids: str, window: int, reply_window: float | None, find_all: bool) -> Table:
-    """Look for wrist modules by read-only probes, at 115200 or on the CAN bus. Bounded; confirms each hit twice."""
+    """Look for wrist modules by read-only probes, at 115200 (or --baud) or on the CAN bus. Bounded; confirms each hit twice."""
     from handctl.devices.inspire import scan_report, wrist_scan
     from handctl.devices.inspire.canbus import CanBus
 
     can = isinstance(run.planner().bus, CanBus)
     wanted = wrist_scan.parse_can_ids(ids) if can else scan_report.parse_ids(ids)
-    return wrist_scan.scan_wrist(run.device(), run.guide, wanted, [115200], window, reply_window, find_all)  # fmt: skip
+    speeds = [run.settings.baud or 115200]
+    return wrist_scan.scan_wrist(run.device(), run.guide, wanted, speeds, window, reply_window, find_all)

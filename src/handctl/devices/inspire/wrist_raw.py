@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from handctl.devices.inspire import canreg, eb90
-from handctl.devices.inspire.bus import Bus
+from handctl.devices.inspire.bus import Bus, telling
 from handctl.devices.inspire.canbus import CanBus, describe_frame
-from handctl.devices.inspire.registers import WRIST, Register
+from handctl.devices.inspire.registers import EXO, WRIST, Register
+from handctl.devices.inspire.spans import describe
 from handctl.devices.inspire.wrist import Wrist
 from handctl.errors import CheckFailed, DeviceRefused, HandctlError, NoAnswer, ProtocolError, UsageError
 from handctl.link import CanFrame
@@ -130,14 +131,20 @@ def hand_bus(wrist: Wrist) -> Bus | CanBus:
             read_flag=canreg.READ_HAND, write_flag=canreg.WRITE_HAND,
         )  # fmt: skip
     assert isinstance(bus, Bus)
-    return Bus(bus.link, bus.id, bus.journal, timeout=bus.timeout, retries=bus.retries, bound=bus.bound)
+    return Bus(
+        bus.link, bus.id, bus.journal, timeout=bus.timeout, retries=bus.retries, bound=bus.bound,
+        family=bus.family, silence_hint=bus.silence_hint,
+    )  # fmt: skip
 
 
 def hand_read(wrist: Wrist, address: int, count: int) -> Table:
     """Bytes of the hand's own space, raw: its manual is another one."""
-    data = hand_bus(wrist).read(address, count)
+    return _hand_row(wrist, address, hand_bus(wrist).read(address, count), "hand space")
+
+
+def _hand_row(wrist: Wrist, address: int, data: bytes, label: str) -> Table:
     row: Row = {"name": None, "finger": None, "address": address, "value": None, "unit": None, "raw": hex_bytes(data)}
-    return Table(rows=[{**row, "label": "hand space"}], columns=wrist.columns, plain=("raw",))
+    return Table(rows=[{**row, "label": label}], columns=wrist.columns, plain=("raw",))
 
 
 def plan_hand_write(wrist: Wrist, address: int, data: bytes, force: bool) -> Step:
@@ -148,6 +155,8 @@ def plan_hand_write(wrist: Wrist, address: int, data: bytes, force: bool) -> Ste
             hint="wrist registers: `handctl wrist set` or `write`. --force-ambiguous writes the hand all the same. Nothing was sent.",
             code="ambiguous",
         )
+    if EXO["id"].address in range(address, address + len(data)):
+        eb90.check_id(data[EXO["id"].address - address])
     step = hand_bus(wrist).write_step(
         address, data, f"write {hex_bytes(data)} at {address} of the hand, undocumented here"
     )
@@ -155,19 +164,57 @@ def plan_hand_write(wrist: Wrist, address: int, data: bytes, force: bool) -> Ste
 
 
 def hand_write(wrist: Wrist, address: int, data: bytes) -> Table:
-    """Write into the hand's space once, and read back."""
-    bus = hand_bus(wrist)
+    """Write into the hand's space once, and read back; what starts something there is not read back (RH56 §2.4).
+
+    A new id is looked for under that id. Raises Interrupted on Ctrl-C, which takes nothing back.
+    """
+    with telling(f"{hex_bytes(data)} may be written at {address} of the hand", "`handctl wrist hand-read` shows it"):
+        return _hand_write(wrist, hand_bus(wrist), address, data)
+
+
+def _hand_write(wrist: Wrist, bus: Bus | CanBus, address: int, data: bytes) -> Table:
+    bytes_at = dict(enumerate(data, address))
+    starts = [register.name for register in EXO if register.trigger and bytes_at.get(register.address) == 1]
+    new = bytes_at.get(EXO["id"].address, bus.id)
     try:
-        bus.write(address, data)
+        if isinstance(bus, Bus):
+            bus.write(address, data, acknowledged_by=(new,))
+        else:
+            bus.write(address, data)
     except (NoAnswer, ProtocolError) as exc:
+        if starts:
+            exc.hint = f"it may have started {', '.join(starts)} all the same. {exc.hint}"
+            raise
         bus.journal.warn("ack-lost", f"the write was not acknowledged ({exc.text}); reading it back")
-    table = hand_read(wrist, address, len(data))
-    now = table.rows[0]["raw"]
-    if now != hex_bytes(data):
+    if starts:
+        bus.journal.info("not-read-back", f"accepted; not read back, as it starts {', '.join(starts)} on the RH56 hand")
+        return _hand_row(wrist, address, data, "written")
+    now = _read_back(bus, address, len(data), new)
+    table = _hand_row(wrist, address, now, "hand space")
+    if now != data:
         table.failure = CheckFailed(
-            f"{bus.where}: {address} of the hand reads {now} after {hex_bytes(data)} was written", code="read-back"
+            f"{bus.where}: {address} of the hand reads {hex_bytes(now)} after {hex_bytes(data)} was written",
+            code="read-back",
+        )
+    elif bus.id != wrist.bus.id:
+        bus.journal.warn(
+            "new-id",
+            f"the hand and its wrist answer to id {bus.id} now, until power-off",
+            hint=f"go on with --id {bus.id}",
         )
     return table
+
+
+def _read_back(bus: Bus | CanBus, address: int, count: int, new: int) -> bytes:
+    """What stands there now, read through the id `new`, or through the old one when nobody has that."""
+    old, bus.id = bus.id, new
+    if new == old:
+        return bus.read(address, count)
+    try:
+        return bus.read(address, count)
+    except (NoAnswer, ProtocolError):
+        bus.id = old
+        return bus.read(address, count)
 
 
 # -- raw frames -----------------------------------------------------------------------------------------------------
@@ -292,7 +339,7 @@ def exchange_can(wrist: Wrist, frame: CanFrame, wait: float) -> Table:
                 "id": access.hand_id,
                 "address": access.address,
                 "data": hex_bytes(came.data),
-                "meaning": describe_frame(came),
+                "meaning": describe_frame(came) + (_values(access, came.data) if answer else ""),
                 "raw": str(came),
             }
         )
@@ -308,6 +355,11 @@ def exchange_can(wrist: Wrist, frame: CanFrame, wait: float) -> Table:
         Column("meaning", "Meaning"),
     )
     return Table(rows=rows, columns=columns, failure=_judge(bus, frame, rows))
+
+
+def _values(access: canreg.Access, data: bytes) -> str:
+    """The documented values in the answer to a read of the wrist."""
+    return f": {describe(WRIST, access.address, data)}" if access.flag == canreg.READ_WRIST and data else ""
 
 
 def _judge(bus: CanBus, sent: CanFrame, rows: list[Row]) -> HandctlError | None:

@@ -53,15 +53,21 @@ def _scan_can(bus: CanBus, guide: Guide, ids: Sequence[int], wait: float, find_a
     started, errors = link.now(), link.error_frames
     search = _CanSearch(bus, wait)
     hits: list[tuple[int, bytes]] = []
+    cut = False
     for start in range(0, len(ids), CHUNK):
         chunk = ids[start : start + CHUNK]
         guide.progress(f"ids {chunk[0]}..{chunk[-1]}, found {len(hits)}")
         hits += search.confirmed(chunk, last=start + CHUNK >= len(ids))
-        if (hits and not find_all) or (bus.bound is not None and bus.bound.expired):
+        if hits and not find_all:
+            break
+        cut = bus.bound is not None and bus.bound.expired and start + CHUNK < len(ids)
+        if cut:
             break
     guide.done()
     seconds = link.now() - started
     summary = f"{search.probes} read-only probes of pitch_actual, ids {ids[0]}..{ids[-1]}, {seconds:.2f} s"
+    if cut:
+        summary += "; --deadline ended it before all were asked"
     bus.journal.info("scanned", summary)
     rows: list[Row] = [
         {
@@ -82,7 +88,7 @@ def _scan_can(bus: CanBus, guide: Guide, ids: Sequence[int], wait: float, find_a
     facts = {"probes": search.probes, "seconds": round(seconds, 3), "error_frames": link.error_frames - errors}
     table = Table(rows=rows, columns=columns, extra={"scan": facts})
     if not hits:
-        table.failure = search.nothing(summary, link.error_frames > errors)
+        table.failure = search.nothing(summary, link.error_frames > errors, cut)
     return table
 
 
@@ -144,7 +150,7 @@ class _CanSearch:
                 break
         return answered
 
-    def nothing(self, summary: str, errors: bool) -> NoAnswer | ProtocolError:
+    def nothing(self, summary: str, errors: bool, cut: bool) -> NoAnswer | ProtocolError:
         """Why nothing was found."""
         name = self._bus.link.name
         if errors:
@@ -164,4 +170,6 @@ class _CanSearch:
         if self._own:
             hint = "the adapter is in loopback mode, or hands out what it sends"
             return ProtocolError(f"{name}: only our own frames came back ({summary})", hint=hint, code="echo")
+        if cut:
+            return NoAnswer(f"{name}: no wrist so far ({summary})", hint="a longer --deadline", code="deadline")
         return NoAnswer(f"{name}: no wrist, complete silence ({summary})", hint=NO_ACK_HINT)
