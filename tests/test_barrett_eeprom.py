@@ -11,7 +11,7 @@ import pytest
 from handctl.cli import main
 from handctl.devices.barrett import eeprom
 from handctl.devices.barrett.hand import BarrettHand
-from handctl.errors import DeviceRefused, HandctlError, OutputError, UsageError
+from handctl.errors import DeviceRefused, HandctlError, OutputError, ProtocolError, UsageError
 from tests.barrett_support import Simulated, changes, codes, simulated
 
 
@@ -181,6 +181,20 @@ def test_a_save_that_failed_halfway_is_counted(state: Path) -> None:
     assert kept(state)["1042"]["saves"] == 1
 
 
+def test_a_save_with_a_spoiled_answer_is_no_success(state: Path) -> None:
+    """`ERR 128` with a wrong bit is no prompt alone: it may or may not have been written (contract 5)."""
+    hand, link = simulated("")
+    ask = hand.line.ask
+    hand.line.ask = lambda command, **_: (  # type: ignore[method-assign]
+        ask(command)._replace(lines=("ER\ufffd 128",)) if command == "FSAVE" else ask(command)
+    )
+    with pytest.raises(ProtocolError) as caught:
+        save(hand)
+    assert caught.value.code == "bad-line" and "FSAVE" in caught.value.text
+    assert saves(link) == ["FSAVE"]
+    assert kept(state)["1042"] == {"saves": 1, "values": {}}
+
+
 def test_a_refused_save_is_not_counted(state: Path) -> None:
     hand, _ = simulated("fault=refuse")
     with pytest.raises(DeviceRefused):
@@ -192,6 +206,12 @@ def test_a_refused_save_is_not_counted(state: Path) -> None:
 def test_every_save_of_handctl_is_counted(args: list[str], state: Path) -> None:
     assert main(["barrett", *args, "--yes", "-p", "fake://barrett?clock=virtual"]) == 0
     assert kept(state)["simulated-1042"]["saves"] == 1
+
+
+def test_a_save_of_a_script_is_counted_although_a_later_command_fails(state: Path) -> None:
+    port = "fake://barrett?clock=virtual&fault=hang&after=10"
+    assert main(["barrett", "gcl", "FSAVE", "FGET P", "FGET P", "FGET P", "FGET P", "FGET P", "--yes", "-p", port]) == 5
+    assert kept(state)["simulated-1042"] == {"saves": 1, "values": {}}
 
 
 @pytest.mark.parametrize("yes", [False, True])

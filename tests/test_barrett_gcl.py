@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from handctl.devices.barrett import gcl
 from handctl.devices.barrett.commands import COMMANDS, SECONDS, split
 from handctl.errors import DeviceRefused, Interrupted, NoAnswer, UsageError
 from tests.barrett_support import ABORT, scripted, simulated
+from tests.test_terminal import Terminal
 
 NAMES = [
     "C",
@@ -150,10 +153,15 @@ def test_the_first_error(keep_going: bool, sent: list[str]) -> None:
 
 
 def test_a_lost_answer_is_not_repeated() -> None:
-    hand, link = scripted({"FGET P": None})
-    with pytest.raises(NoAnswer):
-        gcl.run_all(hand, ["FGET P", "VERS"], keep_going=True)
-    assert link.commands == ["FGET P"]
+    """What came before it is told all the same, and nothing goes out behind it."""
+    hand, link = scripted({"FGET S": "0 0 0 0", "FGET P": None})
+    table = gcl.run_all(hand, ["FGET S", "FGET P", "VERS"], keep_going=True)
+    assert isinstance(table.failure, NoAnswer)
+    assert link.commands == ["FGET S", "FGET P"]
+    assert [(row["command"], row["status"], "error" in row) for row in table.rows] == [
+        ("FGET S", 0, False),
+        ("FGET P", None, True),
+    ]
 
 
 @pytest.mark.parametrize("command", ["PLOAD", "PDEF"])
@@ -173,10 +181,9 @@ def test_the_speed_is_looked_for_after_what_may_change_it(command: str) -> None:
 def test_interrupted() -> None:
     hand, link = simulated()
     link.interrupt_at = link.now() + 0.3
-    with pytest.raises(Interrupted) as caught:
-        gcl.run_all(hand, ["GC", "FGET P"], keep_going=False)
-    assert caught.value.exit_code == 130
-    assert "16384" in caught.value.text
+    table = gcl.run_all(hand, ["GC", "FGET P"], keep_going=False)
+    assert isinstance(table.failure, Interrupted) and table.failure.exit_code == 130
+    assert "16384" in table.failure.text
     assert ABORT in link.sent
     assert link.commands == ["GC"]
 
@@ -210,3 +217,14 @@ def test_help_texts() -> None:
     assert "5,000" in gcl.explain_help("?FSAVE")
     assert "16..4080" in gcl.explain_help("?IVEL")
     assert gcl.explain_help("?NOTHING") == ""
+
+
+@pytest.mark.parametrize("more", [("--json",), ("--csv",), ("-o", "data.txt")])
+def test_a_prompt_is_for_a_terminal(more: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What was typed and answered is no JSON, CSV or file: refused before anything is sent (contract 4)."""
+    monkeypatch.chdir(tmp_path)
+    with Terminal("barrett", "gcl", "--fake", *more) as terminal:
+        assert terminal.finish() == 2
+        assert "a prompt needs a terminal" in terminal.text.replace("\n", " ")
+        assert "=> " not in terminal.text
+    assert not (tmp_path / "data.txt").exists()

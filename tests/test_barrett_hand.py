@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import pytest
 
-from handctl.devices.barrett.hand import refusal
 from handctl.devices.barrett.language import Answer
 from handctl.devices.barrett.views import unhealthy
 from handctl.errors import CheckFailed, DeviceRefused, NoAnswer, ProtocolError
@@ -168,6 +167,29 @@ def test_values_of_another_number_are_no_values() -> None:
     assert caught.value.code == "bad-line"
 
 
+def test_a_spoiled_line_is_asked_again() -> None:
+    hand, link = scripted({"FGET P": ["1 2 x 4", "1 2 3 4"]})
+    assert [reading.value for reading in hand.read(elements("P"))] == [1, 2, 3, 4]
+    assert link.commands == ["FGET P", "FGET P"]
+    assert (hand.journal.counters.retries, hand.journal.counters.bad_frames) == (1, 1)
+
+
+def test_a_spoiled_line_is_told_with_its_bytes() -> None:
+    hand, link = scripted({"FGET P": b"FGET P\n\r\xb1 2 3 4\n\r=> "}, retries=0)
+    with pytest.raises(ProtocolError) as caught:
+        hand.read(elements("P"))
+    for part in (link.name, "FGET P", "expected 4 numbers", "(B1 20 32 20 33 20 34)"):
+        assert part in caught.value.text
+    assert "cable" in caught.value.hint
+
+
+def test_a_failed_line_names_the_link_once() -> None:
+    hand, link = scripted({"FGET P": "1 2 3 4", "PGET TEMP": "x"}, retries=0)
+    failure = hand.table(hand.read(elements("P", "TEMP"))).failure
+    assert failure is not None and failure.text.startswith(f"{link.name}: TEMP: PGET TEMP: expected 1 numbers")
+    assert failure.text.count(link.name) == 1
+
+
 @pytest.mark.parametrize("text", ["4.33", "VERS 4.33", "BarrettHand Firmware|Version 4.33"])
 def test_version_is_the_hands_own_text(text: str) -> None:
     hand, _ = scripted({"VERS": text})
@@ -175,9 +197,10 @@ def test_version_is_the_hands_own_text(text: str) -> None:
 
 
 def test_refusal_names_the_sum() -> None:
-    error = refusal(Answer("13M 17000", (), 20, b""))
+    hand, link = scripted()
+    error = hand.refusal(Answer("13M 17000", (), 20, b""))
     assert (error.exit_code, error.code) == (6, "err-20")
-    assert "13M 17000: ERR 20: motor not initialized (4) + couldn't reach position (16)" in error.text
+    assert f"{link.name}: 13M 17000: ERR 20: motor not initialized (4) + couldn't reach position (16)" in error.text
     assert "init" in error.hint
 
 
@@ -258,6 +281,18 @@ def test_a_refused_write_says_what_is_set() -> None:
     assert "ERR 128: invalid value" in caught.value.text
     assert "1FSET DP 5" in caught.value.hint
     assert link.commands == ["1FSET DP 5", "2FSET DP 6"]
+
+
+def test_a_line_refused_in_its_middle_may_be_half_set() -> None:
+    """The first wrong pair ends the line; whether those before it stay is not known (§5.1.3): it is said."""
+    hand, _ = simulated("firmware=4.33")
+    with pytest.raises(DeviceRefused) as caught:
+        hand.write(changes("MCV=80", "BS=1", "MOV=90"))
+    assert "perhaps set too" in caught.value.hint and "MCV" in caught.value.hint
+    hand, _ = simulated("firmware=4.33")
+    with pytest.raises(DeviceRefused) as caught:
+        hand.write(changes("BS=1"))
+    assert "perhaps" not in caught.value.hint
 
 
 def test_a_lost_answer_is_read_back_not_written_again() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from handctl.devices.barrett.language import Answer
-from handctl.errors import HandctlError, NoAnswer, ProtocolError
+from handctl.errors import HandctlError, LinkError, NoAnswer, ProtocolError
 from tests.barrett_support import ABORT, CR, PROMPT, ScriptedHand, Simulated, codes, gcl, hand_on, scripted, simulated
 from tests.support import Babble, ScriptedLink
 
@@ -231,6 +231,20 @@ def test_a_movement_that_does_not_end_is_stopped(command: str) -> None:
         hand.line.ask(command)
     assert link.commands == [command]
     assert ABORT in link.sent[1:]
+
+
+@pytest.mark.parametrize("command", ["FGET", "PGET", "12FGET"])
+def test_a_get_of_nothing_may_answer_nothing(command: str) -> None:
+    hand, _ = scripted({command: ""})
+    assert hand.line.ask(command).lines == ()
+
+
+@pytest.mark.parametrize("command", ["GC", "HI", "FGET P"])
+def test_a_link_lost_in_a_movement_warns_of_it(command: str) -> None:
+    hand, _ = simulated("initialized=1&fault=disconnect&after=2")
+    with pytest.raises(LinkError) as caught:
+        hand.line.ask(command)
+    assert ("power off" in caught.value.hint) == (command != "FGET P"), caught.value.hint
 
 
 def test_deadline_bounds_everything() -> None:

@@ -13,11 +13,11 @@ from handctl.devices.barrett.language import Answer
 from handctl.devices.barrett.loop import RealtimeLoop
 from handctl.devices.barrett.loop_flags import Wish
 from handctl.devices.barrett.schedule import Change, Schedule, Source, Values
-from handctl.errors import CheckFailed, HandctlError, UsageError
+from handctl.errors import CheckFailed, HandctlError, ProtocolError, UsageError
 from handctl.guide import Guide
 from handctl.link import Deadline
 from handctl.result import Sample
-from tests.barrett_support import CR, Simulated, codes, hand_on, simulated
+from tests.barrett_support import ABORT, CR, Simulated, codes, hand_on, scripted, simulated
 from tests.support import hexed
 
 Names = dict[int, tuple[str, ...]]
@@ -317,6 +317,13 @@ def test_rate_count_and_duration() -> None:
     assert len(Run().go(7).samples) == 7
 
 
+@pytest.mark.parametrize("count", [2, 5])
+def test_the_rate_told_is_that_between_the_blocks(count: int) -> None:
+    run = Run("wire=auto").go(count, rate=20.0)
+    assert run.loop.summary()["stream"]["rate_hz"] == pytest.approx(20.0, abs=0.2)
+    assert Run("wire=auto").go(1, rate=20.0).loop.summary()["stream"]["rate_hz"] is None
+
+
 def test_a_slow_line_is_not_flooded_with_late_blocks() -> None:
     run = Run("wire=auto").go(None, rate=1000.0, duration=0.5)
     assert run.error is None and 45 <= len(run.samples) <= 61
@@ -471,7 +478,7 @@ def test_the_hand_throws_us_out(query: str, code: str, exit_code: int, after: in
     run = Run(f"{query}&loop-after={after}&wire=auto", source=example()).go(10)
     assert isinstance(run.error, HandctlError)
     assert (run.error.code, run.error.exit_code) == (code, exit_code), run.error.text
-    assert len(run.samples) == after
+    assert len(run.samples) == after and run.link.name in run.error.text
     assert "124T" in run.after and run.flags() == run.before and run.stands()
     assert run.loop.failure is None
 
@@ -502,11 +509,23 @@ def test_faults_inside(fault: str, codes_: set[str], exit_code: int, sequential:
     run = Run(f"fault={fault}&loop-after=4&wire=auto", source=example(), sequential=sequential).go(50)
     assert isinstance(run.error, HandctlError)
     assert (run.error.code in codes_, run.error.exit_code) == (True, exit_code), run.error
+    assert run.link.name in run.error.text and run.error.hint
+    assert run.hand.journal.counters.bad_frames == (fault != "loop-silent")
     assert hexed(run.inside[-1]) == "03"
     if fault == "loop-silent":  # deaf for good: it can only be said
         assert run.loop.failure is not None and "power" in str(run.loop.failure.hint)
     else:
         assert run.flags() == run.before and run.stands() and "124T" in run.after
+
+
+def test_a_refusal_that_cannot_be_read() -> None:
+    """A prompt without `*` and without a legible ERR: an error with the bytes, never `ERR 0: ready`."""
+    hand, link = scripted({"*": "1", "1LOOP": b"1LOOP\n\rER\xb2 4\n\r=> "})
+    loop = RealtimeLoop(hand, Guide(), Wish((0,)), None, sequential=False)
+    with pytest.raises(ProtocolError) as caught:
+        list(loop.run(rate=0.0, count=1, duration=None))
+    assert link.name in caught.value.text and "45 52 B2 20 34" in caught.value.text
+    assert link.sent[-1] == ABORT, "it may be in the loop all the same"
 
 
 def test_a_hand_that_does_not_enter() -> None:

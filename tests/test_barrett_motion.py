@@ -8,7 +8,7 @@ import pytest
 
 from handctl.cli import main
 from handctl.devices.barrett import motion
-from handctl.errors import DeviceRefused, Interrupted, UsageError
+from handctl.errors import DeviceRefused, Interrupted, ProtocolError, UsageError
 from handctl.guide import Guide
 from tests.barrett_support import ABORT, BARRETT, ScriptedHand, Simulated, codes, hand_on, scripted, simulated
 from tests.support import NotedGuide
@@ -51,6 +51,21 @@ def test_arguments_are_checked(argument: int) -> None:
     with pytest.raises(UsageError):
         motion.move(hand, "", "IC", argument, Guide())
     assert link.sent == []
+
+
+@pytest.mark.parametrize("line", [b"ER\xb2 16", b"ERR 1\xb6", b"noise"])
+def test_a_spoiled_status_is_no_success(line: bytes) -> None:
+    """The rows tell where the motors stand all the same; the exit code is that of an answer that is not valid."""
+    hand, link = scripted(
+        {"*": "0", "12M 5000": b"12M 5000\n\r" + line + b"\n\r=> ", "T": b"T\n\r" + line + b"\n\r=> "}
+    )
+    table = motion.move(hand, "12", "M", 5000, Guide())
+    assert [row["motor"] for row in table.rows] == ["F1", "F2"]
+    assert isinstance(table.failure, ProtocolError) and table.failure.code == "bad-line"
+    assert line.hex(" ").upper() in table.failure.text and link.name in table.failure.text
+    with pytest.raises(ProtocolError) as caught:
+        motion.stop(hand, "")
+    assert "may still have power" in caught.value.hint
 
 
 VERBS = {

@@ -112,6 +112,13 @@ def test_reset_shows_the_banner(before: str) -> None:
     assert codes(hand) == ["uninitialized"]
 
 
+def test_a_slow_start_is_waited_for() -> None:
+    """15 s for a restart (dossier 1.3); a hand that does not answer at all costs no more."""
+    hand, _ = simulated("boot=12")
+    assert "BarrettHand Firmware" in speed.reset(hand.line)
+    assert codes(hand) == ["uninitialized"]
+
+
 def test_reset_to_another_speed_is_followed() -> None:
     hand, link = simulated("")
     hand.write(changes("BAUD=384"))

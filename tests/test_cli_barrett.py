@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import json
 from pathlib import Path
 from typing import Any
@@ -264,6 +266,20 @@ def test_gcl_as_arguments() -> None:
     text = run("barrett", "gcl", *EXAMPLE, "-p", fake())
     assert text.code == 6 and text.out.startswith("=> HI\n=> 12M 5000\n=> FGET P\n5000 5000 0 0\n=> ERR 3\n")
     assert "ERR 32: unknown command (32)" in text.out
+
+
+@pytest.mark.parametrize(
+    ("args", "first"),
+    [
+        (("gcl", "FGET P", "VERS"), {"command": "FGET P", "text": "0 0 0 0", "status": "0"}),
+        (("help", "HI"), {"command": "?HI", "text": "HI Hand Initialize", "status": "0"}),
+        (("load",), {"command": "FLOAD", "text": "", "status": "0"}),
+    ],
+)
+def test_passthrough_as_csv(args: tuple[str, ...], first: dict[str, str]) -> None:
+    result = run("barrett", *args, "-p", fake(), "--csv")
+    row = next(csv.DictReader(io.StringIO(result.out)))
+    assert result.code == 0 and {key: row[key] for key in first} == first
 
 
 def test_gcl_keeps_going() -> None:

@@ -57,6 +57,19 @@ def by_name(rows: list[dict[str, Any]]) -> dict[str, list[Any]]:
     return found
 
 
+@pytest.mark.parametrize("more", [("--velocity", "20"), ("--init",)])
+def test_a_disabled_motor_does_not_move_unnamed(more: tuple[str, ...], tmp_path: Path) -> None:
+    """EN 0 keeps a motor out of what names no motors (§5.3.4); LOOP is a movement command (§5.2.1)."""
+    port, trace = fake(state=tmp_path / "s.json"), tmp_path / "t.txt"
+    assert run("barrett", "set", "EN.F2=0", "-p", port).code == 0
+    result = do(*more, "--count", "2", "--trace", trace, port=port)
+    assert (result.code, result.stream[1]["messages"][-1]["code"]) == (2, "disabled")
+    assert not any(piece.endswith((b"LOOP\r", b"HI\r")) or b"SET" in piece for piece in sent(trace))
+    assert do(*more, "--motors", "134", "--count", "2", port=port).code == 0
+    assert do(*more, "--motors", "1234", "--count", "2", port=port).code == 0
+    assert do("--count", "2", port=port).code == 0  # only watched
+
+
 # -- the example ------------------------------------------------------------------------------------------------------
 
 
@@ -175,6 +188,8 @@ def test_an_init_that_fails_ends_it(tmp_path: Path) -> None:
         (("--send", "gain", "--gain", "5", "--velocity", "5"), "--velocity"),
         (("--control", "missing.csv"), "missing.csv"),
         (("--measure", "1"), "--measure"),
+        (("--measure", "5", "--count", "9"), "--measure"),
+        (("--measure", "5", "--duration", "9"), "--duration"),
         (("--count", "0"), "--count"),
     ],
 )

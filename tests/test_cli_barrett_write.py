@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from handctl import snapshot
 from tests.barrett_commands import (
     MOTORS,
     POWER_ON,
@@ -269,12 +270,11 @@ def test_restore_refuses_before_anything_is_sent(scratch: Path, damage: str) -> 
     if damage == "byte":
         file.write_text(file.read_text(encoding="utf-8").replace("4321", "4322"), encoding="utf-8")
     elif damage == "foreign":
+        file.unlink()
         assert run("exo", "snapshot", file, "--fake").code == 0
     elif damage == "missing":
         file.unlink()
     else:
-        from handctl import snapshot
-
         values = {**factory(), "init_velocity.F1": 400}
         snapshot.write(str(file), snapshot.make("barrett", {"kind": "barrett"}, values, link="x", fake=True))
     result = do("restore", file, "--yes", "--trace", trace)
@@ -329,6 +329,45 @@ def test_restore_and_save(scratch: Path) -> None:
     with spying() as spy:
         assert do("restore", scratch / "stored.json", "--save", "--yes").code == 0
         assert eeprom(spy, "DP") == (8500, 4321, 8500, 1575) and eeprom(spy, "LFT") == (1,)
+
+
+@pytest.mark.parametrize("name", ["stored.json", "factory.json"])
+def test_restore_asks_before_it_saves(scratch: Path, name: str) -> None:
+    """Also when the hand already holds every value: the EEPROM is written all the same (contract 7)."""
+    result = do("restore", scratch / name, "--save")
+    assert (result.code, result.error["code"]) == (8, "not-confirmed")
+    assert "EEPROM" in result.error["text"] and result.json["counters"] == CLEAN
+
+
+def test_restore_does_not_save_another_speed_by_accident(scratch: Path) -> None:
+    trace, file = scratch / "t.txt", scratch / "fast.json"
+    content = snapshot.make("barrett", {}, {**factory(), "baud_rate": 384}, link="fake://barrett", fake=True)
+    snapshot.write(str(file), content)
+    result = do("restore", file, "--save", "--yes")
+    assert (result.code, result.error["code"], result.json["counters"]) == (2, "baud-not-default", CLEAN)
+    assert do("restore", file, "--save", "--yes", "--force", "--trace", trace).code == 0
+    assert written_lines(trace) == ["PSET BAUD 384", "FSAVE", "PSAVE"]
+
+
+def test_a_dry_run_of_restore_shows_the_saves(scratch: Path) -> None:
+    rows = do("restore", scratch / "stored.json", "--save", "-n").rows
+    assert [(row["step"], row["bytes"]) for row in rows[-2:]] == [
+        (len(rows) - 1, "46 53 41 56 45 0D"),
+        (len(rows), "50 53 41 56 45 0D"),
+    ]
+
+
+def test_a_saved_speed_says_nothing_of_the_motors(tmp_path: Path) -> None:
+    """PSAVE keeps hand parameters only: a motor parameter in RAM is still to be saved."""
+    port = fake(state=tmp_path / "state.json")
+    with spying() as spy:
+        assert do("save", "--yes", port=port).code == 0
+        assert do("set", "DP.F1=7", port=port).code == 0
+        assert do("baud", "9600", "--save", "--yes", port=port).code == 0
+        assert eeprom(spy, "DP")[0] == 8500
+        last = do("save", "--yes", port=port)
+        assert last.code == 0, last
+        assert eeprom(spy, "DP")[0] == 7
 
 
 def test_a_damaged_journal_is_no_reason_to_lose_count(tmp_path: Path) -> None:

@@ -69,8 +69,8 @@ def firmware(patient: Patient) -> list[Finding]:
 
 
 def said(error: HandctlError) -> str:
-    """What the hand said, without the command line that it said it to."""
-    return error.text.partition(": ")[2] if error.code.startswith("err-") else error.text
+    """What the hand said, without the link and the command line that it said it to."""
+    return "ERR" + error.text.rpartition("ERR")[2] if error.code.startswith("err-") else error.text
 
 
 def doubtful(check: str, evidence: str) -> Finding:

@@ -152,7 +152,10 @@ def help_(run: Run, command: str | None) -> Table:
     row = gcl.row_of(run.device().line.read(text))
     row["manual"] = gcl.explain_help(text)
     return Table(
-        rows=[row], text=lambda rows: f"{gcl.as_text(rows)}by the manual:\n{rows[0]['manual']}\n", plain=("text",)
+        rows=[row],
+        columns=(*gcl.COLUMNS, Column("manual", "By the manual")),
+        text=lambda rows: f"{gcl.as_text(rows)}by the manual:\n{rows[0]['manual']}\n",
+        plain=("text",),
     )
 
 
@@ -210,19 +213,30 @@ def save(run: Run, force: bool) -> Table:
     """RAM to EEPROM: compared with the last save first, confirmed, counted (5,000 in the hand's life)."""
     from handctl.devices.barrett import eeprom
 
-    steps = [_step("FSAVE"), _step("PSAVE")]
+    steps = _save_steps()
     if run.settings.dry_run:
         return run.dry_run(steps)
     run.confirm("This writes the EEPROM, which lasts 5,000 saves", steps)
     hand: BarrettHand = run.device()
     (speed,) = hand.read(BARRETT.find("BAUD")[1])
-    if speed.value != 96 and not force:
+    if speed.error is not None:
+        raise speed.error
+    _refuse_to_keep(int(speed.value or 0), force)
+    return eeprom.save(hand, force=force, simulated=run.simulated)
+
+
+def _save_steps() -> list[Step]:
+    return [_step("FSAVE"), _step("PSAVE")]
+
+
+def _refuse_to_keep(code: int, force: bool) -> None:
+    """A BAUD other than the factory's is not saved by accident. Raises UsageError."""
+    if code != 96 and not force:
         raise UsageError(
-            f"BAUD is {speed.value}: saved, the hand would start at {int(speed.value or 0) * 100} bit/s for ever",
+            f"BAUD is {code}: saved, the hand would start at {code * 100} bit/s for ever",
             hint="--force saves it all the same, or `handctl barrett baud 9600` first",
             code="baud-not-default",
         )
-    return eeprom.save(hand, force=force, simulated=run.simulated)
 
 
 @cli.verb("baud", writes=True)
@@ -245,8 +259,8 @@ def baud(run: Run, rate: int | None, save_too: bool) -> Table:
     ledger = eeprom.Ledger(hand, simulated=run.simulated) if save_too else None
     readings = hand.write([(BARRETT.find("BAUD")[1][0], code)])
     if ledger is not None:
-        hand.checked(hand.line.ask("PSAVE"))
-        ledger.count(baud_rate=code)
+        hand.do("PSAVE")
+        ledger.count_common(baud_rate=code)
         run.journal.info("saved", f"the hand starts at {rate} bit/s from now on")
     else:
         run.journal.info("volatile", "until reset or power-off", hint="--save keeps it")
@@ -348,6 +362,12 @@ def _prompt(run: Run) -> Table:
 
     if run.settings.dry_run:
         raise UsageError("a prompt sends what is typed", hint="give the commands as arguments for a dry run")
+    if run.settings.format != "table" or run.settings.output or not sys.stdout.isatty():
+        raise UsageError(
+            "a prompt needs a terminal to answer on",
+            hint="for --json, -o or a redirected stdout give the commands as arguments, or a script on stdin",
+            code="no-terminal",
+        )
     history = prompt.line_reader()
     try:
         return gcl.interactive(run, run.device(), input)
@@ -369,9 +389,20 @@ def restore(run: Run, file: str, save_too: bool, force: bool) -> Table:
     def check(changes: Sequence[tuple[Element, Number]]) -> None:
         for objection in check_careful(changes, force):
             run.journal.warn("careful", objection)
+        if save_too:
+            for element, value in changes:
+                if element.full_name == "baud_rate":
+                    _refuse_to_keep(int(value), force)
+            if not run.settings.dry_run:  # also when nothing differs: the EEPROM is written all the same
+                run.confirm("--save writes the EEPROM, which lasts 5,000 saves", _save_steps())
 
     table = verbs.restore(run, BARRETT, file, check=check)
-    if save_too and not run.settings.dry_run:
+    if save_too and run.settings.dry_run:
+        table.rows += [
+            {"step": number, "bytes": step.wire, "meaning": step.meaning, "moves": False, "strands": False}
+            for number, step in enumerate(_save_steps(), len(table.rows) + 1)
+        ]
+    elif save_too:
         eeprom.save(run.device(), force=True, simulated=run.simulated)
     return table
 

@@ -87,7 +87,7 @@ def save(hand: BarrettHand, *, force: bool, simulated: bool) -> Table:
     done: list[str] = []
     for verb in ["FSAVE", "PSAVE"] if force else verbs:
         try:
-            hand.checked(hand.line.ask(verb))
+            hand.do(verb)
         except DeviceRefused:
             if done:  # one half is in the EEPROM: count it, and let the next save write all again
                 _count(hand, journal, key, {})
@@ -131,9 +131,12 @@ class Ledger:
         self._key = _key(hand, simulated)
         self._values = present(hand)
 
-    def count(self, **changed: int) -> None:
-        """Count one save of the values that were read, with what has been `changed` since by full name."""
-        _count(self._hand, self._journal, self._key, {**self._values, **changed})
+    def count_common(self, **changed: int) -> None:
+        """Count one PSAVE of what was read, with what has been `changed` since: the motors stay as saved last."""
+        motors = self._journal.get(self._key, {}).get("values", {})
+        now = {name: value for name, value in motors.items() if "." in name}
+        now |= {name: value for name, value in self._values.items() if "." not in name} | changed
+        _count(self._hand, self._journal, self._key, now)
 
     def count_unknown(self) -> None:
         """Count one save of values that nobody knows any more: the next save writes everything."""

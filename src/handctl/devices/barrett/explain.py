@@ -18,6 +18,8 @@ from handctl.devices.barrett.monitorwords import MonitorWords, records
 from handctl.piece import DEVICE, HOST, Part, Piece, stray
 
 CR, ABORT = 0x0D, 0x03
+OFFERS = (b"X", b"XX")
+OFFER = "X: asks the boot monitor for a download"
 LONGEST_COMMAND = 256
 LONGEST_ANSWER = 16384
 WAITING = 8
@@ -47,6 +49,7 @@ class BarrettExplainer:
         self._loop: LoopWords | None = None
         self._monitor: MonitorWords | None = None
         self._count = 0
+        self._offered = False  # X was sent, and something else happened since: the power switch, say
 
     def feed(self, direction: str, data: bytes, can_id: int | None = None) -> list[Piece]:
         """See Explainer. There is no CAN."""
@@ -62,6 +65,14 @@ class BarrettExplainer:
         for direction, buffer in ((HOST, self._typed), (DEVICE, self._came)):
             raw = bytes(buffer)
             buffer.clear()
+            if direction == HOST and raw in OFFERS:
+                self._offered = True
+                pieces.append(_piece(HOST, raw, OFFER))
+                continue
+            if direction == DEVICE and self._asked and _changes_speed(self._asked[0].command, raw):
+                meaning = f"echo of {self._asked[0].command}: the rest of the answer comes at the new speed"
+                pieces.append(_piece(DEVICE, raw, meaning, answers=self._asked[0].key))
+                continue
             block = loopwords.factory_block(direction, raw) if raw and b"=>" not in raw else []
             pieces += block  # a recording that begins inside RealTime
             if raw and not block:
@@ -119,6 +130,7 @@ class BarrettExplainer:
             key = "" if self._asked else self._expect("")
             return [*pieces, _piece(HOST, b"\x03", "^C: abort", asks=key)]
         self._typed.append(byte)
+        self._offered = False
         if len(self._typed) >= LONGEST_COMMAND:
             pieces.append(stray(HOST, bytes(self._typed)))
             self._typed.clear()
@@ -174,7 +186,7 @@ class BarrettExplainer:
     def _next(self) -> list[Piece]:
         """The next whole answer in supervisory mode."""
         came = bytes(self._came)
-        if bytes(self._typed) in (b"X", b"XX") and came[:1] == b":":
+        if came[:1] == b":" and (self._offered or bytes(self._typed) in OFFERS):
             return self._handed_over()
         for place, asked in enumerate(self._asked):
             kind = split(asked.command)[1]
@@ -248,15 +260,20 @@ class BarrettExplainer:
         typed = bytes(self._typed)
         self._typed.clear()
         self._asked.clear()
+        self._offered = False
         self._monitor = MonitorWords()
-        return [
-            _piece(HOST, typed, "X: asks the boot monitor for a download", asks="monitor"),
-            self._take(_piece(DEVICE, b":", "the boot monitor is ready for a download", answers="monitor")),
-        ]
+        asks = "monitor" if typed else ""
+        offer = [_piece(HOST, typed, OFFER, asks=asks)] if typed else []
+        return [*offer, self._take(_piece(DEVICE, b":", "the boot monitor is ready for a download", answers=asks))]
 
 
 def _piece(direction: str, raw: bytes, meaning: str, **more: object) -> Piece:
     return Piece(direction=direction, raw=raw, meaning=meaning, **more)  # type: ignore[arg-type]
+
+
+def _changes_speed(command: str, came: bytes) -> bool:
+    """Whether `came` is the echo of a command behind which the port's speed was changed (dossier 1.2)."""
+    return came.upper() == command.upper().encode("ascii", "replace") and "BAUD" in command.upper().split()
 
 
 def _side(data: bytes) -> str:

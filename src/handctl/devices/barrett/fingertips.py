@@ -10,9 +10,10 @@ from collections.abc import Mapping, Sequence
 from handctl.devices.barrett import kinematics
 from handctl.devices.barrett.hand import BarrettHand
 from handctl.devices.barrett.parameters import BARRETT, MOTORS, all_elements
-from handctl.devices.barrett.sampling import Sampler
+from handctl.devices.barrett.sampling import moments
 from handctl.errors import HandctlError, ProtocolError, UsageError
 from handctl.result import Cell, Column, Grid, Row, Table
+from handctl.sampling import Sampler
 
 FINGERS = MOTORS[:3]
 HIGHEST = 20000
@@ -62,7 +63,8 @@ def rows_of(positions: Mapping[str, int], broken: Mapping[str, int | None], *, k
         for number, (name, angle) in enumerate(zip(JOINTS, angles, strict=True), 1):
             more = {"limit": kinematics.LIMITS[number - 1], "beyond_limit": number in outside}
             rows.append(_row(name, finger, round(angle, 4), "°", state) | more)
-        rows += [_row(name, finger, round(at, 4), "mm", state) for name, at in zip(AXES, point, strict=True)]
+        # + 0.0: there is no minus zero
+        rows += [_row(name, finger, round(at, 4) + 0.0, "mm", state) for name, at in zip(AXES, point, strict=True)]
     return rows
 
 
@@ -126,7 +128,7 @@ def now(hand: BarrettHand) -> Table:
 
 def stream(hand: BarrettHand, *, rate: float, count: int | None, duration: float | None) -> Table:
     """Fingertips again and again."""
-    sampler = Sampler(hand.link, Tips(hand).rows, rate=rate, count=count, duration=duration)
+    sampler = Sampler(hand.link, moments(Tips(hand).rows), rate=rate, count=count, duration=duration)
     ranges = dict(zip(JOINTS, ((0.0, limit) for limit in kinematics.LIMITS), strict=True))
     return Table(
         columns=COLUMNS,

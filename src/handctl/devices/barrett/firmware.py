@@ -328,7 +328,7 @@ class Loader:
         wanted = self.expect or version_in(self.firmware.name) or version_in(self.firmware.header)
         mismatch: HandctlError | None = None
         if wanted is not None and found != wanted:
-            text = f"the hand says {after!r}; expected version {wanted}"
+            text = f"{self.link.name}: the hand says {after!r}; expected version {wanted}"
             if self.expect is not None:
                 mismatch = CheckFailed(text, hint="the wrong file, or the old firmware is still there", code="version")
             else:

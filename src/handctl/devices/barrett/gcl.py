@@ -7,16 +7,17 @@ from typing import TYPE_CHECKING
 
 from handctl.devices.barrett import eeprom, motion
 from handctl.devices.barrett.commands import COMMANDS, split
-from handctl.devices.barrett.hand import BarrettHand, refusal
+from handctl.devices.barrett.hand import BarrettHand
 from handctl.devices.barrett.language import Answer, explain_status
 from handctl.devices.barrett.parameters import BARRETT
 from handctl.errors import DeviceRefused, HandctlError, Interrupted, NoAnswer, ProtocolError, UsageError
-from handctl.result import Row, Table
+from handctl.result import Column, Row, Table
 
 if TYPE_CHECKING:
     from handctl.run import Run
 
 EEPROM = ("FSAVE", "PSAVE")
+COLUMNS = (Column("command", "Command"), Column("text", "Answer"), Column("status", "Status", right=True))
 
 
 def refuse(text: str) -> None:
@@ -45,20 +46,30 @@ def script(lines: Iterable[str]) -> list[str]:
 
 
 def run_all(hand: BarrettHand, commands: Iterable[str], *, keep_going: bool) -> Table:
-    """Send commands one after the other; stops at the first error unless `keep_going`."""
+    """Send commands one after the other; stops at the first error unless `keep_going`.
+
+    An answer that did not come, and Ctrl-C, end it in any case: what was carried out before is told all the same.
+    """
     rows: list[Row] = []
     failure: HandctlError | None = None
     for text in commands:
+        lost: HandctlError | None = None
         try:
             answer = ask(hand, text)
-        except KeyboardInterrupt as exc:
-            raise Interrupted(f"interrupted in {text}: {motion.halt(hand, tell_positions=False)}") from exc
+        except KeyboardInterrupt:
+            lost = Interrupted(f"interrupted in {text}: {motion.halt(hand, tell_positions=False)}")
+        except HandctlError as exc:
+            lost = exc
+        if lost is not None:
+            rows.append({"command": text, "lines": [], "text": "", "status": None, "error": lost.text})
+            failure = lost
+            break
         rows.append(row_of(answer))
         if answer.status:
-            failure = failure or refusal(answer)
+            failure = failure or hand.refusal(answer)
             if not keep_going:
                 break
-    return Table(rows=rows, columns=(), text=as_text, plain=("text",), failure=failure)
+    return Table(rows=rows, columns=COLUMNS, text=as_text, plain=("text",), failure=failure)
 
 
 def ask(hand: BarrettHand, text: str) -> Answer:
@@ -167,7 +178,7 @@ def _one(run: Run, hand: BarrettHand, text: str) -> None:
         ledger = eeprom.Ledger(hand, simulated=run.simulated) if saves([text]) else None
         answer = ask(hand, text)
         if ledger is not None and not answer.status:
-            ledger.count()
+            ledger.count_unknown()
         for line in answer.lines:
             run.out(line)
         if answer.status:

@@ -68,8 +68,35 @@ class BarrettHand:
     def checked(self, answer: Answer) -> Answer:
         """The same answer, or DeviceRefused with the manual's wording of its status."""
         if answer.status:
-            raise refusal(answer)
+            raise self.refusal(answer)
         return answer
+
+    def do(self, command: str) -> None:
+        """Send a command that answers with its prompt alone. Raises what speaks against it."""
+        error = self.objection(self.line.ask(command))
+        if error is not None:
+            raise error
+
+    def objection(self, answer: Answer) -> HandctlError | None:
+        """What speaks against such a command: a status, or a line, which may be a spoiled ERR."""
+        if answer.status:
+            return self.refusal(answer)
+        if answer.lines:
+            came = answer.raw[-48:].hex(" ").upper()
+            return ProtocolError(
+                f"{self.link.name}: {answer.command}: expected a prompt or ERR, got {answer.lines[0]!r}; came {came}",
+                hint="whether it was carried out is not known: `handctl barrett status`, then the cable",
+                code="bad-line",
+            )
+        return None
+
+    def refusal(self, answer: Answer) -> DeviceRefused:
+        """The error of an answer with a status: link, command, sum and the manual's wording."""
+        return DeviceRefused(
+            f"{self.link.name}: {answer.command}: ERR {answer.status}: {explain_status(answer.status)}",
+            hint=hint_for(answer.status),
+            code=f"err-{answer.status}",
+        )
 
     # -- reading -------------------------------------------------------------------------------------------------
 
@@ -98,24 +125,18 @@ class BarrettHand:
     def _get(
         self, verb: str, names: list[str], motors: list[int], count: int, into: dict[str, dict[int, int] | HandctlError]
     ) -> None:
-        answer = self.line.read(" ".join([verb, *names]))
+        answer = self.line.read(
+            " ".join([verb, *names]), lambda answer: answer.status or values(answer, len(names), count)
+        )
         if answer.status and answer.status & ~SPLITTABLE == 0 and len(names) > 1:
             middle = len(names) // 2
             for half in (names[:middle], names[middle:]):
                 self._get(verb, half, motors, count, into)
             return
         if answer.status:
-            into.update(dict.fromkeys(names, refusal(answer)))
+            into.update(dict.fromkeys(names, self.refusal(answer)))
             return
-        try:
-            lines = values(answer, len(names), count)
-        except ProtocolError as exc:
-            raise ProtocolError(
-                f"{self.link.name}: {exc.text}",
-                hint="a disturbed line: run it again, check the cable",
-                code=exc.code,
-            ) from exc
-        for name, numbers in zip(names, lines, strict=True):
+        for name, numbers in zip(names, values(answer, len(names), count), strict=True):
             into[name] = dict(zip(motors, numbers, strict=True))
 
     def row(self, reading: Reading) -> Row:
@@ -180,7 +201,7 @@ class BarrettHand:
 
     def _write_calm(self, changes: Sequence[tuple[Element, Number]]) -> list[Reading]:
         done: list[str] = []
-        for command, _ in self._commands(changes):
+        for command, names in self._commands(changes):
             try:
                 answer = self.line.ask(command)
             except (NoAnswer, ProtocolError) as exc:
@@ -188,8 +209,10 @@ class BarrettHand:
                 self.line.resynchronise()
                 continue
             if answer.status:
-                error = refusal(answer)
+                error = self.refusal(answer)
                 error.hint += f"; already set: {'; '.join(done)}" if done else ""
+                if len(names) > 1:  # the first wrong pair ends the line, those before it stay
+                    error.hint += f"; perhaps set too: {', '.join(names[:-1])}: `handctl barrett get` tells"
                 raise error
             done.append(command)
         readings = self.read([element for element, _ in changes])
@@ -221,7 +244,8 @@ class BarrettHand:
         if failed and failed[0].error is not None:
             exc = failed[0].error
             names = ", ".join(dict.fromkeys(_gcl(reading.element) for reading in failed))
-            failure = type(exc)(f"{self.link.name}: {names}: {exc.text}", hint=exc.hint, code=exc.code)
+            said = exc.text.removeprefix(self.link.name).lstrip(": ")
+            failure = type(exc)(f"{self.link.name}: {names}: {said}", hint=exc.hint, code=exc.code)
         return Table(
             rows=[self.row(reading) for reading in readings],
             columns=self.columns,
@@ -275,12 +299,3 @@ def _reading(element: Element, found: dict[int, int] | HandctlError) -> Reading:
     if isinstance(found, dict):
         return Reading(element, found[element.index if element.param.elements else 0])
     return Reading(element, None, b"", found)
-
-
-def refusal(answer: Answer) -> DeviceRefused:
-    """The error of an answer with a status: code, sum and the manual's wording."""
-    return DeviceRefused(
-        f"{answer.command}: ERR {answer.status}: {explain_status(answer.status)}",
-        hint=hint_for(answer.status),
-        code=f"err-{answer.status}",
-    )

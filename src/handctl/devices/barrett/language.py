@@ -145,11 +145,7 @@ class Decoder:
         if end is None:
             return None
         self.skipped = start
-        lines = [
-            line.decode("ascii", "replace")
-            for line in buffer[size:end].replace(b"\r", b"\n").split(b"\n")
-            if line.strip()
-        ]
+        lines = [_text(part) for part in _parts(buffer[size:end]) if part.strip()]
         if lines and lines[0].upper().encode("ascii", "replace") == self._sent:
             del lines[0]  # the echo once more: a line that echoes too; "ERR 3" must not become a status
         status = 0
@@ -186,6 +182,15 @@ class Decoder:
         return None
 
 
+def _parts(data: bytes) -> list[bytes]:
+    """What stands between line ends, whichever they are."""
+    return data.replace(b"\r", b"\n").split(b"\n")
+
+
+def _text(part: bytes) -> str:
+    return part.decode("ascii", "replace")
+
+
 def _prompt_at(buffer: bytes, start: int) -> int | None:
     """Where the prompt stands at the start of a line, from `start` on."""
     place = buffer.find(PROMPT, start)
@@ -203,7 +208,10 @@ def values(answer: Answer, names: int, motors: int) -> list[list[int]]:
         words = line.split()
         numbers = [int(word) for word in words if word.removeprefix("-").isdecimal() and len(word) <= 11]
         if len(numbers) != motors or len(words) != motors:
-            raise ProtocolError(f"{answer.command}: expected {motors} numbers a line, got {line!r}", code="bad-line")
+            came = next((part for part in _parts(answer.raw) if _text(part) == line), b"").hex(" ").upper()
+            raise ProtocolError(
+                f"{answer.command}: expected {motors} numbers a line, got {line!r} ({came})", code="bad-line"
+            )
         table.append(numbers)
     if len(table) != names and not answer.status:
         raise ProtocolError(

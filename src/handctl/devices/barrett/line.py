@@ -6,10 +6,12 @@ prompt tells the speed. One command at a time; nothing but ^C is sent before the
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from handctl.devices.barrett.commands import SECONDS, split
 from handctl.devices.barrett.language import ABORT, CR, PROMPT, Answer, Decoder, encode
 from handctl.devices.barrett.parameters import SPEEDS
-from handctl.errors import HandctlError, NoAnswer, ProtocolError
+from handctl.errors import HandctlError, LinkError, NoAnswer, ProtocolError
 from handctl.link import ByteLink, Deadline
 from handctl.result import Journal
 
@@ -162,6 +164,10 @@ class GclLine:
         self.journal.counters.sent += 1
         try:
             return self._answer(command, answer, echo)
+        except LinkError as exc:
+            if kind in ("motion", "init"):
+                exc.hint = f"{command} may go on to its end: switch the hand's power off if it must not; {exc.hint}"
+            raise
         except (NoAnswer, ProtocolError) as exc:
             error: HandctlError = exc
             if self.bound is not None and self.bound.expired:
@@ -183,8 +189,11 @@ class GclLine:
         finally:
             self.bound = bound
 
-    def read(self, command: str) -> Answer:
-        """A query, repeated after a resynchronisation when no valid answer came; anything else is `ask`ed once."""
+    def read(self, command: str, check: Callable[[Answer], object] = lambda answer: None) -> Answer:
+        """A query, repeated after a resynchronisation when no valid answer came; anything else is `ask`ed once.
+
+        `check` raises ProtocolError for an answer that has not the form it must have.
+        """
         self.connect()  # a hand that is nowhere is looked for once, not once a repetition
         error: HandctlError | None = None
         for attempt in range(1 + self.retries):
@@ -192,13 +201,22 @@ class GclLine:
                 self.journal.counters.retries += 1
                 self.resynchronise()
             try:
-                return self.ask(command)
+                answer = self.ask(command)
+                self._judge(answer, check)
+                return answer
             except (NoAnswer, ProtocolError) as exc:
                 error = exc
             if self.bound is not None and self.bound.expired:
                 break
         assert error is not None
         raise error
+
+    def _judge(self, answer: Answer, check: Callable[[Answer], object]) -> None:
+        try:
+            check(answer)
+        except ProtocolError as exc:
+            self.journal.counters.bad_frames += 1
+            raise ProtocolError(f"{self.link.name}: {exc.text}", hint=DISTURBED, code=exc.code) from exc
 
     def _answer(self, command: str, whole: Patience, echo: Patience) -> Answer:
         """The answer within `whole`; without an echo within `echo` nobody is there, and waiting longer is useless."""
@@ -322,6 +340,7 @@ class Patience:
         self.deadline = self._link.deadline(self._seconds).earlier(self._last)
 
 
+DISTURBED = "a disturbed line: run it again, check the cable"
 SILENCE = (
     "check in this order: the hand's power supply, the serial cable (straight-through, 9 pins), the port; a hand without "
     "firmware (off for more than a day or two) does not answer: load it again"
@@ -329,8 +348,8 @@ SILENCE = (
 
 
 def _must_have_lines(command: str) -> bool:
-    _, known, _ = split(command)
-    return known is not None and known.name in ("FGET", "PGET")
+    _, known, words = split(command)
+    return known is not None and known.name in ("FGET", "PGET") and bool(words)
 
 
 def has_prompt(data: bytes) -> bool:

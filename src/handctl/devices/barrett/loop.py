@@ -10,9 +10,9 @@ from collections import deque
 from collections.abc import Iterator
 from typing import Any
 
-from handctl.devices.barrett.hand import BarrettHand, refusal
+from handctl.devices.barrett.hand import BarrettHand
 from handctl.devices.barrett.language import CR, MOTORS, Answer
-from handctl.devices.barrett.line import has_prompt
+from handctl.devices.barrett.line import DISTURBED, has_prompt
 from handctl.devices.barrett.loop_flags import Wish, prepare
 from handctl.devices.barrett.parameters import BARRETT
 from handctl.devices.barrett.realtime import (
@@ -83,7 +83,7 @@ class RealtimeLoop:
         self._undo: list[tuple[Element, Number]] = []
         self._last: Values = {}
         self._deltas: dict[int, DeltaPosition] = {}
-        self._started = self._ended = 0.0
+        self._first = self._last_at = 0.0  # answers
         self._measuring = measuring
         self._rate, self._late = 0.0, 0
         self.velocity_points: dict[int, list[tuple[float, int, int]]] = {index: [] for index in wish.motors}
@@ -150,8 +150,10 @@ class RealtimeLoop:
                 self._decoder.feed(came[len(sent) + 1 :])
                 return
             if has_prompt(came):
-                self._inside = self._asked = False
-                raise refusal(Answer(command, (), _status(came), came))
+                if status := _status(came):
+                    self._inside = self._asked = False
+                    raise hand.refusal(Answer(command, (), status, came))
+                break
             chunk = line.link.read(deadline)
             if not chunk:
                 break
@@ -163,15 +165,15 @@ class RealtimeLoop:
                 f"{link.name}: no answer to {command}", hint="`handctl barrett status` tells whether it is there"
             )
         raise ProtocolError(
-            f"{link.name}: expected {command} and *, got {came[:48].hex(' ').upper()}",
-            hint="a disturbed line: run it again, check the cable",
+            f"{link.name}: expected {command} and *, or ERR, got {came[:48].hex(' ').upper()}",
+            hint=DISTURBED,
             code="echo-differs",
         )
 
     def _exchange(self, rate: float, count: int | None, duration: float | None) -> Iterator[Sample]:
         link, decoder, bound = self.hand.link, self._decoder, self.hand.line.bound
         sent: deque[tuple[float, Values]] = deque()
-        start = self._started = self._ended = due = link.now()
+        start = due = link.now()
         asked = 0
         going = True
         self._rate = rate
@@ -231,7 +233,12 @@ class RealtimeLoop:
         decoder, line = self._decoder, self.hand.line
         deadline = self._block_deadline(sent[0][0])
         while True:
-            answer = decoder.next()
+            try:
+                answer = decoder.next()
+            except ProtocolError as exc:
+                self.hand.journal.counters.bad_frames += 1
+                hint = exc.hint or DISTURBED
+                raise ProtocolError(f"{self.hand.link.name}: {exc.text}", hint=hint, code=exc.code) from exc
             if isinstance(answer, LoopError):
                 self._inside, self._thrown_out = False, True
                 raise self._refused(answer)
@@ -270,8 +277,12 @@ class RealtimeLoop:
     def _refused(self, error: LoopError) -> HandctlError:
         answer = Answer(f"RealTime block {self.blocks + 1}", (), error.status, b"")
         if error.status:
-            return refusal(answer)
-        return DeviceRefused(f"{answer.command}: the hand left RealTime by itself", hint="run it again", code="left")
+            return self.hand.refusal(answer)
+        return DeviceRefused(
+            f"{self.hand.link.name}: {answer.command}: the hand left RealTime by itself",
+            hint="run it again",
+            code="left",
+        )
 
     # -- what comes back -----------------------------------------------------------------------------------------
 
@@ -280,7 +291,7 @@ class RealtimeLoop:
         sent_at, values = sent.popleft()
         self.trips.add(now - sent_at)
         self.blocks += 1
-        self._ended = now
+        self._first, self._last_at = (now if self.blocks == 1 else self._first), now
         rows = [row for index in self.wish.motors for row in self._rows(index, feedback, values, now)]
         if feedback.temperature is not None:
             rows.append(_row("temperature", "LFT", None, feedback.temperature / 10, "°C"))
@@ -308,8 +319,8 @@ class RealtimeLoop:
 
     def summary(self) -> dict[str, Any]:
         """Rate, latencies and floors for the closing envelope."""
-        seconds = self._ended - self._started
-        rate = self.blocks / seconds if self.blocks and seconds > 0 else None
+        seconds = self._last_at - self._first
+        rate = (self.blocks - 1) / seconds if self.blocks > 1 and seconds > 0 else None
         baud = self.hand.line.link.baud
         size = (self.layout.control_size if self.source is not None else 1, self.layout.feedback_size)
         floors = {name: round(1 / cycle, 1) for name, cycle in cycles(*size, baud).items()} if baud else None
@@ -364,7 +375,7 @@ class RealtimeLoop:
     def _power_off(self) -> None:
         answer = self.hand.line.ask(f"{self.wish.prefix}T")
         if answer.status & ~NOT_INITIALIZED:
-            raise refusal(answer)
+            raise self.hand.refusal(answer)
         why = "; --hold is not kept: velocity 0 was not acknowledged" if self.wish.hold else ""
         self.hand.journal.info("stopped", f"the motors were stopped and switched off (T){why}")
 

@@ -10,7 +10,7 @@ from handctl.devices.barrett.language import MOTORS
 from handctl.devices.barrett.parameters import BARRETT, GclParam
 from handctl.devices.barrett.realtime import CONTROL, FEEDBACK, Layout, Selection
 from handctl.devices.barrett.schedule import Source
-from handctl.errors import CheckFailed, DeviceRefused
+from handctl.errors import CheckFailed, DeviceRefused, UsageError
 from handctl.param import Element, Number
 
 COEFFICIENTS = ("LCVC", "LFVC", "LFDPC")
@@ -62,7 +62,7 @@ def prepare(hand: BarrettHand, wish: Wish, source: Source | None, undo: list[tup
     now = _read(hand, wish.motors, later)
     changes = [
         (Element(BARRETT.by_mnemonic(name), index), value)
-        for (name, index), value in _fitted(wish, source, later).items()
+        for (name, index), value in _fitted(hand, wish, source, later).items()
         if now[(name, index)] != value
     ]
     if changes:
@@ -77,6 +77,22 @@ def prepare(hand: BarrettHand, wish: Wish, source: Source | None, undo: list[tup
             "discard", "LFDPD is 1: a change too large for a byte is dropped, positions from deltas may be wrong"
         )
     return layout
+
+
+def refuse_disabled(hand: BarrettHand) -> None:
+    """Motors that nobody named are not to move when they are disabled (barrett §5.3.4 EN). Raises UsageError."""
+    readings = hand.read([Element(BARRETT.by_mnemonic("EN"), index) for index in range(len(MOTORS))])
+    for reading in readings:
+        if reading.error is not None:
+            raise reading.error
+    off = [MOTORS[reading.element.index] for reading in readings if reading.value == 0]
+    if off:
+        others = "".join(str(reading.element.index + 1) for reading in readings if reading.value)
+        raise UsageError(
+            f"{', '.join(off)} disabled (EN 0): whether to move without being named is not guessed",
+            hint=f"--motors 1234 takes all{f', --motors {others} the enabled ones' if others else ''}. Nothing moved.",
+            code="disabled",
+        )
 
 
 def _is_later(hand: BarrettHand, motor: int) -> bool:
@@ -104,7 +120,7 @@ def _read(hand: BarrettHand, motors: tuple[int, ...], later: bool) -> dict[tuple
     return now
 
 
-def _fitted(wish: Wish, source: Source | None, later: bool) -> dict[tuple[str, int], int]:
+def _fitted(hand: BarrettHand, wish: Wish, source: Source | None, later: bool) -> dict[tuple[str, int], int]:
     """What was asked for, fitted to the firmware."""
     wanted = asked_flags(wish, source)
     if later:
@@ -116,7 +132,9 @@ def _fitted(wish: Wish, source: Source | None, later: bool) -> dict[tuple[str, i
         asked = [wanted.pop((flag, index), 0) for index in wish.motors]
         if any(asked):
             raise DeviceRefused(
-                f"this firmware has no {flag}", hint=f"leave {name} out: it came with 4.4", code="no-flag"
+                f"{hand.link.name}: this firmware has no {flag}",
+                hint=f"leave {name} out: it came with 4.4",
+                code="no-flag",
             )
     return wanted
 

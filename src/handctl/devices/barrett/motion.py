@@ -5,7 +5,7 @@ A supervisory movement blocks the line: no position can be read while it runs. ^
 
 from __future__ import annotations
 
-from handctl.devices.barrett.hand import BarrettHand, refusal
+from handctl.devices.barrett.hand import BarrettHand
 from handctl.devices.barrett.language import Answer, explain_status, motors_of
 from handctl.devices.barrett.parameters import BARRETT, GclParam
 from handctl.errors import HandctlError, Interrupted, NoAnswer, ProtocolError, UsageError
@@ -68,8 +68,7 @@ def move(hand: BarrettHand, prefix: str, name: str, argument: int | None, guide:
     except (NoAnswer, ProtocolError) as exc:
         exc.text = f"{text} ended with status {answer.status}, but where the motors stand could not be read: {exc.text}"
         raise
-    if answer.status:
-        table.failure = refusal(answer)
+    table.failure = hand.objection(answer)
     return table
 
 
@@ -170,8 +169,10 @@ def how_it_ended(name: str, now: dict[str, int], goal: int | None, status: int) 
 def stop(hand: BarrettHand, prefix: str) -> Table:
     """T: motor power off for the selected motors. It works although it may answer 4 for one that is not initialised."""
     answer = hand.line.ask(f"{prefix}T")
-    if answer.status & ~5:
-        raise refusal(answer)
+    error = hand.objection(answer)
+    if error is not None and (not answer.status or answer.status & ~5):
+        error.hint = f"the motors may still have power: if they must not, switch the supply off; {error.hint}"
+        raise error
     if answer.status:
         hand.journal.info(
             "status", f"{prefix}T answered {answer.status} ({explain_status(answer.status)}): power is off all the same"

@@ -82,15 +82,19 @@ def add_realtime(group: Group) -> None:
         --hold is given. Flags are put back as they were.
         """
         from handctl.devices.barrett.loop import RealtimeLoop
-        from handctl.devices.barrett.loop_flags import Wish
+        from handctl.devices.barrett.loop_flags import Wish, refuse_disabled
         from handctl.devices.barrett.schedule import loop_motors
 
+        if measure is not None and (count is not None or duration is not None):
+            raise UsageError("--measure N says how many blocks", hint="leave --count and --duration out")
         indices = loop_motors(motors)
         received, temperature = _received(receive, indices)
         source = _source(send, velocity, gain, path, indices)
         wish = Wish(tuple(indices), received, temperature, hold)
         if run.settings.dry_run:
             return run.dry_run([*(_initialization(wish) if initialize else ()), *_steps(run, wish, source)])
+        if motors is None and (initialize or source is not None):
+            refuse_disabled(run.device())
         if initialize:
             _initialize(run, wish)
         loop = RealtimeLoop(run.device(), run.guide, wish, source, sequential=sequential, measuring=measure is not None)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from handctl.devices.barrett.commands import SECONDS
 from handctl.devices.barrett.language import CR, encode
 from handctl.devices.barrett.line import GclLine
 from handctl.errors import LinkError, NoAnswer, ProtocolError, UsageError
@@ -71,7 +72,10 @@ def reset(line: GclLine) -> str:
     link = line.link
     link.write(encode("RESET"), link.deadline(2.0))
     line.journal.counters.sent += 1
-    text = line.collect(BANNER_SECONDS).decode("ascii", "replace")
+    came = line.collect(BANNER_SECONDS)
+    if came.upper().strip(b"\r\n :") in (b"", b"RESET"):  # nothing but the echo: it is still starting
+        came += line.collect(SECONDS["reset"] - BANNER_SECONDS)
+    text = came.decode("ascii", "replace")
     banner = "\n".join(part.strip() for part in text.replace("\r", "\n").split("\n") if part.strip(" =>:\0"))
     banner = banner.removeprefix("RESET").strip(" :\n")  # a hand that has just started may print ":" first
     line.reconnect()

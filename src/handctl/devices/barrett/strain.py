@@ -9,11 +9,12 @@ from handctl.devices.barrett import health, motion, procedures
 from handctl.devices.barrett.hand import BarrettHand
 from handctl.devices.barrett.language import MOTORS
 from handctl.devices.barrett.parameters import BARRETT
-from handctl.devices.barrett.sampling import Sampler
+from handctl.devices.barrett.sampling import moments
 from handctl.errors import CheckFailed
 from handctl.guide import Guide
 from handctl.param import Element, Step
 from handctl.result import Cell, Column, Grid, Row, Table
+from handctl.sampling import Sampler
 
 FINGERS = MOTORS[:3]
 READINGS = 20
@@ -201,7 +202,7 @@ def beside(value: int) -> tuple[int | None, str]:
 def stream(hand: BarrettHand, *, rate: float, count: int | None, duration: float | None) -> Table:
     """Readings again and again: the bar's ends are 100 and 140, half full is the middle of the window."""
     warn_if_loaded(hand)
-    sampler = Sampler(hand.link, _Adjusting(hand).rows, rate=rate, count=count, duration=duration)
+    sampler = Sampler(hand.link, moments(_Adjusting(hand).rows), rate=rate, count=count, duration=duration)
     low, high = health.NO_LOAD
     return Table(
         columns=(*hand.columns[:5], Column("label", "Window")),

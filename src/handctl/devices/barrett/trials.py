@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 from handctl.devices.barrett import health, motion
 from handctl.devices.barrett.checks import Patient
-from handctl.devices.barrett.hand import refusal
 from handctl.devices.barrett.health import FAIL, OK, SKIPPED, WARNING, Finding
 from handctl.devices.barrett.language import motors_of
 from handctl.errors import HandctlError, Interrupted
@@ -51,11 +50,9 @@ def _timed(patient: Patient, text: str) -> float:
     link = patient.hand.link
     begin = link.now()
     try:
-        answer = patient.hand.line.ask(text)
+        patient.hand.do(text)
     except KeyboardInterrupt as exc:
         raise Interrupted(f"interrupted in {text}: {motion.halt(patient.hand)}") from exc
-    if answer.status:
-        raise refusal(answer)
     return link.now() - begin
 
 
