@@ -5,10 +5,16 @@ Tables at several widths, the live view, the questions, the guided calibration, 
 
 from __future__ import annotations
 
+import fcntl
+import os
 import re
+import struct
+import subprocess
 import sys
+import termios
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 
@@ -16,7 +22,7 @@ import pexpect
 import pyte
 import pytest
 
-from tests.cli_support import FINGERS, POWER_ON, Simulator, clean_environment, frame, run, s16, sent, writes
+from tests.cli_support import FINGERS, POWER_ON, Simulator, clean_environment, frame, program, run, s16, sent, writes
 
 ANSI = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
 SPARKS = "▁▂▃▄▅▆▇█"
@@ -360,3 +366,22 @@ def test_ctrl_c_during_a_motion_holds_the_fingers(tmp_path: Path) -> None:
     for start, value, target in zip(POWER_ON["position_actual"][2], held, (1000, 1000, 1000, 1000, 0), strict=False):
         assert min(start, target) < value < max(start, target), held
     assert s16(*held) == last[5:15]
+
+
+def test_a_terminal_that_does_not_know_its_size_is_taken_for_one_of_80_columns() -> None:
+    """As a serial console, or a session that a script opened."""
+    ours, theirs = os.openpty()
+    fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 0, 0, 0, 0))
+    done = subprocess.Popen(
+        program("exo", "get", "id", "-p", "fake://exo?fault=silent", "--timeout", "0.05"), env=clean_environment(),
+        stdin=theirs, stdout=subprocess.DEVNULL, stderr=theirs,
+    )  # fmt: skip
+    os.close(theirs)
+    text = b""
+    with suppress(OSError):  # the end of a pty
+        while data := os.read(ours, 4096):
+            text += data
+    os.close(ours)
+    assert done.wait(10) == 4
+    lines = text.decode().replace("\r", "").splitlines()
+    assert max(map(len, lines)) > 60 and all(len(line) <= 80 for line in lines), lines

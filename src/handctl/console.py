@@ -57,7 +57,7 @@ class TerminalGuide(Guide):
     def _draw(self, line: Callable[[int], str]) -> None:
         """Never raises: a terminal that has gone must not keep a device from being stopped."""
         try:
-            sys.stderr.write(line(os.get_terminal_size(sys.stderr.fileno()).columns))
+            sys.stderr.write(line(_columns()))
             sys.stderr.flush()
         except (OSError, ValueError):
             self.moving = False
@@ -155,11 +155,16 @@ def print_stderr(text: str) -> None:
     """One message, wrapped at words on a terminal; a closed stderr is not worth a second error."""
     try:
         if is_terminal(sys.stderr):
-            text = _wrapped(text, os.get_terminal_size(sys.stderr.fileno()).columns)
+            text = _wrapped(text, _columns())
         sys.stderr.write(text + "\n")
         sys.stderr.flush()
     except (OSError, ValueError):
         return
+
+
+def _columns() -> int:
+    """Width of the terminal behind stderr; 80 where it does not know its own, as a serial console. Raises OSError."""
+    return os.get_terminal_size(sys.stderr.fileno()).columns or 80
 
 
 def _wrapped(text: str, columns: int) -> str:
