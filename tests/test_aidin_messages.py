@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from handctl.devices.aidin.messages import (
@@ -227,7 +227,9 @@ def test_numbers_refused(value: object, whole: tuple[int, int] | None, code: str
 @settings(max_examples=200, deadline=None)
 @given(
     st.recursive(st.none() | st.booleans() | st.floats() | st.integers() | st.text(), lambda x: st.lists(x, max_size=4))
+    | st.lists(st.floats() | st.integers(), min_size=3, max_size=3)
 )
+@example([1, -2.5, 10**30])
 def test_numbers_never_raises_anything_else(value: object) -> None:
     try:
         taken = numbers(value, 3)

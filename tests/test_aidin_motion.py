@@ -55,6 +55,7 @@ def test_homing_that_left_encoders_elsewhere_is_not_confirmed() -> None:
     with pytest.raises(CheckFailed, match=r"index\.m3 85000") as caught:
         homing.home(hand_on(streamer(feedback(motor_pos=[0] * 5 + [85000] + [0] * 9))), Guide())
     assert caught.value.code == "not-homed"
+    assert "left in homing mode, no stop was sent" in caught.value.hint
 
 
 def test_a_hold_that_was_held_up_begins_again() -> None:
@@ -152,7 +153,7 @@ def test_stop_goes_out_before_anything_else(kind: str) -> None:
         "poll": lambda: poller(STILL),
         "command": lambda: poller(lambda request: STILL if b"hand_mode" in request else None),
     }[kind]()
-    table = stop.stop(hand_on(link))
+    table = stop.stop(hand_on(link), Guide())
     assert set(link.sent) == {STOP} and len(link.sent) >= 3
     assert link.sent_at[0] == 0.0
     assert [row["value"] for row in table.rows] == [0] * 15
@@ -161,14 +162,14 @@ def test_stop_goes_out_before_anything_else(kind: str) -> None:
 def test_stop_to_a_mute_hand_is_sent_and_not_confirmed() -> None:
     link = ScriptedLink()
     with pytest.raises(NoAnswer, match="not confirmed"):
-        stop.stop(hand_on(link))
+        stop.stop(hand_on(link), Guide())
     assert set(link.sent) == {STOP}
     assert link.clock < 1.5
 
 
 def test_stop_that_leaves_currents() -> None:
     with pytest.raises(CheckFailed, match="currents up to 400") as caught:
-        stop.stop(hand_on(streamer(feedback(current_state=[-400] + [0] * 14))))
+        stop.stop(hand_on(streamer(feedback(current_state=[-400] + [0] * 14))), Guide())
     assert caught.value.code == "not-stopped"
 
 

@@ -145,3 +145,42 @@ def test_help_names_the_options() -> None:
     refused = CliRunner().invoke(cli, ["aidin", "--tcp", "127.0.0.1:0", "--set", "rate=9999"])
     assert refused.exit_code == 2
     assert "rate=9999: out of range 1 to 1000" in refused.output
+
+
+def test_there_is_no_serial_wire() -> None:
+    refused = CliRunner().invoke(cli, ["aidin", "--pty"])
+    assert refused.exit_code == 2 and "No such option" in refused.output
+    assert "--pty" not in CliRunner().invoke(cli, ["aidin", "-h"]).output
+    assert "where to serve: --tcp HOST:PORT" in CliRunner().invoke(cli, ["aidin"]).output
+
+
+def test_half_an_object_of_a_client_that_left_does_not_swallow_what_the_next_one_sends(start: Start) -> None:
+    address = start("--set", "exchange=command")
+    with socket.create_connection(address) as killed:
+        killed.sendall(b'{"hand_mode":1')
+        time.sleep(0.1)
+    client = Client(address)
+    assert "current_state" in client.ask('{"hand_mode":3}\n')
+
+
+@pytest.mark.long
+def test_a_client_that_reads_again_after_a_long_pause_gets_whole_objects(start: Start) -> None:
+    """3.5 MB in 5 s: more than the simulator keeps, and than the system does for so small a window."""
+    address = start("--set", "rate=1000")
+    with socket.socket() as slow:
+        slow.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        slow.settimeout(5)
+        slow.connect(address)
+        time.sleep(5.0)
+        data = b""
+        while data.count(b"\n") < 8000:
+            data += slow.recv(1 << 20)
+    rows = data.split(b"\n")[:-1]
+    assert all(len(json.loads(row)) == 5 for row in rows)
+
+
+def test_a_control_command_may_have_negative_numbers(start: Start, tmp_path: Path) -> None:
+    panel = str(tmp_path / "panel")
+    start("--control", panel)
+    told = CliRunner().invoke(cli, ["control", panel, "touch", "thumb", "-1.5", "-2", "3"])
+    assert (told.exit_code, told.output) == (0, "touch thumb -1.5 -2 3\n")

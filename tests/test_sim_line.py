@@ -514,3 +514,16 @@ def test_random_numbers_are_the_same_everywhere() -> None:
     numbers = Random(1)
     assert [numbers.between(0, 999) for _ in range(4)] == [602, 355, 838, 531]
     assert {Random(seed).between(1, 6) for seed in range(100)} == {1, 2, 3, 4, 5, 6}
+
+
+def test_a_client_that_changed_its_speed_after_asking_hears_no_answer() -> None:
+    line = line_of(turnaround=0.3)
+    line.client_baud = 115200
+    assert ask(line, READ_ID) == b""
+    line.client_baud = 57600
+    line.advance(0.5)
+    assert line.take() == b"" and line.requests == 1
+    line.client_baud = 115200
+    line.feed(READ_ID)
+    line.advance(1.0)
+    assert line.take() == ID_IS_1

@@ -443,3 +443,79 @@ def test_foreign_command_line(start: Start, verb: str) -> None:
         check=False,
     )
     assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_what_does_not_fit_for_a_client_that_does_not_read_is_lost_in_whole_replies(tmp_path: Path) -> None:
+    """The loop itself: a place that takes nothing for a while, and a line that gives replies of one size."""
+    from handctl.sim import serve
+
+    reply, given, taken = b"<" + b"x" * 9998 + b">", [0], bytearray()
+
+    class Line:
+        client_baud = None
+        hung_up = False
+
+        def take(self) -> bytes:
+            given[0] += 1
+            return reply if given[0] < 60 else b""
+
+        def next_event(self) -> float:
+            return 0.0
+
+        def __getattr__(self, name: str) -> Callable[..., None]:
+            return lambda *_: None
+
+    class Place:
+        def write(self, data: bytes) -> int:
+            if given[0] < 30:
+                return 0
+            taken.extend(data[:3333])
+            return len(data[:3333])
+
+        def read(self, ready: list[int]) -> bytes:
+            signals.stop = given[0] > 200
+            return b""
+
+        def readers(self) -> list[int]:
+            return []
+
+        def __getattr__(self, name: str) -> Callable[..., None]:
+            return lambda *_: None
+
+    with serve._Signals() as signals:
+        serve._loop(Line(), Place(), None, signals, None)  # type: ignore[arg-type]
+    replies = bytes(taken).split(b">")[:-1]
+    assert len(replies) > 6 and {row + b">" for row in replies} == {reply}
+
+
+@pytest.mark.parametrize("option", ["--state", "--control"])
+def test_an_empty_path_is_refused(option: str) -> None:
+    refused = CliRunner().invoke(cli, ["exo", "--tcp", "127.0.0.1:0", "--duration", "0.1", option, ""])
+    assert refused.exit_code == 2 and "it is empty" in refused.output
+
+
+def test_a_state_that_cannot_be_written_is_named(tmp_path: Path) -> None:
+    folder = tmp_path / "gone"
+    folder.mkdir()
+    state, panel = folder / "state.json", tmp_path / "panel"
+    program = [
+        sys.executable,
+        "-m",
+        "handctl.sim",
+        "aidin",
+        "--tcp",
+        "127.0.0.1:0",
+        "--state",
+        state,
+        "--control",
+        panel,
+    ]
+    with subprocess.Popen(program, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as server:
+        assert server.stdout is not None and json.loads(server.stdout.readline())["ready"]
+        folder.rmdir()
+        told = CliRunner().invoke(cli, ["control", str(panel), "bend index 1 2 3"])
+        server.terminate()
+        _, err = server.communicate(timeout=10)
+    for text in (told.output, err):
+        assert f"state file {state} cannot be written: No such file" in text
+    assert (told.exit_code, server.returncode) == (3, 3)

@@ -121,6 +121,10 @@ class Device(Model):
         self.hand.now = now
         self._next_feedback = now + self._period
 
+    def reconnected(self) -> None:
+        """Half an object of the last client is no part of what the next one sends."""
+        self.reader.forget()
+
     def power(self, on: bool) -> None:
         """Off: the origin, the bias, maxtorque and all commands are gone; the fingers stay where they are."""
         self.powered = on

@@ -83,6 +83,13 @@ def _raw_options(given: dict[str, Any], fault: tuple[str, ...], settings: tuple[
     return raw
 
 
+def _some(ctx: click.Context, param: click.Parameter, text: str | None) -> str | None:
+    """A path: an empty one, as from an unset variable of a shell, is no file and no socket that anybody finds."""
+    if text == "":
+        raise click.BadParameter("it is empty")
+    return text
+
+
 def _no_options(function: Callable[..., None]) -> Callable[..., None]:
     return function
 
@@ -96,11 +103,18 @@ def _slcan_options(function: Callable[..., None]) -> Callable[..., None]:
     )
 
 
-def _server(kind: str, summary: str, *, can: bool = False) -> click.Command:
-    """The command that serves one kind of device: bytes, and with `can` frames through an slcan adapter as well."""
+def _pty_option(function: Callable[..., None]) -> Callable[..., None]:
+    return click.option("--pty", "on_pty", is_flag=True, help="Serve on a new pseudo terminal.")(function)
+
+
+def _server(kind: str, summary: str, *, can: bool = False, serial: bool = True) -> click.Command:
+    """The command that serves one kind of device: bytes, and with `can` frames through an slcan adapter as well.
+
+    A device without a serial wire is served on a TCP port only.
+    """
 
     @click.command(kind, cls=_ServerCommand, short_help=summary)
-    @click.option("--pty", "on_pty", is_flag=True, help="Serve on a new pseudo terminal.")
+    @(_pty_option if serial else _no_options)
     @click.option("--tcp", metavar="HOST:PORT", callback=_address, help="Serve on a TCP port; port 0 is any free one.")
     @(_slcan_options if can else _no_options)
     @click.option("--seed", metavar="N", help="Start of the random generator.")
@@ -110,7 +124,7 @@ def _server(kind: str, summary: str, *, can: bool = False) -> click.Command:
     @click.option("--after", metavar="N", help="The first N requests are healthy.")
     @click.option("--every", metavar="N", help="Of the later requests only each N-th is hit.")
     @click.option("--wire", metavar="BAUD", help="Emulate the transmission time at this speed ('auto': the device's).")
-    @click.option("--state", metavar="FILE", help="Keep memory, flash and positions in this file.")
+    @click.option("--state", metavar="FILE", callback=_some, help="Keep memory, flash and positions in this file.")
     @click.option(
         "--duration",
         metavar="S",
@@ -118,23 +132,24 @@ def _server(kind: str, summary: str, *, can: bool = False) -> click.Command:
         callback=_number,
         help="Stop by itself after S seconds.",
     )
-    @click.option("--control", metavar="PATH", help="Unix socket for commands, see 'sim control'.")
+    @click.option("--control", metavar="PATH", callback=_some, help="Unix socket for commands, see 'sim control'.")
     @click.option("--set", "settings", metavar="KEY=VALUE", multiple=True, help="A further option, see below.")
     def command(
-        on_pty: bool,
         tcp: tuple[str, int] | None,
         fault: tuple[str, ...],
         duration: float | None,
         control: str | None,
         settings: tuple[str, ...],
+        on_pty: bool = False,
         slcan_pty: bool = False,
         slcan_tcp: tuple[str, int] | None = None,
         **given: str | None,
     ) -> None:
         on_can = slcan_pty or slcan_tcp is not None
         if [on_pty, tcp is not None, slcan_pty, slcan_tcp is not None].count(True) != 1:
+            places = "either --pty or --tcp HOST:PORT" if serial else "--tcp HOST:PORT"
             more = ", or --slcan-pty or --slcan-tcp HOST:PORT" if can else ""
-            raise click.UsageError(f"say where to serve: either --pty or --tcp HOST:PORT{more}")
+            raise click.UsageError(f"say where to serve: {places}{more}")
         raw = _raw_options(given, fault, settings)
         if can and (raw.setdefault("bus", "can" if on_can else "serial") == "can") != on_can:
             raise click.UsageError(
@@ -162,7 +177,11 @@ def _server(kind: str, summary: str, *, can: bool = False) -> click.Command:
     return command
 
 
-@cli.command("control", short_help="Send a command to a running simulator.")
+@cli.command(
+    "control",
+    short_help="Send a command to a running simulator.",
+    context_settings={"ignore_unknown_options": True},  # -100 is a value of the simulator's command
+)
 @click.argument("path")
 @click.argument("command", nargs=-1, required=True)
 def control(path: str, command: tuple[str, ...]) -> None:
@@ -191,4 +210,4 @@ cli.add_command(_server("exo", "Inspire EH55BF1 exoskeleton hand."))
 cli.add_command(_server("wrist", "Inspire wrist module with the hand behind it.", can=True))
 cli.add_command(_server("barrett", "BarrettHand BH8-series: supervisory and RealTime mode, boot monitor."))
 cli.add_command(_server("ekso", "EksoNR exoskeleton, DataPort."))
-cli.add_command(_server("aidin", "AIDIN-hand (TCP, JSON)."))
+cli.add_command(_server("aidin", "AIDIN-hand (TCP, JSON).", serial=False))

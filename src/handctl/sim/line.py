@@ -85,11 +85,15 @@ class Line(Cable):
         self.client_baud: int | None = None
         self._rx: list[_Segment] = []
         self._rx_free = 0.0
-        self._out: list[tuple[float, int, list[tuple[float, float, bytes]], bool, int | None]] = []
+        self._out: list[tuple[float, int, list[tuple[float, float, bytes]], bool, int | None, int | None]] = []
         self._count = 0  # keeps replies of one due time in order
         self._tx: list[_Segment] = []
         self._tx_free = 0.0
         self._previous = b""
+
+    def reconnect(self) -> None:
+        super().reconnect()
+        self.device.reconnected()
 
     # -- time and bytes -------------------------------------------------------------------------------------------
 
@@ -261,19 +265,21 @@ class Line(Cable):
                 pieces.append((self._random.between(0, 8) / 1000.0 if pieces else 0.0, step, data[:count]))
                 data = data[count:]
         self._count += 1
-        self._out.append((due, self._count, pieces, hang, self.device.speed))
+        self._out.append((due, self._count, pieces, hang, self.device.speed, self.client_baud))
         self._out.sort(key=lambda entry: entry[:2])
 
     def _dispatch(self, now: float) -> None:
         while self._out and self._out[0][0] <= now + 0.000000001:
-            due, _, pieces, hang, speed = self._out.pop(0)
+            due, _, pieces, hang, speed, listener = self._out.pop(0)
             start = max(due, self._tx_free)
             for gap, step, sent in pieces:
                 start += gap
                 data = sent
                 if None not in (speed, self.client_baud) and speed != self.client_baud:
                     heard = self.device.mishear(sent, speed or 0, self.client_baud or 0)
-                    data = sent if heard is None else heard
+                    # Not simulated: a client that has changed its speed meanwhile makes no byte of it.
+                    passed = sent if listener == self.client_baud else b""
+                    data = passed if heard is None else heard
                 self._tx.append(_Segment(start, step, data))
                 start += step * len(data)
             self._tx_free = start

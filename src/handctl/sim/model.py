@@ -145,6 +145,9 @@ class Model:
         """When the device acts by itself next, apart from replies that are already due."""
         return None
 
+    def reconnected(self) -> None:
+        """A new client came. A device with a connection of its own, unlike one behind a serial adapter, notices that."""
+
     def power(self, on: bool) -> None:
         self.powered = on
 

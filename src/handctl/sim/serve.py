@@ -1,36 +1,31 @@
-"""Drives a simulated line in real time behind a pty or a TCP port: one select loop, no threads.
+"""Drives a simulated line in real time behind one of the places of ports.py: one select loop, no threads.
 
-Knows file descriptors and the clock, no protocol. A server prints one JSON line when it is ready, then serves until
+Knows the clock and the control socket, no protocol. A server prints one JSON line when it is ready, then serves until
 SIGTERM, SIGINT or the end of its duration; it exits in order, with the state saved.
 """
 
 from __future__ import annotations
 
 import errno
-import fcntl
 import json
 import os
-import pty
 import select
 import signal
 import socket
 import stat
 import sys
-import termios
 import time
-import tty
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from types import FrameType, TracebackType
 from typing import Protocol
 
+from handctl.sim.ports import Port, PtyPort, ServeError, TcpPort
+
+__all__ = ["ControlPort", "ServeError", "Served", "send_control", "serve_pty", "serve_tcp"]
+
 SPIN = 0.0003  # s before an event that are waited for busily: select alone wakes up to 0.1 ms late
 UNREAD = 65536  # bytes kept for a client that does not read; what comes beyond is lost, as on a serial line
-SPEEDS = {getattr(termios, name): int(name[1:]) for name in dir(termios) if name[0] == "B" and name[1:].isdigit()}
-
-
-class ServeError(Exception):
-    """The place to serve at cannot be had; the text says what and why."""
 
 
 class Served(Protocol):
@@ -56,158 +51,6 @@ class Served(Protocol):
     def command(self, text: str) -> str: ...
 
     def close(self) -> None: ...
-
-
-class Port(Protocol):
-    """Where clients come in."""
-
-    link: str  # what a client passes to --port
-
-    def readers(self) -> list[int]: ...
-
-    def read(self, ready: list[int]) -> bytes | None:
-        """What came in; b"" nothing, None: a new client took the place of the old one."""
-
-    def write(self, data: bytes) -> int:
-        """Writes what fits without waiting, returns how much."""
-
-    def writer(self) -> int | None: ...
-
-    def baud(self) -> int | None:
-        """The serial speed of the client, None if the link has none."""
-
-    def hang_up(self) -> bool:
-        """Drops the client; True when nobody can come any more."""
-
-    def close(self) -> None: ...
-
-
-class PtyPort:
-    """A pseudo terminal. Its slave side is kept open here, so that clients can come and go."""
-
-    def __init__(self, speed: int | None) -> None:
-        try:
-            self._master, self._slave = pty.openpty()
-        except OSError as exc:
-            raise ServeError(f"cannot open a pty: {exc.strerror}") from exc
-        tty.setraw(self._slave)
-        attributes = termios.tcgetattr(self._slave)
-        constant = {rate: value for value, rate in SPEEDS.items()}.get(speed or 0)
-        if constant is not None:
-            # A client that sets no speed, such as a shell redirection, then talks at the right one.
-            attributes[4] = attributes[5] = constant
-            termios.tcsetattr(self._slave, termios.TCSANOW, attributes)
-        os.set_blocking(self._master, False)
-        self._closed = False
-        self.link = os.ttyname(self._slave)
-
-    def readers(self) -> list[int]:
-        return [self._master]
-
-    def read(self, ready: list[int]) -> bytes:
-        if self._master not in ready:
-            return b""
-        try:
-            return os.read(self._master, 4096)
-        except BlockingIOError:
-            return b""
-
-    def write(self, data: bytes) -> int:
-        try:
-            return os.write(self._master, data)
-        except BlockingIOError:
-            return 0
-
-    def writer(self) -> int:
-        return self._master
-
-    def baud(self) -> int:
-        """The termios speed that the client set, visible on the master side; -1 for a speed without a constant."""
-        return SPEEDS.get(termios.tcgetattr(self._master)[5], -1)
-
-    def hang_up(self) -> bool:
-        # Closing the master throws away what the client has not read: let it have the first half of the reply. The
-        # kernel hands bytes to the slave side a little later, so a count of 0 means nothing at once.
-        time.sleep(0.02)
-        patience = time.monotonic() + 0.2
-        while any(fcntl.ioctl(self._slave, termios.FIONREAD, bytes(4))) and time.monotonic() < patience:
-            time.sleep(0.002)
-        self.close()
-        return True
-
-    def close(self) -> None:
-        if not self._closed:
-            self._closed = True
-            os.close(self._master)
-            os.close(self._slave)
-
-
-class TcpPort:
-    """A listening port that serves one client at a time; others wait until it leaves."""
-
-    def __init__(self, host: str, port: int) -> None:
-        try:
-            family, kind, proto, _, address = socket.getaddrinfo(
-                host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
-            )[0]
-            self._listener = socket.socket(family, kind, proto)
-            self._listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            self._listener.bind(address)
-            self._listener.listen(8)
-        except OSError as exc:
-            raise ServeError(f"cannot listen on {host}:{port}: {exc.strerror or exc}") from exc
-        self._listener.setblocking(False)
-        self._client: socket.socket | None = None
-        shown = f"[{host}]" if ":" in host else host
-        self.link = f"tcp://{shown}:{self._listener.getsockname()[1]}"
-
-    def readers(self) -> list[int]:
-        return [self._listener.fileno() if self._client is None else self._client.fileno()]
-
-    def read(self, ready: list[int]) -> bytes | None:
-        if not ready:
-            return b""
-        try:
-            if self._client is None:
-                self._client, _ = self._listener.accept()
-                self._client.setblocking(False)
-                self._client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-                return None
-            data = self._client.recv(4096)
-        except (BlockingIOError, ConnectionAbortedError):
-            return b""
-        except OSError:
-            data = b""
-        if not data:
-            self.hang_up()
-        return data
-
-    def write(self, data: bytes) -> int:
-        if self._client is None:
-            return len(data)  # nobody there: a line without a listener loses its bytes
-        try:
-            return self._client.send(data)
-        except BlockingIOError:
-            return 0
-        except OSError:
-            self.hang_up()
-            return len(data)
-
-    def writer(self) -> int | None:
-        return None if self._client is None else self._client.fileno()
-
-    def baud(self) -> None:
-        return None
-
-    def hang_up(self) -> bool:
-        if self._client is not None:
-            self._client.close()
-            self._client = None
-        return False
-
-    def close(self) -> None:
-        self.hang_up()
-        self._listener.close()
 
 
 class ControlPort:
@@ -340,7 +183,10 @@ def _serve(
         if panel is not None:
             stack.callback(panel.close)
         stack.callback(line.close)
-        print(json.dumps({"ready": True, "link": link(port.link)}), flush=True)  # noqa: T201 - a server has no renderer
+        try:
+            print(json.dumps({"ready": True, "link": link(port.link)}), flush=True)  # noqa: T201 - a server has no renderer
+        except OSError as exc:
+            raise ServeError(f"cannot tell on stdout that the simulator is ready: {exc.strerror or exc}") from exc
         _loop(line, port, panel, signals, None if duration is None else time.monotonic() + duration)
 
 
@@ -354,10 +200,11 @@ def _loop(line: Served, port: Port, panel: ControlPort | None, signals: _Signals
         while signals.power_cycles:
             signals.power_cycles -= 1
             line.power_cycle()
-        unsent += line.take()
+        taken = line.take()
+        if len(unsent) + len(taken) <= UNREAD or not unsent:
+            unsent += taken  # otherwise lost as it was taken: on a line without a speed that is in whole replies
         if unsent:
             del unsent[: port.write(bytes(unsent))]
-            del unsent[UNREAD:]
         if line.hung_up:
             print("simulator: hung up in the middle of a reply (fault disconnect)", file=sys.stderr, flush=True)  # noqa: T201
             if port.hang_up():

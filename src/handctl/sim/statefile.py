@@ -43,7 +43,9 @@ def save(path: str, device: Model) -> None:
             file.flush()
             os.fsync(file.fileno())
         os.replace(temporary, path)
-    except BaseException:
+    except BaseException as exc:
         if os.path.exists(temporary):
             os.unlink(temporary)
+        if isinstance(exc, OSError):
+            raise OSError(f"state file {path} cannot be written: {exc.strerror or exc}") from exc
         raise

@@ -6,7 +6,7 @@ from handctl.devices.aidin.feedback import Wire
 from handctl.devices.aidin.fields import AIDIN, Mode
 from handctl.devices.aidin.hand import AidinHand
 from handctl.devices.aidin.homing import MOTOR_POS, connect_or_command, moving, named
-from handctl.devices.aidin.stop import object_of
+from handctl.devices.aidin.stop import announced, object_of
 from handctl.errors import CheckFailed, NoAnswer
 from handctl.param import elements_of
 from handctl.result import Column, Row, Table
@@ -35,15 +35,16 @@ def bias(hand: AidinHand) -> Table:
             hint="wait until the hand stands, touching nothing. Nothing was sent.",
             code="moving",
         )
-    data, end = object_of(Mode.BIAS), talk.deadline(BIAS)
-    while not end.expired:
-        talk.tick(data)
-    talk.check_bound()
-    end = talk.deadline(CONFIRM)
-    table, worse = _compared(hand, before, earlier)
-    while worse and not end.expired:
-        hand.link.sleep(SHORT)
+    with announced("the sensor bias was sent: present values may be 0 from now on, whatever pressed on the fingertips"):
+        data, end = object_of(Mode.BIAS), talk.deadline(BIAS)
+        while not end.expired:
+            talk.tick(data)
+        talk.check_bound()
+        end = talk.deadline(CONFIRM)
         table, worse = _compared(hand, before, earlier)
+        while worse and not end.expired:
+            hand.link.sleep(SHORT)
+            table, worse = _compared(hand, before, earlier)
     if worse and table.failure is None:
         table.failure = CheckFailed(
             f"{hand.link.name}: sensor values did not come nearer to 0: {', '.join(worse[:4])}",
@@ -75,9 +76,10 @@ def max_torque(hand: AidinHand, value: int) -> Table:
     """Mode 5 with `maxtorque`, for 0.2 s. No feedback shows it. Raises NoAnswer when the hand says nothing at all."""
     blind = connect_or_command(hand)
     data, end = object_of(Mode.MAXTORQUE, maxtorque=value), hand.talk.deadline(SHORT)
-    while not end.expired:
-        hand.talk.tick(data, blind=blind)
-    hand.talk.check_bound()
+    with announced(f"maxtorque {value} was sent and may be in force, it cannot be read back"):
+        while not end.expired:
+            hand.talk.tick(data, blind=blind)
+        hand.talk.check_bound()
     if blind and not hand.talk.feedback.seen:
         raise NoAnswer(
             f"{hand.link.name}: maxtorque {value} was sent, but the hand says nothing",

@@ -120,7 +120,7 @@ def stop(run: Run) -> Table:
 
     if run.settings.dry_run:
         return run.dry_run([_step(run, f"stop, sent {stopping.STOPS} times", Mode.STOP)])
-    return stopping.stop(run.device())
+    return stopping.stop(run.device(), run.guide)
 
 
 @cli.verb("bias", writes=True)

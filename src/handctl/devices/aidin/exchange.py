@@ -101,7 +101,8 @@ class Conversation:
                     return
                 if self._junk:
                     break
-        raise self.nothing_came() if self._junk or self._echoes else self._silent(asked=asks)
+        came = self._junk or self._echoes or self._decoder.pending
+        raise self.nothing_came() if came else self._silent(asked=asks)
 
     def _listen(self, seconds: float) -> None:
         """Take what the hand says unasked. Once it has begun it may finish: an object may come in small pieces.
@@ -314,7 +315,9 @@ class Conversation:
         name, said = self.link.name, self.way.exchange
         if self.journal.counters.received and (moving or self.exchange is not Exchange.UNKNOWN):
             return NoAnswer(
-                f"{name}: the hand has stopped sending feedback", hint="look at its state and at the network: `status`"
+                f"{name}: the hand has stopped sending feedback",
+                hint="look at its state and at the network: `status`; a hand that sends less than once a second needs "
+                "--exchange stream --timeout S",
             )
         if said is Exchange.STREAM:
             text = f"connected, the hand has said nothing for {self.timeout or SILENCE:g} s, and --exchange stream asks nothing"

@@ -19,6 +19,7 @@ from handctl.result import Cell, Column, Grid, Journal, Row, Table
 SLACK = 0.01
 """Share of a range by which a value may be outside: encoders and angles jitter at the stops."""
 LARGEST_RADIAN = 6.3
+NO_ANGLE = "is no angle in radians: degrees on the wire?"
 SHORT = {"current_state": "current"}
 
 
@@ -109,7 +110,9 @@ class AidinHand:
         if check and findings and table.failure is None:
             table.failure = CheckFailed(
                 f"{self.link.name}: {len(findings)} findings: {'; '.join(findings)}",
-                hint="`handctl aidin home` sets the origin of the encoders",
+                hint="look at its bytes with --trace FILE; until then move with `encoders` only"
+                if all(NO_ANGLE in finding for finding in findings)
+                else "`handctl aidin home` sets the origin of the encoders",
                 code="unhealthy",
             )
         return table
@@ -129,12 +132,12 @@ def reading(element: Element, found: Wire | ProtocolError) -> Reading:
     return Reading(element, param_of(element).from_wire(number), repr(number).encode("ascii"))
 
 
-def outside(param: AidinParam, index: int, value: float) -> bool:
-    """Whether a value is out of its documented range by more than the jitter at a stop."""
+def outside(param: AidinParam, index: int, value: float, share: float = SLACK) -> bool:
+    """Whether a value is out of its documented range by more than `share` of it, by default the jitter at a stop."""
     limit = param.limit(index)
     if limit is None:
         return False
-    slack = (limit[1] - limit[0]) * SLACK
+    slack = (limit[1] - limit[0]) * share
     return not limit[0] - slack <= value <= limit[1] + slack
 
 
@@ -149,7 +152,7 @@ def unhealthy(rows: Sequence[Row]) -> list[str]:
             if outside(param, param.elements.index(f"{row['finger']}.{row['element']}"), row["value"])
         ]
         if param.angles and any(abs(row["rad"]) > LARGEST_RADIAN for row in mine):
-            found.append(f"{param.name} is no angle in radians: degrees on the wire?")
+            found.append(f"{param.name} {NO_ANGLE}")
         elif wrong:
             more = f" and {len(wrong) - 4} more" if len(wrong) > 4 else ""
             found.append(f"{param.name} out of range: {', '.join(wrong[:4])}{more}; not homed since power-on?")

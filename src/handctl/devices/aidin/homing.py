@@ -9,9 +9,9 @@ from __future__ import annotations
 from handctl.devices.aidin.feedback import Feedback
 from handctl.devices.aidin.fields import AIDIN, AidinParam, Mode
 from handctl.devices.aidin.hand import AidinHand, outside, reading
-from handctl.devices.aidin.stop import object_of, stopped, stopping
+from handctl.devices.aidin.stop import object_of, stopped, stopping, telling
 from handctl.devices.aidin.way import Exchange
-from handctl.errors import CheckFailed, HandctlError, NoAnswer
+from handctl.errors import CheckFailed, HandctlError, NoAnswer, UsageError
 from handctl.guide import Guide
 from handctl.param import Number, elements_of
 from handctl.result import Table
@@ -26,6 +26,8 @@ AT_ORIGIN = 0.01
 TICKS = 5
 STILL = 0.001
 """Share of a stroke that a motor may change from one look to the next and still stand."""
+LEFT = "the hand was left in homing mode, no stop was sent"
+GOES_ON = "no stop was sent, the hand is expected to go on to its origin; `handctl aidin stop` frees it"
 MOTOR_POS = AIDIN["motor_pos"]
 
 
@@ -46,8 +48,13 @@ def connect_or_command(hand: AidinHand) -> bool:
 def home(hand: AidinHand, guide: Guide) -> Table:
     """Mode 1 for 3.5 s and nothing else in between; then every encoder must be near 0 (aidin, Modes: homing).
 
-    Raises CheckFailed when they are not, NoAnswer when the hand says nothing.
+    Raises CheckFailed when they are not, NoAnswer when the hand says nothing, UsageError for a --deadline before its end.
     """
+    bound = hand.talk.bound
+    if bound is not None and bound.remaining < HOLD:
+        raise UsageError(
+            f"homing takes {HOLD:g} s, --deadline leaves less", hint="a longer --deadline. Nothing was sent."
+        )
     blind = connect_or_command(hand)
     guide.say(f"homing: all fingers open for {HOLD:g} s; keep clear")
     data = object_of(Mode.HOMING)
@@ -61,13 +68,14 @@ def home(hand: AidinHand, guide: Guide) -> Table:
             raise stopped(hand, exc) from exc
         finally:
             guide.done()
-        now = _origin(hand, data, blind=blind)
+        with telling(LEFT):
+            now = _origin(hand, data, blind=blind)
         seen.note(now)
     off = _away(now)
     if off:
         raise CheckFailed(
             f"{hand.link.name}: homing is not confirmed, encoders are not at 0: {named(MOTOR_POS, off, now)}",
-            hint="is a finger blocked? Home again; look with `handctl aidin status`",
+            hint=f"{LEFT}; is a finger blocked? Home again; look with `handctl aidin status`",
             code="not-homed",
         )
     if seen.moved:
@@ -205,7 +213,7 @@ def initial(hand: AidinHand, guide: Guide, *, assume_homed: bool) -> Table:
     seen = _Travel()
     now: tuple[int, ...] | None = None
     before: tuple[int, ...] | None = None
-    with stopping(hand, guide):
+    with stopping(hand, guide), telling(GOES_ON):
         try:
             while not end.expired and (now is None or _away(now) or moving(before, now)):
                 before = now
@@ -216,13 +224,13 @@ def initial(hand: AidinHand, guide: Guide, *, assume_homed: bool) -> Table:
                 guide.progress("moving to the initial position (Ctrl-C stops)")
         finally:
             guide.done()
-    talk.check_bound()
-    if now is None:
-        raise NoAnswer(f"{hand.link.name}: the initial position was commanded, but the hand says nothing")
+        talk.check_bound()
+        if now is None:
+            raise NoAnswer(f"{hand.link.name}: the initial position was commanded, but the hand says nothing")
     if _away(now):
         raise CheckFailed(
             f"{hand.link.name}: the initial position was not reached: {named(MOTOR_POS, _away(now), now)}",
-            hint="a hand that was not homed ignores it; or blocked, or the maximum torque is too low",
+            hint=f"{GOES_ON}; a hand that was not homed ignores it; or blocked, or the maximum torque is too low",
             code="not-reached",
         )
     if not seen.moved:

@@ -6,13 +6,14 @@ An object is sent every 20 ms; there is no acknowledge, so that feedback alone p
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import degrees
 
 from handctl.devices.aidin.exchange import PERIOD
 from handctl.devices.aidin.feedback import Feedback, values_of
 from handctl.devices.aidin.fields import Target
-from handctl.devices.aidin.hand import AidinHand
-from handctl.devices.aidin.homing import check_homed
-from handctl.devices.aidin.stop import object_of, step_of, stopping
+from handctl.devices.aidin.hand import LARGEST_RADIAN, NO_ANGLE, AidinHand, outside
+from handctl.devices.aidin.homing import check_homed, named
+from handctl.devices.aidin.stop import object_of, step_of, stopping, telling
 from handctl.devices.aidin.targets import Goal, missed, ramp
 from handctl.errors import CheckFailed, NoAnswer
 from handctl.guide import Guide
@@ -21,6 +22,9 @@ from handctl.result import Column, Table
 
 ARRIVE = 3.0
 """Seconds after the ramp's end until a target counts as not reached."""
+GOES_ON = "no stop was sent, the hand is expected to go on to the last target it got; `handctl aidin stop` frees it"
+FAR = 0.1
+"""Share of a range: a start that is farther outside is no start of a ramp."""
 SETTLED = 0.2
 """Seconds near the target until it counts as reached: a hand that passes by, or still comes nearer, is not there."""
 
@@ -55,21 +59,37 @@ def move(hand: AidinHand, goal: Goal, guide: Guide, *, assume_homed: bool) -> Ta
     check_homed(hand, assume=assume_homed)
     here = measured(hand, goal.target)
     values = goal.complete(here)
-    with stopping(hand, guide):
+    _check_start(hand, goal.target, here, assume=assume_homed)
+    with stopping(hand, guide), telling(GOES_ON):
         try:
             _follow(hand, goal, ramp(goal, here, values, PERIOD), guide)
             talk.feedback = Feedback()
             arrived = _settle(hand, goal, values, guide)
-        except NoAnswer as exc:
-            exc.hint = f"no stop was sent, the hand is expected to go on to the last target it got; `handctl aidin stop` frees it; {exc.hint}"
-            raise
         finally:
             guide.done()
-    if not arrived:
-        _tell_deadline(hand, goal, values)
+        if not arrived:
+            _tell_deadline(hand, goal, values)
     if arrived:
         hand.journal.info("reached", "reached; nothing more is sent, the hand is expected to hold")
     return _result(hand, goal, values)
+
+
+def _check_start(hand: AidinHand, target: Target, here: list[Number], *, assume: bool) -> None:
+    """Raise CheckFailed where a ramp cannot begin at what the hand tells: its first step would be a jump to a limit."""
+    param, name = target.feedback, hand.link.name
+    if param.angles and any(abs(value) > degrees(LARGEST_RADIAN) for value in here):
+        raise CheckFailed(
+            f"{name}: {param.key} {NO_ANGLE} A ramp cannot begin there",
+            hint="look at `handctl aidin status`, and at its bytes with --trace FILE. Nothing was sent.",
+            code="start-out-of-range",
+        )
+    far = [index for index, value in enumerate(here) if outside(param, index, value, FAR)]
+    if far and not assume:
+        raise CheckFailed(
+            f"{name}: a ramp cannot begin where the hand is, far out of range: {named(param, far, here)}",
+            hint="`handctl aidin home` first; --assume-homed begins at the limit all the same. Nothing was sent.",
+            code="start-out-of-range",
+        )
 
 
 def _tell_deadline(hand: AidinHand, goal: Goal, values: list[float]) -> None:
@@ -119,6 +139,8 @@ def _result(hand: AidinHand, goal: Goal, values: list[float]) -> Table:
     table = hand.table(hand.read(elements_of(param)))
     if table.failure is None:
         mark(hand, goal, values, table)
+        if table.failure is not None:
+            table.failure.hint = f"{GOES_ON}; {table.failure.hint}"
     return table
 
 

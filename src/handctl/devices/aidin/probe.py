@@ -17,11 +17,13 @@ PING = "feedback"
 ECHOES = False
 
 
-def probe(link: ByteLink, journal: Journal, deadline: Deadline, ids: Sequence[int] = (1,)) -> list[Row]:
+def probe(
+    link: ByteLink, journal: Journal, deadline: Deadline, ids: Sequence[int] = (1,), timeout: float | None = None
+) -> list[Row]:
     """Rows family, link, baud, id (it has none), evidence. Raises NoAnswer, ProtocolError for what came instead."""
     quiet = Journal()
     quiet.counters = journal.counters
-    talk = Conversation(link, quiet, retries=0, bound=deadline)
+    talk = Conversation(link, quiet, timeout=timeout, retries=0, bound=deadline)
     talk.connect()
     how = "streams" if talk.exchange is Exchange.STREAM else "answers an empty object with"
     evidence = f"{how} {', '.join(sorted(talk.feedback.seen))}"

@@ -36,23 +36,20 @@ def step_of(meaning: str, data: bytes, end: bytes) -> Step:
     return Step(f"{meaning}: {data.decode()}", data + end, moves=True)
 
 
-def stop(hand: AidinHand) -> Table:
+def stop(hand: AidinHand, guide: Guide) -> Table:
     """Motor power off, at once: sent before anything else, repeated until the currents are near 0.
 
     Where no current was seen to vanish, a message says that feedback proves nothing.
-    Raises NoAnswer when the hand says nothing, CheckFailed when currents stay.
+    Raises NoAnswer when the hand says nothing, CheckFailed when currents stay. Damaged feedback, --deadline and Ctrl-C do
+    not keep it from being sent.
     """
-    talk, data, flowed = hand.talk, object_of(Mode.STOP), False
-    for _ in range(STOPS):
-        talk.tick(data, blind=True)
-        flowed = flowed or _flow(_currents(talk.feedback))
-    talk.feedback = Feedback()
-    end = talk.deadline(CONFIRM)
-    while not (told := _currents(talk.feedback)) or _flow(told):
-        flowed = flowed or _flow(told)
-        if end.expired:
-            raise _not_confirmed(hand, told)
-        talk.tick(data, blind=True)
+    with stopping(hand, guide):
+        try:
+            told, flowed = _until_still(hand)
+        except HandctlError as exc:
+            raise stopped(hand, exc) from exc
+    if told is None or _flow(told):
+        raise _not_confirmed(hand, told)
     if not flowed:
         hand.journal.info(
             "idle",
@@ -61,6 +58,22 @@ def stop(hand: AidinHand) -> Table:
             "if in doubt, switch the power off",
         )
     return hand.table([reading(element, told) for element in elements_of(CURRENT_STATE)])
+
+
+def _until_still(hand: AidinHand) -> tuple[Wire | None, bool]:
+    """Repeat the stop mode until no current flows, 1.2 s at most; the currents told last, and whether any was seen before."""
+    talk, data, flowed = hand.talk, object_of(Mode.STOP), False
+    for _ in range(STOPS):
+        talk.tick(data, blind=True)
+        flowed = flowed or _flow(_currents(talk.feedback))
+    talk.feedback = Feedback()
+    end = hand.link.deadline(CONFIRM)
+    while (told := _currents(talk.feedback)) is None or _flow(told):
+        flowed = flowed or _flow(told)
+        if end.expired:
+            break
+        talk.tick(data, blind=True)
+    return told, flowed
 
 
 def _flow(told: Wire | None) -> bool:
@@ -120,6 +133,26 @@ def stopped(hand: AidinHand, exc: HandctlError) -> HandctlError:
     lost = "the connection is lost, stop cannot be sent: switch the hand's power off if it still moves"
     told = lost if isinstance(exc, LinkError) else halt(hand)
     return type(exc)(exc.text, hint="; ".join(filter(None, (exc.hint, told))), code=exc.code)
+
+
+@contextmanager
+def telling(what: str) -> Iterator[None]:
+    """Around objects that stay in force: an error in between says what the hand has got."""
+    try:
+        yield
+    except HandctlError as exc:
+        exc.hint = "; ".join(filter(None, (what, exc.hint)))
+        raise
+
+
+@contextmanager
+def announced(what: str) -> Iterator[None]:
+    """The same where nothing moves, so that nothing is stopped: after Ctrl-C, too."""
+    try:
+        with telling(what):
+            yield
+    except KeyboardInterrupt as exc:
+        raise Interrupted(f"interrupted: {what}") from exc
 
 
 @contextmanager

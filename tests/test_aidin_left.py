@@ -1,0 +1,232 @@
+"""What the AIDIN-hand is left with when a command ends early: stop goes out whatever comes, and the message says what is in force."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from handctl.devices.aidin import adjust, homing, motion, stop
+from handctl.devices.aidin.fields import ANGLES, CURRENTS
+from handctl.devices.aidin.hand import AidinHand
+from handctl.devices.aidin.targets import parse
+from handctl.errors import CheckFailed, HandctlError, Interrupted, LinkError, NoAnswer, ProtocolError, UsageError
+from handctl.guide import Guide
+from handctl.link import Deadline
+from handctl.result import Table
+from tests.aidin_support import AT_ORIGIN, Streamer, feedback, hand_on, line, simulated, streamer
+from tests.cli_support import Simulator, clean_environment, program, wait_until
+from tests.support import ScriptedLink
+
+STOP = b'{"hand_mode":3}\n'
+Act = Callable[[AidinHand], object]
+
+
+def initial(hand: AidinHand) -> object:
+    return homing.initial(hand, Guide(), assume_homed=True)
+
+
+def move(hand: AidinHand) -> object:
+    return motion.move(hand, parse(ANGLES, ["index.q3=120"]), Guide(), assume_homed=True)
+
+
+def max_torque(hand: AidinHand) -> object:
+    return adjust.max_torque(hand, 900)
+
+
+# -- stop --------------------------------------------------------------------------------------------------------------
+
+
+def test_stop_is_sent_three_times_though_feedback_is_damaged() -> None:
+    link = Streamer(lambda _: b'{"motor_pos":[1,]}\n')
+    with pytest.raises(ProtocolError, match="damaged") as caught:
+        stop.stop(hand_on(link), Guide())
+    assert link.sent.count(STOP) >= 3 and set(link.sent) == {STOP}
+    assert "stop was sent 3 times, the hand did not confirm it" in caught.value.hint
+
+
+def test_stop_is_sent_three_times_though_the_deadline_is_over() -> None:
+    link = ScriptedLink()
+    with pytest.raises(NoAnswer, match="deadline") as caught:
+        stop.stop(hand_on(link, bound=link.deadline(0)), Guide())
+    assert link.sent == [STOP] * 3
+    assert "stop was sent 3 times" in caught.value.hint
+
+
+def test_stop_interrupted_is_sent_three_times() -> None:
+    link = streamer(feedback(current_state=[-400] + [0] * 14))
+    link.interrupt_at = 0.01
+    with pytest.raises(Interrupted, match="stop was sent 3 times, currents up to 400 still flowed"):
+        stop.stop(hand_on(link), Guide())
+    assert link.sent.count(STOP) >= 3 and set(link.sent) == {STOP}
+
+
+# -- what stays in force -----------------------------------------------------------------------------------------------
+
+
+class Closing(Streamer):
+    """A hand whose connection ends at `end`; with `silent` it falls silent instead."""
+
+    def __init__(self, end: float, *, silent: bool = False) -> None:
+        super().__init__(lambda t: line(CLOSED) if t < end else b"")
+        self.end, self.silent = end, silent
+
+    def read(self, deadline: Deadline, size: int = 4096) -> bytes:
+        if self.clock >= self.end:
+            if not self.silent:
+                raise LinkError(f"{self.name}: connection closed")
+            self._pass_to(deadline.at)
+            return b""
+        return super().read(deadline, size)
+
+
+CLOSED = feedback(motor_pos=[20000] * 15)
+GOES_ON = "no stop was sent, the hand is expected to go on"
+
+
+@pytest.mark.parametrize("silent", [False, True], ids=["closed", "silent"])
+@pytest.mark.parametrize(
+    ("act", "end", "told"),
+    [
+        (initial, 0.3, f"{GOES_ON} to its origin"),
+        (move, 0.3, f"{GOES_ON} to the last target"),
+        (max_torque, 0.1, "maxtorque 900 was sent and may be in force"),
+        (adjust.bias, 0.5, "the sensor bias was sent"),
+    ],
+)
+def test_an_error_says_what_the_hand_has_got(act: Act, end: float, told: str, silent: bool) -> None:
+    if silent and act is max_torque:
+        return  # 0.2 s are no silence
+    link = Closing(end, silent=silent)
+    with pytest.raises((LinkError, NoAnswer)) as caught:
+        act(hand_on(link))
+    assert told in caught.value.hint and STOP not in link.sent
+
+
+@pytest.mark.parametrize("silent", [False, True], ids=["closed", "silent"])
+def test_homing_that_ends_unseen_says_what_the_hand_was_left_in(silent: bool) -> None:
+    whole = streamer(AT_ORIGIN)
+    homing.home(hand_on(whole), Guide())
+    link = Closing(whole.sent_at[-1] + 0.02, silent=silent)
+    with pytest.raises((LinkError, NoAnswer)) as caught:
+        homing.home(hand_on(link), Guide())
+    assert len(link.sent) == len(whole.sent)
+    assert "the hand was left in homing mode, no stop was sent" in caught.value.hint
+
+
+@pytest.mark.parametrize(("act", "bound"), [(initial, 0.3), (max_torque, 0.1), (adjust.bias, 0.4)])
+def test_a_deadline_says_what_the_hand_has_got(act: Act, bound: float) -> None:
+    link = streamer(CLOSED)
+    with pytest.raises(NoAnswer, match="deadline") as caught:
+        act(hand_on(link, bound=link.deadline(bound)))
+    assert "sent" in caught.value.hint and "a longer --deadline" in caught.value.hint
+
+
+@pytest.mark.parametrize(
+    ("act", "told"), [(initial, f"{GOES_ON} to its origin"), (move, f"{GOES_ON} to the last target")]
+)
+def test_a_target_that_is_not_reached_is_still_driven_at(act: Act, told: str) -> None:
+    link = streamer(CLOSED)
+    with pytest.raises(CheckFailed, match="not reached") as caught:
+        table = act(hand_on(link))
+        assert isinstance(table, Table) and table.failure is not None
+        raise table.failure
+    assert told in caught.value.hint and STOP not in link.sent
+
+
+def test_homing_is_not_begun_when_the_deadline_would_cut_it_off() -> None:
+    link = streamer(AT_ORIGIN)
+    with pytest.raises(UsageError, match=r"takes 3\.5 s"):
+        homing.home(hand_on(link, bound=link.deadline(3.4)), Guide())
+    assert link.sent == []
+
+
+@pytest.mark.parametrize(
+    ("act", "at", "told"),
+    [(max_torque, 0.1, "maxtorque 900 was sent and may be in force"), (adjust.bias, 0.45, "the sensor bias was sent")],
+)
+def test_an_interruption_says_what_the_hand_has_got(act: Act, at: float, told: str) -> None:
+    link = streamer(AT_ORIGIN)
+    link.interrupt_at = at
+    with pytest.raises(Interrupted, match=told):
+        act(hand_on(link))
+    assert STOP not in link.sent, "nothing moves: what the hand holds is not dropped"
+
+
+def test_before_anything_is_sent_nothing_is_said_to_have_been() -> None:
+    with pytest.raises(HandctlError) as caught:
+        adjust.bias(hand_on(Closing(0.01, silent=True)))
+    assert "was sent" not in caught.value.hint
+
+
+def test_the_range_of_currents_is_not_said_to_be_the_manuals() -> None:
+    with pytest.raises(UsageError) as caught:
+        parse(CURRENTS, ["index.m1=1001"], cap=1000)
+    assert "-1000..1000 (assumed, the manual gives no range)" in caught.value.hint
+
+
+# -- where a ramp begins -----------------------------------------------------------------------------------------------
+
+ALL = ["10", "5", "118", "-4", "5", "165", "0", "5", "165", "4", "5", "165", "8", "5", "165"]
+
+
+@pytest.mark.parametrize("assume", [False, True])
+def test_a_ramp_does_not_begin_at_degrees_on_the_wire(assume: bool) -> None:
+    hand, link = simulated(start="homed", fault="degrees")
+    with pytest.raises(CheckFailed, match=r"joint_pos is no angle in radians.*cannot begin there") as caught:
+        motion.move(hand, parse(ANGLES, ALL), Guide(), assume_homed=assume)
+    assert caught.value.code == "start-out-of-range" and link.sent == []
+
+
+def test_a_ramp_begins_far_outside_only_when_that_is_wanted() -> None:
+    angles = [0.1, 0.2, 2.1, 2.1, *[0.1, -0.1, 2.5, 2.5] * 4]
+    angles[4] = -1.1  # -63 of -45 deg; a jump to -45 would be the first step
+    link = streamer(feedback(joint_pos=angles))
+    with pytest.raises(CheckFailed, match=r"far out of range: index\.q1 -63\.0") as caught:
+        motion.move(hand_on(link), parse(ANGLES, ALL), Guide(), assume_homed=False)
+    assert "--assume-homed begins at the limit" in caught.value.hint and link.sent == []
+    assert motion.move(hand_on(link), parse(ANGLES, ALL), Guide(), assume_homed=True).failure is not None
+    assert link.sent
+    angles[4] = -0.82  # -47 deg: the figures of the ranges need not be that exact
+    near = streamer(feedback(joint_pos=angles))
+    assert motion.move(hand_on(near), parse(ANGLES, ALL), Guide(), assume_homed=False).failure is not None
+    assert near.sent
+
+
+# -- a second Ctrl-C in a real process ---------------------------------------------------------------------------------
+
+
+def test_a_second_interrupt_cuts_the_way_back_of_currents_short(tmp_path: Path) -> None:
+    trace = tmp_path / "trace"
+    with Simulator("--tcp", "127.0.0.1:0", "--set", "start=homed", kind="aidin") as simulator:
+        process = subprocess.Popen(
+            program("aidin", "currents", "index.m3=300", "-y", "-p", simulator.link, "--trace", trace),
+            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=clean_environment(),
+        )  # fmt: skip
+        assert process.stderr is not None
+        wait_until(lambda: trace.exists() and _largest(trace) >= 150, 10.0)
+        process.send_signal(signal.SIGINT)
+        assert b"Ctrl-C again stops at once" in process.stderr.readline()
+        process.send_signal(signal.SIGINT)
+        out, err = process.communicate(timeout=10)
+    assert process.returncode == 130 and out == b""
+    assert b"stop was sent 3 times, no current flows" in err
+    sent = _sent(trace)
+    assert [content["hand_mode"] for content in sent[-4:]] == [41, 3, 3, 3]
+    assert max(sent[-4]["hand_TT_cmd"]) > 50, "300 to 0 takes 1.5 s: it was not waited for"
+
+
+def _sent(trace: Path) -> list[dict[str, object]]:
+    """The objects in a transcript that the host sent."""
+    lines = [text.split(" > ") for text in trace.read_text(encoding="utf-8").splitlines()[:-1] if " > " in text]
+    return [json.loads(bytes.fromhex(digits)) for _, digits in lines]
+
+
+def _largest(trace: Path) -> int:
+    """The largest current commanded so far."""
+    targets = [content["hand_TT_cmd"] for content in _sent(trace) if "hand_TT_cmd" in content]
+    return max((max(values) for values in targets if isinstance(values, list)), default=0)
