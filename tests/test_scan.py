@@ -500,3 +500,15 @@ def test_a_trace_of_a_scan_is_told_family_by_family(tmp_path: Path) -> None:
     other = tmp_path / "other"
     looked("fake://exo?clock=virtual&seed=1", "--trace", str(other))
     assert run("trace", "diff", trace, other).code == 0  # the same, on another link
+
+
+@pytest.mark.parametrize(("kind", "more"), [
+    ("exo", ()), ("wrist", ()), ("wrist", ("bus=can",)), ("barrett", ()), ("ekso", ()), ("aidin", ("exchange=poll",)),
+])  # fmt: skip
+def test_a_slow_line_is_waited_for_as_long_as_timeout_says(kind: str, more: tuple[str, ...]) -> None:
+    """Bluetooth, a serial server far away: every answer 1.2 s late."""
+    link = f"fake://{kind}?" + "&".join(("clock=virtual", "fault=late", "late=1.2", *more))
+    words = ("scan", "-p", link, "--family", kind, "--format", "plain")
+    assert run(*words).code in (4, 5)
+    found = run(*words, "--timeout", "2.5", "--deadline", "60")
+    assert found.code == 0 and found.out.startswith(kind), found

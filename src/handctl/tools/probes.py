@@ -29,8 +29,11 @@ class FamilyProbe(Protocol):
     PING: str
     ECHOES: bool
 
-    def probe(self, link: Any, journal: Journal, deadline: Deadline, ids: Sequence[int] = (1,)) -> list[Row]:
-        """Look at the link's present speed: rows family, link, baud, id, evidence.
+    def probe(
+        self, link: Any, journal: Journal, deadline: Deadline, ids: Sequence[int] = (1,), timeout: float | None = None
+    ) -> list[Row]:
+        """Look at the link's present speed: rows family, link, baud, id, evidence. `timeout` is the silence allowed per
+        reply in seconds, None = the family's own.
 
         Raises NoAnswer on silence; ProtocolError whose code names what came instead (echo, garbage …); LinkError.
         """

@@ -251,7 +251,7 @@ class Scan:
         """One probe; what has answered another family's probe with its id is not counted again."""
         probe: FamilyProbe = probe_of(step.family)
         try:
-            rows = probe.probe(link, self._run.journal, bound, self._ids)
+            rows = probe.probe(link, self._run.journal, bound, self._ids, self._run.settings.timeout)
         except (NoAnswer, ProtocolError) as exc:
             search.met.append((step, exc))
             return

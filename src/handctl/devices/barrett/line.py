@@ -100,9 +100,10 @@ class GclLine:
             link.sleep(POWER_ON_SECONDS)
             self.drain()
         link.write(ABORT, link.deadline(1.0))
-        early = self._until_prompt(ABORT_COLLECT + self.wire_seconds(8))
+        slow = self.timeout or 0.0  # a line that is slower than ours
+        early = self._until_prompt(max(ABORT_COLLECT, slow) + self.wire_seconds(8))
         link.write(CR, link.deadline(1.0))
-        came = self._until_prompt(PROMPT_WAIT + self.wire_seconds(8))
+        came = self._until_prompt(max(PROMPT_WAIT, slow) + self.wire_seconds(8))
         if has_prompt(came):
             if not has_prompt(early):
                 # Perhaps it was the late answer to ^C: let the one to CR pass too, or it would pass for an answer.

@@ -28,7 +28,9 @@ MOST = 256
 """Bytes taken at the most while a prompt is waited for."""
 
 
-def probe(link: ByteLink, journal: Journal, deadline: Deadline, ids: Sequence[int] = (1,)) -> list[Row]:
+def probe(
+    link: ByteLink, journal: Journal, deadline: Deadline, ids: Sequence[int] = (1,), timeout: float | None = None
+) -> list[Row]:
     """Rows family, link, baud, id (it has none), evidence. Raises NoAnswer, ProtocolError for what came instead."""
     waiting = _until_prompt(link, link.deadline(0))
     if b":" in waiting:
@@ -37,7 +39,7 @@ def probe(link: ByteLink, journal: Journal, deadline: Deadline, ids: Sequence[in
             hint="wait until its firmware runs, then scan again; without firmware: `handctl barrett firmware`",
             code="boot-monitor",
         )
-    came = _knock(link, deadline)
+    came = _knock(link, deadline, timeout or 0.0)
     journal.counters.sent += 1
     if not came:
         raise NoAnswer(f"{link.name}: no prompt", hint="check the hand's power and the cable")
@@ -54,18 +56,18 @@ def probe(link: ByteLink, journal: Journal, deadline: Deadline, ids: Sequence[in
             "link": link.name,
             "baud": link.baud,
             "id": None,
-            "evidence": _identity(link, journal, deadline),
+            "evidence": _identity(link, journal, deadline, timeout or READ_TIMEOUT),
         }
     ]
 
 
-def _knock(link: ByteLink, deadline: Deadline) -> bytes:
-    """^C, then CR; what came up to the prompt."""
+def _knock(link: ByteLink, deadline: Deadline, patience: float) -> bytes:
+    """^C, then CR; what came up to the prompt. Waits `patience` seconds for each where that is longer than ours."""
     wire = 8 * 10 / link.baud if link.baud else 0.0
     link.write(ABORT, link.deadline(1.0).earlier(deadline))
-    early = _until_prompt(link, link.deadline(ABORT_WAIT + wire).earlier(deadline))
+    early = _until_prompt(link, link.deadline(max(ABORT_WAIT, patience) + wire).earlier(deadline))
     link.write(CR, link.deadline(1.0).earlier(deadline))
-    return early + _until_prompt(link, link.deadline(PROMPT_WAIT + wire).earlier(deadline))
+    return early + _until_prompt(link, link.deadline(max(PROMPT_WAIT, patience) + wire).earlier(deadline))
 
 
 def _until_prompt(link: ByteLink, deadline: Deadline) -> bytes:
@@ -78,10 +80,10 @@ def _until_prompt(link: ByteLink, deadline: Deadline) -> bytes:
     return came
 
 
-def _identity(link: ByteLink, journal: Journal, deadline: Deadline) -> str:
+def _identity(link: ByteLink, journal: Journal, deadline: Deadline, timeout: float) -> str:
     quiet = Journal()
     quiet.counters = journal.counters
-    line = GclLine(link, quiet, timeout=READ_TIMEOUT, retries=1, bound=deadline, speed=link.baud)
+    line = GclLine(link, quiet, timeout=timeout, retries=1, bound=deadline, speed=link.baud)
     try:
         answer = line.read("PGET SN")
         if answer.status:

@@ -24,13 +24,14 @@ WINDOW = 8
 """Ids asked back to back: RS-232 and Bluetooth have both directions (dossier, windowed scan)."""
 
 
-def probe(link: ByteLink, journal: Journal, deadline: Deadline, ids: Sequence[int] = (1,)) -> list[Row]:
+def probe(
+    link: ByteLink, journal: Journal, deadline: Deadline, ids: Sequence[int] = (1,), timeout: float | None = None
+) -> list[Row]:
     """Rows family, link, baud, id, evidence. Raises NoAnswer on silence, ProtocolError for what came instead."""
     bus = Bus(link, ids[0], probing.quiet(journal), retries=0, bound=deadline)
-    one = len(ids) == 1
-    table = scan(
-        ExoHand(bus), Guide(), ids, [link.baud or 0], 1 if one else WINDOW, probing.WAIT_MS if one else None, False
-    )
+    at_once = 1 if len(ids) == 1 else WINDOW
+    wait = probing.window_ms(timeout, len(ids))
+    table = scan(ExoHand(bus), Guide(), ids, [link.baud or 0], at_once, wait, False)
     return probing.found(table, KIND.value)
 
 

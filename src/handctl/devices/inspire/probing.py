@@ -11,6 +11,13 @@ WAIT_MS = 120.0
 """Reply window of a single id, with room for Bluetooth."""
 
 
+def window_ms(timeout: float | None, ids: int) -> float | None:
+    """Reply window of a probe of so many ids: what the user allows in seconds, or ours; None = that of a scan of many."""
+    if timeout is not None:
+        return 1000 * timeout
+    return WAIT_MS if ids == 1 else None
+
+
 def quiet(journal: Journal) -> Journal:
     """A journal that keeps its messages to itself and counts into `journal`."""
     own = Journal()

@@ -22,7 +22,10 @@ READ_FLAG, WRITE_FLAG = 0x30, 0x31
 """wrist §2.2."""
 
 
-def probe(link: ByteLink | FrameLink, journal: Journal, deadline: Deadline, ids: Sequence[int] = (1,)) -> list[Row]:
+def probe(
+    link: ByteLink | FrameLink, journal: Journal, deadline: Deadline, ids: Sequence[int] = (1,),
+    timeout: float | None = None,
+) -> list[Row]:  # fmt: skip
     """Rows family, link, baud, id, evidence. Raises NoAnswer on silence, ProtocolError for what came instead.
 
     One id after the other: on RS-485 an answer would collide with the next question.
@@ -35,7 +38,7 @@ def probe(link: ByteLink | FrameLink, journal: Journal, deadline: Deadline, ids:
             link, ids[0], own, retries=0, bound=deadline, read_flag=READ_FLAG, write_flag=WRITE_FLAG, family=FAMILY
         )
     speed = link.baud if isinstance(link, ByteLink) else None
-    table = scan_wrist(Wrist(bus), Guide(), ids, [speed or 0], 1, probing.WAIT_MS if len(ids) == 1 else None, False)
+    table = scan_wrist(Wrist(bus), Guide(), ids, [speed or 0], 1, probing.window_ms(timeout, len(ids)), False)
     return probing.found(table, KIND.value)
 
 
