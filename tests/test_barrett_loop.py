@@ -540,6 +540,7 @@ def test_a_lost_link_warns_of_motors_that_go_on(fault: str) -> None:
     run = Run(f"fault={fault}&after=20&wire=auto", source=example()).go(None)
     assert isinstance(run.error, HandctlError) and run.error.exit_code == 3
     assert "power off" in str(run.error.hint)
+    assert "leaving" not in codes(run.hand), "what cannot be sent is not tried, and not a second error"
 
 
 def test_the_deadline_ends_it() -> None:

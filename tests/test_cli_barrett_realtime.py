@@ -395,3 +395,14 @@ def test_presses_are_counted() -> None:
         signal.raise_signal(signal.SIGINT)
         assert presses.count == 2
     assert signal.getsignal(signal.SIGINT) is before
+
+
+@pytest.mark.parametrize(("control", "late", "code"), [
+    ((), 0.05, 0), ((), 0.3, 0), ((), 0.7, 5), (("--send", "velocity", "--velocity", "0"), 0.05, 0),
+    (("--send", "velocity", "--velocity", "0"), 0.3, 4),
+])  # fmt: skip
+def test_patience_with_a_line_that_stumbles(control: tuple[str, ...], late: float, code: int) -> None:
+    """A tenth of a second while values are sent (dossier 1.3); longer where nothing moves by our hand."""
+    link = f"fake://barrett?clock=virtual&initialized=1&fault=late&late={late}"
+    result = run("barrett", "realtime", "--receive", "position", *control, "--motors", "1", "--count", "2", "-p", link, "--json")  # fmt: skip
+    assert result.code == code, result

@@ -45,6 +45,8 @@ from handctl.param import Element, Number
 from handctl.result import Row, Sample
 
 BLOCK_SECONDS = 0.1
+WATCH_SECONDS = 0.5
+"""The same where no control is sent: a machine or an adapter that stumbles is then no reason to end."""
 ENTER_SECONDS = 1.5
 READER_SECONDS = 0.5
 NOT_INITIALIZED = 4
@@ -108,6 +110,8 @@ class RealtimeLoop:
             self._inside = False
             self._undo.clear()
             self.source = None
+            if exc.code == "lost":  # no T can reach the hand either
+                self._last = {}
             raise
         finally:
             with self._guide.undisturbed():
@@ -256,7 +260,8 @@ class RealtimeLoop:
     def _block_deadline(self, sent_at: float) -> Deadline:
         line = self.hand.line
         size = self.layout.control_size + self.layout.feedback_size
-        seconds = line.timeout if line.timeout is not None else max(BLOCK_SECONDS, 10 * line.wire_seconds(size))
+        patience = BLOCK_SECONDS if self.source is not None else WATCH_SECONDS
+        seconds = line.timeout if line.timeout is not None else max(patience, 10 * line.wire_seconds(size))
         return self.hand.link.deadline(max(0.0, sent_at + seconds - self.hand.link.now()))
 
     def _silence(self) -> HandctlError:
