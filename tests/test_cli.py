@@ -398,3 +398,12 @@ def test_what_no_clock_can_wait_for_is_refused(
     monkeypatch.chdir(tmp_path)
     assert run(*words).code == 2
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(("words", "command"), [
+    (("aidin", "-p", "tcp://127.0.0.1:9", "get"), "aidin get"), (("-p", "exo", "exo", "read", "5"), "exo read"),
+    (("exo", "--fake", "force", "1", "2"), "exo force"), (("exo", "--id", "3", "nothing"), "exo"),
+])  # fmt: skip
+def test_the_envelope_of_a_usage_error_names_the_command(words: tuple[str, ...], command: str) -> None:
+    result = run(*words, "--json")
+    assert (result.code, result.json["command"]) == (2, command)

@@ -8,9 +8,11 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from handctl import console, render
 from handctl.console import TerminalGuide
 from handctl.sim.line import Line
 from tests.barrett_commands import fake
@@ -142,3 +144,34 @@ def test_a_guide_without_its_terminal_is_silent(monkeypatch: pytest.MonkeyPatch)
     guide.say("said")
     guide.done()
     assert not guide.moving
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_while_the_result_is_shown_changes_nothing(monkeypatch: pytest.MonkeyPatch, number: int) -> None:
+    """The command is through: one whole envelope and its own exit code, not none, half a one or two."""
+    show = render.show
+
+    def shown(*what: Any) -> None:
+        signal.raise_signal(number)
+        show(*what)
+        signal.raise_signal(number)
+
+    monkeypatch.setattr(render, "show", shown)
+    before = signal.getsignal(signal.SIGINT)
+    try:
+        done = run("exo", "get", "id", "-p", "fake://exo?clock=virtual", "--json")
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert done.code == 0 and [row["value"] for row in done.rows] == [1] and not done.err
+
+
+def test_a_result_that_nobody_reads_can_be_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A second after the command was through, Ctrl-C ends the showing."""
+    monkeypatch.setattr(console, "FINISH_SECONDS", 0.0)
+    monkeypatch.setattr(render, "show", lambda *_what: signal.raise_signal(signal.SIGINT))
+    before = signal.getsignal(signal.SIGINT)
+    try:
+        done = run("exo", "get", "id", "-p", "fake://exo?clock=virtual", "--json")
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert done.code == 130 and "interrupted while the result was written" in done.err

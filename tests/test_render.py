@@ -10,10 +10,16 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
+from handctl.errors import OutputError
+from handctl.options import Settings
+from handctl.render import Sink, stream
+from handctl.result import Column, Sample, Table
 from tests.cli_support import (
     FINGERS,
     POWER_ON,
@@ -123,6 +129,16 @@ def test_csv_is_rfc_4180() -> None:
     quoted = run("exo", "describe", "baud_code", "--csv")
     assert '"0 = 115200 baud, 1 = 57600 baud, 2 = 19200 baud"' in quoted.out
     assert run_program("exo", "dump", "--csv", "--fake").raw == result.raw
+
+
+def test_csv_of_a_stream_keeps_its_columns_when_a_sample_fails() -> None:
+    link = fake(fault="silent", after=2, every=3)
+    result = run("exo", "watch", "system_voltage", "--count", "9", "--retries", "0", "--csv", "-p", link)
+    rows = list(csv.DictReader(io.StringIO(result.out)))
+    assert result.code == 0 and len(rows) == 9 and list(rows[0])[-1] == "error"
+    assert all(None not in row and None not in row.values() for row in rows), "ragged"
+    assert sum(bool(row["error"]) for row in rows) >= 2
+    assert all(bool(row["value"]) != bool(row["error"]) for row in rows)
 
 
 def test_csv_of_a_stream_has_one_header_with_units() -> None:
@@ -331,3 +347,65 @@ def test_an_interrupted_stream_leaves_a_whole_file(tmp_path: Path) -> None:
     assert len(rows) >= 5 and {row["value"] for row in rows} == {1}
     assert last["end"]["exit_code"] == 130
     assert [entry.name for entry in tmp_path.iterdir()] == ["out.ndjson"]
+
+
+# -- the sink, by itself ----------------------------------------------------------------------------------------------
+
+
+class Gone(io.StringIO):
+    """A pipe whose reader has left."""
+
+    def write(self, text: str) -> int:
+        raise BrokenPipeError(32, "Broken pipe")
+
+
+def test_a_reader_that_leaves_in_the_middle_of_a_write_is_quiet() -> None:
+    sink = Sink(Settings())
+    sink.file = Gone()
+    sink.write("x" * 100_000)
+    assert sink.broken
+    sink.write("more")
+
+
+def test_a_file_that_was_not_finished_takes_no_place(tmp_path: Path) -> None:
+    path = tmp_path / "out.csv"
+    path.write_text("old")
+    with pytest.raises(ZeroDivisionError), Sink(Settings(output=str(path))) as sink:
+        sink.write("half")
+        raise ZeroDivisionError
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_nothing_is_written_behind_a_reader_that_sleeps(tmp_path: Path) -> None:
+    """Also not the closing line: waiting until it is taken would never end."""
+
+    def samples() -> Iterator[Sample]:
+        yield Sample(0.0, ({"name": "id", "value": 1},))
+        raise OutputError("the rows were not taken", code="reader")
+
+    path = tmp_path / "out.ndjson"
+    settings = Settings(output=str(path), format="ndjson")
+    with Sink(settings) as sink:
+        context = SimpleNamespace(settings=settings, simulated=True, envelope=lambda failure, extra=None: {"ok": False})
+        failure = stream(Table(columns=(Column("value", "Value"),), samples=samples()), sink, context)  # type: ignore[arg-type]
+    assert isinstance(failure, OutputError)
+    assert path.read_text() == '{"t": 0.0, "name": "id", "value": 1}\n'
+
+
+def test_a_value_that_could_not_be_read_is_empty_in_plain() -> None:
+    """A script that takes the last word of a line must not get a word of the error."""
+    link = "fake://aidin?clock=virtual&start=homed&fault=wrong-length"
+    result = run("aidin", "get", "motor_pos", "joint_pos", "--format", "plain", "-p", link)
+    assert result.code == 5
+    assert result.lines[:15] == [""] * 15
+    assert len(result.lines) == 35 and all(float(line) > -180 for line in result.lines[15:])
+
+
+def test_csv_has_a_column_for_what_could_not_be_read() -> None:
+    link = "fake://aidin?clock=virtual&start=homed&fault=wrong-length"
+    rows = list(csv.DictReader(io.StringIO(run("aidin", "get", "motor_pos", "joint_pos", "--csv", "-p", link).out)))
+    assert len(rows) == 35
+    assert all("expected 15 numbers, found 14" in row["error"] and row["value"] == "" for row in rows[:15])
+    assert all(row["error"] == "" and row["value"] for row in rows[15:])
+    assert "error" not in run("exo", "get", "id", "--csv", "-p", fake()).out

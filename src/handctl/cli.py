@@ -20,7 +20,19 @@ def main(argv: Sequence[str] | None = None) -> int:
         return _finish(0, f"handctl {__version__}\n")
     from handctl.clikit import run_root
 
-    return _finish(run_root(args))
+    code = _finish(run_root(args))
+    if argv is None:
+        _stay_to_the_end()
+    return code
+
+
+def _stay_to_the_end() -> None:
+    """All is done and told: what comes while the interpreter ends changes neither the exit code nor stderr."""
+    import signal
+
+    for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGBREAK"):
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), signal.SIG_IGN)
 
 
 def _occupy_streams() -> None:

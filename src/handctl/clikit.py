@@ -216,7 +216,7 @@ root.params.append(
 def run_root(args: Sequence[str]) -> int:
     """Parse and run; every error becomes one message on stderr and an exit code."""
     debug = "--debug" in args or bool(os.environ.get("HANDCTL_DEBUG"))
-    streams = False
+    streams, command = False, ""
     error: HandctlError
     try:
         root.main(args=list(args), prog_name="handctl", standalone_mode=False)
@@ -236,7 +236,9 @@ def run_root(args: Sequence[str]) -> int:
         return exc.exit_code
     except click.UsageError as exc:
         error = from_click(exc)
-        streams = exc.ctx is not None and getattr(exc.ctx.command, "streams", False)
+        if exc.ctx is not None:
+            streams = getattr(exc.ctx.command, "streams", False)
+            command = " ".join(exc.ctx.command_path.split()[1:])
     except click.ClickException as exc:
         error = HandctlError(exc.format_message())
         error.exit_code = exc.exit_code
@@ -250,7 +252,7 @@ def run_root(args: Sequence[str]) -> int:
 
         traceback.print_exception(error)
     if not error.shown:
-        _late_envelope(args, error, streams)
+        _late_envelope(args, error, streams, command)
     if error.text != "interrupted":  # who pressed Ctrl-C knows; what it left behind is told
         print_stderr(f"handctl: error: {error.text}" + (f"\n  next: {error.hint}" if error.hint else ""))
     return error.exit_code
@@ -265,7 +267,7 @@ def _in_file(key: str) -> Any:
     return entry.value if entry is not None else None
 
 
-def _late_envelope(args: Sequence[str], error: HandctlError, streams: bool) -> None:
+def _late_envelope(args: Sequence[str], error: HandctlError, streams: bool, command: str) -> None:
     """JSON on stdout also when the command line itself was wrong, if JSON was asked for."""
     words = list(args)
     wanted = os.environ.get("HANDCTL_FORMAT", "") or ("json" if os.environ.get("HANDCTL_JSON") else "")
@@ -281,9 +283,10 @@ def _late_envelope(args: Sequence[str], error: HandctlError, streams: bool) -> N
         return
     import json
 
-    names = [word for word in words if not word.startswith("-")]
-    start = next((position for position, word in enumerate(names) if word in COMMANDS), len(names))
-    command = " ".join(names[start : start + 2])
+    if not command:
+        names = [word for word in words if not word.startswith("-")]
+        start = next((position for position, word in enumerate(names) if word in COMMANDS), len(names))
+        command = " ".join(names[start : start + 2])
     envelope = make_envelope(command, error, None, (), None, None)
     try:
         sys.stdout.write(

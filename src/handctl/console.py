@@ -25,6 +25,8 @@ SUSPEND = "SIGTSTP"
 
 ONE_WISH_SECONDS = 0.5
 """Ctrl-C pressed twice, or a hang-up with a SIGTERM behind it, is one wish: the second must not cut off the stop."""
+FINISH_SECONDS = 1.0
+"""How long a finished command may show its result undisturbed."""
 
 
 class TerminalGuide(Guide):
@@ -131,6 +133,25 @@ def end_on_signals(*, suspend: bool) -> None:
     for name in (*ENDING, *((SUSPEND,) if suspend else ())):
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), end)
+
+
+def finish_on_signals() -> None:
+    """From now on only a result is left to be shown: what asks the program to end is heeded again after a second.
+
+    So a result, JSON above all, is there whole and once; a reader that sleeps can be left all the same.
+    """
+    import signal
+
+    started = time.monotonic()
+
+    def end(_number: int, _frame: Any) -> None:
+        if time.monotonic() - started >= FINISH_SECONDS:
+            raise KeyboardInterrupt
+
+    for name in (*ENDING, SUSPEND):
+        number = getattr(signal, name, None)
+        if number is not None and signal.getsignal(number) not in (signal.SIG_DFL, None):
+            signal.signal(number, end)
 
 
 @contextmanager

@@ -118,7 +118,7 @@ def show(table: Table | None, failure: HandctlError | None, sink: Sink, context:
     elif table is None:
         return
     elif how == "csv":
-        _csv(table.columns, rows, sink, header=True)
+        _csv(table.columns, rows, sink, header=True, with_errors=any("error" in row for row in rows))
     elif how == "plain":
         for row in rows:
             sink.write(_plain_line(table, row))
@@ -184,7 +184,8 @@ def _stream_lines(table: Table, samples: Iterator[Sample], how: str, sink: Sink)
             elif how == "plain":
                 sink.write("\t".join(_text(timed.get(column.key)) for column in columns) + "\n")
             elif how == "csv":
-                _csv(columns, [timed], sink, header=bool(columns and widths))
+                values = any(column.key == "value" for column in columns)  # one may not be read: its row has `error`
+                _csv(columns, [timed], sink, header=bool(columns and widths), with_errors=values)
                 widths = []
             else:
                 if widths:
@@ -233,13 +234,13 @@ def _plain_line(table: Table, row: Row) -> str:
     return "\t".join(_text(row.get(key)) for key in keys) + "\n"
 
 
-def _csv(columns: Sequence[Column], rows: Sequence[Row], sink: Sink, *, header: bool) -> None:
+def _csv(columns: Sequence[Column], rows: Sequence[Row], sink: Sink, *, header: bool, with_errors: bool) -> None:
+    """With a column of errors behind the others or without: it must be the same for all lines of a stream."""
     import csv
     import io
 
     buffer = io.StringIO()
     writer = csv.writer(buffer)  # RFC 4180: CRLF, quotes doubled
-    with_errors = any("error" in row for row in rows)
     if header:
         writer.writerow([column.csv_name for column in columns] + (["error"] if with_errors else []))
     for row in rows:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import click
 
 from handctl import __version__
-from handctl.console import TerminalGuide, end_on_signals, print_stderr
+from handctl.console import TerminalGuide, end_on_signals, finish_on_signals, print_stderr
 from handctl.errors import HandctlError, Interrupted, NotConfirmed, OutputError, UsageError
 from handctl.files import why_unwritable
 from handctl.options import COMMAND_LINE, ENVIRONMENT, FILE, SOURCES, Settings, Source, from_click
@@ -215,11 +215,12 @@ class Run:
             raise failure
 
     def _wind_up(self, table: Table | None, failure: HandctlError | None) -> HandctlError | None:
-        """Close, then show; a Ctrl-C in between ends it, but what came of the command is not lost."""
+        """Close, then show; a Ctrl-C meanwhile changes neither the result nor the exit code, unless nobody reads it."""
         try:
             failure = self._close(failure)
         except KeyboardInterrupt:
             failure = self._close(failure or Interrupted("interrupted"))
+        finish_on_signals()
         if table is None or table.samples is None:
             try:
                 self._show(table, failure)
