@@ -214,6 +214,15 @@ def test_live_view_in_a_low_window_keeps_the_errors() -> None:
     assert any(line.startswith("+ ") for line in lines)
 
 
+def test_a_bar_reaches_to_a_lowest_or_highest_value_of_zero() -> None:
+    series = live.Series({"name": "x"}, (5.0, 9.0), 0)
+    series.add({"name": "x", "value": 0})
+    assert series.scale() == (0.0, 9.0)
+    below = live.Series({"name": "x"}, (-9.0, -5.0), 0)
+    below.add({"name": "x", "value": 0})
+    assert below.scale() == (-9.0, 0.0)
+
+
 def test_a_whole_number_of_any_length_is_whole() -> None:
     series = live.Series({"name": "uptime", "value": 7345678, "unit": "s"}, None, 0)
     assert [series.text(value) for value in (7345678, 4294967295, 0.35, -0.0001, None)] == [

@@ -83,7 +83,8 @@ class Series:
     def scale(self) -> tuple[float, float]:
         """The bar's ends: the documented range, widened by what was seen outside it."""
         low, high = self.limits or (0.0, 1.0)
-        return min(low, self.low or low), max(high, self.high or high)
+        lowest, highest = (low if self.low is None else self.low), (high if self.high is None else self.high)
+        return min(low, lowest), max(high, highest)
 
 
 def bar(value: float, low: float, high: float, width: int) -> str:
