@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from handctl.devices.barrett.realtime import (
@@ -224,7 +224,11 @@ def test_a_block_that_is_not_complete_is_awaited() -> None:
         assert answers(EXAMPLE, "F", ERROR[:size]) == []
 
 
-@given(st.lists(st.binary(max_size=20), max_size=6), st.text("Fa", max_size=6))
+@given(
+    st.lists(st.binary(max_size=20) | st.sampled_from([b"*", b"*\x01\x02\x03\x04\x05\x06\x07", ERROR]), max_size=6),
+    st.text("Fa", max_size=6),
+)
+@example([b"*\x01\x02\x03", b"\x04\x05\x06\x07*", ERROR], "Fa")
 def test_any_bytes(chunks: list[bytes], asked: str) -> None:
     """Answers or ProtocolError, the same in any pieces, and never more than was asked for."""
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from handctl.devices.barrett.schedule import Change, Live, Schedule, Source, Values, constant, loop_motors, read
@@ -172,7 +172,12 @@ def test_rows_that_are_refused_before_the_hand_is_touched(text: str, word: str) 
     assert "in.csv" in caught.value.text
 
 
-@given(st.text('t,velocity.F12gan=0-9\n\r"{}: #', max_size=60))
+LINES = ["t,velocity", "t,velocity.F1,gain.F1", "velocity", "0,1", "5,-20", "1.5,300", "7", "0,1,9", "# note", "",
+         '{"t": 0, "velocity": 3}', '{"velocity.F1": 5}', '{"t": 2}']  # fmt: skip
+
+
+@given(st.text('t,velocity.F12gan=0-9\n\r"{}: #', max_size=60) | st.lists(st.sampled_from(LINES)).map("\n".join))
+@example("t,velocity\n0,1\n5,-20")
 def test_any_text(text: str) -> None:
     """Rows or UsageError, nothing else."""
     try:

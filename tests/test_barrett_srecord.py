@@ -6,7 +6,7 @@ import hashlib
 
 import bincopy
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from handctl.devices.barrett.srecord import Firmware, parse
@@ -238,7 +238,10 @@ def test_the_same_image_as_bincopy(parts: list[bytes], start: int, gap: int) -> 
     assert firmware.header == oracle.header.decode() if isinstance(oracle.header, bytes) else oracle.header
 
 
-@given(st.binary(max_size=200))
+@given(
+    st.binary(max_size=200) | st.lists(st.sampled_from([*GOOD, GOOD[2][:-3], "S", ""])).map("\n".join).map(str.encode)
+)
+@example("\n".join(GOOD).encode())
 def test_any_file(content: bytes) -> None:
     firmware = parse("x", content)
     assert firmware.worst() in ("ok", "warning", "force", "fail")

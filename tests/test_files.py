@@ -84,3 +84,20 @@ def test_what_is_no_file_holds_no_configuration(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="is no file"):
         change(str(pipe), {}, lambda config: config.text, {}, "left")
     assert stat.S_ISFIFO(pipe.lstat().st_mode)
+
+
+def test_it_is_on_the_disk_before_it_takes_its_place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Else a power cut may leave an empty file where the old one was."""
+    path, synced = tmp_path / "a.json", []
+    path.write_text("old", encoding="ascii")
+    fsync = os.fsync
+
+    def note(file: int) -> None:
+        synced.append((os.fstat(file).st_size, path.read_text(encoding="ascii")))
+        fsync(file)
+
+    monkeypatch.setattr(os, "fsync", note)
+    with whole(path) as file:
+        file.write("newer")
+    assert synced == [(5, "old")]
+    assert path.read_text(encoding="ascii") == "newer"

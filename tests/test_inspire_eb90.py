@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from handctl.devices.inspire import eb90
@@ -285,7 +285,11 @@ def test_frames_survive_the_round_trip(header: str, device_id: int, flag: int, p
     assert run(Decoder([wire[:5]]), wire) == [frame]
 
 
-@given(st.lists(JUNK, max_size=8), st.sampled_from([[], [unhex("90 EB")], [unhex(VOLTAGE_PREFIX)]]))
+@given(
+    st.lists(JUNK | st.just(unhex(VOLTAGE)) | st.just(unhex(VOLTAGE)[:4]) | st.just(unhex(VOLTAGE)[4:]), max_size=8),
+    st.sampled_from([[], [unhex("90 EB")], [unhex(VOLTAGE_PREFIX)]]),
+)
+@example([b"\x90", unhex(VOLTAGE)[:4], unhex(VOLTAGE)[4:], b"\xeb"], [unhex(VOLTAGE_PREFIX)])
 def test_any_stream_gives_frames_none_or_protocol_errors(chunks: list[bytes], prefixes: list[bytes]) -> None:
     decoder = Decoder(prefixes)
     seen = b""

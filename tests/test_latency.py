@@ -34,6 +34,11 @@ def test_figures_of_a_few() -> None:
     assert len(found) == 5 and found.quantile(0.25) == pytest.approx(0.0015)
 
 
+def test_late_is_more_than_twice_the_median() -> None:
+    assert trips(1.0, 1.0, 1.0, 2.0).late == 0
+    assert trips(1.0, 1.0, 1.0, 2.001).late == 1
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_quantiles_are_those_of_the_sorted_list(seed: int) -> None:
     source = Random(seed)

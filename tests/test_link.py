@@ -343,6 +343,14 @@ def test_usb_port_that_is_not_there(monkeypatch: pytest.MonkeyPatch) -> None:
     assert "no USB serial port" in opening("usb:1A86:7523").hint
 
 
+@pytest.mark.parametrize("number", ["A", "1", "a1", "A12"])
+def test_a_serial_number_must_be_the_whole_one(monkeypatch: pytest.MonkeyPatch, number: str) -> None:
+    """The port of another device must not be opened for it."""
+    plug(monkeypatch, FTDI_A, CH340)
+    error = opening(f"usb:0403:6001:{number}")
+    assert error.code == "not-found" and "no such USB serial port" in error.text
+
+
 def test_usb_port_that_is_not_the_only_one(monkeypatch: pytest.MonkeyPatch) -> None:
     plug(monkeypatch, FTDI_A, FTDI_B)
     error = opening("usb:0403:6001")

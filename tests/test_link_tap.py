@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from handctl.errors import HandctlError, LinkError, UsageError
-from handctl.link import Deadline, open_link
+from handctl.link import ByteLink, CanFrame, Deadline, FrameLink, open_link
 from handctl.link.fake import split_url
 from handctl.link.tap import Entry, Tap, parse
 from tests.cli_support import run
@@ -432,3 +432,52 @@ def test_a_transcript_without_an_end_is_refused(tmp_path: Path, place: str) -> N
     (tmp_path / "folder").mkdir()
     result = run("exo", "get", "id", "-p", f"replay:{place if place[0] == '/' else tmp_path / place}")
     assert result.code == 2 and "not a file" in result.err
+
+
+# -- a line that fails ------------------------------------------------------------------------------------------------
+
+
+class Torn(ScriptedLink):
+    """Loses the line while it writes."""
+
+    def write(self, data: bytes, deadline: Deadline) -> None:
+        self.clock += 0.5
+        raise LinkError("torn")
+
+
+def test_what_was_being_sent_when_the_line_was_lost_stands_in_the_transcript() -> None:
+    """It may have reached the device: whoever reads the transcript must see it, at the time when it was sent."""
+    lines: list[str] = []
+    link = Tap(lines.append).around(Torn())
+    assert isinstance(link, ByteLink)
+    with pytest.raises(LinkError):
+        link.write(b"\x01\x02", link.deadline(1.0))
+    assert lines == ["0.000000 > 01 02\n"]
+
+
+class Bus(FrameLink):
+    """A bus on which nobody acknowledges."""
+
+    name = "bus"
+
+    def send(self, frame: CanFrame, deadline: Deadline) -> None:
+        self.error_frames += 1
+        raise LinkError("bus off")
+
+    def receive(self, deadline: Deadline) -> CanFrame | None:
+        self.error_frames += 1
+        return None
+
+    def close(self) -> None:
+        """Nothing to release."""
+
+
+def test_a_tapped_bus_tells_its_error_frames_and_what_was_being_sent() -> None:
+    lines: list[str] = []
+    link = Tap(lines.append).around(Bus())
+    assert isinstance(link, FrameLink)
+    assert link.receive(link.deadline(0.0)) is None
+    assert link.error_frames == 1
+    with pytest.raises(LinkError):
+        link.send(CanFrame(0x15038001, b"\x04"), link.deadline(1.0))
+    assert [line.split(" ", 1)[1] for line in lines] == ["> can 15038001 [1] 04\n"]

@@ -128,10 +128,8 @@ class ExoMachine(RuleBasedStateMachine):
     def refuse(self, name: str, value: int) -> None:
         low, high = {"position_set": (-1, 1000), "force_set": (-1000, 1000), "id": (1, 254), "baud_code": (0, 2)}[name]
         if not low <= value <= high:
-            before = len(self.link.sent)
             with pytest.raises(UsageError):
                 EXO[name].parse(str(value))
-            assert len(self.link.sent) == before
 
     @invariant()
     def reads_equal(self) -> None:

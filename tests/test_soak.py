@@ -252,6 +252,7 @@ def test_soak_log(tmp_path: Path, say: Callable[[str], None]) -> None:
         memory.watch(client, seconds)
         out, _ = client.communicate(timeout=30)
         result = Result(client.returncode, out, b"")
+    assert (result.code, result.json["ok"]) == (0, True)
     (row,) = result.rows
     with file.open(encoding="utf-8", newline="") as content:
         rows = [(int(line["seq"]), int(line["boot_ms"]), float(line["t_s"])) for line in csv.DictReader(content)]

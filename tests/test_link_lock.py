@@ -1,0 +1,92 @@
+"""The lock file of a device: where it may lie, what it says, and that it is let go. One process at a time is in test_cli_devices."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from handctl.errors import LinkError
+from handctl.link import lock
+from handctl.link.lock import hold
+
+LINK = "tcp://192.0.2.7:8000"
+
+
+@pytest.fixture
+def folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[Path, Path]:
+    """The two places where a lock may lie."""
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "run"))
+    monkeypatch.setenv("TMPDIR", str(tmp_path / "tmp"))
+    for name in ("run", "tmp"):
+        (tmp_path / name).mkdir()
+    return tmp_path / "run" / "handctl", tmp_path / "tmp" / f"handctl-{os.getuid()}"
+
+
+def files(folder: Path) -> list[Path]:
+    return sorted(folder.iterdir()) if folder.exists() else []
+
+
+def test_the_first_place_is_the_runtime_folder(folders: tuple[Path, Path]) -> None:
+    held = hold(LINK, "handctl aidin stop")
+    assert held is not None
+    ((file,), none) = (files(folder) for folder in folders)
+    assert none == []
+    assert file.read_text() == f"{os.getpid()} handctl aidin stop\n"
+    held.release()
+    held.release()
+    assert file.read_text() == "", "nobody holds it, and the file stays"
+    again = hold(LINK, "the next one")
+    assert again is not None
+    again.release()
+
+
+def test_a_folder_of_somebody_else_is_not_trusted(folders: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Who owns it could put another file in the place of ours."""
+    for folder in folders:
+        folder.mkdir()
+    user = os.getuid()
+    monkeypatch.setattr(lock, "_folders", lambda: [str(folder) for folder in folders])
+    monkeypatch.setattr(os, "getuid", lambda: user + 1)
+    with pytest.raises(LinkError) as caught:
+        hold(LINK, "handctl aidin stop")
+    assert caught.value.code == "no-lock"
+    assert [files(folder) for folder in folders] == [[], []]
+
+
+def test_a_symbolic_link_in_the_place_of_the_file_is_not_followed(folders: tuple[Path, Path], tmp_path: Path) -> None:
+    held = hold(LINK, "x")
+    assert held is not None
+    held.release()
+    (file,) = files(folders[0])
+    file.unlink()
+    victim = tmp_path / "victim"
+    victim.write_text("precious")
+    file.symlink_to(victim)
+    held = hold(LINK, "x")
+    assert held is not None and len(files(folders[1])) == 1, "the second place"
+    held.release()
+    assert victim.read_text() == "precious"
+
+
+@pytest.mark.parametrize(
+    ("content", "who", "hint"),
+    [
+        ("{pid} handctl exo watch\n", "`handctl exo watch` (pid {pid})", "kill {pid}"),
+        ("", "another handctl", "wait for it"),
+        ("4194303000 handctl exo watch\n", "another handctl", "wait for it"),
+    ],
+)
+def test_who_holds_it_is_named_when_it_is_known(folders: tuple[Path, Path], content: str, who: str, hint: str) -> None:
+    held = hold(LINK, "handctl exo watch")
+    assert held is not None
+    (file,) = files(folders[0])
+    pid = os.getpid()
+    file.write_text(content.format(pid=pid))
+    with pytest.raises(LinkError) as caught:
+        hold(LINK, "handctl exo get")
+    assert caught.value.code == "busy"
+    assert caught.value.text.endswith(f"in use by {who.format(pid=pid)}")
+    assert hint.format(pid=pid) in caught.value.hint
+    held.release()
