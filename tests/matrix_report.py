@@ -47,6 +47,8 @@ class Recorder:
     def __init__(self) -> None:
         self.cells: list[Cell] = []
         self.fault: str | None = None
+        self.again = 0
+        """Cells tried a second time, as a test may that runs on a busy machine; the table tells how many were."""
 
     def note(self, args: Sequence[str], code: int | None, seconds: float, *, traceback: bool, program: bool) -> None:
         """Remember a command line; `code` None: it did not end."""
@@ -102,7 +104,7 @@ def bounded(seconds: float) -> Iterator[None]:
 def recording() -> Iterator[list[Cell]]:
     """Collect the cells of one test; handctl runs as ever, but not for ever."""
     main = cli.main
-    RECORDER.cells, RECORDER.fault = [], None
+    RECORDER.cells, RECORDER.fault, RECORDER.again = [], None, 0
 
     def observed(args: Sequence[str] | None = None) -> int:
         words, began, code = list(args or ()), time.monotonic(), None
@@ -139,7 +141,7 @@ def pytest_runtest_call(item: pytest.Item) -> Iterator[None]:
         try:
             return (yield)
         finally:
-            item.user_properties.append((PROPERTY, cells))
+            item.user_properties += [(PROPERTY, cells), ("handctl-again", RECORDER.again)]
 
 
 @pytest.hookimpl(wrapper=True)
@@ -157,7 +159,7 @@ class Summary:
 
     def __init__(self) -> None:
         self.cells: list[Cell] = []
-        self.tests = 0
+        self.tests = self.again = 0
         self.failed: Counter[str] = Counter()
 
     def add(self, report: pytest.TestReport) -> None:
@@ -166,6 +168,7 @@ class Summary:
         if report.when != "call" or PROPERTY not in properties:
             return
         self.tests += 1
+        self.again += properties["handctl-again"]
         if report.failed:
             self.failed[properties.get("handctl-failure", "outcome")] += 1
         for cell in properties[PROPERTY]:
@@ -182,7 +185,7 @@ class Summary:
     def document(self) -> dict[str, Any]:
         """What goes into the JSON file."""
         return {
-            "tests": self.tests, "failed": sum(self.failed.values()), "wrong_values": self.failed["value"],
+            "tests": self.tests, "tried_twice": self.again, "failed": sum(self.failed.values()), "wrong_values": self.failed["value"],
             "wrong_outcomes": self.failed["outcome"], "hangs": sum(cell["code"] is None for cell in self.cells),
             "tracebacks": sum(cell["traceback"] for cell in self.cells), "rows": self.rows(), "cells": self.cells,
         }  # fmt: skip
@@ -245,5 +248,5 @@ def table(document: dict[str, Any]) -> list[str]:
         *text,
         f"{total['cells']} cells in {document['tests']} tests, {total['programs']} of them as programs: "
         f"{document['wrong_values']} wrong values, {document['wrong_outcomes']} other wrong outcomes, "
-        f"{document['hangs']} hangs, {document['tracebacks']} tracebacks",
+        f"{document['hangs']} hangs, {document['tracebacks']} tracebacks; {document['tried_twice']} tried twice",
     ]

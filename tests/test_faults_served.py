@@ -207,6 +207,7 @@ def check(bench: Bench, device: str, wire: str, fault: str, name: str) -> None:
     except AssertionError:
         if not BUSY & {message["code"] for message in cell.envelope["messages"] if message["level"] == "error"}:
             raise
+        RECORDER.again += 1
         served.befall(fault)
         CELLS[device](scratch, served, COMMANDS[device][name] or name, fault).judge()
     if fault == "hang":  # until a power cycle
