@@ -136,9 +136,9 @@ def end_on_signals(*, suspend: bool) -> None:
 
 
 def finish_on_signals() -> None:
-    """From now on only a result is left to be shown: what asks the program to end is heeded again after a second.
+    """From now on only the link is to be closed and a result to be shown: what asks to end is heeded again after a second.
 
-    So a result, JSON above all, is there whole and once; a reader that sleeps can be left all the same.
+    So the link is closed once, and a result, JSON above all, is there whole and once; a reader that sleeps can be left.
     """
     import signal
 

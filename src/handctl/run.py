@@ -216,11 +216,11 @@ class Run:
 
     def _wind_up(self, table: Table | None, failure: HandctlError | None) -> HandctlError | None:
         """Close, then show; a Ctrl-C meanwhile changes neither the result nor the exit code, unless nobody reads it."""
+        finish_on_signals()
         try:
             failure = self._close(failure)
         except KeyboardInterrupt:
             failure = self._close(failure or Interrupted("interrupted"))
-        finish_on_signals()
         if table is None or table.samples is None:
             try:
                 self._show(table, failure)

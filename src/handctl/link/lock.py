@@ -24,10 +24,10 @@ class Lock:
 
     def release(self) -> None:
         """Let others in. The file stays: taking it away would let two processes lock two files of one name."""
-        if self._descriptor >= 0:
-            os.ftruncate(self._descriptor, 0)
-            os.close(self._descriptor)
-            self._descriptor = -1
+        descriptor, self._descriptor = self._descriptor, -1  # first: a Ctrl-C behind the close must not close it again
+        if descriptor >= 0:
+            os.ftruncate(descriptor, 0)
+            os.close(descriptor)
 
 
 def hold(link: str, command: str, tcp_port: int | None = None) -> Lock | None:
