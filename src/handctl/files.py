@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 def whole(path: str | os.PathLike[str], mode: str = "w") -> Iterator[IO[Any]]:
     """A file to be written: a new one beside `path`, at the end on the disk and in its place; gone when the body raises.
 
-    What is replaced keeps its permissions, and a symbolic link stays one. A device or a pipe is written to, never
+    What is replaced keeps its permissions and its owner, and a symbolic link stays one. A device or a pipe is written to, never
     replaced. `mode` "w" is UTF-8 with line ends as they come, or "wb". Raises OSError.
     """
     how = {} if "b" in mode else {"encoding": "utf-8", "newline": ""}
@@ -26,9 +26,11 @@ def whole(path: str | os.PathLike[str], mode: str = "w") -> Iterator[IO[Any]]:
     target = os.path.realpath(path)
     part = f"{target}.{os.getpid()}.part"
     try:
-        with open(part, mode, **how) as file:  # type: ignore[call-overload]
+        with contextlib.suppress(FileNotFoundError):
+            os.unlink(part)  # of a process of this number that was killed
+        with open(part, mode.replace("w", "x"), **how) as file:  # type: ignore[call-overload]
             with contextlib.suppress(FileNotFoundError):
-                os.chmod(part, os.stat(target).st_mode & 0o7777)
+                _inherit(os.stat(target), part)
             yield file
             file.flush()
             os.fsync(file.fileno())
@@ -37,6 +39,14 @@ def whole(path: str | os.PathLike[str], mode: str = "w") -> Iterator[IO[Any]]:
         with contextlib.suppress(OSError):
             os.unlink(part)
         raise
+
+
+def _inherit(old: os.stat_result, path: str) -> None:
+    """Permissions and, where root edits another user's file, owner."""
+    os.chmod(path, old.st_mode & 0o7777)
+    if hasattr(os, "chown") and (old.st_uid, old.st_gid) != (os.getuid(), os.getgid()):
+        with contextlib.suppress(PermissionError):
+            os.chown(path, old.st_uid, old.st_gid)
 
 
 def why_unwritable(path: str) -> str:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from shlex import quote
 
-from handctl.docgen.tables import INTERFACES, MARK, PORTS, PREFIXES, SLCAN, common, names_of, own
+from handctl.docgen.tables import INTERFACES, MARK, PORTS, PREFIXES, SLCAN, common, fill, names_of, own
 from handctl.docgen.tree import Node, Option
 from handctl.families import FAMILIES
 
@@ -26,10 +26,7 @@ def script(tree: Node) -> str:
         "@INTERFACES@": " ".join(INTERFACES),
         "@SLCAN@": " ".join(SLCAN),
     }
-    text = TEMPLATE
-    for place, content in places.items():
-        text = text.replace(place, content)
-    return text
+    return fill(TEMPLATE, places)
 
 
 def _words(options: tuple[Option, ...]) -> str:

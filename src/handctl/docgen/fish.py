@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from handctl.docgen.tables import INTERFACES, MARK, PORTS, PREFIXES, SLCAN, common, names_of, own, plain
+from handctl.docgen.tables import INTERFACES, MARK, PORTS, PREFIXES, SLCAN, common, fill, names_of, own, plain
 from handctl.docgen.tree import Node, Option
 from handctl.families import FAMILIES
 
@@ -21,10 +21,7 @@ def script(tree: Node) -> str:
         "@INTERFACES@": " ".join(INTERFACES),
         "@SLCAN@": " ".join(SLCAN),
     }
-    text = TEMPLATE
-    for place, content in places.items():
-        text = text.replace(place, content)
-    return text
+    return fill(TEMPLATE, places)
 
 
 def quote(text: str) -> str:

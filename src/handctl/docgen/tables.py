@@ -5,6 +5,7 @@ Knows no shell's syntax.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 from handctl.docgen.tree import Node, Option
@@ -73,3 +74,10 @@ def own(node: Node, shared: tuple[Option, ...]) -> tuple[tuple[Option, ...], boo
 def plain(text: str) -> str:
     """A help text as one line without markup."""
     return " ".join(text.replace("`", "").split())
+
+
+def fill(template: str, places: Mapping[str, str]) -> str:
+    """The template with each @PLACE@ put in."""
+    for place, content in places.items():
+        template = template.replace(place, content)
+    return template

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from shlex import quote
 
-from handctl.docgen.tables import INTERFACES, MARK, PORTS, PREFIXES, SLCAN, common, names_of, own, plain
+from handctl.docgen.tables import INTERFACES, MARK, PORTS, PREFIXES, SLCAN, common, fill, names_of, own, plain
 from handctl.docgen.tree import Node, Option
 from handctl.families import FAMILIES
 from handctl.param import Param
@@ -25,10 +25,7 @@ def script(tree: Node) -> str:
         "@INTERFACES@": " ".join(f"{pattern}(N:t)" for pattern in INTERFACES),
         "@SLCAN@": " ".join(f"{pattern}(N)" for pattern in SLCAN),
     }
-    text = TEMPLATE
-    for place, content in places.items():
-        text = text.replace(place, content)
-    return text
+    return fill(TEMPLATE, places)
 
 
 def _pair(word: str, text: str) -> str:

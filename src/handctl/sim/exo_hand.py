@@ -8,6 +8,7 @@ in closed form from the time that passed, so a jump of virtual time gives the sa
 from __future__ import annotations
 
 from handctl.sim.model import Random
+from handctl.sim.servo import CLEARABLE, LOCKED_ROTOR, Servo
 
 FINGERS = ("little", "ring", "middle", "index", "thumb")
 # Power-on values, all different so that a swapped finger is seen.
@@ -23,33 +24,20 @@ DRIVE_CURRENT = 140.0  # mA more than at rest while a finger moves
 STALL_CURRENT = 900.0  # mA against an obstacle
 STALL_TIME = 0.3  # s against an obstacle until the locked-rotor error
 STALL_FORCE = 400.0  # reaction of the obstacle
-HEATING = 0.06  # °C above rest per mA above rest, once settled
-SETTLING = 60.0  # s, time constant of heating and cooling
-COOLER = 10.0  # °C below the limit at which the over-temperature error goes away
-E = 2.718281828459045
-
-# Error bits, exo §2.3.12.
-LOCKED_ROTOR, OVER_TEMPERATURE, OVER_CURRENT, MOTOR_ABNORMAL, COMMUNICATION = 1, 2, 4, 8, 16
-CLEARABLE = LOCKED_ROTOR + OVER_CURRENT + MOTOR_ABNORMAL + COMMUNICATION  # exo §2.3.3
 
 
-class Finger:
+class Finger(Servo):
     """One actuator with the finger it moves. A set point acts only once it was written."""
 
     __slots__ = (
-        "ambient", "blocked", "errors", "force", "force_goal", "hot", "limit", "number", "position",
-        "pressing", "rest_current", "rest_force", "speed", "target", "temperature",
+        "blocked", "force", "force_goal", "number", "position", "pressing", "rest_current", "rest_force", "speed", "target",
     )  # fmt: skip
 
     def __init__(self, number: int, limit: float) -> None:
+        super().__init__(float(TEMPERATURES[number]), limit)
         self.number = number
-        self.limit = limit
         self.position = float(POSITIONS[number])
-        self.temperature = float(TEMPERATURES[number])
-        self.ambient = self.temperature  # where an actuator at rest settles
         self.blocked = False
-        self.errors = 0
-        self.hot = False
         self.power_on()
 
     def power_on(self) -> None:
@@ -82,29 +70,20 @@ class Finger:
             arrival = abs(way) / self.speed
             if arrival > seconds:
                 self.position += self.speed * seconds if way > 0 else -self.speed * seconds
-                self._warm(seconds, self.rest_current + DRIVE_CURRENT)
+                self.warm(seconds, DRIVE_CURRENT)
             else:
-                self._warm(arrival, self.rest_current + DRIVE_CURRENT)
+                self.warm(arrival, DRIVE_CURRENT)
                 self.position = float(self.target)
-                self._warm(seconds - arrival, self.rest_current)
+                self.warm(seconds - arrival, 0.0)
         elif self.blocked and self.target is not None and self.position != self.target:
             self.pressing += seconds
             if self.pressing >= STALL_TIME:
                 self.errors |= LOCKED_ROTOR
-            self._warm(seconds, STALL_CURRENT)
+            self.warm(seconds, STALL_CURRENT - self.rest_current)
         else:
             self.pressing = 0.0
-            self._warm(seconds, self.rest_current)
+            self.warm(seconds, 0.0)
         self._push(seconds)
-
-    def _warm(self, seconds: float, current: float) -> None:
-        settled = self.ambient + HEATING * (current - self.rest_current)
-        if self.temperature != settled:
-            self.temperature = settled + (self.temperature - settled) * E ** (-seconds / SETTLING)
-            self._check_heat()
-
-    def _check_heat(self) -> None:
-        self.hot = self.temperature >= self.limit or (self.hot and self.temperature > self.limit - COOLER)
 
     def _push(self, seconds: float) -> None:
         """The reading follows the force set value: the user's reaction has its sign (exo §2.2.2 note 1)."""
@@ -114,33 +93,6 @@ class Finger:
         way = goal - self.force
         step = min(abs(way), FORCE_RATE * seconds)
         self.force += step if way > 0 else -step
-
-    def error(self) -> int:
-        """The error byte. Bit 1 follows the temperature alone (exo §2.3.3 note)."""
-        return self.errors + (OVER_TEMPERATURE if self.hot else 0)
-
-    def set_error(self, byte: int) -> None:
-        """Puts the finger into a state with this error byte; an over-temperature error comes with lasting heat."""
-        self.errors = byte & ~OVER_TEMPERATURE & 255
-        if byte & OVER_TEMPERATURE:
-            self.overheat()
-        elif self.hot:
-            self.cool_down()
-            self.set_temperature(self.limit - COOLER)
-
-    def set_temperature(self, degrees: float) -> None:
-        """Heats or cools at once; from there it drifts to where it settles."""
-        self.temperature = degrees
-        self._check_heat()
-
-    def overheat(self) -> None:
-        """Heats the finger above the limit, for good."""
-        self.ambient = self.limit + 8.0
-        self.set_temperature(max(self.temperature, self.ambient))
-
-    def cool_down(self) -> None:
-        """Takes the cause of lasting heat away."""
-        self.ambient = float(TEMPERATURES[self.number])
 
     def clear(self) -> None:
         """Clears what can be cleared (exo §2.3.3); a cause that is still there brings its error back."""

@@ -10,6 +10,7 @@ Which actuator drives which axis is not said; here both work for either, so a st
 from __future__ import annotations
 
 from handctl.sim.model import Random
+from handctl.sim.servo import CLEARABLE, LOCKED_ROTOR, Servo
 
 PITCH, YAW = 0, 1
 AXES = ("pitch", "yaw")
@@ -21,28 +22,17 @@ TEMPERATURES = (31.0, 34.0)
 DRIVES = (140.0, 170.0)  # mA more than at rest while the wrist moves, by actuator
 STALL_CURRENT = 900.0  # mA against an obstacle
 STALL_TIME = 0.3  # s against an obstacle until the locked-rotor error
-HEATING = 0.06  # °C above rest per mA above rest, once settled
-SETTLING = 60.0  # s, time constant of heating and cooling
-COOLER = 10.0  # °C below the limit at which the over-temperature error goes away
-E = 2.718281828459045
-
-# Error bits as on the hands of the same maker (exo §2.3.12): the wrist's manual gives none.
-LOCKED_ROTOR, OVER_TEMPERATURE, OVER_CURRENT, MOTOR_ABNORMAL, COMMUNICATION = 1, 2, 4, 8, 16
-CLEARABLE = LOCKED_ROTOR + OVER_CURRENT + MOTOR_ABNORMAL + COMMUNICATION
 
 
-class Actuator:
+class Actuator(Servo):
     """A servo actuator: current, heat, errors."""
 
-    __slots__ = ("ambient", "drive", "errors", "hot", "limit", "number", "rest_current", "temperature")
+    __slots__ = ("drive", "number", "rest_current")
 
     def __init__(self, number: int, limit: float) -> None:
+        super().__init__(TEMPERATURES[number], limit)
         self.number = number
-        self.limit = limit
         self.drive = DRIVES[number]
-        self.temperature = TEMPERATURES[number]
-        self.ambient = self.temperature  # where it settles at rest
-        self.hot = False
         self.power_on()
 
     def power_on(self) -> None:
@@ -50,43 +40,6 @@ class Actuator:
         self.errors = 0
         self.rest_current = CURRENTS[self.number]
         self._check_heat()
-
-    def warm(self, seconds: float, rise: float) -> None:
-        """Lets time pass at a current that is `rise` above rest."""
-        settled = self.ambient + HEATING * rise
-        if self.temperature != settled:
-            self.temperature = settled + (self.temperature - settled) * E ** (-seconds / SETTLING)
-            self._check_heat()
-
-    def error(self) -> int:
-        """The error byte; bit 1 follows the temperature alone (exo §2.3.3 note)."""
-        return self.errors + (OVER_TEMPERATURE if self.hot else 0)
-
-    def set_error(self, byte: int) -> None:
-        """Puts it into a state with this error byte; an over-temperature error comes with lasting heat."""
-        self.errors = byte & ~OVER_TEMPERATURE & 255
-        if byte & OVER_TEMPERATURE:
-            self.overheat()
-        elif self.hot:
-            self.cool_down()
-            self.set_temperature(self.limit - COOLER)
-
-    def set_temperature(self, degrees: float) -> None:
-        """Heats or cools at once; from there it drifts to where it settles."""
-        self.temperature = degrees
-        self._check_heat()
-
-    def overheat(self) -> None:
-        """Heats it above the limit, for good."""
-        self.ambient = self.limit + 8.0
-        self.set_temperature(max(self.temperature, self.ambient))
-
-    def cool_down(self) -> None:
-        """Takes the cause of lasting heat away."""
-        self.ambient = TEMPERATURES[self.number]
-
-    def _check_heat(self) -> None:
-        self.hot = self.temperature >= self.limit or (self.hot and self.temperature > self.limit - COOLER)
 
 
 class Body:

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator, Mapping
 
 from handctl.config import Check, Config, Statement, load, parse, statements
 from handctl.errors import OutputError, UsageError
+from handctl.files import whole
 
 WAIT_SECONDS = 5.0
 """For another handctl that is editing the same file."""
@@ -89,7 +90,9 @@ def change(path: str, checks: Mapping[str, Check], edit: Callable[[Config], str]
         os.makedirs(os.path.dirname(target), exist_ok=True)
         with _alone(os.path.dirname(target)):
             before = load(path, checks)
-            _write(target, verified(before, edit(before), checks, wanted, name))
+            text = verified(before, edit(before), checks, wanted, name)
+            with whole(target) as file:
+                file.write(text)
     except OSError as exc:
         raise OutputError(
             f"{path}: cannot be written: {exc.strerror or exc}", hint="nothing was changed", code="config"
@@ -149,23 +152,3 @@ def _alone(folder: str) -> Iterator[None]:
         yield
     finally:
         os.close(descriptor)
-
-
-def _write(target: str, text: str) -> None:
-    """Whole or not at all: a new file beside it, on the disk, then in its place with its permissions."""
-    part = f"{target}.{os.getpid()}.part"
-    try:
-        with open(part, "xb") as file:
-            with contextlib.suppress(FileNotFoundError):
-                old = os.stat(target)
-                os.chmod(part, old.st_mode & 0o7777)
-                if hasattr(os, "chown") and (old.st_uid, old.st_gid) != (os.getuid(), os.getgid()):
-                    os.chown(part, old.st_uid, old.st_gid)
-            file.write(text.encode("utf-8"))
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(part, target)
-    except OSError:
-        with contextlib.suppress(OSError):
-            os.unlink(part)
-        raise
