@@ -252,3 +252,32 @@ def test_served() -> None:
         assert aidin("joints", "index.q3=171", link=simulator.link).code == 0
         rows, end = aidin("watch", "--count", "5", "--rate", "0", link=simulator.link).stream
         assert end["stream"]["samples"] == 5 and len(rows) == 5 * 80
+
+
+# -- tables for people ------------------------------------------------------------------------------------------------
+
+
+def lines_of(*args: str, link: str) -> dict[str, list[str]]:
+    """The lines of a table by their first word."""
+    out = run("aidin", *args, "-p", link).out
+    return {line.split()[0]: line.split()[1:] for line in out.splitlines() if line.strip()}
+
+
+def test_a_target_that_was_missed_stands_beside_the_value() -> None:
+    result = run("aidin", "joints", "index.q3=130", "-p", fake(start="homed", fault="blocked"))
+    assert result.code == 7 and "≠ 130.0" in result.out, result
+    assert "≠ target that was not reached" in result.out
+
+
+def test_what_could_not_be_read_is_a_question_mark_with_its_reason() -> None:
+    lines = lines_of("status", link=fake(fault="missing-key"))
+    assert lines["current"] == ["m3", "?", "?", "?", "?", "?", "raw"]
+    assert (
+        "current_state: missing in what the hand sends" in run("aidin", "status", "-p", fake(fault="missing-key")).out
+    )
+
+
+def test_what_is_out_of_range_has_a_star() -> None:
+    lines = lines_of("status", link=fake(fault="degrees"))
+    assert all(value.endswith("*") for value in lines["q3"][:5]) and not lines["m1"][0].endswith("*")
+    assert lines["*"] == ["out", "of", "its", "documented", "range"]

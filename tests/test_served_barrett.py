@@ -215,3 +215,35 @@ def test_pyserial_client_and_handctl_take_turns(start: Start) -> None:
 def test_pyserial_url_as_the_link(start: Start) -> None:
     link = start("tcp", *READY).link.replace("tcp://", "socket://")
     assert values_of(do(link, "get", "SN")) == {("SN", None): 1042}
+
+
+def test_live_control_through_a_pipe(start: Start, tmp_path: Path) -> None:
+    """Each line counts from when it comes; one that is a second old counts no more; the end of the pipe ends the loop."""
+    link, trace = start("pty", *READY).link, tmp_path / "trace.txt"
+
+    def sent() -> list[str]:
+        text = trace.read_text(encoding="utf-8") if trace.exists() else ""
+        return [line.split("> ", 1)[1] for line in text.splitlines() if " > " in line]
+
+    words = ("realtime", "--motors", "1", "--receive", "position", "--control", "-", "--rate", "50", "--timeout", "1")
+    with subprocess.Popen(
+        program("barrett", *words, "--trace", trace, "-p", link, "--json"), env=clean_environment(),
+        stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+    ) as process:  # fmt: skip
+        assert process.stdin is not None and process.stderr is not None
+
+        def say(text: str, block: str) -> None:
+            process.stdin.write(text.encode())  # type: ignore[union-attr]
+            process.stdin.flush()  # type: ignore[union-attr]
+            wait_until(lambda: block in sent())
+
+        say("velocity\n20\n", "43 14")
+        say("-30\n", "43 E2")
+        wait_until(lambda: sent()[-1] == "43 00")  # a second without a line
+        say("1", "43 00")
+        say("0\n", "43 0A")  # a line that comes in two pieces
+        process.stdin.close()
+        assert (process.wait(10), process.stderr.read()) == (0, b"")
+    assert sent()[sent().index("03", 3) - 1] == "63 00" and "31 54 0D" in sent()  # velocity 0, ^C, 1T
+    moving = [block for block in sent() if block.startswith("43")]
+    assert list(dict.fromkeys(moving)) == ["43 14", "43 E2", "43 00", "43 0A"]
