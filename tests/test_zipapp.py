@@ -5,11 +5,9 @@ from __future__ import annotations
 import json
 import os
 import shutil
-import statistics
 import subprocess
 import sys
 import tarfile
-import time
 import tomllib
 import venv
 import zipfile
@@ -20,7 +18,7 @@ import pexpect
 import pytest
 
 from handctl import __version__, build_zipapp
-from tests.cli_support import Result, clean_environment, run
+from tests.cli_support import Result, run
 from tests.shell_support import SCRIPTS
 
 PROJECT = Path(__file__).parent.parent
@@ -157,22 +155,6 @@ def test_a_file_that_cannot_be_built(
     assert build_zipapp.main(["-o", str(tmp_path / "x.pyz")]) == 1
     assert capsys.readouterr().err == "build_zipapp: error: bincopy is not installed; `pip install bincopy`\n"
     assert not list(tmp_path.iterdir())
-
-
-@pytest.mark.long
-def test_it_starts_within_one_and_a_half_times_the_installed_program(pyz: Path) -> None:
-    environment = {key: value for key, value in clean_environment().items() if key != "PYTHONDONTWRITEBYTECODE"}
-    for arguments in (["-h"], ["exo", "dump", "--fake"]):
-        taken: dict[str, list[float]] = {"installed": [], "single": []}
-        for _ in range(11):
-            for which, command in (("installed", ["-m", "handctl"]), ("single", ["-I", str(pyz)])):
-                began = time.perf_counter()
-                subprocess.run(
-                    [sys.executable, *command, *arguments], env=environment, stdout=subprocess.DEVNULL, check=True
-                )
-                taken[which].append(time.perf_counter() - began)
-        ratio = statistics.median(taken["single"]) / statistics.median(taken["installed"])
-        assert ratio < 1.5, (arguments, ratio)
 
 
 # -- wheel and source distribution --------------------------------------------------------------------------------
