@@ -28,9 +28,13 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _stay_to_the_end() -> None:
     """All is done and told: what comes while the interpreter ends changes neither the exit code nor stderr."""
+    if "signal" not in sys.modules:  # help: nothing was begun, and its start must not pay for this
+        return
     import signal
 
-    for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGBREAK"):
+    from handctl.console import ENDING
+
+    for name in ENDING:
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)
 

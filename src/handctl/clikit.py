@@ -18,8 +18,9 @@ from handctl import __version__
 from handctl.console import print_stderr
 from handctl.errors import HandctlError, Interrupted, OutputError, UsageError
 from handctl.families import COMMANDS
+from handctl.family import Family
 from handctl.options import COMMAND_LINE, Hertz, Seconds, config_path, from_click, read_config, resolve, shared_options
-from handctl.run import Family, Run, make_envelope
+from handctl.run import Run, make_envelope
 
 MOST = 1000
 """Characters of a first sentence: all of it."""

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from handctl import __version__
 from handctl.console import TerminalGuide, end_on_signals, finish_on_signals, print_stderr
 from handctl.errors import HandctlError, Interrupted, NotConfirmed, OutputError, UsageError
+from handctl.family import Family, refuse_missing, refuse_serial
 from handctl.files import why_unwritable
 from handctl.options import COMMAND_LINE, ENVIRONMENT, FILE, SOURCES, Settings, Source, from_click
 
@@ -23,32 +24,7 @@ if TYPE_CHECKING:
     from handctl.link.lock import Lock
     from handctl.link.tracefile import TraceFile
     from handctl.param import Step
-    from handctl.result import Journal, Message, Table
-
-
-class Family(NamedTuple):
-    """How the shared machinery handles one device family.
-
-    kind      command name, and the simulator's name
-    open      (link, settings, journal) -> device
-    baud      speed of a serial port unless --baud says otherwise, None = none
-    wires     the kinds of wire it has, the default first; () = bytes only
-    tcp_port  port of tcp://HOST without one, None = it must be given; a family that has one has no serial wire
-    ids       its protocol has device ids
-    exchange  takes the options that say how the device speaks, where its manual does not
-    check     settings -> raises UsageError for what does not fit together
-    explain   (device, error) -> a better error when nothing valid ever came; read-only
-    """
-
-    kind: str
-    open: Callable[[Any, Settings, Journal], Any]
-    baud: int | None = None
-    explain: Callable[[Any, HandctlError], HandctlError] | None = None
-    wires: tuple[str, ...] = ()
-    tcp_port: int | None = None
-    ids: bool = False
-    exchange: bool = False
-    check: Callable[[Settings], object] | None = None
+    from handctl.result import Message, Table
 
 
 class Run:
@@ -121,11 +97,8 @@ class Run:
                 )
             if wire is not None and is_can(port) != (wire == "can"):
                 raise UsageError(f"--{wire} does not fit {port}", hint="leave it out: the LINK says which wire it is")
-            if self.family is not None and self.family.tcp_port is not None and _is_serial(port):
-                raise UsageError(
-                    f"{port}: {kind} has no serial wire",
-                    hint=f"-p tcp://HOST (port {self.family.tcp_port} when not given)",
-                )
+            if self.family is not None:
+                refuse_serial(self.family, port)
         if port:
             return port
         if self.settings.fake:
@@ -153,6 +126,7 @@ class Run:
                 f"{question}. Not confirmed: nobody is at a terminal",
                 hint="add --yes if that is meant; --dry-run shows the bytes. Nothing was sent.",
             )
+        self._tell_held()  # who is asked must know of it before answering
         for step in steps:
             self.guide.say(f"  {step.meaning}: {step.wire}")
         if not self.guide.ask(question, word):
@@ -251,11 +225,7 @@ class Run:
 
     def _check_protocol(self, family: Family) -> None:
         """Refuse what was asked for on the command line and this protocol does not have."""
-        lacks = {"id": not family.ids, "baud": family.baud is None}
-        for key, missing in lacks.items():
-            if missing and self.sources.get(key) == COMMAND_LINE:
-                what = "device ids" if key == "id" else "serial wire and so no speed"
-                raise UsageError(f"--{key}: {family.kind} has no {what}", hint=f"leave --{key} out")
+        refuse_missing(family, [key for key, source in self.sources.items() if source == COMMAND_LINE])
         if family.check is not None:
             family.check(self.settings)
 
@@ -283,6 +253,9 @@ class Run:
         if table is not None or self.settings.format in ("json", "ndjson"):
             with render.Sink(self.settings) as sink:
                 render.show(table, failure, sink, self)
+        self._tell_held()
+
+    def _tell_held(self) -> None:
         for message in self._held:
             self._print_message(message)
         self._held.clear()
@@ -396,7 +369,3 @@ def make_envelope(
         "messages": rows,
         "counters": counters if counters is not None else Counters().as_row(),
     }
-
-
-def _is_serial(port: str) -> bool:
-    return "://" not in port or port.startswith("spy://")

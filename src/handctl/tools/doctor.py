@@ -13,8 +13,9 @@ import click
 from handctl.clikit import Command
 from handctl.errors import CheckFailed, Interrupted, LinkError, UsageError
 from handctl.families import FAMILIES
+from handctl.family import Family
 from handctl.result import Cell, Column, Grid, Row, Table
-from handctl.run import Family, Run
+from handctl.run import Run
 from handctl.tools.machine import Machine
 from handctl.tools.machine_checks import Check, machine_checks
 from handctl.tools.probes import family_of, probe_of

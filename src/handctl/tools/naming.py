@@ -12,7 +12,8 @@ from typing import Any
 
 from handctl.errors import UsageError
 from handctl.families import FAMILIES
-from handctl.run import Family, Run
+from handctl.family import Family, refuse_missing, refuse_serial
+from handctl.run import Run
 
 URLS = ("socket", "rfc2217", "spy", "loop", "hwgrep", "alt", "cp2110")
 """Schemes of pyserial."""
@@ -27,9 +28,7 @@ def check(run: Run, kind: str, given: dict[str, Any]) -> None:
     """
     family: Family = importlib.import_module(FAMILIES[kind][0]).cli.family
     port = str(given["port"])
-    for key, there in {"id": family.ids, "baud": family.baud is not None}.items():
-        if key in given and not there:
-            raise UsageError(f"--{key}: {kind} has none", hint=f"leave --{key} out")
+    refuse_missing(family, given)
     check_link(port, family)
     _ask_family(run, family, given)
     stable = stable_name(port)
@@ -40,11 +39,7 @@ def check(run: Run, kind: str, given: dict[str, Any]) -> None:
 def check_link(link: str, family: Family) -> None:
     """The syntax of a LINK. Raises UsageError."""
     scheme, separator, rest = link.partition("://")
-    serial = scheme == "spy" or not (separator or link.startswith(("can:", "replay:")))
-    if serial and family.tcp_port is not None:
-        raise UsageError(
-            f"{link}: {family.kind} has no serial wire", hint=f"-p tcp://HOST (port {family.tcp_port} when not given)"
-        )
+    refuse_serial(family, link)
     if link.startswith("usb:"):
         parts = link.split(":", 3)[1:]
         if len(parts) < 2 or not all(0 < len(part) <= 4 and _hex(part) for part in parts[:2]):

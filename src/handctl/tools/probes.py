@@ -11,7 +11,7 @@ from handctl.link import Deadline, Link
 from handctl.result import Journal, Row
 
 if TYPE_CHECKING:
-    from handctl.run import Family
+    from handctl.family import Family
 
 
 class FamilyProbe(Protocol):

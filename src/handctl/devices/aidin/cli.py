@@ -14,11 +14,12 @@ from handctl.devices.aidin.fields import AIDIN, ANGLES, CURRENTS, ENCODERS, TIPS
 from handctl.devices.aidin.hand import AidinHand
 from handctl.devices.aidin.way import way_of
 from handctl.errors import UsageError
+from handctl.family import Family
 from handctl.mapverbs import add_map_verbs
 from handctl.options import Number
 from handctl.param import Step
 from handctl.result import Table
-from handctl.run import Family, Run
+from handctl.run import Run
 
 if TYPE_CHECKING:
     from handctl.devices.aidin.targets import Goal

@@ -18,10 +18,11 @@ from handctl.devices.barrett.line import DEFAULT_RETRIES, GclLine
 from handctl.devices.barrett.parameters import BARRETT, check_careful
 from handctl.devices.barrett.realtime_cli import add_realtime
 from handctl.errors import UsageError
+from handctl.family import Family
 from handctl.mapverbs import add_map_verbs
 from handctl.param import Element, Number, Step
 from handctl.result import Column, Table
-from handctl.run import Family, Run
+from handctl.run import Run
 
 if TYPE_CHECKING:
     from handctl.link import ByteLink

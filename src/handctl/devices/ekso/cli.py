@@ -16,9 +16,10 @@ from handctl.devices.ekso.fields import EKSO
 from handctl.devices.ekso.lengthmode import check_mode
 from handctl.devices.ekso.log_cli import add_log_commands
 from handctl.errors import UsageError
+from handctl.family import Family
 from handctl.mapverbs import NAMES, add_map_verbs
 from handctl.result import Column, Table
-from handctl.run import Family, Run
+from handctl.run import Run
 
 if TYPE_CHECKING:
     from handctl.devices.ekso.audit import AuditLog
@@ -203,15 +204,12 @@ def _tell_unfinished(run: Run, audit: AuditLog) -> None:
     if last is None:
         return
     old, new = ((last.get(key) or {}).get("value") for key in ("old", "new"))
-    # at once: who is asked for the next write must know of the last one before answering
-    run.live, before = True, run.live
     run.journal.warn(
         "unfinished-write",
         f"{audit.path} ends with a write that has no result: {last.get('name')} {old} -> {new} at {last.get('utc')} "
         f"on {last.get('port')}",
         hint="handctl was killed or lost its log there: compare with `handctl ekso settings`",
     )
-    run.live = before
 
 
 def _need_operator(run: Run, operator: str | None) -> None:

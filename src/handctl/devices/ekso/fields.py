@@ -126,9 +126,8 @@ class Word(Param):
         where = where or self.name
         if not self.choices:
             return self._exact(text.strip(), where)
-        number, percent, rest = text.strip().partition(
-            "%"
-        )  # in a number every sign counts: 7,5 % and -75 % are not 75 %
+        # In a number every sign counts: 7,5 % and -75 % are not 75 %.
+        number, percent, rest = text.strip().partition("%")
         wanted = f"{number.rstrip()}%{rest}" if percent else plain(text)
         for code, label in self.choices.items():
             if wanted == plain(label):

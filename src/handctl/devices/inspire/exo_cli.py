@@ -13,10 +13,11 @@ from handctl.devices.inspire.bus import DEFAULT_RETRIES, DEFAULT_TIMEOUT, Bus
 from handctl.devices.inspire.exo import ExoHand, check_command
 from handctl.devices.inspire.registers import BAUD_RATES, EXO, address_in
 from handctl.errors import HandctlError, NoAnswer, UsageError
+from handctl.family import Family
 from handctl.mapverbs import add_map_verbs
 from handctl.options import Number, Seconds
 from handctl.result import Table
-from handctl.run import Family, Run
+from handctl.run import Run
 
 if TYPE_CHECKING:
     from handctl.link import ByteLink

@@ -10,11 +10,12 @@ from handctl.clikit import Group
 from handctl.devices.inspire.bus import DEFAULT_RETRIES, DEFAULT_TIMEOUT, Bus
 from handctl.devices.inspire.registers import WRIST, address_in
 from handctl.devices.inspire.wrist import WIRING_HINT, Wrist
+from handctl.family import Family
 from handctl.link import FrameLink
 from handctl.mapverbs import add_map_verbs
 from handctl.options import Number, Seconds
 from handctl.result import Table
-from handctl.run import Family, Run
+from handctl.run import Run
 
 if TYPE_CHECKING:
     from handctl.link import ByteLink
