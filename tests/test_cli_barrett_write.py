@@ -234,6 +234,35 @@ def test_load_and_defaults(tmp_path: Path) -> None:
     assert values_of(do("get", "DP.F1", "LFT", port=port)) == {("DP", "F1"): 3000, ("LFT", None): 1}
 
 
+@pytest.mark.parametrize(("verb", "named"), [("load", "FLOAD"), ("defaults", "FDEF")])
+def test_one_motor_is_loaded_alone(tmp_path: Path, verb: str, named: str) -> None:
+    """3FLOAD, SFDEF (§5.2.2): neither the other motors, nor the hand's own settings, nor its speed."""
+    port, trace = fake(state=tmp_path / "state.json"), tmp_path / "t.txt"
+    assert do("set", "DP=3000", "LFT=1", port=port).code == 0
+    result = do(verb, "--motors", "3", "--trace", trace, port=port)
+    assert (result.code, sent_lines(trace)) == (0, [f"3{named}"])
+    assert values_of(do("get", "DP", "LFT", port=port)) == {
+        ("DP", "F1"): 3000, ("DP", "F2"): 3000, ("DP", "F3"): 8500, ("DP", "SPREAD"): 3000, ("LFT", None): 1,
+    }  # fmt: skip
+
+
+def test_some_motors_are_saved_alone(tmp_path: Path) -> None:
+    """123FSAVE (§5.2.2): the spread and the hand's own settings stay as saved, and the journal knows it."""
+    port, trace = fake(state=tmp_path / "state.json"), tmp_path / "t.txt"
+    with spying() as spy:
+        assert do("save", "--yes", port=port).code == 0
+        assert do("set", "DP=77", "LFT=1", port=port).code == 0
+        result = do("save", "--motors", "G", "--yes", "--trace", trace, port=port)
+        assert (result.code, written_lines(trace)) == (0, ["123FSAVE"])
+        assert [row["name"] for row in result.rows] == [f"default_position.F{n}" for n in (1, 2, 3)]
+        assert eeprom(spy, "DP") == (77, 77, 77, 1575) and eeprom(spy, "LFT") == (0,)
+        assert do("save", "--motors", "G", "--yes", port=port).code == 2  # nothing of theirs has changed
+        rest = do("save", "--yes", "--trace", trace, port=port)
+        assert [row["name"] for row in rest.rows] == ["default_position.SPREAD", "loop_feedback_temperature"]
+        assert eeprom(spy, "DP") == (77, 77, 77, 77) and eeprom(spy, "LFT") == (1,)
+    assert [row["meaning"] for row in do("save", "--motors", "3", "-n").rows] == ["3FSAVE"]
+
+
 # -- files ------------------------------------------------------------------------------------------------------------
 
 

@@ -146,7 +146,8 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set opts '--motors	Which motors: digits, G = fingers, S = spread (default: all).' '-h	Show this message and exit.' '--help	Show this message and exit.'
             set takes --motors=none
         case 'barrett defaults'
-            set opts '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '--motors	Which motors: digits, G = fingers, S = spread (default: all).' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set takes --motors=none
         case 'barrett describe'
             set opts '-h	Show this message and exit.' '--help	Show this message and exit.'
             set args 'name:barrett*'
@@ -191,7 +192,8 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set opts '--motors	Which motors: digits, G = fingers, S = spread (default: all).' '-h	Show this message and exit.' '--help	Show this message and exit.'
             set takes --motors=none
         case 'barrett load'
-            set opts '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '--motors	Which motors: digits, G = fingers, S = spread (default: all).' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set takes --motors=none
         case 'barrett maintenance'
             set opts '--greased	Record as greased now: all, worm, spur, motor-spur, palm, one finger as in spur.F1, several by comma.' '--steps	How to do it, with sections. Needs no device.' '--check	Exit 7 when anything is due or too hot.' '--hand	Whose journal, when serial numbers are not unique (0).' '-h	Show this message and exit.' '--help	Show this message and exit.'
             set takes --greased=none --steps=choice:lubrication,fasteners,pretension,strain,firmware --hand=none
@@ -215,7 +217,8 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set opts '--save	Save to EEPROM afterwards.' '--force	Write a value that the manual allows and warns of, or save unchanged values.' '-h	Show this message and exit.' '--help	Show this message and exit.'
             set args 'file'
         case 'barrett save'
-            set opts '--force	Write a value that the manual allows and warns of, or save unchanged values.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '--motors	Which motors: digits, G = fingers, S = spread (default: all).' '--force	Write a value that the manual allows and warns of, or save unchanged values.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set takes --motors=none
         case 'barrett set'
             set opts '--motors	Which motors: digits, G = fingers, S = spread (default: all).' '--force	Write a value that the manual allows and warns of, or save unchanged values.' '-h	Show this message and exit.' '--help	Show this message and exit.'
             set takes --motors=none

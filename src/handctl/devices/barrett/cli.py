@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -15,12 +14,13 @@ from handctl.devices.barrett.firmware_cli import add_firmware
 from handctl.devices.barrett.hand import BarrettHand
 from handctl.devices.barrett.language import MOTORS, motor_prefix
 from handctl.devices.barrett.line import DEFAULT_RETRIES, GclLine
+from handctl.devices.barrett.motion_cli import FORCE, MOTORS_OPTION, add_movements, step_of
 from handctl.devices.barrett.parameters import BARRETT, check_careful
 from handctl.devices.barrett.realtime_cli import add_realtime
+from handctl.devices.barrett.store_cli import add_store_commands
 from handctl.errors import UsageError
 from handctl.family import Family
 from handctl.mapverbs import add_map_verbs
-from handctl.param import Element, Number, Step
 from handctl.result import Column, Table
 from handctl.run import Run
 
@@ -48,22 +48,6 @@ cli = Group(
     "barrett",
     family=Family("barrett", open_barrett, 9600),
     help="BarrettHand BH8 series over RS-232, firmware 4.3x and 4.4. Motors: 1 2 3 are the fingers, 4 or S the spread, G all fingers.",
-)
-
-
-def _motors(body: Callable[..., Any]) -> Callable[..., Any]:
-    return click.option(
-        "--motors", metavar="12S", help="Which motors: digits, G = fingers, S = spread (default: all)."
-    )(body)
-
-
-def _prefix(text: str | None) -> str:
-    """GCL prefix of a --motors option. Without one all enabled motors move; all four named move disabled ones too."""
-    return "" if text is None else motor_prefix(text)
-
-
-FORCE = click.option(
-    "--force", is_flag=True, help="Write a value that the manual allows and warns of, or save unchanged values."
 )
 
 
@@ -165,7 +149,7 @@ def help_(run: Run, command: str | None) -> Table:
 
 @cli.verb("set", writes=True)
 @click.argument("assignments", nargs=-1, required=True, metavar="NAME[.MOTOR]=VALUE...")
-@_motors
+@MOTORS_OPTION
 @FORCE
 def set_(run: Run, assignments: tuple[str, ...], motors: str | None, force: bool) -> Table:
     """Set parameters in RAM and read them back, such as `MCV=80 HSG.F1=150 --motors 12`. One value goes to all motors."""
@@ -182,64 +166,6 @@ def set_(run: Run, assignments: tuple[str, ...], motors: str | None, force: bool
     return hand.table(hand.write(changes))
 
 
-@cli.verb("load", writes=True)
-def load(run: Run) -> Table:
-    """EEPROM to RAM, motors and hand (FLOAD, PLOAD); the speed may change and is looked for."""
-    return _plain_commands(run, ["FLOAD", "PLOAD"])
-
-
-@cli.verb("defaults", writes=True)
-def defaults(run: Run) -> Table:
-    """Factory values into RAM (FDEF, PDEF), not saved; the speed goes to 9600."""
-    return _plain_commands(run, ["FDEF", "PDEF"])
-
-
-def _plain_commands(run: Run, commands: list[str]) -> Table:
-    from handctl.devices.barrett import gcl
-
-    if run.settings.dry_run:
-        return run.dry_run([_step(text) for text in commands])
-    return gcl.run_all(run.device(), commands, keep_going=False)
-
-
-def _step(text: str) -> Step:
-    from handctl.devices.barrett.language import encode
-
-    return Step(text, encode(text))
-
-
-@cli.verb("save", writes=True)
-@FORCE
-def save(run: Run, force: bool) -> Table:
-    """RAM to EEPROM: compared with the last save first, confirmed, counted (5,000 in the hand's life)."""
-    from handctl.devices.barrett import eeprom
-
-    steps = _save_steps()
-    if run.settings.dry_run:
-        return run.dry_run(steps)
-    run.confirm("This writes the EEPROM, which lasts 5,000 saves", steps)
-    hand: BarrettHand = run.device()
-    (speed,) = hand.read(BARRETT.find("BAUD")[1])
-    if speed.error is not None:
-        raise speed.error
-    _refuse_to_keep(int(speed.value or 0), force)
-    return eeprom.save(hand, force=force, simulated=run.simulated)
-
-
-def _save_steps() -> list[Step]:
-    return [_step("FSAVE"), _step("PSAVE")]
-
-
-def _refuse_to_keep(code: int, force: bool) -> None:
-    """A BAUD other than the factory's is not saved by accident. Raises UsageError."""
-    if code != 96 and not force:
-        raise UsageError(
-            f"BAUD is {code}: saved, the hand would start at {code * 100} bit/s for ever",
-            hint="--force saves it all the same, or `handctl barrett baud 9600` first",
-            code="baud-not-default",
-        )
-
-
 @cli.verb("baud", writes=True)
 @click.argument("rate", required=False, type=int)
 @click.option("--save", "save_too", is_flag=True, help="Save it to EEPROM: the hand starts at this speed from then on.")
@@ -252,7 +178,7 @@ def baud(run: Run, rate: int | None, save_too: bool) -> Table:
             raise UsageError("`handctl barrett baud` without a rate only reads", hint="run it without -n")
         return verbs.get(run, BARRETT, ["BAUD"])
     code = speed.code_of(rate)
-    steps = [_step(f"PSET BAUD {code}"), *([_step("PSAVE")] if save_too else [])]
+    steps = [step_of(f"PSET BAUD {code}"), *([step_of("PSAVE")] if save_too else [])]
     if run.settings.dry_run:
         return run.dry_run(steps)
     run.confirm(f"The hand speaks {rate} bit/s at once{', and after every power-on' if save_too else ''}", steps)
@@ -274,55 +200,12 @@ def reset(run: Run) -> Table:
     from handctl.devices.barrett import speed
 
     if run.settings.dry_run:
-        return run.dry_run([_step("RESET")])
+        return run.dry_run([step_of("RESET")])
     banner = speed.reset(run.device().line)
     return Table(
         rows=[{"name": "banner", "parameter": "RESET", "motor": None, "value": banner, "unit": None}],
         columns=(Column("value", "Banner"),),
     )
-
-
-# -- moving -------------------------------------------------------------------------------------------------------
-
-
-def _movement(name: str, gcl_name: str, doc: str, *, argument: str = "") -> None:
-    def body(run: Run, motors: str | None, value: int | None = None) -> Table:
-        from handctl.devices.barrett import motion
-
-        prefix = _prefix(motors)
-        text = motion.command_text(prefix, gcl_name, value)
-        if run.settings.dry_run:
-            return run.dry_run([_step(text)])
-        return motion.move(run.device(), prefix, gcl_name, value, run.guide)
-
-    body.__doc__ = doc
-    command = _motors(body)
-    if argument:
-        command = click.argument("value", required=False, type=int, metavar=argument)(command)
-    cli.verb(name, writes=True)(command)
-
-
-_movement("init", "HI", "Initialize (HI): the fingers open fully; needed before any movement after power-on or reset.")
-_movement("open", "O", "Open to OT.")
-_movement("close", "C", "Close to CT; stopping on an object is no error.")
-_movement("move", "M", "Move to a POSITION in counts, without one to DP.", argument="[POSITION]")
-_movement("step-open", "IO", "Open by COUNTS, without them by DS.", argument="[COUNTS]")
-_movement("step-close", "IC", "Close by COUNTS, without them by DS.", argument="[COUNTS]")
-_movement("home", "HOME", "Move to position 0.")
-_movement("torque-open", "TO", "Open under torque control until it stalls.")
-_movement("torque-close", "TC", "Close under torque control until it stalls.")
-
-
-@cli.verb("stop", writes=True)
-@_motors
-def stop(run: Run, motors: str | None) -> Table:
-    """Motor power off (T), also for motors that are not initialized."""
-    from handctl.devices.barrett import motion
-
-    prefix = _prefix(motors)
-    if run.settings.dry_run:
-        return run.dry_run([_step(f"{prefix}T")])
-    return motion.stop(run.device(), prefix)
 
 
 # -- passthrough --------------------------------------------------------------------------------------------------
@@ -345,12 +228,12 @@ def gcl_(run: Run, commands: tuple[str, ...], keep_going: bool) -> Table:
         raise UsageError("no command", hint='e.g. handctl barrett gcl "HI" "GC" "FGET P", or a script on stdin')
     for text in wanted:
         gcl.refuse(text)
-        _step(text)
+        step_of(text)
     if run.settings.dry_run:
-        return run.dry_run([_step(text) for text in wanted])
+        return run.dry_run([step_of(text) for text in wanted])
     saving = gcl.saves(wanted)
     if saving:
-        run.confirm("This writes the EEPROM, which lasts 5,000 saves", [_step(text) for text in saving])
+        run.confirm("This writes the EEPROM, which lasts 5,000 saves", [step_of(text) for text in saving])
     ledger = eeprom.Ledger(run.device(), simulated=run.simulated) if saving else None
     table = gcl.run_all(run.device(), wanted, keep_going=keep_going)
     if ledger is not None and gcl.saves(row["command"] for row in table.rows if not row["status"]):
@@ -376,38 +259,8 @@ def _prompt(run: Run) -> Table:
         prompt.leave(history)
 
 
-# -- files --------------------------------------------------------------------------------------------------------
-
-
-@cli.verb("restore", writes=True)
-@click.argument("file", type=click.Path(dir_okay=False))
-@click.option("--save", "save_too", is_flag=True, help="Save to EEPROM afterwards.")
-@FORCE
-def restore(run: Run, file: str, save_too: bool, force: bool) -> Table:
-    """Write what differs from a snapshot into RAM, read it back; --save keeps it. Speed last."""
-    from handctl.devices.barrett import eeprom
-
-    def check(changes: Sequence[tuple[Element, Number]]) -> None:
-        for objection in check_careful(changes, force):
-            run.journal.warn("careful", objection)
-        if save_too:
-            for element, value in changes:
-                if element.full_name == "baud_rate":
-                    _refuse_to_keep(int(value), force)
-            if not run.settings.dry_run:  # also when nothing differs: the EEPROM is written all the same
-                run.confirm("--save writes the EEPROM, which lasts 5,000 saves", _save_steps())
-
-    table = verbs.restore(run, BARRETT, file, check=check)
-    if save_too and run.settings.dry_run:
-        table.rows += [
-            {"step": number, "bytes": step.wire, "meaning": step.meaning, "moves": False, "strands": False}
-            for number, step in enumerate(_save_steps(), len(table.rows) + 1)
-        ]
-    elif save_too:
-        eeprom.save(run.device(), force=True, simulated=run.simulated)
-    return table
-
-
+add_movements(cli)
+add_store_commands(cli)
 add_realtime(cli)
 add_firmware(cli)
 add_care_commands(cli)

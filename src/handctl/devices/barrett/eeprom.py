@@ -11,6 +11,7 @@ from typing import Any
 
 from handctl.devices.barrett import hostfile
 from handctl.devices.barrett.hand import BarrettHand
+from handctl.devices.barrett.language import motors_of
 from handctl.devices.barrett.parameters import BARRETT, all_elements, standard
 from handctl.errors import DeviceRefused, HandctlError, Interrupted, UsageError
 from handctl.files import state_path
@@ -53,39 +54,40 @@ def present(hand: BarrettHand) -> dict[str, int]:
     return {reading.element.full_name: int(reading.value) for reading in readings if reading.value is not None}
 
 
-def save(hand: BarrettHand, *, force: bool, simulated: bool) -> Table:
+def save(hand: BarrettHand, *, force: bool, simulated: bool, prefix: str = "") -> Table:
     """RAM to EEPROM for what changed since handctl's last save; refuses a save that changes nothing.
 
+    With a GCL `prefix` the motors that it names only; the rest of the EEPROM stays as it is (barrett §5.2.2 FSAVE).
     Raises UsageError when nothing changed (unless `force`), DeviceRefused when the hand reports an error.
     """
-    now = present(hand)
+    everything = present(hand)
+    chosen = motors_of(prefix)
+    now = {name: value for name, value in everything.items() if not prefix or name.rpartition(".")[2] in chosen}
     key = _key(hand, simulated)
     journal = load_journal()
     # A serial number of 0 is that of every hand upgraded in the field: its entry may speak of another hand.
     known = journal.get(key, {}) if key not in UNKNOWN_KEYS else {}
-    before: dict[str, int] = known.get("values", {})
+    saved: dict[str, int] = known.get("values", {})
+    before = {name: value for name, value in saved.items() if name in now}
     if now == before and not force:
         raise UsageError(
             "nothing has changed since handctl's last save of this hand",
             hint=f"the EEPROM lasts {MOST_SAVES} saves; --force saves all the same. Nothing was written.",
         )
     changed = [name for name in now if now[name] != before.get(name)]
-    verbs = [
-        verb
-        for verb, touched in (
-            ("FSAVE", any("." in name for name in changed)),
-            ("PSAVE", any("." not in name for name in changed)),
-        )
-        if touched
-    ]
-    if len(verbs) == 1 and not force:
+    halves = (
+        (f"{prefix}FSAVE", any("." in name for name in changed)),
+        ("PSAVE", any("." not in name for name in changed)),
+    )[: 1 if prefix else 2]
+    verbs = [verb for verb, touched in halves if touched or force]
+    if len(verbs) == 1 and not force and not prefix:
         hand.journal.info(
             "half",
             f"{verbs[0]} only: the rest is as handctl saved it last",
             hint="another program may have saved since; --force writes both halves",
         )
     done: list[str] = []
-    for verb in ["FSAVE", "PSAVE"] if force else verbs:
+    for verb in verbs:
         try:
             hand.do(verb)
         except DeviceRefused:
@@ -96,7 +98,7 @@ def save(hand: BarrettHand, *, force: bool, simulated: bool) -> Table:
             _count(hand, journal, key, {})  # it may have been written: the next save writes everything
             raise _unsure(exc, verb) from exc
         done.append(verb)
-    _count(hand, journal, key, now)
+    _count(hand, journal, key, saved | now)
     rows: list[Row] = [
         {"name": name, "before": before.get(name), "value": now[name], "default": default_of(name)}
         for name in (changed if before else differing(now))

@@ -1,0 +1,80 @@
+"""`handctl barrett init | open | close | move | … | stop`: the movements of §5.2.1, and the options that they share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import click
+
+from handctl.clikit import Group
+from handctl.devices.barrett.language import motor_prefix
+from handctl.param import Step
+from handctl.result import Table
+from handctl.run import Run
+
+MOTORS_OPTION = click.option(
+    "--motors", metavar="12S", help="Which motors: digits, G = fingers, S = spread (default: all)."
+)
+FORCE = click.option(
+    "--force", is_flag=True, help="Write a value that the manual allows and warns of, or save unchanged values."
+)
+
+
+def prefix_of(text: str | None) -> str:
+    """GCL prefix of a --motors option. Without one all enabled motors move; all four named move disabled ones too."""
+    return "" if text is None else motor_prefix(text)
+
+
+def step_of(text: str) -> Step:
+    """A GCL line as a step of a plan."""
+    from handctl.devices.barrett.language import encode
+
+    return Step(text, encode(text))
+
+
+def add_movements(group: Group) -> None:
+    """Add the commands to the family's group."""
+    for name, gcl_name, doc, argument in MOVEMENTS:
+        _movement(group, name, gcl_name, doc, argument)
+
+    @group.verb("stop", writes=True)
+    @MOTORS_OPTION
+    def stop(run: Run, motors: str | None) -> Table:
+        """Motor power off (T), also for motors that are not initialized."""
+        from handctl.devices.barrett import motion
+
+        prefix = prefix_of(motors)
+        if run.settings.dry_run:
+            return run.dry_run([step_of(f"{prefix}T")])
+        return motion.stop(run.device(), prefix)
+
+
+def _movement(group: Group, name: str, gcl_name: str, doc: str, argument: str) -> None:
+    def body(run: Run, motors: str | None, value: int | None = None) -> Table:
+        from handctl.devices.barrett import motion
+
+        prefix = prefix_of(motors)
+        text = motion.command_text(prefix, gcl_name, value)
+        if run.settings.dry_run:
+            return run.dry_run([step_of(text)])
+        return motion.move(run.device(), prefix, gcl_name, value, run.guide)
+
+    body.__doc__ = doc
+    command: Callable[..., Any] = MOTORS_OPTION(body)
+    if argument:
+        command = click.argument("value", required=False, type=int, metavar=argument)(command)
+    group.verb(name, writes=True)(command)
+
+
+MOVEMENTS = (
+    ("init", "HI", "Initialize (HI): the fingers open fully; needed before any movement after power-on or reset.", ""),
+    ("open", "O", "Open to OT.", ""),
+    ("close", "C", "Close to CT; stopping on an object is no error.", ""),
+    ("move", "M", "Move to a POSITION in counts, without one to DP.", "[POSITION]"),
+    ("step-open", "IO", "Open by COUNTS, without them by DS.", "[COUNTS]"),
+    ("step-close", "IC", "Close by COUNTS, without them by DS.", "[COUNTS]"),
+    ("home", "HOME", "Move to position 0.", ""),
+    ("torque-open", "TO", "Open under torque control until it stalls.", ""),
+    ("torque-close", "TC", "Close under torque control until it stalls.", ""),
+)

@@ -1,0 +1,118 @@
+"""`handctl barrett load | defaults | save | restore`: RAM, EEPROM, factory values and files (barrett §5.2.2, §5.2.3)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import click
+
+from handctl import verbs
+from handctl.clikit import Group
+from handctl.devices.barrett.motion_cli import FORCE, MOTORS_OPTION, prefix_of, step_of
+from handctl.devices.barrett.parameters import BARRETT, check_careful
+from handctl.errors import UsageError
+from handctl.param import Element, Number, Step
+from handctl.result import Table
+from handctl.run import Run
+
+
+def add_store_commands(group: Group) -> None:
+    """Add the commands to the family's group."""
+
+    @group.verb("load", writes=True)
+    @MOTORS_OPTION
+    def load(run: Run, motors: str | None) -> Table:
+        """EEPROM to RAM, motors and hand (FLOAD, PLOAD); the speed may change and is looked for.
+
+        With --motors those motors only (3FLOAD): the hand's own settings and its speed stay.
+        """
+        return _plain_commands(run, _motors_first(motors, "FLOAD", "PLOAD"))
+
+    @group.verb("defaults", writes=True)
+    @MOTORS_OPTION
+    def defaults(run: Run, motors: str | None) -> Table:
+        """Factory values into RAM (FDEF, PDEF), not saved; the speed goes to 9600.
+
+        With --motors those motors only (SFDEF): the hand's own settings and its speed stay.
+        """
+        return _plain_commands(run, _motors_first(motors, "FDEF", "PDEF"))
+
+    @group.verb("save", writes=True)
+    @MOTORS_OPTION
+    @FORCE
+    def save(run: Run, motors: str | None, force: bool) -> Table:
+        """RAM to EEPROM: compared with the last save first, confirmed, counted (5,000 in the hand's life).
+
+        With --motors those motors only (123FSAVE): the hand's own settings stay as they were saved.
+        """
+        from handctl.devices.barrett import eeprom
+        from handctl.devices.barrett.hand import BarrettHand
+
+        prefix = prefix_of(motors)
+        steps = save_steps(motors)
+        if run.settings.dry_run:
+            return run.dry_run(steps)
+        run.confirm("This writes the EEPROM, which lasts 5,000 saves", steps)
+        hand: BarrettHand = run.device()
+        if motors is None:
+            (speed,) = hand.read(BARRETT.find("BAUD")[1])
+            if speed.error is not None:
+                raise speed.error
+            _refuse_to_keep(int(speed.value or 0), force)
+        return eeprom.save(hand, force=force, simulated=run.simulated, prefix=prefix)
+
+    @group.verb("restore", writes=True)
+    @click.argument("file", type=click.Path(dir_okay=False))
+    @click.option("--save", "save_too", is_flag=True, help="Save to EEPROM afterwards.")
+    @FORCE
+    def restore(run: Run, file: str, save_too: bool, force: bool) -> Table:
+        """Write what differs from a snapshot into RAM, read it back; --save keeps it. Speed last."""
+        from handctl.devices.barrett import eeprom
+
+        def check(changes: Sequence[tuple[Element, Number]]) -> None:
+            for objection in check_careful(changes, force):
+                run.journal.warn("careful", objection)
+            if save_too:
+                for element, value in changes:
+                    if element.full_name == "baud_rate":
+                        _refuse_to_keep(int(value), force)
+                if not run.settings.dry_run:  # also when nothing differs: the EEPROM is written all the same
+                    run.confirm("--save writes the EEPROM, which lasts 5,000 saves", save_steps(None))
+
+        table = verbs.restore(run, BARRETT, file, check=check)
+        if save_too and run.settings.dry_run:
+            table.rows += [
+                {"step": number, "bytes": step.wire, "meaning": step.meaning, "moves": False, "strands": False}
+                for number, step in enumerate(save_steps(None), len(table.rows) + 1)
+            ]
+        elif save_too:
+            eeprom.save(run.device(), force=True, simulated=run.simulated)
+        return table
+
+
+def _motors_first(motors: str | None, of_motors: str, of_hand: str) -> list[str]:
+    """The command for `motors`; without a choice that for all of them, and the one for the hand's own settings."""
+    return [of_motors, of_hand] if motors is None else [prefix_of(motors) + of_motors]
+
+
+def save_steps(motors: str | None) -> list[Step]:
+    """The exact bytes of a save."""
+    return [step_of(text) for text in _motors_first(motors, "FSAVE", "PSAVE")]
+
+
+def _plain_commands(run: Run, commands: list[str]) -> Table:
+    from handctl.devices.barrett import gcl
+
+    if run.settings.dry_run:
+        return run.dry_run([step_of(text) for text in commands])
+    return gcl.run_all(run.device(), commands, keep_going=False)
+
+
+def _refuse_to_keep(code: int, force: bool) -> None:
+    """A BAUD other than the factory's is not saved by accident. Raises UsageError."""
+    if code != 96 and not force:
+        raise UsageError(
+            f"BAUD is {code}: saved, the hand would start at {code * 100} bit/s for ever",
+            hint="--force saves it all the same, or `handctl barrett baud 9600` first",
+            code="baud-not-default",
+        )
