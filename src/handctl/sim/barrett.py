@@ -11,7 +11,7 @@ silent the behaviour is invented and the comment says so; nothing seen here is e
 
 from __future__ import annotations
 
-from handctl.sim import barrett_loop, barrett_monitor, barrett_options
+from handctl.sim import barrett_found, barrett_loop, barrett_monitor, barrett_options
 from handctl.sim.barrett_gcl import Answer, execute
 from handctl.sim.barrett_hand import TEMPERATURE, Hand
 from handctl.sim.barrett_memory import Memory
@@ -46,6 +46,8 @@ class Device(Model):
         self._longest = options.whole("line-limit", 128, 16, 1000)
         self.most_arguments = options.whole("max-arguments", 64, 1, 200)
         self._boot_time = options.seconds("boot", 1.0, 60.0)
+        self._receiver = options.choice("uart", "mid", ("mid", "sci"))
+        self._found = options.choice("found", "ready", barrett_found.STATES)
         self.reset_monitor = options.choice("reset-monitor", "0", ("0", "1")) == "1"
         self.loop_stops = options.choice("loop-exit", "run", ("run", "stop")) == "stop"
         self._loop_jump = barrett_options.numbers(options, "loop-jump", "0,0,0,0", -20000, 20000)
@@ -76,6 +78,8 @@ class Device(Model):
         self._waiting: Answer | None = None  # what the save will answer
         self._previous = b""
         self._cold = False
+        self._speaking = False  # the banner is out, its prompt is not
+        self.banner_gap = options.seconds("banner-gap", 0.0, 60.0)
         self.speed = baud
 
     # -- power and time ------------------------------------------------------------------------------------------------
@@ -91,6 +95,8 @@ class Device(Model):
         self._switches = [now + seconds for seconds in self._switches]
         if self.monitor.until is not None:
             self.monitor.boot(now)
+        if self._found != "ready":
+            barrett_found.put(self, self._found)
 
     def power(self, on: bool) -> None:
         self.powered = on
@@ -151,6 +157,7 @@ class Device(Model):
         self.loop = self._waiting = None
         self._until = max(self.now, began + self._boot_time)
         self._hear = self._hear_nothing
+        self._speaking = False
         self.dirty = True
 
     def hang(self) -> None:
@@ -175,8 +182,17 @@ class Device(Model):
     def _wake(self) -> None:
         """The restart, or the save, is over."""
         self._hear = self._hear_line
-        if self._waiting is None:  # banner (our guess, apart from its first words)
-            self._reply([b"BarrettHand Firmware", b"Version " + self.version.encode()], 0)
+        if self._waiting is None and not self._speaking:  # banner (our guess, apart from its first words)
+            banner = self._end + b"BarrettHand Firmware" + self._end + b"Version " + self.version.encode()
+            held, self.monitor.held = self.monitor.held, b""
+            if self.banner_gap:
+                self._replies.append(Reply(self.now, held + banner, self.hits))
+                self._speaking, self._hear, self._until = True, self._hear_nothing, self.now + self.banner_gap
+            else:
+                self._replies.append(Reply(self.now, held + banner + self._end + self._prompt, self.hits))
+        elif self._waiting is None:
+            self._speaking = False
+            self._reply([], 0)
         else:
             self._finish(self._waiting)
             self._waiting = None
@@ -356,7 +372,7 @@ class Device(Model):
     def mishear(self, data: bytes, sent: int, heard: int) -> bytes | None:
         from handctl.sim import barrett_uart
 
-        return barrett_uart.resample(data, sent, heard)
+        return barrett_uart.resample(data, sent, heard, self._receiver)
 
     # -- control and state, loaded on use ----------------------------------------------------------------------------
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from handctl.sim import barrett_found
 from handctl.sim.barrett import Device
 from handctl.sim.barrett_memory import Memory
 from handctl.sim.barrett_monitor import Image
@@ -13,7 +14,7 @@ from handctl.sim.barrett_tables import ALIAS, BAUDS, STATUS
 HELP = (
     "temperature TENTHS | block M | release M | obstacle M COUNTS | breakaway M COUNTS | strain M N|off |"
     " position M COUNTS | jump M COUNTS (relative, while it moves in RealTime mode too) | push S COUNTS |"
-    " image | save-image FILE | erase | age SECONDS (without power) | download-at 0xADDRESS|+N|off | motors | ram NAME | eeprom NAME | saves [FSAVES PSAVES]"
+    " image | save-image FILE | erase | age SECONDS (without power) | download-at 0xADDRESS|+N|off | motors | found STATE | ram NAME | eeprom NAME | saves [FSAVES PSAVES]"
     " (M: F1 F2 F3 S all; COUNTS as P shows them)"
 )
 BODY = (  # of a motor, name -> (lowest, highest, may be None)
@@ -44,6 +45,8 @@ def command(device: Device, words: list[str]) -> str:
             return ", ".join(_line(device, motor) for motor in hand.motors)
         case ["ram" | "eeprom", name]:
             return _stored(device.memory, name.upper(), words[0] == "eeprom")
+        case ["found", state]:
+            barrett_found.put(device, state)
         case ["saves"]:
             return f"saves {device.memory.saves[0]} {device.memory.saves[1]}"
         case ["saves", motors, common]:

@@ -110,6 +110,11 @@ class Loop:
             self._block.clear()
             self._wanted = self._size
 
+    def block(self, velocity: int) -> bytes:
+        """The control data of a block: this LCV for every motor, and its gain as it is."""
+        datum = {"LCV": [velocity], "LCPG": [10], "LCT": [0, 0]}
+        return bytes(byte for _, name, _ in self._control for byte in datum[name])
+
     # -- feedback ----------------------------------------------------------------------------------------------------
 
     def feedback(self) -> bytes:

@@ -33,6 +33,9 @@ OPTIONS = {
     "echo-triggers": "1: the boot monitor echoes its triggers FF too (default 0)",
     "retention": "seconds without power that the RAM survives (default 172800); twice as long clears it",
     "decay": "what then: both (default: bit errors, later blank), errors or blank",
+    "boot-chunk": "':' at once (apart, default), or together with banner and prompt as a serial server hands it on",
+    "banner-gap": "seconds between the banner and its prompt (default 0: one chunk)",
+    "monitor-echo": "1: the boot monitor echoes what is no trigger while it waits (default 0: it is silent)",
     "reset-monitor": "1: RESET passes the boot monitor (default 0)",
     "download-end": "what starts a downloaded firmware, beside a power cycle: reset (default: CR, RESET), quiet, power",
     "download-quiet": "seconds of silence that start it with download-end=quiet (default 2)",
@@ -43,6 +46,7 @@ OPTIONS = {
     "switch": "seconds at which somebody turns the power switch, off first: 2,8 is off at 2 and on at 8",
 }
 FAULTS = {
+    "blank-firmware": "the RAM holds no firmware: the hand sits in its boot monitor",
     "wrong-echo": "download: the hand hears, keeps and echoes a wrong byte; the image is spoiled",
     "missing-echo": "download: an echo is missing",
     "extra-byte": "download: a byte too many after an echo",
@@ -144,6 +148,9 @@ class Monitor:
         self.end = options.choice("download-end", "reset", ("reset", "quiet", "power"))
         self.quiet = options.seconds("download-quiet", 2.0, 3600.0)
         self.version = options.text("download-version")
+        self.together = options.choice("boot-chunk", "apart", ("apart", "together")) == "together"
+        self.echoes_waiting = options.choice("monitor-echo", "0", ("0", "1")) == "1"
+        self.held = b""  # what comes out with the banner
         self.needed = options.whole("image-records", 1, 1, 1000000)
         self.image = Image(options.choice("image", "valid", ("valid", "blank")) == "blank", self.needed)
         self.place: tuple[str, int] | None = None
@@ -187,7 +194,10 @@ class Monitor:
     def start(self) -> None:
         """Power on: the prompt, whatever is in RAM."""
         self.sit()
-        self.device.post(b":")
+        if self.together and self.image.valid:
+            self.held = b":"
+        else:
+            self.device.post(b":")
         self.boot(self.device.now)
 
     def boot(self, now: float) -> None:
@@ -199,6 +209,7 @@ class Monitor:
         self.device.speed = SPEED
         self.until = None
         self._state, self._fresh, self._count, self._typed = WAIT, True, 0, b""
+        self.held = b""
 
     def expire(self) -> None:
         """The window is over, or a download has been quiet for long enough."""
@@ -213,6 +224,8 @@ class Monitor:
     def hear(self, byte: int) -> None:
         device = self.device
         if self._state == WAIT and byte != TRIGGER:
+            if self.echoes_waiting:
+                device.post(bytes([byte]))
             return  # our guess
         device.hits = device.judge()
         if "deaf" in device.hits:

@@ -24,6 +24,10 @@ OPTIONS = {
     "line-limit": "longest line, 16..1000 characters (default 128); a longer one is an unknown command",
     "max-arguments": "most arguments of FGET, FSET, PGET, PSET, 1..200 (default 64); more are error 1024",
     "boot": "seconds from power on or RESET to the banner (default 1); the window of the boot monitor is part of it",
+    "found": "state at the first start: ready (default), off, boot (just switched on), monitor (no firmware), record (a"
+    " download was cut off), loop, loop-block (in the middle of a control block), loop-moving, moving, saving, typed"
+    " (half a line: C)",
+    "uart": "the hand's receiver at a wrong speed: mid (default, one sample a bit) or sci (16 samples a bit)",
     "align": "seconds that HI takes beside its movements (default 0.5)",
     "write-time": "seconds to program one byte of EEPROM, two bytes a value (default 0.01)",
     "otemp-stops": "what fails above OTEMP: all motor commands (default) or only movements",
@@ -87,6 +91,9 @@ def apply_faults(device: Device, before: frozenset[str]) -> None:
     def change(name: str) -> bool | None:
         return True if name in faults else False if name in before else None
 
+    if change("blank-firmware"):
+        device.monitor.erase()
+        device.settle()
     for motor in motors:
         if (on := change("blocked")) is not None:
             motor.jammed = on

@@ -115,7 +115,7 @@ class Line(Cable):
         now = self._present()
         if self.hung_up or not data:
             return
-        step = self._step()
+        step = self._step(self.client_baud)
         start = max(now, self._rx_free) if step else now
         incoming = _Segment(start, step, bytes(data))
         upcoming = self._hits(self.requests + 1)
@@ -130,7 +130,8 @@ class Line(Cable):
             heard = self.device.mishear(incoming.data, self.client_baud, self.device.speed or 0)
         if heard is not None:
             incoming.data = heard
-            end = incoming.end_of(len(heard))
+            incoming.step *= len(data) / max(1, len(heard))  # the same time on the wire, whatever is made of it
+            self._rx_free = end
             if not heard:
                 return
         elif self.client_baud is not None and self.device.speed not in (None, self.client_baud):
@@ -179,9 +180,9 @@ class Line(Cable):
 
     # -- inside -----------------------------------------------------------------------------------------------------
 
-    def _step(self) -> float:
-        """Seconds per byte on the wire."""
-        speed = (self.device.speed or 0) if self._wire == 0 else self._wire
+    def _step(self, sender: int | None = None) -> float:
+        """Seconds per byte on the wire; with wire=auto at the speed of the sender, the device when it is not told."""
+        speed = (sender or self.device.speed or 0) if self._wire == 0 else self._wire
         return 10.0 / speed if speed > 0 else 0.0
 
     def _hearing(self) -> tuple[int, float]:
