@@ -19,6 +19,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     if args in (["--version"], ["-V"]):
         return _finish(0, f"handctl {__version__}\n")
     from handctl.clikit import run_root
+    from handctl.streams import substitute_what_is_missing
+
+    substitute_what_is_missing()
 
     code = _finish(run_root(args))
     if argv is None:

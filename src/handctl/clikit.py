@@ -15,12 +15,13 @@ from typing import Any
 import click
 
 from handctl import __version__
-from handctl.console import print_stderr
+from handctl.console import print_message, print_stderr
 from handctl.errors import HandctlError, Interrupted, OutputError, UsageError
 from handctl.families import COMMANDS
 from handctl.family import Family
 from handctl.options import COMMAND_LINE, Hertz, Seconds, config_path, from_click, read_config, resolve, shared_options
 from handctl.run import Run, make_envelope
+from handctl.streams import utf8_stdout
 
 MOST = 1000
 """Characters of a first sentence: all of it."""
@@ -255,7 +256,7 @@ def run_root(args: Sequence[str]) -> int:
     if not error.shown:
         _late_envelope(args, error, streams, command)
     if error.text != "interrupted":  # who pressed Ctrl-C knows; what it left behind is told
-        print_stderr(f"handctl: error: {error.text}" + (f"\n  next: {error.hint}" if error.hint else ""))
+        print_message("error", error.text, error.hint)
     return error.exit_code
 
 
@@ -289,6 +290,7 @@ def _late_envelope(args: Sequence[str], error: HandctlError, streams: bool, comm
         start = next((position for position, word in enumerate(names) if word in COMMANDS), len(names))
         command = " ".join(names[start : start + 2])
     envelope = make_envelope(command, error, None, (), None, None)
+    utf8_stdout()
     try:
         sys.stdout.write(
             json.dumps({"end": envelope} if streams or wanted == "ndjson" else {**envelope, "rows": []}) + "\n"

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
+from handctl.filter import shown
 from handctl.guide import Guide, Presses
 
 if TYPE_CHECKING:
@@ -47,6 +48,7 @@ class TerminalGuide(Guide):
     def progress(self, text: str) -> None:
         """A line that replaces the last one; only on a terminal."""
         if self.moving:
+            text = shown(text)
             self._draw(lambda columns: f"\r{text[: columns - 1].ljust(self._width)}")
             self._width = len(text)
 
@@ -172,8 +174,14 @@ def _on_interrupt(handler: Callable[[int, Any], None]) -> Iterator[None]:
             signal.signal(number, signal.SIG_DFL if old is None else old)
 
 
+def print_message(level: str, text: str, hint: str) -> None:
+    """A message with its next step. Neither can begin a line of its own: what a device said may stand in it."""
+    print_stderr(f"handctl: {level}: {shown(text)}" + (f"\n  next: {shown(hint)}" if hint else ""))
+
+
 def print_stderr(text: str) -> None:
     """One message, wrapped at words on a terminal; a closed stderr is not worth a second error."""
+    text = shown(text, keep="\n")
     try:
         if is_terminal(sys.stderr):
             text = _wrapped(text, _columns())

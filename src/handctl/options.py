@@ -39,6 +39,7 @@ class Settings(NamedTuple):
     retries: int | None = None
     format: str = "table"
     output: str | None = None
+    no_formulas: bool = False
     trace: str | None = None
     dry_run: bool = False
     yes: bool = False
@@ -155,6 +156,7 @@ def shared_options(wires: Sequence[str] = (), exchange: bool = False) -> list[cl
         SharedOption(["--json"], output, key="format", fixed="json", is_flag=True, help="Same as --format json; for a stream one row a line."),
         SharedOption(["--csv"], output, key="format", fixed="csv", is_flag=True, help="Same as --format csv."),
         SharedOption(["-o", "--output"], output, metavar="FILE", help="Write the data there instead of stdout, whole or not at all."),
+        SharedOption(["--no-formulas"], output, is_flag=True, help="In CSV, put ' before a text that a spreadsheet would calculate."),
         SharedOption(["--color"], output, type=click.Choice(["auto", "always", "never"]), help="Colour (default: auto; NO_COLOR is honoured)."),
         SharedOption(["-q", "--quiet"], output, is_flag=True, help="No messages but errors."),
         SharedOption(["-v", "--verbose"], output, is_flag=True, help="Show every byte on stderr, as --trace records it."),

@@ -16,7 +16,9 @@ from typing import IO, TYPE_CHECKING, Any, Protocol
 
 from handctl.errors import HandctlError, Interrupted, OutputError
 from handctl.files import whole
+from handctl.filter import no_formula, shown, text_shown, value_shown
 from handctl.result import Cell, Column, Grid, Journal, Row, Sample, Table
+from handctl.streams import utf8_stdout
 
 if TYPE_CHECKING:
     from handctl.options import Settings
@@ -45,6 +47,8 @@ class Sink:
         self._whole: contextlib.AbstractContextManager[IO[str]] | None = None
         self.file: IO[str] = sys.stdout
         self.color = settings.color
+        self.no_formulas = settings.no_formulas
+        self._json = settings.format in ("json", "ndjson")
         self.broken = False
 
     @property
@@ -59,6 +63,8 @@ class Sink:
                 self.file = self._whole.__enter__()
             except OSError as exc:
                 raise OutputError(f"{self._path}: cannot be written: {exc.strerror or exc}") from exc
+        elif self._json:
+            utf8_stdout()
         return self
 
     def write(self, text: str) -> None:
@@ -69,8 +75,6 @@ class Sink:
             self.file.write(text)
         except BrokenPipeError:
             self.broken = True
-        except UnicodeEncodeError:
-            self.file.write(text.encode("ascii", "replace").decode())
         except OSError as exc:
             raise OutputError(f"{self._path or 'stdout'}: cannot be written: {exc.strerror or exc}") from exc
 
@@ -118,12 +122,13 @@ def show(table: Table | None, failure: HandctlError | None, sink: Sink, context:
     elif table is None:
         return
     elif how == "csv":
+        rows = [_row_shown(row) for row in rows]
         _csv(table.columns, rows, sink, header=True, with_errors=any("error" in row for row in rows))
     elif how == "plain":
         for row in rows:
-            sink.write(_plain_line(table, row))
+            sink.write(_plain_line(table, _row_shown(row)))
     elif table.text is not None:
-        sink.write(table.text(rows))
+        sink.write(text_shown(table.text(rows)))
     else:
         _grids(table, sink, context)
 
@@ -134,13 +139,14 @@ def stream(table: Table, sink: Sink, context: Context) -> HandctlError | None:
     how = context.settings.format
     failure: HandctlError | None = None
     samples = iter(table.samples)
+    told = samples if how in ("json", "ndjson") else map(_sample_shown, samples)
     try:
         if how == "table" and sink.terminal:
             from handctl.live import show_live
 
-            show_live(table, samples, sink, context)
+            show_live(table, told, sink, context)
         else:
-            _stream_lines(table, samples, how, sink)
+            _stream_lines(table, told, how, sink)
     except HandctlError as exc:
         failure = exc
     except KeyboardInterrupt:
@@ -205,7 +211,32 @@ def _stream_lines(table: Table, samples: Iterator[Sample], how: str, sink: Sink)
 
 
 def _dumps(value: Any) -> str:
-    return json.dumps(value, ensure_ascii=False, allow_nan=False)
+    """JSON that is UTF-8 whatever it holds: a byte of a path that is not UTF-8 becomes an escape, such as ``\\udcff``."""
+    text = json.dumps(value, ensure_ascii=False, allow_nan=False)
+    if not text.isascii() and any("\ud800" <= letter <= "\udfff" for letter in text):
+        return "".join(f"\\u{ord(c):04x}" if "\ud800" <= c <= "\udfff" else c for c in text)
+    return text
+
+
+def _row_shown(row: Row) -> Row:
+    return {key: value_shown(value) for key, value in row.items()}
+
+
+def _grid_shown(grid: Grid) -> Grid:
+    return grid._replace(
+        headings=tuple(map(shown, grid.headings)),
+        lines=tuple(tuple(map(_cell_shown, line)) for line in grid.lines),
+        title=shown(grid.title),
+        notes=tuple(map(shown, grid.notes)),
+    )
+
+
+def _cell_shown(cell: str | Cell) -> str | Cell:
+    return cell._replace(text=shown(cell.text)) if isinstance(cell, Cell) else shown(cell)
+
+
+def _sample_shown(sample: Sample) -> Sample:
+    return Sample(sample.t, tuple(map(_row_shown, sample.rows)))
 
 
 def _json_envelope(envelope: dict[str, Any], rows: Sequence[Row]) -> str:
@@ -239,13 +270,15 @@ def _csv(columns: Sequence[Column], rows: Sequence[Row], sink: Sink, *, header: 
     import csv
     import io
 
+    guard = no_formula if sink.no_formulas else str
     buffer = io.StringIO()
     writer = csv.writer(buffer)  # RFC 4180: CRLF, quotes doubled
     if header:
         writer.writerow([column.csv_name for column in columns] + (["error"] if with_errors else []))
     for row in rows:
         writer.writerow(
-            [_text(row.get(column.key)) for column in columns] + ([_text(row.get("error"))] if with_errors else [])
+            [guard(_text(row.get(column.key))) for column in columns]
+            + ([guard(_text(row.get("error")))] if with_errors else [])
         )
     sink.write(buffer.getvalue())
 
@@ -271,7 +304,7 @@ def default_view(table: Table) -> list[Grid]:
 def _grids(table: Table, sink: Sink, context: Context) -> None:
     if not table.rows:
         return  # a heading over nothing tells less than the message beside it
-    grids = table.view(table.rows) if table.view is not None and table.rows else default_view(table)
+    grids = [_grid_shown(grid) for grid in (table.view(table.rows) if table.view is not None else default_view(table))]
     mark = "simulated" if context.simulated else ""
     if sink.terminal or sink.color == "always":
         from handctl.terminal import print_grids

@@ -13,10 +13,11 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from handctl import __version__
-from handctl.console import TerminalGuide, end_on_signals, finish_on_signals, print_stderr
+from handctl.console import TerminalGuide, end_on_signals, finish_on_signals, print_message
 from handctl.errors import HandctlError, Interrupted, NotConfirmed, OutputError, UsageError
 from handctl.family import Family, refuse_missing, refuse_serial
 from handctl.files import why_unwritable
+from handctl.filter import text_shown
 from handctl.options import COMMAND_LINE, ENVIRONMENT, FILE, SOURCES, Settings, Source, from_click
 
 if TYPE_CHECKING:
@@ -138,7 +139,7 @@ class Run:
 
     def out(self, text: str) -> None:
         """A line of data of an interactive session, at once."""
-        sys.stdout.write(f"{text}\n")
+        sys.stdout.write(text_shown(text) + "\n")
         sys.stdout.flush()
 
     def dry_run(self, steps: Sequence[Step]) -> Table:
@@ -340,8 +341,7 @@ class Run:
     def _print_message(self, message: Message) -> None:
         if not self.settings.quiet and self.settings.format not in ("json", "ndjson"):
             self.guide.done()
-            hint = f"\n  next: {message.hint}" if message.hint else ""
-            print_stderr(f"handctl: {message.level if message.level != 'info' else 'note'}: {message.text}{hint}")
+            print_message("note" if message.level == "info" else message.level, message.text, message.hint)
 
 
 def make_envelope(

@@ -25,7 +25,12 @@ OUTPUT = (
     "Standard output carries data only, everything else goes to standard error. A table is drawn on a terminal; on a "
     "pipe the same columns are aligned. `--format plain` gives bare values, one row a line, separated by tabs.",
     "`--json` gives one object, also when the command fails: the rows, the messages, the exit code and the counters of "
-    "the line. For a stream it is one row a line, and the last line is the object without rows under the key `end`.",
+    "the line. For a stream it is one row a line, and the last line is the object without rows under the key `end`. "
+    "JSON is always UTF-8 and holds every character as it came.",
+    "Everywhere else a control character, a bidi mark or a byte that is not UTF-8 is spelled out, such as `\\x1b` for "
+    "Escape: what a device says cannot act on the terminal. Where standard output or standard error cannot show a "
+    "character, a substitute stands for it: `deg C`, `...`, `sec.`, `#` for a bar, otherwise its number. In CSV "
+    "`--no-formulas` puts ' before a text that begins with = + - or @ and is not a number.",
 )
 
 SAFETY = (

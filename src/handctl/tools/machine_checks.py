@@ -152,7 +152,7 @@ def locale() -> Check:
     encoding = (getattr(sys.stdout, "encoding", None) or "").lower().replace("-", "")
     if encoding == "utf8":
         return Check("locale", "ok", "output is UTF-8")
-    text = f"output is {encoding or 'of unknown encoding'}: units such as °C come out as ?"
+    text = f"output is {encoding or 'of unknown encoding'}: °C comes out as deg C, other signs as \\xNN"
     return Check("locale", "warning", text, "export LC_ALL=C.UTF-8 or PYTHONUTF8=1")
 
 

@@ -1,0 +1,77 @@
+"""The one gate for text on its way to a person: terminal, CSV, plain values, messages. JSON does not pass here: it is lossless.
+
+A device, a file, the environment and a peer may hold anything: an escape sequence that fills the clipboard, a bidi mark
+that turns a line round, a byte that is not UTF-8. `shown` spells such characters out. `encodable` names what stands in
+for a character that the encoding of stdout or stderr lacks. Imports nothing: help loads it.
+"""
+
+from __future__ import annotations
+
+_NAMED = {"\t": "\\t", "\n": "\\n", "\r": "\\r"}
+_SUBSTITUTES = {
+    "°": "deg ", "…": "...", "§": "sec.", "×": "x", "·": ".", "→": "->", "±": "+-", "−": "-", "–": "-", "—": "-",
+    "≤": "<=", "≥": ">=", "≈": "~", "µ": "u", "²": "^2", "‘": "'", "’": "'", "“": '"', "”": '"',
+    **dict.fromkeys("█▉▊▋▌", "#"), **dict.fromkeys("▍▎▏▕│┃", "|"), **dict.fromkeys("─━", "-"),
+    **dict(zip("▁▂▃▄▅▆▇", "__..--=", strict=True)),
+}  # fmt: skip
+FORMULA = ("=", "+", "-", "@")
+"""A spreadsheet takes a cell that begins so for a formula."""
+
+
+def shown(text: str, keep: str = "") -> str:
+    """`text` with control characters, C1, bidi and zero-width marks, and bytes that are no text, spelled out: ``\\x1b``.
+
+    Characters in `keep` stay, such as a newline in a text of several lines.
+    """
+    if text.isprintable():
+        return text
+    return "".join(letter if letter.isprintable() or letter in keep else _spelled(letter) for letter in text)
+
+
+def text_shown(text: str) -> str:
+    """The same for a finished text of several lines, such as a file for another program: tabs and both line ends stay."""
+    return "\r\n".join(shown(part, keep="\n\t") for part in text.split("\r\n"))
+
+
+def _spelled(letter: str) -> str:
+    number = ord(letter)
+    if letter.isspace() and number >= 0xA0 and number not in (0x2028, 0x2029):
+        return " "  # a space of another width
+    if 0xDC80 <= number <= 0xDCFF:
+        number -= 0xDC00  # a byte of an argument, a path or a variable that is not UTF-8
+    if letter in _NAMED:
+        return _NAMED[letter]
+    return f"\\x{number:02x}" if number < 0x100 else f"\\u{number:04x}" if number < 0x10000 else f"\\U{number:08x}"
+
+
+def value_shown(value: object) -> object:
+    """The same for what a row may hold: texts, and lists or dicts with texts in them."""
+    if isinstance(value, str):
+        return shown(value)
+    if isinstance(value, list | tuple):
+        return [value_shown(one) for one in value]
+    if isinstance(value, dict):
+        return {shown(str(key)): value_shown(one) for key, one in value.items()}
+    return value
+
+
+def encodable(error: UnicodeError) -> tuple[str, int]:
+    """An error handler for streams: the substitute of each character that the encoding lacks (``deg `` for the degree sign).
+
+    A character without one is spelled out.
+    """
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    letters = error.object[error.start : error.end]
+    return "".join(_SUBSTITUTES.get(letter) or _spelled(letter) for letter in letters), error.end
+
+
+def no_formula(text: str) -> str:
+    """`text` for a CSV cell with a quote before what a spreadsheet would calculate; numbers stay numbers."""
+    if not text.startswith(FORMULA):
+        return text
+    try:
+        float(text)
+    except ValueError:
+        return f"'{text}"
+    return text
