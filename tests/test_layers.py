@@ -39,7 +39,7 @@ KERNEL = (
         "terminal",
         "live",
     ),
-    *("sampling", "snapshot", "verbs"),
+    *("sampling", "snapshot", "stopping", "verbs"),
     *("config", "options", "console", "run", "clikit", "mapverbs"),
     *("report", "report.facts", "report.html", "report.private", "report.svg", "report.transcript"),
 )
@@ -64,6 +64,7 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
     ("live", ("result", "terminal")),
     ("snapshot", ("", "errors", "files")),
     ("sampling", ("errors", "link", "result")),
+    ("stopping", ("errors", "families", "link", "options", "param")),
     ("verbs", ("errors", "param", "result", "run", "sampling", "snapshot")),
     ("config", ("errors", "families")),
     ("options", ("config", "errors")),
@@ -121,7 +122,10 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
             "@",
         ),
     ),
-    ("devices.*", ("errors", "files", "guide", "latency", "link", "param", "piece", "result", "sampling", "@")),
+    (
+        "devices.*",
+        ("errors", "files", "guide", "latency", "link", "param", "piece", "result", "sampling", "stopping", "@"),
+    ),
     ("tools.completion", ("docgen*", "clikit", "errors", "files", "result", "run")),
     ("tools.*", ("", *KERNEL, "link*", "tools*")),
 ]

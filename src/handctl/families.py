@@ -47,3 +47,12 @@ PROBES: dict[str, str] = {
     "aidin": "handctl.devices.aidin.probe",
 }
 """Family -> module that looks for its device and pings it; what it offers stands in `tools.probes`."""
+
+STOPPERS: dict[str, str] = {
+    "exo": "handctl.devices.inspire.exo_stopper",
+    "wrist": "handctl.devices.inspire.wrist_stopper",
+    "barrett": "handctl.devices.barrett.stopper",
+    "ekso": "handctl.devices.ekso.stopper",
+    "aidin": "handctl.devices.aidin.stopper",
+}
+"""Family -> module that knows the bytes of its stop; what it offers stands in `stopping`."""

@@ -15,6 +15,8 @@ from handctl.errors import ProtocolError, UsageError
 LARGEST_OUT = 2047
 """The hand's buffer has 2048 bytes; whose and of what is not said."""
 LONGEST_END = 2
+TERMINATORS = {"newline": b"\n", "none": b"", "nul": b"\0", "crlf": b"\r\n"}
+"""What may follow an object; white space after an object is JSON, too."""
 LARGEST_IN = 65536
 LONGEST_STRING = 256
 DEEPEST = 8

@@ -10,14 +10,12 @@ from enum import Enum
 from typing import TYPE_CHECKING
 
 from handctl.devices.aidin.fields import AIDIN
-from handctl.devices.aidin.messages import LARGEST_OUT, LONGEST_END, NOTHING
+from handctl.devices.aidin.messages import LARGEST_OUT, LONGEST_END, NOTHING, TERMINATORS
 from handctl.errors import UsageError
 
 if TYPE_CHECKING:
     from handctl.options import Settings
 
-TERMINATORS = {"newline": b"\n", "none": b"", "nul": b"\0", "crlf": b"\r\n"}
-"""What may follow an object; white space after an object is JSON, too."""
 DEEPEST = 8
 COMMANDS = frozenset(param.key.lower() for param in AIDIN if not param.readable)
 

@@ -11,8 +11,7 @@ from typing import NamedTuple
 
 from handctl.devices.barrett.download import READY, SELECT, TRIGGER, Transfer
 from handctl.devices.barrett.hand import BarrettHand
-from handctl.devices.barrett.language import CR, PROMPT
-from handctl.devices.barrett.line import has_prompt
+from handctl.devices.barrett.language import CR, PROMPT, has_prompt
 from handctl.devices.barrett.parameters import BARRETT, all_elements
 from handctl.devices.barrett.srecord import Firmware
 from handctl.errors import CheckFailed, HandctlError, Interrupted, LinkError, NoAnswer, ProtocolError

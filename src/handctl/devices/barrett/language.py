@@ -201,6 +201,12 @@ def _prompt_at(buffer: bytes, start: int) -> int | None:
     return None
 
 
+def has_prompt(data: bytes) -> bool:
+    """Whether `data` ends with a prompt on a line of its own."""
+    tail = data[-5:].strip()
+    return tail.endswith(PROMPT) and (len(data.rstrip()) == 2 or data.rstrip()[-3:-2] in (b"\n", b"\r"))
+
+
 def values(answer: Answer, names: int, motors: int) -> list[list[int]]:
     """The numbers of a get: one line per name, one value per motor. Raises ProtocolError for any other shape."""
     table = []

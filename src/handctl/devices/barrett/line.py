@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from handctl.devices.barrett.commands import SECONDS, split
-from handctl.devices.barrett.language import ABORT, CR, PROMPT, Answer, Decoder, encode
+from handctl.devices.barrett.language import ABORT, CR, PROMPT, Answer, Decoder, encode, has_prompt
 from handctl.devices.barrett.parameters import SPEEDS
 from handctl.errors import HandctlError, LinkError, NoAnswer, ProtocolError
 from handctl.link import ByteLink, Deadline
@@ -351,9 +351,3 @@ SILENCE = (
 def _must_have_lines(command: str) -> bool:
     _, known, words = split(command)
     return known is not None and known.name in ("FGET", "PGET") and bool(words)
-
-
-def has_prompt(data: bytes) -> bool:
-    """Whether `data` ends with a prompt on a line of its own."""
-    tail = data[-5:].strip()
-    return tail.endswith(PROMPT) and (len(data.rstrip()) == 2 or data.rstrip()[-3:-2] in (b"\n", b"\r"))

@@ -11,8 +11,8 @@ from collections.abc import Iterator
 from typing import Any
 
 from handctl.devices.barrett.hand import BarrettHand
-from handctl.devices.barrett.language import CR, MOTORS, Answer
-from handctl.devices.barrett.line import DISTURBED, has_prompt
+from handctl.devices.barrett.language import CR, MOTORS, Answer, has_prompt
+from handctl.devices.barrett.line import DISTURBED
 from handctl.devices.barrett.loop_flags import Wish, prepare
 from handctl.devices.barrett.parameters import BARRETT
 from handctl.devices.barrett.realtime import (

@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from handctl.devices.barrett.hand import BarrettHand
-from handctl.devices.barrett.language import ABORT, CR, values
-from handctl.devices.barrett.line import GclLine, has_prompt
+from handctl.devices.barrett.language import ABORT, CR, has_prompt, values
+from handctl.devices.barrett.line import GclLine
 from handctl.errors import NoAnswer, ProtocolError
 from handctl.link import ByteLink, Deadline
 from handctl.result import Journal, Row, hex_bytes

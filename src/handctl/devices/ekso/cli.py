@@ -13,6 +13,7 @@ from handctl.clikit import Command, Group
 from handctl.devices.ekso.dataport import DEFAULT_RETRIES, DataPort
 from handctl.devices.ekso.device import Ekso, one_setting, written_table
 from handctl.devices.ekso.fields import EKSO
+from handctl.devices.ekso.frames import LENGTH_MODE
 from handctl.devices.ekso.lengthmode import check_mode
 from handctl.devices.ekso.log_cli import add_log_commands
 from handctl.errors import UsageError
@@ -27,8 +28,6 @@ if TYPE_CHECKING:
     from handctl.options import Settings
     from handctl.result import Journal
 
-LENGTH_MODE = "handctl.ekso.length-mode"
-"""Key in click's shared meta: the length convention for requests."""
 NOT_MEDICAL = "handctl is no medical device; who changes a setting answers for it"
 
 

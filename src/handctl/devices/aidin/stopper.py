@@ -1,0 +1,74 @@
+"""The stop of an AIDIN-hand: mode 3, motor power off, in poll as in stream (aidin, Modes: stop).
+
+There is no acknowledge: only currents that are near 0 afterwards show anything (dossier 3).
+"""
+
+from __future__ import annotations
+
+from handctl.devices.aidin.messages import TERMINATORS, Decoder, encode, numbers
+from handctl.errors import CheckFailed, NoAnswer, ProtocolError
+from handctl.param import Step
+from handctl.stopping import Aim, Pieces, Say, Stopped, Talk
+
+STOP = 3
+"""hand_mode: motor power off, the fingers move freely."""
+PERIOD = 0.02
+TIMES = 3
+CONFIRM = 60
+"""Periods in which the currents may vanish, 1.2 s: also a slow stream has spoken by then."""
+MOTORS = 15
+NO_CURRENT = 20
+"""2 % of 1000."""
+HINT = "watch the hand; switch its power off if it still moves"
+
+
+def stopping(aim: Aim) -> Talk:
+    """The stop mode, three times, and again until the hand tells that no current flows."""
+    end = TERMINATORS[aim.settings.tx_terminator or "newline"]
+    data = encode({"hand_mode": STOP})
+    say = Say(Step(f"motor power off: {data.decode()}", data + end, moves=True), PERIOD, lambda _pieces: False)
+    told: tuple[int, ...] | None = None
+    flowed = heard = False
+    decoder = Decoder()
+    for count in range(TIMES + CONFIRM):
+        pieces = yield say
+        heard = heard or bool(pieces)
+        for currents in _currents(decoder, pieces):
+            told = currents
+            flowed = flowed or _flow(currents)
+        if count == TIMES - 1:
+            told = None  # what it said until now may be older than the stop
+        elif count >= TIMES and told is not None and not _flow(told):
+            break
+    falls = "the fingers move freely, a held object falls"
+    if told is None:
+        text = "stop was sent again and again and is not confirmed: "
+        text += "what came tells no currents" if heard else "the hand says nothing"
+        return Stopped(text, HINT, ProtocolError if heard else NoAnswer)
+    if _flow(told):
+        return Stopped(f"stop was sent, but currents up to {max(map(abs, told))} flow", HINT, CheckFailed)
+    if not flowed:
+        text = (
+            "stop was sent; no current was seen to vanish, because none flowed when the hand was heard first: feedback "
+        )
+        return Stopped(f"{text}does not show that the motors are off", "if in doubt, switch the power off")
+    return Stopped(f"stop was sent, and the currents have gone: {falls}")
+
+
+def _flow(currents: tuple[int, ...]) -> bool:
+    return max(map(abs, currents)) > NO_CURRENT
+
+
+def _currents(decoder: Decoder, pieces: Pieces) -> list[tuple[int, ...]]:
+    """The motor currents in what came, in 0.1 %; what is damaged is passed over."""
+    decoder.feed(b"".join(pieces))
+    found: list[tuple[int, ...]] = []
+    while True:
+        try:
+            content = decoder.next()
+            if content is None:
+                return found
+            if "current_state" in content:
+                found.append(tuple(int(one) for one in numbers(content["current_state"], MOTORS)))
+        except ProtocolError:
+            continue

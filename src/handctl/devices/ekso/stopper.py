@@ -1,0 +1,51 @@
+"""The nearest thing to a stop that the EksoNR's DataPort has: CancelAction (ekso §6). What it cancels is not documented."""
+
+from __future__ import annotations
+
+from handctl.devices.ekso.frames import LENGTH_MODE, Command, Decoder, Frame, cancel_body, encode, status_text
+from handctl.errors import DeviceRefused, NoAnswer, ProtocolError
+from handctl.param import Step
+from handctl.stopping import Aim, Pieces, Say, Stopped, Talk
+
+MSG_ID = 0xFFFF
+"""Far from those that count up from 1: a late answer to somebody's read is not taken for ours."""
+PATIENCE = 0.5
+LIMIT = (
+    "the DataPort has no stop: CancelAction cancels a running action, and which ones is not documented. It takes no power "
+    "from the motors and does not hold the wearer"
+)
+HINT = "use the device's own controls, and stay with the wearer"
+
+
+def stopping(aim: Aim) -> Talk:
+    """CancelAction, once."""
+    mode = str(aim.meta.get(LENGTH_MODE, "body"))
+    request = encode(Command.CANCEL_ACTION, MSG_ID, cancel_body(), "body" if mode == "auto" else mode)
+    step = Step("CancelAction: cancel the running action", request, moves=True)
+    pieces = yield Say(step, aim.settings.timeout or PATIENCE, lambda pieces: _answer(request, pieces))
+    frame = _answer(request, pieces)
+    if frame is None:
+        text = "CancelAction was sent and not answered" if not pieces else "CancelAction was sent; no valid answer came"
+        return Stopped(f"{text}; {LIMIT}", HINT, ProtocolError if pieces else NoAnswer)
+    status = frame.words[0] & 0xFFFF
+    if status & 0xFF:
+        return Stopped(f"CancelAction was not taken: {status_text(status)}; {LIMIT}", HINT, DeviceRefused)
+    return Stopped(f"CancelAction was accepted; {LIMIT}", HINT)
+
+
+def _answer(request: bytes, pieces: Pieces) -> Frame | None:
+    decoder = Decoder()
+    decoder.expect(request)
+    decoder.feed(b"".join(pieces))
+    found: list[Frame] = []
+    while True:
+        try:
+            frame = decoder.next()
+        except ProtocolError:
+            continue
+        if frame is None:
+            break
+        found.append(frame)
+    key = (request[0], request[2:4])
+    mine = (f for f in found if (f.command, f.msg_id.to_bytes(2, "big")) == key and f.body and f.data != request)
+    return next(mine, None)

@@ -1,0 +1,69 @@
+"""The stop of an EH55BF1: all forces to 0, then every finger is commanded to stay where it is. The manual has no stop command.
+
+The answer to the force command tells where the fingers are (exo §2.2.1). The same bytes would be a write to a wrist, so
+one quick read tells which of the two is there; without an answer the forces are released all the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+
+from handctl.devices.inspire import eb90, wrist_stopper
+from handctl.devices.inspire.wrist_stopper import answer
+from handctl.errors import NoAnswer
+from handctl.param import Step
+from handctl.stopping import Aim, Pieces, Say, Stopped, Talk
+
+POSITION_SET, POSITION_ACTUAL = 1486, 1546
+"""exo §2.3.7, §2.3.9."""
+FINGERS, MEASURED = 5, 6
+STAY = -1
+"""In `position_set`: this finger is not moved (exo §2.3.7)."""
+PATIENCE = 0.3
+POWER = "switch the power off if the hand still pushes or moves"
+
+
+def stopping(aim: Aim) -> Talk:
+    """The stop of what answers: the hand, or a wrist that was taken for one."""
+    number = aim.settings.id if aim.settings.id is not None else 1
+    angles = yield from wrist_stopper.where(number, False, wrist_stopper.QUICK)
+    if angles is not None:
+        stopped = yield from wrist_stopper.hold(number, False, *angles)
+        return stopped._replace(text=f"no exoskeleton hand but a wrist answers here: {stopped.text}")
+    return (yield from release(number, aim.settings.timeout))
+
+
+def answers(number: int) -> Generator[Say, Pieces, bool]:
+    """Whether the positions of a hand can be read here (flag 11)."""
+    prefix = eb90.read_reply_prefix(number, POSITION_ACTUAL, 2 * MEASURED)
+    step = Step("is an exoskeleton hand there?", eb90.read_request(number, POSITION_ACTUAL, 2 * MEASURED))
+    pieces = yield Say(step, wrist_stopper.QUICK, lambda pieces: answer(pieces, prefix), reads=True)
+    return answer(pieces, prefix) is not None
+
+
+def release(number: int, timeout: float | None) -> Talk:
+    """Forces to 0, then hold: at the positions that came back, or where each finger is when none came."""
+    seconds = timeout or PATIENCE
+    prefix = eb90.command_reply_prefix(number, eb90.FORCE_COMMAND)
+    step = Step("all forces to 0", eb90.command_request(number, eb90.FORCE_COMMAND, [0] * FINGERS), moves=True)
+    pieces = yield Say(step, seconds, lambda pieces: answer(pieces, prefix))
+    told = answer(pieces, prefix)
+    places = eb90.unpack_s16(told.payload)[:FINGERS] if told is not None else []
+    known = len(places) == FINGERS and all(0 <= place <= 1000 for place in places)
+    if known:
+        prefix = eb90.command_reply_prefix(number, eb90.POSITION_COMMAND)
+        meaning = f"hold at {' '.join(map(str, places))}"
+        step = Step(meaning, eb90.command_request(number, eb90.POSITION_COMMAND, places), moves=True)
+    else:
+        prefix = eb90.write_ack_prefix(number, POSITION_SET)
+        meaning = f"no finger is to move (position_set {STAY})"
+        step = Step(meaning, eb90.write_request(number, POSITION_SET, eb90.pack_s16([STAY] * FINGERS)), moves=True)
+    pieces = yield Say(step, seconds, lambda pieces: answer(pieces, prefix))
+    held = answer(pieces, prefix)
+    if told is None and held is None:
+        text = "all forces to 0 and no movement were commanded; nothing answered"
+        return Stopped(text, f"{POWER}; `handctl exo scan` looks for id and speed", NoAnswer)
+    if told is None or held is None:
+        done, open_ = (meaning, "all forces to 0") if told is None else ("all forces to 0", meaning)
+        return Stopped(f"{done}: answered; {open_}: sent, not answered", POWER, NoAnswer)
+    return Stopped(f"all forces to 0, then {meaning}: the hand answered both; the manual has no stop command")

@@ -1,0 +1,97 @@
+"""The stop of a wrist module: both axes are commanded to stay where they are, since its manual has no stop command.
+
+That needs their angles, so they are asked for first: its answer to flag 30 also tells that it is a wrist (wrist §2.2).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+
+from handctl.devices.inspire import canreg, eb90
+from handctl.errors import CheckFailed, DeviceRefused, NoAnswer
+from handctl.param import Step
+from handctl.stopping import Aim, Pieces, Say, Stopped, Talk
+
+READ, WRITE = 0x30, 0x31
+ANGLES, ANGLES_SET = 1020, 1038
+"""pitch_actual with yaw_actual behind it; yaw_set with pitch_set behind it (wrist §2.1)."""
+PITCH, YAW = (-2266, 2212), (-2550, 2550)
+"""0.01 degrees (wrist §1)."""
+QUICK = 0.05
+"""Seconds for the answer that tells a wrist from an exoskeleton hand: it must not hold up a stop."""
+PATIENCE = 0.3
+ASKS = 3
+POWER = "switch the power off if it still moves"
+
+
+def stopping(aim: Aim) -> Talk:
+    """The stop of what answers: a wrist, or the exoskeleton hand that was taken for one."""
+    from handctl.devices.inspire import exo_stopper
+
+    settings, can = aim.settings, aim.can
+    number = settings.id if settings.id is not None else 1
+    for count in range(ASKS):
+        angles = yield from where(number, can, QUICK if count == 0 else settings.timeout or PATIENCE / 2)
+        if angles is not None:
+            return (yield from hold(number, can, *angles))
+        if count == 0 and not can and (yield from exo_stopper.answers(number)):
+            stopped = yield from exo_stopper.release(number, settings.timeout)
+            return stopped._replace(text=f"no wrist answers here, but an exoskeleton hand does: {stopped.text}")
+    return Stopped(
+        "the wrist does not tell its angles, so nothing could be commanded",
+        f"{POWER}; check id, wire and power with `handctl wrist scan`",
+        NoAnswer,
+    )
+
+
+def where(number: int, can: bool, seconds: float) -> Generator[Say, Pieces, tuple[int, int] | None]:
+    """Ask for the angles; (pitch, yaw) in 0.01 degrees, None without an answer."""
+    meaning = "where is it?"
+    if can:
+        identifier, data = canreg.read_request(number, ANGLES, 4)
+        step = Step(meaning, data, can_id=identifier)
+        pieces = yield Say(step, seconds, lambda pieces: len(pieces[-1]) == 4, reads=True)
+        found = next((piece for piece in pieces if len(piece) == 4), None)
+    else:
+        step = Step(meaning, eb90.read_request(number, ANGLES, 4, READ))
+        prefix = eb90.read_reply_prefix(number, ANGLES, 4, READ)
+        pieces = yield Say(step, seconds, lambda pieces: answer(pieces, prefix), reads=True)
+        frame = answer(pieces, prefix)
+        found = frame.data if frame is not None else None
+    if found is None:
+        return None
+    pitch, yaw = eb90.unpack_s16(found)
+    return pitch, yaw
+
+
+def hold(number: int, can: bool, pitch: int, yaw: int) -> Talk:
+    """Command both axes to where they are."""
+    at = f"pitch {pitch / 100:.2f}°, yaw {yaw / 100:.2f}°"
+    if not (PITCH[0] <= pitch <= PITCH[1] and YAW[0] <= yaw <= YAW[1]):
+        text = f"its angles ({at}) are outside the documented range, nothing was commanded"
+        return Stopped(text, POWER, CheckFailed)
+    data = eb90.pack_s16([yaw, pitch])
+    meaning = f"stay at {at}"
+    if can:
+        identifier, payload = canreg.write_request(number, ANGLES_SET, data)
+        pieces = yield Say(Step(meaning, payload, moves=True, can_id=identifier), PATIENCE)
+        refused = bool(pieces) and pieces[0] not in (b"", bytes([len(data)]))
+    else:
+        prefix = eb90.write_ack_prefix(number, ANGLES_SET, WRITE)
+        step = Step(meaning, eb90.write_request(number, ANGLES_SET, data, WRITE), moves=True)
+        pieces = yield Say(step, PATIENCE, lambda pieces: answer(pieces, prefix))
+        frame = answer(pieces, prefix)
+        pieces = [frame.data] if frame is not None else []
+        refused = frame is not None and frame.data != bytes([eb90.ACCEPTED])
+    if refused:
+        return Stopped(f"the wrist did not take the command to {meaning}", POWER, DeviceRefused)
+    if not pieces:
+        return Stopped(f"the wrist was commanded to {meaning}, which it did not acknowledge", POWER, NoAnswer)
+    return Stopped(f"the wrist was commanded to {meaning}, and acknowledged it; the manual has no stop command")
+
+
+def answer(pieces: Pieces, prefix: bytes) -> eb90.Frame | None:
+    """The frame that begins with `prefix`, if it came whole and undamaged."""
+    decoder = eb90.Decoder([prefix])
+    decoder.feed(b"".join(pieces))
+    return next(iter(decoder.finish()), None)

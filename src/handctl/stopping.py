@@ -1,0 +1,162 @@
+"""The stop of a device as a talk: what to send, how long to listen, what was seen. Knows no device and no link's inside.
+
+A family's stopper is a module with one function, named in `families.STOPPERS`:
+
+    stopping(aim) -> Talk     yields `Say`s, is sent the pieces that came back, returns `Stopped`
+
+It does no input or output of its own, so whoever holds the link can run it: the command `stop`, a command that is asked to
+stop by another process, and the child that stands in for a command that died. What nobody answers goes out all the same.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Generator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from handctl.errors import HandctlError, LinkError
+from handctl.families import STOPPERS
+from handctl.param import Step
+
+if TYPE_CHECKING:
+    from handctl.link import ByteLink, FrameLink, Link
+    from handctl.options import Settings
+
+WRITE_SECONDS = 1.0
+MOST = 65536
+"""Bytes listened to at the most for one answer: a line full of noise must not hold up what comes next."""
+
+Pieces = list[bytes]
+"""What came back: chunks of a byte stream, or the data of CAN frames that have the identifier of the request."""
+
+
+class Aim(NamedTuple):
+    """What a stopper may know of the device: the options that were given, and the wire.
+
+    can   the link carries CAN frames
+    meta  options that only one family has, under the keys that it gave them
+    """
+
+    settings: Settings
+    can: bool = False
+    meta: Mapping[str, Any] = {}
+
+
+class Say(NamedTuple):
+    """One write of a stop, and the wait for what it brings back.
+
+    step     the exact bytes and what they do in words
+    seconds  how long to listen at most, beyond the time of the wire
+    enough   whether the pieces that came answer it
+    reads    it changes nothing: it asks who is there, or where the device stands
+    """
+
+    step: Step
+    seconds: float
+    enough: Callable[[Pieces], object] = bool
+    reads: bool = False
+
+
+class Stopped(NamedTuple):
+    """How a stop ended, from what came back. `error` is None where that shows that the device took it."""
+
+    text: str
+    hint: str = ""
+    error: type[HandctlError] | None = None
+
+
+Talk = Generator[Say, Pieces, Stopped]
+
+
+class Sent(NamedTuple):
+    """One write that was made, and the bytes that came back."""
+
+    step: Step
+    reads: bool
+    came: bytes
+
+
+def talk_of(kind: str, aim: Aim) -> Talk:
+    """The stop of a device of family `kind`."""
+    talk: Talk = importlib.import_module(STOPPERS[kind]).stopping(aim)
+    return talk
+
+
+def unheard(talk: Talk) -> list[Step]:
+    """What a stop writes when nothing ever comes back, each once: for who cannot listen. Asks nothing, so it knows no place."""
+    steps: list[Step] = []
+    try:
+        say = next(talk)
+        while True:
+            if not say.reads and say.step not in steps:
+                steps.append(say.step)
+            say = talk.send([])
+    except StopIteration:
+        return steps
+
+
+def drive(link: Link, talk: Talk, sent: list[Sent]) -> Stopped:
+    """Hold the talk over an open link. What was sent is appended to `sent`, also when LinkError ends it."""
+    from handctl.link import FrameLink
+
+    exchange = _frames if isinstance(link, FrameLink) else _bytes
+    try:
+        say = next(talk)
+        while True:
+            pieces: Pieces = []
+            place = len(sent)
+            try:
+                exchange(link, say, pieces, lambda say=say: sent.append(Sent(say.step, say.reads, b"")))  # type: ignore[arg-type, misc]
+            finally:
+                if len(sent) > place:
+                    sent[place] = sent[place]._replace(came=b"".join(pieces))
+            say = talk.send(pieces)
+    except StopIteration as end:
+        stopped: Stopped = end.value
+        return stopped
+
+
+def _bytes(link: ByteLink, say: Say, pieces: Pieces, went: Callable[[], None]) -> None:
+    link.write(say.step.data, link.deadline(WRITE_SECONDS))
+    went()
+    wire = 10 / link.baud if link.baud else 0.0  # seconds of a byte, 10 bits
+    deadline = link.deadline(say.seconds + wire * (len(say.step.data) + 32))
+    while not deadline.expired and sum(map(len, pieces)) < MOST:
+        chunk = link.read(deadline)
+        if not chunk:
+            return
+        pieces.append(chunk)
+        if say.enough(pieces):
+            return
+
+
+def _frames(link: FrameLink, say: Say, pieces: Pieces, went: Callable[[], None]) -> None:
+    from handctl.link import CanFrame
+
+    if say.step.can_id is None:
+        raise LinkError(f"{link.name}: bytes of a serial wire cannot go out on CAN")
+    request = CanFrame(say.step.can_id, say.step.data)
+    link.send(request, link.deadline(WRITE_SECONDS))
+    went()
+    deadline = link.deadline(say.seconds)
+    while not deadline.expired:
+        frame = link.receive(deadline)
+        if frame is None:
+            return
+        if frame.can_id == request.can_id and frame != request:
+            pieces.append(frame.data)
+            if say.enough(pieces):
+                return
+
+
+def shown(sent: Sequence[Sent]) -> str:
+    """What went out, without what only asked: ``03, 54 0D``; the same step several times running is counted."""
+    runs: list[tuple[Step, int]] = []
+    for one in sent:
+        if one.reads:
+            continue
+        if runs and runs[-1][0] == one.step:
+            runs[-1] = (one.step, runs[-1][1] + 1)
+        else:
+            runs.append((one.step, 1))
+    return ", ".join(step.wire + (f" ({count} times)" if count > 1 else "") for step, count in runs)
