@@ -136,7 +136,7 @@ def test_what_a_tap_writes_is_what_parse_reads(passed: list[tuple[str, bytes]]) 
     tap = Tap(lines.append)
     tap.around(ScriptedLink())
     for number, (mark, data) in enumerate(passed):
-        tap.line(number / 1000, mark, hexed(data))
+        tap.passed(number / 1000, mark, data, None)
     assert [(entry.mark, entry.data) for entry in parse(lines)] == passed
     assert [entry.time for entry in parse(lines)] == [number / 1000 for number in range(len(passed))]
 

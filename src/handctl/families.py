@@ -34,6 +34,15 @@ EXPLAINERS: dict[str, str] = {
 }
 """Family -> module:function that makes its explainer of recorded bytes."""
 
+WRITES: dict[str, str] = {
+    "exo": "handctl.devices.inspire.writes:exo",
+    "wrist": "handctl.devices.inspire.writes:wrist",
+    "aidin": "handctl.devices.aidin.writes:aidin",
+    "barrett": "handctl.devices.barrett.writes:barrett",
+    "ekso": "handctl.devices.ekso.writes:ekso",
+}
+"""Family -> module:function that tells which of its bytes write and what acknowledges them (`ledger.WriteWords`)."""
+
 FAMILY_KEYS: dict[str, tuple[str, ...]] = {"aidin": ("exchange", "poll_json", "tx_terminator")}
 """Family -> options of its own that a named device may hold in the configuration file."""
 

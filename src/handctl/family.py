@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
+from importlib import import_module
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from handctl.errors import UsageError
@@ -36,6 +37,12 @@ class Family(NamedTuple):
     ids: bool = False
     exchange: bool = False
     check: Callable[[Settings], object] | None = None
+
+
+def load(where: str) -> Any:
+    """``package.module:name`` of the tables in `families` -> that name of that module."""
+    module, _, name = where.partition(":")
+    return getattr(import_module(module), name)
 
 
 def refuse_missing(family: Family, given: Collection[str]) -> None:

@@ -9,6 +9,8 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from handctl.ledger import Ledger, honest
+
 if TYPE_CHECKING:
     from handctl.errors import HandctlError
 
@@ -133,15 +135,18 @@ class Counters:
 
 
 class Journal:
-    """Collects messages and counters of one command; devices write into it, the renderer reads it."""
+    """Collects messages, counters and writes of one command; devices write into it, the renderer reads it."""
 
     def __init__(self, on_message: Callable[[Message], None] | None = None) -> None:
         self.counters = Counters()
+        self.ledger = Ledger()
         self.messages: list[Message] = []
         self._on_message = on_message
 
     def note(self, level: str, code: str, text: str, hint: str = "") -> None:
         """Record a message once; the same code and text again is dropped (streams repeat themselves)."""
+        if self.ledger.began:
+            text, hint = honest(text), honest(hint)
         message = Message(level, code, text, hint)
         if message in self.messages:
             return

@@ -7,20 +7,23 @@ decides where output goes. What a run does not need is not imported.
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from handctl import __version__
-from handctl.console import TerminalGuide, end_on_signals, finish_on_signals, print_message
+from handctl.console import TerminalGuide, end_on_signals, finish_on_signals, print_message, print_stderr
 from handctl.errors import HandctlError, Interrupted, NotConfirmed, OutputError, UsageError
-from handctl.family import Family, refuse_missing, refuse_serial
+from handctl.family import Family, load, refuse_missing, refuse_serial
 from handctl.files import why_unwritable
 from handctl.filter import text_shown
+from handctl.ledger import honest
 from handctl.options import COMMAND_LINE, ENVIRONMENT, FILE, SOURCES, Settings, Source, from_click
 
 if TYPE_CHECKING:
+    from handctl.ledger import Ledger
     from handctl.link import Link
     from handctl.link.lock import Lock
     from handctl.link.tracefile import TraceFile
@@ -82,6 +85,10 @@ class Run:
 
                 self._lock = hold(name, f"handctl {self.command}", self.family.tcp_port)
             self._link = open_link(name, baud=baud, tap=tap, tcp_port=self.family.tcp_port)
+            if self._writes:
+                from handctl.link.tap import observed
+
+                self._link = observed(self._link, self.ledger)
         return self._link
 
     def link_name(self) -> str:
@@ -113,11 +120,32 @@ class Run:
             code="no-link",
         )
 
+    @property
+    def ledger(self) -> Ledger:
+        """What this command means to write and what came of it."""
+        ledger = self.journal.ledger
+        if self._writes and ledger.words is None and self.family is not None:
+            from functools import partial
+
+            from handctl.families import WRITES
+
+            ledger.words = load(WRITES[self.family.kind])()
+            ledger.explain = partial(_in_words, self.family.kind)
+        return ledger
+
+    def planned(self, steps: Sequence[Step]) -> Table | None:
+        """Note in the ledger what is going to be written; the plan as a Table where --dry-run wants nothing more."""
+        if self.settings.dry_run:
+            return self.dry_run(steps)
+        self.ledger.plan(steps)
+        return None
+
     def confirm(self, question: str, steps: Sequence[Step] = (), *, word: str = "") -> None:
         """Ask before something that moves, persists or strands; --yes answers. Raises NotConfirmed.
 
-        With `word` the user must type it.
+        With `word` the user must type it. `steps` is what is going to be written.
         """
+        self.ledger.plan(steps)
         if self.settings.yes:
             if self.sources["yes"].level == FILE:
                 self.journal.warn("yes-from-file", f"not asked: yes = true in {self.sources['yes'].where}")
@@ -146,6 +174,7 @@ class Run:
         """The exact bytes of a plan as a Table; sends nothing."""
         from handctl.result import Column, Table
 
+        self.ledger.plan(steps)
         rows = [
             {
                 "step": number,
@@ -196,12 +225,16 @@ class Run:
             failure = self._close(failure)
         except KeyboardInterrupt:
             failure = self._close(failure or Interrupted("interrupted"))
+        shown = failure or (table.failure if table is not None else None)
+        if shown is not None and self.journal.ledger.began:
+            shown.text, shown.hint = honest(shown.text), honest(shown.hint)
         if table is None or table.samples is None:
             try:
                 self._show(table, failure)
             except KeyboardInterrupt:
                 failure = failure or Interrupted("interrupted while the result was written")
             failure = failure or (table.failure if table is not None else None)
+        self._show_writes(failure)
         return failure
 
     def _check_output(self) -> None:
@@ -256,6 +289,16 @@ class Run:
                 render.show(table, failure, sink, self)
         self._tell_held()
 
+    def _show_writes(self, failure: HandctlError | None) -> None:
+        """The ledger, for people; with -q only where nobody knows what came of a write."""
+        ledger, settings = self.journal.ledger, self.settings
+        if settings.format in ("json", "ndjson") or settings.dry_run or (settings.quiet and not ledger.unconfirmed):
+            return
+        said = failure is not None and honest(failure.hint) != failure.hint
+        if lines := ([] if said and not ledger.began else ledger.text()):
+            level = "warning" if ledger.unconfirmed else "note"
+            print_stderr("\n".join((f"handctl: {level}: {lines[0]}", *map(text_shown, lines[1:]))))
+
     def _tell_held(self) -> None:
         for message in self._held:
             self._print_message(message)
@@ -309,8 +352,9 @@ class Run:
     def envelope(self, failure: HandctlError | None, extra: dict[str, Any] | None = None) -> dict[str, Any]:
         """The JSON envelope without rows (cli contract, section 4)."""
         failure = failure or self._trace_failure
+        more = {**(extra or {}), **({"writes": self.ledger.rows()} if self._writes and self.family is not None else {})}
         return make_envelope(
-            self.command, failure, self._device_row(), self.journal.messages, self.journal.counters.as_row(), extra
+            self.command, failure, self._device_row(), self.journal.messages, self.journal.counters.as_row(), more
         )
 
     def _device_row(self) -> dict[str, Any] | None:
@@ -344,6 +388,14 @@ class Run:
             print_message("note" if message.level == "info" else message.level, message.text, message.hint)
 
 
+def _in_words(kind: str, data: bytes, can_id: int | None) -> str:
+    """What a frame of the host says, by the family's own explainer."""
+    from handctl.families import EXPLAINERS
+    from handctl.piece import HOST
+
+    return "; ".join(piece.meaning for piece in load(EXPLAINERS[kind])().decode(data, HOST, can_id))
+
+
 def make_envelope(
     command: str,
     failure: HandctlError | None,
@@ -361,6 +413,7 @@ def make_envelope(
     return {
         "schema": SCHEMA,
         "version": __version__,
+        "time": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
         "command": command,
         "device": device,
         "ok": failure is None,

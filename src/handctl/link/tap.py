@@ -14,7 +14,7 @@ writes such lines; `parse` reads them. Knows no protocol.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 from handctl.errors import LinkError, UsageError
 from handctl.link import ByteLink, CanFrame, Deadline, FrameLink, Link
@@ -83,6 +83,31 @@ def _parse_line(line: str, number: int) -> Entry:
     return Entry(time, mark, data, "", can_id, number)
 
 
+class Observer(Protocol):
+    """Who is told of everything that passes on a link, with its moment on the link's clock. Must not raise."""
+
+    def opened(self, now: float) -> None:
+        """A link is observed from now on."""
+        ...
+
+    def passed(self, now: float, mark: str, data: bytes, can_id: int | None) -> None:
+        """Bytes, or a CAN frame: `mark` is ">" for the host's, "<" for the device's."""
+        ...
+
+    def event(self, now: float, text: str) -> None:
+        """Something beside the bytes: a speed, a power cycle, the end of the link."""
+        ...
+
+
+def observed(link: Link, observer: Observer) -> Link:
+    """The same link; `observer` is told of what passes."""
+    observer.opened(link.now())
+    if isinstance(link, FrameLink):
+        return TappedFrames(link, observer)
+    assert isinstance(link, ByteLink)
+    return TappedLink(link, observer)
+
+
 class Tap:
     """Writes every byte that passes to `write` (one line, with newline), time counted from the first opening."""
 
@@ -92,15 +117,23 @@ class Tap:
 
     def around(self, link: Link) -> Link:
         """The same link, recorded."""
-        if self._start is None:
-            self._start = link.now()
-        if isinstance(link, FrameLink):
-            return TappedFrames(link, self)
-        assert isinstance(link, ByteLink)
-        return TappedLink(link, self)
+        return observed(link, self)
 
-    def line(self, now: float, mark: str, text: str) -> None:
-        """Write one line of the transcript. The writer must not raise: a stop must reach the wire whatever the disk does."""
+    def opened(self, now: float) -> None:
+        """See Observer."""
+        if self._start is None:
+            self._start = now
+
+    def passed(self, now: float, mark: str, data: bytes, can_id: int | None) -> None:
+        """See Observer."""
+        self._line(now, mark, data.hex(" ").upper() if can_id is None else f"can {CanFrame(can_id, data)}")
+
+    def event(self, now: float, text: str) -> None:
+        """See Observer."""
+        self._line(now, "!", text)
+
+    def _line(self, now: float, mark: str, text: str) -> None:
+        """One line of the transcript. The writer must not raise: a stop must reach the wire whatever the disk does."""
         elapsed = max(0.0, now - (self._start if self._start is not None else now))
         self._write(f"{elapsed:.6f} {mark} {text}\n")
 
@@ -108,7 +141,7 @@ class Tap:
 class _Tapped(Link):
     """What both kinds of tapped links have in common."""
 
-    def __init__(self, link: Link, tap: Tap) -> None:
+    def __init__(self, link: Link, tap: Observer) -> None:
         self._inner = link
         self._tap = tap
         self._lost = False
@@ -123,7 +156,7 @@ class _Tapped(Link):
         self._inner.sleep(seconds)
 
     def event(self, text: str) -> None:
-        self._tap.line(self.now(), "!", text)
+        self._tap.event(self.now(), text)
 
     def power_cycle(self) -> bool:
         done = self._inner.power_cycle()
@@ -145,7 +178,7 @@ class _Tapped(Link):
 class TappedFrames(_Tapped, FrameLink):
     """A CAN link with a tap on the bus."""
 
-    def __init__(self, link: FrameLink, tap: Tap) -> None:
+    def __init__(self, link: FrameLink, tap: Observer) -> None:
         super().__init__(link, tap)
         self._link = link
 
@@ -155,7 +188,7 @@ class TappedFrames(_Tapped, FrameLink):
             try:
                 self._link.send(frame, deadline)
             finally:
-                self._tap.line(sent, ">", f"can {frame}")
+                self._tap.passed(sent, ">", frame.data, frame.can_id)
         except LinkError as exc:
             raise self._failed(exc) from exc.__cause__
         self.error_frames = self._link.error_frames
@@ -167,14 +200,14 @@ class TappedFrames(_Tapped, FrameLink):
             raise self._failed(exc) from exc.__cause__
         self.error_frames = self._link.error_frames
         if frame is not None:
-            self._tap.line(self.now(), "<", f"can {frame}")
+            self._tap.passed(self.now(), "<", frame.data, frame.can_id)
         return frame
 
 
 class TappedLink(_Tapped, ByteLink):
     """A byte link with a tap on the wire."""
 
-    def __init__(self, link: ByteLink, tap: Tap) -> None:
+    def __init__(self, link: ByteLink, tap: Observer) -> None:
         super().__init__(link, tap)
         self._link = link
         self.can_set_baud = link.can_set_baud
@@ -186,7 +219,7 @@ class TappedLink(_Tapped, ByteLink):
             try:
                 self._link.write(data, deadline)
             finally:
-                self._tap.line(sent, ">", data.hex(" ").upper())
+                self._tap.passed(sent, ">", data, None)
         except LinkError as exc:
             raise self._failed(exc) from exc.__cause__
 
@@ -196,7 +229,7 @@ class TappedLink(_Tapped, ByteLink):
         except LinkError as exc:
             raise self._failed(exc) from exc.__cause__
         if data:
-            self._tap.line(self.now(), "<", data.hex(" ").upper())
+            self._tap.passed(self.now(), "<", data, None)
         return data
 
     def set_baud(self, baud: int) -> None:

@@ -6,10 +6,10 @@ name in `families`, finds the frames.
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Iterable, Iterator
 
 from handctl.families import EXPLAINERS
+from handctl.family import load
 from handctl.link.tap import parse
 from handctl.piece import DEVICE, HOST, Explainer, Piece
 from handctl.report.private import Privacy
@@ -38,8 +38,7 @@ def explained(lines: Iterable[str], kind: str, privacy: Privacy) -> Iterator[str
 
 
 def _explainer(kind: str) -> Explainer | None:
-    module, _, name = EXPLAINERS.get(kind, "").partition(":")
-    made: Explainer | None = getattr(importlib.import_module(module), name)() if module else None
+    made: Explainer | None = load(EXPLAINERS[kind])() if kind in EXPLAINERS else None
     return made
 
 

@@ -6,7 +6,6 @@ family's explainer, found by name in `families`, makes the pieces.
 
 from __future__ import annotations
 
-import importlib
 import sys
 from collections import deque
 from collections.abc import Iterable, Iterator
@@ -16,6 +15,7 @@ from typing import IO, Any, NamedTuple
 
 from handctl.errors import UsageError
 from handctl.families import EXPLAINERS, FAMILIES
+from handctl.family import load
 from handctl.latency import RoundTrips
 from handctl.link.tap import Entry, parse
 from handctl.piece import DEVICE, HOST, SIDES, Explainer, Piece
@@ -93,8 +93,7 @@ def explainer_of(family: str) -> Explainer:
     """The explainer of a family. Raises UsageError for a name that is none."""
     if family not in EXPLAINERS:
         raise UsageError(f"{family!r} is no device family", hint=f"one of {', '.join(EXPLAINERS)}")
-    module, _, name = EXPLAINERS[family].partition(":")
-    made: Explainer = getattr(importlib.import_module(module), name)()
+    made: Explainer = load(EXPLAINERS[family])()
     return made
 
 

@@ -1,0 +1,120 @@
+"""Which bytes write to a BarrettHand, what acknowledges them, what to read when nothing does (see `ledger`).
+
+A line is acknowledged by its echo and the prompt behind it, refused by ERR n (barrett §5.1.3). What is no query writes.
+In RealTime every block with values is a command, and the loop itself tells which blocks the hand answered. ^C counts where
+something moves or where it was planned: a connection begins with one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Iterable, Sequence
+
+from handctl.devices.barrett.commands import split
+from handctl.devices.barrett.language import ABORT, CR, Decoder
+from handctl.devices.barrett.line import has_prompt
+from handctl.devices.barrett.realtime import ACKNOWLEDGE, FEEDBACK_ONLY, NEITHER
+from handctl.ledger import Frame
+
+NEXT = {
+    "motion": "`handctl barrett get P S`",
+    "init": "`handctl barrett status`",
+    "save": "switch the hand off and on, then `handctl barrett dump`",
+    "reset": "`handctl barrett version`",
+    "speed": "`handctl barrett baud` looks at all speeds",
+}
+LONGEST = 4096
+"""Bytes that are kept of an answer."""
+
+
+class BarrettWrites:
+    """One connection."""
+
+    def __init__(self) -> None:
+        self._number = 0
+        self._key: Hashable = None
+        self._kind = ""
+        self._decoder: Decoder | None = None
+        self._echo = b""
+        self._tail = b""
+        self._loop = self._moves = self._stopping = False
+
+    def sent(self, data: bytes, can_id: int | None) -> Sequence[Frame]:
+        """See WriteWords."""
+        if data.strip(ABORT) == b"":
+            return self._aborted(data)
+        if self._loop:
+            return () if data in (FEEDBACK_ONLY, NEITHER) else (Frame(data, None, data, group="block"),)
+        text = data.removesuffix(CR).decode("ascii", "replace").strip()
+        _, known, _ = split(text)
+        if not text or (known is not None and known.kind == "query"):
+            self._decoder = None
+            return ()
+        self._number += 1
+        self._key, self._kind = self._number, known.kind if known is not None else "set"
+        self._decoder = Decoder(text)
+        self._echo = text.encode("ascii", "replace").upper()
+        self._tail, self._stopping = b"", False
+        self._moves = self._moves or self._kind in ("motion", "init")
+        self._loop = self._kind == "loop"
+        return (Frame(data, self._key, data),)
+
+    def came(self, data: bytes, can_id: int | None) -> Iterable[tuple[Hashable, bool]]:
+        """See WriteWords."""
+        if self._stopping:
+            self._tail = (self._tail + data)[-16:]
+            if not has_prompt(b"\n" + self._tail.lstrip()):
+                return ()
+            self._stopping = self._moves = False
+            return ((ABORT, True),)
+        if self._decoder is None:
+            return ()
+        if self._kind == "loop":
+            return self._entered(data)
+        self._decoder.feed(data)
+        answer = self._decoder.next()
+        if answer is None:
+            if len(self._decoder.received) > LONGEST:
+                self._decoder = None
+            return ()
+        self._decoder = None
+        if answer.lines and not answer.status and self._kind != "reset":
+            return ()  # perhaps a spoiled ERR: it says nothing
+        self._moves = False
+        return ((self._key, not answer.status),)
+
+    def planned(self, data: bytes, can_id: int | None) -> Hashable:
+        """See WriteWords."""
+        return data
+
+    def next(self, data: bytes, can_id: int | None) -> str:
+        """See WriteWords."""
+        _, known, words = split(data.removesuffix(CR).decode("ascii", "replace"))
+        if known is None or known.kind not in ("set", *NEXT):
+            return "`handctl barrett status`"
+        if known.name in ("FSET", "PSET") and words:
+            return f"`handctl barrett get {' '.join(words[::2])}`"
+        return NEXT.get(known.kind, "`handctl barrett status`")
+
+    def _aborted(self, data: bytes) -> Sequence[Frame]:
+        """^C: what it interrupts is not acknowledged any more; the prompt that follows may be of either."""
+        moving = self._moves or self._loop
+        self._loop, self._decoder = False, None
+        self._tail, self._stopping = b"", True
+        return (Frame(data, ABORT, data, group="^C", unasked=not moving),)
+
+    def _entered(self, data: bytes) -> Iterable[tuple[Hashable, bool]]:
+        """The answer to LOOP: * behind the echo, or ERR and the prompt."""
+        self._tail = (self._tail + data)[-LONGEST:]
+        size = len(self._echo)
+        if self._tail[:size].upper() == self._echo and self._tail[size : size + 1] == bytes([ACKNOWLEDGE]):
+            self._decoder = None
+            return ((self._key, True),)
+        if b"ERR" in self._tail and has_prompt(self._tail):
+            self._decoder, self._loop = None, False
+            return ((self._key, False),)
+        return ()
+
+
+def barrett() -> BarrettWrites:
+    """See BarrettWrites."""
+    return BarrettWrites()

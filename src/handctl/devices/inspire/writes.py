@@ -1,0 +1,152 @@
+"""Which bytes of the Inspire family write, what acknowledges them, what to read when nothing does (see `ledger`).
+
+What is no read request counts as a write, whatever it is: nobody knows what a damaged frame does. On the serial wire the
+acknowledgement names id, flag and address, and 01 accepts; a force or position command is answered with values (exo
+§2.2.1, §2.2.2); on CAN the reply carries the identifier of the write (wrist §2.3.2).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Iterable, Sequence
+
+from handctl.devices.inspire import canreg, eb90
+from handctl.devices.inspire.registers import EXO, WRIST, Register
+from handctl.errors import ProtocolError
+from handctl.ledger import Frame
+from handctl.param import ParamMap
+
+READ_WRIST, WRITE_WRIST = 0x30, 0x31
+COMMANDS = {eb90.FORCE_COMMAND: "force_set", eb90.POSITION_COMMAND: "position_set"}
+SAVED, NOT_SAVED = 0x00, 0xFF
+"""Data of the late result frame of a save (RH56 §2.2.2)."""
+SHORTEST = 7
+"""Bytes of a request up to its address."""
+
+
+class InspireWrites:
+    """One connection to an exo or a wrist."""
+
+    def __init__(self, params: ParamMap[Register]) -> None:
+        self._map = params
+        self._exo = params is EXO
+        self._decoder = eb90.Decoder()
+        self._key: Hashable = None
+        self._can: tuple[int, bytes] | None = None
+
+    # -- WriteWords ----------------------------------------------------------------------------------------------
+
+    def sent(self, data: bytes, can_id: int | None) -> Sequence[Frame]:
+        """See WriteWords."""
+        if can_id is not None:
+            if canreg.parse_identifier(can_id).flag in (canreg.READ_HAND, canreg.READ_WRIST):
+                return ()
+            self._can = can_id, data
+            return (Frame(data, can_id, (can_id, data), can_id=can_id),)
+        return [self._frame(single) for single in _frames(data) if not _reads(single)]
+
+    def came(self, data: bytes, can_id: int | None) -> Iterable[tuple[Hashable, bool]]:
+        """See WriteWords."""
+        if can_id is not None:
+            sent = self._can
+            if sent is None or can_id != sent[0] or len(data) > 1 or (data == sent[1] and data != b"\x01"):
+                return ()  # longer, or our own write coming back: no acknowledgement
+            return ((can_id, not data or data[0] == len(sent[1])),)
+        self._decoder.feed(data)
+        found: list[tuple[Hashable, bool]] = []
+        while True:
+            try:
+                frame = self._decoder.next()
+            except ProtocolError:
+                continue
+            if frame is None:
+                return found
+            verdict = self._verdict(frame)
+            if verdict is not None:
+                found.append((self._key, verdict))
+
+    def planned(self, data: bytes, can_id: int | None) -> Hashable:
+        """See WriteWords."""
+        return data if can_id is None else (can_id, data)
+
+    def next(self, data: bytes, can_id: int | None) -> str:
+        """See WriteWords."""
+        kind = "exo" if self._exo else "wrist"
+        if can_id is not None:
+            access = canreg.parse_identifier(can_id)
+            return self._read(kind, access.address, len(data), of_hand=access.flag == canreg.WRITE_HAND)
+        flag = data[4] if len(data) > 4 else 0
+        if self._exo and flag in COMMANDS:
+            return f"`handctl exo get {COMMANDS[flag]} position_actual`"
+        if flag not in (eb90.WRITE, WRITE_WRIST) or len(data) <= SHORTEST + 1:
+            return f"`handctl {kind} dump`"
+        address = int.from_bytes(data[5:7], "little")
+        return self._read(kind, address, len(data) - SHORTEST - 1, of_hand=not self._exo and flag == eb90.WRITE)
+
+    # -- frames --------------------------------------------------------------------------------------------------
+
+    def _read(self, kind: str, address: int, count: int, *, of_hand: bool) -> str:
+        if of_hand:
+            return f"`handctl wrist hand-read {address} {count}`"
+        for param in self._map:
+            if param.address <= address < param.address + param.size * param.count:
+                if param.name == "id":
+                    return f"`handctl {kind} scan` finds the id"
+                if param.name in ("save", "factory_reset"):
+                    return f"switch the power off and on, then `handctl {kind} dump`"
+                if param.trigger or not param.readable:
+                    return f"`handctl {kind} status`"
+                return f"`handctl {kind} get {param.name}`"
+        return f"`handctl {kind} read {address} {count}`"
+
+    def _frame(self, data: bytes) -> Frame:
+        key: Hashable = None
+        if data[:2] == eb90.HOST and len(data) >= SHORTEST:
+            device_id, flag = data[2], data[4]
+            prefixes = []
+            if self._exo and flag in COMMANDS and len(data) == 16:
+                prefixes = [eb90.command_reply_prefix(device_id, flag)]
+            elif flag in (eb90.WRITE, WRITE_WRIST):
+                address = int.from_bytes(data[5:7], "little")
+                ids = (
+                    {device_id, data[7]}
+                    if self._exo and address == EXO["id"].address and len(data) == 9
+                    else {device_id}
+                )
+                prefixes = [eb90.write_ack_prefix(single, address, flag) for single in ids]
+                if self._exo and address == EXO["save"].address:
+                    prefixes.append(eb90.read_reply_prefix(device_id, address, 1))  # its result may have either flag
+            if prefixes:
+                key = data[:SHORTEST]
+                self._decoder = eb90.Decoder(prefixes)
+                self._key = key
+        return Frame(data, key, data)
+
+    def _verdict(self, frame: eb90.Frame) -> bool | None:
+        """What a frame from the device says of the last write; None = a save was taken, whether it is done comes later."""
+        if frame.address is None or len(frame.data) != 1:
+            return True  # the values that answer a force or position command
+        if self._exo and frame.address == EXO["save"].address:
+            return {SAVED: True, NOT_SAVED: False, eb90.ACCEPTED: None}.get(frame.data[0], False)
+        return frame.data[0] == eb90.ACCEPTED
+
+
+def _frames(data: bytes) -> Iterable[bytes]:
+    """The request frames in one write of the host; what is none stays together."""
+    while data:
+        size = data[3] + eb90.OVERHEAD if data[:2] == eb90.HOST and len(data) > 3 else len(data)
+        yield data[:size]
+        data = data[size:]
+
+
+def _reads(frame: bytes) -> bool:
+    return frame[:2] == eb90.HOST and len(frame) == 9 and frame[3] == 4 and frame[4] in (eb90.READ, READ_WRIST)
+
+
+def exo() -> InspireWrites:
+    """For the EH55BF1."""
+    return InspireWrites(EXO)
+
+
+def wrist() -> InspireWrites:
+    """For the wrist module and the hand behind it, on both wires."""
+    return InspireWrites(WRIST)
