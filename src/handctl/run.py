@@ -18,7 +18,7 @@ from handctl.console import TerminalGuide, end_on_signals, finish_on_signals, pr
 from handctl.errors import HandctlError, Interrupted, NotConfirmed, OutputError, UsageError
 from handctl.family import Family, load, refuse_missing, refuse_serial
 from handctl.files import why_unwritable
-from handctl.filter import text_shown
+from handctl.filter import shown, text_shown
 from handctl.ledger import honest
 from handctl.options import COMMAND_LINE, ENVIRONMENT, FILE, SOURCES, Settings, Source, from_click
 
@@ -297,7 +297,7 @@ class Run:
         said = failure is not None and honest(failure.hint) != failure.hint
         if lines := ([] if said and not ledger.began else ledger.text()):
             level = "warning" if ledger.unconfirmed else "note"
-            print_stderr("\n".join((f"handctl: {level}: {lines[0]}", *map(text_shown, lines[1:]))))
+            print_stderr("\n".join((f"handctl: {level}: {lines[0]}", *map(shown, lines[1:]))))
 
     def _tell_held(self) -> None:
         for message in self._held:

@@ -10,8 +10,7 @@ from __future__ import annotations
 from collections.abc import Hashable, Iterable, Sequence
 
 from handctl.devices.barrett.commands import split
-from handctl.devices.barrett.language import ABORT, CR, Decoder
-from handctl.devices.barrett.line import has_prompt
+from handctl.devices.barrett.language import ABORT, CR, Decoder, has_prompt
 from handctl.devices.barrett.realtime import ACKNOWLEDGE, FEEDBACK_ONLY, NEITHER
 from handctl.ledger import Frame
 
