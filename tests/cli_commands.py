@@ -141,7 +141,7 @@ WRITING = (
             frames=("EB 90 01 04 12 EE 03 01 09",), asks=True),
     Command("calibrate", "write", ("calibrate",), calibrated, effect=(1546, s16(500, 500, 500, 500, 400, 0)),
             frames=("EB 90 01 04 12 F1 03 01 0C",), asks=True),
-    Command("restore", "write", ("restore", "{dir}/stored.json"), restored, effect=(1498, s16(1, -2, 3, -4, 5)),
+    Command("restore", "write", ("restore", "{dir}/stored.json", "--setpoints"), restored, effect=(1498, s16(1, -2, 3, -4, 5)),
             frames=(SET, "EB 90 01 0D 12 DA 05 01 00 FE FF 03 00 FC FF 05 00 00"), asks=True, fixed_registers=True),
     Command("force", "command", ("force", "100", "-100", "0", "1000", "-1000"), names("position_actual"),
             effect=(1498, s16(100, -100, 0, 1000, -1000)),

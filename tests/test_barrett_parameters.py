@@ -7,7 +7,7 @@ import pytest
 from handctl.devices.barrett.parameters import BARRETT, SPEEDS, GclParam, all_elements, check_careful, standard
 from handctl.devices.barrett.views import audit
 from handctl.errors import UsageError
-from handctl.verbs import settings_of
+from handctl.stored import kept_of
 from tests.barrett_support import changes, elements
 
 BIG = 65535
@@ -145,7 +145,7 @@ def test_zero_is_refused_where_it_stops_or_divides(mnemonic: str) -> None:
 
 def test_snapshot_covers_all_writable_values() -> None:
     """31 writable motor values for four motors, BAUD, LFT, OTEMP, LFDPD (dossier 3.3)."""
-    names = [element.full_name for element in settings_of(BARRETT)]
+    names = [element.full_name for element in kept_of(BARRETT)]
     assert len(names) == 31 * 4 + 4
     assert {name for name in names if "." not in name} == {
         "baud_rate", "loop_feedback_temperature", "over_temperature_limit", "loop_feedback_delta_discard",

@@ -147,7 +147,16 @@ def test_snapshot_diff_restore(tmp_path: Path, capsys: pytest.CaptureFixture[str
     capsys.readouterr()
     assert run("restore", file, "--yes", "--json", "-p", port) == 0
     rows = json.loads(capsys.readouterr().out)["rows"]
-    assert rows == [{"name": "max_close_velocity.F2", "before": 77, "value": 100, "moves": False}]
+    assert rows == [
+        {
+            "name": "max_close_velocity.F2",
+            "kind": "setting",
+            "before": 77,
+            "value": 100,
+            "moves": False,
+            "pushes": False,
+        }
+    ]
     assert run("diff", file, "-p", port) == 0
     assert run("restore", file, "--yes", "-p", port) == 0
 

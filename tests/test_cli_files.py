@@ -112,25 +112,25 @@ def test_diff_of_two_files_and_of_a_file_with_the_hand(tmp_path: Path) -> None:
     one = snapshot_of(tmp_path).rename(tmp_path / "one.json")
     two = snapshot_of(tmp_path, force_set__index=-5, position_set__thumb=-1)
     assert run("exo", "diff", one, one).code == 0
-    result = run("exo", "diff", one, two, "--json")
+    result = run("exo", "diff", one, two, "--setpoints", "--json")
     assert result.code == 7
     assert [(row["name"], row["a"], row["b"]) for row in result.rows] == [
         ("position_set.thumb", 555, -1),
         ("force_set.index", 64, -5),
     ]
-    live = run("exo", "diff", two, "-p", fake(), "--json")
+    live = run("exo", "diff", two, "--setpoints", "-p", fake(), "--json")
     assert (live.code, [(row["name"], row["a"], row["b"]) for row in live.rows]) == (
         7,
         [("position_set.thumb", -1, 555), ("force_set.index", -5, 64)],
     )
-    same = run("exo", "diff", one, "-p", fake(), "--json")
+    same = run("exo", "diff", one, "--setpoints", "-p", fake(), "--json")
     assert (same.code, same.rows) == (0, [])
 
 
 def test_diff_finds_the_hand_whose_id_the_restore_has_changed(tmp_path: Path) -> None:
     link = fake(state=tmp_path / "state.json")
     path = snapshot_of(tmp_path, id=7)
-    assert run("exo", "restore", path, "-y", "-p", link).code == 0
+    assert run("exo", "restore", path, "--setpoints", "-y", "-p", link).code == 0
     result = run("exo", "diff", path, "-p", link, "--json")
     assert (result.code, result.rows, result.json["device"]["id"]) == (0, [], 7)
 
@@ -141,7 +141,7 @@ def test_diff_finds_the_hand_whose_id_the_restore_has_changed(tmp_path: Path) ->
 def test_restore_writes_what_differs_reads_back_and_says_what_it_leaves_out(tmp_path: Path) -> None:
     state, trace = tmp_path / "state.json", tmp_path / "t.txt"
     path = snapshot_of(tmp_path, force_set__index=-5, position_set__thumb=-1)
-    result = run("exo", "restore", path, "-y", "-p", fake(state=state), "--json", "--trace", trace)
+    result = run("exo", "restore", path, "--setpoints", "-y", "-p", fake(state=state), "--json", "--trace", trace)
     assert result.code == 0
     assert {row["name"]: (row["before"], row["value"], row["moves"]) for row in result.rows} == {
         "position_set.thumb": (555, -1, True),
@@ -152,16 +152,16 @@ def test_restore_writes_what_differs_reads_back_and_says_what_it_leaves_out(tmp_
     text = " ".join(message["text"] for message in result.json["messages"])
     for word in ("calibration", "flash", "clear_errors"):
         assert word in text
-    again = run("exo", "restore", path, "-y", "-p", fake(state=state), "--json", "--trace", trace)
+    again = run("exo", "restore", path, "--setpoints", "-y", "-p", fake(state=state), "--json", "--trace", trace)
     assert (again.code, again.rows, writes(trace)) == (0, [], [])
-    without_question = run("exo", "restore", path, "-p", fake(state=state))
+    without_question = run("exo", "restore", path, "--setpoints", "-p", fake(state=state))
     assert without_question.code == 0  # nothing to write: nothing to confirm
 
 
 def test_restore_changes_the_id_last(tmp_path: Path) -> None:
     trace = tmp_path / "t.txt"
     path = snapshot_of(tmp_path, id=7, baud_code=1, force_set__index=-5)
-    result = run("exo", "restore", path, "-y", "-p", fake(), "--json", "--trace", trace)
+    result = run("exo", "restore", path, "--setpoints", "-y", "-p", fake(), "--json", "--trace", trace)
     assert (result.code, result.json["device"]["id"]) == (0, 7)
     assert {row["name"]: row["value"] for row in result.rows} == {"force_set.index": -5, "baud_code": 1, "id": 7}
     assert [data[5] + 256 * data[6] for data in writes(trace)] == [1504, 1001, 1000]
@@ -174,14 +174,16 @@ def test_restore_interrupted_anywhere_can_be_run_again(tmp_path: Path, fault: st
     state = tmp_path / "state.json"
     path = snapshot_of(tmp_path, id=7, baud_code=2, **{k.replace(".", "__"): v for k, v in STORED.items()})
     wanted = (b"\x07\x02", s16(151, 252, 353, 300, 555), s16(1, -2, 3, -4, 5))
-    first = run("exo", "restore", path, "-y", "-p", fake(state=state, fault=fault, after=requests), "--json")
+    first = run(
+        "exo", "restore", path, "--setpoints", "-y", "-p", fake(state=state, fault=fault, after=requests), "--json"
+    )
     assert first.code in (0, 3, 4, 5, 7), first
     assert first.json["ok"] is (first.code == 0)
-    second = run("exo", "restore", path, "-y", "-p", fake(state=state), "--json")
+    second = run("exo", "restore", path, "--setpoints", "-y", "-p", fake(state=state), "--json")
     assert second.code == 0, (first, second)
     assert (memory(state, 1000, 2), memory(state, 1486, 10), memory(state, 1498, 10)) == wanted
     with spying():
-        third = run("exo", "restore", path, "-p", fake(state=state), "--json")
+        third = run("exo", "restore", path, "--setpoints", "-p", fake(state=state), "--json")
     assert (third.code, third.rows) == (0, [])
 
 
@@ -189,7 +191,16 @@ def test_restore_interrupted_anywhere_can_be_run_again(tmp_path: Path, fault: st
 def test_restore_reports_success_only_when_all_is_written(tmp_path: Path, requests: int) -> None:
     state = tmp_path / "state.json"
     path = snapshot_of(tmp_path, id=7, **{k.replace(".", "__"): v for k, v in STORED.items()})
-    result = run("exo", "restore", path, "-y", "-p", fake(state=state, fault="deaf", after=requests, every=3), "--json")
+    result = run(
+        "exo",
+        "restore",
+        path,
+        "--setpoints",
+        "-y",
+        "-p",
+        fake(state=state, fault="deaf", after=requests, every=3),
+        "--json",
+    )
     if result.code == 0:
         assert (memory(state, 1000), memory(state, 1498, 10)) == (b"\x07", s16(1, -2, 3, -4, 5))
     else:
@@ -260,7 +271,9 @@ def test_a_spoiled_snapshot_is_refused_before_anything_is_sent(tmp_path: Path, h
     spoil(path, how)
     for verb in ("restore", "diff"):
         with spying() as spy:
-            result = run("exo", verb, path, "-p", fake(), "--json", *(["-y"] if verb == "restore" else []))
+            result = run(
+                "exo", verb, path, "--setpoints", "-p", fake(), "--json", *(["-y"] if verb == "restore" else [])
+            )
         if verb == "diff" and how in ("unknown quantity", "out of range", "id 255", "trigger", "read-only",
                                       "fraction as value", "huge value"):  # fmt: skip
             assert result.code in (2, 7), result

@@ -197,8 +197,9 @@ def test_an_unreadable_second_block_never_ends_the_first(reply: str) -> None:
 
 
 def test_a_snapshot_refuses_to_be_partial() -> None:
-    from handctl.verbs import take
+    from handctl.stored import kept_of, take
 
     with pytest.raises(NoAnswer) as caught:
-        take(hand_on(without(1498, 10)))
+        hand = hand_on(without(1498, 10))
+        take(hand, kept_of(hand.map))
     assert "force_set.little" in caught.value.text

@@ -9,14 +9,19 @@ from handctl.param import Param, ParamMap, bit_names, elements_of, exact_decimal
 
 POSITION = Param(
     name="position", doc="d", source="x §1", low=0, high=1000, special={-1: "not commanded"}, access="rw",
+    kind="command", acts="moves",
     elements=("little", "ring", "middle"),
 )  # fmt: skip
-SPEED = Param(name="speed", doc="d", source="x §2", choices={0: "115200 baud", 1: "57600 baud"}, access="rw")
-ANGLE = Param(name="angle", doc="d", source="x §3", unit="°", low=-22.66, high=22.12, decimals=2, access="rw")
+SPEED = Param(
+    name="speed", doc="d", source="x §2", choices={0: "115200 baud", 1: "57600 baud"}, access="rw", kind="setting"
+)
+ANGLE = Param(
+    name="angle", doc="d", source="x §3", unit="°", low=-22.66, high=22.12, decimals=2, access="rw", kind="setting"
+)
 ERROR = Param(name="error", doc="d", source="x §4", bits=("locked", "hot", "current"), elements=("a", "b"))
-START = Param(name="start", doc="d", source="x §5", access="rw", low=0, high=1, trigger=True, verb="start")
+START = Param(name="start", doc="d", source="x §5", access="rw", low=0, high=1, kind="trigger", verb="start")
 VOLTAGE = Param(name="voltage", doc="d", source="x §6")
-RESET = Param(name="reset", doc="d", source="x §7", access="w", low=0, high=1, trigger=True, verb="reset")
+RESET = Param(name="reset", doc="d", source="x §7", access="w", low=0, high=1, kind="trigger", verb="reset")
 MAP = ParamMap("toy", [POSITION, SPEED, ANGLE, ERROR, START, VOLTAGE, RESET])
 
 

@@ -116,8 +116,8 @@ def test_every_verb_works_on_a_served_hand(start: Start, tmp_path: Path, where: 
     assert do("calibrate", "-y").rows[0]["value"] == "completed"
     assert do("snapshot", tmp_path / "s.json").code == 0
     assert do("set", "force_set.index=11", "-y").code == 0
-    assert do("restore", tmp_path / "s.json", "-y").values["force_set.index"] == -9
-    assert do("diff", tmp_path / "s.json").rows == []
+    assert do("restore", tmp_path / "s.json", "--setpoints", "-y").values["force_set.index"] == -9
+    assert do("diff", tmp_path / "s.json", "--setpoints").rows == []
     assert do("position", "500", "400", "300", "200", "100", "--wait", "3", "-y").values["position_actual.ring"] == 400
     assert do("force", "1", "2", "3", "4", "5", "-y").values["position_actual.little"] == 500
     assert do("raw", "EB 90 01 04 11 E8 03 01 02").rows[0]["raw"] == "90 EB 01 04 11 E8 03 01 02"

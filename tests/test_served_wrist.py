@@ -112,9 +112,9 @@ def test_move_and_what_it_leaves(start: Start, tmp_path: Path, place: str) -> No
     assert do("get", *SETTINGS).values == {"yaw_set": 10.0, "pitch_set": -10.0, "move_time": 300}
     assert do("snapshot", tmp_path / "s.json").code == 0
     assert do("center", "--time", "100").values == {"pitch_actual": 0.0, "yaw_actual": 0.0}
-    assert run("wrist", "diff", tmp_path / "s.json", "-p", link).code == 7
-    assert do("restore", tmp_path / "s.json", "-y").values["yaw_set"] == 10.0
-    assert do("diff", tmp_path / "s.json").rows == []
+    assert run("wrist", "diff", tmp_path / "s.json", "--setpoints", "-p", link).code == 7
+    assert do("restore", tmp_path / "s.json", "--setpoints", "-y").values["yaw_set"] == 10.0
+    assert do("diff", tmp_path / "s.json", "--setpoints").rows == []
     assert do("hand-write", "1486", "F401", "-y").rows[0]["raw"] == "F4 01"
     assert do("set", "move_time=1234").values == {"move_time": 1234}
 

@@ -153,7 +153,7 @@ WRITING = (
     Command("hand-write", "hand", ("hand-write", "1486", "F401"), nothing,
             ("EB 90 01 05 12 CE 05 F4 01 E0",), ("05738001 [2] F4 01",), effect=(1486, s16(500, 262)), space="hand",
             asks=True, steady=True),
-    Command("restore", "write", ("restore", "{dir}/stored.json"), restored,
+    Command("restore", "write", ("restore", "{dir}/stored.json", "--setpoints"), restored,
             ("EB 90 01 05 31 12 04 DC 05 2E", "EB 90 01 05 31 0E 04 D2 04 1F"),
             ("15048001 [2] DC 05", "15038001 [2] D2 04"), effect=(1038, s16(1234, -300, 1500)),
             planned=(("EB 90 01 09 31 0E 04 D2 04 D4 FE DC 05 D6",), ("15038001 [6] D2 04 D4 FE DC 05",)),

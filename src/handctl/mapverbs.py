@@ -1,7 +1,7 @@
 """The commands that every device with a parameter map has: status, dump, get, set, describe, watch, snapshot, diff, restore,
 report.
 
-Their meaning is in `verbs`; here they become click commands of a family's group. A family that needs one of its own
+Their meaning is in `verbs` and `stored`; here they become click commands of a family's group. A family that needs one of its own
 leaves it out with `without` and defines it itself.
 """
 
@@ -12,14 +12,20 @@ from typing import Any
 
 import click
 
-from handctl import verbs
+from handctl import stored, verbs
 from handctl.clikit import Group, stream_options
 from handctl.options import Number
-from handctl.param import ParamMap
+from handctl.param import COMMAND, ParamMap
 from handctl.result import Table
 from handctl.run import Run
 
 NAMES = "[NAME]..."
+SETPOINTS = click.option(
+    "--setpoints",
+    is_flag=True,
+    help="Also what was commanded: positions, and forces, which ask by themselves.",
+)
+"""Offered where a map has quantities whose writing commands something."""
 
 
 def add_map_verbs(
@@ -38,6 +44,11 @@ def add_map_verbs(
     """
     named = f"NAME[.{part}]" if part else "NAME"
     shown = f", such as `{example}`" if example else ""
+
+    has_setpoints = any(element.param.kind == COMMAND for element in stored.kept_of(params))
+
+    def with_setpoints(body: Callable[..., Table]) -> Callable[..., Table]:
+        return SETPOINTS(body) if has_setpoints else body
 
     @click.option("--check", is_flag=True, help="Exit 7 when anything is unhealthy.")
     def status(run: Run, check: bool) -> Table:
@@ -73,19 +84,27 @@ def add_map_verbs(
 
     @click.argument("file", type=click.Path(dir_okay=False))
     def snapshot(run: Run, file: str) -> Table:
-        """Write every setting to FILE, with device identity, tool version, time and checksum. Replaces an older snapshot only."""
-        return verbs.snapshot(run, file)
+        """Write settings and set-points to FILE, with device identity, tool version, time and checksum.
+
+        Replaces an older snapshot only. `diff` and `restore` take the settings of it, with --setpoints all.
+        """
+        return stored.snapshot(run, file)
 
     @click.argument("a", type=click.Path(dir_okay=False))
     @click.argument("b", required=False, type=click.Path(dir_okay=False))
-    def diff(run: Run, a: str, b: str | None) -> Table:
-        """Compare two snapshots, or snapshot A with the live device. Exit 7 when they differ."""
-        return verbs.diff(run, params, a, b)
+    @with_setpoints
+    def diff(run: Run, a: str, b: str | None, setpoints: bool = False) -> Table:
+        """Compare the settings of two snapshots, or of snapshot A with the live device. Exit 7 when they differ."""
+        return stored.diff(run, params, a, b, setpoints=setpoints)
 
     @click.argument("file", type=click.Path(dir_okay=False))
-    def restore(run: Run, file: str) -> Table:
-        """Write what differs from a snapshot, read it back. Shows the plan; safe to run again after an interruption."""
-        return verbs.restore(run, params, file)
+    @with_setpoints
+    def restore(run: Run, file: str, setpoints: bool = False) -> Table:
+        """Write the settings that differ from a snapshot, read them back.
+
+        Shows the plan; safe to run again after an interruption.
+        """
+        return stored.restore(run, params, file, setpoints=setpoints)
 
     @click.argument("file", type=click.Path(dir_okay=False), metavar="FILE.html")
     @click.option(

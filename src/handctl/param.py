@@ -14,6 +14,12 @@ from handctl.errors import HandctlError, UsageError
 
 Number = int | float
 
+MEASURED, SETTING, COMMAND, TRIGGER = "measured", "setting", "command", "trigger"
+"""What a quantity is to one who writes: nothing; kept, or changing how the device behaves; a set-point of now; a start."""
+KINDS = (MEASURED, SETTING, COMMAND, TRIGGER)
+MOVES, PUSHES = "moves", "pushes"
+"""What writing it does to what the device holds: leads it to a place, or presses with a force until told otherwise."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Param:
@@ -31,8 +37,10 @@ class Param:
     access      "r", "rw" or "w"
     elements    names of a vector's elements in wire order; () = scalar
     persistent  "yes", "no" or "unknown": kept over a power cycle once saved
-    trigger     writing it starts something; it holds no value (`verb` says which command does it)
-    moves       writing it moves the device
+    kind        "measured"; "setting": kept, or it changes how the device behaves; "command": a set-point that acts now;
+                "trigger": writing it starts something, it holds no value
+    verb        the command that writes it in the place of `set`
+    acts        writing it "moves" or "pushes" what the device holds; "" where it does neither
     strands     writing it may leave the device unreachable or changed for good
     private     tells one device or one person from another: a report leaves it out
     note        a remark that belongs beside every value of it, e.g. that its scale is unknown
@@ -51,9 +59,9 @@ class Param:
     access: str = "r"
     elements: tuple[str, ...] = ()
     persistent: str = "no"
-    trigger: bool = False
+    kind: str = MEASURED
     verb: str = ""
-    moves: bool = False
+    acts: str = ""
     strands: bool = False
     private: bool = False
     note: str = ""
@@ -64,14 +72,24 @@ class Param:
         return "r" in self.access
 
     @property
+    def trigger(self) -> bool:
+        """Whether writing it starts something; it holds no value."""
+        return self.kind == TRIGGER
+
+    @property
+    def moves(self) -> bool:
+        """Whether writing it moves or pushes what the device holds."""
+        return bool(self.acts)
+
+    @property
     def optional(self) -> bool:
         """Whether some devices of this kind do not have it: it stays out of snapshots."""
         return False
 
     @property
     def writable(self) -> bool:
-        """Whether `set` may write it: triggers are written by their own commands only."""
-        return "w" in self.access and not self.trigger
+        """Whether `set` may write it: what has a command of its own is written by that only."""
+        return "w" in self.access and not self.verb
 
     @property
     def count(self) -> int:
@@ -213,6 +231,9 @@ class ParamMap(Generic[P]):
         self._params = {param.name: param for param in params}
         if len(self._params) != len(params):
             raise ValueError(f"{kind}: a name is used twice")
+        for param in params:
+            if param.kind not in KINDS or ("w" in param.access) != (param.kind != MEASURED):
+                raise ValueError(f"{kind}: {param.name} has access {param.access} and is of kind {param.kind}")
 
     def __iter__(self) -> Iterator[P]:
         return iter(self._params.values())
@@ -273,9 +294,12 @@ class ParamMap(Generic[P]):
         return [wanted[key] for key in sorted(wanted, key=lambda key: (order[key[0]], key[1]))]
 
     def _refuse_unsettable(self, param: Param) -> None:
-        if param.trigger:
+        if param.verb:
+            starts = (
+                "it is not a value: writing it starts something" if param.trigger else "it has a command of its own"
+            )
             raise UsageError(
-                f"{param.name} is not a value to set: writing it starts something",
+                f"{param.name} is not written by `set`: {starts}",
                 hint=f"use `handctl {self.kind} {param.verb}`",
                 code="trigger",
             )

@@ -1,15 +1,15 @@
 """The verbs that mean the same for every device, over its parameter map: one implementation, not five.
 
-A device satisfies `MapDevice`; its own peculiarities (an id that answers elsewhere once written) live in its `write`.
+snapshot, diff and restore are in `stored`. A device satisfies `MapDevice`; its own peculiarities (an id that answers elsewhere once written) live in its `write`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Protocol
 
-from handctl.errors import CheckFailed, HandctlError, NoAnswer, ProtocolError, UsageError
-from handctl.param import Element, Number, Param, ParamMap, Reading, Step, elements_of
+from handctl.errors import HandctlError, NoAnswer, ProtocolError, UsageError
+from handctl.param import PUSHES, Element, Number, Param, ParamMap, Reading, Step
 from handctl.result import Column, Journal, Row, Table
 
 if TYPE_CHECKING:
@@ -42,10 +42,6 @@ if TYPE_CHECKING:
         def plan(self, changes: Sequence[tuple[Element, Number]]) -> list[Step]: ...
         def write(self, changes: Sequence[tuple[Element, Number]]) -> list[Reading]: ...
         def find_for_restore(self, values: dict[str, Number]) -> None: ...
-
-
-Check = Callable[[Sequence[tuple[Element, Number]]], None]
-"""A device's own look at changes before anything is sent; raises UsageError."""
 
 
 def select(params: ParamMap[Any], names: Sequence[str]) -> list[Element]:
@@ -101,6 +97,7 @@ DESCRIBE_COLUMNS = (
     Column("address", "Address", right=True),
     Column("type", "Type"),
     Column("access", "Access"),
+    Column("kind", "Kind"),
     Column("range", "Range"),
     Column("unit", "Unit"),
     Column("persistent", "Kept"),
@@ -117,10 +114,12 @@ def describe_row(param: Param) -> Row:
         "type": getattr(param, "type_name", None),
         "elements": list(param.elements),
         "access": "trigger" if param.trigger else param.access,
+        "kind": param.kind,
         "range": param.range_text,
         "unit": param.unit,
         "persistent": param.persistent,
         "moves": param.moves,
+        "pushes": param.acts == PUSHES,
         "strands": param.strands,
         "source": param.source,
         "doc": param.doc + (f"; {param.note}" if param.note else ""),
@@ -172,162 +171,3 @@ def watch(
         decimals={element.param.name: element.param.decimals for element in elements if element.param.decimals},
         flags=frozenset(element.param.name for element in elements if element.param.bits),
     )
-
-
-# -- snapshot, diff, restore --------------------------------------------------------------------------------------
-
-
-def settings_of(params: ParamMap[Any]) -> list[Element]:
-    """Every read-write quantity except triggers: what a snapshot holds."""
-    return [
-        element
-        for param in params
-        if param.writable and param.readable and not param.optional
-        for element in elements_of(param)
-    ]
-
-
-def take(device: MapDevice) -> dict[str, Number]:
-    """The present value of every setting, by full name. Raises what kept one from being read."""
-    readings = device.read(settings_of(device.map))
-    for reading in readings:
-        if reading.error is not None:
-            exc = reading.error
-            text = f"not all settings could be read: {reading.element.full_name}: {exc.text}"
-            raise type(exc)(text, hint=exc.hint, code=exc.code)
-    return {reading.element.full_name: reading.value for reading in readings if reading.value is not None}
-
-
-def snapshot(run: Run, path: str) -> Table:
-    """Write the whole configuration to a file, atomically; the only file that it replaces is an older snapshot of this kind."""
-    from handctl import snapshot as files
-
-    files.check_target(path, run.family.kind if run.family is not None else "")
-    device: MapDevice = run.device()
-    values = take(device)
-    content = files.make(device.kind, device.identity(), values, link=run.link_name(), fake=run.simulated)
-    files.write(path, content)
-    for name, value in values.items():
-        try:
-            device.map.find(name)[0].check(value, name)
-        except UsageError as exc:
-            run.journal.warn(
-                "out-of-range",
-                f"the device holds {exc.text}: `restore` will refuse this file",
-                hint=f"`handctl {device.kind} set {name}=…`, then take the snapshot again",
-            )
-    run.journal.info("written", f"{path}: {len(values)} values of {device.kind}")
-    rows = [{"name": name, "value": value} for name, value in values.items()]
-    return Table(rows=rows, columns=(Column("name", "Name"), Column("value", "Value", right=True)))
-
-
-def diff(run: Run, params: ParamMap[Any], a: str, b: str | None) -> Table:
-    """Compare two snapshots, or a snapshot with the live device. Exit 7 when they differ."""
-    from handctl import snapshot as files
-
-    left = files.load(a, params.kind)["values"]
-    if b is not None:
-        right = files.load(b, params.kind)["values"]
-    else:
-        device: MapDevice = run.device()
-        device.find_for_restore(left)
-        right = take(device)
-    names = list(dict.fromkeys([*left, *right]))
-    rows: list[Row] = [{"name": n, "a": left.get(n), "b": right.get(n)} for n in names if left.get(n) != right.get(n)]
-    table = Table(
-        rows=rows, columns=(Column("name", "Name"), Column("a", a, right=True), Column("b", b or "device", right=True))
-    )
-    if rows:
-        hint = f"`handctl {params.kind} restore {a}` writes those of the file" if b is None else ""
-        table.failure = CheckFailed(f"{len(rows)} of {len(names)} values differ", hint=hint, code="differ")
-    else:
-        run.journal.info("equal", f"all {len(names)} values are equal")
-    return table
-
-
-def restore(run: Run, params: ParamMap[Any], path: str, *, check: Check | None = None) -> Table:
-    """Write what differs from a snapshot, in an order that keeps the device reachable; read back; say what is left out."""
-    from handctl import snapshot as files
-
-    values: dict[str, Number] = files.load(path, params.kind)["values"]
-    changes = _checked(params, values, path)
-    if check is not None:
-        check(changes)
-    if run.settings.dry_run:
-        run.journal.info("plan", "all values are listed: which of them already hold is only known with the device")
-        return run.dry_run(_restore_steps(run.planner(), changes))
-    device: MapDevice = run.device()
-    device.find_for_restore(values)
-    live = take(device)
-    differing = [(element, value) for element, value in changes if live.get(element.full_name) != value]
-    for text in device.not_covered:
-        run.journal.info("not-covered", f"not covered by a snapshot: {text}")
-    absent = [element.full_name for element in settings_of(params) if element.full_name not in values]
-    if absent:
-        run.journal.warn("absent", f"{path} does not hold {', '.join(absent)}; left as they are")
-    if not differing:
-        run.journal.info("equal", "the device already holds every value of the snapshot; nothing was written")
-        return _restored([], live, {})
-    run.confirm(_restore_question(differing), _restore_steps(device, differing))
-    after: dict[str, Number] = {}
-    for group in _restore_groups(differing):
-        for reading in device.write(group):
-            if reading.value is not None:
-                after[reading.element.full_name] = reading.value
-    return _restored(differing, live, after)
-
-
-def _checked(params: ParamMap[Any], values: dict[str, Number], path: str) -> list[tuple[Element, Number]]:
-    changes = []
-    for name, value in values.items():
-        try:
-            param, elements = params.find(name)
-            param.check(value, name)
-        except UsageError as exc:
-            raise UsageError(f"{path}: {exc.text}", hint=f"the file does not fit this device. {exc.hint}") from exc
-        if len(elements) != 1 or not param.writable:
-            raise UsageError(f"{path}: {name} is not a single setting", hint="the file does not fit this device")
-        changes.append((elements[0], value))
-    return sorted(
-        changes,
-        key=lambda change: (change[0].param.strands, -getattr(change[0].param, "address", 0) * change[0].param.strands),
-    )
-
-
-def _restore_groups(changes: Sequence[tuple[Element, Number]]) -> list[list[tuple[Element, Number]]]:
-    """What concerns the whole device first, then its parts, then one by one what may strand it (its id or speed last)."""
-    calm = [change for change in changes if not change[0].param.strands]
-    whole = [change for change in calm if not change[0].param.elements]
-    parts = [change for change in calm if change[0].param.elements]
-    return [group for group in (whole, parts) if group] + [[change] for change in changes if change[0].param.strands]
-
-
-def _restore_steps(device: MapDevice, changes: Sequence[tuple[Element, Number]]) -> list[Step]:
-    return [step for group in _restore_groups(changes) for step in device.plan(group)]
-
-
-def _restore_question(differing: Sequence[tuple[Element, Number]]) -> str:
-    moving = [element.full_name for element, _ in differing if element.param.moves]
-    text = f"Restore {len(differing)} values"
-    return f"{text}; MOVES the device: {', '.join(moving)}" if moving else text
-
-
-def _restored(
-    differing: Sequence[tuple[Element, Number]], before: dict[str, Number], after: dict[str, Number]
-) -> Table:
-    rows: list[Row] = [
-        {
-            "name": element.full_name,
-            "before": before.get(element.full_name),
-            "value": after.get(element.full_name),
-            "moves": element.param.moves,
-        }
-        for element, _ in differing
-    ]
-    columns = (
-        Column("name", "Name"),
-        Column("before", "Before", right=True),
-        Column("value", "Now", right=True),
-        Column("moves", "Moves"),
-    )
-    return Table(rows=rows, columns=columns)

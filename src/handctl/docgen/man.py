@@ -15,7 +15,7 @@ from handctl.docgen.tables import common, mnemonic
 from handctl.docgen.tree import Node, Option
 from handctl.errors import HandctlError
 from handctl.families import FAMILIES
-from handctl.param import Param
+from handctl.param import MEASURED, Param
 
 EDITION = "2026-11-21"
 """Date of the pages: of their wording, not of the day they are generated."""
@@ -150,7 +150,7 @@ def _quantity(param: Param) -> str:
 
 def _about(param: Param) -> str:
     access = {"r": "read only", "rw": "read and write", "w": "write only"}.get(param.access, param.access)
-    facts = ["trigger" if param.trigger else access]
+    facts = [access if param.kind == MEASURED else "trigger" if param.trigger else f"{param.kind}, {access}"]
     if param.range_text:
         facts.append(param.range_text + (f" {param.unit}" if param.unit else ""))
     elif param.unit:

@@ -13,7 +13,7 @@ from math import degrees, radians
 from typing import Any
 
 from handctl.errors import UsageError
-from handctl.param import Element, Number, Param, ParamMap, elements_of
+from handctl.param import COMMAND, MOVES, PUSHES, SETTING, TRIGGER, Element, Number, Param, ParamMap, elements_of
 
 FINGERS = ("thumb", "index", "middle", "ring", "little")
 Range = tuple[float, float]
@@ -155,7 +155,7 @@ def _array(key: str, doc: str, source: str, labels: tuple[str, ...], **more: Any
 
 
 def _command(key: str, verb: str, doc: str, labels: tuple[str, ...], **more: Any) -> AidinParam:
-    more = {"access": "w", "trigger": True, "verb": verb, "moves": True, **more}
+    more = {"access": "w", "kind": COMMAND, "verb": verb, "acts": MOVES, **more}
     return _array(key, doc, "Command keys", labels, **more)
 
 
@@ -190,12 +190,12 @@ AIDIN = AidinMap("aidin", [
     _array("task_space_pos", "fingertip coordinates", "Feedback keys", AXES, unit="mm", limits=TIP_LIMITS, places=1, note=FRAME_NOTE),
     _array("current_state", "motor currents", "Feedback keys", MOTORS, whole=INT16, note=CURRENT_NOTE),
     _array("sensor_state", "fingertip forces and torques", "Feedback keys", SENSORS, places=5, note=SENSOR_NOTE),
-    AidinParam(key="hand_mode", name="hand_mode", doc="operating mode", source="aidin, Modes", whole=UINT16, choices=MODES, access="w", trigger=True, verb="home, initial, stop, bias …", moves=True),
-    AidinParam(key="maxtorque", name="maxtorque", doc="maximum current; 700 to 1000 recommended", source="aidin, Modes", unit="0.1 %", low=0, high=1000, whole=UINT16, access="w", trigger=True, verb="max-torque", persistent="unknown"),
+    AidinParam(key="hand_mode", name="hand_mode", doc="operating mode", source="aidin, Modes", whole=UINT16, choices=MODES, access="w", kind=TRIGGER, verb="home, initial, stop, bias …", acts=MOVES),
+    AidinParam(key="maxtorque", name="maxtorque", doc="maximum current; 700 to 1000 recommended", source="aidin, Modes", unit="0.1 %", low=0, high=1000, whole=UINT16, access="w", kind=SETTING, verb="max-torque", persistent="unknown"),
     _command("hand_TP_cmd", "encoders", "encoder targets", MOTORS, unit="cts", limits=MOTOR_LIMITS, whole=INT32),
     _command("hand_joint_cmd", "joints", "joint angle targets", JOINTS, unit="deg", limits=JOINT_LIMITS, angles=True, places=1, note=COUPLED_NOTE),
     _command("hand_taskspace_cmd", "fingertips", "fingertip targets", AXES, unit="mm", limits=TIP_LIMITS, places=1, note=FRAME_NOTE),
-    _command("hand_TT_cmd", "currents", "motor current targets", MOTORS, limits=CURRENT_LIMITS, whole=INT32, note=CURRENT_NOTE),
+    _command("hand_TT_cmd", "currents", "motor current targets", MOTORS, limits=CURRENT_LIMITS, whole=INT32, acts=PUSHES, note=CURRENT_NOTE),
 ])  # fmt: skip
 """Feedback first, then commands."""
 

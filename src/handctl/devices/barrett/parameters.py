@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from handctl.errors import UsageError
-from handctl.param import Element, Number, Param, ParamMap, elements_of
+from handctl.param import SETTING, Element, Number, Param, ParamMap, elements_of
 
 MOTORS = ("F1", "F2", "F3", "SPREAD")
 BAUD_CODES = {
@@ -77,7 +77,7 @@ def _global(
     return GclParam(mnemonic=mnemonic, name=name, doc=doc, source=f"barrett §{source}", low=low, high=high, **more)
 
 
-_RW: dict[str, Any] = {"access": "rw", "persistent": "yes"}
+_RW: dict[str, Any] = {"access": "rw", "kind": SETTING, "persistent": "yes"}
 _OFF = {255: "off", 256: "off"}
 _ADV: dict[str, Any] = {**_RW, "advanced": True}
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import click
 
-from handctl import verbs
+from handctl import stored
 from handctl.clikit import Group
 from handctl.devices.barrett.motion_cli import FORCE, MOTORS_OPTION, prefix_of, step_of
 from handctl.devices.barrett.parameters import BARRETT, check_careful
@@ -79,7 +79,7 @@ def add_store_commands(group: Group) -> None:
                 if not run.settings.dry_run:  # also when nothing differs: the EEPROM is written all the same
                     run.confirm("--save writes the EEPROM, which lasts 5,000 saves", save_steps(None))
 
-        table = verbs.restore(run, BARRETT, file, check=check)
+        table = stored.restore(run, BARRETT, file, check=check)
         if save_too and run.settings.dry_run:
             table.rows += [
                 {"step": number, "bytes": step.wire, "meaning": step.meaning, "moves": False, "strands": False}

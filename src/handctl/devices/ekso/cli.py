@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from handctl import __version__, verbs
+from handctl import __version__, stored, verbs
 from handctl.clikit import Command, Group
 from handctl.devices.ekso.dataport import DEFAULT_RETRIES, DataPort
 from handctl.devices.ekso.device import Ekso, one_setting, written_table
@@ -262,8 +262,8 @@ def restore(run: Run, file: str, operator: str | None, audit: str | None, overri
         def check(_changes: object) -> None:
             _with_writer(run, operator, audit, override=override)
 
-        return verbs.restore(run, EKSO, file, check=check)
-    return verbs.restore(run, EKSO, file)
+        return stored.restore(run, EKSO, file, check=check)
+    return stored.restore(run, EKSO, file)
 
 
 class _WordRange(click.IntRange):

@@ -13,7 +13,7 @@ from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal, InvalidOperation
 from typing import Any
 
 from handctl.errors import UsageError
-from handctl.param import Element, Number, Param, ParamMap, elements_of
+from handctl.param import MEASURED, SETTING, Element, Number, Param, ParamMap, elements_of
 
 WALK = {0: "First Step", 1: "ActiveStep", 2: "ProStep", 3: "ProStep+"}
 STAND = {0: "Manual Lean", 1: "Auto Lean"}
@@ -200,7 +200,7 @@ def _setting(word: int, number: int | None, name: str, doc: str, *aliases: str, 
     source = "ekso §6, GetSettings" + ("" if number is None else f", ParameterID {number}")
     return Word(
         message="settings", word=word, id=number, name=name, doc=doc, aliases=aliases, decimals=decimals, source=source,
-        access="r" if number is None else "rw", persistent="no" if number is None else "unknown", **limits, **more,
+        access="r" if number is None else "rw", kind=MEASURED if number is None else SETTING, persistent="no" if number is None else "unknown", **limits, **more,
     )  # fmt: skip
 
 

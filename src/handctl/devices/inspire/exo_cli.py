@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from handctl import verbs
+from handctl import stored, verbs
 from handctl.clikit import Group
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.bus import DEFAULT_RETRIES, DEFAULT_TIMEOUT, Bus
@@ -308,7 +308,7 @@ def factory_reset(run: Run, undocumented_address: bool, backup: str | None, skip
     hand = run.device()
     if not skip_identity_check:
         hand.check_identity()
-    verbs.snapshot(run, path)
+    stored.snapshot(run, path)
     return exo_flash.factory_reset(hand)  # fmt: skip
 
 

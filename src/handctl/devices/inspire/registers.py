@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from handctl.errors import UsageError
-from handctl.param import Element, Number, Param, ParamMap
+from handctl.param import COMMAND, MOVES, PUSHES, SETTING, TRIGGER, Element, Number, Param, ParamMap
 
 FINGERS = ("little", "ring", "middle", "index", "thumb")
 DEGREES_OF_FREEDOM = (*FINGERS, "thumb_rotation")
@@ -100,6 +100,7 @@ EXO: ParamMap[Register] = ParamMap(
             "id of the hand on its line",
             "exo §2.3.1",
             access="rw",
+            kind=SETTING,
             low=1,
             high=254,
             persistent="yes",
@@ -111,6 +112,7 @@ EXO: ParamMap[Register] = ParamMap(
             "speed after save and power cycle",
             "exo §2.3.2",
             access="rw",
+            kind=SETTING,
             choices={code: f"{rate} baud" for code, rate in BAUD_RATES.items()},
             persistent="yes",
             strands=True,
@@ -123,7 +125,7 @@ EXO: ParamMap[Register] = ParamMap(
             access="rw",
             low=0,
             high=1,
-            trigger=True,
+            kind=TRIGGER,
             verb="clear-errors",
         ),
         _u8(
@@ -134,7 +136,7 @@ EXO: ParamMap[Register] = ParamMap(
             access="rw",
             low=0,
             high=1,
-            trigger=True,
+            kind=TRIGGER,
             verb="save",
             strands=True,
         ),
@@ -146,7 +148,7 @@ EXO: ParamMap[Register] = ParamMap(
             access="w",
             low=0,
             high=1,
-            trigger=True,
+            kind=TRIGGER,
             verb="factory-reset",
             strands=True,
         ),
@@ -159,9 +161,9 @@ EXO: ParamMap[Register] = ParamMap(
             low=0,
             high=1,
             persistent="unknown",
-            trigger=True,
+            kind=TRIGGER,
             verb="calibrate",
-            moves=True,
+            acts=MOVES,
         ),
         _s16(
             1472,
@@ -176,12 +178,13 @@ EXO: ParamMap[Register] = ParamMap(
             "commanded position, 0 bent to 1000 open; -1 leaves a finger alone",
             "exo §2.3.7",
             access="rw",
+            kind=COMMAND,
             low=0,
             high=1000,
             special=_NOT_COMMANDED,
             elements=FINGERS,
             persistent="unknown",
-            moves=True,
+            acts=MOVES,
         ),
         _s16(
             1498,
@@ -189,11 +192,12 @@ EXO: ParamMap[Register] = ParamMap(
             "commanded force; positive opens the hand, negative closes it",
             "exo §2.3.8",
             access="rw",
+            kind=COMMAND,
             low=-1000,
             high=1000,
             elements=FINGERS,
             persistent="unknown",
-            moves=True,
+            acts=PUSHES,
         ),
         _s16(
             1546,
@@ -264,7 +268,8 @@ WRIST: ParamMap[Register] = ParamMap(
             "wrist §2.1, range wrist §1",
             YAW_RANGE,
             access="rw",
-            moves=True,
+            kind=COMMAND,
+            acts=MOVES,
             persistent="unknown",
         ),
         _angle(
@@ -274,7 +279,8 @@ WRIST: ParamMap[Register] = ParamMap(
             "wrist §2.1, range wrist §1",
             PITCH_RANGE,
             access="rw",
-            moves=True,
+            kind=COMMAND,
+            acts=MOVES,
             persistent="unknown",
         ),
         Register(
@@ -287,6 +293,7 @@ WRIST: ParamMap[Register] = ParamMap(
             high=32767,
             signed=False,
             access="rw",
+            kind=COMMAND,
             persistent="unknown",
         ),
     ],
