@@ -138,6 +138,7 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
             "latency",
             "ledger",
             "link",
+            "link.deadman",
             "param",
             "piece",
             "result",

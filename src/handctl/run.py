@@ -89,6 +89,8 @@ class Run:
                 from handctl.link.tap import observed
 
                 self._link = observed(self._link, self.ledger)
+            if self._lock is not None:
+                self._link.held += self._lock.descriptors
         return self._link
 
     def link_name(self) -> str:

@@ -58,17 +58,33 @@ class CanFrame(NamedTuple):
         return f"{self.can_id:08X} [{len(self.data)}] {self.data.hex(' ').upper()}".rstrip()
 
 
+class Outlet:
+    """How bytes get out of a link without the link: what a process needs that outlives this one (deadman.py).
+
+    descriptor  of the system
+    encode      a frame (its data, and the identifier on a CAN bus) as this link writes it
+    owes        told when a frame is half sent, with its rest, and with b"" once it is out; replaced by who listens
+    """
+
+    def __init__(self, descriptor: int, encode: Callable[[bytes, int | None], bytes] | None = None) -> None:
+        self.descriptor = descriptor
+        self.encode = encode or (lambda data, can_id: data)
+        self.owes: Callable[[bytes], None] = lambda rest: None
+
+
 class Link(ABC):
     """What every link has: a name, a clock, an end.
 
     name      as the user gave it (for messages and the JSON envelope)
     fake      True when a simulator in this process answers
     replayed  True when a transcript plays the device
+    held      descriptors that keep others off the device (locks)
     """
 
     name: str = ""
     fake: bool = False
     replayed: bool = False
+    held: tuple[int, ...] = ()
 
     def now(self) -> float:
         """Seconds on the link's monotonic clock."""
@@ -85,6 +101,10 @@ class Link(ABC):
 
     def event(self, text: str) -> None:  # noqa: B027 - only a tap records events
         """Note something beside the bytes (speed change, power cycle) in a transcript, if one is recorded."""
+
+    def outlet(self) -> Outlet | None:
+        """The way out for a second process; None where there is none: inside this process, or inside a library."""
+        return None
 
     def power_cycle(self) -> bool:
         """Switch the device off and on. Only simulators can: False means the operator must."""

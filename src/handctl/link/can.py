@@ -8,12 +8,13 @@ from __future__ import annotations
 import contextlib
 import logging
 import os
+import struct
 from typing import Any
 
 import can
 
 from handctl.errors import LinkError, UsageError
-from handctl.link import CanFrame, Deadline, FrameLink
+from handctl.link import CanFrame, Deadline, FrameLink, Outlet
 
 BITRATE = 1_000_000
 """wrist §2.3."""
@@ -73,6 +74,19 @@ class CanLink(FrameLink):
                 code="cannot-open",
             ) from exc
         self._closed = False
+        self._interface = interface
+        self.held = (self._lock,) if self._lock is not None else ()
+
+    def outlet(self) -> Outlet | None:
+        """Of a Linux CAN socket, and of an slcan adapter; other back ends are inside a vendor's library."""
+        try:
+            if self._interface == "socketcan":
+                return Outlet(int(self._bus.fileno()), _socketcan_frame)
+            if self._interface == "slcan":
+                return Outlet(int(self._bus.fileno()), _slcan_frame)
+        except (can.CanError, OSError, NotImplementedError, ValueError):
+            pass
+        return None
 
     def send(self, frame: CanFrame, deadline: Deadline) -> None:
         message = can.Message(arbitration_id=frame.can_id, data=frame.data, is_extended_id=True)
@@ -111,6 +125,16 @@ class CanLink(FrameLink):
             self._bus.shutdown()
         if self._lock is not None:
             os.close(self._lock)
+
+
+def _slcan_frame(data: bytes, can_id: int | None) -> bytes:
+    """A frame for the adapter: T, identifier, length, data in hex, CR; the CR before it ends a line that is half sent."""
+    return f"\rT{can_id or 0:08X}{len(data)}{data.hex().upper()}\r".encode()
+
+
+def _socketcan_frame(data: bytes, can_id: int | None) -> bytes:
+    """struct can_frame of Linux: identifier with the flag of 29 bits, length, padding, 8 bytes of data."""
+    return struct.pack("=IB3x8s", (can_id or 0) | 0x8000_0000, len(data), data)
 
 
 def _possible(message: can.Message) -> bool:

@@ -22,6 +22,11 @@ class Lock:
     def __init__(self, descriptor: int) -> None:
         self._descriptor = descriptor
 
+    @property
+    def descriptors(self) -> tuple[int, ...]:
+        """What is open while it is held: whoever keeps it open keeps the lock."""
+        return (self._descriptor,) if self._descriptor >= 0 else ()
+
     def release(self) -> None:
         """Let others in. The file stays: taking it away would let two processes lock two files of one name."""
         descriptor, self._descriptor = self._descriptor, -1  # first: a Ctrl-C behind the close must not close it again

@@ -16,7 +16,7 @@ from typing import Any
 import serial
 
 from handctl.errors import LinkError, UsageError
-from handctl.link import ByteLink, Deadline
+from handctl.link import ByteLink, Deadline, Outlet
 from handctl.link.owners import Process, group_of, group_remedy, holders
 
 WRITE_SECONDS = 2.0
@@ -98,6 +98,7 @@ class SerialLink(ByteLink):
             raise UsageError(f"{link}: {exc}") from exc
         self.can_set_baud = not device.startswith("socket://")
         self._fd = self._descriptor()
+        self._outlet = outlet_of(self._port, device)
         if self._fd is not None and not device.startswith("/dev/pts/"):
             _low_latency(self._port)
 
@@ -123,14 +124,19 @@ class SerialLink(ByteLink):
     def _write_fd(self, data: bytes, deadline: Deadline) -> None:
         import select
 
-        assert self._fd is not None
+        assert self._fd is not None and self._outlet is not None
         view = memoryview(data)
         while view:
             try:
                 view = view[os.write(self._fd, view) :]
             except BlockingIOError as exc:
+                self._outlet.owes(bytes(view) if len(view) < len(data) else b"")
                 if not select.select([], [self._fd], [], deadline.remaining)[1]:
                     raise self._stuck() from exc
+        self._outlet.owes(b"")
+
+    def outlet(self) -> Outlet | None:
+        return self._outlet
 
     def read(self, deadline: Deadline, size: int = 4096) -> bytes:
         try:
@@ -191,6 +197,18 @@ class SerialLink(ByteLink):
             self._port.close()
         except (serial.SerialException, OSError):
             return  # the port went away before us: nothing is left to release
+
+
+def outlet_of(port: Any, device: str) -> Outlet | None:
+    """Where a second process can write to an open port of pyserial; None where the system gives it no descriptor."""
+    if os.name != "posix":
+        return None
+    try:
+        if device.startswith("rfc2217://"):  # telnet below: a byte FF is doubled, as pyserial does
+            return Outlet(port._socket.fileno(), lambda data, can_id: data.replace(b"\xff", b"\xff\xff"))
+        return Outlet(int(port.fileno()))
+    except (OSError, AttributeError, ValueError):
+        return None
 
 
 def _low_latency(port: Any) -> None:

@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterable
 from typing import NamedTuple, Protocol
 
 from handctl.errors import LinkError, UsageError
-from handctl.link import ByteLink, CanFrame, Deadline, FrameLink, Link
+from handctl.link import ByteLink, CanFrame, Deadline, FrameLink, Link, Outlet
 
 
 class Entry(NamedTuple):
@@ -148,6 +148,7 @@ class _Tapped(Link):
         self.name = link.name
         self.fake = link.fake
         self.replayed = link.replayed
+        self.held = link.held
 
     def now(self) -> float:
         return self._inner.now()
@@ -157,6 +158,9 @@ class _Tapped(Link):
 
     def event(self, text: str) -> None:
         self._tap.event(self.now(), text)
+
+    def outlet(self) -> Outlet | None:
+        return self._inner.outlet()
 
     def power_cycle(self) -> bool:
         done = self._inner.power_cycle()

@@ -6,7 +6,7 @@ import select
 import socket
 
 from handctl.errors import LinkError, UsageError
-from handctl.link import ByteLink, Deadline
+from handctl.link import ByteLink, Deadline, Outlet
 
 CONNECT_SECONDS = 3.0
 QUICKACK = getattr(socket, "TCP_QUICKACK", None)
@@ -60,6 +60,7 @@ class TcpLink(ByteLink):
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
         self._socket.setblocking(False)
+        self._outlet = Outlet(self._socket.fileno())
 
     def write(self, data: bytes, deadline: Deadline) -> None:
         view = memoryview(data)
@@ -67,10 +68,15 @@ class TcpLink(ByteLink):
             try:
                 view = view[self._socket.send(view) :]
             except BlockingIOError as exc:
+                self._outlet.owes(bytes(view) if len(view) < len(data) else b"")
                 if not select.select([], [self._socket], [], deadline.remaining)[1]:
                     raise LinkError(f"{self.name}: the other end takes no more data", code="write-timeout") from exc
             except OSError as exc:
                 raise self._lost(exc) from exc
+        self._outlet.owes(b"")
+
+    def outlet(self) -> Outlet:
+        return self._outlet
 
     def read(self, deadline: Deadline, size: int = 4096) -> bytes:
         try:

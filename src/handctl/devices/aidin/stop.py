@@ -15,6 +15,7 @@ from handctl.devices.aidin.hand import AidinHand, reading
 from handctl.devices.aidin.messages import Out, encode
 from handctl.errors import CheckFailed, HandctlError, Interrupted, LinkError
 from handctl.guide import Guide
+from handctl.link.deadman import Shot, guarding
 from handctl.param import Step, elements_of
 from handctl.result import Table
 
@@ -43,7 +44,7 @@ def stop(hand: AidinHand, guide: Guide) -> Table:
     Raises NoAnswer when the hand says nothing, CheckFailed when currents stay. Damaged feedback, --deadline and Ctrl-C do
     not keep it from being sent.
     """
-    with stopping(hand, guide):
+    with _halting(hand, guide, ""):
         try:
             told, flowed = _until_still(hand)
         except HandctlError as exc:
@@ -157,7 +158,17 @@ def announced(what: str) -> Iterator[None]:
 
 @contextmanager
 def stopping(hand: AidinHand, guide: Guide, what: str = "") -> Iterator[None]:
-    """Around whatever moves: Ctrl-C, and anything that nobody expected, stops the hand before a word is said."""
+    """Around whatever moves: Ctrl-C, and anything that nobody expected, stops the hand before a word is said.
+
+    The death of this process stops it, too. An object that was half sent is completed first.
+    """
+    shot = Shot(object_of(Mode.STOP) + hand.talk.way.end, PERIOD)
+    with guarding(hand.link, [shot] * STOPS, hand.journal.warn), _halting(hand, guide, what):
+        yield
+
+
+@contextmanager
+def _halting(hand: AidinHand, guide: Guide, what: str) -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt as exc:

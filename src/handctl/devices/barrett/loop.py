@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from handctl.devices.barrett.hand import BarrettHand
-from handctl.devices.barrett.language import CR, MOTORS, Answer, has_prompt
+from handctl.devices.barrett.language import ABORT, CR, MOTORS, Answer, encode, has_prompt
 from handctl.devices.barrett.line import DISTURBED
 from handctl.devices.barrett.loop_flags import Wish, prepare
 from handctl.devices.barrett.parameters import BARRETT
@@ -41,6 +41,7 @@ from handctl.errors import (
 from handctl.guide import Guide
 from handctl.latency import RoundTrips
 from handctl.link import Deadline
+from handctl.link.deadman import Guard, Shot, guarding
 from handctl.param import Element, Number
 from handctl.result import Row, Sample
 
@@ -49,6 +50,8 @@ WATCH_SECONDS = 0.5
 """The same where no control is sent: a machine or an adapter that stumbles is then no reason to end."""
 ENTER_SECONDS = 1.5
 READER_SECONDS = 0.5
+ANSWER_SECONDS = 0.01
+"""What the hand needs to answer, beside the time on the wire, where nobody can wait for the answer."""
 NOT_INITIALIZED = 4
 """T says so of such a motor and cuts its power all the same (barrett §5.2.1)."""
 UNITS = {
@@ -85,6 +88,8 @@ class RealtimeLoop:
         self._undo: list[tuple[Element, Number]] = []
         self._last: Values = {}
         self._deltas: dict[int, DeltaPosition] = {}
+        self._guard = Guard(None)
+        self._still = b""
         self._first = self._last_at = 0.0  # answers
         self._measuring = measuring
         self._rate, self._late = 0.0, 0
@@ -94,6 +99,13 @@ class RealtimeLoop:
 
     def run(self, *, rate: float, count: int | None, duration: float | None) -> Iterator[Sample]:
         """Samples, one a block, until `count`, `duration`, the end of the source or Ctrl-C; always leaves the loop."""
+        if self.source is None:
+            yield from self._run(rate, count, duration)
+            return
+        with guarding(self.hand.link, self._power_off_shots(), self.hand.journal.warn) as self._guard:
+            yield from self._run(rate, count, duration)
+
+    def _run(self, rate: float, count: int | None, duration: float | None) -> Iterator[Sample]:
         try:
             self.layout = prepare(self.hand, self.wish, self.source, self._undo)
             self._decoder = Decoder(self.layout)
@@ -225,6 +237,7 @@ class RealtimeLoop:
         with self._guide.counting() as presses:
             if self.source is not None:
                 self._last = values
+                self._tell_guard()
             self._decoder.expect(feedback)
             deadline = link.deadline(1.0 + self.hand.line.wire_seconds(len(block)))
             self.hand.line.link.write(block, deadline)
@@ -352,6 +365,7 @@ class RealtimeLoop:
     def _leave(self) -> None:
         """Zero velocity, ^C, prompt, T, flags as before. Never raises: what fails is told and sets `failure`."""
         line = self.hand.line
+        self._guard.update(self._power_off_shots())  # at the prompt a control block would be text, perhaps a command
         line.bound = None  # stopping has deadlines of its own
         moved = bool(self._last) or (self._asked and self.source is not None)
         stands = False
@@ -427,6 +441,22 @@ class RealtimeLoop:
             index: {**names, "velocity": 0} if "velocity" in names else names for index, names in self._last.items()
         }
         return self.layout.control(still, feedback=False)
+
+    def _tell_guard(self) -> None:
+        """Let a sudden death stop the motors as `_leave` does, block for block: the gains are kept."""
+        zero = self._zero()
+        if zero is None or zero == self._still:
+            return
+        self._still = zero
+        wire = self.hand.line.wire_seconds
+        answered = ANSWER_SECONDS + wire(self.layout.control_size + self.layout.feedback_size)  # of the block before
+        stand = [Shot(b"", answered), Shot(zero, ANSWER_SECONDS + wire(len(zero) + 1))]
+        self._guard.update([*stand, *self._power_off_shots()])
+
+    def _power_off_shots(self) -> list[Shot]:
+        """^C and T, three times: if a block was cut off, the first ^C may be data (dossier 1.2)."""
+        pause = ANSWER_SECONDS + self.hand.line.wire_seconds(16)
+        return [Shot(ABORT, pause), Shot(encode(f"{self.wish.prefix}T"), pause)] * 3
 
     def _blame(self, exc: Exception, hint: str) -> None:
         text = f"while leaving the loop: {exc.text if isinstance(exc, HandctlError) else repr(exc)}"

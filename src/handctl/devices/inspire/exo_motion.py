@@ -14,13 +14,17 @@ from handctl.devices.inspire.exo_flash import outcome
 from handctl.devices.inspire.registers import EXO
 from handctl.errors import HandctlError, Interrupted, NoAnswer, ProtocolError
 from handctl.guide import Guide
-from handctl.param import Reading, elements_of
+from handctl.link.deadman import Guard, Shot, guarding
+from handctl.param import Number, Reading, elements_of
 from handctl.result import Column, Table
 
 CALIBRATION_SECONDS = 30.0
 """How long to listen for the end frame; the documented waits add up to 9 s, movements come on top (exo §2.3.6)."""
 STILL_SECONDS, STILL_SAMPLES = 0.5, 3
 """Fingers stand still when so many readings in a row, over so long a time, are equal."""
+STOPS = 3
+ANSWER_SECONDS = 0.01
+"""What a hand needs to answer a frame before it gets the next, beside the time on the wire."""
 
 CALIBRATION_STEPS = (
     (1, "relax all fingers: no force on the hand"),
@@ -116,14 +120,15 @@ def move(hand: ExoHand, values: list[int], guide: Guide, *, wait: float) -> Tabl
     Ctrl-C commands the fingers to the positions they have just then, where these are legal (the manual has no stop
     command). Returns targets against reached positions; no verdict, since a worn finger may be held back.
     """
-    try:
-        with watching("the fingers"):
-            hand.command("position", values)
-            reached = _settle(hand, values, guide, wait)
-    except KeyboardInterrupt as exc:
-        guide.done()
-        with guide.undisturbed():
-            raise Interrupted(f"interrupted: {stop(hand, ['position_set'])}") from exc
+    with guarding(hand.link, _last_shots(hand, []), hand.journal.warn) as guard:
+        try:
+            with watching("the fingers"):
+                hand.command("position", values)
+                reached = _settle(hand, values, guide, wait, guard)
+        except KeyboardInterrupt as exc:
+            guide.done()
+            with guide.undisturbed():
+                raise Interrupted(f"interrupted: {stop(hand, ['position_set'])}") from exc
     rows = []
     for reading in reached:
         target = values[reading.element.index] if reading.element.index < len(values) else None
@@ -131,7 +136,20 @@ def move(hand: ExoHand, values: list[int], guide: Guide, *, wait: float) -> Tabl
     return Table(rows=rows, columns=(*hand.columns[:4], Column("target", "Target", right=True), *hand.columns[4:]))
 
 
-def _settle(hand: ExoHand, values: list[int], guide: Guide, wait: float) -> list[Reading]:
+def _last_shots(hand: ExoHand, places: list[Number | None]) -> list[Shot]:
+    """The stop of a movement that nobody watches any more: forces 0, each finger held where it was seen last.
+
+    Where that is not known, or no legal position, it is told not to move (-1, exo §2.3.7).
+    """
+    bus = hand.bus
+    held = [int(place) if place is not None and 0 <= place <= 1000 else -1 for place in (*places, *[None] * 5)][:5]
+    release = hand.command_step("force", [0] * 5).data
+    hold = bus.write_step(EXO["position_set"].address, eb90.pack_s16(held), "hold").data
+    pause = ANSWER_SECONDS + 2 * bus.wire_seconds(len(hold))
+    return [Shot(release, pause), Shot(hold, pause)] * STOPS
+
+
+def _settle(hand: ExoHand, values: list[int], guide: Guide, wait: float, guard: Guard) -> list[Reading]:
     """Read positions until they are the targets, or are equal over STILL_SECONDS, or `wait` is over."""
     elements = elements_of(EXO["position_actual"])
     bus = hand.bus
@@ -140,6 +158,7 @@ def _settle(hand: ExoHand, values: list[int], guide: Guide, wait: float) -> list
     still_since, equal = bus.link.now(), 1
     while True:
         here = [reading.value for reading in last]
+        guard.update(_last_shots(hand, here))
         guide.progress(f"positions {' '.join(str(value) for value in here)}, targets {' '.join(map(str, values))}")
         still = bus.link.now() - still_since
         if here[: len(values)] == values:

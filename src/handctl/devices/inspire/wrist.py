@@ -7,6 +7,7 @@ lie current limits and power-on speeds. On its bench it moves without asking.
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from typing import TYPE_CHECKING
 
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.bus import watching
@@ -14,13 +15,19 @@ from handctl.devices.inspire.device import RegisterDevice
 from handctl.devices.inspire.registers import WRIST, register_of
 from handctl.errors import CheckFailed, HandctlError, Interrupted, UsageError
 from handctl.guide import Guide
-from handctl.param import Element, Number, Reading, elements_of
+from handctl.param import Element, Number, Reading, Step, elements_of
 from handctl.result import Cell, Column, Grid, Row, Table, hex_bytes
+
+if TYPE_CHECKING:
+    from handctl.link.deadman import Guard, Shot
 
 SLOWEST_USUAL, FASTEST_USUAL = 5000, 100
 """Milliseconds outside which a movement time is worth a warning; the manual gives no range."""
 ARRIVED_DEGREES = 0.5
 STILL_SECONDS, STILL_SAMPLES = 0.3, 3
+STOPS, STOP_SECONDS = 3, 0.02
+"""How often, and how far apart, the stop is sent for a process that died; its answer must not meet the next on the wire."""
+ANGLES = tuple(Element(WRIST[name], 0) for name in ("pitch_actual", "yaw_actual"))
 SHORT = 40
 """Characters of a remark that fit beside a value."""
 WIRING_HINT = (
@@ -139,28 +146,49 @@ class Wrist(RegisterDevice):
         `wait` bounds the watching, default the movement time half as long again and 2 s. Ctrl-C commands the axes to
         stay where they are just then (the manual has no stop). Raises CheckFailed beyond 0.5 degree off the target.
         """
+        from handctl.link.deadman import guarding
+
         targets = {element.param.name: float(value) for element, value in changes if element.param.moves}
         time = next((int(value) for element, value in changes if element.param.name == "move_time"), None)
         if time is None:
             time = int(self.read([Element(WRIST["move_time"], 0)])[0].value or 0)
-        try:
-            with watching("the wrist"):
-                self.write(changes)
-                readings = self._watch(targets, guide, wait if wait is not None else time * 1.5 / 1000 + 2, time / 1000)
-        except KeyboardInterrupt as exc:
-            guide.done()
-            with guide.undisturbed():
-                raise Interrupted(f"interrupted: {self.stop(targets)}") from exc
+        wait = wait if wait is not None else time * 1.5 / 1000 + 2
+        # Where it stands is asked for first: without that nothing could hold it there if this process dies.
+        with guarding(self.link, self._last_shots(self.read(ANGLES)), self.journal.warn) as guard:
+            try:
+                with watching("the wrist"):
+                    self.write(changes)
+                    readings = self._watch(targets, guide, wait, time / 1000, guard)
+            except KeyboardInterrupt as exc:
+                guide.done()
+                with guide.undisturbed():
+                    raise Interrupted(f"interrupted: {self.stop(targets)}") from exc
         return self._arrival(readings, targets)
 
-    def _watch(self, targets: dict[str, float], guide: Guide, wait: float, expected: float) -> list[Reading]:
+    def _last_shots(self, angles: Sequence[Reading]) -> list[Shot]:
+        """The stop of a movement that nobody watches any more: both axes held where they were seen last; nothing where that is not known, or outside the documented range."""
+        from handctl.link.deadman import Shot
+
+        pitch, yaw = (reading.value for reading in angles)
+        if pitch is None or yaw is None or not (WRIST["yaw_set"].allowed(yaw) and WRIST["pitch_set"].allowed(pitch)):
+            return []
+        return [Shot(step.data, STOP_SECONDS, step.can_id) for step in [self._hold_step(yaw, pitch)] * STOPS]
+
+    def _hold_step(self, yaw: Number, pitch: Number) -> Step:
+        data = eb90.pack_s16([round(yaw * 100), round(pitch * 100)])
+        return self.bus.write_step(WRIST["yaw_set"].address, data, "hold")
+
+    def _watch(
+        self, targets: dict[str, float], guide: Guide, wait: float, expected: float, guard: Guard
+    ) -> list[Reading]:
         bus = self.bus
-        elements = [Element(WRIST[name], 0) for name in ("pitch_actual", "yaw_actual")]
         started, end = bus.link.now(), bus.link.deadline(wait)
         last: list[Number | None] = []
         still_since, equal = started, 0
         while True:
-            readings = self.read(elements)
+            readings = self.read(ANGLES)
+            if shots := self._last_shots(readings):
+                guard.update(shots)
             here = [reading.value for reading in readings]
             now = bus.link.now()
             if here != last:
