@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from itertools import pairwise
 from typing import Any
 
 import pytest
 
+from handctl.devices.barrett.guards import GUARDS
 from handctl.devices.barrett.language import Answer
-from handctl.devices.barrett.loop import RealtimeLoop
+from handctl.devices.barrett.loop import SELF_TEST_BLOCKS, RealtimeLoop
 from handctl.devices.barrett.loop_flags import Wish
 from handctl.devices.barrett.schedule import Change, Schedule, Source, Values
 from handctl.errors import CheckFailed, HandctlError, ProtocolError, UsageError
@@ -38,8 +39,10 @@ class Run:
         temperature: bool | None = True,
         source: Source | None = None,
         hold: bool = False,
-        sequential: bool = False,
+        sequential: bool | None = None,
         motors: tuple[int, ...] = (0, 1, 3),
+        guards: Collection[str] = GUARDS,
+        delta_unit: int | None = 1,
         link: Simulated | None = None,
         guide: Guide | None = None,
         **options: Any,
@@ -52,7 +55,8 @@ class Run:
             self.hand.line.connect()
             link.sent.clear()
         self.before = self.flags()
-        wish = Wish(motors, receive, temperature, hold)
+        wish = Wish(motors, receive, temperature, hold, frozenset(guards), delta_unit)
+        sequential = source is not None if sequential is None else sequential
         self.loop = RealtimeLoop(self.hand, guide or Guide(), wish, source, sequential=sequential)
         self.samples: list[Sample] = []
         self.error: BaseException | None = None
@@ -174,7 +178,7 @@ def test_nothing_to_receive_is_acknowledged_only() -> None:
     nothing: Names = {0: (), 1: (), 3: ()}
     watched = Run(receive=nothing, temperature=False).go(2)
     assert [hexed(data) for data in watched.inside] == ["61", "61", "03"]
-    driven = Run(receive=nothing, temperature=False, source=example()).go(2)
+    driven = Run(receive=nothing, temperature=False, source=example(), guards=()).go(2)
     assert [hexed(data) for data in driven.inside] == ["63 14 7F", "63 14 7F", "63 00 00", "03"]
     assert driven.stands() and driven.error is None
 
@@ -185,7 +189,9 @@ def test_gain_and_coefficients() -> None:
     for line in ("1FSET LCVC 3 LFDPC 2 LFVC 4",):
         link.feed(line.encode() + CR)
     source = Source({0: ("velocity", "gain")}, {(0, "velocity"): -2, (0, "gain"): 9})
-    run = Run(link=link, receive={0: ("delta",)}, temperature=False, source=source, motors=(0,)).go(3)
+    run = Run(
+        link=link, receive={0: ("delta",)}, temperature=False, source=source, motors=(0,), guards=(), delta_unit=2
+    ).go(3)
     assert [hexed(data) for data in run.inside] == ["43 FE 09"] * 3 + ["63 00 09", "03"]
     assert run.values("delta", "F1")[:2] == [254, 246]  # §6.2.3: 500 counts by two a unit
     assert run.values("position", "F1")[:2] == [254, 500]
@@ -276,7 +282,10 @@ def test_never_ahead_of_the_acknowledgement(baud: int, sequential: bool) -> None
     run = Run(link=link, source=example(), sequential=sequential).go(20)
     assert run.error is None
     blocks = [(data, heard) for data, heard in link.log if data[:1] == b"C" and len(data) == 3]
-    assert len(blocks) == 20
+    test = 0 if sequential else SELF_TEST_BLOCKS
+    assert [data for data, _ in blocks[:test]] == [b"C\0\0"] * test, "the self-test drives nothing"
+    blocks = blocks[test:]
+    assert [data for data, _ in blocks] == [b"C\x14\x7f"] * 20
     start = blocks[0][1]
     size = run.loop.layout.feedback_size
     for number, (_, heard) in enumerate(blocks):
@@ -332,7 +341,7 @@ def test_a_slow_line_is_not_flooded_with_late_blocks() -> None:
 def test_a_schedule_is_sent_in_time() -> None:
     rows = [(0.0, dict(TWENTY)), (0.1, {(0, "velocity"): 0}), (0.2, {(1, "velocity"): -5}), (0.3, {})]
     source = Schedule({0: ("velocity",), 1: ("velocity",), 3: ()}, rows, {})
-    run = Run("wire=auto", source=source).go(None)
+    run = Run("wire=auto", source=source, guards=()).go(None)
     assert run.error is None
     distinct = list(dict.fromkeys(hexed(data) for data in run.inside))
     assert distinct == ["43 14 7F", "43 00 7F", "43 00 FB", "63 00 00", "03"]

@@ -25,6 +25,8 @@ EXAMPLE = (
     "strain@12,delta,temperature",
     "--velocity",
     "20,127",
+    "--delta-unit",
+    "1",
 )
 LIMITS = ("limit_sequential", "limit_overlapped", "limit_pipelined")
 
@@ -256,7 +258,7 @@ def test_control_with_times(tmp_path: Path, text: str, stdin: bool) -> None:
         return
     file, trace = tmp_path / "in", tmp_path / "t.txt"
     file.write_bytes(text.encode())
-    result = do("--motors", "124", "--receive", "position@12", "--control", "-" if stdin else file, "--trace", trace,
+    result = do("--motors", "124", "--receive", "position@12", "--no-guard", "window", "--control", "-" if stdin else file, "--trace", trace,
                 stdin=text)  # fmt: skip
     assert result.code == 0, result
     assert list(dict.fromkeys(blocks(trace))) == ["43 14 14", "43 00 EC", "63 00 00", "03"]

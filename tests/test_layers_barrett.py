@@ -14,7 +14,7 @@ def test_the_language_of_barrett_is_sans_io() -> None:
     assert {found.target.split(".")[0] for found in imports_of("devices.barrett.commands")} & WORLD == set()
 
 
-@pytest.mark.parametrize("name", ["realtime", "download", "srecord", "schedule"])
+@pytest.mark.parametrize("name", ["realtime", "download", "srecord", "schedule", "guards"])
 def test_blocks_records_and_schedules_are_sans_io(name: str) -> None:
     """They know no link and no clock, and touch nothing of the world."""
     module = f"devices.barrett.{name}"

@@ -225,7 +225,8 @@ def test_live_control_through_a_pipe(start: Start, tmp_path: Path) -> None:
         text = trace.read_text(encoding="utf-8") if trace.exists() else ""
         return [line.split("> ", 1)[1] for line in text.splitlines() if " > " in line]
 
-    words = ("realtime", "--motors", "1", "--receive", "position", "--control", "-", "--rate", "50", "--timeout", "1")
+    words = ("realtime", "--motors", "1", "--receive", "position", "--control", "-", "--rate", "50", "--timeout", "1",
+             "--no-guard", "window")  # fmt: skip
     with subprocess.Popen(
         program("barrett", *words, "--trace", trace, "-p", link, "--json"), env=clean_environment(),
         stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,

@@ -1,7 +1,9 @@
-"""The RealTime loop of one hand (barrett §6): set its flags, enter, exchange blocks, leave it standing, put flags back.
+"""The RealTime loop of one hand (barrett §6): enter, exchange blocks under guard, hand out what is proved, leave.
 
-The next block goes out as soon as the acknowledgement of the last one is seen, as §6.1 allows; never earlier. No watchdog
-is documented: whatever ends the loop, the motors are told velocity 0, the hand gets its ^C, then T (dossier 6.6).
+Watching, the next block goes out as soon as the acknowledgement of the last one is seen, as §6.1 allows; never earlier.
+While anything is driven the whole feedback is awaited first, unless overlapping was asked for: the only practice known
+on hardware, and its data are half as old. A block has no checksum: its place is proved by the `*` behind it, or by
+silence, and only then is it handed out.
 """
 
 from __future__ import annotations
@@ -10,22 +12,22 @@ from collections import deque
 from collections.abc import Iterator
 from typing import Any
 
+from handctl.devices.barrett.guards import Guards
 from handctl.devices.barrett.hand import BarrettHand
-from handctl.devices.barrett.language import ABORT, CR, MOTORS, Answer, encode, has_prompt
+from handctl.devices.barrett.language import CR, Answer, has_prompt
+from handctl.devices.barrett.leaving import Session, still
 from handctl.devices.barrett.line import DISTURBED
 from handctl.devices.barrett.loop_flags import Wish, prepare
+from handctl.devices.barrett.loop_rows import Intake, Sent, Taken
 from handctl.devices.barrett.parameters import BARRETT
 from handctl.devices.barrett.realtime import (
     ACKNOWLEDGE,
-    FEEDBACK,
     FEEDBACK_ONLY,
     NEITHER,
     Decoder,
-    DeltaPosition,
     Feedback,
     Layout,
     LoopError,
-    cycles,
 )
 from handctl.devices.barrett.schedule import Source, Values
 from handctl.errors import (
@@ -39,29 +41,16 @@ from handctl.errors import (
     UsageError,
 )
 from handctl.guide import Guide
-from handctl.latency import RoundTrips
-from handctl.link import Deadline
-from handctl.link.deadman import Guard, Shot, guarding
-from handctl.param import Element, Number
-from handctl.result import Row, Sample
+from handctl.link.deadman import guarding
+from handctl.param import Element
+from handctl.result import Sample
 
-BLOCK_SECONDS = 0.1
-WATCH_SECONDS = 0.5
-"""The same where no control is sent: a machine or an adapter that stumbles is then no reason to end."""
 ENTER_SECONDS = 1.5
 READER_SECONDS = 0.5
-ANSWER_SECONDS = 0.01
-"""What the hand needs to answer, beside the time on the wire, where nobody can wait for the answer."""
-NOT_INITIALIZED = 4
-"""T says so of such a motor and cuts its power all the same (barrett §5.2.1)."""
-UNITS = {
-    "strain": None,
-    "position": "cts",
-    "delta": "cts",
-    "velocity": None,
-    "breakaway_position": "cts",
-    "analog": None,
-}
+PROOF_SECONDS = 0.025
+"""Silence behind a block that proves its end where no other block follows: an adapter hands bytes over within 16 ms."""
+SELF_TEST_BLOCKS = 16
+UNPROVED = "no answer came behind it: its place in the stream is not proved"
 
 
 class RealtimeLoop:
@@ -77,62 +66,80 @@ class RealtimeLoop:
         self.hand = hand
         self.wish = wish
         self.source = source
-        self.trips = RoundTrips()
-        self.blocks = 0
-        self.failure: HandctlError | None = None
-        self.layout = Layout({})
+        self.session = Session(hand, wish, drives=source is not None)
         self._guide = guide
         self._sequential = sequential
-        self._decoder = Decoder(self.layout)
-        self._inside = self._thrown_out = self._asked = False
-        self._undo: list[tuple[Element, Number]] = []
-        self._last: Values = {}
-        self._deltas: dict[int, DeltaPosition] = {}
-        self._guard = Guard(None)
-        self._still = b""
-        self._first = self._last_at = 0.0  # answers
-        self._measuring = measuring
-        self._rate, self._late = 0.0, 0
-        self.velocity_points: dict[int, list[tuple[float, int, int]]] = {index: [] for index in wish.motors}
+        self._intake = Intake(hand, wish, measuring=measuring)
 
     # -- the whole run -------------------------------------------------------------------------------------------
 
+    @property
+    def layout(self) -> Layout:
+        """The structure of the blocks."""
+        return self.session.layout
+
+    @property
+    def velocity_points(self) -> dict[int, list[tuple[float, int, int]]]:
+        """Time, position and velocity per motor, of a loop that measures."""
+        return self._intake.velocity_points
+
+    def summary(self) -> dict[str, Any]:
+        """Rate, latencies, floors and what the guards did, for the closing envelope."""
+        return self._intake.summary(drives=self.source is not None, overlapped=not self._sequential)
+
+    @property
+    def failure(self) -> HandctlError | None:
+        """What went wrong while leaving."""
+        return self.session.failure
+
     def run(self, *, rate: float, count: int | None, duration: float | None) -> Iterator[Sample]:
         """Samples, one a block, until `count`, `duration`, the end of the source or Ctrl-C; always leaves the loop."""
+        session = self.session
         if self.source is None:
             yield from self._run(rate, count, duration)
             return
-        with guarding(self.hand.link, self._power_off_shots(), self.hand.journal.warn) as self._guard:
+        with guarding(self.hand.link, session.power_off_shots(), self.hand.journal.warn) as session.dead_man:
             yield from self._run(rate, count, duration)
 
     def _run(self, rate: float, count: int | None, duration: float | None) -> Iterator[Sample]:
+        session = self.session
         try:
-            self.layout = prepare(self.hand, self.wish, self.source, self._undo)
-            self._decoder = Decoder(self.layout)
+            self._prepare(rate)
             self._enter()
-            for sample in self._exchange(rate, count, duration):
+            if self.source is not None and not self._sequential:
+                self._self_test()
+            for sample in self._exchange(self.source, rate, count, duration):
                 if self.source is None:
                     yield sample
                     continue
                 with self._guide.impatient(READER_SECONDS, self._stop_for_reader):
                     yield sample
         except LinkError as exc:
-            if self._inside and self.source is not None:
+            if session.inside and self.source is not None:
                 exc.hint = f"the motors keep their last velocity: switch the hand's power off now; {exc.hint}"
-            self._inside = False
-            self._undo.clear()
-            self.source = None
+            session.give_up()
             if exc.code == "lost":  # no T can reach the hand either
-                self._last = {}
+                session.last = {}
             raise
         finally:
-            with self._guide.undisturbed():
-                self._leave()
+            self._leave()
+
+    def _leave(self) -> None:
+        with self._guide.undisturbed():
+            self.session.leave()
+
+    def _prepare(self, rate: float) -> None:
+        """Flags and guards. A block takes as long as its bytes, or as the rate says."""
+        line = self.hand.line
+        longest = max(1 / rate if rate else 0.0, line.wire_seconds(9 + 23) or 0.035)
+        prepared = prepare(self.hand, self.wish, self.source, self.session.undo, longest)
+        self.session.layout = prepared.layout
+        self._intake.prepared = prepared
+        self.session.decoder = Decoder(self.session.layout)
 
     def _stop_for_reader(self) -> HandctlError:
         """Nobody takes the rows, so no block would go out and the motors would keep their last velocity."""
-        with self._guide.undisturbed():
-            self._leave()
+        self._leave()
         return OutputError(
             f"the rows were not taken for {READER_SECONDS:g} s: no further block could be sent, the motors were stopped",
             hint="a reader that keeps up, a lower --rate, or -o FILE",
@@ -142,32 +149,34 @@ class RealtimeLoop:
     # -- in and out ----------------------------------------------------------------------------------------------
 
     def _enter(self) -> None:
-        """`FGET P` (the reference of the deltas), then LOOP and its acknowledgement."""
-        hand, link = self.hand, self.hand.link
-        line = hand.line
-        if any("delta" in motor.feedback for motor in self.layout.motors.values()):
+        """`FGET P` (the reference of the deltas, and where the guards begin), then LOOP and its acknowledgement."""
+        hand, link, session = self.hand, self.hand.link, self.session
+        prepared = self._intake.prepared
+        start: dict[int, int] = {}
+        if prepared.limits or any("delta" in motor.feedback for motor in session.layout.motors.values()):
             for reading in hand.read([Element(BARRETT.by_mnemonic("P"), index) for index in self.wish.motors]):
                 if reading.error is not None:
                     raise reading.error
-                index = reading.element.index
-                self._deltas[index] = DeltaPosition(int(reading.value or 0), self.layout.motors[index].delta_divisor)
+                start[reading.element.index] = int(reading.value or 0)
+        self._intake.begin(start)
         command = f"{self.wish.prefix}LOOP"
         sent = command.encode("ascii")
+        line = hand.line
         deadline = link.deadline(ENTER_SECONDS + 2 * line.wire_seconds(len(sent) + 2)).earlier(line.bound)
         line.drain()
         # From here on it may be in the loop, where every byte counts as a header: it is left by ^C and nothing else.
-        self._inside = self._asked = True
+        session.inside = session.asked = True
         line.link.write(sent + CR, deadline)
         hand.journal.counters.sent += 1
         came = b""
         while not deadline.expired:
             if len(came) > len(sent) and came[len(sent)] == ACKNOWLEDGE and came[: len(sent)].upper() == sent:
                 hand.journal.counters.received += 1
-                self._decoder.feed(came[len(sent) + 1 :])
+                session.decoder.feed(came[len(sent) + 1 :])
                 return
             if has_prompt(came):
                 if status := _status(came):
-                    self._inside = self._asked = False
+                    session.inside = session.asked = False
                     raise hand.refusal(Answer(command, (), status, came))
                 break
             chunk = line.link.read(deadline)
@@ -186,78 +195,156 @@ class RealtimeLoop:
             code="echo-differs",
         )
 
-    def _exchange(self, rate: float, count: int | None, duration: float | None) -> Iterator[Sample]:
-        link, decoder, bound = self.hand.link, self._decoder, self.hand.line.bound
-        sent: deque[tuple[float, Values]] = deque()
-        start = due = link.now()
+    def _self_test(self) -> None:
+        """Overlapped blocks that drive nothing: a hand that does not keep up with them must not be driven so."""
+        assert self.source is not None
+        values = self.source.at(0.0)
+        if values is None:
+            return
+        idle = Source(self.source.carries, {(i, n): v for i, names in still(values).items() for n, v in names.items()})
+        try:
+            for _ in self._exchange(idle, 0.0, SELF_TEST_BLOCKS, None):
+                pass
+        except (NoAnswer, ProtocolError) as exc:
+            exc.text = f"{exc.text} (self-test of overlapped blocks; nothing was driven)"
+            exc.hint = f"leave --overlapped out; {exc.hint}"
+            raise
+        self._intake.forget()
+        self.session.stood = False
+
+    # -- blocks --------------------------------------------------------------------------------------------------
+
+    def _exchange(
+        self, source: Source | None, rate: float, count: int | None, duration: float | None
+    ) -> Iterator[Sample]:
+        link, bound, decoder, intake = self.hand.link, self.hand.line.bound, self.session.decoder, self._intake
+        sent: deque[Sent] = deque()
+        proved: deque[Taken] = deque()
+        last: Taken | None = None  # has come, but nothing behind it yet
+        intake.start = due = link.now()
+        intake.rate = rate
         asked = 0
         going = True
-        self._rate = rate
-        while going or sent:
-            while going and (not sent or (len(sent) == 1 and decoder.acknowledged and not self._sequential)):
-                now = link.now()
-                if rate and now < due:
-                    if sent:
-                        break
-                    link.sleep(due - now)
+        try:
+            while going or sent or proved or last is not None:
+                while going and (not sent or (len(sent) == 1 and decoder.acknowledged and not self._sequential)):
                     now = link.now()
-                values = self._values(now - start)
-                over = (count is not None and asked >= count) or (duration is not None and now - start >= duration)
-                if values is None or over or (bound is not None and bound.expired):
-                    going = False
-                    break
-                if rate:
-                    self._late += now > due + 1 / rate
-                    due = max(due + 1 / rate, now)
-                self._send(values)
-                asked += 1
-                sent.append((now, {index: dict(names) for index, names in values.items()}))
-            if sent and (answer := self._answer(sent)) is not None:
-                yield self._sample(answer, sent, start)
+                    if rate and now < due:
+                        if sent:
+                            break
+                        if last is not None and due - now > PROOF_SECONDS:
+                            self._prove_by_silence()
+                            proved.append(last)
+                            last = None
+                            break
+                        link.sleep(due - now)
+                        now = link.now()
+                    values = self._values(source, now - intake.start)
+                    over = (count is not None and asked >= count) or (
+                        duration is not None and now - intake.start >= duration
+                    )
+                    if values is None or over or (bound is not None and bound.expired):
+                        going = False
+                        break
+                    if rate:
+                        intake.late += now > due + 1 / rate
+                        due = max(due + 1 / rate, now)
+                    sent.append(self._send(source, values, now))
+                    asked += 1
+                if not sent and not going and last is not None:
+                    self._prove_last()
+                    proved.append(last)
+                    last = None
+                while proved:
+                    yield intake.sample(proved.popleft())
+                if not sent:
+                    continue
+                answer = self._answer(sent)
+                if last is not None:
+                    proved.append(last)
+                    last = None
+                if answer is not None:
+                    last = intake.take(answer, sent.popleft())
+                    if intake.end is not None:
+                        self._prove_last()  # what a lost byte has shifted is no reason that could be told
+                        raise intake.end
+        except (NoAnswer, ProtocolError, DeviceRefused, CheckFailed) as exc:
+            if last is not None:
+                self._leave()  # before anything else: the motors
+                text = exc.text if isinstance(exc, ProtocolError) else UNPROVED if isinstance(exc, NoAnswer) else ""
+                yield intake.sample(last, text)
+            raise
         if bound is not None and bound.expired:
             raise NoAnswer(f"{link.name}: --deadline is over", hint="a longer --deadline", code="deadline")
 
-    def _values(self, seconds: float) -> Values | None:
+    def _prove_by_silence(self) -> None:
+        """Nothing more comes where nothing was asked for: the block ended where it should. Raises ProtocolError."""
+        decoder, line = self.session.decoder, self.hand.line
+        decoder.feed(line.link.read(self.hand.link.deadline(PROOF_SECONDS)))
+        if decoder.received:
+            self._next_answer()
+
+    def _prove_last(self) -> None:
+        """The last block: driving, velocity 0 is sent at once and its acknowledgement proves it. Raises ProtocolError."""
+        if not self.session.drives or not self.session.last:
+            self._prove_by_silence()
+            return
+        with self._guide.undisturbed():
+            stands = self.session.stand()
+        if not stands:
+            raise ProtocolError(
+                f"{self.hand.link.name}: velocity 0 was not acknowledged at the end", hint=DISTURBED, code="bad-block"
+            )
+
+    def _values(self, source: Source | None, seconds: float) -> Values | None:
         """What to send now; None when the source is over. Raises CheckFailed for a line that came bad while motors ran."""
-        if self.source is None:
+        if source is None:
             return {}
         try:
-            return self.source.at(seconds)
+            return source.at(seconds)
         except UsageError as exc:
             raise CheckFailed(f"{exc.text}; the loop was left", hint=exc.hint, code="control") from exc
 
-    def _send(self, values: Values) -> None:
-        """One block. A Ctrl-C meanwhile waits until it is sent and expected: leaving must know what is on the wire."""
-        link = self.hand.link
-        feedback = self.layout.feedback_size > 1
-        if self.source is None:
+    def _send(self, source: Source | None, values: Values, now: float) -> Sent:
+        """One block, as the guards allow. A Ctrl-C meanwhile waits until it is sent: leaving must know what is on the wire."""
+        session = self.session
+        feedback = session.layout.feedback_size > 1
+        if not session.decoder.outstanding and session.decoder.received:
+            self._next_answer()  # bytes that nobody asked for: what comes now could not be told apart
+        held: dict[int, str] = {}
+        if source is None:
             block = FEEDBACK_ONLY if feedback else NEITHER
         else:
-            block = self.layout.control(values, feedback=feedback)
+            if self._intake.guards is not None:
+                values, held = self._allowed(self._intake.guards, values, now)
+            values = {index: dict(names) for index, names in values.items()}
+            block = session.layout.control(values, feedback=feedback)
         with self._guide.counting() as presses:
-            if self.source is not None:
-                self._last = values
-                self._tell_guard()
-            self._decoder.expect(feedback)
-            deadline = link.deadline(1.0 + self.hand.line.wire_seconds(len(block)))
+            if source is not None:
+                session.last, session.stood = values, False
+                session.tell_dead_man()
+            session.decoder.expect(feedback)
+            deadline = self.hand.link.deadline(1.0 + self.hand.line.wire_seconds(len(block)))
             self.hand.line.link.write(block, deadline)
             self.hand.journal.counters.sent += 1
         if presses.count:
             raise KeyboardInterrupt
+        return Sent(now, values, held)
 
-    def _answer(self, sent: deque[tuple[float, Values]]) -> Feedback | None:
-        """The answer to the oldest block; None once when its acknowledgement has come: the next block may go out."""
-        decoder, line = self._decoder, self.hand.line
-        deadline = self._block_deadline(sent[0][0])
+    def _allowed(self, guards: Guards, values: Values, now: float) -> tuple[Values, dict[int, str]]:
+        try:
+            return guards.allow(values, now, self._intake.cycle)
+        except UsageError as exc:
+            raise CheckFailed(f"{exc.text}; the loop was left", hint=exc.hint, code=exc.code) from exc
+
+    def _answer(self, sent: deque[Sent]) -> Feedback | None:
+        """The answer to the oldest block; None once when its acknowledgement has come."""
+        decoder, line = self.session.decoder, self.hand.line
+        deadline = self.session.block_deadline(sent[0].at)
         while True:
-            try:
-                answer = decoder.next()
-            except ProtocolError as exc:
-                self.hand.journal.counters.bad_frames += 1
-                hint = exc.hint or DISTURBED
-                raise ProtocolError(f"{self.hand.link.name}: {exc.text}", hint=hint, code=exc.code) from exc
+            answer = self._next_answer()
             if isinstance(answer, LoopError):
-                self._inside, self._thrown_out = False, True
+                self.session.inside, self.session.thrown_out = False, True
                 raise self._refused(answer)
             if answer is not None:
                 self.hand.journal.counters.received += 1
@@ -267,33 +354,35 @@ class RealtimeLoop:
             if not chunk:
                 raise self._silence()
             decoder.feed(chunk)
-            if decoder.acknowledged and not had and len(sent) == 1 and not self._sequential:
+            if decoder.acknowledged and not had and len(sent) == 1 and not decoder.complete:
                 return None
 
-    def _block_deadline(self, sent_at: float) -> Deadline:
-        line = self.hand.line
-        size = self.layout.control_size + self.layout.feedback_size
-        patience = BLOCK_SECONDS if self.source is not None else WATCH_SECONDS
-        seconds = line.timeout if line.timeout is not None else max(patience, 10 * line.wire_seconds(size))
-        return self.hand.link.deadline(max(0.0, sent_at + seconds - self.hand.link.now()))
+    def _next_answer(self) -> Feedback | LoopError | bool | None:
+        try:
+            return self.session.decoder.next()
+        except ProtocolError as exc:
+            self.hand.journal.counters.bad_frames += 1
+            hint = exc.hint or DISTURBED
+            raise ProtocolError(f"{self.hand.link.name}: {exc.text}", hint=hint, code=exc.code) from exc
 
     def _silence(self) -> HandctlError:
         name = self.hand.link.name
-        if self._decoder.received:
+        decoder = self.session.decoder
+        if decoder.received:
             self.hand.journal.counters.bad_frames += 1
             return ProtocolError(
                 f"{name}: a feedback block of {self.layout.feedback_size} bytes stopped after "
-                f"{self._decoder.received.hex(' ').upper()}",
+                f"{decoder.received.hex(' ').upper()}",
                 hint="bytes were lost on the line, or the flags changed: check the cable, run it again",
                 code="cut-short",
             )
         return NoAnswer(
-            f"{name}: block {self.blocks + 1} was not acknowledged",
+            f"{name}: block {self._intake.answers + 1} was not acknowledged",
             hint="the cable, or the hand's power; --timeout allows a slow link more time",
         )
 
     def _refused(self, error: LoopError) -> HandctlError:
-        answer = Answer(f"RealTime block {self.blocks + 1}", (), error.status, b"")
+        answer = Answer(f"RealTime block {self._intake.answers + 1}", (), error.status, b"")
         if error.status:
             return self.hand.refusal(answer)
         return DeviceRefused(
@@ -301,174 +390,6 @@ class RealtimeLoop:
             hint="run it again",
             code="left",
         )
-
-    # -- what comes back -----------------------------------------------------------------------------------------
-
-    def _sample(self, feedback: Feedback, sent: deque[tuple[float, Values]], start: float) -> Sample:
-        now = self.hand.link.now()
-        sent_at, values = sent.popleft()
-        self.trips.add(now - sent_at)
-        self.blocks += 1
-        self._first, self._last_at = (now if self.blocks == 1 else self._first), now
-        rows = [row for index in self.wish.motors for row in self._rows(index, feedback, values, now)]
-        if feedback.temperature is not None:
-            rows.append(_row("temperature", "LFT", None, feedback.temperature / 10, "°C"))
-        return Sample(now - start, tuple(rows))
-
-    def _rows(self, index: int, feedback: Feedback, values: Values, now: float) -> Iterator[Row]:
-        motor = self.layout.motors[index]
-        name = MOTORS[index]
-        for control, value in values.get(index, {}).items():
-            if control == "velocity":
-                # In the unit of MOV and MCV: 1/16 count a sample (dossier 6.3).
-                yield _row("velocity_command", "LCV", name, value * motor.velocity_factor, "1/16 cts/sample")
-            else:
-                yield _row("gain_command", "LCPG", name, value, None)
-        found = feedback.motors.get(index, {})
-        for key, value in found.items():
-            scaled = value * {"velocity": motor.velocity_divisor, "delta": motor.delta_divisor}.get(key, 1)
-            yield _row(key, FEEDBACK[key], name, scaled, UNITS[key])
-        if "delta" in found:
-            position = self._deltas[index].add(found["delta"])
-            if "position" not in found:
-                yield _row("position", "LFDP", name, position, "cts")
-        if self._measuring and "velocity" in found and "position" in found:
-            self.velocity_points[index].append((now, found["position"], found["velocity"] * motor.velocity_divisor))
-
-    def summary(self) -> dict[str, Any]:
-        """Rate, latencies and floors for the closing envelope."""
-        seconds = self._last_at - self._first
-        rate = (self.blocks - 1) / seconds if self.blocks > 1 and seconds > 0 else None
-        baud = self.hand.line.link.baud
-        size = (self.layout.control_size if self.source is not None else 1, self.layout.feedback_size)
-        floors = {name: round(1 / cycle, 1) for name, cycle in cycles(*size, baud).items()} if baud else None
-        return {
-            "stream": {
-                "samples": self.blocks,
-                "failed": 0,
-                "late": self._late,
-                "seconds": round(seconds, 3),
-                "rate_hz": round(rate, 2) if rate is not None else None,
-                "asked_hz": self._rate or None,
-            },
-            "loop": {
-                "control_bytes": size[0],
-                "feedback_bytes": size[1],
-                "latency": self.trips.as_row(),
-                "line_limit_hz": floors,
-                "saturated_deltas": sum(delta.saturated for delta in self._deltas.values()),
-            },
-        }
-
-    # -- leaving -------------------------------------------------------------------------------------------------
-
-    def _leave(self) -> None:
-        """Zero velocity, ^C, prompt, T, flags as before. Never raises: what fails is told and sets `failure`."""
-        line = self.hand.line
-        self._guard.update(self._power_off_shots())  # at the prompt a control block would be text, perhaps a command
-        line.bound = None  # stopping has deadlines of its own
-        moved = bool(self._last) or (self._asked and self.source is not None)
-        stands = False
-        try:
-            stands = self._go_out(moved)
-        except Exception as exc:  # noqa: BLE001 - one step that fails must not keep the next from stopping the motors
-            self._blame(exc, "switch the hand's power off if anything moves" if moved else "power-cycle the hand")
-        try:
-            if moved and self.wish.hold and stands:
-                self.hand.journal.info("held", "velocity 0 was commanded; the motors stay powered (--hold)")
-            elif moved:
-                self._power_off()
-        except Exception as exc:  # noqa: BLE001 - the same
-            self._blame(exc, "switch the hand's power off if anything moves")
-        if self.failure is not None:
-            self._undo = []
-        try:
-            if self._undo:
-                self.hand.write(self._undo)
-        except Exception as exc:  # noqa: BLE001 - the same
-            flags = ", ".join(f"{element.full_name}={value}" for element, value in self._undo)
-            self._blame(exc, f"the flags before were {flags}; a power cycle brings the saved ones back")
-        self._last, self._undo = {}, []
-        self._thrown_out = self._asked = False  # once is enough
-
-    def _power_off(self) -> None:
-        answer = self.hand.line.ask(f"{self.wish.prefix}T")
-        if answer.status & ~NOT_INITIALIZED:
-            raise self.hand.refusal(answer)
-        why = "; --hold is not kept: velocity 0 was not acknowledged" if self.wish.hold else ""
-        self.hand.journal.info("stopped", f"the motors were stopped and switched off (T){why}")
-
-    def _go_out(self, moved: bool) -> bool:
-        """Back to the prompt; whether the hand acknowledged velocity 0 on the way. Raises NoAnswer."""
-        line = self.hand.line
-        stands = False
-        if self._inside:
-            self._inside = False
-            stands = self._stand()
-            if not (stands and line.abort() is not None) and line.leave_loop() is not None:
-                raise NoAnswer("no prompt after ^C: the hand may still be in its loop", code="loop")
-        elif self._thrown_out and moved:
-            # The rest of the refused block stands at the prompt as if typed, and may even be a command: ^C, CR,
-            # and ^C again for what that CR may have begun.
-            line.resynchronise()
-            line.abort()
-        return stands
-
-    def _stand(self) -> bool:
-        """Whether the hand took a last block of velocity 0 (or needs none) and now awaits a header."""
-        line, decoder = self.hand.line, self._decoder
-        try:
-            for block in (None, self._zero()):
-                if block is not None:
-                    decoder.expect(False)
-                    line.link.write(block, self.hand.link.deadline(1.0 + line.wire_seconds(len(block))))
-                while decoder.outstanding:
-                    if isinstance(decoder.next(), LoopError):
-                        return False
-                    if decoder.outstanding:
-                        chunk = line.link.read(self._block_deadline(self.hand.link.now()))
-                        if not chunk:
-                            return False
-                        decoder.feed(chunk)
-        except ProtocolError:
-            return False
-        return True
-
-    def _zero(self) -> bytes | None:
-        if self.source is None or not self._last:
-            return None
-        still = {
-            index: {**names, "velocity": 0} if "velocity" in names else names for index, names in self._last.items()
-        }
-        return self.layout.control(still, feedback=False)
-
-    def _tell_guard(self) -> None:
-        """Let a sudden death stop the motors as `_leave` does, block for block: the gains are kept."""
-        zero = self._zero()
-        if zero is None or zero == self._still:
-            return
-        self._still = zero
-        wire = self.hand.line.wire_seconds
-        answered = ANSWER_SECONDS + wire(self.layout.control_size + self.layout.feedback_size)  # of the block before
-        stand = [Shot(b"", answered), Shot(zero, ANSWER_SECONDS + wire(len(zero) + 1))]
-        self._guard.update([*stand, *self._power_off_shots()])
-
-    def _power_off_shots(self) -> list[Shot]:
-        """^C and T, three times: if a block was cut off, the first ^C may be data (dossier 1.2)."""
-        pause = ANSWER_SECONDS + self.hand.line.wire_seconds(16)
-        return [Shot(ABORT, pause), Shot(encode(f"{self.wish.prefix}T"), pause)] * 3
-
-    def _blame(self, exc: Exception, hint: str) -> None:
-        text = f"while leaving the loop: {exc.text if isinstance(exc, HandctlError) else repr(exc)}"
-        self.hand.journal.note("error", "leaving", text, hint)
-        kind = type(exc) if isinstance(exc, HandctlError) else HandctlError
-        self.failure = self.failure or kind(
-            text, hint=hint, code=exc.code if isinstance(exc, HandctlError) else "internal"
-        )
-
-
-def _row(name: str, parameter: str, motor: str | None, value: Number, unit: str | None) -> Row:
-    return {"name": name, "parameter": parameter, "motor": motor, "value": value, "unit": unit}
 
 
 def _status(came: bytes) -> int:

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import ceil
 from typing import NamedTuple
 
+from handctl.devices.barrett.guards import GUARDS, TRAVEL, Limits, check_opening
 from handctl.devices.barrett.hand import BarrettHand
+from handctl.devices.barrett.health import LIMIT_TENTHS
 from handctl.devices.barrett.language import MOTORS
 from handctl.devices.barrett.parameters import BARRETT, GclParam
 from handctl.devices.barrett.realtime import CONTROL, FEEDBACK, Layout, Selection
@@ -14,6 +17,12 @@ from handctl.errors import CheckFailed, DeviceRefused, UsageError
 from handctl.param import Element, Number
 
 COEFFICIENTS = ("LCVC", "LFVC", "LFDPC")
+LIMITING = ("TSTOP", "CT", "HSG", "LSG", "IVEL", "SAMPLE")
+"""What the guards go by."""
+OFF = 255
+"""From here on a strain limit is off (§5.3.1)."""
+HCTL_HERTZ = 2e6
+"""Clock of the motor controllers; a sample lasts 16 (SAMPLE + 1) of its ticks (§5.3.4)."""
 LATER = {"breakaway_position", "analog"}
 """Feedback of firmware 4.4 (dossier 6.5)."""
 
@@ -25,12 +34,16 @@ class Wish(NamedTuple):
     receive      motor index -> names of FEEDBACK; None = as the hand's flags are
     temperature  whether feedback carries it; None = as the hand's flag is
     hold         leave the motors powered
+    guards       names of GUARDS that are on
+    delta_unit   LFDPC as the user wants it; None = as velocity and rate need it
     """
 
     motors: tuple[int, ...]
     receive: Mapping[int, tuple[str, ...]] | None = None
     temperature: bool | None = None
     hold: bool = False
+    guards: frozenset[str] = frozenset(GUARDS)
+    delta_unit: int | None = None
 
     @property
     def prefix(self) -> str:
@@ -53,30 +66,137 @@ def asked_flags(wish: Wish, source: Source | None) -> dict[tuple[str, int], int]
     return wanted
 
 
-def prepare(hand: BarrettHand, wish: Wish, source: Source | None, undo: list[tuple[Element, Number]]) -> Layout:
+class Prepared(NamedTuple):
+    """How the loop will be.
+
+    shown        motor index -> feedback that was asked for; guards may have added to the blocks
+    temperature  whether it was asked for
+    limits       of the motors that are driven
+    heat         0.1 °C above which the loop ends
+    discards     LFDPD is 1
+    """
+
+    layout: Layout
+    shown: dict[int, tuple[str, ...]]
+    temperature: bool
+    limits: dict[int, Limits]
+    heat: int
+    discards: bool
+
+
+def prepare(
+    hand: BarrettHand, wish: Wish, source: Source | None, undo: list[tuple[Element, Number]], cycle: float
+) -> Prepared:
     """Read the flags, set what was asked and differs, and say how the blocks look then.
 
-    `undo` is filled with the values before, ahead of the first write. Raises DeviceRefused, CheckFailed, NoAnswer.
+    `undo` is filled with the values before, ahead of the first write. `cycle` is the longest time of a block in s.
+    Raises DeviceRefused, CheckFailed, NoAnswer; UsageError for too fast an opening.
     """
     later = _is_later(hand, wish.motors[0])
-    now = _read(hand, wish.motors, later)
-    changes = [
+    driven = [index for index in wish.motors if source is not None and "velocity" in source.carries.get(index, ())]
+    now = _read(hand, wish.motors, later, driving=bool(driven))
+    fitted = _fitted(hand, wish, source, later)
+    wanted = fitted | now | fitted  # what was asked for goes first
+    shown = {index: _selection(wanted, index).feedback for index in wish.motors}
+    temperature = bool(wanted["LFT", 0])
+    _refuse_zero(wanted, wish.motors, sends=source is not None)
+    for index in driven:
+        wanted.update(_for_guards(wish, wanted, index))
+        if wanted["LFDP", index]:
+            wanted["LFDPC", index] = _delta_unit(hand, wish, source, wanted, index, cycle)
+    limits = {index: _limits(wanted, index) for index in driven}
+    if source is not None and "opening" in wish.guards and not source.live:
+        for index in driven:
+            check_opening(index, source.extremes(index)[0], limits[index])
+    heat = _heat(hand, wish, now) if driven else LIMIT_TENTHS
+    _write(hand, now, wanted, undo)
+    size = 0 if not wanted["LFT", 0] else 1 if later else 2
+    layout = Layout({index: _selection(wanted, index) for index in wish.motors}, size)
+    discards = bool(wanted["LFDPD", 0])
+    if discards and any("delta" in motor.feedback for motor in layout.motors.values()):
+        hand.journal.warn(
+            "discard", "LFDPD is 1: a change too large for a byte is dropped, positions from deltas may be wrong"
+        )
+    return Prepared(layout, shown, temperature, limits, heat, discards)
+
+
+def _write(
+    hand: BarrettHand,
+    now: Mapping[tuple[str, int], int],
+    wanted: Mapping[tuple[str, int], int],
+    undo: list[tuple[Element, Number]],
+) -> None:
+    changes: list[tuple[Element, Number]] = [
         (Element(BARRETT.by_mnemonic(name), index), value)
-        for (name, index), value in _fitted(hand, wish, source, later).items()
+        for (name, index), value in wanted.items()
         if now[(name, index)] != value
     ]
     if changes:
         undo += [(element, now[(mnemonic(element), element.index)]) for element, _ in changes]
         hand.write(changes)
-        now.update({(mnemonic(element), element.index): int(value) for element, value in changes})
-    temperature = 0 if not now[("LFT", 0)] else 1 if later else 2
-    layout = Layout({index: _selection(now, index) for index in wish.motors}, temperature)
-    _refuse_zero(layout, sends=source is not None)
-    if now[("LFDPD", 0)] and any("delta" in motor.feedback for motor in layout.motors.values()):
+
+
+# -- what the guards need -------------------------------------------------------------------------------------------
+
+
+def _for_guards(wish: Wish, wanted: Mapping[tuple[str, int], int], index: int) -> dict[tuple[str, int], int]:
+    """Feedback without which a guard of a driven motor would see nothing: it is taken in, and not shown."""
+    more: dict[tuple[str, int], int] = {}
+    if wish.guards & {"stall", "window"} and not (wanted["LFAP", index] or wanted["LFDP", index]):
+        more["LFAP", index] = 1
+    if "strain" in wish.guards and min(wanted["HSG", index], wanted["LSG", index]) < OFF:
+        more["LFS", index] = 1
+    if "heat" in wish.guards:
+        more["LFT", 0] = 1
+    return more
+
+
+def _limits(now: Mapping[tuple[str, int], int], index: int) -> Limits:
+    factor, divisor = now["LCVC", index], now["LFDPC", index]
+    sample = 16 * (now["SAMPLE", index] + 1) / HCTL_HERTZ
+    return Limits(
+        speed=factor / 16 / sample,
+        factor=factor,
+        stall=now["TSTOP", index] / 1000,
+        window=(0, min(now["CT", index], TRAVEL[index == 3])),
+        strain=(now["LSG", index], now["HSG", index]),
+        opening=min(now["IVEL", index], BARRETT.by_mnemonic("IVEL").default_of(index) or 0),
+        quantum=1 if now["LFAP", index] else divisor,
+    )
+
+
+def _delta_unit(
+    hand: BarrettHand,
+    wish: Wish,
+    source: Source | None,
+    now: Mapping[tuple[str, int], int],
+    index: int,
+    cycle: float,
+) -> int:
+    """LFDPC: what was asked for; else as much as keeps the fastest command within a byte, twice over (§6.2.3)."""
+    if wish.delta_unit is not None or source is None:
+        return wish.delta_unit or now["LFDPC", index]
+    fastest = max(map(abs, source.extremes(index))) * _limits(now, index).speed * cycle
+    needed = ceil(2 * fastest / 127)
+    if needed > 255:
         hand.journal.warn(
-            "discard", "LFDPD is 1: a change too large for a byte is dropped, positions from deltas may be wrong"
+            "delta-too-small",
+            f"{MOTORS[index]}: {fastest:.0f} counts a block do not fit a delta, also with LFDPC 255",
+            hint="position in --receive tells where it is; or a higher --rate",
         )
-    return layout
+    return max(now["LFDPC", index], min(needed, 255))
+
+
+def _heat(hand: BarrettHand, wish: Wish, now: Mapping[tuple[str, int], int]) -> int:
+    """The limit in 0.1 °C. Raises CheckFailed when the board is above it before anything moves."""
+    limit = now["OTEMP", 0] if 0 < now["OTEMP", 0] < LIMIT_TENTHS else LIMIT_TENTHS
+    if "heat" in wish.guards and now["TEMP", 0] > limit:
+        raise CheckFailed(
+            f"{hand.link.name}: {now['TEMP', 0] / 10:.1f} °C: above {limit / 10:.1f} °C nothing is driven (guard heat)",
+            hint="`handctl barrett status` shows TEMP and OTEMP; let it cool, or correct OTEMP",
+            code="guard-heat",
+        )
+    return limit
 
 
 def refuse_disabled(hand: BarrettHand) -> None:
@@ -103,15 +223,17 @@ def _is_later(hand: BarrettHand, motor: int) -> bool:
     return reading.error is None
 
 
-def _read(hand: BarrettHand, motors: tuple[int, ...], later: bool) -> dict[tuple[str, int], int]:
+def _read(hand: BarrettHand, motors: tuple[int, ...], later: bool, *, driving: bool) -> dict[tuple[str, int], int]:
     names = [
         *CONTROL.values(),
         *(flag for name, flag in FEEDBACK.items() if later or name not in LATER),
         *COEFFICIENTS,
         *(["LCT"] if later else []),
+        *(LIMITING if driving else ()),
     ]
+    common = ("LFT", "LFDPD", *(("OTEMP", "TEMP") if driving else ()))
     elements = [Element(BARRETT.by_mnemonic(name), index) for name in names for index in motors]
-    elements += [Element(BARRETT.by_mnemonic(name), 0) for name in ("LFT", "LFDPD")]
+    elements += [Element(BARRETT.by_mnemonic(name), 0) for name in common]
     now: dict[tuple[str, int], int] = {}
     for reading in hand.read(elements):
         if reading.error is not None:
@@ -147,15 +269,15 @@ def _selection(now: Mapping[tuple[str, int], int], index: int) -> Selection:
     )
 
 
-def _refuse_zero(layout: Layout, *, sends: bool) -> None:
+def _refuse_zero(now: Mapping[tuple[str, int], int], motors: tuple[int, ...], *, sends: bool) -> None:
     """A coefficient of 0 divides by zero or always stops the motor (dossier 3.1)."""
-    for index, motor in layout.motors.items():
-        for name, used, value in (
-            ("LCVC", sends and "velocity" in motor.control, motor.velocity_factor),
-            ("LFVC", "velocity" in motor.feedback, motor.velocity_divisor),
-            ("LFDPC", "delta" in motor.feedback, motor.delta_divisor),
+    for index in motors:
+        for name, used in (
+            ("LCVC", sends and now["LCV", index]),
+            ("LFVC", now["LFV", index]),
+            ("LFDPC", now["LFDP", index]),
         ):
-            if used and not value:
+            if used and not now[name, index]:
                 does = "stop the motor" if name == "LCVC" else "divide by zero"
                 raise CheckFailed(
                     f"{name} of {MOTORS[index]} is 0: that would {does}",

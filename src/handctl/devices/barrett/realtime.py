@@ -152,6 +152,12 @@ class Decoder:
         return bool(self._buffer) and self._buffer[0] == ACKNOWLEDGE
 
     @property
+    def complete(self) -> bool:
+        """Whether the whole answer to the oldest outstanding block has come."""
+        size = self._layout.feedback_size if self._expected and self._expected[0] else 1
+        return len(self._buffer) >= size
+
+    @property
     def received(self) -> bytes:
         """Bytes of answers that are not complete."""
         return bytes(self._buffer)

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from handctl.clikit import Group, streaming
 from handctl.errors import UsageError
-from handctl.result import Column, Grid, Row, Table
+from handctl.result import Column, Table
 from handctl.run import Run
 
 if TYPE_CHECKING:
@@ -25,7 +25,11 @@ COLUMNS = (
     Column("motor", "Motor"),
     Column("value", "Value", right=True),
     Column("unit", "Unit"),
+    Column("guard", "Guard"),
+    Column("doubt", "Doubt"),
 )
+GUARDS = ("stall", "window", "strain", "opening", "heat")
+"""Names of `guards.GUARDS`, here so that help needs no more: a test holds them together."""
 
 
 def add_realtime(group: Group) -> None:
@@ -53,7 +57,26 @@ def add_realtime(group: Group) -> None:
     @click.option(
         "--measure", type=click.IntRange(min=2), metavar="N", help="Exchange N blocks and show only the timing."
     )
-    @click.option("--sequential", is_flag=True, help="Wait for the whole feedback before the next block.")
+    @click.option(
+        "--sequential/--overlapped",
+        default=None,
+        help="Wait for the whole feedback before the next block, or only for its *. Default: sequential when driving, overlapped when watching. Driving overlapped begins with a self-test that drives nothing.",
+    )
+    @click.option(
+        "--no-guard",
+        "unguarded",
+        multiple=True,
+        metavar="NAME",
+        type=click.Choice([*GUARDS, "all"]),
+        help=f"Switch a guard off: {', '.join(GUARDS)}, all. See GUARDS below.",
+    )
+    @click.option("--force", is_flag=True, help="The same as --no-guard opening: it may deform the clutch for good.")
+    @click.option(
+        "--delta-unit",
+        type=click.IntRange(1, 255),
+        metavar="N",
+        help="Counts of one unit of delta (LFDPC). Default: as the hand has it, more when velocity and rate need it.",
+    )
     @click.option(
         "--init", "initialize", is_flag=True, help="Initialize the motors first (HI): the fingers open fully."
     )
@@ -68,7 +91,10 @@ def add_realtime(group: Group) -> None:
         gain: str | None,
         path: str | None,
         measure: int | None,
-        sequential: bool,
+        sequential: bool | None,
+        unguarded: tuple[str, ...],
+        force: bool,
+        delta_unit: int | None,
         initialize: bool,
         hold: bool,
         rate: float,
@@ -80,9 +106,17 @@ def add_realtime(group: Group) -> None:
         Without control values nothing moves: the hand is only watched. With them the motors keep their last velocity
         until the next block; whatever ends the loop commands velocity 0, leaves it, and switches the motors off unless
         --hold is given. Flags are put back as they were.
+
+        GUARDS, all on while motors are driven: stall (velocity 0 for a motor that stands still longer than TSTOP), window
+        (velocity 0 where it would leave 0..CT), strain (the same beyond HSG and LSG), opening (none faster than IVEL may
+        be), heat (the loop ends above 65 °C or OTEMP). Feedback that a guard needs is taken in and not shown.
+
+        A row's `doubt` says why its value may be wrong: a delta that did not fit its byte, a block whose place in the
+        stream was not proved by what came behind it.
         """
         from handctl.devices.barrett.loop import RealtimeLoop
         from handctl.devices.barrett.loop_flags import Wish, refuse_disabled
+        from handctl.devices.barrett.realtime_measure import measured
         from handctl.devices.barrett.schedule import loop_motors
 
         if measure is not None and (count is not None or duration is not None):
@@ -90,17 +124,25 @@ def add_realtime(group: Group) -> None:
         indices = loop_motors(motors)
         received, temperature = _received(receive, indices)
         source = _source(send, velocity, gain, path, indices)
-        wish = Wish(tuple(indices), received, temperature, hold)
+        off = set(GUARDS) if "all" in unguarded else {*unguarded, *(["opening"] if force else [])}
+        wish = Wish(tuple(indices), received, temperature, hold, frozenset(GUARDS) - off, delta_unit)
         if run.settings.dry_run:
             return run.dry_run([*(_initialization(wish) if initialize else ()), *_steps(run, wish, source)])
         if motors is None and (initialize or source is not None):
             refuse_disabled(run.device())
         if initialize:
             _initialize(run, wish)
+        if sequential is None:
+            sequential = source is not None
         loop = RealtimeLoop(run.device(), run.guide, wish, source, sequential=sequential, measuring=measure is not None)
         if measure is not None:
-            return _measured(run, loop, measure, rate)
-        table = Table(columns=COLUMNS, summary=loop.summary, ranges={"strain": (0, 255), "position": (0, 17800)})
+            return measured(run, loop, measure, rate)
+        table = Table(
+            columns=COLUMNS,
+            plain=("name", "motor", "value", "unit"),
+            summary=loop.summary,
+            ranges={"strain": (0, 255), "position": (0, 17800)},
+        )
         table.samples = _guarded(loop, table, rate, count, duration)
         return table
 
@@ -204,83 +246,6 @@ def _stdin_lines() -> Iterator[str]:
             yield line.decode("utf-8", "replace")
     if rest:
         yield rest.decode("utf-8", "replace")
-
-
-# -- measuring ----------------------------------------------------------------------------------------------------
-
-
-def _measured(run: Run, loop: RealtimeLoop, blocks: int, rate: float) -> Table:
-    """Round trips, rate and the line's limits: what the vendor's "test delays" run is for."""
-    for number, _ in enumerate(loop.run(rate=rate, count=blocks, duration=None), 1):
-        if number % 20 == 0:
-            run.guide.progress(f"{number} of {blocks} blocks")
-    run.guide.done()
-    found = loop.summary()
-    latency = found["loop"]["latency"]
-    rows: list[Row] = [
-        {"name": "rate", "value": found["stream"]["rate_hz"], "unit": "Hz"},
-        *({"name": f"limit_{name}", "value": hertz, "unit": "Hz"} for name, hertz in (found["loop"]["line_limit_hz"] or {}).items()),
-        {"name": "control_block", "value": found["loop"]["control_bytes"], "unit": "bytes"},
-        {"name": "feedback_block", "value": found["loop"]["feedback_bytes"], "unit": "bytes"},
-        *({"name": key.removesuffix("_ms"), "value": value, "unit": "ms"} for key, value in latency.items() if key.endswith("_ms")),
-        {"name": "late", "value": latency["late"], "unit": None},
-        *_fits(loop),
-    ]  # fmt: skip
-    if not rate:
-        _advise(run, found)
-    table = Table(
-        rows=rows,
-        columns=(Column("name", "Name"), Column("value", "Value", right=True), Column("unit", "Unit")),
-        extra=found,
-        failure=loop.failure,
-    )
-    table.view = lambda rows: [_rows_grid(rows), _histogram_grid(latency["histogram"])]
-    return table
-
-
-def _fits(loop: RealtimeLoop) -> Iterable[Row]:
-    from handctl.devices.barrett.language import MOTORS
-    from handctl.devices.barrett.realtime import velocity_unit
-
-    for index, points in loop.velocity_points.items():
-        unit = velocity_unit(points)
-        if unit is not None:
-            yield {"name": f"velocity_unit.{MOTORS[index]}", "value": round(unit, 2), "unit": "cts/s"}
-
-
-def _advise(run: Run, found: dict[str, Any]) -> None:
-    """A link that is much slower than its bytes: pipelined blocks queue, so the rate tells, not the round trip."""
-    limits, rate = found["loop"]["line_limit_hz"], found["stream"]["rate_hz"]
-    if limits is None or not rate:
-        return
-    cycle_ms, wire_ms = 1000 / rate, 1000 / limits["sequential"]
-    if cycle_ms > wire_ms + 8:
-        run.journal.warn(
-            "slow-adapter",
-            f"a block takes {cycle_ms:.1f} ms, its bytes {wire_ms:.1f} ms: the adapter waits",
-            hint="an FTDI adapter's latency timer is 16 ms: set it to 1 "
-            "(/sys/bus/usb-serial/devices/ttyUSB0/latency_timer)",
-        )
-
-
-def _rows_grid(rows: list[Row]) -> Grid:
-    lines = tuple(
-        (str(row["name"]), "?" if row["value"] is None else f"{row['value']:g}", str(row["unit"] or "")) for row in rows
-    )
-    return Grid(("Name", "Value", "Unit"), lines, right=frozenset({1}))
-
-
-def _histogram_grid(histogram: list[list[Any]]) -> Grid:
-    most = max(count for _, count in histogram)
-    lines = tuple(
-        (
-            f"<= {edge:g} ms" if edge is not None else "above",
-            str(count),
-            "█" * max(1, round(20 * count / most)) if count else "",
-        )
-        for edge, count in histogram
-    )
-    return Grid(("Round trip", "Blocks", ""), lines, right=frozenset({0, 1}))
 
 
 # -- dry run ------------------------------------------------------------------------------------------------------

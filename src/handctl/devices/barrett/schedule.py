@@ -17,7 +17,7 @@ from itertools import chain
 from typing import Any
 
 from handctl.devices.barrett.language import MOTORS, motor_prefix
-from handctl.devices.barrett.realtime import CONTROL, check_control
+from handctl.devices.barrett.realtime import CONTROL, LIMITS, check_control
 from handctl.errors import UsageError
 
 Values = dict[int, dict[str, int]]
@@ -46,6 +46,11 @@ class Source:
         """The values to send `seconds` after the start; None when it is over. Raises UsageError for a bad live line."""
         return self._state
 
+    def extremes(self, index: int) -> tuple[int, int]:
+        """Lowest and highest velocity that a motor can be sent."""
+        velocity = self._state[index]["velocity"]
+        return velocity, velocity
+
     def _take(self, change: Change) -> None:
         for (index, name), value in change.items():
             self._state[index][name] = value
@@ -59,6 +64,11 @@ class Schedule(Source):
     ) -> None:
         super().__init__(carries, {**start, **rows[0][1]})
         self._rows = deque(rows)
+
+    def extremes(self, index: int) -> tuple[int, int]:
+        sent = [change[index, "velocity"] for _, change in self._rows if (index, "velocity") in change]
+        sent.append(super().extremes(index)[0])
+        return min(sent), max(sent)
 
     def at(self, seconds: float) -> Values | None:
         if not self._rows:
@@ -85,6 +95,9 @@ class Live(Source):
         self._rows = rows
         self._arrived: deque[Change | UsageError | None] = deque()
         self._heard = 0.0
+
+    def extremes(self, index: int) -> tuple[int, int]:
+        return LIMITS["velocity"]
 
     def listen(self) -> None:
         """Take every line as it comes, until the input ends or a line is bad; `at` tells the loop."""
