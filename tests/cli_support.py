@@ -229,11 +229,11 @@ def frame(text: str) -> bytes:
 
 
 class Simulator:
-    """`handctl sim KIND …` as a process; `link` is what it announced."""
+    """`handctl sim KIND …` as a process; `link` is what it announced. `begin` takes the place of `handctl sim`."""
 
-    def __init__(self, *args: str | Path, kind: str = "exo") -> None:
+    def __init__(self, *args: str | Path, kind: str = "exo", begin: Sequence[str] = ()) -> None:
         self.process = subprocess.Popen(
-            program("sim", kind, *args),
+            [*(begin or program("sim")), kind, *(str(arg) for arg in args)],
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             env=clean_environment(),

@@ -272,6 +272,7 @@ def _act(link: int, owed: bytes, stop: Wire) -> None:
             _write(link, data)
         with suppress(OSError, ValueError):
             _pass(link, pause)
+    os.close(link)  # before the lock: who gets that next must find the port free
 
 
 def _write(link: int, data: bytes) -> None:

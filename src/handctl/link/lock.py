@@ -9,11 +9,16 @@ from __future__ import annotations
 
 import os
 import stat
+import time
 
 from handctl.errors import LinkError
 
 OURS = ("fake://", "replay:", "loop://")
 """Links that nobody else can reach."""
+NOBODY = "another handctl"
+"""The holder when the file names no process that lives."""
+LAST_STOP_SECONDS = 2.5
+"""How long such a lock is waited for: a command that was killed leaves it to the child that stops the device."""
 
 
 class Lock:
@@ -47,18 +52,24 @@ def hold(link: str, command: str, tcp_port: int | None = None) -> Lock | None:
     except ImportError:
         return None
     descriptor = _open(_file_name(canonical(link, tcp_port)))
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError as exc:
-        who, pid = _holder(descriptor)
-        os.close(descriptor)
-        raise LinkError(
-            f"{link}: the device is in use by {who}",
-            hint=f"wait for it, or end it: kill {pid} (it stops its device first)"
-            if pid
-            else "wait for it, then run the command again",
-            code="busy",
-        ) from exc
+    patience = time.monotonic() + LAST_STOP_SECONDS
+    while True:
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            break
+        except OSError as exc:
+            who, pid = _holder(descriptor)
+            if who == NOBODY and time.monotonic() < patience:
+                time.sleep(0.005)
+                continue
+            os.close(descriptor)
+            raise LinkError(
+                f"{link}: the device is in use by {who}",
+                hint=f"wait for it, or end it: kill {pid} (it stops its device first)"
+                if pid
+                else "wait for it, then run the command again",
+                code="busy",
+            ) from exc
     os.ftruncate(descriptor, 0)
     os.pwrite(descriptor, f"{os.getpid()} {command}\n".encode(), 0)
     return Lock(descriptor)
@@ -132,7 +143,7 @@ def _holder(descriptor: int) -> tuple[str, str]:
     try:
         os.kill(int(pid), 0)
     except (ValueError, OverflowError, ProcessLookupError):
-        return "another handctl", ""  # it has not written its own line yet
+        return NOBODY, ""  # it died, and its stop goes out; or it has not written its own line yet
     except PermissionError:
         return f"`{command}` (pid {pid})", ""
     return f"`{command}` (pid {pid})", pid
