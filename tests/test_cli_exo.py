@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
-from tests.cli_support import fake, run
+from tests.cli_support import fake, run, writes
 
 
 @pytest.mark.parametrize("value", ["1001", "-1", "-2"])
@@ -40,16 +42,19 @@ def test_the_next_step_after_a_new_speed_reaches_the_hand() -> None:
 
 @pytest.mark.parametrize("which", ["force", "position"])
 def test_a_lost_answer_of_a_command_is_told_to_scripts(which: str) -> None:
-    answer = run("exo", which, "1", "2", "3", "4", "5", "-p", fake(fault="silent"), "-y", "--json")
+    """Silence from the first write on: the look at who is there, one request that the hand takes, was answered."""
+    answer = run("exo", which, "1", "2", "3", "4", "5", "-p", fake(fault="silent", after=1), "-y", "--json")
     assert answer.code == 4
     assert "ack-lost" in [message["code"] for message in answer.json["messages"]]
 
 
-def test_a_late_answer_to_a_write_is_not_a_reason_to_repeat_it() -> None:
-    """After a lost reply, read first (cli contract, 7)."""
-    answer = run("exo", "force", "1", "2", "3", "4", "5", "-p", fake(fault="late"), "-y", "--json")
+def test_a_late_answer_to_a_write_is_not_a_reason_to_repeat_it(tmp_path: Path) -> None:
+    """A line whose answers come too late is not written to at all: what became of it would not be seen."""
+    trace = tmp_path / "t.txt"
+    answer = run("exo", "force", "1", "2", "3", "4", "5", "-p", fake(fault="late"), "-y", "--json", "--trace", trace)
     assert (answer.code, answer.error["code"]) == (4, "late")
-    assert "read it with --timeout" in answer.error["hint"]
+    assert "--timeout" in answer.error["hint"] and "nothing was written" in answer.error["text"]
+    assert writes(trace) == []
     answer = run("exo", "get", "id", "-p", fake(fault="late", late="1"), "--retries", "0", "--json")
     assert "run the command again with --timeout" in answer.error["hint"]
 

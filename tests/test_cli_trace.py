@@ -165,8 +165,10 @@ def test_what_a_command_recorded_is_told_without_a_rest(
     statistics = result.json["statistics"]
     assert statistics["family"] == words[0]
     assert statistics["stray_bytes"] == {"host": 0, "device": 0}
-    assert statistics["problems"] in ({}, {"refused": 1}), "1FGET LCT of the loop is refused by firmware 4.3"
-    assert statistics["requests"] == statistics["answered"]
+    # 1FGET LCT of the loop is refused by firmware 4.3. Before a write no wrist answers on the exo's line, as it should be.
+    silent = words[:2] == ("exo", "save")
+    assert statistics["problems"] in (({"no-answer": 1},) if silent else ({}, {"refused": 1}))
+    assert statistics["requests"] == statistics["answered"] + silent
 
 
 def test_faults_of_the_line_are_told(tmp_path: Path) -> None:

@@ -82,7 +82,7 @@ def test_a_missing_or_empty_file_is_empty(tmp_path: Path) -> None:
 
 
 def test_every_shared_option_has_a_key() -> None:
-    names = {option.name for option in shared_options(("serial", "can"), exchange=True)}
+    names = {option.name for option in shared_options(("serial", "can"), exchange=True)} - {"assume_identity"}
     assert set(CHECKS) == names >= {"port", "device", "fake", "can", "format", "json", "dry_run", "yes", "debug"}
     text = {
         "port": '"x"', "device": '"left"', "trace": '"t"', "output": '"o"', "format": '"csv"', "color": '"never"',

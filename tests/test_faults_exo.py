@@ -155,7 +155,8 @@ class Cell:
 
     def __init__(self, tmp_path: Path, command: Command, fault: str, *more: str, **options: int) -> None:
         self.command, self.fault = command, fault
-        refused = fault == "refuse" and not {"after", "every"} & options.keys() and command.kind == "command"
+        # Behind the look at who is there the command is the second request: refused in every variant, and nothing says so.
+        refused = fault == "refuse" and command.kind == "command"
         self.stuck = command.name in ("calibrate", "move") and (fault == "blocked" or refused)
         self.effect = None if self.stuck or refused else command.effect
         self.trace = tmp_path / "trace.txt"

@@ -63,13 +63,13 @@ EXCEPTIONS: dict[tuple[str, str, str], set[int]] = {
     **{("serial", "refuse", command.name): {6} for command in WRITING},
     **{("can", "refuse", command.name): {7} for command in WRITING},
     ("can", "refuse", "raw-write"): RIGHT,  # shows the acknowledgement and reads nothing back
-    # two devices with one id: replies that do not jitter overlap to perfect ones (dossier 4.14)
-    **{(wire, "twin-id", command.name): RIGHT for wire in WIRES for command in COMMANDS if command.steady},
+    # two devices with one id: replies that do not jitter overlap to perfect ones (dossier 4.14); before a write the
+    # pitch is read, which jitters
+    **{(wire, "twin-id", command.name): RIGHT for wire in WIRES for command in READING if command.steady},
+    # on CAN the collision destroys the wrist's frames, while its hand's, which do not jitter, come whole: a hand alone
+    **{("can", "twin-id", command.name): {6} for command in WRITING},
     # a scan may name the suspicion beside the wrist, or find no valid answer
     ("serial", "twin-id", "scan"): {0, 5},
-    # a movement is accepted; what its readings overlap to while it goes on is luck, and may even look whole
-    **{("serial", "twin-id", command.name): {0, 5, 7} for command in WRITING if command.kind == "move"},
-    ("can", "truncate", "raw-write"): RIGHT,  # the acknowledgement has no data that could be cut off
     # undocumented bytes are asked for by number, or with an error byte: on CAN a read has two bytes (dossier 4.12)
     **{(wire, "block-silent", "read"): {4} for wire in WIRES},
     **{("can", "block-silent", name): {0, 4} for name in ("status", "status-check", "dump", "get")},
@@ -80,7 +80,12 @@ DEVICE_FAULTS: dict[str, dict[str, int]] = {
     "strict": {}, "block-silent": {}, "save-fails": {},
     "blocked": MOVES,
     "foreign": {**UNHEALTHY, "move-pitch": 7, "move": 7, "center": 7},
-    "no-wrist": {command.name: 0 if command.kind == "hand" else 4 for command in COMMANDS},
+    # a hand without a wrist is read in its own space only; what is to be written meets the look at who is there, unless
+    # the wrist is read before, which is silent
+    "no-wrist": {
+        **{command.name: 0 if command.kind == "hand" else 4 for command in READING},
+        **{command.name: 4 if command.name in ("restore", "move-pitch") else 6 for command in WRITING},
+    },
     "unknown-bits": UNHEALTHY, "faults": UNHEALTHY, "hot": UNHEALTHY, "locked-rotor": UNHEALTHY,
     "over-temperature": UNHEALTHY, "over-current": UNHEALTHY, "motor-abnormal": UNHEALTHY, "communication": UNHEALTHY,
 }  # fmt: skip

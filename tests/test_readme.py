@@ -13,7 +13,7 @@ from handctl import errors
 from handctl.docgen.readme import MAKERS, SECTION, filled
 from handctl.docgen.tree import read_tree
 from handctl.families import COMMANDS, FAMILIES
-from handctl.options import shared_options
+from handctl.options import lasting_options
 from tests.cli_support import Result, run, run_program
 
 README = Path(__file__).parent.parent / "README.md"
@@ -167,7 +167,7 @@ def test_generated_sections_are_as_generated() -> None:
 
 
 def test_environment_variables() -> None:
-    known = {f"HANDCTL_{str(option.name).upper()}" for option in shared_options(("serial", "can"), exchange=True)}
+    known = {f"HANDCTL_{str(option.name).upper()}" for option in lasting_options(("serial", "can"))}
     named = set(re.findall(r"\bHANDCTL_[A-Z_]+\b", TEXT))
     assert named and named <= known
 

@@ -343,7 +343,7 @@ def test_interrupted_calibration_says_that_nothing_stops_it(sim: Simulator, tmp_
         text = " ".join(terminal.text.split())
     assert "goes on calibrating" in text
     assert "no documented command stops a calibration" in text
-    assert sent(trace) == [frame("EB 90 01 04 12 F1 03 01 0C")]
+    assert writes(trace) == sent(trace)[-1:] == [frame("EB 90 01 04 12 F1 03 01 0C")]
 
 
 # -- motion -----------------------------------------------------------------------------------------------------------

@@ -88,6 +88,11 @@ class Command(_SharedOptions):
                 f"`handctl {run.command}` only reads: --dry-run is for commands that write or move",
                 hint="run it without -n: it changes nothing",
             ))  # fmt: skip
+        if run.settings.assume_identity and not self.writes:
+            raise run.failed(UsageError(
+                f"`handctl {run.command}` only reads: --assume-identity is for commands that write or move",
+                hint="run it without: it looks at whatever is there",
+            ))  # fmt: skip
         ctx.obj = run
         return run.execute(lambda: super(Command, self).invoke(ctx))
 

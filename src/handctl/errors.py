@@ -7,6 +7,7 @@
     ├── ProtocolError   5  bytes came, none of them a valid answer
     ├── DeviceRefused   6  the device said no, or reported an error
     ├── CheckFailed     7  read-back differs, unhealthy, files differ
+    ├── NotIdentified 3-6  nobody of this family was seen before the first write: the code of what was met instead
     ├── NotConfirmed    8  --yes missing without a terminal, or the answer was no
     └── Interrupted   130  Ctrl-C
 
@@ -27,6 +28,8 @@ class HandctlError(Exception):
     default_code = "error"
     shown = False
     """True once it stands in the output (the JSON envelope)."""
+    came = b""
+    """The bytes that came instead of an answer, as far as they are known: they may name another device."""
 
     def __init__(self, text: str, *, hint: str = "", code: str = "") -> None:
         super().__init__(text)
@@ -81,6 +84,21 @@ class CheckFailed(HandctlError):
 
     exit_code = 7
     default_code = "check-failed"
+
+
+class NotIdentified(HandctlError):
+    """Before the first write of a command: the device was not seen to be of this family. Nothing was written.
+
+    Made from what was met; exit code and code are its own: 3 (the link), 4 (silence), 5 (no valid answer), 6 (another
+    device). A class of its own, since it must never be taken for a write that was not acknowledged.
+    """
+
+    default_code = "not-identified"
+
+    def __init__(self, met: HandctlError) -> None:
+        super().__init__(f"{met.text}; nothing was written", hint=met.hint, code=met.code)
+        self.exit_code = met.exit_code
+        self.came = met.came
 
 
 class NotConfirmed(HandctlError):

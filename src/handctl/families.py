@@ -65,3 +65,12 @@ STOPPERS: dict[str, str] = {
     "aidin": "handctl.devices.aidin.stopper",
 }
 """Family -> module that knows the bytes of its stop; what it offers stands in `stopping`."""
+
+SIGNS: dict[str, str] = {
+    "barrett": "handctl.devices.barrett.language:sign",
+    "aidin": "handctl.devices.aidin.messages:sign",
+    "ekso": "handctl.devices.ekso.frames:sign",
+    "exo": "handctl.devices.inspire.eb90:sign",
+    "wrist": "handctl.devices.inspire.eb90:sign",
+}
+"""Family -> module:function that says what in bytes that came shows its protocol, "" = nothing."""

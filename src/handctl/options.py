@@ -43,6 +43,7 @@ class Settings(NamedTuple):
     trace: str | None = None
     dry_run: bool = False
     yes: bool = False
+    assume_identity: bool = False
     quiet: bool = False
     verbose: bool = False
     color: str = "auto"
@@ -108,11 +109,17 @@ class Hertz(Number):
 
 
 class SharedOption(click.Option):
-    """An option that means the same at root, group and leaf. It writes `settings key = value` into the shared meta."""
+    """An option that means the same at root, group and leaf. It writes `settings key = value` into the shared meta.
 
-    def __init__(self, names: Sequence[str], section: str, key: str = "", fixed: Any = None, **more: Any) -> None:
+    One that must be `typed` has neither a variable nor a key in the configuration file.
+    """
+
+    def __init__(
+        self, names: Sequence[str], section: str, key: str = "", fixed: Any = None, typed: bool = False, **more: Any
+    ) -> None:
         self.section = section
         self.fixed = fixed
+        self.typed = typed
         super().__init__(list(names), expose_value=False, callback=self._remember, **more)
         self.key = key or str(self.name)
 
@@ -163,6 +170,7 @@ def shared_options(wires: Sequence[str] = (), exchange: bool = False) -> list[cl
         SharedOption(["--debug"], output, is_flag=True, help="Show tracebacks."),
         SharedOption(["-n", "--dry-run"], safety, is_flag=True, help="Print the exact bytes of a command that writes or moves; send nothing."),
         SharedOption(["-y", "--yes"], safety, is_flag=True, help="Answer the confirmation."),
+        SharedOption(["--assume-identity"], safety, typed=True, is_flag=True, help="Write without a look at which device is there. Must be typed: no variable and no configuration file has it."),
     ]  # fmt: skip
 
 
@@ -189,7 +197,7 @@ def resolve(ctx: click.Context, wires: Sequence[str] = (), device: str = "") -> 
             chosen.take(key, given[key], COMMAND_LINE)
     if device:
         chosen.values["device"], chosen.sources["device"] = device, COMMAND_LINE
-    options = [option for option in shared_options(wires, exchange=True) if isinstance(option, SharedOption)]
+    options = lasting_options(wires)
     _take_environment(ctx, chosen, options)
     command = " ".join(ctx.command_path.split()[1:])
     if command != WITHOUT_FILE:
@@ -256,8 +264,13 @@ def checks() -> dict[str, Check]:
     """Key of the configuration file -> what it may hold: every shared option by its name."""
     from functools import partial
 
-    options = shared_options(("serial", "can"), exchange=True)
-    return {str(option.name): partial(_checked, option) for option in options}
+    return {str(option.name): partial(_checked, option) for option in lasting_options(("serial", "can"))}
+
+
+def lasting_options(wires: Sequence[str]) -> list[SharedOption]:
+    """The shared options that a variable and the configuration file may hold."""
+    options = shared_options(wires, exchange=True)
+    return [option for option in options if isinstance(option, SharedOption) and not option.typed]
 
 
 def _checked(option: click.Parameter, value: Any) -> Any:

@@ -188,7 +188,8 @@ class Run:
             for number, step in enumerate(steps, 1)
         ]
         columns = (Column("step", "Step", right=True), Column("bytes", "Bytes"), Column("meaning", "Meaning"))
-        self.journal.info("dry-run", "dry run: nothing was sent")
+        looks = "" if self.settings.assume_identity else "; before the first of these, reads would show who is there"
+        self.journal.info("dry-run", f"dry run: nothing was sent{looks}")
         return Table(rows=rows, columns=columns, plain=("bytes",))
 
     # -- the life of a command --
@@ -313,6 +314,10 @@ class Run:
         return error
 
     def _explained(self, error: HandctlError) -> HandctlError:
+        if error.came and self.family is not None:
+            from handctl.foreign import renamed
+
+            error = renamed(error, self.family.kind)
         explain = self.family.explain if self.family is not None else None
         silent = error.exit_code in (4, 5) and self.journal.counters.received == 0
         if self._device is None or explain is None or not silent or self.settings.baud is not None:
@@ -371,7 +376,8 @@ class Run:
         fake = link.fake if link is not None else bool(name and name.startswith("fake://"))
         bus = getattr(self._device, "bus", None)
         number = getattr(bus, "id", self.settings.id) if self.family.ids else None
-        return {"kind": self.family.kind, "link": name, "fake": fake, "id": number}
+        row = {"kind": self.family.kind, "link": name, "fake": fake, "id": number}
+        return {**row, "identity": "assumed"} if self.settings.assume_identity else row
 
     @property
     def simulated(self) -> bool:

@@ -181,7 +181,7 @@ def _option(option: click.Option, path: tuple[str, ...], sections: Sequence[Sect
             if isinstance(option.default, float)
             else f"{text} Default: {option.default}."
         )
-    env = f"HANDCTL_{str(option.name).upper()}" if shared else ""
+    env = f"HANDCTL_{str(option.name).upper()}" if isinstance(option, SharedOption) and not option.typed else ""
     return Option(names, value, metavar, text, getattr(option, "section", "Options"), shared, env)
 
 

@@ -353,8 +353,10 @@ class Conversation:
                 code="echo",
             )
         text = "".join(chr(byte) if 32 <= byte < 127 else "." for byte in seen)
-        return ProtocolError(
+        error = ProtocolError(
             f"{self.link.name}: no feedback of the hand came, but {hex_bytes(seen)} ({text})",
             hint="another server, or another kind of hand: this speaks to the AIDIN-hand (TCP/JSON), port 8000",
             code="garbage",
         )
+        error.came = seen
+        return error

@@ -27,6 +27,8 @@ NOTHING = b"{}"
 _OUTSIDE = re.compile(rb'["{}]|[^ \t\r\n0-9+\-.,:\[\]a-zA-Z]')
 _INSIDE = re.compile(rb'["\\]|[\x00-\x1f]')
 
+_KEY = re.compile(rb'"[A-Za-z_]\w*"\s*:')
+
 Out = int | float | Sequence[int] | Sequence[float]
 
 
@@ -213,3 +215,9 @@ def _shown(value: object) -> str:
         return "a very long integer"  # its digits may be more than Python prints
     text = repr(value)
     return text if len(text) <= 40 else f"{text[:37]}..."
+
+
+def sign(data: bytes) -> str:
+    """What in `data` shows an AIDIN-hand: JSON, which no other family speaks."""
+    found = _KEY.search(data)
+    return f"JSON ({found.group().decode('ascii', 'replace')} …)" if found else ""

@@ -241,3 +241,11 @@ def batches(prefix: str, verb: str, words: list[tuple[str, ...]]) -> list[tuple[
     if current:
         lines.append((" ".join([prefix + verb, *(word for entry in current for word in entry)]), current))
     return lines
+
+
+def sign(data: bytes) -> str:
+    """What in `data` shows a BarrettHand: its prompt, or an ERR line, at the beginning of a line (barrett §5.2)."""
+    for line in data.replace(b"\r", b"\n").split(b"\n"):
+        if line.startswith(PROMPT) or (line.startswith(b"ERR ") and line[4:].strip().isdigit()):
+            return f"the line {line[:20].decode('ascii', 'replace').strip()!r} of a BarrettHand"
+    return ""

@@ -79,11 +79,13 @@ class GclLine:
                 break
         tried = f"at {', '.join(map(str, speeds))} bit/s" if link.can_set_baud else "on this link"
         if garbage:
-            raise ProtocolError(
+            error = ProtocolError(
                 f"{link.name}: no prompt {tried}, but {len(garbage)} bytes came: {garbage[:24].hex(' ').upper()}",
                 hint="another device, an echo or a disturbed line: check port and cable; power-cycle the hand",
                 code="echo" if not garbage.strip(ABORT + CR) else "garbage",
             )
+            error.came = garbage
+            raise error
         raise NoAnswer(f"{link.name}: no answer {tried}", hint=SILENCE)
 
     def _knock_at(self, speed: int) -> bytes:

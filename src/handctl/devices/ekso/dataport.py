@@ -319,9 +319,11 @@ class DataPort:
                 hint=HINTS["silence"],
             )
         code, text = attempt.explain()
-        return ProtocolError(
+        error = ProtocolError(
             f"{self.where}: {text}; {sent}, got {_shorten(bytes(attempt.received))}", hint=HINTS[code], code=code
         )
+        error.came = bytes(attempt.received)
+        return error
 
 
 class _Attempt:

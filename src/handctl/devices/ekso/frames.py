@@ -271,3 +271,11 @@ def _broken(view: bytes, fitting: list[tuple[str, int]]) -> ProtocolError:
         f"bad CRC {shown[-2:].hex().upper()}, expected {crc(shown[:-2]):04X}, in {shown.hex(' ').upper()}",
         code="bad-checksum",
     )
+
+
+def sign(data: bytes) -> str:
+    """What in `data` shows an EksoNR: a whole answer with a body and a good CRC."""
+    decoder = Decoder()
+    decoder.feed(data)
+    found = [frame for frame in decoder.finish() if frame.body]
+    return f"the DataPort's answer to {name_of(found[0].command)}" if found else ""

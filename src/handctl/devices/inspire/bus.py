@@ -8,13 +8,18 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from copy import copy
+from typing import TYPE_CHECKING, ClassVar, Self
 
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.eb90 import Decoder, Frame
 from handctl.errors import DeviceRefused, HandctlError, Interrupted, LinkError, NoAnswer, ProtocolError
-from handctl.link import ByteLink, Deadline, Link
+from handctl.link import ByteLink, CanFrame, Deadline, Link
 from handctl.param import Step
 from handctl.result import Journal, hex_bytes
+
+if TYPE_CHECKING:
+    from handctl.devices.inspire.identity import Gate
 
 DEFAULT_TIMEOUT = 0.3
 """Seconds of silence allowed per reply beyond wire time: USB (4 ms), FTDI latency (16 ms) and Bluetooth with room."""
@@ -59,9 +64,17 @@ class RegisterBus(ABC):
     retries   repetitions of a read that got no valid answer; writes are never repeated
     bound     deadline of the whole command, None = none
     max_count longest single read in bytes
+    spaces    read and write flag of each register space
+    gate      looks who is there before the first frame that is no read; None = nobody looks
+    round_trip   seconds that the last answer took, its bytes included
     """
 
     max_count: int
+    spaces: ClassVar[dict[str, tuple[int, int]]]
+    gate: Gate | None = None
+    round_trip: float | None = None
+    read_flag: int
+    write_flag: int
 
     def __init__(
         self,
@@ -91,6 +104,31 @@ class RegisterBus(ABC):
     @abstractmethod
     def write_step(self, address: int, data: bytes, meaning: str) -> Step:
         """The exact bytes of that write."""
+
+    @abstractmethod
+    def only_reads(self, request: bytes | CanFrame) -> bool:
+        """Whether `request` is nothing but reads, which change no device of this maker."""
+
+    @abstractmethod
+    def addressee(self, request: bytes | CanFrame) -> int:
+        """The id that `request` is for, this bus's own where it has none."""
+
+    def pass_gate(self, request: bytes | CanFrame) -> None:
+        """Called with everything before it is sent. Raises NotIdentified before a first write to a stranger."""
+        if not self.only_reads(request):
+            self.at(device_id=self.addressee(request)).identify()
+
+    def identify(self) -> None:
+        """Look who is there, unless that is done: also called before a process is made that will write by itself."""
+        if self.gate is not None:
+            self.gate.check(self)
+
+    def at(self, space: str = "", device_id: int | None = None) -> Self:
+        """The same wire to another register space ("hand", "wrist"), or to another id."""
+        other = copy(self)
+        other.read_flag, other.write_flag = self.spaces.get(space, (self.read_flag, self.write_flag))
+        other.id = self.id if device_id is None else device_id
+        return other
 
     @property
     def where(self) -> str:
@@ -123,6 +161,7 @@ class Bus(RegisterBus):
 
     link: ByteLink
     max_count = eb90.MAX_COUNT
+    spaces: ClassVar = {"hand": (eb90.READ, eb90.WRITE), "wrist": (eb90.WRIST_READ, eb90.WRIST_WRITE)}
 
     def __init__(
         self,
@@ -196,8 +235,10 @@ class Bus(RegisterBus):
 
     def exchange(self, request: bytes, prefixes: Sequence[bytes], *, reply_size: int) -> Frame:
         """Send one request, wait for one frame that begins with one of `prefixes`. One attempt."""
+        self.pass_gate(request)
         self.refuse_late(hex_bytes(request))
         self.drain()
+        started = self.link.now()
         deadline = self._reply_deadline(len(request), reply_size)
         last = self.link.deadline(self.wire_seconds(len(request) + reply_size) + PATIENCE * self.timeout).earlier(
             self.bound
@@ -211,6 +252,7 @@ class Bus(RegisterBus):
                 self.journal.counters.received += 1
                 self.journal.counters.stray_bytes += decoder.skipped
                 self._rest = decoder.rest()
+                self.round_trip = self.link.now() - started
                 return frame
             chunk = b"" if received and deadline.expired else self.link.read(deadline)
             if not chunk:
@@ -224,7 +266,8 @@ class Bus(RegisterBus):
                 deadline = self.link.deadline(self.timeout).earlier(last)
 
     def send(self, request: bytes, deadline: Deadline | None = None) -> None:
-        """Write one or more request frames."""
+        """Write one or more request frames, or whatever bytes."""
+        self.pass_gate(request)
         self.link.write(request, deadline or self._reply_deadline(len(request), 0))
         self.journal.counters.sent += 1
 
@@ -248,6 +291,13 @@ class Bus(RegisterBus):
         self.journal.counters.stray_bytes += decoder.skipped
         self._rest = decoder.rest()
         return frame
+
+    def only_reads(self, request: bytes | CanFrame) -> bool:
+        return isinstance(request, bytes) and eb90.only_reads(request)
+
+    def addressee(self, request: bytes | CanFrame) -> int:
+        named = request[2] if isinstance(request, bytes) and request[:2] == eb90.HOST and len(request) > 2 else 0
+        return named if 1 <= named <= 254 else self.id
 
     def drain(self) -> bytes:
         """Throw away what lies in the input: late answers belong to nobody. Returns and counts it."""
@@ -287,11 +337,13 @@ class Bus(RegisterBus):
                 hint=self.silence_hint,
             )
         code, text = explain(request, received)
-        return ProtocolError(
+        error = ProtocolError(
             f"{self.where}: {text}; sent {hex_bytes(request)}, got {_shorten(received)}",
             hint=hint_for(code, self.family),
             code=code,
         )
+        error.came = received
+        return error
 
 
 SILENCE_HINT = (

@@ -6,6 +6,8 @@ equal its own request (wrist §2.3.1). Writes are never padded and never repeate
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 from handctl.devices.inspire import canreg
 from handctl.devices.inspire.bus import DEFAULT_RETRIES, DEFAULT_TIMEOUT, RegisterBus
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError
@@ -19,6 +21,10 @@ class CanBus(RegisterBus):
 
     link: FrameLink
     max_count = canreg.MAX_COUNT
+    spaces: ClassVar = {
+        "hand": (canreg.READ_HAND, canreg.WRITE_HAND),
+        "wrist": (canreg.READ_WRIST, canreg.WRITE_WRIST),
+    }
 
     def __init__(
         self,
@@ -86,12 +92,12 @@ class CanBus(RegisterBus):
 
     def _exchange(self, request: CanFrame, count: int | None) -> bytes:
         """Send once; the data of the reply. `count` bytes are expected, None = an acknowledgement (0 or 1 byte)."""
+        self.pass_gate(request)
         self.refuse_late(str(request))
         self.drain()
-        errors = self.link.error_frames
+        errors, started = self.link.error_frames, self.link.now()
         deadline = self.link.deadline(self.timeout).earlier(self.bound)
-        self.link.send(request, deadline)
-        self.journal.counters.sent += 1
+        self.send(request, deadline)
         odd: list[CanFrame] = []
         while True:
             frame = self.link.receive(deadline)
@@ -99,12 +105,26 @@ class CanBus(RegisterBus):
                 raise self._failure(request, odd, self.link.error_frames - errors)
             if frame.can_id == request.can_id and _answers(frame, request, count):
                 self.journal.counters.received += 1
+                self.round_trip = self.link.now() - started
                 return frame.data
             self.pass_over(frame)
             if _related(frame, request):
                 odd.append(frame)
             if deadline.expired:
                 raise self._failure(request, odd, self.link.error_frames - errors)
+
+    def send(self, frame: CanFrame, deadline: Deadline) -> None:
+        """Put one frame on the bus."""
+        self.pass_gate(frame)
+        self.link.send(frame, deadline)
+        self.journal.counters.sent += 1
+
+    def only_reads(self, request: bytes | CanFrame) -> bool:
+        return isinstance(request, CanFrame) and canreg.only_reads(request.can_id, request.data)
+
+    def addressee(self, request: bytes | CanFrame) -> int:
+        named = canreg.parse_identifier(request.can_id).hand_id if isinstance(request, CanFrame) else self.id
+        return self.id if named == canreg.ANY_ID else named
 
     def pass_over(self, frame: CanFrame) -> None:
         """Count a frame that answers nothing of ours."""

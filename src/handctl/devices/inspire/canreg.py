@@ -47,6 +47,11 @@ def parse_identifier(identifier: int) -> Access:
     return Access(identifier >> 26 & 0x7, identifier >> 14 & 0xFFF, identifier & 0x3FFF)
 
 
+def only_reads(identifier: int, data: bytes) -> bool:
+    """Whether a frame is a read request: one byte of data, the count."""
+    return parse_identifier(identifier).flag in (READ_HAND, READ_WRIST) and len(data) == 1
+
+
 def check_id(hand_id: int) -> None:
     """Refuse ids that an identifier cannot hold: 0..16383 (wrist §2.3). Raises UsageError."""
     if not 0 <= hand_id <= MAX_ID:

@@ -24,11 +24,15 @@ from handctl.errors import ProtocolError, UsageError
 HOST = b"\xeb\x90"
 DEVICE = b"\x90\xeb"
 READ, WRITE = 0x11, 0x12
+WRIST_READ, WRIST_WRITE = 0x30, 0x31
+"""The wrist's own registers (wrist §2.2); 31 is the exo's force command in a longer frame."""
 FORCE_COMMAND, POSITION_COMMAND = 0x31, 0x32
 ACCEPTED = 0x01
 MAX_COUNT = 252
 """Largest count of one read or write: its reply's length byte n + 3 must fit into 255."""
 MIN_LENGTH = 1
+READ_SIZE = 9
+"""Bytes of a read request."""
 OVERHEAD = 5
 
 
@@ -94,6 +98,19 @@ def read_request(device_id: int, address: int, count: int, flag: int = READ) -> 
     check_id(device_id)
     check_span(address, count)
     return Frame(HOST, device_id, flag, address.to_bytes(2, "little") + bytes([count])).encode()
+
+
+def only_reads(data: bytes) -> bool:
+    """Whether `data` is nothing but whole read requests, which change no device of this maker."""
+    requests = [data[start : start + READ_SIZE] for start in range(0, len(data), READ_SIZE)]
+    return bool(data) and all(
+        len(one) == READ_SIZE
+        and one[:2] == HOST
+        and one[3] == 4
+        and one[4] in (READ, WRIST_READ)
+        and one[-1] == checksum(one[2:-1])
+        for one in requests
+    )
 
 
 def write_request(device_id: int, address: int, data: bytes, flag: int = WRITE) -> bytes:
@@ -223,3 +240,14 @@ def _find_prefix(buffer: bytearray, prefix: bytes) -> int:
         if buffer.endswith(prefix[:size]):
             return len(buffer) - size
     return len(buffer)
+
+
+# -- whose bytes are these ------------------------------------------------------------------------------------------
+
+
+def sign(data: bytes) -> str:
+    """What in `data` shows a device of this maker: a whole frame of its own. Which device, its bytes do not tell."""
+    decoder = Decoder([DEVICE])
+    decoder.feed(data)
+    found = decoder.finish()
+    return f"the frame {found[0].encode().hex(' ').upper()} of an Inspire device" if found else ""

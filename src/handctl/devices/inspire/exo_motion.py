@@ -120,6 +120,7 @@ def move(hand: ExoHand, values: list[int], guide: Guide, *, wait: float) -> Tabl
     Ctrl-C commands the fingers to the positions they have just then, where these are legal (the manual has no stop
     command). Returns targets against reached positions; no verdict, since a worn finger may be held back.
     """
+    hand.bus.identify()
     with guarding(hand.link, _last_shots(hand, []), hand.journal.warn) as guard:
         try:
             with watching("the fingers"):

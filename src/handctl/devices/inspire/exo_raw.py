@@ -241,6 +241,7 @@ def exchange(hand: RegisterDevice, data: bytes, wait: float) -> Table:
     """Send bytes once, listen for `wait` seconds after the last byte came, show every frame in the answer."""
     bus = hand.bus
     assert isinstance(bus, Bus)
+    bus.pass_gate(data)
     bus.refuse_late(hex_bytes(data))
     bus.drain()
     bus.send(data)
@@ -344,7 +345,7 @@ def _frame_row(params: ParamMap[Register], frame: eb90.Frame, meaning: str) -> R
 def _meaning(params: ParamMap[Register], frame: eb90.Frame) -> str:
     """What a frame says, by the map of the device: the wrist's registers answer with 30 and 31, a hand's with 11 and 12."""
     other_space = (frame.flag in (eb90.READ, eb90.WRITE)) == (params.kind == "wrist")
-    if other_space and frame.address is not None and frame.flag in (eb90.READ, 0x30):
+    if other_space and frame.address is not None and frame.flag in (eb90.READ, eb90.WRIST_READ):
         return "another register space"
     if frame.address is None:
         return f"values {' '.join(map(str, eb90.unpack_s16(frame.payload)))}"

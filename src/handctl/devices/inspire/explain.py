@@ -10,10 +10,10 @@ from dataclasses import replace
 
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.canwords import CanWords
-from handctl.devices.inspire.eb90 import FORCE_COMMAND, POSITION_COMMAND, READ, WRITE, Frame
+from handctl.devices.inspire.eb90 import FORCE_COMMAND, POSITION_COMMAND, READ, WRIST_READ, WRIST_WRITE, WRITE, Frame
 from handctl.devices.inspire.registers import EXO, FINGERS, WRIST, Register
 from handctl.devices.inspire.spans import describe, span_name, span_parts, span_values
-from handctl.devices.inspire.wrist_raw import CAN_MISPRINTS, MISPRINTS, READ_FLAG, WRITE_FLAG
+from handctl.devices.inspire.wrist_raw import CAN_MISPRINTS, MISPRINTS
 from handctl.param import ParamMap
 from handctl.piece import DEVICE, HOST, Part, Piece, Value, stray
 
@@ -143,10 +143,10 @@ class InspireExplainer:
         if address is None:
             return words, title, "", "odd-frame", values
         name = span_name(self._space(flag), address, size)
-        if flag in (READ, READ_FLAG):
+        if flag in (READ, WRIST_READ):
             count = frame.data[0] if not frame.from_device and size == 1 else size
             return self._late(frame, words, values, f"{who} {flag:02X} {address} {count}")
-        if flag not in (WRITE, WRITE_FLAG):
+        if flag not in (WRITE, WRIST_WRITE):
             return words, title, "", "odd-frame", values
         if not frame.from_device:
             changes_id = self._map is EXO and address == EXO["id"].address and flag == WRITE and size == 1
@@ -190,7 +190,7 @@ class InspireExplainer:
 
     def _space(self, flag: int) -> ParamMap[Register] | None:
         """The map behind a flag; None where this family member has no names."""
-        return self._map if (flag in (READ_FLAG, WRITE_FLAG)) == (self._map is WRIST) else None
+        return self._map if (flag in (WRIST_READ, WRIST_WRITE)) == (self._map is WRIST) else None
 
     def _commands(self, frame: Frame) -> bool:
         return self._map is EXO and frame.flag in (FORCE_COMMAND, POSITION_COMMAND) and frame.address is None
@@ -202,7 +202,7 @@ class InspireExplainer:
         where = f"id {frame.id}"
         space = self._space(frame.flag)
         address = int.from_bytes(frame.payload[:2], "little") if len(frame.payload) > 2 else None
-        reads, writes = frame.flag in (READ, READ_FLAG), frame.flag in (WRITE, WRITE_FLAG)
+        reads, writes = frame.flag in (READ, WRIST_READ), frame.flag in (WRITE, WRIST_WRITE)
         if address is None or not (reads or writes):
             return f"flag {frame.flag:02X}, which the manual does not have, {where}", ()
         other = "" if space is not None else " of another register space"
@@ -214,7 +214,7 @@ class InspireExplainer:
             verdict = "accepted" if frame.data == b"\x01" else f"not accepted ({frame.data.hex().upper()})"
             return f"{verdict}: write at {address} {span_name(space, address, 1)}{other}, {where}", ()
         text = describe(space, address, frame.data) + (f" at {address}{other}" if space is None else "")
-        if writes and len(frame.data) == 8 and frame.flag == WRITE_FLAG:
+        if writes and len(frame.data) == 8 and frame.flag == WRIST_WRITE:
             text += "; an exoskeleton hand takes it for a force command"
         if writes and frame.from_device:
             return f"no acknowledgement of a write, which has one byte: {frame.data.hex(' ').upper()}, {where}", ()
@@ -259,9 +259,9 @@ class InspireExplainer:
             address = int.from_bytes(frame.payload[:2], "little")
             space = self._space(frame.flag)
             found.append(Part(raw[5:7], "address", f"{address} {span_name(space, address, 1)}"))
-            if frame.flag in (READ, READ_FLAG) and not frame.from_device and len(frame.data) == 1:
+            if frame.flag in (READ, WRIST_READ) and not frame.from_device and len(frame.data) == 1:
                 found.append(Part(frame.data, "count", f"{frame.data[0]} byte{'s' if frame.data[0] != 1 else ''}"))
-            elif frame.flag in (WRITE, WRITE_FLAG) and frame.from_device and len(frame.data) == 1:
+            elif frame.flag in (WRITE, WRIST_WRITE) and frame.from_device and len(frame.data) == 1:
                 found.append(Part(frame.data, "answer", "accepted" if frame.data == b"\x01" else "not accepted"))
             else:
                 found += span_parts(space, address, frame.data)
@@ -271,7 +271,7 @@ class InspireExplainer:
     def _flag_name(self, frame: Frame) -> str:
         if self._commands(frame):
             return "force command" if frame.flag == FORCE_COMMAND else "position command"
-        names = {READ: "read, hand", WRITE: "write, hand", READ_FLAG: "read, wrist", WRITE_FLAG: "write, wrist"}
+        names = {READ: "read, hand", WRITE: "write, hand", WRIST_READ: "read, wrist", WRIST_WRITE: "write, wrist"}
         return names.get(frame.flag, "not in the manual")
 
 

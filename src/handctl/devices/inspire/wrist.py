@@ -153,6 +153,7 @@ class Wrist(RegisterDevice):
         if time is None:
             time = int(self.read([Element(WRIST["move_time"], 0)])[0].value or 0)
         wait = wait if wait is not None else time * 1.5 / 1000 + 2
+        self.bus.identify()
         # Where it stands is asked for first: without that nothing could hold it there if this process dies.
         with guarding(self.link, self._last_shots(self.read(ANGLES)), self.journal.warn) as guard:
             try:

@@ -8,6 +8,7 @@ import click
 
 from handctl.clikit import Group
 from handctl.devices.inspire.bus import DEFAULT_RETRIES, DEFAULT_TIMEOUT, Bus
+from handctl.devices.inspire.identity import Gate
 from handctl.devices.inspire.registers import WRIST, address_in
 from handctl.devices.inspire.wrist import WIRING_HINT, Wrist
 from handctl.family import Family
@@ -18,12 +19,10 @@ from handctl.result import Table
 from handctl.run import Run
 
 if TYPE_CHECKING:
+    from handctl.devices.inspire.canbus import CanBus
     from handctl.link import ByteLink
     from handctl.options import Settings
     from handctl.result import Journal
-
-READ_FLAG, WRITE_FLAG = 0x30, 0x31
-"""wrist §2.2; never 11/12 at these addresses."""
 
 
 def open_wrist(link: ByteLink | FrameLink, settings: Settings, journal: Journal) -> Wrist:
@@ -34,23 +33,16 @@ def open_wrist(link: ByteLink | FrameLink, settings: Settings, journal: Journal)
         "retries": settings.retries if settings.retries is not None else DEFAULT_RETRIES,
         "bound": link.deadline(settings.deadline) if settings.deadline is not None else None,
     }
+    bus: Bus | CanBus
     if isinstance(link, FrameLink):
         from handctl.devices.inspire.canbus import CanBus
 
-        return Wrist(CanBus(link, device_id, journal, **more))
-    hint = f"`handctl wrist scan` looks; {WIRING_HINT}"
-    return Wrist(
-        Bus(
-            link,
-            device_id,
-            journal,
-            read_flag=READ_FLAG,
-            write_flag=WRITE_FLAG,
-            family="wrist",
-            silence_hint=hint,
-            **more,
-        )
-    )
+        bus = CanBus(link, device_id, journal, **more)
+    else:
+        hint = f"`handctl wrist scan` looks; {WIRING_HINT}"
+        bus = Bus(link, device_id, journal, family="wrist", silence_hint=hint, **more).at("wrist")
+    bus.gate = Gate("wrist", settings.assume_identity)
+    return Wrist(bus)
 
 
 cli = Group(

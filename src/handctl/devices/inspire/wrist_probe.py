@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from handctl.devices.inspire import probing
+from handctl.devices.inspire import eb90, probing
 from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.canbus import CanBus
 from handctl.devices.inspire.wrist import Wrist
@@ -18,8 +18,6 @@ WIRES = ("serial", "tcp", "can")
 SPEEDS = probing.SPEEDS
 PING = "pitch_actual"
 ECHOES = False
-READ_FLAG, WRITE_FLAG = 0x30, 0x31
-"""wrist §2.2."""
 
 
 def probe(
@@ -35,7 +33,14 @@ def probe(
         bus: Bus | CanBus = CanBus(link, ids[0], own, retries=0, bound=deadline)
     else:
         bus = Bus(
-            link, ids[0], own, retries=0, bound=deadline, read_flag=READ_FLAG, write_flag=WRITE_FLAG, family=FAMILY
+            link,
+            ids[0],
+            own,
+            retries=0,
+            bound=deadline,
+            read_flag=eb90.WRIST_READ,
+            write_flag=eb90.WRIST_WRITE,
+            family=FAMILY,
         )
     speed = link.baud if isinstance(link, ByteLink) else None
     table = scan_wrist(Wrist(bus), Guide(), ids, [speed or 0], 1, probing.window_ms(timeout, len(ids)), False)

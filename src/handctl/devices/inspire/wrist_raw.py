@@ -13,7 +13,6 @@ from handctl.link import CanFrame
 from handctl.param import Element, Step
 from handctl.result import Column, Row, Table, hex_bytes
 
-READ_FLAG, WRITE_FLAG = 0x30, 0x31
 WRITE_SIZES = (2, 4, 6)
 """Bytes of a wrist write. Eight would be an exo force command (wrist §2.2.1, exo §2.2.1)."""
 SHARED = range(1020, 1044)
@@ -124,17 +123,9 @@ def write(wrist: Wrist, address: int, data: bytes) -> Table:
 
 def hand_bus(wrist: Wrist) -> Bus | CanBus:
     """A bus to the hand's own registers, through flags 11/12 or CAN flags 0/1."""
-    bus = wrist.bus
-    if isinstance(bus, CanBus):
-        return CanBus(
-            bus.link, bus.id, bus.journal, timeout=bus.timeout, retries=bus.retries, bound=bus.bound,
-            read_flag=canreg.READ_HAND, write_flag=canreg.WRITE_HAND,
-        )  # fmt: skip
-    assert isinstance(bus, Bus)
-    return Bus(
-        bus.link, bus.id, bus.journal, timeout=bus.timeout, retries=bus.retries, bound=bus.bound,
-        family=bus.family, silence_hint=bus.silence_hint,
-    )  # fmt: skip
+    bus = wrist.bus.at("hand")
+    assert isinstance(bus, Bus | CanBus)
+    return bus
 
 
 def hand_read(wrist: Wrist, address: int, count: int) -> Table:
@@ -233,12 +224,12 @@ def plan_raw(data: bytes, force: bool, *, only_explain: bool = False) -> Step:
     frames = [frame for frame in decoder.finish() if not frame.from_device]
     if len(frames) == 1 and frames[0].encode() == data:
         frame = frames[0]
-        if frame.flag in (READ_FLAG, eb90.READ) and len(frame.payload) == 3:
-            space = "wrist" if frame.flag == READ_FLAG else "hand"
+        if frame.flag in (eb90.WRIST_READ, eb90.READ) and len(frame.payload) == 3:
+            space = "wrist" if frame.flag == eb90.WRIST_READ else "hand"
             return Step(
                 explained or f"read {frame.payload[2]} bytes at {frame.address} of the {space}, id {frame.id}", data
             )
-        if frame.flag == WRITE_FLAG and len(frame.payload) == 10 and not force:
+        if frame.flag == eb90.WRIST_WRITE and len(frame.payload) == 10 and not force:
             raise UsageError(
                 "8 bytes with flag 31 are a force command of an exoskeleton hand",
                 hint="a wrist write has 2, 4 or 6 bytes; --force-ambiguous sends it all the same. Nothing was sent.",
@@ -246,7 +237,7 @@ def plan_raw(data: bytes, force: bool, *, only_explain: bool = False) -> Step:
             )
         if frame.flag == eb90.WRITE and not _touches_shared(frame.address or 0, len(frame.data)):
             return Step(f"write {hex_bytes(frame.data)} at {frame.address} of the hand", data, moves=True, strands=True)
-        if frame.flag == WRITE_FLAG and frame.address is None:
+        if frame.flag == eb90.WRIST_WRITE and frame.address is None:
             address = int.from_bytes(frame.payload[:2], "little")
             return Step(
                 f"write {hex_bytes(frame.payload[2:])} at {address}, or an exo force command",
@@ -254,7 +245,7 @@ def plan_raw(data: bytes, force: bool, *, only_explain: bool = False) -> Step:
                 moves=True,
                 strands=True,
             )
-        if frame.flag == WRITE_FLAG:
+        if frame.flag == eb90.WRIST_WRITE:
             if explained is None and not force:
                 _refuse_illegal(frame.address or 0, frame.data)
             return Step(explained or f"write {hex_bytes(frame.data)} at {frame.address} of the wrist", data, moves=True)
@@ -320,11 +311,11 @@ def exchange_can(wrist: Wrist, frame: CanFrame, wait: float) -> Table:
     """Send one frame, listen for `wait` seconds, show what came: the same identifier is the answer, the rest is traffic."""
     bus = wrist.bus
     assert isinstance(bus, CanBus)
+    bus.pass_gate(frame)
     bus.refuse_late(str(frame))
     bus.drain()
     deadline = bus.link.deadline(wait).earlier(bus.bound)
-    bus.link.send(frame, deadline)
-    bus.journal.counters.sent += 1
+    bus.send(frame, deadline)
     rows: list[Row] = []
     while len(rows) < 1000:
         came = bus.link.receive(deadline)

@@ -1,0 +1,274 @@
+"""Who answers: an EH55BF1, a wrist module, or a hand of the same maker. Read-only (inspire §4.15, rh56 §1.1).
+
+One frame is spoken by all of them, and the same bytes mean another thing to each: before the first frame of a command
+that is no read, a `Gate` asks. Judged is what is answered; an echo, silence and zeros prove nothing. No register holds a
+model: where nothing speaks against the family that was typed, it is the user's word.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+from typing import NamedTuple
+
+from handctl.devices.inspire import eb90
+from handctl.devices.inspire.bus import RegisterBus
+from handctl.errors import DeviceRefused, HandctlError, Interrupted, NoAnswer, NotIdentified, ProtocolError
+from handctl.result import Journal, hex_bytes
+
+Span = tuple[int, int]
+"""Address and count of bytes."""
+At = Callable[[int, int], bytes | None]
+"""(address, count) -> the bytes there, None where they were not read."""
+
+FACTOR = 3.0
+"""A sibling has so many round trips of this link to answer ..."""
+LEAST = 0.010
+"""... and so many seconds at least, for a host that is busy; never more than the silence allowed per reply."""
+
+DAMAGED = ("bad-checksum", "cut-short")
+"""What a valid answer turns into on a disturbed line."""
+
+# -- what shows whom ----------------------------------------------------------------------------------------------
+
+STATES = (1606, 18)
+"""Errors, status codes, temperatures: six each on a hand; on the exo five errors and five temperatures are documented."""
+STATUS, ROTATION = (1612, 6), (1623, 1)
+STATUS_CODES = frozenset((0, 1, 2, 3, 5, 6, 7, 255))
+"""RH56: 4 is undefined, 255 is what a hand shows before its first command (rh56 §3.1)."""
+WARM = frozenset((*range(5, 111), 255))
+"""Temperatures in °C that an actuator can have, and the mark of one that is not measured (rh56 §1.1)."""
+
+
+def is_wrist(at: At) -> str:
+    """Only a wrist module has registers behind flag 30 (wrist §2.2)."""
+    return "the wrist's flag (30, on CAN 4) is answered" if at(1020, 2) is not None else ""
+
+
+def is_six_wide(at: At) -> str:
+    """A sixth finger where the EH55BF1 documents none: status codes, and the temperature of the thumb's rotation."""
+    told = []
+    codes, warm = at(*STATUS), at(*ROTATION)
+    if codes and any(codes) and set(codes) <= STATUS_CODES:
+        told.append(f"six status codes at {STATUS[0]} ({hex_bytes(codes)})")
+    if warm and warm[0] in WARM:
+        told.append(f"a temperature of the thumb rotation at {ROTATION[0]} ({warm[0]} °C)")
+    return " and ".join(told)
+
+
+def is_five_wide(at: At) -> str:
+    """Temperatures of five fingers: an EH55BF1 for all that is known, where nothing speaks against it (exo §2.3.13)."""
+    warm = at(1618, 5)
+    return f"five temperatures ({', '.join(map(str, warm))} °C)" if warm and any(warm) else ""
+
+
+def is_f1(at: At) -> str:
+    """RH56F1 counts words: angles of 50 to 180 degrees, status codes and temperatures, all three (rh56 §1.1)."""
+    angles, codes, warm = _words(at(1064, 12)), _words(at(1088, 12)), _words(at(1094, 12))
+    good = len(angles) == 6 and all(500 <= angle <= 1800 for angle in angles)
+    good = good and all(0 <= code <= 8 for code in codes) and all(10 <= degrees <= 90 for degrees in warm)
+    return (
+        f"angles at 1064 ({', '.join(map(str, angles))}), status and temperatures behind them, as words" if good else ""
+    )
+
+
+def is_dg2(at: At) -> str:
+    """RH5DG2 counts words and has 13 actuators: angles and temperatures (rh56 §1.1)."""
+    angles, warm = _words(at(1136, 26)), _words(at(1206, 26))
+    good = len(angles) == len(warm) == 13 and any(angles) and all(10 <= degrees <= 90 for degrees in warm)
+    return f"13 temperatures at 1206 ({', '.join(map(str, warm))} °C) and 13 angles at 1136, as words" if good else ""
+
+
+def _words(data: bytes | None) -> list[int]:
+    return eb90.unpack_s16(data or b"")
+
+
+class Kind(NamedTuple):
+    """What a device is: family of a scan's row, words for people, and the command that fits, "" = there is none yet."""
+
+    family: str
+    words: str
+    command: str
+
+
+class Sign(NamedTuple):
+    """One row of the table: what is read, in which register space, what it shows, and who that is."""
+
+    space: str
+    reads: tuple[Span, ...]
+    shows: Callable[[At], str]
+    kind: Kind
+
+
+EXO = Kind("exo", "an EH55BF1 exoskeleton hand", "handctl exo")
+WRIST = Kind("wrist", "a wrist module with its hand", "handctl wrist")
+BYTE_HAND = Kind("hand", "an RH56 hand (byte addresses)", "")
+F1_HAND = Kind("hand", "an RH56F1 hand (word addresses)", "")
+DG2_HAND = Kind("hand", "an RH5DG2 hand (word addresses)", "")
+
+TABLE = (
+    Sign("wrist", ((1020, 2),), is_wrist, WRIST),
+    Sign("hand", (STATES,), is_six_wide, BYTE_HAND),
+    Sign("hand", (STATES,), is_five_wide, EXO),
+    Sign("hand", ((1618, 5),), is_five_wide, EXO),  # a device that is silent where a read touches undocumented bytes
+    Sign("hand", ((1064, 12), (1088, 24)), is_f1, F1_HAND),
+    Sign("hand", ((1136, 26), (1206, 26)), is_dg2, DG2_HAND),
+)
+"""In the order of their weight: a hand that carries a wrist shows both, an EH55BF1 only what every hand shows."""
+
+
+# -- looking ------------------------------------------------------------------------------------------------------
+
+
+class Look:
+    """One look at the id of `bus`: asks the family's own question first, then what would speak against it."""
+
+    def __init__(self, bus: RegisterBus) -> None:
+        self._bus = bus
+        self._memory: dict[tuple[str, Span], bytes | None] = {}
+        self._failure: HandctlError | None = None
+        self.evidence = ""
+
+    def who(self, own: Kind) -> Kind:
+        """The kind of device. Raises NoAnswer, ProtocolError where nobody answers as one of these does, LinkError."""
+        wrist, states, more = TABLE[:1], TABLE[1:3], TABLE[3:]
+        if own is WRIST:  # flag 30 is nobody else's: its answer is enough
+            kind = self._try(wrist)
+            if kind is None and self._silent:
+                self.evidence = "the wrist's flag (30, on CAN 4) is not answered"
+                kind = self._try(states)
+        else:
+            kind = self._try(states)
+            if kind is not None or self._silent:
+                kind = self._try(wrist) or kind
+        if kind is None and self._silent:
+            kind = self._try(more)
+        if kind is None:
+            raise self._failure or self._unknown()
+        return kind
+
+    @property
+    def _silent(self) -> bool:
+        """Whether asking on makes sense: zeros, silence, our own bytes. What else came is a stranger's, or destroyed."""
+        return self._failure is None or self._failure.code in (NoAnswer.default_code, "echo")
+
+    def _try(self, signs: Collection[Sign]) -> Kind | None:
+        """Whom the first of `signs` shows that shows anything."""
+        for sign in signs:
+            blocks = [(span[0], self._ask(sign.space, span)) for span in sign.reads]
+            shown = sign.shows(within(blocks))
+            if shown:
+                self.evidence = "; ".join(filter(None, (shown, self.evidence)))
+                return sign.kind
+        return None
+
+    def _ask(self, space: str, span: Span) -> bytes | None:
+        """One question, asked once in a look; the first as often as any read. None where no valid answer came."""
+        if (space, span) in self._memory:
+            return self._memory[space, span]
+        first, bus = not self._memory, self._bus.at(space)
+        if not first and self._bus.round_trip is not None:
+            bus.timeout = min(bus.timeout, max(LEAST, FACTOR * self._bus.round_trip))
+        data, started = None, bus.link.now()
+        try:
+            data = bus.read(*span, retries=None if first else 0)
+            if first and bus.link.now() - started > bus.timeout:
+                self._confirm(bus)
+        except (NoAnswer, ProtocolError) as exc:
+            if exc.code == "late":
+                raise
+            if first:
+                self._failure = exc
+            elif exc.code in DAMAGED:
+                data = self._again(space, span)
+        if first:
+            self._bus.round_trip = bus.round_trip
+        self._memory[space, span] = data
+        return data
+
+    def _again(self, space: str, span: Span) -> bytes | None:
+        """Once more, with the patience of any read: somebody may have answered what only a sibling answers."""
+        try:
+            return self._bus.at(space).read(*span)
+        except (NoAnswer, ProtocolError) as exc:
+            if exc.code in DAMAGED:
+                raise
+            return None
+
+    def _confirm(self, bus: RegisterBus) -> None:
+        """An answer after silence may be a late one to the first question: then what is written is not seen in time."""
+        span = (1022, 2) if bus.read_flag == bus.spaces["wrist"][0] else (1618, 5)
+        try:
+            bus.read(*span, retries=0)
+        except NoAnswer as exc:
+            raise NoAnswer(
+                f"{bus.where}: answers come later than {bus.timeout:g} s, or not each time",
+                hint=f"run the command again with --timeout {max(1.0, 4 * bus.timeout):g}",
+                code="late",
+            ) from exc
+
+    def _unknown(self) -> ProtocolError:
+        came = "; ".join(f"{span[0]}: {hex_bytes(data)}" for (_, span), data in self._memory.items() if data)
+        return ProtocolError(
+            f"{self._bus.where}: it answers, but not as a device of this maker that is known ({came})",
+            hint="look at the type plate; `--assume-identity` writes all the same",
+            code="unknown-device",
+        )
+
+
+def within(blocks: Collection[tuple[int, bytes | None]]) -> At:
+    """What lies in blocks that were read: (address, bytes) each."""
+
+    def at(address: int, count: int) -> bytes | None:
+        for start, data in blocks:
+            if data is not None and start <= address and address + count <= start + len(data):
+                return data[address - start : address - start + count]
+        return None
+
+    return at
+
+
+class Gate:
+    """Lets frames that are no reads pass after one look at who is there; `own` is the family that was typed."""
+
+    def __init__(self, own: str, assumed: bool) -> None:
+        self._own = next(kind for kind in (EXO, WRIST) if kind.family == own)
+        self._assumed = assumed
+        self._passed = False
+
+    def check(self, bus: RegisterBus) -> None:
+        """Look once. Raises NotIdentified, Interrupted; nothing was written then."""
+        if self._passed:
+            return
+        if self._assumed:
+            assumed(bus.journal)
+        else:
+            try:
+                self._look(bus)
+            except KeyboardInterrupt as exc:
+                raise Interrupted("interrupted while handctl looked who is there; nothing was written") from exc
+            except HandctlError as exc:
+                if not bus.link.replayed or exc.code != "replay-miss":
+                    raise NotIdentified(exc) from exc
+                bus.journal.info("not-recorded", "the look at who is there was not recorded: left out in this replay")
+        self._passed = True
+
+    def _look(self, bus: RegisterBus) -> None:
+        look = Look(bus)
+        kind = look.who(self._own)
+        if kind is not self._own:
+            raise stranger(bus, kind, self._own, look.evidence)
+
+
+def assumed(journal: Journal) -> None:
+    """What a result says when nobody looked."""
+    journal.warn("identity-assumed", "written without a look at who is there: --assume-identity")
+
+
+def stranger(bus: RegisterBus, kind: Kind, own: Kind, evidence: str) -> DeviceRefused:
+    """The error of a device of another kind, with the command that fits."""
+    fits = f"`{kind.command}` is the command for it" if kind.command else "handctl has no command for it yet"
+    return DeviceRefused(
+        f"{bus.where}: this is {kind.words}, not {own.words}: {evidence}",
+        hint=f"{fits}; --assume-identity writes all the same, if you know better",
+        code="other-device",
+    )

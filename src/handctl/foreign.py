@@ -1,0 +1,28 @@
+"""Bytes that answer nothing of ours: whose protocol are they? Knows no bytes itself, asks each family's own code."""
+
+from __future__ import annotations
+
+import importlib
+
+from handctl.errors import DeviceRefused, HandctlError
+from handctl.families import SIGNS
+
+
+def renamed(error: HandctlError, own: str) -> HandctlError:
+    """The error as it is; where its bytes show the protocol of another family than `own`, exit code 6 and its command."""
+    if error.exit_code != 5 or not error.came:
+        return error
+    shown = {family: sign for family in SIGNS if (sign := _sign(family, error.came))}
+    if not shown or own in shown:
+        return error
+    commands = " or ".join(f"`handctl {family}`" for family in shown)
+    return DeviceRefused(
+        f"{error.text}. There is {next(iter(shown.values()))} in it: another device than {own}",
+        hint=f"{commands} is the command for it",
+        code="other-device",
+    )
+
+
+def _sign(family: str, came: bytes) -> str:
+    module, _, function = SIGNS[family].partition(":")
+    return str(getattr(importlib.import_module(module), function)(came))
