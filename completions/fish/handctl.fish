@@ -443,7 +443,7 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
         case 'trace diff'
             set opts '--family	Whose bytes they are (default: as the file says, else as the bytes look).' '-h	Show this message and exit.' '--help	Show this message and exit.'
             set takes --family=choice:exo,wrist,barrett,ekso,aidin
-            set args 'none' 'none'
+            set args 'file' 'file'
         case 'trace show'
             set opts '--family	Whose bytes they are (default: as the file says, else as the bytes look).' '--only	Rows with something wrong: bad frames, refusals, no answer.' '--grep	Rows whose meaning or bytes match, in any case.' '-h	Show this message and exit.' '--help	Show this message and exit.'
             set takes --family=choice:exo,wrist,barrett,ekso,aidin --only=choice:errors --grep=none

@@ -19,6 +19,7 @@ from typing import Any, NamedTuple
 
 from handctl.errors import UsageError
 from handctl.families import FAMILIES, FAMILY_KEYS
+from handctl.files import NoFile, read
 
 Check = Callable[[Any], Any]
 """Value as TOML has it -> value of the option. Raises ValueError with what is wrong."""
@@ -84,6 +85,9 @@ class Statement(NamedTuple):
     header: bool
 
 
+MOST_BYTES = 1_000_000
+
+
 def is_name(text: object) -> bool:
     """Whether a device may have this name: it must fit into a shell word and a bare TOML key."""
     return (
@@ -97,17 +101,11 @@ def is_name(text: object) -> bool:
 
 def load(path: str, checks: Mapping[str, Check]) -> Config:
     """Read and check the file; one that is missing is empty. Raises UsageError."""
+    hint = "make it readable, or name another one in HANDCTL_CONFIG"
     try:
-        with open(path, "rb") as file:
-            content = file.read()
-    except (FileNotFoundError, NotADirectoryError):
+        content = read(path, "the configuration file", MOST_BYTES, hint=hint, code="config")
+    except NoFile:
         return Config(path, "", {}, {})
-    except OSError as exc:
-        raise UsageError(
-            f"{path}: the configuration file cannot be read: {exc.strerror or exc}",
-            hint="make it readable, or name another one in HANDCTL_CONFIG",
-            code="config",
-        ) from exc
     try:
         text = content.decode("utf-8")
     except UnicodeDecodeError as exc:

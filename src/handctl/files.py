@@ -1,14 +1,93 @@
-"""Files that are there whole or not at all. Knows no device; errors of the system are the callers' to translate."""
+"""The one gate for files: what is read is a regular file of bounded size, what is written is whole or not there at all.
+
+`read`, `read_text` and `opened` raise UsageError with a sentence for the user. `whole` raises OSError: what a write that
+fails means is its callers' to say. `clash` tells two names of one file. Knows no device.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import os
+import stat
 from collections.abc import Iterator
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any, BinaryIO
+
+from handctl.errors import UsageError
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+
+class NoFile(UsageError):
+    """There is no such file."""
+
+    default_code = "no-file"
+
+
+NOT_FILES = (
+    (stat.S_ISDIR, "a folder"),
+    (stat.S_ISFIFO, "a named pipe"),
+    (stat.S_ISCHR, "a device"),
+    (stat.S_ISBLK, "a device"),
+    (stat.S_ISSOCK, "a socket"),
+)
+
+
+def opened(path: str | os.PathLike[str], what: str, *, hint: str = "", code: str = "") -> BinaryIO:
+    """FILE for reading, where `what` names the kind of file, such as "a snapshot".
+
+    Raises NoFile, or UsageError for what is not a regular file (it could be without end) or cannot be read.
+    """
+    try:
+        descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
+    except (FileNotFoundError, NotADirectoryError) as exc:
+        raise NoFile(f"{path}: no such file", hint=hint, code=code) from exc
+    except OSError as exc:
+        kind = "it is a folder" if os.path.isdir(path) else exc.strerror or exc
+        raise UsageError(f"{path}: cannot be read: {kind}", hint=hint, code=code) from exc
+    mode = os.fstat(descriptor).st_mode
+    if not stat.S_ISREG(mode):
+        os.close(descriptor)
+        kind = next((text for fits, text in NOT_FILES if fits(mode)), "something else")
+        raise UsageError(f"{path}: cannot be read: it is {kind}, not {what}", hint=hint, code=code)
+    return open(descriptor, "rb")
+
+
+def read(path: str | os.PathLike[str], what: str, most: int, *, hint: str = "", code: str = "") -> bytes:
+    """All of FILE, `most` bytes at the most. Raises as `opened`, and UsageError for a larger file."""
+    with opened(path, what, hint=hint, code=code) as file:
+        try:
+            content = file.read(most + 1)
+        except OSError as exc:
+            raise UsageError(f"{path}: cannot be read: {exc.strerror or exc}", hint=hint, code=code) from exc
+    if len(content) > most:
+        raise UsageError(f"{path}: larger than {most // 1_000_000} MB: not {what}", hint=hint, code=code)
+    return content
+
+
+def read_text(path: str | os.PathLike[str], what: str, most: int, *, hint: str = "", code: str = "") -> str:
+    """The same as text in UTF-8."""
+    try:
+        return read(path, what, most, hint=hint, code=code).decode("utf-8")
+    except UnicodeDecodeError as exc:
+        raise UsageError(f"{path}: not a text in UTF-8: not {what}", hint=hint, code=code) from exc
+
+
+def is_pipe(path: str) -> bool:
+    """Whether `path` is a named pipe."""
+    try:
+        return stat.S_ISFIFO(os.stat(path).st_mode)
+    except OSError:
+        return False
+
+
+def clash(one: str | os.PathLike[str], other: str | os.PathLike[str]) -> bool:
+    """Whether two paths lead to one file, by whatever links; pipes, terminals and /dev/null never clash."""
+    try:
+        first, second = os.stat(one), os.stat(other)
+    except OSError:
+        return os.path.normcase(os.path.realpath(one)) == os.path.normcase(os.path.realpath(other))
+    return stat.S_ISREG(first.st_mode) and os.path.samestat(first, second)
 
 
 @contextlib.contextmanager
@@ -20,7 +99,7 @@ def whole(path: str | os.PathLike[str], mode: str = "w") -> Iterator[IO[Any]]:
     """
     how = {} if "b" in mode else {"encoding": "utf-8", "newline": ""}
     if os.path.exists(path) and not os.path.isfile(path):
-        with open(path, mode, **how) as file:  # type: ignore[call-overload]
+        with open(path, mode, opener=at_once, **how) as file:  # type: ignore[call-overload]
             yield file
         return
     target = os.path.realpath(path)
@@ -41,6 +120,14 @@ def whole(path: str | os.PathLike[str], mode: str = "w") -> Iterator[IO[Any]]:
         raise
 
 
+def at_once(path: str, flags: int) -> int:
+    """An opener for `open`: a pipe that nobody reads is an error now, not a wait without end."""
+    descriptor = os.open(path, flags | getattr(os, "O_NONBLOCK", 0), 0o666)
+    if hasattr(os, "set_blocking"):
+        os.set_blocking(descriptor, True)
+    return descriptor
+
+
 def _inherit(old: os.stat_result, path: str) -> None:
     """Permissions and, where root edits another user's file, owner."""
     os.chmod(path, old.st_mode & 0o7777)
@@ -57,7 +144,7 @@ def why_unwritable(path: str) -> str:
     if os.path.exists(path) and not os.path.isfile(path):  # a terminal, a pipe: written to as it is
         return ""
     if not os.path.isdir(folder) or not os.access(folder, os.W_OK):
-        return f"{folder} is no folder that can be written to"
+        return f"{folder} is not a folder that can be written to"
     return ""
 
 

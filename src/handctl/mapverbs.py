@@ -14,6 +14,7 @@ import click
 
 from handctl import stored, verbs
 from handctl.clikit import Group, stream_options
+from handctl.filetypes import InFile, OutFile
 from handctl.options import Number
 from handctl.param import COMMAND, ParamMap
 from handctl.result import Table
@@ -82,7 +83,7 @@ def add_map_verbs(
         """Live view on a terminal, a stream of rows elsewhere. Without names: what changes by itself."""
         return verbs.watch(run, params, names, rate=rate, count=count, duration=duration)
 
-    @click.argument("file", type=click.Path(dir_okay=False))
+    @click.argument("file", type=OutFile())
     def snapshot(run: Run, file: str) -> Table:
         """Write settings and set-points to FILE, with device identity, tool version, time and checksum.
 
@@ -90,14 +91,14 @@ def add_map_verbs(
         """
         return stored.snapshot(run, file)
 
-    @click.argument("a", type=click.Path(dir_okay=False))
-    @click.argument("b", required=False, type=click.Path(dir_okay=False))
+    @click.argument("a", type=InFile())
+    @click.argument("b", required=False, type=InFile())
     @with_setpoints
     def diff(run: Run, a: str, b: str | None, setpoints: bool = False) -> Table:
         """Compare the settings of two snapshots, or of snapshot A with the live device. Exit 7 when they differ."""
         return stored.diff(run, params, a, b, setpoints=setpoints)
 
-    @click.argument("file", type=click.Path(dir_okay=False))
+    @click.argument("file", type=InFile())
     @with_setpoints
     def restore(run: Run, file: str, setpoints: bool = False) -> Table:
         """Write the settings that differ from a snapshot, read them back.
@@ -106,7 +107,7 @@ def add_map_verbs(
         """
         return stored.restore(run, params, file, setpoints=setpoints)
 
-    @click.argument("file", type=click.Path(dir_okay=False), metavar="FILE.html")
+    @click.argument("file", type=OutFile(), metavar="FILE.html")
     @click.option(
         "--watch",
         type=Number(0, 600),

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import click
 
 from handctl.errors import UsageError
+from handctl.filetypes import OutFile
 
 if TYPE_CHECKING:
     from handctl.config import Check, Config
@@ -158,11 +159,11 @@ def shared_options(wires: Sequence[str] = (), exchange: bool = False) -> list[cl
         SharedOption(["--timeout"], connect, type=number, metavar="S", help="Seconds of silence allowed per reply."),
         SharedOption(["--deadline"], connect, type=number, metavar="S", help="Seconds for the whole command."),
         SharedOption(["--retries"], connect, type=click.IntRange(min=0, max=100), metavar="N", help="Repetitions of a read without a valid answer (writes are never repeated)."),
-        SharedOption(["--trace"], connect, metavar="FILE", help="Record every byte with its time; play it back with -p replay:FILE."),
+        SharedOption(["--trace"], connect, type=OutFile(), metavar="FILE", help="Record every byte with its time; play it back with -p replay:FILE."),
         SharedOption(["--format"], output, type=click.Choice(FORMATS), help="How results are written (default: table)."),
         SharedOption(["--json"], output, key="format", fixed="json", is_flag=True, help="Same as --format json; for a stream one row a line."),
         SharedOption(["--csv"], output, key="format", fixed="csv", is_flag=True, help="Same as --format csv."),
-        SharedOption(["-o", "--output"], output, metavar="FILE", help="Write the data there instead of stdout, whole or not at all."),
+        SharedOption(["-o", "--output"], output, type=OutFile(), metavar="FILE", help="Write the data there instead of stdout, whole or not at all."),
         SharedOption(["--no-formulas"], output, is_flag=True, help="In CSV, put ' before a text that a spreadsheet would calculate."),
         SharedOption(["--color"], output, type=click.Choice(["auto", "always", "never"]), help="Colour (default: auto; NO_COLOR is honoured)."),
         SharedOption(["-q", "--quiet"], output, is_flag=True, help="No messages but errors."),

@@ -18,9 +18,10 @@ from handctl.console import TerminalGuide, end_on_signals, finish_on_signals, pr
 from handctl.errors import HandctlError, Interrupted, NotConfirmed, OutputError, UsageError
 from handctl.family import Family, load, refuse_missing, refuse_serial
 from handctl.files import why_unwritable
+from handctl.filetypes import Named, files_of, refuse_clashes
 from handctl.filter import shown, text_shown
 from handctl.ledger import honest
-from handctl.options import COMMAND_LINE, ENVIRONMENT, FILE, SOURCES, Settings, Source, from_click
+from handctl.options import COMMAND_LINE, ENVIRONMENT, FILE, SOURCES, Settings, Source, config_path, from_click
 
 if TYPE_CHECKING:
     from handctl.ledger import Ledger
@@ -51,6 +52,7 @@ class Run:
         self._lock: Lock | None = None
         self._trace: TraceFile | None = None
         self._device: Any = None
+        self._inputs, self._outputs = files_of(ctx)
 
     # -- what bodies ask for --
 
@@ -201,6 +203,7 @@ class Run:
         end_on_signals(suspend=self._writes)
         try:
             self._check_named_device()
+            self._check_files()
             self._check_output()
             if self.family is not None:
                 self._check_protocol(self.family)
@@ -239,6 +242,23 @@ class Run:
             failure = failure or (table.failure if table is not None else None)
         self._show_writes(failure)
         return failure
+
+    def _check_files(self) -> None:
+        """Raise UsageError when an output of this run would replace an input, the configuration file or another output."""
+        settings = self.settings
+        outputs = [
+            Named(label, path) for label, path in (("--output", settings.output), ("--trace", settings.trace)) if path
+        ]
+        replayed = (settings.port or "").partition("replay:")
+        inputs = [Named("--port", replayed[2])] if replayed[1] and not replayed[0] else []
+        own = Named("the configuration file", config_path())
+        try:
+            refuse_clashes([*self._inputs, *inputs, own], [*outputs, *self._outputs])
+        except UsageError:
+            self.settings = settings._replace(
+                output=None, trace=None
+            )  # the envelope of the error must not go there either
+            raise
 
     def _check_output(self) -> None:
         """Raise OutputError now when -o cannot be written, not when the device has been served."""

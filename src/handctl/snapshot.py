@@ -16,9 +16,10 @@ from typing import Any
 
 from handctl import __version__
 from handctl.errors import OutputError, UsageError
-from handctl.files import whole, why_unwritable
+from handctl.files import read_text, whole, why_unwritable
 
 SCHEMA = "handctl-snapshot/1"
+MOST_BYTES = 1_000_000
 Values = dict[str, int | float]
 
 
@@ -73,13 +74,9 @@ def _refuse(name: str) -> None:
 
 def _parsed(path: str, kind: str) -> dict[str, Any]:
     """What a file that says to be a snapshot holds. Raises UsageError."""
+    text = read_text(path, "a snapshot", MOST_BYTES, hint=f"`handctl {kind} snapshot {path}` makes one")
     try:
-        with open(path, encoding="utf-8") as file:
-            content = json.load(file, parse_constant=_refuse, object_pairs_hook=_once)
-    except FileNotFoundError as exc:
-        raise UsageError(f"{path}: no such file", hint=f"`handctl {kind} snapshot {path}` makes one") from exc
-    except OSError as exc:
-        raise UsageError(f"{path}: cannot be read: {exc.strerror or exc}") from exc
+        content = json.loads(text, parse_constant=_refuse, object_pairs_hook=_once)
     except (ValueError, RecursionError) as exc:
         raise UsageError(f"{path}: not a snapshot: {exc}", hint=UNTOUCHED) from exc
     if not isinstance(content, dict) or not str(content.get("schema", "")).startswith("handctl-snapshot/"):

@@ -12,7 +12,6 @@ The clock belongs to the link: deadlines are made by it, so a link may run on vi
 
 from __future__ import annotations
 
-import os
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
@@ -202,11 +201,13 @@ def open_link(link: str, *, baud: int | None = None, tap: Tap | None = None, tcp
 def is_can(link: str) -> bool:
     """Whether a LINK carries CAN frames instead of bytes."""
     if link.startswith("replay:"):
-        path = link.removeprefix("replay:")
+        from handctl.files import opened
+
         try:
-            with open(path if os.path.isfile(path) else "", encoding="utf-8") as file:
-                return any("> can " in line for line in file)
-        except (OSError, UnicodeDecodeError):
+            with opened(link.removeprefix("replay:"), "a transcript") as file:
+                asked = (line for line in iter(lambda: file.readline(1 << 16), b"") if b">" in line)
+                return b"> can " in next((line for line in asked if not line.lstrip().startswith(b"#")), b"")
+        except (OSError, UsageError):
             return False  # opening it will say what is wrong
     return link.startswith("can:") or (link.startswith("fake://") and "bus=can" in link.partition("?")[2].split("&"))
 

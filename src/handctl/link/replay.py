@@ -8,11 +8,12 @@ What came before the first `>` was said unasked, and is again.
 
 from __future__ import annotations
 
-import os
+import io
 from collections import deque
 from typing import NamedTuple
 
 from handctl.errors import LinkError, UsageError
+from handctl.files import opened
 from handctl.link import ByteLink, CanFrame, Deadline, FrameLink, Link
 from handctl.link.tap import Entry, parse
 
@@ -20,10 +21,8 @@ from handctl.link.tap import Entry, parse
 def open_replay(link: str, baud: int | None = None) -> Link:
     """The recorded device of `replay:FILE`, with serial bytes or with CAN frames. Raises UsageError."""
     path = link.removeprefix("replay:")
-    if os.path.exists(path) and not os.path.isfile(path):  # a pipe or a device may have no end
-        raise UsageError(f"{link}: cannot read the transcript: not a file")
     try:
-        with open(path, encoding="utf-8") as file:
+        with io.TextIOWrapper(opened(path, "a transcript"), "utf-8") as file:
             entries = parse(file, path)
     except (OSError, UnicodeDecodeError) as exc:
         why = exc.strerror if isinstance(exc, OSError) else "not a text file"

@@ -6,6 +6,7 @@ import contextlib
 import sys
 
 from handctl.errors import OutputError, UsageError
+from handctl.files import at_once
 
 
 class TraceFile:
@@ -19,7 +20,7 @@ class TraceFile:
         self._file = None
         if path:
             try:
-                self._file = open(path, "w", encoding="utf-8", buffering=1)  # noqa: SIM115 - until close
+                self._file = open(path, "w", encoding="utf-8", buffering=1, opener=at_once)  # noqa: SIM115 - until close
             except OSError as exc:
                 raise UsageError(f"{path}: the trace cannot be written: {exc.strerror or exc}") from exc
             try:

@@ -13,6 +13,8 @@ import click
 from handctl.clikit import Group
 from handctl.errors import UsageError
 from handctl.families import FAMILIES
+from handctl.files import read_text
+from handctl.filetypes import InFile
 from handctl.options import COMMAND_LINE, SOURCES, Settings, Source, checks, config_path, read_config, resolve
 from handctl.result import Column, Row, Table
 from handctl.run import Run
@@ -59,7 +61,7 @@ def list_devices(run: Run) -> Table:
 @click.argument("name")
 @click.argument("family", type=click.Choice(list(FAMILIES)), required=False)
 @click.option(
-    "--from-scan", "scanned", metavar="FILE", help="Take family, link, id and baud from the output of scan --json; - is stdin."
+    "--from-scan", "scanned", metavar="FILE", type=InFile(), help="Take family, link, id and baud from the output of scan --json; - is stdin."
 )  # fmt: skip
 @click.option("--force", is_flag=True, help="Replace the device that has this name now.")
 def add(run: Run, name: str, family: str | None, scanned: str | None, force: bool) -> Table:
@@ -182,9 +184,5 @@ def _refuse_taken(config: Config, name: str, force: bool) -> None:
 
 def _read(name: str) -> str:
     if name == "-":
-        return sys.stdin.read()
-    try:
-        with open(name, encoding="utf-8") as file:
-            return file.read()
-    except (OSError, UnicodeDecodeError) as exc:
-        raise UsageError(f"{name}: cannot be read: {getattr(exc, 'strerror', None) or exc}") from exc
+        return sys.stdin.read(1_000_000)
+    return read_text(name, "the output of a scan", 1_000_000)

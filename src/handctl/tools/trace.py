@@ -13,6 +13,7 @@ import click
 from handctl.clikit import Group
 from handctl.errors import CheckFailed, HandctlError, UsageError
 from handctl.families import FAMILIES
+from handctl.filetypes import InFile
 from handctl.run import Run
 
 if TYPE_CHECKING:
@@ -37,7 +38,7 @@ family_option = click.option(
 
 
 @cli.verb("show")
-@click.argument("file")
+@click.argument("file", type=InFile())
 @family_option
 @click.option(
     "--only", type=click.Choice(["errors"]), help="Rows with something wrong: bad frames, refusals, no answer."
@@ -61,8 +62,8 @@ def show(run: Run, file: str, family: str | None, only: str | None, pattern: str
 
 
 @cli.verb("diff")
-@click.argument("a")
-@click.argument("b")
+@click.argument("a", type=InFile())
+@click.argument("b", type=InFile())
 @family_option
 def diff(run: Run, a: str, b: str, family: str | None) -> Table:
     """Compare two transcripts by what was said, not by time or pieces; exit 7 when they differ.

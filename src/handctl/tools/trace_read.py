@@ -6,6 +6,7 @@ family's explainer, found by name in `families`, makes the pieces.
 
 from __future__ import annotations
 
+import io
 import sys
 from collections import deque
 from collections.abc import Iterable, Iterator
@@ -13,6 +14,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import IO, Any, NamedTuple
 
+from handctl import files
 from handctl.errors import UsageError
 from handctl.families import EXPLAINERS, FAMILIES
 from handctl.family import load
@@ -47,11 +49,9 @@ def opened(path: str) -> Iterator[IO[str]]:
     if path == "-":
         yield sys.stdin
         return
-    try:
-        file = open(path, encoding="utf-8-sig", errors="surrogateescape")  # noqa: SIM115 - closed below
-    except OSError as exc:
-        raise UsageError(f"{path}: cannot be read: {exc.strerror or exc}", hint=PLAIN_HINT, code="no-file") from exc
-    with file:
+    with io.TextIOWrapper(
+        files.opened(path, "a transcript", hint=PLAIN_HINT, code="no-file"), "utf-8-sig", "surrogateescape"
+    ) as file:
         yield file
 
 

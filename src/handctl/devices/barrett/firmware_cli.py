@@ -8,6 +8,8 @@ import click
 
 from handctl.clikit import Group
 from handctl.errors import CheckFailed, UsageError
+from handctl.files import read
+from handctl.filetypes import InFile
 from handctl.result import Cell, Column, Grid, Row, Table
 from handctl.run import Run
 
@@ -27,7 +29,7 @@ def add_firmware(group: Group) -> None:
     group.add_command(firmware)
 
     @firmware.verb("check")
-    @click.argument("file", type=click.Path(dir_okay=False))
+    @click.argument("file", type=InFile())
     @click.option("--force", is_flag=True, help="Let a missing end record pass.")
     def check(run: Run, file: str, force: bool) -> Table:
         """Check an S-record FILE: records, checksums, ranges, overlaps, counts, end record. Needs no device.
@@ -42,7 +44,7 @@ def add_firmware(group: Group) -> None:
         return table
 
     @firmware.verb("download", writes=True)
-    @click.argument("file", type=click.Path(dir_okay=False))
+    @click.argument("file", type=InFile())
     @click.option("--force", is_flag=True, help="Load a file without an end record.")
     @click.option("--expect", metavar="VERSION", help="Exit 7 unless the hand then says this version, e.g. 4.34.")
     @click.option(
@@ -97,13 +99,7 @@ def add_firmware(group: Group) -> None:
 def _load(path: str) -> Firmware:
     from handctl.devices.barrett.srecord import parse
 
-    try:
-        with open(path, "rb") as file:
-            content = file.read(4_000_001)
-    except OSError as exc:
-        raise UsageError(f"{path}: cannot be read: {exc.strerror or exc}", hint="give the vendor's .S19 file") from exc
-    if len(content) > 4_000_000:
-        raise UsageError(f"{path}: larger than 4 MB", hint="16-bit S-records of 64 KiB are below 300 kB")
+    content = read(path, "a firmware file", 4_000_000, hint="give the vendor's .S19 file: 64 KiB are below 300 kB")
     return parse(path.replace("\\", "/").rpartition("/")[2], content)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import os
 import sys
 from collections.abc import Iterator
@@ -11,6 +12,8 @@ import click
 
 from handctl.clikit import Group, streaming
 from handctl.errors import UsageError
+from handctl.files import is_pipe, read_text
+from handctl.filetypes import InFile
 from handctl.result import Column, Table
 from handctl.run import Run
 
@@ -52,6 +55,7 @@ def add_realtime(group: Group) -> None:
         "--control",
         "path",
         metavar="FILE",
+        type=InFile(),
         help="Control values as CSV or JSON lines (t, velocity.F1 …); - is stdin. Live lines (without t) count for 1 s, then velocity is 0.",
     )
     @click.option(
@@ -213,18 +217,18 @@ def _source(
 def _from_file(path: str, motors: list[int], start: dict[tuple[int, str], int]) -> Source:
     from handctl.devices.barrett import schedule
 
-    if path == "-":
-        source = schedule.read(_stdin_lines(), "stdin", motors, start)
+    if path == "-" or is_pipe(path):
+        source = schedule.read(_lines_as_they_come(path), "stdin" if path == "-" else path, motors, start)
         if isinstance(source, schedule.Live):
             import threading
 
             threading.Thread(target=source.listen, daemon=True).start()
         return source
+    lines = read_text(path, "a control file", 64_000_000).removeprefix("\ufeff").splitlines(keepends=True)
     try:
-        with open(path, encoding="utf-8-sig") as file:
-            source = schedule.read(list(file), path, motors, start)
-    except (OSError, UnicodeDecodeError) as exc:
-        raise UsageError(f"{path}: cannot be read: {getattr(exc, 'strerror', None) or exc}") from exc
+        source = schedule.read(lines, path, motors, start)
+    except csv.Error as exc:
+        raise UsageError(f"{path}: not a control file: {exc}") from exc
     if source.live:
         raise UsageError(
             f"{path}: no column t", hint="a file needs times; without them give the lines on stdin: --control -"
@@ -232,10 +236,10 @@ def _from_file(path: str, motors: list[int], start: dict[tuple[int, str], int]) 
     return source
 
 
-def _stdin_lines() -> Iterator[str]:
-    """Lines as they come, without the buffering that would hold them back."""
+def _lines_as_they_come(path: str) -> Iterator[str]:
+    """Lines of stdin ("-") or of a named pipe, without the buffering that would hold them back."""
     try:
-        descriptor = sys.stdin.fileno()
+        descriptor = sys.stdin.fileno() if path == "-" else os.open(path, os.O_RDONLY)
     except (OSError, ValueError, AttributeError):
         yield from sys.stdin
         return

@@ -11,6 +11,7 @@ from handctl.clikit import Group
 from handctl.devices.barrett.motion_cli import FORCE, MOTORS_OPTION, prefix_of, step_of
 from handctl.devices.barrett.parameters import BARRETT, check_careful
 from handctl.errors import UsageError
+from handctl.filetypes import InFile
 from handctl.param import Element, Number, Step
 from handctl.result import Table
 from handctl.run import Run
@@ -62,7 +63,7 @@ def add_store_commands(group: Group) -> None:
         return eeprom.save(hand, force=force, simulated=run.simulated, prefix=prefix)
 
     @group.verb("restore", writes=True)
-    @click.argument("file", type=click.Path(dir_okay=False))
+    @click.argument("file", type=InFile())
     @click.option("--save", "save_too", is_flag=True, help="Save to EEPROM afterwards.")
     @FORCE
     def restore(run: Run, file: str, save_too: bool, force: bool) -> Table:

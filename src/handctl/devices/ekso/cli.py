@@ -18,6 +18,7 @@ from handctl.devices.ekso.lengthmode import check_mode
 from handctl.devices.ekso.log_cli import add_log_commands
 from handctl.errors import UsageError
 from handctl.family import Family
+from handctl.filetypes import InFile, OutFile
 from handctl.mapverbs import NAMES, add_map_verbs
 from handctl.result import Column, Table
 from handctl.run import Run
@@ -143,7 +144,7 @@ def _audit_options(body: Callable[..., Any]) -> Callable[..., Any]:
         "--audit",
         envvar="HANDCTL_AUDIT",
         metavar="FILE",
-        type=click.Path(dir_okay=False),
+        type=OutFile(grows=True),
         help="The audit log (default: ekso-audit.jsonl in the user's state folder). No log, no write.",
     )(body)
     return click.option(
@@ -248,7 +249,7 @@ def set_(run: Run, assignments: tuple[str, ...], operator: str | None, audit: st
 
 
 @cli.verb("restore", writes=True)
-@click.argument("file", type=click.Path(dir_okay=False))
+@click.argument("file", type=InFile())
 @_audit_options
 @OVERRIDE
 def restore(run: Run, file: str, operator: str | None, audit: str | None, override: bool) -> Table:

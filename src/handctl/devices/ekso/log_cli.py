@@ -15,6 +15,7 @@ import click
 from handctl import __version__
 from handctl.clikit import Command, Group, streaming
 from handctl.errors import HandctlError, LinkError, NoAnswer, OutputError, ProtocolError, UsageError
+from handctl.filetypes import InFile, OutFile
 from handctl.options import Number, Seconds, SharedOption
 from handctl.result import Column, Table
 from handctl.run import Run
@@ -57,7 +58,7 @@ def _sample(port: DataPort) -> _Sample:
     return _Sample(port.sent_at, port.answered_at, words)
 
 
-@click.argument("file", type=click.Path())
+@click.argument("file", type=OutFile(beside=(".json",)))
 @streaming(0.0)
 @click.option("--raw", is_flag=True, help="Append the 27 words as they came.")
 @click.option("--mark", metavar="TEXT", default="", help="Mark the first row.")
@@ -295,7 +296,7 @@ def _own_format(group: Group, name: str, body: Callable[..., Table]) -> click.Co
     return made
 
 
-@click.argument("log", metavar="LOG", type=click.Path(dir_okay=False))
+@click.argument("log", metavar="LOG", type=InFile(beside=(".json",)))
 @click.option(
     "--format",
     "kind",

@@ -14,7 +14,9 @@ from typing import Any, NamedTuple
 from handctl.devices.ekso.fields import DATA, boot_ms, state_text
 from handctl.devices.ekso.logformat import LEAD, LEAD_DECIMALS, MARK, NAMED, SCHEMA, Layout, parse, parse_fixed
 from handctl.errors import UsageError
+from handctl.files import NoFile, opened, read_text
 
+LONGEST_LINE = 65536
 UNTOUCHED = "the file was not changed"
 
 
@@ -40,13 +42,8 @@ class LogFile:
         self.sidecar = _load_sidecar(f"{path}.json")
         self.cut = False
         """True when an unfinished last row was left out."""
-        try:
-            with open(path, "rb") as file:
-                header = file.readline(65536).decode("utf-8", "replace")
-        except FileNotFoundError as exc:
-            raise UsageError(f"{path}: no such file", hint=f"`handctl ekso log {path}` makes one") from exc
-        except OSError as exc:
-            raise UsageError(f"{path}: cannot be read: {exc.strerror or exc}") from exc
+        with opened(path, "a log", hint=f"`handctl ekso log {path}` makes one") as file:
+            header = file.readline(LONGEST_LINE).decode("utf-8", "replace")
         names = header.rstrip("\r\n").split(",")
         self.layout = next(
             (layout for raw in (False, True) if (layout := Layout(raw=raw)).names == tuple(names)), None
@@ -73,9 +70,11 @@ class LogFile:
         """Row after row, each checked. Raises UsageError with the number of the line."""
         count, last = 0, (0, 0)
         try:
-            with open(self.path, "rb") as file:
-                file.readline()
-                for number, data in enumerate(file, 2):
+            with opened(self.path, "a log") as file:
+                file.readline(LONGEST_LINE)
+                for number, data in enumerate(iter(lambda: file.readline(LONGEST_LINE), b""), 2):
+                    if len(data) == LONGEST_LINE:
+                        raise damaged(self.path, number, f"longer than {LONGEST_LINE} bytes")
                     if not data.endswith(b"\n"):
                         if self.complete:
                             raise damaged(self.path, number, "the row is cut short")
@@ -134,12 +133,9 @@ class LogFile:
 def _load_sidecar(path: str) -> dict[str, Any] | None:
     """The sidecar, None when there is none. Raises UsageError for one that is damaged or of another kind."""
     try:
-        with open(path, encoding="utf-8") as file:
-            content = json.load(file)
-    except FileNotFoundError:
+        content = json.loads(read_text(path, "a sidecar", 16_000_000))
+    except NoFile:
         return None
-    except OSError as exc:
-        raise UsageError(f"{path}: cannot be read: {exc.strerror or exc}") from exc
     except (ValueError, RecursionError) as exc:
         line = exc.lineno if isinstance(exc, json.JSONDecodeError) else 1
         raise damaged(path, line, f"not a sidecar: {exc}") from exc

@@ -15,6 +15,7 @@ from handctl.devices.inspire.identity import Gate
 from handctl.devices.inspire.registers import BAUD_RATES, EXO, address_in
 from handctl.errors import HandctlError, NoAnswer, UsageError
 from handctl.family import Family
+from handctl.filetypes import OutFile
 from handctl.mapverbs import add_map_verbs
 from handctl.options import Number, Seconds
 from handctl.result import Table
@@ -286,7 +287,10 @@ def save(run: Run, skip_identity_check: bool) -> Table:
     help="Yes, write to address 1006: this manual names none, it is taken from the RH56 hand.",
 )
 @click.option(
-    "--backup", metavar="FILE", help="Snapshot to write first (default: exo-before-reset.json); never overwritten."
+    "--backup",
+    metavar="FILE",
+    type=OutFile(),
+    help="Snapshot to write first (default: exo-before-reset.json); never overwritten.",
 )
 @SKIP_IDENTITY
 def factory_reset(run: Run, undocumented_address: bool, backup: str | None, skip_identity_check: bool) -> Table:
