@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from handctl.devices.barrett import checks, diagnose, symptoms, trials
+from handctl.devices.barrett import checks, diagnose, forecast, symptoms, trials
 from handctl.devices.barrett.checks import CHECKS, Patient
 from handctl.devices.barrett.health import FAIL, OK, SKIPPED, WARNING, Finding
-from handctl.devices.barrett.parameters import BARRETT, MOTORS
+from handctl.devices.barrett.parameters import BARRETT, MOTORS, GclParam
 from handctl.devices.barrett.procedures import PROCEDURES
 from handctl.errors import CheckFailed, Interrupted, LinkError, UsageError
 from handctl.guide import Guide
@@ -91,6 +91,19 @@ def test_unknown_symptoms() -> None:
         (checks.parameters, {"MSG_F1": 3}, {"HSG.F1": FAIL}),
         (checks.over_temperature_limit, {"OTEMP": 60}, {"over_temperature_limit": FAIL}),
         (checks.temperature, {"TEMP": 651, "PTEMP": 651}, {"temperature": FAIL, "peak_temperature": WARNING}),
+        (checks.status, {f"S_{motor}": 4 for motor in MOTORS}, {}),
+        (checks.can_move, {}, {}),
+        (checks.can_move, {f"S_{motor}": 4 for motor in MOTORS}, {}),
+        (checks.can_move, {"HSG_F1": 100, "LSG_F2": 200}, {"can_move.F1": FAIL, "can_move.F2": FAIL}),
+        (checks.can_move, {"HSG_SPREAD": 100}, {"can_move.SPREAD": FAIL}),
+        (checks.can_move, {"EN_F3": 0, "FPG_F1": 0}, {"can_move.F3": WARNING, "can_move.F1": FAIL}),
+        (checks.can_move, {"ACCEL_F1": 65535, "ACCEL_F2": 0}, {"can_move.F1": FAIL, "can_move.F2": FAIL}),
+        (checks.can_move, {"CT_F1": 0, "OT_F2": 60000, "OT_F3": 16980}, {f"can_move.F{n}": FAIL for n in (1, 2, 3)}),
+        (checks.can_move, {"MOV_F1": 16, "TSTOP_F2": 0}, {"can_move.F1": WARNING, "can_move.F2": WARNING}),
+        (checks.can_move, {"S_F1": 1, "S_F2": 6}, {"can_move.F1": FAIL, "can_move.F2": FAIL}),
+        (checks.can_move, {"OTEMP": 60}, {f"can_move.{motor}": FAIL for motor in MOTORS}),
+        (checks.can_move, {"OTEMP": 600, "TEMP": 601}, {f"can_move.{motor}": FAIL for motor in MOTORS}),
+        (checks.parameters, {"OT_F1": 60000, "LCVC_F2": 8, "MOV_F3": 4080}, {"OT.F1": WARNING, "LCVC.F2": WARNING, "MOV.F3": FAIL}),
         (checks.strain_limits, {"HSG_F1": 112}, {"strain_limits.F1": FAIL}),
         (checks.strain_limits, {"LSG_F2": 119, "SG_F3": 255, "HSG_F3": 200}, {"strain_limits.F2": FAIL, "strain_limits.F3": FAIL}),
         (checks.strain_limits, {"HSG_F1": 113, "LSG_F1": 111}, {}),
@@ -110,10 +123,48 @@ def test_checks(check: Callable[[Patient], list[Finding]], changed: dict[str, in
     assert all(finding.remedy and finding.source for finding in found if finding.bad)
 
 
+SETTINGS = [param for param in BARRETT if param.writable and not param.is_global and not param.since]
+
+
+@pytest.mark.parametrize("param", SETTINGS, ids=lambda param: param.mnemonic)
+@pytest.mark.parametrize("end", ["low", "high"])
+def test_the_forecast_of_every_setting_at_its_ends_comes_true(param: GclParam, end: str) -> None:
+    """Whatever one setting is: a finger that is said to move moves, to close and to open."""
+    body = patient()
+    value = (max(param.choices) if end == "high" else min(param.choices)) if param.choices else getattr(param, end)
+    assert not body.hand.line.ask(f"1FSET {param.mnemonic} {value}").status
+    said = forecast.can_move("F1", body.values)
+    went = []
+    for command in ("1M 9000", "1C", "1O"):
+        before = patient_position(body)
+        body.hand.line.ask(command, at_least=600.0)
+        went.append(abs(patient_position(body) - before) > 300)
+    if said.status == OK:
+        assert went == [True] * 3, said
+    if not any(went):
+        assert said.status == FAIL, said
+
+
+def patient_position(body: Patient) -> int:
+    return body.read("P")["P", "F1"]
+
+
 def test_remedies_name_real_settings() -> None:
     """What is told to be typed after `set` is accepted by the map."""
-    body = with_values(IOFF_F2=51, OTEMP=60, TSTOP_F3=99, CT_F1=5, HSG_F1=1, BAUD=384, MOV_F2=20, SGFLIP_F1=1)
-    found = [finding for name in ("parameters", "over_temperature_limit", "init_settings", "close_target", "strain_limits", "velocities")
+    body = with_values(
+        IOFF_F2=51,
+        OTEMP=60,
+        TSTOP_F3=99,
+        CT_F1=5,
+        HSG_F1=1,
+        FPG_F2=0,
+        ACCEL_F3=0,
+        EN_F1=0,
+        BAUD=384,
+        MOV_F2=20,
+        SGFLIP_F1=1,
+    )
+    found = [finding for name in ("can_move", "parameters", "over_temperature_limit", "init_settings", "close_target", "strain_limits", "velocities")
              for finding in CHECKS[name](body)]  # fmt: skip
     told = [
         finding.remedy.partition("barrett set ")[2].partition("`")[0]

@@ -116,6 +116,21 @@ def test_what_is_carried(text: str) -> None:
     gcl.refuse(text)
 
 
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("PSET OTEMP 60", ["OTEMP = 60 (6.0 °C)"]), ("1FSET IVEL 900", ["IVEL = 900"]), ("FSET TSTOP 10000 DP 5", ["TSTOP = 10000"]),
+        ("4fset mov 300", ["MOV = 300"]), ("1FSET MOV 300", []), ("PSET OTEMP 0", []), ("FSET CT 20000", ["CT = 20000"]),
+        ("FSET MOV", []), ("FSET MOV x", []), ("FSET NOTHING 5", []), ("FGET MOV", []), ("FOO", []), ("", []),
+        ("2FSET LCVC 8 OT 60000", ["LCVC = 8", "OT = 60000"]),
+    ],
+)  # fmt: skip
+def test_the_manuals_traps_are_noted(text: str, words: list[str]) -> None:
+    """A passthrough sends what is typed; that the manual warns of it is said (§5.3.4, dossier 8)."""
+    found = gcl.notes(text)
+    assert len(found) == len(words) and all(word in note for word, note in zip(words, found, strict=True)), found
+
+
 def test_saves_are_known() -> None:
     assert gcl.saves(["HI", "123fsave", "FGET P", "PSAVE", "?PSAVE", "FLOAD"]) == ["123fsave", "PSAVE"]
 

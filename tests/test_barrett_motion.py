@@ -320,7 +320,9 @@ def test_ctrl_c_on_a_hand_that_does_not_stop() -> None:
 
 
 def test_ctrl_c_and_silence() -> None:
-    hand, link = scripted({"C": None, "*": "100"})
+    hand, link = scripted(
+        {"C": None, "FGET CT OT MCV SAMPLE": "17000 17000 17000 3150|0 0 0 0|100 100 100 60|31 31 31 31"}
+    )
     link.on_abort = None
     link.interrupt_at = link.clock + 1.0
     with pytest.raises(Interrupted) as caught:
@@ -335,3 +337,50 @@ def test_the_names_of_goals_exist() -> None:
         "close_target", "open_target", "default_position",
     }  # fmt: skip
     assert hand_on(Simulated()).kind == "barrett"
+
+
+# -- what would harm --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "argument", "line"),
+    [
+        ("O", None, "1FSET MOV 4080"), ("TO", None, "1FSET MOV 301"), ("IO", 500, "1FSET MOV 4080"), ("HOME", None, "1FSET MOV 4080"),
+        ("M", 100, "1FSET MOV 4080"), ("HI", None, "1FSET IVEL 900"), ("O", None, "1FSET MOV 200 IVEL 100"),
+        ("O", None, "1FSET MOV 4080 IVEL 4080"),
+    ],
+)  # fmt: skip
+def test_no_opening_faster_than_ivel_may_be(name: str, argument: int | None, line: str) -> None:
+    """§5.3.4 IVEL WARNING, §8: whatever set it, and whether or not it was saved; --force does it all the same."""
+    hand, link = simulated()
+    hand.line.ask("1M 5000")
+    hand.line.ask(line)
+    link.sent.clear()
+    with pytest.raises(UsageError) as caught:
+        motion.move(hand, "1", name, argument, Guide())
+    assert (caught.value.code, doing(link)) == ("opening-speed", [])
+    assert "IVEL" in caught.value.text and "--force" in caught.value.hint
+    assert len(link.commands) == 1, "one line of questions, as before"
+    motion.move(hand, "1", name, argument, Guide(), force=True)
+    assert doing(link) == [motion.command_text("1", name, argument)]
+
+
+@pytest.mark.parametrize(("name", "argument"), [("C", None), ("M", 9000), ("IC", 500), ("TC", None)])
+def test_closing_asks_nothing_of_mov(name: str, argument: int | None) -> None:
+    hand, link = simulated()
+    hand.line.ask("1FSET MOV 4080")
+    motion.move(hand, "1", name, argument, Guide())
+    assert doing(link)[-1] == motion.command_text("1", name, argument)
+
+
+@pytest.mark.parametrize(("name", "line"), [
+    ("O", "1FSET OT 60000"), ("C", "1FSET CT 0"), ("O", "1FSET OT 9000 CT 5000"), ("C", "1FSET OT 9000 CT 9000"),
+])  # fmt: skip
+def test_targets_that_turn_it_around(name: str, line: str) -> None:
+    """`set OT=60000`, then `open` closed the hand (§5.3.4)."""
+    hand, link = simulated()
+    hand.line.ask(line)
+    link.sent.clear()
+    with pytest.raises(UsageError) as caught:
+        motion.move(hand, "1", name, None, Guide())
+    assert (caught.value.code, doing(link)) == ("targets", [])

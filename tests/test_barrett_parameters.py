@@ -225,6 +225,21 @@ CAREFUL = [
     ("OTEMP=300", "OTEMP=299", "29.9 °C"),
     ("OTEMP=600", "OTEMP=60", "6.0 °C"),
     ("OTEMP=0", "OTEMP=1", "0.1 °C"),
+    ("DP.F1=18000", "DP.F1=18001", "travel"),
+    ("DS.S=3150", "DS.S=3151", "travel"),
+    ("MPE.F1=18000", "MPE.F1=65535", "travel"),
+    ("MOV.F1=300", "MOV.F1=301", "clutch"),
+    ("MOV.S=150", "MOV.S=151", "clutch"),
+    ("MOV=40", "MOV=39", "may not move"),
+    ("MCV=2032", "MCV=2033", "profile"),
+    ("MCV=40", "MCV=16", "may not move"),
+    ("CT.F1=18000", "CT.F1=18001", "stop"),
+    ("CT.S=3150", "CT.S=20000", "stop"),
+    ("CT=51", "CT=0", "no way"),
+    ("OT.F1=17800", "OT.F1=60000", "closes"),
+    ("OT.S=3150", "OT.S=3151", "closes"),
+    ("LCVC.F1=2", "LCVC.F1=8", "IVEL"),
+    ("LCVC.S=1", "LCVC.S=2", "IVEL"),
 ]
 
 

@@ -143,7 +143,7 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set opts '--save	Save it to EEPROM: the hand starts at this speed from then on.' '-h	Show this message and exit.' '--help	Show this message and exit.'
             set args 'none'
         case 'barrett close'
-            set opts '--motors	Which motors: digits, G = fingers, S = spread (default: all).' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '--force	Also open faster than IVEL may be, or with an OT and CT that turn it around.' '--motors	Which motors: digits, G = fingers, S = spread (default: all).' '-h	Show this message and exit.' '--help	Show this message and exit.'
             set takes --motors=none
         case 'barrett defaults'
             set opts '--motors	Which motors: digits, G = fingers, S = spread (default: all).' '-h	Show this message and exit.' '--help	Show this message and exit.'
@@ -186,10 +186,10 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set opts '-h	Show this message and exit.' '--help	Show this message and exit.'
             set args 'none'
         case 'barrett home'
-            set opts '--motors	Which motors: digits, G = fingers, S = spread (default: all).' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '--force	Also open faster than IVEL may be, or with an OT and CT that turn it around.' '--motors	Which motors: digits, G = fingers, S = spread (default: all).' '-h	Show this message and exit.' '--help	Show this message and exit.'
             set takes --motors=none
         case 'barrett init'
-            set opts '--motors	Which motors: digits, G = fingers, S = spread (default: all).' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '--force	Also open faster than IVEL may be, or with an OT and CT that turn it around.' '--motors	Which motors: digits, G = fingers, S = spread (default: all).' '-h	Show this message and exit.' '--help	Show this message and exit.'
             set takes --motors=none
         case 'barrett load'
             set opts '--motors	Which motors: digits, G = fingers, S = spread (default: all).' '-h	Show this message and exit.' '--help	Show this message and exit.'
@@ -198,11 +198,11 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set opts '--greased	Record as greased now: all, worm, spur, motor-spur, palm, one finger as in spur.F1, several by comma.' '--steps	How to do it, with sections. Needs no device.' '--check	Exit 7 when anything is due or too hot.' '--hand	Whose journal, when serial numbers are not unique (0).' '-h	Show this message and exit.' '--help	Show this message and exit.'
             set takes --greased=none --steps=choice:lubrication,fasteners,pretension,strain,firmware --hand=none
         case 'barrett move'
-            set opts '--motors	Which motors: digits, G = fingers, S = spread (default: all).' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '--force	Also open faster than IVEL may be, or with an OT and CT that turn it around.' '--motors	Which motors: digits, G = fingers, S = spread (default: all).' '-h	Show this message and exit.' '--help	Show this message and exit.'
             set takes --motors=none
             set args 'none'
         case 'barrett open'
-            set opts '--motors	Which motors: digits, G = fingers, S = spread (default: all).' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '--force	Also open faster than IVEL may be, or with an OT and CT that turn it around.' '--motors	Which motors: digits, G = fingers, S = spread (default: all).' '-h	Show this message and exit.' '--help	Show this message and exit.'
             set takes --motors=none
         case 'barrett realtime'
             set opts '--motors	Motors of the loop: digits, G = fingers, S = spread (default: all).' '--send	What control blocks carry: velocity, gain; velocity@12 for some motors.' '--receive	What feedback carries: velocity, strain, position, delta, temperature, none; strain@12 for some motors (default: as the hand\'s flags are).' '--velocity	Constant control velocity, -127 to 127: 20, or 20,5, or F1=20,F2=5.' '--gain	Constant proportional gain, 0 to 255, in the same way.' '--control	Control values as CSV or JSON lines (t, velocity.F1 …); - is stdin. Live lines (without t) count for 1 s, then velocity is 0.' '--measure	Exchange N blocks and show only the timing.' '--sequential	Wait for the whole feedback before the next block, or only for its *. Default: sequential when driving, overlapped when watching. Driving overlapped begins with a self-test that drives nothing.' '--overlapped	Wait for the whole feedback before the next block, or only for its *. Default: sequential when driving, overlapped when watching. Driving overlapped begins with a self-test that drives nothing.' '--no-guard	Switch a guard off: stall, window, strain, opening, heat, all. See GUARDS below.' '--force	The same as --no-guard opening: it may deform the clutch for good.' '--delta-unit	Counts of one unit of delta (LFDPC). Default: as the hand has it, more when velocity and rate need it.' '--init	Initialize the motors first (HI): the fingers open fully.' '--hold	Leave the motors powered at the end.' '--rate	Samples per second; 0 = as fast as the device answers. Default: 0.' '--count	End after N samples.' '--duration	End after S seconds.' '-h	Show this message and exit.' '--help	Show this message and exit.'
@@ -229,11 +229,11 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
         case 'barrett status'
             set opts '--check	Exit 7 when anything is unhealthy.' '-h	Show this message and exit.' '--help	Show this message and exit.'
         case 'barrett step-close'
-            set opts '--motors	Which motors: digits, G = fingers, S = spread (default: all).' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '--force	Also open faster than IVEL may be, or with an OT and CT that turn it around.' '--motors	Which motors: digits, G = fingers, S = spread (default: all).' '-h	Show this message and exit.' '--help	Show this message and exit.'
             set takes --motors=none
             set args 'none'
         case 'barrett step-open'
-            set opts '--motors	Which motors: digits, G = fingers, S = spread (default: all).' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '--force	Also open faster than IVEL may be, or with an OT and CT that turn it around.' '--motors	Which motors: digits, G = fingers, S = spread (default: all).' '-h	Show this message and exit.' '--help	Show this message and exit.'
             set takes --motors=none
             set args 'none'
         case 'barrett stop'
@@ -246,7 +246,7 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set opts '--motors	Which motors: digits, G = fingers, S = spread (default: all).' '-h	Show this message and exit.' '--help	Show this message and exit.'
             set takes --motors=none
         case 'barrett torque-open'
-            set opts '--motors	Which motors: digits, G = fingers, S = spread (default: all).' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '--force	Also open faster than IVEL may be, or with an OT and CT that turn it around.' '--motors	Which motors: digits, G = fingers, S = spread (default: all).' '-h	Show this message and exit.' '--help	Show this message and exit.'
             set takes --motors=none
         case 'barrett version'
             set opts '-h	Show this message and exit.' '--help	Show this message and exit.'

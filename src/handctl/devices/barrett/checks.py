@@ -9,6 +9,7 @@ import re
 from collections.abc import Callable
 
 from handctl.devices.barrett import health, strain, upkeep
+from handctl.devices.barrett.forecast import forecast
 from handctl.devices.barrett.hand import BarrettHand
 from handctl.devices.barrett.health import FAIL, OK, SKIPPED, WARNING, Finding
 from handctl.devices.barrett.parameters import BARRETT, MOTORS, all_elements, standard
@@ -83,8 +84,16 @@ def status(patient: Patient) -> list[Finding]:
     """S of each motor; one row when all say the same."""
     found = [health.motor_status(motor, patient.values["S", motor]) for motor in MOTORS]
     if len({finding.evidence for finding in found}) == 1:
-        return [found[0]._replace(check="status", evidence=f"all motors: {found[0].evidence}")]
+        one = found[0]._replace(check="status", evidence=f"all motors: {found[0].evidence}")
+        if patient.values["S", MOTORS[0]] == health.NOT_INITIALIZED:  # as every hand is after power-on
+            return [one._replace(status=OK, evidence=f"{one.evidence}, as after power-on")]
+        return [one]
     return found
+
+
+def can_move(patient: Patient) -> list[Finding]:
+    """One forecast per motor from limits, gains, enables, targets, temperature and state; nothing is moved."""
+    return forecast(patient.values)
 
 
 def parameters(patient: Patient) -> list[Finding]:
@@ -262,6 +271,7 @@ def open_position(patient: Patient) -> list[Finding]:
 CHECKS: dict[str, Check] = {
     "firmware": firmware,
     "status": status,
+    "can_move": can_move,
     "parameters": parameters,
     "over_temperature_limit": over_temperature_limit,
     "temperature": temperature,

@@ -229,6 +229,8 @@ def gcl_(run: Run, commands: tuple[str, ...], keep_going: bool) -> Table:
     for text in wanted:
         gcl.refuse(text)
         step_of(text)
+        for note in gcl.notes(text):
+            run.journal.warn("careful", f"{text}: {note}")
     if run.settings.dry_run:
         return run.dry_run([step_of(text) for text in wanted])
     saving = gcl.saves(wanted)

@@ -25,7 +25,7 @@ COLUMNS = (
     Column("remedy", "Remedy"),
     Column("source", "Section"),
 )
-USUAL = ("firmware", "status", "parameters", "over_temperature_limit", "temperature", "odometer", "strain")
+USUAL = ("firmware", "status", "can_move", "parameters", "over_temperature_limit", "temperature", "odometer", "strain")
 """The checks after `communication`, in the order of their rows."""
 BY_HAND = "by_hand"
 MOST_INVALID = 2

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 from handctl.devices.barrett import eeprom, motion
 from handctl.devices.barrett.commands import COMMANDS, split
 from handctl.devices.barrett.hand import BarrettHand
-from handctl.devices.barrett.language import Answer, explain_status
-from handctl.devices.barrett.parameters import BARRETT
+from handctl.devices.barrett.language import Answer, explain_status, motor_prefix, motors_of
+from handctl.devices.barrett.parameters import BARRETT, careful
 from handctl.errors import DeviceRefused, HandctlError, Interrupted, NoAnswer, ProtocolError, UsageError
 from handctl.result import Column, Row, Table
 
@@ -33,6 +33,23 @@ def refuse(text: str) -> None:
         raise UsageError(
             "PSET BAUD changes the speed at once", hint="use `handctl barrett baud RATE`: the port follows"
         )
+
+
+def notes(text: str) -> list[str]:
+    """What speaks against the values of an FSET or PSET: carried out all the same, as it was typed, but not in silence."""
+    prefix, command, words = split(text)
+    if command is None or command.name not in ("FSET", "PSET"):
+        return []
+    digits = motors_of(motor_prefix(prefix) if prefix else "")
+    found: list[str | None] = []
+    for name, value in zip(words[::2], words[1::2], strict=False):
+        try:
+            param, elements = BARRETT.find(name)
+        except UsageError:
+            continue
+        if value.isdecimal():
+            found += [careful(each, int(value)) for each in elements if param.is_global or each.part in digits]
+    return list(dict.fromkeys(note for note in found if note is not None))
 
 
 def saves(texts: Iterable[str]) -> list[str]:
@@ -173,6 +190,8 @@ def interactive(run: Run, hand: BarrettHand, read_line: Callable[[str], str]) ->
 def _one(run: Run, hand: BarrettHand, text: str) -> None:
     try:
         refuse(text)
+        for note in notes(text):
+            run.guide.say(f"careful: {note}")
         if saves([text]):
             run.confirm(f"{text} writes the EEPROM, which lasts 5,000 saves")
         ledger = eeprom.Ledger(hand, simulated=run.simulated) if saves([text]) else None

@@ -17,6 +17,7 @@ WARM_TENTHS, LIMIT_TENTHS = 600, 650
 NO_LOAD = (100, 140)
 """Strain reading without load (§7.4)."""
 NO_GAUGE = 255
+NOT_INITIALIZED = 4
 LEAST_VELOCITY = 40
 """Below it a motor may not overcome its friction (§8)."""
 LUBRICATION = 5000
@@ -71,7 +72,7 @@ def over_temperature_limit(tenths: int) -> Finding:
     check, source = "over_temperature_limit", "barrett §5.4.1"
     if tenths == 0:
         remedy = "`handctl barrett set OTEMP=650` stops movements at 65 °C"
-        return Finding(check, WARNING, "OTEMP is 0: the hand does not protect itself", remedy, source)
+        return Finding(check, OK, "OTEMP is 0, as from the factory: the hand does not protect itself", remedy, source)
     if tenths < 300:
         meant = f"; did you mean {tenths}.0 °C ({tenths * 10})?" if tenths * 10 <= 1250 else ""
         remedy = "`handctl barrett set OTEMP=650`: the unit is 0.1 °C"
@@ -150,7 +151,8 @@ def _setting(param: GclParam, motor: str | None, index: int, value: int) -> Find
         return Finding(name, FAIL, evidence, f"{back}; if it comes again, reload the firmware (§3.7)", source)
     objection = param.objection(index, value)
     if objection is not None:
-        return Finding(name, FAIL if param.mnemonic in HARD else WARNING, objection, back, source)
+        harms = param.mnemonic in HARD or (param.mnemonic == "MOV" and value > LEAST_VELOCITY)
+        return Finding(name, FAIL if harms else WARNING, objection, back, source)
     advice = _advice(param.mnemonic, motor, value, default)
     return None if advice is None else Finding(name, WARNING, advice, back, source)
 
@@ -158,8 +160,6 @@ def _setting(param: GclParam, motor: str | None, index: int, value: int) -> Find
 def _advice(mnemonic: str, motor: str | None, value: int, default: int | None) -> str | None:
     """What is allowed and harmless, but explains a complaint."""
     match mnemonic:
-        case "MOV" | "MCV" if value < LEAST_VELOCITY:
-            return f"{mnemonic} {value}: below {LEAST_VELOCITY} the motor may not move (§8)"
         case "EN" if value == 0:
             return "disabled: it does not move without a prefix"
         case "HOLD" if value == 1 and motor != "SPREAD":

@@ -6,7 +6,7 @@ A supervisory movement blocks the line: no position can be read while it runs. ^
 from __future__ import annotations
 
 from handctl.devices.barrett.hand import BarrettHand
-from handctl.devices.barrett.language import Answer, explain_status, motors_of
+from handctl.devices.barrett.language import MOTORS, Answer, explain_status, motors_of
 from handctl.devices.barrett.parameters import BARRETT, GclParam
 from handctl.errors import HandctlError, Interrupted, NoAnswer, ProtocolError, UsageError
 from handctl.guide import Guide
@@ -15,6 +15,17 @@ from handctl.result import Column, Row, Table
 
 GOALS = {"C": "CT", "O": "OT", "M": "DP"}
 """Where a movement without argument goes."""
+NEEDED = {
+    "HI": (),
+    "O": ("OT", "CT", "P", "IVEL"),
+    "C": ("CT", "OT"),
+    "M": ("DP", "P", "IVEL"),
+    "IO": ("P", "DS", "IVEL"),
+    "IC": ("P", "DS"),
+    "HOME": ("P", "IVEL"),
+    "TO": ("IVEL",),
+}
+"""What is asked before a movement: for its goal, and for what would harm."""
 VELOCITIES = {"O": ("MOV",), "IO": ("MOV",), "TO": ("MOV",), "HOME": ("MOV",), "M": ("MOV", "MCV"), "HI": ("IVEL",)}
 """Which velocity a movement uses (barrett §5.2.1); the others close, with MCV."""
 USUAL = {"finger": 17800, "spread": 3150}
@@ -38,10 +49,13 @@ def command_text(prefix: str, name: str, argument: int | None) -> str:
     return f"{prefix}{name}" + (f" {argument}" if argument is not None else "")
 
 
-def move(hand: BarrettHand, prefix: str, name: str, argument: int | None, guide: Guide) -> Table:
+def move(
+    hand: BarrettHand, prefix: str, name: str, argument: int | None, guide: Guide, *, force: bool = False
+) -> Table:
     """Run a movement of `prefix` ("" = all enabled motors); rows per motor with position, goal, strain and how it ended.
 
-    Raises DeviceRefused for ERR 4 and other refusals; Interrupted after Ctrl-C, with where the motors are.
+    Raises UsageError for an opening faster than IVEL may be, and for targets that turn it around, unless `force`;
+    DeviceRefused for ERR 4 and other refusals; Interrupted after Ctrl-C, with where the motors are.
     """
     text = command_text(prefix, name, argument)
     motors = [index for index in range(4) if not prefix or str(index + 1) in prefix]
@@ -53,7 +67,7 @@ def move(hand: BarrettHand, prefix: str, name: str, argument: int | None, guide:
                 "beyond",
                 f"{argument} is beyond the usual {usual} counts of {'the spread' if index == 3 else 'a finger'}",
             )
-    goals, seconds = _before(hand, name, argument, motors)
+    goals, seconds = _before(hand, name, argument, motors, force)
     guide.progress(f"{text}: moving; the hand says nothing until it stands (Ctrl-C stops it)")
     try:
         answer = hand.line.ask(text, at_least=3 * seconds)
@@ -72,30 +86,57 @@ def move(hand: BarrettHand, prefix: str, name: str, argument: int | None, guide:
     return table
 
 
-def _before(hand: BarrettHand, name: str, argument: int | None, motors: list[int]) -> tuple[dict[int, int], float]:
+def _before(
+    hand: BarrettHand, name: str, argument: int | None, motors: list[int], force: bool
+) -> tuple[dict[int, int], float]:
     """Goals by motor, and the longest time of the movement in seconds at the set velocities: one line of questions."""
     velocity = VELOCITIES.get(name, ("MCV",))
-    wanted = (
-        [] if name in ("HOME", "HI", "TC", "TO") or (name == "M" and argument is not None) else [GOALS.get(name, "P")]
-    )
-    if name in ("IC", "IO") and argument is None:
-        wanted.append("DS")
-    at: dict[tuple[str, int], int] = {}
-    for reading in hand.read(_elements([*wanted, *velocity, "SAMPLE"], motors)):
+    wanted = list(dict.fromkeys([*NEEDED.get(name, ()), *velocity, "SAMPLE"]))
+    if name in ("M", "IC", "IO") and argument is not None:
+        wanted = [key for key in wanted if key not in ("DP", "DS")]
+    by_motor: dict[int, dict[str, int]] = {index: {} for index in motors}
+    for reading in hand.read(_elements(wanted, motors)):
         if reading.value is not None:
-            at[(_mnemonic(reading.element), reading.element.index)] = int(reading.value)
+            by_motor[reading.element.index][_mnemonic(reading.element)] = int(reading.value)
     goals: dict[int, int] = {}
     slowest = 0.0
-    for index in motors:
-        goal = _goal(name, argument, {key: number for (key, motor), number in at.items() if motor == index})
+    for index, at in by_motor.items():
+        goal = _goal(name, argument, at)
         if goal is not None:
             goals[index] = goal
-        speeds = [at[(key, index)] for key in velocity if at.get((key, index))]
-        if speeds and ("SAMPLE", index) in at:
+        if not force:
+            refuse_harm(name, index, at, goal)
+        speeds = [at[key] for key in velocity if at.get(key)]
+        if speeds and "SAMPLE" in at:
             # 1/16 count a sample; a sample lasts 16 (SAMPLE + 1) / 2 MHz (dossier 13).
             samples = USUAL["spread" if index == 3 else "finger"] * 16 / min(speeds)
-            slowest = max(slowest, samples * 16 * (at[("SAMPLE", index)] + 1) / 2e6)
+            slowest = max(slowest, samples * 16 * (at["SAMPLE"] + 1) / 2e6)
     return goals, slowest
+
+
+def refuse_harm(name: str, index: int, at: dict[str, int], goal: int | None) -> None:
+    """What the hand would do and should not (§5.3.4 IVEL, OT, CT; dossier §8). Raises UsageError; nothing has moved."""
+    motor = MOTORS[index]
+    own = "IVEL" if name == "HI" else "MOV"
+    usual = BARRETT.by_mnemonic("IVEL").default_of(index) or 0
+    limit = min(at.get("IVEL", usual), usual)
+    opens = name in ("HI", "O", "TO") or (goal is not None and "P" in at and goal < at["P"])
+    if opens and at.get(own, 0) > limit:
+        raise UsageError(
+            f"{motor}: {own} {at[own]} opens at {at[own] / 16:.1f} counts a sample, IVEL allows {limit / 16:.2f}: "
+            "it may deform the clutch for good",
+            hint=f"`handctl barrett set {own}.{motor}={BARRETT.by_mnemonic(own).default_of(index)}`; --force opens so "
+            "fast all the same (barrett §5.3.4 IVEL). Nothing moved.",
+            code="opening-speed",
+        )
+    travel = USUAL["spread" if index == 3 else "finger"]
+    if name in ("O", "C") and {"OT", "CT"} <= at.keys() and (at["OT"] >= at["CT"] or at["OT"] > travel):
+        raise UsageError(
+            f"{motor}: OT {at['OT']} and CT {at['CT']} leave {name} no way to go, or turn it around",
+            hint=f"`handctl barrett set OT.{motor}=0 CT.{motor}={BARRETT.by_mnemonic('CT').default_of(index)}`; --force "
+            "sends it all the same (barrett §5.3.4). Nothing moved.",
+            code="targets",
+        )
 
 
 def _goal(name: str, argument: int | None, at: dict[str, int]) -> int | None:

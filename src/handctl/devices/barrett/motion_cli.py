@@ -21,6 +21,11 @@ FORCE = click.option(
 )
 
 
+HARM = click.option(
+    "--force", is_flag=True, help="Also open faster than IVEL may be, or with an OT and CT that turn it around."
+)
+
+
 def prefix_of(text: str | None) -> str:
     """GCL prefix of a --motors option. Without one all enabled motors move; all four named move disabled ones too."""
     return "" if text is None else motor_prefix(text)
@@ -51,17 +56,19 @@ def add_movements(group: Group) -> None:
 
 
 def _movement(group: Group, name: str, gcl_name: str, doc: str, argument: str) -> None:
-    def body(run: Run, motors: str | None, value: int | None = None) -> Table:
+    def body(run: Run, motors: str | None, value: int | None = None, force: bool = False) -> Table:
         from handctl.devices.barrett import motion
 
         prefix = prefix_of(motors)
         text = motion.command_text(prefix, gcl_name, value)
         if run.settings.dry_run:
             return run.dry_run([step_of(text)])
-        return motion.move(run.device(), prefix, gcl_name, value, run.guide)
+        return motion.move(run.device(), prefix, gcl_name, value, run.guide, force=force)
 
     body.__doc__ = doc
     command: Callable[..., Any] = MOTORS_OPTION(body)
+    if gcl_name != "TC":
+        command = HARM(command)
     if argument:
         command = click.argument("value", required=False, type=int, metavar=argument)(command)
     group.verb(name, writes=True)(command)

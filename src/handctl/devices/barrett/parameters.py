@@ -32,7 +32,8 @@ class GclParam(Param):
 
     default    factory value of fingers and spread (globals: twice the same), None for read-only
     advanced   shown only by FLISTA and its like (§5.3.4, §5.4.3)
-    careful    (lowest, highest) beyond which --force is needed, for fingers and spread; `why` says what happens
+    careful    (lowest, highest) beyond which --force is needed, for fingers and spread
+    why        what happens beyond; `why_less` what happens below, where that is something else
     since      first firmware that has it
     """
 
@@ -41,6 +42,7 @@ class GclParam(Param):
     advanced: bool = False
     careful: tuple[tuple[int, int], tuple[int, int]] | None = None
     why: str = ""
+    why_less: str = ""
     since: str = ""
 
     @property
@@ -62,7 +64,10 @@ class GclParam(Param):
         if self.careful is None:
             return None
         low, high = self.careful[1 if index == 3 else 0]
-        return None if low <= value <= high else f"{self.mnemonic} = {value}: {self.why}"
+        if low <= value <= high:
+            return None
+        shown = f"{value} ({value / 10:.1f} °C)" if self.unit == TENTHS else f"{value}"
+        return f"{self.mnemonic} = {shown}: {self.why_less if value < low and self.why_less else self.why}"
 
 
 def _motor(mnemonic: str, name: str, doc: str, source: str, low: int | None, high: int | None, **more: Any) -> GclParam:
@@ -77,6 +82,12 @@ def _global(
     return GclParam(mnemonic=mnemonic, name=name, doc=doc, source=f"barrett §{source}", low=low, high=high, **more)
 
 
+TENTHS = "0.1 °C"
+_USEFUL: dict[str, Any] = {
+    "careful": ((0, 18000), (0, 3150)),
+    "why": "beyond the joint's travel, about 18,000 counts and 3150 for the spread",
+}
+"""§5.3.1, §5.3.4: "its true range of useful values is bounded by the joint limits"."""
 _RW: dict[str, Any] = {"access": "rw", "kind": SETTING, "persistent": "yes"}
 _OFF = {255: "off", 256: "off"}
 _ADV: dict[str, Any] = {**_RW, "advanced": True}
@@ -121,12 +132,12 @@ BARRETT = GclMap(
     "barrett",
     [
         # -- movement, §5.3.1
-        _motor("DP", "default_position", "target of M without argument; useful to 17,800 / 3150", "5.3.1", 0, 65535, unit="cts", default=(8500, 1575), **_RW),
-        _motor("DS", "default_step", "step of IC and IO without argument", "5.3.1", 0, 65535, unit="cts", default=(1700, 315), **_RW),
+        _motor("DP", "default_position", "target of M without argument; useful to 17,800 / 3150", "5.3.1", 0, 65535, unit="cts", default=(8500, 1575), **_USEFUL, **_RW),
+        _motor("DS", "default_step", "step of IC and IO without argument", "5.3.1", 0, 65535, unit="cts", default=(1700, 315), **_USEFUL, **_RW),
         _motor("HSG", "strain_limit_high", "a movement ends above this strain; 255 and 256 = off", "5.3.1", 0, 256, special=_OFF, default=(256, 256), **_RW),
         _motor("LSG", "strain_limit_low", "a movement ends below this strain; 255 and 256 = off", "5.3.1", 0, 256, special=_OFF, default=(256, 256), **_RW),
-        _motor("MOV", "max_open_velocity", "opening velocity; below 40 it may not move (§8)", "5.3.1", 16, 4080, unit="1/16 cts/sample", default=(100, 60), **_RW),
-        _motor("MCV", "max_close_velocity", "closing velocity; sets the tip force of TC", "5.3.1", 16, 4080, unit="1/16 cts/sample", default=(100, 60), **_RW),
+        _motor("MOV", "max_open_velocity", "opening velocity; below 40 it may not move (§8)", "5.3.1", 16, 4080, unit="1/16 cts/sample", default=(100, 60), careful=((40, 300), (40, 150)), why="faster than IVEL may be: it deforms the clutch for good, no breakaway any more (§5.3.4)", why_less="below 40 the motor may not move (§8)", **_RW),
+        _motor("MCV", "max_close_velocity", "closing velocity; sets the tip force of TC", "5.3.1", 16, 4080, unit="1/16 cts/sample", default=(100, 60), careful=((40, 2032), (40, 2032)), why="beyond 127 counts a sample the motor controller has no profile", why_less="below 40 the motor may not move (§8)", **_RW),
         _motor("MSG", "strain_limit_high_alias", "the same value as HSG", "5.3.1", 0, 256, special=_OFF, default=(256, 256), **_RW),
         # -- status, §5.3.2
         _motor("OD", "odometer", "way of the motor in its life", "5.3.2", 0, 2**32, unit="1000 cts"),
@@ -135,7 +146,7 @@ BARRETT = GclMap(
         _motor("SG", "strain", "strain gauge; 255 = no gauge, 100 to 140 without load (§7.4)", "5.3.2", 0, 255, special={255: "no gauge"}),
         # -- realtime, §5.3.3
         _motor("LCV", "loop_control_velocity", "control block has a velocity", "5.3.3", 0, 1, default=(1, 1), **_KNOWN_FLAG),
-        _motor("LCVC", "loop_control_velocity_coefficient", "factor of the control velocity; 0 would always stop", "5.3.3", 1, 255, default=(1, 1), **_RW),
+        _motor("LCVC", "loop_control_velocity_coefficient", "factor of the control velocity; 0 would always stop", "5.3.3", 1, 255, default=(1, 1), careful=((1, 2), (1, 1)), why="with it a velocity of -127 opens faster than IVEL may be: it deforms the clutch for good (§5.3.4)", **_RW),
         _motor("LCPG", "loop_control_proportional_gain", "control block has a gain", "5.3.3", 0, 1, default=(1, 1), **_KNOWN_FLAG),
         _motor("LFV", "loop_feedback_velocity", "feedback has the velocity", "5.3.3", 0, 1, default=(1, 1), **_KNOWN_FLAG),
         _motor("LFVC", "loop_feedback_velocity_coefficient", "divisor of the fed back velocity", "5.3.3", 1, 255, default=(1, 1), **_RW),
@@ -145,7 +156,7 @@ BARRETT = GclMap(
         _motor("LFDPC", "loop_feedback_delta_position_coefficient", "divisor of the fed back change", "5.3.3", 1, 255, default=(1, 1), **_RW),
         # -- advanced, §5.3.4
         _motor("ACCEL", "acceleration", "acceleration; 0 would never move", "5.3.4", 1, 65535, unit="1/256 cts/sample²", default=(4, 2), **_ADV),
-        _motor("CT", "close_target", "where C goes", "5.3.4", 0, 65535, unit="cts", default=(17000, 3150), **_ADV),
+        _motor("CT", "close_target", "where C goes", "5.3.4", 0, 65535, unit="cts", default=(17000, 3150), careful=((51, 18000), (51, 3150)), why="beyond the joint's travel: C drives into the stop", why_less="C has no way to go from the open target", **_ADV),
         _motor("EN", "enabled", "moves without a prefix too; 0 makes a finger seem dead", "5.3.4", 0, 1, choices={0: "no", 1: "yes"}, default=(1, 1), **_ADV),
         _motor("FDZ", "filter_derivative_zero", "filter zero; other than 0 is noisy", "5.3.4", 0, 255, default=(0, 0), **_ADV),
         _motor("FIP", "filter_integral_pole", "filter pole; other than 0 may go unstable", "5.3.4", 0, 255, default=(0, 0), careful=((0, 0), (0, 0)), why="may go unstable", **_ADV),
@@ -154,17 +165,17 @@ BARRETT = GclMap(
         _motor("IHIT", "init_hit_count", "hits of the open stop during HI", "5.3.4", 0, 65535, default=(2, 0), careful=((0, 5), (0, 5)), why="more than 5 hits is beyond the vendor's limit", **_ADV),
         _motor("IOFF", "init_offset", "way back from the stop after HI; larger lowers the breakaway force", "5.3.4", 0, 65535, unit="cts", default=(50, 0), careful=((0, 500), (0, 500)), why="useful values are 0 to 500", **_ADV),
         _motor("IVEL", "init_velocity", "velocity of HI", "5.3.4", 16, 4080, unit="1/16 cts/sample", default=(300, 150), careful=((16, 300), (16, 150)), why="above the default it deforms the clutch for good: no breakaway any more", **_ADV),
-        _motor("MPE", "max_position_error", "how near counts as reached", "5.3.4", 0, 65535, unit="cts", default=(50, 50), **_ADV),
-        _motor("OT", "open_target", "where O goes; also sets the breakaway force", "5.3.4", 0, 65535, unit="cts", default=(0, 0), **_ADV),
+        _motor("MPE", "max_position_error", "how near counts as reached", "5.3.4", 0, 65535, unit="cts", default=(50, 50), **_USEFUL, **_ADV),
+        _motor("OT", "open_target", "where O goes; also sets the breakaway force", "5.3.4", 0, 65535, unit="cts", default=(0, 0), careful=((0, 17800), (0, 3150)), why="beyond the joint's travel: O closes instead", **_ADV),
         _motor("SAMPLE", "sample_time", "sample time of the motor controller; not to be changed", "5.3.4", 15, 255, default=(31, 31), careful=((31, 31), (31, 31)), why="the manual says not to change it", **_ADV),
         _motor("SGFLIP", "strain_flip", "strain is turned around; legacy", "5.3.4", 0, 1, choices={0: "no", 1: "yes"}, default=(0, 0), careful=((0, 0), (0, 0)), why="legacy, turns every strain reading around", **_ADV),
         _motor("TSTOP", "stop_time", "how long a stalled motor is driven on", "5.3.4", 0, 65535, unit="ms", default=(30, 30), careful=((0, 30), (0, 30)), why="above 30 ms the motors heat up very fast", **_ADV),
         # -- global, §5.4
         _global("BAUD", "baud_rate", "speed of the serial line; acts at once", "5.4.1", 6, 384, unit="100 bit/s", choices=BAUD_CODES, default=(96, 96), strands=True, **_RW),
         _global("LFT", "loop_feedback_temperature", "feedback has the temperature", "5.4.1", 0, 1, default=(0, 0), **_KNOWN_FLAG),
-        _global("OTEMP", "over_temperature_limit", "motor commands fail above; 0 = off, 600 to 650 advised", "5.4.1", 0, 1250, unit="0.1 °C", special={0: "off"}, default=(0, 0), careful=((300, 1250), (300, 1250)), why="that is in tenths of a degree: below 30 °C every movement fails", **_RW),
-        _global("TEMP", "temperature", "CPU board; normal 400 to 600, limit 650 (§2)", "5.4.2", -550, 1250, unit="0.1 °C"),
-        _global("PTEMP", "peak_temperature", "highest temperature of its life", "5.4.2", 0, 1250, unit="0.1 °C"),
+        _global("OTEMP", "over_temperature_limit", "motor commands fail above; 0 = off, 600 to 650 advised", "5.4.1", 0, 1250, unit=TENTHS, special={0: "off"}, default=(0, 0), careful=((300, 1250), (300, 1250)), why="that is in tenths of a degree: below 30 °C every movement fails", **_RW),
+        _global("TEMP", "temperature", "CPU board; normal 400 to 600, limit 650 (§2)", "5.4.2", -550, 1250, unit=TENTHS),
+        _global("PTEMP", "peak_temperature", "highest temperature of its life", "5.4.2", 0, 1250, unit=TENTHS),
         _global("UPSECS", "uptime_seconds", "time of operation in its life", "5.4.2", 0, 2**32, unit="s"),
         _global("SN", "serial_number", "serial number; 0 on upgraded hands", "5.4.2", 0, None, private=True),
         _global("LFDPD", "loop_feedback_delta_discard", "what a change too large for a byte does", "5.4.3", 0, 1, default=(0, 0), advanced=True, **_KNOWN_FLAG),
@@ -190,17 +201,16 @@ def all_elements(params: Sequence[GclParam]) -> list[Element]:
     return [element for param in params for element in elements_of(param)]
 
 
+def careful(element: Element, value: Number) -> str | None:
+    """What speaks against a value that the manual allows and warns of; 0 switches OTEMP off, as the factory has it."""
+    assert isinstance(element.param, GclParam)
+    return element.param.objection(element.index, value) if value or element.param.mnemonic != "OTEMP" else None
+
+
 def check_careful(changes: Sequence[tuple[Element, Number]], force: bool) -> list[str]:
     """Objections to values that the manual allows and warns of. Raises UsageError unless `force`."""
-    found = []
-    for element, value in changes:
-        assert isinstance(element.param, GclParam)
-        if element.param.mnemonic == "OTEMP" and value == 0:
-            continue
-        objection = element.param.objection(element.index, value)
-        if objection is not None:
-            found.append(f"{objection}{f' ({value / 10:.1f} °C)' if element.param.mnemonic == 'OTEMP' else ''}")
-    found = list(dict.fromkeys(found))
+    objections = [careful(element, value) for element, value in changes]
+    found = list(dict.fromkeys(objection for objection in objections if objection is not None))
     if found and not force:
         raise UsageError("; ".join(found), hint="--force writes it all the same. Nothing was sent.", code="careful")
     return found

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 from handctl.devices.barrett.health import LIMIT_TENTHS
 from handctl.devices.barrett.language import MOTORS, explain_status
-from handctl.devices.barrett.parameters import BARRETT, GclParam
-from handctl.param import Number
+from handctl.devices.barrett.parameters import BARRETT, GclParam, careful
+from handctl.param import Element, Number
 from handctl.result import Cell, Grid, Row
 
 STROKE = (17500, 3100)
@@ -32,10 +32,9 @@ def audit(rows: Sequence[Row]) -> list[str]:
     for row in rows:
         if "value" not in row:
             continue
-        param = BARRETT[row["name"]]
         index = MOTORS.index(row["motor"]) if row["motor"] else 0
-        objection = param.objection(index, row["value"])
-        if objection is not None and not (param.mnemonic == "OTEMP" and row["value"] == 0):
+        objection = careful(Element(BARRETT[row["name"]], index), row["value"])
+        if objection is not None:
             found.append(f"{row['motor'] or 'hand'}: {objection}")
     by = {(row["parameter"], row["motor"]): row.get("value") for row in rows}
     found += [
