@@ -11,7 +11,8 @@ from pathlib import Path
 import pytest
 
 from handctl.devices.aidin import adjust, homing, motion, stop
-from handctl.devices.aidin.fields import ANGLES, CURRENTS
+from handctl.devices.aidin.currents import currents
+from handctl.devices.aidin.fields import ANGLES, CURRENTS, ENCODERS, TIPS, Target
 from handctl.devices.aidin.hand import AidinHand
 from handctl.devices.aidin.targets import parse
 from handctl.errors import CheckFailed, HandctlError, Interrupted, LinkError, NoAnswer, ProtocolError, UsageError
@@ -230,3 +231,84 @@ def _largest(trace: Path) -> int:
     """The largest current commanded so far."""
     targets = [content["hand_TT_cmd"] for content in _sent(trace) if "hand_TT_cmd" in content]
     return max((max(values) for values in targets if isinstance(values, list)), default=0)
+
+
+# -- a hand that goes blind or silent while it is driven ----------------------------------------------------------------
+
+WHEN = 0.9
+"""Seconds: every command below is driving by then, and would go on for a second and a half at least."""
+BOUND = 1.2
+"""Seconds of further objects at the most: 1 s of silence, and the last period."""
+DRIVES: dict[str, tuple[Act, str, str]] = {
+    "home": (lambda hand: homing.home(hand, Guide()), "motor_pos", "stop was sent 3 times"),
+    "initial": (initial, "motor_pos", f"{GOES_ON} to its origin"),
+    "encoders": (lambda hand: _moved(hand, ENCODERS, "index.m1=200000"), "motor_pos", f"{GOES_ON} to the last target"),
+    "joints": (lambda hand: _moved(hand, ANGLES, "index.q3=120"), "joint_pos", f"{GOES_ON} to the last target"),
+    "fingertips": (lambda hand: _moved(hand, TIPS, "index.z=10"), "task_space_pos", f"{GOES_ON} to the last target"),
+    "currents": (
+        lambda hand: currents(hand, parse(CURRENTS, ["index.m1=200"], cap=300), Guide(), seconds=3, cap=300),
+        "current_state", "stop was sent 3 times",
+    ),
+}  # fmt: skip
+"""Command -> how it is run, the key that it goes by, and what must be said of the hand when that key goes wrong."""
+
+
+def _moved(hand: AidinHand, target: Target, text: str) -> Table:
+    return motion.move(hand, parse(target, [text]), Guide(), assume_homed=True)
+
+
+def _blinded(content: dict[str, object], key: str, how: str) -> dict[str, object]:
+    """Feedback in which a key has gone wrong."""
+    values = content[key]
+    assert isinstance(values, list)
+    spoilt = {"nan": [float("nan"), *values[1:]], "short": values[1:], "text": ["x", *values[1:]], "null": None}
+    rest = {name: value for name, value in content.items() if name != key}
+    return rest if how == "missing" else {**rest, key: spoilt[how]}
+
+
+def _turning(exchange: str, key: str, how: str) -> ScriptedLink:
+    """A hand that streams or answers, and goes blind or silent in the middle."""
+    link: ScriptedLink
+
+    def content() -> bytes:
+        if link.clock < WHEN:
+            return line(CLOSED)
+        return b"" if how == "silent" else line(_blinded(CLOSED, key, how))
+
+    if exchange == "stream":
+        link = Streamer(lambda _: content())
+    else:
+        link = ScriptedLink(lambda _: [(0.001, data)] if (data := content()) else [])
+    return link
+
+
+@pytest.mark.parametrize("how", ["nan", "short", "text", "null", "missing", "silent"])
+@pytest.mark.parametrize("exchange", ["stream", "poll"])
+@pytest.mark.parametrize("name", DRIVES)
+def test_a_hand_that_goes_blind_is_not_driven_on(name: str, exchange: str, how: str) -> None:
+    """Soon no command follows, and the error says what the hand does now; the same whoever speaks first."""
+    act, key, told = DRIVES[name]
+    link = _turning(exchange, key, how)
+    with pytest.raises((NoAnswer, ProtocolError)) as caught:
+        act(hand_on(link))
+    assert told in caught.value.hint, caught.value.hint
+    stopped = told.startswith("stop")
+    assert link.sent[-3:] == [STOP] * 3 if stopped else STOP not in link.sent
+    driven = [at for data, at in zip(link.sent, link.sent_at, strict=True) if data != STOP]
+    assert driven[-1] > WHEN - 0.3, "it was driving"
+    assert driven[-1] < WHEN + BOUND
+    if how != "silent":
+        assert key in caught.value.text
+
+
+@pytest.mark.parametrize(("act", "left"), [(max_torque, "mode 5"), (adjust.bias, "mode 4")])
+def test_the_mode_that_the_hand_is_left_in_is_said(act: Act, left: str) -> None:
+    """It does what it did before no longer, for all that the manual says: also where the command was cut short."""
+    hand = hand_on(streamer(AT_ORIGIN))
+    act(hand)
+    (message,) = [message for message in hand.journal.messages if message.code == "left"]
+    assert left in message.text and "position" in message.text and message.hint
+    link = streamer(AT_ORIGIN)
+    link.interrupt_at = 0.45 if act is adjust.bias else 0.1
+    with pytest.raises(Interrupted, match=left):
+        act(hand_on(link))

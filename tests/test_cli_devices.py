@@ -395,7 +395,8 @@ def test_the_second_is_told_who_holds_it(runtime: Path) -> None:
     assert {path.parent.name for path in runtime.glob("*/lock-*")} == {"handctl"}
 
 
-def test_a_holder_that_is_gone_is_not_named(runtime: Path) -> None:
+def test_a_holder_that_is_gone_is_not_named(runtime: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(lock, "LAST_STOP_SECONDS", 0.02)
     first = lock.hold("tcp://h:1", "x")
     assert first is not None
     (path,) = runtime.glob("handctl/lock-*")

@@ -78,7 +78,10 @@ def test_a_symbolic_link_in_the_place_of_the_file_is_not_followed(folders: tuple
         ("4194303000 handctl exo watch\n", "another handctl", "wait for it"),
     ],
 )
-def test_who_holds_it_is_named_when_it_is_known(folders: tuple[Path, Path], content: str, who: str, hint: str) -> None:
+def test_who_holds_it_is_named_when_it_is_known(
+    folders: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch, content: str, who: str, hint: str
+) -> None:
+    monkeypatch.setattr(lock, "LAST_STOP_SECONDS", 0.02)
     held = hold(LINK, "handctl exo watch")
     assert held is not None
     (file,) = files(folders[0])

@@ -38,6 +38,10 @@ SAFETY = (
     "terminal it needs `--yes`. `--dry-run` prints the exact bytes and sends nothing. A value outside the documented "
     "range is refused, never clamped. Writes are read back and never repeated. Ctrl-C stops a movement as far as the "
     "device's protocol can.",
+    "A command that drives a device is guarded by a second process, which holds the link. When handctl is killed, that "
+    "process sends the device's stop three times. Nothing can help where everything is killed at once: a container or a "
+    "service that ends, the machine, its power. On Windows, and on CAN adapters behind a vendor's library, there is no "
+    "second process, and a warning says so. A command that is only suspended is not dead: send `stop`.",
 )
 
 FILES: dict[str, tuple[tuple[str, str], ...]] = {

@@ -17,6 +17,12 @@ CONFIRM = 1.0
 NOISE = 4.0
 """A value so many times what it changes by itself is no noise."""
 SENSOR_STATE = AIDIN["sensor_state"]
+LEFT_HINT = "`handctl aidin joints …` commands a position again, `handctl aidin stop` frees the fingers"
+
+
+def left_in(mode: Mode) -> str:
+    """What the hand is left in by a mode that ended another one; the manual says nothing of it (dossier 5)."""
+    return f"the hand is left in mode {int(mode)}: whether it goes on holding a position is not documented"
 
 
 def bias(hand: AidinHand) -> Table:
@@ -35,7 +41,8 @@ def bias(hand: AidinHand) -> Table:
             hint="wait until the hand stands, touching nothing. Nothing was sent.",
             code="moving",
         )
-    with announced("the sensor bias was sent: present values may be 0 from now on, whatever pressed on the fingertips"):
+    sent = "the sensor bias was sent: present values may be 0 from now on, whatever pressed on the fingertips"
+    with announced(f"{sent}; {left_in(Mode.BIAS)}"):
         data, end = object_of(Mode.BIAS), talk.deadline(BIAS)
         while not end.expired:
             talk.tick(data)
@@ -45,6 +52,7 @@ def bias(hand: AidinHand) -> Table:
         while worse and not end.expired:
             hand.link.sleep(SHORT)
             table, worse = _compared(hand, before, earlier)
+    hand.journal.info("left", left_in(Mode.BIAS), LEFT_HINT)
     if worse and table.failure is None:
         table.failure = CheckFailed(
             f"{hand.link.name}: sensor values did not come nearer to 0: {', '.join(worse[:4])}",
@@ -76,10 +84,13 @@ def max_torque(hand: AidinHand, value: int) -> Table:
     """Mode 5 with `maxtorque`, for 0.2 s. No feedback shows it. Raises NoAnswer when the hand says nothing at all."""
     blind = connect_or_command(hand)
     data, end = object_of(Mode.MAXTORQUE, maxtorque=value), hand.talk.deadline(SHORT)
-    with announced(f"maxtorque {value} was sent and may be in force, it cannot be read back"):
+    with announced(
+        f"maxtorque {value} was sent and may be in force, it cannot be read back; {left_in(Mode.MAXTORQUE)}"
+    ):
         while not end.expired:
             hand.talk.tick(data, blind=blind)
         hand.talk.check_bound()
+    hand.journal.info("left", left_in(Mode.MAXTORQUE), LEFT_HINT)
     if blind and not hand.talk.feedback.seen:
         raise NoAnswer(
             f"{hand.link.name}: maxtorque {value} was sent, but the hand says nothing",

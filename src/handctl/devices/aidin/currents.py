@@ -45,7 +45,10 @@ def currents(hand: AidinHand, goal: Goal, guide: Guide, *, seconds: float, cap: 
             guide.done()
         send_stop(hand)
     hand.talk.check_bound()
-    hand.journal.info("stopped", "currents went back to 0 and stop was sent: without power the fingers move freely")
+    hand.journal.info(
+        "stopped",
+        "currents went back to 0 and stop was sent: without power the fingers move freely; the maximum torque stays at 1000",
+    )
     return table
 
 
@@ -90,7 +93,7 @@ class _Drive:
         self.to(values, "currents rise")
         data, end = target_object(self._goal, values), talk.deadline(seconds)
         while not end.expired:
-            talk.tick(data)
+            talk.tick(data, by=self._goal.target.feedback)
             self._guide.progress(f"currents on: {end.remaining:.1f} s left (Ctrl-C: back to 0, stop)")
         found, param = self._told(), self._goal.target.feedback
         table = self._hand.table([reading(element, found) for element in elements_of(param)])
@@ -104,7 +107,7 @@ class _Drive:
             if presses is not None and presses.count:
                 return
             self.at = list(step)
-            self._hand.talk.tick(target_object(self._goal, step))
+            self._hand.talk.tick(target_object(self._goal, step), by=self._goal.target.feedback)
             self._guide.progress(f"{what}: {number * PERIOD:.1f} of {len(way) * PERIOD:.1f} s")
 
     def _told(self) -> Wire:

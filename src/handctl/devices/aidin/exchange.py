@@ -64,7 +64,9 @@ class Conversation:
         self._bad_in_a_row = 0
         self._junk = b""
         self._echoes = 0
+        self._heard = 0.0  # when anything came last
         self._last = 0.0  # when feedback came last
+        self._good: dict[str, float] = {}  # when a key came last as it should
         self._unanswered = 0
         self._unknown: set[str] = set()
 
@@ -148,6 +150,7 @@ class Conversation:
             raise self._closed(exc) from exc
         if not data:
             return False
+        self._heard = self.link.now()
         self._decoder.feed(data)
         found = False
         while True:
@@ -169,6 +172,7 @@ class Conversation:
         self.journal.counters.received += 1
         self._bad_in_a_row = self._unanswered = 0
         self._last = self.link.now()
+        self._good.update({key: self._last for key in content if key in ALL and key not in self.feedback.errors})
         self._note_unknown(content)
         return True
 
@@ -280,10 +284,11 @@ class Conversation:
 
     # -- one object a period --------------------------------------------------------------------------------------
 
-    def tick(self, data: bytes, *, blind: bool = False) -> None:
+    def tick(self, data: bytes, *, blind: bool = False, by: AidinParam | None = None) -> None:
         """Send one object and take feedback until its period is over; a hand that answers is waited for.
 
-        Raises NoAnswer when feedback stays away (1 s of a stream, three unanswered objects) unless `blind`.
+        Raises NoAnswer when feedback stays away (1 s of a stream, three unanswered objects) unless `blind`, and
+        ProtocolError when what the command goes `by` is wrong three times running, or missing for 1 s.
         """
         self.check_bound()
         if self.exchange is Exchange.STREAM:
@@ -304,6 +309,21 @@ class Conversation:
         if silent and not blind:
             self.check_bound()
             raise self._silent(moving=True)
+        if by is not None:
+            self._check_sight(by)
+
+    def check_alive(self) -> None:
+        """Raise NoAnswer when not one byte has come for 1 s: where feedback may be as slow as it likes."""
+        if self.link.now() - self._heard > (self.timeout or SILENCE):
+            raise self._silent(moving=True)
+
+    def _check_sight(self, param: AidinParam) -> None:
+        """Nothing is driven on by a quantity that the hand no longer tells."""
+        key = param.key
+        missing = self._last - self._good.get(key, self._last) > (self.timeout or SILENCE)  # other keys still came
+        if missing or self.feedback.wrong.get(key, 0) >= CYCLES:
+            wrong = self.feedback.errors.get(key)
+            self.usable(param, wrong or ProtocolError("no longer in what the hand sends", code="missing-key"))
 
     # -- what went wrong -------------------------------------------------------------------------------------------
 

@@ -12,9 +12,10 @@ ALL = tuple(param.key for param in FEEDBACK)
 
 
 class Feedback:
-    """The newest value of every key, or why it was refused, and how often it came."""
+    """The newest value of every key, or why it was refused; how often it came, and how often running it was refused."""
 
     def __init__(self) -> None:
+        self.wrong: dict[str, int] = {}
         self.values: dict[str, Wire] = {}
         self.errors: dict[str, ProtocolError] = {}
         self.seen: dict[str, int] = {}
@@ -30,8 +31,10 @@ class Feedback:
             try:
                 self.values[param.key] = numbers(content[param.key], param.count, whole=param.whole)
                 self.errors.pop(param.key, None)
+                self.wrong.pop(param.key, None)
             except ProtocolError as exc:
                 self.errors[param.key] = exc
+                self.wrong[param.key] = self.wrong.get(param.key, 0) + 1
         return known
 
     def complete(self, keys: tuple[str, ...] = ()) -> bool:

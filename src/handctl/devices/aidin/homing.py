@@ -113,7 +113,10 @@ def _hold(hand: AidinHand, data: bytes, guide: Guide, seen: _Travel, *, blind: b
     begin = last = link.now()
     holds = 1
     while link.now() - begin < HOLD:
-        talk.tick(data, blind=blind or hand.talk.exchange is Exchange.STREAM)
+        streams = hand.talk.exchange is Exchange.STREAM
+        talk.tick(data, blind=blind or streams, by=MOTOR_POS)
+        if streams:
+            talk.check_alive()
         seen.note(_encoders(talk.feedback))
         now = link.now()
         if now - last > LARGEST_GAP:
@@ -218,7 +221,7 @@ def initial(hand: AidinHand, guide: Guide, *, assume_homed: bool) -> Table:
             while not end.expired and (now is None or _away(now) or moving(before, now)):
                 before = now
                 for _ in range(TICKS):
-                    talk.tick(data, blind=blind)
+                    talk.tick(data, blind=blind, by=MOTOR_POS)
                 now = _encoders(talk.feedback) or now
                 seen.note(now)
                 guide.progress("moving to the initial position (Ctrl-C stops)")

@@ -23,6 +23,7 @@ from handctl.result import Column, Table
 ARRIVE = 3.0
 """Seconds after the ramp's end until a target counts as not reached."""
 GOES_ON = "no stop was sent, the hand is expected to go on to the last target it got; `handctl aidin stop` frees it"
+HOLDS = "reached; nothing more is sent, the hand is expected to hold"
 FAR = 0.1
 """Share of a range: a start that is farther outside is no start of a ramp."""
 SETTLED = 0.2
@@ -70,8 +71,9 @@ def move(hand: AidinHand, goal: Goal, guide: Guide, *, assume_homed: bool) -> Ta
         if not arrived:
             _tell_deadline(hand, goal, values)
     if arrived:
-        hand.journal.info("reached", "reached; nothing more is sent, the hand is expected to hold")
-    return _result(hand, goal, values)
+        hand.journal.info("reached", HOLDS)
+    with telling(HOLDS if arrived else GOES_ON):
+        return _result(hand, goal, values)
 
 
 def _check_start(hand: AidinHand, target: Target, here: list[Number], *, assume: bool) -> None:
@@ -106,7 +108,7 @@ def _tell_deadline(hand: AidinHand, goal: Goal, values: list[float]) -> None:
 
 def _follow(hand: AidinHand, goal: Goal, way: list[tuple[float, ...]], guide: Guide) -> None:
     for number, values in enumerate(way, 1):
-        hand.talk.tick(target_object(goal, values))
+        hand.talk.tick(target_object(goal, values), by=goal.target.feedback)
         guide.progress(f"moving: {number * PERIOD:.1f} of {len(way) * PERIOD:.1f} s (Ctrl-C stops)")
 
 
@@ -116,7 +118,7 @@ def _settle(hand: AidinHand, goal: Goal, values: list[float], guide: Guide) -> b
     end = talk.deadline(ARRIVE)
     since: float | None = None
     while not end.expired:
-        talk.tick(data)
+        talk.tick(data, by=goal.target.feedback)
         guide.progress("waiting for arrival (Ctrl-C stops)")
         if not _near(hand, goal, values):
             since = None
@@ -139,8 +141,8 @@ def _result(hand: AidinHand, goal: Goal, values: list[float]) -> Table:
     table = hand.table(hand.read(elements_of(param)))
     if table.failure is None:
         mark(hand, goal, values, table)
-        if table.failure is not None:
-            table.failure.hint = f"{GOES_ON}; {table.failure.hint}"
+    if table.failure is not None:
+        table.failure.hint = f"{GOES_ON}; {table.failure.hint}"
     return table
 
 
