@@ -221,7 +221,11 @@ def sent_lines(trace: Path) -> list[str]:
     lines = [line.split() for line in trace.read_text(encoding="utf-8").splitlines() if line[0] != "#"]
     data = b"".join(bytes.fromhex("".join(words[2:])) for words in lines if words[1] == ">")
     assert b"\n" not in data, "LF is never sent (§5.1.1)"
-    return [line for line in data.replace(b"\x03", b"").decode("ascii").split("\r") if line]
+    return [
+        line
+        for line in data.replace(b"\x03", b"").replace(b"\0", b"").decode("ascii").split("\r")
+        if line not in ("", "!")
+    ]
 
 
 def writes(line: str) -> bool:

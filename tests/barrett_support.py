@@ -14,7 +14,9 @@ from tests.support import RecordedLink, ScriptedLink
 
 Script = Mapping[str, "str | bytes | Sequence[str | bytes | None] | None"]
 ABORT, CR, PROMPT = b"\x03", b"\r", b"\n\r=> "
-EIGHT = (ABORT, CR)
+QUESTION = b"!\r"
+MET = b"!\n\rERR 32\n\r=> "
+EIGHT = (ABORT, CR, QUESTION, b"\0\x03")
 
 
 def gcl(command: str, *lines: str, end: bytes = b"\n\r", prompt: bytes = b"=> ") -> bytes:
@@ -23,7 +25,7 @@ def gcl(command: str, *lines: str, end: bytes = b"\n\r", prompt: bytes = b"=> ")
 
 
 class ScriptedHand(ScriptedLink):
-    """Answers commands from a table, prompts to ^C and CR; everything else is a failure of the test.
+    """Answers commands from a table, prompts to ^C, CR and the question of a connect; everything else is a failure of the test.
 
     A text is the lines of the answer, separated by ``|`` (empty for none); bytes are the whole answer as it stands;
     None is silence; ``*`` answers all reads that are not in the table, every value with its text; a list is used up one by one, its last entry stays. `speed` is the hand's own: bytes of any other
@@ -59,6 +61,8 @@ class ScriptedHand(ScriptedLink):
             return self.on_abort or b""
         if request == CR:
             return PROMPT
+        if request == QUESTION:
+            return MET
         command = request.removesuffix(CR).decode()
         if command not in self.script and "*" in self.script and "GET " in command:
             prefix, *names = command.split()

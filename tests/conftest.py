@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import zlib
 
 import pytest
@@ -14,12 +15,22 @@ from tests.matrix_report import (
 )
 
 __all__ = [
+    "own_state",
     "pytest_collection_modifyitems",
     "pytest_runtest_call",
     "pytest_runtest_logreport",
     "pytest_runtest_makereport",
     "pytest_terminal_summary",
 ]
+
+NUMBERS = itertools.count()
+
+
+@pytest.fixture(autouse=True)
+def own_state(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What this machine keeps for a user between commands is kept for each test apart, and never in a home."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path_factory.getbasetemp() / f"state{next(NUMBERS)}"))
+
 
 SHARE = 3
 """Of the cells of the fault matrices an ordinary run of the whole suite takes each third, always the same ones."""

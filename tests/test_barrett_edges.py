@@ -17,7 +17,7 @@ from handctl.devices.barrett.srecord import parse
 from handctl.errors import HandctlError, NoAnswer
 from handctl.guide import Guide, Presses
 from handctl.link import Deadline
-from tests.barrett_support import ABORT, CR, Simulated, codes, scripted, simulated
+from tests.barrett_support import ABORT, QUESTION, Simulated, codes, scripted, simulated
 from tests.test_barrett_firmware import DATA, SIZE, Operated, Operator, sha
 from tests.test_barrett_firmware import Run as Load
 from tests.test_barrett_loop import Run, example
@@ -32,7 +32,7 @@ def test_thrown_out_while_motors_run_there_is_a_second_abort_behind_the_cr() -> 
     assert isinstance(run.error, HandctlError) and run.error.code == "err-2048"
     sent = run.link.sent[run.link.sent.index(b"124LOOP\r") :]
     before_t = sent[: sent.index(b"124T\r")]
-    assert before_t[-3:] == [ABORT, CR, ABORT]
+    assert before_t[-3:] == [ABORT, QUESTION, ABORT]
 
 
 def test_flags_are_not_written_to_a_hand_that_may_still_be_in_its_loop() -> None:
@@ -97,7 +97,7 @@ def test_a_deadline_bounds_the_wait_for_the_loop() -> None:
 def test_torque_control_of_later_firmware_is_switched_off_for_velocities() -> None:
     """LCT excludes LCV and LCPG (dossier 6.5); it is as before afterwards."""
     link = Simulated("initialized=1&firmware=4.4")
-    link.feed(b"124FSET LCT 1" + CR)
+    link.feed(b"124FSET LCT 1\r")
     run = Run(link=link, source=example())
     before = run.control("ram LCT")
     run.go(2)

@@ -5,8 +5,19 @@ from __future__ import annotations
 import pytest
 
 from handctl.devices.barrett.language import Answer
-from handctl.errors import HandctlError, LinkError, NoAnswer, ProtocolError
-from tests.barrett_support import ABORT, CR, PROMPT, ScriptedHand, Simulated, codes, gcl, hand_on, scripted, simulated
+from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer, ProtocolError
+from tests.barrett_support import (
+    ABORT,
+    PROMPT,
+    QUESTION,
+    ScriptedHand,
+    Simulated,
+    codes,
+    gcl,
+    hand_on,
+    scripted,
+    simulated,
+)
 from tests.support import Babble, ScriptedLink
 
 SPEEDS = [9600, 38400, 19200, 4800, 2400, 1200, 600]
@@ -15,20 +26,26 @@ SPEEDS = [9600, 38400, 19200, 4800, 2400, 1200, 600]
 # -- connect ----------------------------------------------------------------------------------------------------------
 
 
-def test_connect_sends_abort_before_return() -> None:
-    """A bare CR would carry out what somebody left typed (dossier 1.5)."""
+def test_connect_asks_once() -> None:
+    """One round trip. A bare CR would carry out what somebody left typed, ^C would end what moves (dossier 1.5)."""
     link = ScriptedHand()
     hand_on(link).line.connect()
-    assert link.sent == [ABORT, CR]
+    assert link.sent == [QUESTION]
     assert link.bauds == []
 
 
-def test_abort_has_150_ms_before_the_return() -> None:
+def test_only_who_may_interrupt_sends_abort() -> None:
+    link = ScriptedHand()
+    hand_on(link, interrupt=True).line.connect()
+    assert link.sent == [ABORT, QUESTION]
+
+
+def test_abort_has_150_ms_before_the_question() -> None:
     link = ScriptedHand()
     link.on_abort = None
-    hand_on(link).line.connect()
-    assert link.sent == [ABORT, CR]
-    assert link.sent_at[1] - link.sent_at[0] == pytest.approx(0.15 + 8 * 10 / 9600)
+    hand_on(link, interrupt=True).line.connect()
+    assert link.sent == [ABORT, QUESTION]
+    assert link.sent_at[1] - link.sent_at[0] == pytest.approx(0.15 + 32 * 10 / 9600)
 
 
 def test_connect_once() -> None:
@@ -38,31 +55,32 @@ def test_connect_once() -> None:
     assert link.sent == [b"FGET P\r"]
 
 
+@pytest.mark.parametrize("interrupt", [False, True])
 @pytest.mark.parametrize("typed", ["O", "12FSET TSTOP 9999", "HI", "\x00\xff"])
-def test_a_half_typed_line_is_never_executed(typed: str) -> None:
+def test_a_half_typed_line_is_never_executed(typed: str, interrupt: bool) -> None:
     link = Simulated("initialized=1")
     link.feed(typed.encode("latin-1"))
-    hand = hand_on(link)
+    hand = hand_on(link, interrupt=interrupt)
     before = hand.line.ask("FGET P TSTOP").lines
     assert before == hand.line.ask("FGET P TSTOP").lines
     assert before[1] == "30 30 30 30"
-    assert link.sent[0] == ABORT
     assert hand.line.ask("FGET S").lines == ("0 0 0 0",)
 
 
 @pytest.mark.parametrize("speed", SPEEDS)
-def test_seven_speeds_are_probed(speed: int) -> None:
+def test_seven_speeds_are_tried(speed: int) -> None:
     link = ScriptedHand(speed=speed)
     hand = hand_on(link)
     hand.line.connect()
     place = SPEEDS.index(speed)
     assert link.bauds == SPEEDS[1 : place + 1]
     assert link.baud == speed
-    assert link.sent == [ABORT, CR] * (place + 1)
+    assert link.sent == [QUESTION] * (place + 1)
     assert codes(hand) == ([] if speed == 9600 else ["speed"])
     if speed != 9600:
         assert f"{speed} bit/s" in hand.journal.messages[0].text
         assert f"--baud {speed}" in hand.journal.messages[0].hint
+        assert link.sent_at[1] >= 3.0, "a hand that is starting must have been given its time"
 
 
 @pytest.mark.parametrize("speed", SPEEDS)
@@ -72,7 +90,7 @@ def test_the_simulated_hand_is_found_at_every_speed(speed: int) -> None:
     assert hand.line.link.baud == speed
 
 
-def test_the_last_known_speed_comes_first() -> None:
+def test_the_last_known_speed_comes_first_then_9600() -> None:
     link = ScriptedHand(speed=600, baud=2400)
     hand_on(link).line.connect()
     assert link.bauds == [9600, 38400, 19200, 4800, 1200, 600]
@@ -82,30 +100,22 @@ def test_baud_of_the_command_line_is_the_only_one() -> None:
     link = ScriptedHand(speed=38400)
     with pytest.raises(NoAnswer) as caught:
         hand_on(link, speed=19200).line.connect()
-    assert link.bauds == [19200]
+    assert set(link.bauds) == {19200}
     assert "19200" in caught.value.text
 
 
-def test_a_link_without_speeds_is_knocked_at_once() -> None:
+def test_a_link_without_speeds_is_asked_at_once() -> None:
     link = ScriptedHand(baud=None)
     link.can_set_baud = False
     hand_on(link).line.connect()
-    assert (link.sent, link.bauds) == ([ABORT, CR], [])
+    assert (link.sent, link.bauds) == ([QUESTION], [])
 
 
-def test_a_first_error_of_noise_is_no_obstacle() -> None:
-    """ERR 32 only means that noise was in the command buffer (dossier 1.5 step 5)."""
-    answers = {ABORT: b"", CR: b"\n\rERR 32\n\r=> "}
-    link = ScriptedLink(lambda request: [(0.0, answers[request])], 9600)
+@pytest.mark.parametrize("end", [b"\n\r=> ", b"\r\n=> ", b"\n\r=>", b"\n\rERR 32\n\r=> "])
+def test_prompts(end: bytes) -> None:
+    link = ScriptedLink(lambda request: [(0.01 * place, bytes([byte])) for place, byte in enumerate(b"!" + end)], 9600)
     hand_on(link).line.connect()
-    assert link.sent == [ABORT, CR]
-
-
-@pytest.mark.parametrize("prompt", [b"\n\r=> ", b"\r\n=> ", b"\n\r=>"])
-def test_prompts(prompt: bytes) -> None:
-    link = ScriptedLink(lambda request: [(0.01 * place, bytes([byte])) for place, byte in enumerate(prompt)], 9600)
-    hand_on(link).line.connect()
-    assert link.sent == [ABORT, CR]
+    assert link.sent == [QUESTION]
 
 
 def test_silence() -> None:
@@ -114,9 +124,9 @@ def test_silence() -> None:
         hand_on(link).line.connect()
     assert caught.value.exit_code == 4
     assert all(str(speed) in caught.value.text for speed in SPEEDS)
-    for word in ("power", "cable", "firmware"):
+    for word in ("power", "cable", "firmware", "moves", "stop"):
         assert word in caught.value.hint
-    assert link.sent == [ABORT, CR] * 7
+    assert link.sent == [QUESTION] * 8, "the first speed once more: it may have been busy"
     assert link.clock < 7.0
 
 
@@ -126,14 +136,22 @@ def test_garbage() -> None:
         hand_on(link).line.connect()
     assert (caught.value.code, caught.value.exit_code) == ("garbage", 5)
     assert "55 AA" in caught.value.text
-    assert all(data in (ABORT, CR) for data in link.sent)
+    assert set(link.sent) == {QUESTION}
 
 
-def test_an_echo_is_told_from_garbage() -> None:
+def test_a_wire_is_told_from_a_monitor() -> None:
+    """Both give our bytes back at 9600; at 115200 the monitor hears nothing of a pulse of 9 us (its bit has 104 us)."""
     link = ScriptedLink(lambda request: [(0.0, request)], 9600)
     with pytest.raises(ProtocolError) as caught:
         hand_on(link).line.connect()
     assert (caught.value.code, caught.value.exit_code) == ("echo", 5)
+    assert (link.sent, link.bauds) == ([QUESTION, b"\x7f"], [115200, 9600])
+    monitor = Simulated("found=monitor&monitor-echo=1")
+    with pytest.raises(DeviceRefused) as refused:
+        hand_on(monitor).line.connect()
+    assert (refused.value.code, refused.value.exit_code) == ("boot-monitor", 6)
+    assert "no firmware, or just switched on" in refused.value.text
+    assert monitor.sent == [QUESTION, b"\x7f"]
 
 
 def test_a_babbling_line_ends() -> None:
@@ -151,15 +169,15 @@ def test_a_hand_in_its_loop_is_taken_out(needed: int) -> None:
 
     def answer(request: bytes) -> list[tuple[float, bytes]]:
         nonlocal heard
-        if request == CR:
+        if request == QUESTION:
             return [(0.0, b"*")]
         heard += 1
         return [(0.0, PROMPT)] if heard == needed + 1 else [(0.0, b"\x00")]
 
     link = ScriptedLink(answer, 9600)
-    hand = hand_on(link)
+    hand = hand_on(link, interrupt=True)
     hand.line.connect()
-    assert link.sent == [ABORT, CR] + [ABORT] * needed
+    assert link.sent == [ABORT, QUESTION] + [ABORT] * needed
     (message,) = hand.journal.messages
     assert message.code == "loop"
     assert f"{needed} ^C" in message.text
@@ -171,8 +189,10 @@ def test_ten_aborts_are_the_most() -> None:
     link = ScriptedLink(lambda request: [(0.0, b"*")], 9600)
     link.can_set_baud = False
     with pytest.raises(ProtocolError):
-        hand_on(link).line.connect()
-    assert link.sent == [ABORT, CR] + [ABORT] * 9
+        hand_on(link, interrupt=True).line.connect()
+    assert [data for data in link.sent if data == ABORT] == [ABORT] * 11, (
+        "before each of two questions, and nine between"
+    )
 
 
 # -- commands ---------------------------------------------------------------------------------------------------------
@@ -241,7 +261,7 @@ def test_a_get_of_nothing_may_answer_nothing(command: str) -> None:
 
 @pytest.mark.parametrize("command", ["GC", "HI", "FGET P"])
 def test_a_link_lost_in_a_movement_warns_of_it(command: str) -> None:
-    hand, _ = simulated("initialized=1&fault=disconnect&after=2")
+    hand, _ = simulated("initialized=1&fault=disconnect&after=1")
     with pytest.raises(LinkError) as caught:
         hand.line.ask(command)
     assert ("power off" in caught.value.hint) == (command != "FGET P"), caught.value.hint
@@ -269,16 +289,16 @@ def test_deadline_bounds_the_search(seconds: float) -> None:
     with pytest.raises(HandctlError):
         hand.line.ask("FGET P")
     assert link.clock <= seconds + 0.5
-    assert all(data in (ABORT, CR) for data in link.sent)
+    assert set(link.sent) == {QUESTION}
 
 
 def test_reads_are_retried_after_a_resynchronisation() -> None:
     hand, link = scripted({"FGET P": [None, "1 2 3 4"]})
     assert hand.line.read("FGET P").lines == ("1 2 3 4",)
-    assert link.sent == [b"FGET P\r", ABORT, CR, b"FGET P\r"]
+    assert link.sent == [b"FGET P\r", QUESTION, b"FGET P\r"]
     assert hand.journal.counters.retries == 1
-    gap = link.sent_at[2] - link.sent_at[1]
-    assert 0.199 < gap < 0.5, "200 ms of silence between ^C and CR"
+    gap = link.sent_at[1] - link.sent_at[0]
+    assert 1.2 < gap < 1.5, "1 s for the echo, 200 ms of silence before the question"
 
 
 @pytest.mark.parametrize("retries", [0, 1, 5])

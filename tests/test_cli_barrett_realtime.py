@@ -400,7 +400,7 @@ def test_presses_are_counted() -> None:
 
 
 @pytest.mark.parametrize(("control", "late", "code"), [
-    ((), 0.05, 0), ((), 0.3, 0), ((), 0.7, 5), (("--send", "velocity", "--velocity", "0"), 0.05, 0),
+    ((), 0.05, 0), ((), 0.3, 0), ((), 0.7, 4), (("--send", "velocity", "--velocity", "0"), 0.05, 0),
     (("--send", "velocity", "--velocity", "0"), 0.3, 4),
 ])  # fmt: skip
 def test_patience_with_a_line_that_stumbles(control: tuple[str, ...], late: float, code: int) -> None:

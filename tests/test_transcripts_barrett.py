@@ -14,7 +14,7 @@ from handctl.devices.barrett.parameters import BARRETT
 from handctl.link.tap import parse
 from handctl.sim import create
 from handctl.verbs import select
-from tests.barrett_support import ABORT, CR, PROMPT, hand_on
+from tests.barrett_support import ABORT, CR, MET, PROMPT, QUESTION, hand_on
 from tests.support import Reply, ScriptedLink, hexed
 from tests.test_transcripts import FOLDER, Case, read_cases
 
@@ -67,14 +67,14 @@ class Player:
     def __init__(self, case: Case, feed: str) -> None:
         self.exchanges = case.exchanges
         self.feed = feed
-        self.position = -2  # ^C and CR of the connection
+        self.position = -1  # the question of the connection
         self.interrupts = "abort" in case.says["host"]
 
     def __call__(self, request: bytes) -> list[Reply]:
         if self.position < 0:
-            assert request == (ABORT, CR)[self.position + 2]
+            assert request == QUESTION
             self.position += 1
-            return self._pieces(PROMPT)
+            return self._pieces(MET)
         assert self.position < len(self.exchanges), f"never recorded: {hexed(request)}"
         current = self.exchanges[self.position]
         assert hexed(request) == hexed(current.request)
@@ -162,10 +162,13 @@ def test_simulator_answers(case: Case, feed: str) -> None:
 # -- replay -----------------------------------------------------------------------------------------------------------
 
 
-def test_a_transcript_file_is_a_device(tmp_path: object, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize("start", [
+    [f"> {hexed(QUESTION)}", f"< {hexed(MET)}"],
+    [f"> {hexed(ABORT)}", f"< {hexed(PROMPT)}", f"> {hexed(CR)}", f"< {hexed(PROMPT)}"],  # as recorded until 0.1
+])  # fmt: skip
+def test_a_transcript_file_is_a_device(start: list[str], tmp_path: object, capsys: pytest.CaptureFixture[str]) -> None:
     (case,) = [case for case in CASES if case.name.endswith("/temperature")]
     file = tmp_path / "session.txt"  # type: ignore[operator]
-    start = [f"> {hexed(ABORT)}", f"< {hexed(PROMPT)}", f"> {hexed(CR)}", f"< {hexed(PROMPT)}"]
     file.write_text("\n".join([*start, *case.lines]) + "\n", encoding="utf-8")
     assert main(["barrett", "get", "TEMP", "UPSECS", "--format", "plain", "-p", f"replay:{file}"]) == 0
     assert capsys.readouterr().out.split() == ["412", "7345678"]

@@ -36,7 +36,11 @@ class _SharedOptions(click.Command):
     def get_params(self, ctx: click.Context) -> list[click.Parameter]:
         if self._shared is None:
             family = self.family
-            self._shared = shared_options(family.wires, family.exchange) if family is not None else shared_options()
+            self._shared = (
+                shared_options(family.wires, family.exchange, family.interrupts)
+                if family is not None
+                else shared_options()
+            )
         own = super().get_params(ctx)
         return [*own, *self._shared]
 

@@ -23,6 +23,7 @@ class Family(NamedTuple):
     wires     the kinds of wire it has, the default first; () = bytes only
     tcp_port  port of tcp://HOST without one, None = it must be given; a family that has one has no serial wire
     ids       its protocol has device ids
+    interrupts  what moves or writes may end a movement that it meets; --interrupt lets what reads do so too
     exchange  takes the options that say how the device speaks, where its manual does not
     check     settings -> raises UsageError for what does not fit together
     explain   (device, error) -> a better error when nothing valid ever came; read-only
@@ -36,6 +37,7 @@ class Family(NamedTuple):
     tcp_port: int | None = None
     ids: bool = False
     exchange: bool = False
+    interrupts: bool = False
     check: Callable[[Settings], object] | None = None
 
 

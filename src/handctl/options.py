@@ -50,6 +50,7 @@ class Settings(NamedTuple):
     color: str = "auto"
     debug: bool = False
     exchange: str | None = None
+    interrupt: bool = False
     poll_json: str | None = None
     tx_terminator: str | None = None
 
@@ -141,10 +142,13 @@ class SharedOption(click.Option):
         given[f"{self.key}@"] = level
 
 
-def shared_options(wires: Sequence[str] = (), exchange: bool = False) -> list[click.Parameter]:
+def shared_options(
+    wires: Sequence[str] = (), exchange: bool = False, interrupts: bool = False
+) -> list[click.Parameter]:
     """A fresh set of the options that every command, group and the root accept.
 
-    `wires` of a family that has several; with `exchange` those of a family whose manual does not say who speaks first.
+    `wires` of a family that has several; with `exchange` those of a family whose manual does not say who speaks first,
+    with `interrupts` that of a family whose device says nothing while it moves.
     """
     connect, output, safety = "Connection", "Output", "Writing"
     number = Seconds()
@@ -154,6 +158,7 @@ def shared_options(wires: Sequence[str] = (), exchange: bool = False) -> list[cl
         *(SharedOption([f"--{wire}"], connect, key="wire", fixed=wire, is_flag=True, help=f"With --fake or --dry-run: the {wire} wire (default: {wires[0]}).") for wire in wires),
         SharedOption(["-d", "--device"], connect, metavar="NAME", help="A device named in the configuration file, see `handctl devices`."),
         *(exchange_options(connect) if exchange else ()),
+        *([SharedOption(["--interrupt"], connect, is_flag=True, help="A reading command may end a movement that it meets (^C); without it the hand is left to move.")] if interrupts else ()),
         SharedOption(["--id"], connect, type=int, metavar="N", help="Device id, as the protocol has it."),
         SharedOption(["--baud"], connect, type=click.IntRange(min=1), metavar="N", help="Speed of the serial port in bit/s."),
         SharedOption(["--timeout"], connect, type=number, metavar="S", help="Seconds of silence allowed per reply."),
@@ -270,7 +275,7 @@ def checks() -> dict[str, Check]:
 
 def lasting_options(wires: Sequence[str]) -> list[SharedOption]:
     """The shared options that a variable and the configuration file may hold."""
-    options = shared_options(wires, exchange=True)
+    options = shared_options(wires, exchange=True, interrupts=True)
     return [option for option in options if isinstance(option, SharedOption) and not option.typed]
 
 

@@ -42,7 +42,7 @@ class Run:
         self.family = family
         self.command = " ".join(ctx.command_path.split()[1:])
         self.guide = TerminalGuide(settings.quiet)
-        self.journal = Journal(self._show_message)
+        self.journal = Journal(self._show_message, self.guide.progress)
         self.live = False
         self.streams = bool(getattr(ctx.command, "streams", False))
         self.sources: dict[str, Source] = ctx.meta.get(SOURCES, {})
@@ -60,7 +60,8 @@ class Run:
         """The device behind the link; opens it on first use. Raises UsageError, LinkError."""
         if self._device is None:
             assert self.family is not None
-            self._device = self.family.open(self.open_link(), self.settings, self.journal)
+            settings = self.settings._replace(interrupt=self.settings.interrupt or self._writes)
+            self._device = self.family.open(self.open_link(), settings, self.journal)
         return self._device
 
     def planner(self) -> Any:

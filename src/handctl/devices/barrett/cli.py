@@ -40,13 +40,14 @@ def open_barrett(link: ByteLink, settings: Settings, journal: Journal) -> Barret
             retries=settings.retries if settings.retries is not None else DEFAULT_RETRIES,
             bound=link.deadline(settings.deadline) if settings.deadline is not None else None,
             speed=settings.baud,
+            interrupt=settings.interrupt,
         )
     )
 
 
 cli = Group(
     "barrett",
-    family=Family("barrett", open_barrett, 9600),
+    family=Family("barrett", open_barrett, 9600, interrupts=True),
     help="BarrettHand BH8 series over RS-232, firmware 4.3x and 4.4. Motors: 1 2 3 are the fingers, 4 or S the spread, G all fingers.",
 )
 
@@ -176,6 +177,7 @@ def baud(run: Run, rate: int | None, save_too: bool) -> Table:
     if rate is None:
         if run.settings.dry_run:
             raise UsageError("`handctl barrett baud` without a rate only reads", hint="run it without -n")
+        run.device().line.interrupt = run.settings.interrupt
         return verbs.get(run, BARRETT, ["BAUD"])
     code = speed.code_of(rate)
     steps = [step_of(f"PSET BAUD {code}"), *([step_of("PSAVE")] if save_too else [])]
@@ -237,7 +239,9 @@ def gcl_(run: Run, commands: tuple[str, ...], keep_going: bool) -> Table:
     if saving:
         run.confirm("This writes the EEPROM, which lasts 5,000 saves", [step_of(text) for text in saving])
     ledger = eeprom.Ledger(run.device(), simulated=run.simulated) if saving else None
-    table = gcl.run_all(run.device(), wanted, keep_going=keep_going)
+    hand = run.device()
+    hand.line.interrupt = run.settings.interrupt or not gcl.only_asks(wanted)
+    table = gcl.run_all(hand, wanted, keep_going=keep_going)
     if ledger is not None and gcl.saves(row["command"] for row in table.rows if not row["status"]):
         ledger.count_unknown()
     return table

@@ -12,10 +12,8 @@ from handctl.devices.barrett import health
 from handctl.devices.barrett.checks import CHECKS, Patient, said
 from handctl.devices.barrett.hand import BarrettHand
 from handctl.devices.barrett.health import FAIL, OK, SKIPPED, Finding
-from handctl.devices.barrett.line import SILENCE, GclLine
-from handctl.devices.barrett.parameters import SPEEDS
 from handctl.devices.barrett.symptoms import SYMPTOMS, Symptom, near
-from handctl.errors import CheckFailed, HandctlError, LinkError, NoAnswer, ProtocolError, UsageError
+from handctl.errors import CheckFailed, DeviceRefused, HandctlError, LinkError, NoAnswer, ProtocolError, UsageError
 from handctl.result import Cell, Column, Grid, Row, Table
 
 COLUMNS = (
@@ -38,38 +36,30 @@ MOST_INVALID = 2
 def communication(hand: BarrettHand, speed: int | None) -> Finding:
     """A prompt at one of the speeds; each that was tried with what came. Raises LinkError when the port fails."""
     link, line = hand.link, hand.line
-    first = speed or line.link.baud or SPEEDS[0]
-    speeds = [first, *(other for other in SPEEDS if other != first)]
-    if speed is not None or not line.link.can_set_baud:
-        speeds = [first]
+    if speed is not None:
+        line.only = speed
+    error: HandctlError | None = None
+    try:
+        line.connect()
+    except (NoAnswer, ProtocolError, DeviceRefused) as exc:
+        error = exc
     seen = []
-    silent = True
-    for each in speeds:
-        try:
-            GclLine(line.link, hand.journal, bound=line.bound, speed=each).connect()
-            line.connect()
-        except NoAnswer:
-            seen.append(f"{each}: silence")
-        except ProtocolError as exc:
-            silent = False
-            seen.append(f"{each}: {exc.text.rpartition(', but ')[2]}")
-        else:
-            where = f"prompt at {each} bit/s" if line.link.can_set_baud else "prompt"
-            tried = f" (before: {'; '.join(seen)})" if seen else ""
-            return Finding("communication", OK, where + tried, source="barrett §5.1.1")
-        if line.bound is not None and line.bound.expired:
-            seen.append("--deadline is over")
-            break
-    if any(message.code == "powered-on" for message in hand.journal.messages):
-        remedy = "the boot monitor's ':' was seen, no firmware: `handctl barrett firmware download FILE`"
-        return Finding("communication", FAIL, f"no prompt; {'; '.join(seen)}", remedy, "barrett §3.7")
+    for baud, came in line.tried if error is not None else line.tried[:-1]:
+        what = f"{len(came)} bytes came: {came[:24].hex(' ').upper()}" if came else "silence"
+        seen.append(f"{baud}: {what}" if baud else what)
+    if error is None:
+        where = f"prompt at {line.link.baud} bit/s" if line.link.can_set_baud else "prompt"
+        before = f" (before: {'; '.join(seen)})" if seen else ""
+        return Finding("communication", OK, where + before, source="barrett §5.1.1")
+    if line.bound is not None and line.bound.expired:
+        seen.append("--deadline is over")
+    if isinstance(error, DeviceRefused):
+        evidence = f"{error.text}; {'; '.join(seen)}" if seen else error.text
+        return Finding("communication", FAIL, evidence, error.hint, "barrett §3.7")
     if speed is not None:
         seen.append("no other speed, as --baud says")
-    disturbed = (
-        "another device, an echo, a disturbed line (port, cable), or firmware that is gone (§3.7); power-cycle it"
-    )
-    remedy = SILENCE if silent else disturbed
-    return Finding("communication", FAIL, f"{link.name}: no prompt; {'; '.join(seen)}", remedy, "barrett §8, §3.3")
+    evidence = f"{link.name}: no prompt; {'; '.join(dict.fromkeys(seen))}"
+    return Finding("communication", FAIL, evidence, error.hint, "barrett §8, §3.3")
 
 
 def symptom_of(name: str) -> Symptom:

@@ -52,6 +52,12 @@ def notes(text: str) -> list[str]:
     return list(dict.fromkeys(note for note in found if note is not None))
 
 
+def only_asks(commands: Iterable[str]) -> bool:
+    """Whether none of the commands writes or moves."""
+    kinds = [known.kind if known is not None else "set" for _, known, _ in map(split, commands)]
+    return all(kind == "query" for kind in kinds)
+
+
 def saves(texts: Iterable[str]) -> list[str]:
     """Those commands that write the EEPROM."""
     return [text for text in texts if (found := split(text)[1]) is not None and found.name in EEPROM]

@@ -17,6 +17,8 @@ from handctl.errors import ProtocolError, UsageError
 CR = b"\r"
 ABORT = b"\x03"
 PROMPT = b"=>"
+BANNER = b"BARRETTHAND FIRMWARE"
+"""What a hand says when its firmware starts, in upper case; nothing else of its banner is known (dossier 1.2)."""
 MAX_LINE = 70
 MAX_ARGUMENTS = 18
 """Longest lines and argument lists seen to work; the limit is undocumented (dossier 1.4)."""
@@ -119,7 +121,7 @@ class Decoder:
 
     def __init__(self, command: str) -> None:
         self._command = command
-        self._sent = command.encode("ascii").upper()
+        self._sent = command.encode("ascii", "replace").upper()
         self._buffer = bytearray()
         self.skipped = 0
         self.echoed = False

@@ -113,7 +113,7 @@ class Session:
         elif self.thrown_out and moved:
             # The rest of the refused block stands at the prompt as if typed, and may even be a command: ^C, CR,
             # and ^C again for what that CR may have begun.
-            line.resynchronise()
+            line.resynchronise(stop=True)
             line.abort()
         return stands
 

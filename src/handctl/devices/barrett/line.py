@@ -1,7 +1,6 @@
 """One conversation with a BarrettHand: find its speed, send a command, wait for its prompt, stop what moves.
 
-Follows the dossier's order at connect: ^C first (a bare CR would carry out a half-typed line), then CR, then the
-prompt tells the speed. One command at a time; nothing but ^C is sent before the prompt.
+The table of `connecting` says how the hand is met. One command at a time; nothing but ^C is sent before the prompt.
 """
 
 from __future__ import annotations
@@ -9,17 +8,14 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from handctl.devices.barrett.commands import SECONDS, split
-from handctl.devices.barrett.language import ABORT, CR, PROMPT, Answer, Decoder, encode, has_prompt
-from handctl.devices.barrett.parameters import SPEEDS
+from handctl.devices.barrett.connecting import MONITOR_SPEED, QUESTION, RESTARTED_TEXT, SAFE_ABORT, is_answer
+from handctl.devices.barrett.language import ABORT, BANNER, PROMPT, Answer, Decoder, encode, has_prompt
 from handctl.errors import HandctlError, LinkError, NoAnswer, ProtocolError
 from handctl.link import ByteLink, Deadline
 from handctl.result import Journal
 
 ECHO_SECONDS = 1.0
-POWER_ON_SECONDS = 2.0
-ABORT_COLLECT = 0.15
 PROMPT_WAIT = 0.5
-LATE_PROMPT = 0.25
 QUIET = 0.2
 LOOP_EXITS = 9
 LONGEST = 4
@@ -30,7 +26,8 @@ class GclLine:
     """The supervisory line of one hand.
 
     timeout   seconds for the prompt of a query, None = the command's own (dossier 1.3)
-    speeds    speeds to try at connect; () where the link has none
+    speed     the only speed to try at connect, None = find it
+    interrupt whether a movement that is met may be ended by ^C: for what stops, moves or writes
     """
 
     def __init__(
@@ -42,83 +39,48 @@ class GclLine:
         retries: int = DEFAULT_RETRIES,
         bound: Deadline | None = None,
         speed: int | None = None,
+        interrupt: bool = False,
     ) -> None:
         self.link = link
         self.journal = journal
         self.timeout = timeout
         self.retries = retries
         self.bound = bound
-        self._only = speed
+        self.only = speed
+        self.interrupt = interrupt
+        self.opened = link.now()
         self._connected = False
+        self._unread = b""
+        self.tried: list[tuple[int | None, bytes]] = []
+        """Of the last connect: the speeds at which it was asked, and what came."""
 
     # -- connect -------------------------------------------------------------------------------------------------
 
     def connect(self) -> None:
-        """Find the hand's speed and its prompt. Raises NoAnswer, ProtocolError naming what was tried."""
-        link = self.link
-        if self._connected:
-            return
-        first = self._only or link.baud or SPEEDS[0]
-        speeds = (
-            [first] if self._only is not None or not link.can_set_baud else [first, *(s for s in SPEEDS if s != first)]
-        )
-        garbage = b""
-        for speed in speeds:
-            came = self._knock_at(speed)
-            if came and not garbage and speed != first:
-                # Silent at its speed, heard at another: a hand that was busy, saving say, has woken up meanwhile.
-                came += self._knock_at(first)
-            if self._connected:
-                if link.can_set_baud and link.baud != first:
-                    self.journal.info(
-                        "speed", f"the hand answers at {link.baud} bit/s", hint=f"--baud {link.baud} finds it at once"
-                    )
-                return
-            garbage += came
-            if self.bound is not None and self.bound.expired:
-                break
-        tried = f"at {', '.join(map(str, speeds))} bit/s" if link.can_set_baud else "on this link"
-        if garbage:
-            error = ProtocolError(
-                f"{link.name}: no prompt {tried}, but {len(garbage)} bytes came: {garbage[:24].hex(' ').upper()}",
-                hint="another device, an echo or a disturbed line: check port and cable; power-cycle the hand",
-                code="echo" if not garbage.strip(ABORT + CR) else "garbage",
-            )
-            error.came = garbage
-            raise error
-        raise NoAnswer(f"{link.name}: no answer {tried}", hint=SILENCE)
+        """Meet the hand: its speed and its prompt. Raises DeviceRefused (boot monitor), NoAnswer, ProtocolError."""
+        if not self._connected:
+            from handctl.devices.barrett.meet import Meeting
 
-    def _knock_at(self, speed: int) -> bytes:
-        if self.link.can_set_baud and self.link.baud != speed:
-            self.link.set_baud(speed)
-        return self._knock()
+            Meeting(self).run()
 
-    def _knock(self) -> bytes:
-        """^C, then CR; connected when the prompt comes. Returns bytes that were no prompt."""
-        link = self.link
-        if b":" in self.drain():
-            # Just powered on: a byte now might be taken by the boot monitor (dossier 1.5, step 2).
-            self.journal.info("powered-on", "the hand has just been switched on; waiting 2 s for its firmware")
-            link.sleep(POWER_ON_SECONDS)
-            self.drain()
-        link.write(ABORT, link.deadline(1.0))
-        slow = self.timeout or 0.0  # a line that is slower than ours
-        early = self._until_prompt(max(ABORT_COLLECT, slow) + self.wire_seconds(8))
-        link.write(CR, link.deadline(1.0))
-        came = self._until_prompt(max(PROMPT_WAIT, slow) + self.wire_seconds(8))
-        if has_prompt(came):
-            if not has_prompt(early):
-                # Perhaps it was the late answer to ^C: let the one to CR pass too, or it would pass for an answer.
-                self._until_prompt(LATE_PROMPT + self.wire_seconds(8))
-            self._connected = True
-            return b""
-        if came or early:
-            rest = self.leave_loop()
-            if rest is None:
-                self._connected = True
-                return b""
-            came += rest
-        return early + came
+    def found(self) -> None:
+        """The hand is at its prompt."""
+        self._connected = True
+
+    def waiting(self) -> bytes:
+        """What has come and was taken for no answer: it tells the next connect in which state the hand is."""
+        came, self._unread = self._unread + self.drain(), b""
+        return came
+
+    @property
+    def abort_bytes(self) -> bytes:
+        """^C for a hand that may be a boot monitor at 9600 by now."""
+        return SAFE_ABORT if self.risky else ABORT
+
+    @property
+    def risky(self) -> bool:
+        """Whether bytes of ours could be a trigger to a boot monitor, which hears at 9600."""
+        return self.link.can_set_baud and (self.link.baud or 0) > MONITOR_SPEED
 
     def leave_loop(self) -> bytes | None:
         """Bytes but no prompt: the hand may sit in its RealTime loop and take ^C for data (dossier 1.5, step 4).
@@ -128,8 +90,8 @@ class GclLine:
         link = self.link
         came = b""
         for count in range(LOOP_EXITS):
-            link.write(ABORT, link.deadline(1.0))
-            came += self._until_prompt(0.02 + self.wire_seconds(8))
+            link.write(self.abort_bytes, link.deadline(1.0))
+            came += self.until_prompt(0.02 + self.wire_seconds(8))
             if has_prompt(came):
                 self.journal.warn(
                     "loop",
@@ -159,7 +121,7 @@ class GclLine:
         seconds = (
             self.timeout if self.timeout is not None and kind in ("query", "set") else max(SECONDS[kind], at_least)
         )
-        self.drain()
+        self._judge_stale(command, kind)
         link = self.link
         answer = Patience(link, seconds + 2 * self.wire_seconds(len(data) + 512), self.bound)
         echo = Patience(link, (self.timeout or ECHO_SECONDS) + 2 * self.wire_seconds(len(data)), self.bound)
@@ -171,13 +133,17 @@ class GclLine:
             if kind in ("motion", "init"):
                 exc.hint = f"{command} may go on to its end: switch the hand's power off if it must not; {exc.hint}"
             raise
+        except Restarted:
+            raise
         except (NoAnswer, ProtocolError) as exc:
             error: HandctlError = exc
             if self.bound is not None and self.bound.expired:
-                error = NoAnswer(
-                    f"{link.name}: --deadline is over, {command} was not answered by then",
-                    hint="a longer --deadline",
-                    code="deadline",
+                garbage = exc.code == "echo-differs"
+                text = f"{link.name}: --deadline is over, {command} was not answered by then"
+                error = (
+                    ProtocolError(f"{text}: {exc.text}", hint=exc.hint, code=exc.code)
+                    if garbage
+                    else NoAnswer(text, hint="a longer --deadline", code="deadline")
                 )
             if kind in ("motion", "init"):  # whatever still moves must not go on
                 self._stop_motors()
@@ -188,7 +154,7 @@ class GclLine:
         """^C and what belongs to it, whatever --deadline says."""
         bound, self.bound = self.bound, None
         try:
-            self.resynchronise()
+            self.resynchronise(stop=True)
         finally:
             self.bound = bound
 
@@ -202,7 +168,8 @@ class GclLine:
         for attempt in range(1 + self.retries):
             if attempt:
                 self.journal.counters.retries += 1
-                self.resynchronise()
+                if not isinstance(error, Restarted) and not self.resynchronise() and self.risky:
+                    self._connected = False  # it may have restarted at 9600, where our bytes could be a trigger
             try:
                 answer = self.ask(command)
                 self._judge(answer, check)
@@ -213,6 +180,16 @@ class GclLine:
                 break
         assert error is not None
         raise error
+
+    def _judge_stale(self, command: str, kind: str) -> None:
+        """What lies waiting before a command: a sign of a restart is followed up first, and ends what is no question."""
+        stale = self.drain()
+        if not (restarted_in(stale, command) or stale.rstrip(b"\r\n ").endswith(b":") or (stale and self.risky)):
+            return
+        self._unread, self._connected = stale, False
+        self.connect()
+        if restarted_in(stale, command) and kind != "query":
+            raise Restarted(f"{self.link.name}: {RESTARTED_TEXT}; {command} was not sent", hint=RESTART_HINT)
 
     def _judge(self, answer: Answer, check: Callable[[Answer], object]) -> None:
         try:
@@ -242,6 +219,23 @@ class GclLine:
             whole.renew()
             echo.renew()
             decoder.feed(chunk)
+            self._judge_restart(command, decoder)
+
+    def _judge_restart(self, command: str, decoder: Decoder) -> None:
+        """Raise Restarted at the banner, or at a ':' that stands alone: the boot monitor's."""
+        received = decoder.received
+        if received.endswith(b":"):  # a help text goes on behind it
+            more = self.link.read(self.link.deadline(COLON_ALONE + self.wire_seconds(2)))
+            decoder.feed(more)
+            if more:
+                self._judge_restart(command, decoder)
+                return
+        elif not restarted_in(received, command):
+            return
+        place = received.upper().find(BANNER)
+        self._unread, self._connected = received[place:] if place >= 0 else b":", False
+        self.journal.counters.bad_frames += 1
+        raise Restarted(f"{self.link.name}: {RESTARTED_TEXT}; {command} has no answer", hint=RESTART_HINT)
 
     def _failure(self, command: str, decoder: Decoder) -> HandctlError:
         received = decoder.received
@@ -264,23 +258,30 @@ class GclLine:
         """^C: stop all motors (barrett §5.5 case 4). The answer of the command that ran, None when no prompt comes."""
         link = self.link
         link.write(ABORT, link.deadline(1.0))
-        came = self._until_prompt(1.5 + self.wire_seconds(32))
+        came = self.until_prompt(1.5 + self.wire_seconds(32))
         if not has_prompt(came):
             return None
         decoder = Decoder("")
         decoder.feed(b"\n" + came)
         return decoder.next()
 
-    def resynchronise(self) -> None:
-        """After a timeout: ^C, silence, CR (dossier 1.3). The next command finds a fresh prompt, or fails by itself."""
+    def resynchronise(self, *, stop: bool = False) -> bool:
+        """After a timeout: silence, then the question; whether the prompt came. ^C before it only where it may `stop`."""
         link = self.link
-        link.write(ABORT, link.deadline(1.0))
+        if stop or self.interrupt:
+            link.write(self.abort_bytes, link.deadline(1.0))
         quiet = link.deadline(QUIET)
         end = link.deadline(2.0)
         while not end.expired and link.read(quiet):
             quiet = link.deadline(QUIET)
-        link.write(CR, link.deadline(1.0))
-        self._until_prompt(PROMPT_WAIT + self.wire_seconds(8))
+        link.write(QUESTION, link.deadline(1.0))
+        came, end = b"", link.deadline(PROMPT_WAIT + self.wire_seconds(16))
+        while not end.expired and not is_answer(came):  # the answer to something before may come first
+            chunk = self.until_prompt(end.remaining)
+            if not chunk:
+                break
+            came += chunk
+        return has_prompt(came)
 
     def reconnect(self) -> None:
         """Look for the hand again, perhaps at another speed (after RESET, PDEF, PLOAD)."""
@@ -289,15 +290,16 @@ class GclLine:
 
     def prompt_comes(self) -> bool:
         """Whether a prompt comes within the usual time."""
-        return has_prompt(self._until_prompt(PROMPT_WAIT + self.wire_seconds(8)))
+        return has_prompt(self.until_prompt(PROMPT_WAIT + self.wire_seconds(8)))
 
     def collect(self, seconds: float) -> bytes:
         """What the hand says by itself within `seconds`, up to a prompt: a banner."""
-        return self._until_prompt(seconds)
+        return self.until_prompt(seconds)
 
     # -- bytes ---------------------------------------------------------------------------------------------------
 
-    def _until_prompt(self, seconds: float) -> bytes:
+    def until_prompt(self, seconds: float) -> bytes:
+        """What comes within `seconds`, up to a prompt."""
         deadline = self.link.deadline(seconds).earlier(self.bound)
         came = b""
         while not deadline.expired or not came:
@@ -343,6 +345,19 @@ class Patience:
         self.deadline = self._link.deadline(self._seconds).earlier(self._last)
 
 
+class Restarted(ProtocolError):
+    """The hand restarted while something was asked of it."""
+
+    default_code = "restarted"
+
+
+def restarted_in(data: bytes, command: str) -> bool:
+    """Whether a banner stands in what came; in the answer to VERS the same words may be the version."""
+    return BANNER in data.upper() and not command.upper().startswith("VERS")
+
+
+RESTART_HINT = "`handctl barrett init` before any movement; values that were not saved are gone"
+COLON_ALONE = 0.05
 DISTURBED = "a disturbed line: run it again, check the cable"
 SILENCE = (
     "check in this order: the hand's power supply, the serial cable (straight-through, 9 pins), the port; a hand without "

@@ -1,0 +1,201 @@
+"""How a hand is met, as one table: the state, what is seen, the next state, what may be sent on the way, what it means.
+
+No I/O: `line` carries it out, the manual page prints it, the tests walk it. Passive first: listen, then a question that
+no state of the hand takes for a command. Nothing that the boot monitor at 9600 could hear as FF, its trigger, is sent
+at another speed: a wrong-speed byte may be one, and good firmware would be overwritten (dossier 1.5, 7.2).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from handctl.devices.barrett.language import ABORT, BANNER, CR, has_prompt
+
+MONITOR_SPEED = 9600
+QUESTION = b"!" + CR
+"""The empty line with a mark: a half-typed command becomes an unknown one (ERR 32) instead of being carried out. In a
+control block of RealTime that was cut off, 21h is a third of the usual closing velocity, where 7Eh would be more than all."""
+SAFE_ABORT = b"\x00" + ABORT
+"""^C at a speed above 9600: alone it is FF to a monitor; behind 00, which no motor moves by, it is the end of one byte."""
+LOOPED = b"\x7f"
+"""At LOOP_SPEED too short a pulse for any receiver at 9600: it comes back from a wire and from nothing else."""
+LOOP_SPEED = 115200
+
+NOTHING, PROMPT, LATE, LOOP = "nothing", "prompt", "late prompt", "ERR 2048"
+RESTART, BANNER_ONLY, COLON, ECHO, BYTES = "banner and prompt", "banner", "':'", "echo", "other bytes"
+SEEN = {
+    NOTHING: "silence until the end of the wait",
+    PROMPT: "a prompt that answers the question, or one that lay waiting",
+    LATE: "a prompt without the echo of the question: something before it has ended",
+    LOOP: "ERR 2048 and a prompt: the question was no header of RealTime",
+    RESTART: "the banner, then a prompt",
+    BANNER_ONLY: "the banner, no prompt yet",
+    COLON: "':' of the boot monitor, nothing behind it",
+    ECHO: "the question itself, its CR too: a hand with firmware never echoes CR",
+    BYTES: "anything else",
+}
+
+OPENED, REMEMBERED, ASKED, SILENT, BOOTING = "opened", "remembered", "asked", "silent", "booting"
+RESTARTED, LEAVING, ECHOED, ELSEWHERE, AGAIN = "restarted", "leaving", "echoed", "elsewhere", "again"
+STATES = {
+    OPENED: "the port is open: what has arrived by itself?",
+    REMEMBERED: "asked at the last known speed, which is not 9600",
+    ASKED: "asked at 9600, or at the only speed of the link",
+    SILENT: "no answer at 9600: off, no cable, busy, starting, or another speed; listen until the port is open for 3 s",
+    BOOTING: "boot window, or no firmware: send nothing for 6 s",
+    RESTARTED: "the banner is there: its prompt must follow",
+    LEAVING: "noise, a wrong speed, or RealTime in the middle of a control block",
+    ECHOED: "our bytes came back: a wire does that at 115200 too, the monitor cannot hear it",
+    ELSEWHERE: "asked at one of the other speeds",
+    AGAIN: "no speed answered: asked once more at the first one",
+}
+READY, MONITOR, WIRE, NOBODY, GARBAGE = "ready", "monitor", "wire", "nobody", "garbage"
+ENDS = {
+    READY: "go on",
+    MONITOR: "exit 6: boot monitor, no firmware, or just switched on",
+    WIRE: "exit 5: TX and RX are joined",
+    NOBODY: "exit 4: nothing answers",
+    GARBAGE: "exit 5: bytes, no prompt",
+}
+SECONDS = {OPENED: 0.0, REMEMBERED: 0.5, ASKED: 0.5, SILENT: 3.0, BOOTING: 6.0, RESTARTED: 5.0, LEAVING: 0.2,
+           ECHOED: 0.05, ELSEWHERE: 0.3, AGAIN: 0.5}  # fmt: skip
+"""Longest wait in each state, beyond wire time; of SILENT the time since the port was opened."""
+
+SEND_NOTHING, ASK, ABORTS, LOOP_TEST = (
+    "",
+    "! CR",
+    "! CR, up to 3 times; with --interrupt ^C, up to 9 times",
+    "7F at 115200",
+)
+
+
+class Row(NamedTuple):
+    """One line of the table."""
+
+    state: str
+    seen: str
+    next: str
+    send: str = SEND_NOTHING
+    said: str = ""
+
+
+BUSY = "it was in the middle of a command, which has ended"
+IN_LOOP = "it was in RealTime and has left it by the question; the motors may still run"
+RESTARTED_TEXT = "the hand restarted: power or cable; HI is needed"
+MONITOR_TEXT = "boot monitor: no firmware, or just switched on"
+
+_ANSWERED = (
+    (PROMPT, READY, SEND_NOTHING, ""),
+    (LATE, READY, SEND_NOTHING, BUSY),
+    (LOOP, READY, SEND_NOTHING, IN_LOOP),
+    (RESTART, READY, SEND_NOTHING, RESTARTED_TEXT),
+    (BANNER_ONLY, RESTARTED, SEND_NOTHING, RESTARTED_TEXT),
+)
+
+
+def _rows(state: str, *rest: tuple[str, str, str, str]) -> tuple[Row, ...]:
+    """The rows of a state in which a prompt is an answer."""
+    return tuple(Row(state, *row) for row in (*_ANSWERED, *rest))
+
+
+TABLE: tuple[Row, ...] = (
+    Row(OPENED, NOTHING, ASKED, ASK),
+    Row(OPENED, PROMPT, ASKED, ASK),
+    Row(OPENED, LATE, ASKED, ASK),
+    Row(OPENED, LOOP, ASKED, ASK),
+    Row(OPENED, RESTART, ASKED, ASK, RESTARTED_TEXT),
+    Row(OPENED, BANNER_ONLY, RESTARTED, SEND_NOTHING, RESTARTED_TEXT),
+    Row(OPENED, COLON, BOOTING),
+    Row(OPENED, ECHO, ASKED, ASK),
+    Row(OPENED, BYTES, ASKED, ASK),
+    *_rows(
+        REMEMBERED,
+        (COLON, ASKED, ASK, ""),
+        (ECHO, ASKED, ASK, ""),
+        (BYTES, ASKED, ASK, ""),
+        (NOTHING, ASKED, ASK, ""),
+    ),
+    *_rows(
+        ASKED,
+        (COLON, BOOTING, SEND_NOTHING, ""),
+        (ECHO, ECHOED, LOOP_TEST, ""),
+        (BYTES, LEAVING, ABORTS, ""),
+        (NOTHING, SILENT, SEND_NOTHING, ""),
+    ),
+    *_rows(
+        SILENT,
+        (COLON, BOOTING, SEND_NOTHING, ""),
+        (ECHO, ECHOED, LOOP_TEST, ""),
+        (BYTES, ELSEWHERE, ASK, ""),
+        (NOTHING, ELSEWHERE, ASK, ""),
+    ),
+    *_rows(
+        BOOTING,
+        (COLON, MONITOR, SEND_NOTHING, MONITOR_TEXT),
+        (ECHO, MONITOR, SEND_NOTHING, MONITOR_TEXT),
+        (BYTES, MONITOR, SEND_NOTHING, MONITOR_TEXT),
+        (NOTHING, MONITOR, SEND_NOTHING, MONITOR_TEXT),
+    ),
+    *_rows(
+        RESTARTED,
+        (COLON, BOOTING, SEND_NOTHING, ""),
+        (ECHO, ASKED, ASK, ""),
+        (BYTES, ASKED, ASK, ""),
+        (NOTHING, ASKED, ASK, ""),
+    ),
+    *_rows(
+        LEAVING,
+        (COLON, BOOTING, SEND_NOTHING, ""),
+        (ECHO, ECHOED, LOOP_TEST, ""),
+        (BYTES, ELSEWHERE, ASK, ""),
+        (NOTHING, ELSEWHERE, ASK, ""),
+    ),
+    Row(ECHOED, ECHO, WIRE),
+    Row(ECHOED, NOTHING, MONITOR, SEND_NOTHING, MONITOR_TEXT),
+    *_rows(
+        ELSEWHERE,
+        (COLON, ELSEWHERE, ASK, ""),
+        (ECHO, ELSEWHERE, ASK, ""),
+        (BYTES, ELSEWHERE, ASK, ""),
+        (NOTHING, ELSEWHERE, ASK, ""),
+    ),
+    *(
+        row._replace(said=BUSY) if row.seen == PROMPT else row
+        for row in _rows(
+            AGAIN,
+            (COLON, BOOTING, SEND_NOTHING, ""),
+            (ECHO, GARBAGE, SEND_NOTHING, ""),
+            (BYTES, GARBAGE, SEND_NOTHING, ""),
+            (NOTHING, NOBODY, SEND_NOTHING, ""),
+        )
+    ),
+)
+"""Behind the last of the other speeds ELSEWHERE is AGAIN; NOBODY is GARBAGE when bytes came before."""
+
+RULES = {(row.state, row.seen): row for row in TABLE}
+
+
+def is_answer(data: bytes) -> bool:
+    """Whether a prompt came that answers the question: an unknown command; another one is of something before."""
+    return has_prompt(data) and b"ERR" in data and question_in(data)
+
+
+def question_in(data: bytes) -> bool:
+    """Whether the question's echo is there."""
+    return QUESTION[:1] in data
+
+
+def seen_in(data: bytes, question: bytes = QUESTION) -> str:
+    """Which of SEEN the bytes are; `question` is what was sent, b"" when nothing was."""
+    prompt = has_prompt(data)
+    if BANNER in data.upper():
+        return RESTART if prompt else BANNER_ONLY
+    if prompt:
+        if b"ERR 2048" in data:
+            return LOOP
+        return PROMPT if not question or question[:1] in data else LATE
+    if question and data.strip(b"\0" + ABORT) == question:
+        return ECHO
+    if data.rstrip(b"\r\n\0 ").endswith(b":"):
+        return COLON
+    return BYTES if data else NOTHING
