@@ -166,14 +166,14 @@ def test_a_hand_that_ignores_the_abort(start: Start, tmp_path: Path) -> None:
 # -- the port ---------------------------------------------------------------------------------------------------------
 
 
-def test_a_second_opener_is_told(start: Start) -> None:
+def test_a_second_opener_is_told(start: Start, tmp_path: Path) -> None:
     link = start("pty", *READY).link
     do(link, "set", "MCV=40")  # 17,000 counts in 1.8 s
     process = subprocess.Popen(
-        program("barrett", "close", "--motors", "1", "-p", link),
+        program("barrett", "close", "--motors", "1", "-p", link, "--trace", tmp_path / "trace"),
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=clean_environment(),
     )  # fmt: skip
-    time.sleep(0.7)
+    wait_until(lambda: (tmp_path / "trace").exists() and "> 31 43 0D" in (tmp_path / "trace").read_text(), 20.0)
     second = run("barrett", "get", "SN", "-p", link, "--json")
     _, err = process.communicate(timeout=10)
     assert second.code == 3 and second.error["hint"], second
