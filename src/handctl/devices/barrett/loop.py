@@ -182,7 +182,7 @@ class RealtimeLoop:
             chunk = line.link.read(deadline)
             if not chunk:
                 break
-            came += chunk
+            came = (came + chunk).lstrip(b" ")  # the space behind the prompt before may come late
         if line.bound is not None and line.bound.expired:
             raise NoAnswer(f"{link.name}: --deadline is over", hint="a longer --deadline", code="deadline")
         if not came:
