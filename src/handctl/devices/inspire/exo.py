@@ -131,6 +131,7 @@ class ExoHand(RegisterDevice):
 
         On another hand of the same maker address 1005 is the factory reset, so save and reset look first.
         """
+        self.bus.identify()
         readings = self.read([element for param in EXO if param.readable for element in elements_of(param)])
         for reading in readings:
             if reading.error is not None:

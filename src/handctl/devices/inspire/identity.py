@@ -63,8 +63,9 @@ def is_five_wide(at: At) -> str:
 
 def is_f1(at: At) -> str:
     """RH56F1 counts words: angles of 50 to 180 degrees, status codes and temperatures, all three (rh56 §1.1)."""
-    angles, codes, warm = _words(at(1064, 12)), _words(at(1088, 12)), _words(at(1094, 12))
-    good = len(angles) == 6 and all(500 <= angle <= 1800 for angle in angles)
+    angles, states = _words(at(1064, 12)), _words(at(1088, 24))
+    codes, warm = states[:6], states[6:]
+    good = len(angles) == len(warm) == 6 and all(500 <= angle <= 1800 for angle in angles)
     good = good and all(0 <= code <= 8 for code in codes) and all(10 <= degrees <= 90 for degrees in warm)
     return (
         f"angles at 1064 ({', '.join(map(str, angles))}), status and temperatures behind them, as words" if good else ""
