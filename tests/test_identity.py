@@ -358,3 +358,74 @@ def test_interrupted_while_it_looks_nothing_is_written_and_nothing_is_stopped(sc
     result = try_(scratch, WORDS["exo force"], link)
     assert result.code == 130 and "nothing was written" in result.error["text"], result
     assert all(harmless(data) for data in link.sent)
+
+
+# -- commands that read -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("verb", ["status", "dump"])
+@pytest.mark.parametrize("device", ["rh56", "rh56-fresh", "wrist-with-hand"])
+def test_status_and_dump_call_a_hand_that(device: str, verb: str) -> None:
+    """By the bytes they read anyway: two transactions, as on an exo."""
+    link = Line(device)
+    with on(link):
+        result = run("exo", verb, "-p", "fake://exo", "--json")
+    (message,) = [message for message in result.json["messages"] if message["code"] == "other-device"]
+    assert "RH56" in message["text"] and "handctl wrist" in message["hint"] and "handctl hand" not in message["hint"]
+    assert result.code == 0 and len(link.sent) == 2
+    healthy = run("exo", verb, "-p", fake(), "--json")
+    assert "other-device" not in healthy.codes()
+
+
+def test_a_dead_thumb_rotation_is_not_healthy() -> None:
+    for books, said in ((DF, "RH56"), ((), "1611")):
+        link = Line("rh56")
+        link.spaces = [Memory(*books, (1611, "<B", (1,)), (1472, "<h", (558,)), (1000, "<B", (1,)))]
+        with on(link):
+            result = run("exo", "status", "--check", "-p", "fake://exo", "--json")
+        assert result.code == 7 and said in result.error["text"], result
+        assert "locked_rotor (0x01)" in result.error["text"], result
+
+
+@pytest.mark.parametrize(
+    ("device", "family", "words"),
+    [
+        ("rh56", "hand", "an RH56 hand"), ("rh56-fresh", "hand", "an RH56 hand"), ("rh56f1", "hand", "RH56F1"),
+        ("rh5dg2", "hand", "RH5DG2"), ("wrist-with-hand", "wrist", "pitch"), ("wrist-only", "wrist", "pitch"),
+    ],
+)  # fmt: skip
+def test_scan_calls_a_hand_that(device: str, family: str, words: str) -> None:
+    link = Line(device, latency=0.001)
+    with on(link):
+        found = run("scan", "-p", "fake://exo", "--family", "wrist", "--family", "exo", "--json")
+    assert [row["family"] for row in found.rows] == [family], found
+    assert words in found.rows[0]["evidence"], found
+    assert link.written == [] and "handctl hand" not in found.out
+    with on(Line(device, latency=0.001)):
+        own = run("exo", "scan", "--ids", "1", "--json", "-p", "fake://exo")
+    if device != "wrist-only":
+        assert [row["family"] for row in own.rows] == [family] and own.code == 6, own
+
+
+def test_scan_of_an_exo_and_of_something_unknown() -> None:
+    link = Line("rh56", latency=0.001)
+    link.spaces = [Memory((1606, "<5B", (0,) * 5), (1618, "<5B", (31, 32, 33, 34, 35)), (1472, "<h", (558,)))]
+    with on(link):
+        exo = run("exo", "scan", "--ids", "1", "--json", "-p", "fake://exo")
+    assert ([row["family"] for row in exo.rows], exo.code) == (["exo"], 0)
+    link.spaces = [Memory()]
+    with on(link):
+        unknown = run("scan", "-p", "fake://exo", "--family", "exo", "--json")
+    assert [row["family"] for row in unknown.rows] == [None] and "not as a device" in unknown.rows[0]["evidence"]
+
+
+@pytest.mark.parametrize(("device", "status"), [("rh56", "fail"), ("wrist-with-hand", "fail"), ("exo", "ok")])
+def test_doctor_says_who_it_is(device: str, status: str) -> None:
+    link = Line("rh56") if device == "exo" else Line(device)
+    if device == "exo":
+        link.spaces = [Memory((1606, "<5B", (0,) * 5), (1618, "<5B", (31, 32, 33, 34, 35)), (1472, "<h", (558,)))]
+    with on(link):
+        result = run("doctor", "--family", "exo", "-p", "fake://exo", "--json")
+    (row,) = [row for row in result.rows if row["check"] == "identity"]
+    assert row["status"] == status and bool(row["remedy"]) == (status != "ok"), row
+    assert link.written == []

@@ -15,6 +15,8 @@ from tests.support import Babble, Reply, ScriptedLink, changing, codes, fake_han
 ALL_IDS = list(range(1, 255))
 SPEEDS = [115200, 57600, 19200]
 VOLTAGE = unhex("2E 02")
+STATES = bytes(12) + unhex("1F 20 21 22 23 00")
+"""1606, 18 bytes: no errors, nothing at the status codes of other hands, five temperatures (exo §2.3.12, §2.3.13)."""
 TWIN_READ = "EB 90 {id} 04 11 0A 06 0C"
 
 
@@ -38,12 +40,14 @@ class Bench:
     def answer(self, data: bytes) -> list[Reply]:
         replies: list[Reply] = [(0.0, data)] if self.echo else []
         for number, request in enumerate(requests_in(data)):
+            if request[4] == 0x30:
+                continue  # only a wrist answers that
             assert request[4] == 0x11
             moment = (number + 1) * 90 / (self.link.baud or 115200) + self.delay
             if request[5:8] == unhex("C0 05 02"):
                 self.asked.append((self.link.baud or 0, request[2]))
             if (self.link.baud, request[2]) in self.hands:
-                data_bytes = VOLTAGE if request[7] == 2 else bytes(request[7])
+                data_bytes = {2: VOLTAGE, 18: STATES}.get(request[7], bytes(request[7]))
                 replies.append((moment, reply_to(request, data_bytes)))
             if request[2] in self.junk:
                 replies.append((moment, self.junk[request[2]]))

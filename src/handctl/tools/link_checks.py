@@ -162,6 +162,7 @@ class LinkChecks:
         self._reads = reads
         self._bound = bound
         self._counters = counters
+        self._made: Any = None
 
     def run(self) -> Iterator[Check]:
         """All rows, each as soon as it is known. Raises LinkError when the link is lost on the way."""
@@ -173,6 +174,8 @@ class LinkChecks:
         first = getattr(self._link, "baud", None)
         series = self.read_series()
         yield self._answer(series)
+        if len(series.trips) and hasattr(self._probe, "identify"):
+            yield self._identity(self._probe.identify)
         yield self._speed(series, first)
         yield self._echo(series)
         if len(series.trips):
@@ -214,7 +217,7 @@ class LinkChecks:
         """Up to `reads` pings, ended by time, and by silence from the start."""
         assert self._probe is not None
         series, link = Series(), self._link
-        device = self._device(link)
+        device = self._made = self._device(link)
         end = link.deadline(READ_SECONDS).earlier(self._bound)
         self._settle(device, series)
         while (
@@ -259,6 +262,13 @@ class LinkChecks:
         error = series.first
         assert error is not None
         return Check("answer", "fail", error.text, error.hint)
+
+    def _identity(self, identify: Callable[[Any], tuple[str, str, str]]) -> Check:
+        """Who answers, where devices of another family understand the same questions."""
+        try:
+            return Check("identity", *identify(self._made))
+        except (NoAnswer, ProtocolError) as exc:
+            return Check("identity", "warning", exc.text, exc.hint)
 
     def _speed(self, series: Series, first: int | None) -> Check:
         """Whether the device answers at the speed that was asked for, else whether it does at another."""

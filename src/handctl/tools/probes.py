@@ -41,6 +41,8 @@ class FamilyProbe(Protocol):
     def ping(self, device: Any) -> None:
         """The cheapest documented read, asked once. Raises NoAnswer, ProtocolError, LinkError."""
 
+    # identify(device) -> (status, evidence, remedy) has a family whose questions other devices answer, too.
+
 
 def probe_of(family: str) -> FamilyProbe:
     """The probe of a family by name."""

@@ -107,7 +107,21 @@ class ExoHand(RegisterDevice):
         """Everything documented, in two transactions where the device allows it (exo §2.3)."""
         table = self.table(self.read([element for param in EXO if param.readable for element in elements_of(param)]))
         table.extra = {"blocks": [{"address": start, "raw": hex_bytes(data)} for start, data in self.last_blocks]}
+        self._strangeness()
         return table
+
+    def _strangeness(self) -> list[str]:
+        """What the bytes just read say against an EH55BF1, also told as a warning. Reads nothing more."""
+        from handctl.devices.inspire import identity
+
+        at = identity.within(self.last_blocks)
+        told = identity.is_six_wide(at)
+        if told:
+            self.journal.warn("other-device", f"{self.bus.where}: {identity.SIX_FINGERS}: {told}", identity.SIX_HINT)
+        bits = (at(*identity.SIXTH_ERROR) or b"\0")[0]
+        label = EXO["error"].label(bits)
+        sixth = f"thumb rotation, if {identity.SIXTH_ERROR[0]} is its error as on an RH56 hand: {label} (0x{bits:02X})"
+        return [*([identity.SIX_FINGERS] if told else []), *([sixth] if bits else [])]
 
     def status(self, check: bool) -> Table:
         """What a technician looks at first, per finger. With `check`, anything unhealthy is a CheckFailed (exit 7)."""
@@ -115,7 +129,7 @@ class ExoHand(RegisterDevice):
         readings = self.read([element for name in names for element in elements_of(EXO[name])])
         table = self.table(readings)
         table.view = status_view
-        findings = unhealthy(readings)
+        findings = [*self._strangeness(), *unhealthy(readings)]
         for finding in findings:
             self.journal.warn("unhealthy", finding)
         if check and table.failure is None and findings:

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from handctl.devices.inspire import probing
 from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.exo import ExoHand
-from handctl.devices.inspire.exo_scan import KIND, scan
+from handctl.devices.inspire.exo_scan import TARGET, scan
 from handctl.guide import Guide
 from handctl.link import ByteLink, Deadline
 from handctl.result import Journal, Row
@@ -32,9 +32,14 @@ def probe(
     at_once = 1 if len(ids) == 1 else WINDOW
     wait = probing.window_ms(timeout, len(ids))
     table = scan(ExoHand(bus), Guide(), ids, [link.baud or 0], at_once, wait, False)
-    return probing.found(table, KIND.value)
+    return probing.found(table, TARGET.value)
 
 
 def ping(device: ExoHand) -> None:
     """One short read, asked once. Raises what the bus raises."""
-    device.bus.read(*KIND.probe, retries=0)
+    device.bus.read(*TARGET.probe, retries=0)
+
+
+def identify(device: ExoHand) -> tuple[str, str, str]:
+    """Whether it is one: status, evidence, remedy of a check. Read-only. Raises what the bus raises."""
+    return probing.identified(device, TARGET.own)

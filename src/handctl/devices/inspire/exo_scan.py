@@ -7,12 +7,13 @@ from collections.abc import Sequence
 from handctl.devices.inspire import scan_report
 from handctl.devices.inspire.bus import SILENCE_HINT
 from handctl.devices.inspire.exo import ExoHand
-from handctl.devices.inspire.scan_report import Kind
+from handctl.devices.inspire.identity import EXO
+from handctl.devices.inspire.scan_report import Target
 from handctl.guide import Guide
 from handctl.result import Table
 
-KIND = Kind(
-    "exo",
+TARGET = Target(
+    EXO,
     probe=(1472, 2),
     twin=(1546, 12),
     value="system_voltage",
@@ -30,4 +31,4 @@ def scan(
     find_all: bool,
 ) -> Table:
     """Look for exo hands on the line of `hand`."""
-    return scan_report.scan(hand.bus, KIND, guide, ids, speeds, window, wait_ms, find_all)
+    return scan_report.scan(hand.bus, TARGET, guide, ids, speeds, window, wait_ms, find_all)

@@ -33,6 +33,7 @@ DAMAGED = ("bad-checksum", "cut-short")
 STATES = (1606, 18)
 """Errors, status codes, temperatures: six each on a hand; on the exo five errors and five temperatures are documented."""
 STATUS, ROTATION = (1612, 6), (1623, 1)
+SIXTH_ERROR = (1611, 1)
 STATUS_CODES = frozenset((0, 1, 2, 3, 5, 6, 7, 255))
 """RH56: 4 is undefined, 255 is what a hand shows before its first command (rh56 §3.1)."""
 WARM = frozenset((*range(5, 111), 255))
@@ -116,6 +117,10 @@ TABLE = (
 )
 """In the order of their weight: a hand that carries a wrist shows both, an EH55BF1 only what every hand shows."""
 
+
+SIX_FINGERS = "this is no EH55BF1 but a hand of six actuators, an RH56 or the hand of a wrist module"
+SIX_HINT = "a wrist on it: `handctl wrist`; for the hand itself handctl has no command yet, and writes nothing to it"
+"""For commands that read and ask nothing more: the bytes of a hand do not tell whether it carries a wrist."""
 
 # -- looking ------------------------------------------------------------------------------------------------------
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from handctl.devices.inspire.device import RegisterDevice
+from handctl.devices.inspire.identity import SIX_HINT, Kind, Look
 from handctl.errors import NoAnswer
 from handctl.result import Journal, Row, Table
 
@@ -29,7 +31,7 @@ def found(table: Table, value: str) -> list[Row]:
     """The rows of a scan with the reading as evidence. Raises what the scan met instead of a device."""
     if table.failure is not None and table.failure.code == "deadline":
         raise NoAnswer(table.failure.text)  # the deadline is the search's, which says so itself
-    if table.failure is not None:
+    if table.failure is not None and not table.rows:
         raise table.failure
     return [
         {
@@ -42,3 +44,13 @@ def found(table: Table, value: str) -> list[Row]:
         }
         for row in table.rows
     ]
+
+
+def identified(device: RegisterDevice, own: Kind) -> tuple[str, str, str]:
+    """Status, evidence and remedy of a look at who answers. Raises what the look raises."""
+    look = Look(device.bus)
+    kind = look.who(own)
+    if kind is own:
+        return "ok", f"nothing speaks against {own.words}: {look.evidence}", ""
+    command = f"`{kind.command}` is the command for it" if kind.command else SIX_HINT
+    return "fail", f"this is {kind.words}, not {own.words}: {look.evidence}", command

@@ -7,40 +7,52 @@ from typing import NamedTuple
 
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.bus import Bus, hint_for
+from handctl.devices.inspire.identity import SIX_HINT, Kind
 from handctl.devices.inspire.registers import BAUD_RATES
 from handctl.devices.inspire.scanner import Findings, Scanner, Span
-from handctl.errors import NoAnswer, ProtocolError, UsageError
+from handctl.errors import DeviceRefused, NoAnswer, ProtocolError, UsageError
 from handctl.guide import Guide
 from handctl.param import ids_in
 from handctl.result import Column, Row, Table
 
 
-class Kind(NamedTuple):
-    """What is looked for: family, the probed register, a jittering one for the twin test, the probed one's name."""
+class Target(NamedTuple):
+    """What is looked for: its kind, the probed register, a jittering one for the twin test, the probed one's name."""
 
-    family: str
+    own: Kind
     probe: Span
     twin: Span
     value: str
     silence_hint: str
 
+    @property
+    def family(self) -> str:
+        """Its command."""
+        return self.own.family
 
-def rows_of(found: Findings, link_name: str, kind: Kind) -> list[Row]:
-    """Scan rows by the contract: family, link, baud, id; beside them the voltage reading and a twin suspicion."""
-    return [
-        {
-            "family": kind.family,
+
+def rows_of(found: Findings, link_name: str, kind: Target) -> list[Row]:
+    """Scan rows by the contract: family, link, baud, id; beside them the probed value, and what is odd.
+
+    The family is that of what answers; null where that is a device that nobody knows.
+    """
+    rows = []
+    for speed, device_id, value in found.hits:
+        is_, shown = found.kinds.get((speed, device_id), (kind.own, ""))
+        odd = ["two devices with this id?"] if (speed, device_id) in found.twins else []
+        if is_ is not kind.own:
+            odd.append(f"{is_.words}: {shown}" if is_ is not None else shown)
+        row: Row = {
+            "family": is_.family if is_ is not None else None,
             "link": link_name,
             "baud": speed,
             "id": device_id,
-            kind.value: voltage,
-            "suspicion": "two devices with this id?" if (speed, device_id) in found.twins else None,
         }
-        for speed, device_id, voltage in found.hits
-    ]
+        rows.append({**row, kind.value: value, "suspicion": "; ".join(odd) or None})
+    return rows
 
 
-def columns_of(kind: Kind) -> tuple[Column, ...]:
+def columns_of(kind: Target) -> tuple[Column, ...]:
     """The columns of a scan."""
     return (
         Column("family", "Family"),
@@ -84,7 +96,7 @@ def default_wait(link_name: str) -> float:
 
 def scan(
     bus: Bus,
-    kind: Kind,
+    kind: Target,
     guide: Guide,
     ids: Sequence[int],
     speeds: Sequence[int],
@@ -96,9 +108,9 @@ def scan(
     link = bus.link
     wait = wait_ms / 1000 if wait_ms is not None else default_wait(link.name)
     tried: list[int | None] = list(speeds) if link.can_set_baud else [link.baud]
-    found = Scanner(bus, guide, window=window, wait=wait, find_all=find_all, probe=kind.probe, twin=kind.twin).run(
-        ids, tried
-    )
+    found = Scanner(
+        bus, guide, window=window, wait=wait, find_all=find_all, probe=kind.probe, twin=kind.twin, own=kind.own
+    ).run(ids, tried)
     method = "one by one" if window == 1 else f"{window} ids per window"
     speeds_text = ", ".join(str(speed) if speed else "the link's speed" for speed in tried)
     summary = (
@@ -119,8 +131,15 @@ def scan(
             f"id {device_id}{_at(speed)}: good and bad checksums mix on values that jitter: two devices with one id?",
             hint="leave one device on the line and give it another id",
         )
+    strangers = [row for row in table.rows if row["family"] != kind.family]
+    for row in strangers:
+        bus.journal.warn("other-device", f"id {row['id']}{_at(row['baud'])} is no {kind.family}: {row['suspicion']}")
     if not found.hits:
         table.failure = _nothing(found, link.name, summary, kind)
+    elif len(strangers) == len(table.rows):
+        table.failure = DeviceRefused(
+            f"{link.name}: no {kind.family}, but {strangers[0]['suspicion']}", hint=SIX_HINT, code="other-device"
+        )
     elif not find_all:
         bus.journal.info("first", "ended at the first one; --all looks for more")
     return table
@@ -142,7 +161,7 @@ def _facts(found: Findings, window: int, wait: float) -> dict[str, object]:
     }
 
 
-def _nothing(found: Findings, name: str, summary: str, kind: Kind) -> NoAnswer | ProtocolError:
+def _nothing(found: Findings, name: str, summary: str, kind: Target) -> NoAnswer | ProtocolError:
     twice = [device_id for device_id, count in found.damaged.items() if count >= 2]
     if twice:
         return ProtocolError(

@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.eb90 import Decoder
+from handctl.devices.inspire.identity import WRIST, Kind, Look
 from handctl.errors import NoAnswer, ProtocolError
 from handctl.guide import Guide
 
@@ -32,7 +33,7 @@ Span = tuple[int, int]
 @dataclass(slots=True)
 class Findings:
     """What a scan saw: `hits` (speed, id, value of the probed register), `twins`, replies with a wrong sum by id (`damaged`), answers under an id that
-    does not answer when asked alone (`foreign`), `echo`, bytes of no
+    does not answer when asked alone (`foreign`), what kind of device each hit is (`kinds`, None = unknown), `echo`, bytes of no
     reply (`garbage`), whether the deadline of the command `cut` it off, probes and windows used."""
 
     hits: list[tuple[int | None, int, int]] = field(default_factory=list)
@@ -40,6 +41,7 @@ class Findings:
     unconfirmed: list[tuple[int | None, int]] = field(default_factory=list)
     damaged: dict[int, int] = field(default_factory=dict)
     foreign: int = 0
+    kinds: dict[tuple[int | None, int], tuple[Kind | None, str]] = field(default_factory=dict)
     echo: bool = False
     garbage: int = 0
     cut: bool = False
@@ -52,8 +54,9 @@ class Scanner:
     """Scans one line. `window` = ids per reply window (1 = sequential), `wait` = reply window in seconds."""
 
     def __init__(
-        self, bus: Bus, guide: Guide, *, window: int, wait: float, find_all: bool, probe: Span, twin: Span
+        self, bus: Bus, guide: Guide, *, window: int, wait: float, find_all: bool, probe: Span, twin: Span, own: Kind
     ) -> None:
+        self._own = own
         self._probe, self._twin_span = probe, twin
         self._bus = bus
         self._guide = guide
@@ -200,7 +203,20 @@ class Scanner:
             self.found.hits.append((speed, device_id, again[device_id]))
             if self._twin(device_id):
                 self.found.twins.add((speed, device_id))
+            self.found.kinds[speed, device_id] = self._kind(device_id)
         answered.clear()
+
+    def _kind(self, device_id: int) -> tuple[Kind | None, str]:
+        """What a hit is, and what shows it. Nobody but a wrist answers a wrist's question: then nothing more is asked."""
+        if self._own is WRIST:
+            return WRIST, ""
+        look = Look(self._bus.at(device_id=device_id))
+        try:
+            return look.who(self._own), look.evidence
+        except NoAnswer:
+            return self._own, ""  # it answered before: nothing speaks against it
+        except ProtocolError as exc:
+            return (None, exc.text) if exc.code == "unknown-device" else (self._own, "")
 
     def _twin(self, device_id: int) -> bool:
         """Two devices with one id: good and bad sums mixed on values that jitter, in 20 reads (RS-232: a Y cable)."""

@@ -8,7 +8,7 @@ from handctl.devices.inspire import eb90, probing
 from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.canbus import CanBus
 from handctl.devices.inspire.wrist import Wrist
-from handctl.devices.inspire.wrist_scan import KIND, scan_wrist
+from handctl.devices.inspire.wrist_scan import TARGET, scan_wrist
 from handctl.guide import Guide
 from handctl.link import ByteLink, Deadline, FrameLink
 from handctl.result import Journal, Row
@@ -44,9 +44,14 @@ def probe(
         )
     speed = link.baud if isinstance(link, ByteLink) else None
     table = scan_wrist(Wrist(bus), Guide(), ids, [speed or 0], 1, probing.window_ms(timeout, len(ids)), False)
-    return probing.found(table, KIND.value)
+    return probing.found(table, TARGET.value)
 
 
 def ping(device: Wrist) -> None:
     """One short read, asked once. Raises what the bus raises."""
-    device.bus.read(*KIND.probe, retries=0)
+    device.bus.read(*TARGET.probe, retries=0)
+
+
+def identify(device: Wrist) -> tuple[str, str, str]:
+    """Whether it is one: status, evidence, remedy of a check. Read-only. Raises what the bus raises."""
+    return probing.identified(device, TARGET.own)

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from handctl.devices.inspire import canreg
 from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.canbus import NO_ACK_HINT, CanBus
-from handctl.devices.inspire.scan_report import Kind, scan
+from handctl.devices.inspire.identity import WRIST
+from handctl.devices.inspire.scan_report import Target, scan
 from handctl.devices.inspire.wrist import WIRING_HINT, Wrist
 from handctl.errors import NoAnswer, ProtocolError, UsageError
 from handctl.guide import Guide
@@ -15,7 +16,7 @@ from handctl.link import CanFrame
 from handctl.param import ids_in
 from handctl.result import Column, Row, Table
 
-KIND = Kind("wrist", probe=(1020, 2), twin=(1020, 4), value="pitch_raw", silence_hint=WIRING_HINT)
+TARGET = Target(WRIST, probe=(1020, 2), twin=(1020, 4), value="pitch_raw", silence_hint=WIRING_HINT)
 CHUNK = 32
 DRAIN_SECONDS = 0.05
 MOST = 4096
@@ -35,7 +36,7 @@ def scan_wrist(
     if isinstance(wrist.bus, CanBus):
         return _scan_can(wrist.bus, guide, ids, (wait_ms or 20.0) / 1000, find_all)
     assert isinstance(wrist.bus, Bus)
-    return scan(wrist.bus, KIND, guide, ids, speeds, window, wait_ms, find_all)
+    return scan(wrist.bus, TARGET, guide, ids, speeds, window, wait_ms, find_all)
 
 
 def parse_can_ids(text: str) -> list[int]:
