@@ -273,7 +273,7 @@ def test_gcl_as_arguments() -> None:
     [
         (("gcl", "FGET P", "VERS"), {"command": "FGET P", "text": "0 0 0 0", "status": "0"}),
         (("help", "HI"), {"command": "?HI", "text": "HI Hand Initialize", "status": "0"}),
-        (("load",), {"command": "FLOAD", "text": "", "status": "0"}),
+        (("load", "-y"), {"command": "FLOAD", "text": "", "status": "0"}),
     ],
 )
 def test_passthrough_as_csv(args: tuple[str, ...], first: dict[str, str]) -> None:

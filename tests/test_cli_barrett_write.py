@@ -217,7 +217,7 @@ def test_a_hand_that_cannot_do_the_speed() -> None:
 def test_reset_shows_the_banner_and_loads_what_was_saved(tmp_path: Path) -> None:
     port = fake(state=tmp_path / "state.json")
     assert do("set", "DP=3000", port=port).code == 0
-    result = do("reset", port=port)
+    result = do("reset", "-y", port=port)
     assert (result.code, result.rows[0]["value"]) == (0, "BarrettHand Firmware\nVersion 4.33")
     assert "init" in json.dumps(result.json["messages"])
     after = values_of(do("get", "DP", "S", port=port))
@@ -228,9 +228,9 @@ def test_load_and_defaults(tmp_path: Path) -> None:
     port = fake(state=tmp_path / "state.json")
     assert do("set", "DP=3000", "LFT=1", port=port).code == 0
     assert do("gcl", "FSAVE", "PSAVE", "--yes", port=port).code == 0
-    assert do("defaults", port=port).code == 0
+    assert do("defaults", "-y", port=port).code == 0
     assert values_of(do("dump", port=port)).items() >= names(*SETTINGS)(power_on()).items()
-    assert do("load", port=port).code == 0
+    assert do("load", "-y", port=port).code == 0
     assert values_of(do("get", "DP.F1", "LFT", port=port)) == {("DP", "F1"): 3000, ("LFT", None): 1}
 
 

@@ -198,7 +198,7 @@ CASES = [
     Case("barrett", "baud 38400 -y --save", 1.9, both(is_("ram BAUD", "384"), is_("eeprom BAUD", "384")), ("baud 9600 -y",)),
     Case("barrett", "defaults -y", 0.1, is_("ram DP", "8500 8500 8500 1575"), ("set DP.F2=1234",)),
     Case("barrett", "load -y", 0.2, as_saved, ("set DP.F2=1235",)),
-    Case("barrett", "reset", 2.0, near(F1, 1, 4, 4), ("init",)),  # the last: the next one needs `init`
+    Case("barrett", "reset -y", 2.0, near(F1, 1, 4, 4), ("init",)),  # the last: the next one needs `init`
     Case("ekso", f"set step_length=15.5 {ME}", 0.3, both(is_("get step_length", "1550"), audited), (f"set step_length=14.5 {ME}",)),
     Case("ekso", f"restore {{}}/ekso.json {ME}", 0.3, both(is_("get step_length", "1550"), audited), (f"set step_length=15.5 {ME}", "snapshot {}/ekso.json", f"set step_length=14.5 {ME}")),
     Case("ekso", f"cancel {ME}", 0.05, both(begins("counts", "set"), cancelled)),

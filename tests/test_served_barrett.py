@@ -116,7 +116,7 @@ def test_a_saved_speed_survives_the_power(start: Start, tmp_path: Path) -> None:
     do(link, "baud", "19200", "--save", "--yes")
     assert run("sim", "control", panel, "eeprom", "BAUD").out.strip().endswith("192")
     assert power_cycle() == 192
-    banner = run("barrett", "reset", "-p", link, "--baud", "19200", "--json")
+    banner = run("barrett", "reset", "-y", "-p", link, "--baud", "19200", "--json")
     assert (banner.code, banner.rows[0]["value"]) == (0, "BarrettHand Firmware\nVersion 4.33")
 
 

@@ -31,6 +31,9 @@ if TYPE_CHECKING:
     from handctl.param import Step
     from handctl.result import Message, Table
 
+UNASKED = "yes-unasked"
+"""The message that no -q silences."""
+
 
 class Run:
     """One run of one command."""
@@ -152,8 +155,7 @@ class Run:
         """
         self.ledger.plan(steps)
         if self.settings.yes:
-            if self.sources["yes"].level == FILE:
-                self.journal.warn("yes-from-file", f"not asked: yes = true in {self.sources['yes'].where}")
+            self._tell_unasked(question, steps)
             return
         if not self.guide.interactive:
             raise NotConfirmed(
@@ -165,6 +167,23 @@ class Run:
             self.guide.say(f"  {step.meaning}: {step.wire}")
         if not self.guide.ask(question, word):
             raise NotConfirmed("not confirmed", hint="nothing was sent")
+
+    def _tell_unasked(self, question: str, steps: Sequence[Step]) -> None:
+        """Say it when a variable or a file answered; where that moves a worn device, at once and whatever -q says."""
+        from handctl.result import Message
+
+        source = self.sources["yes"]
+        if source == COMMAND_LINE:
+            return
+        device = self._device if self._device is not None else self.planner()
+        moves = not steps or any(step.moves for step in steps)  # a question without steps tells of them by itself
+        if getattr(device, "worn", False) and moves:
+            text = f"a device that may be worn moves unasked, by {source.where}: {question}"
+            if not any(message.code == UNASKED for message in self.journal.messages):
+                self.journal.messages.append(Message("warning", UNASKED, text))
+                print_stderr(shown(f"handctl: warning: {text}"))
+        elif source.level == FILE:
+            self.journal.warn("yes-from-file", f"not asked: yes = true in {source.where}")
 
     def offer(self, question: str) -> bool:
         """Ask for an optional further step; no terminal or --yes means no."""

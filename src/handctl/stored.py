@@ -96,6 +96,7 @@ def diff(run: Run, params: ParamMap[Any], a: str, b: str | None, *, setpoints: b
     """
     from handctl import snapshot as files
 
+    _need_settings(params, setpoints)
     left = files.load(a, params.kind)["values"]
     if b is not None:
         right = files.load(b, params.kind)["values"]
@@ -119,8 +120,19 @@ def diff(run: Run, params: ParamMap[Any], a: str, b: str | None, *, setpoints: b
             f"{len(rows)} of {len(compared)} values differ", hint=hint if b is None else "", code="differ"
         )
     else:
-        run.journal.info("equal", f"equal: {counted(params, compared)}" if compared else "nothing was compared")
+        run.journal.info("equal", f"equal: {counted(params, compared)}")
     return table
+
+
+def _need_settings(params: ParamMap[Any], setpoints: bool) -> None:
+    """Refuse what could only be empty: a device that was never asked is not equal to anything. Raises UsageError."""
+    if not kept_of(params, setpoints=setpoints):
+        names = [element.full_name for element in kept_of(params)]
+        raise UsageError(
+            f"{params.kind} has no settings, only {counted(params, names)}",
+            hint="--setpoints takes them. Nothing was sent.",
+            code="no-settings",
+        )
 
 
 def _tell_left_out(run: Run, params: ParamMap[Any], names: Sequence[str], done: str) -> None:
@@ -141,6 +153,7 @@ def restore(
     """
     from handctl import snapshot as files
 
+    _need_settings(params, setpoints)
     values: dict[str, Number] = files.load(path, params.kind)["values"]
     found = _checked(params, values, path)
     changes = [change for change in found if setpoints or change[0].param.kind != COMMAND]
@@ -224,8 +237,11 @@ def _ask(run: Run, device: MapDevice, differing: Sequence[Change], live: dict[st
     if others:
         names = [element.full_name for element, _ in others]
         moving = [element.full_name for element, _ in others if element.param.acts]
+        stranding = [element.full_name for element, _ in others if element.param.strands]
         text = f"Restore {counted(device.map, names)}"
-        run.confirm(f"{text}; {ACTING[MOVES]}: {', '.join(moving)}" if moving else text, _steps(device, others))
+        text += f"; {ACTING[MOVES]}: {', '.join(moving)}" if moving else ""
+        text += f"; may leave it unreachable: {', '.join(stranding)}" if stranding else ""
+        run.confirm(text, _steps(device, others))
     if forces:
         shown = ", ".join(f"{element.full_name} {live.get(element.full_name)} -> {value}" for element, value in forces)
         run.confirm(f"This {ACTING[PUSHES]}: {shown}", _steps(device, forces))

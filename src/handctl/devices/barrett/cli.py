@@ -14,7 +14,7 @@ from handctl.devices.barrett.firmware_cli import add_firmware
 from handctl.devices.barrett.hand import BarrettHand
 from handctl.devices.barrett.language import MOTORS, motor_prefix
 from handctl.devices.barrett.line import DEFAULT_RETRIES, GclLine
-from handctl.devices.barrett.motion_cli import FORCE, MOTORS_OPTION, add_movements, step_of
+from handctl.devices.barrett.motion_cli import FORCE, MOTORS_OPTION, SPEED, add_movements, ask, step_of
 from handctl.devices.barrett.parameters import BARRETT, check_careful
 from handctl.devices.barrett.realtime_cli import add_realtime
 from handctl.devices.barrett.store_cli import add_store_commands
@@ -162,7 +162,7 @@ def set_(run: Run, assignments: tuple[str, ...], motors: str | None, force: bool
     if run.settings.dry_run:
         return run.dry_run(steps)
     if any(step.strands for step in steps):
-        run.confirm("The hand changes its speed at once", steps)
+        run.confirm(SPEED, steps)
     hand: BarrettHand = run.device()
     return hand.table(hand.write(changes))
 
@@ -180,10 +180,10 @@ def baud(run: Run, rate: int | None, save_too: bool) -> Table:
         run.device().line.interrupt = run.settings.interrupt
         return verbs.get(run, BARRETT, ["BAUD"])
     code = speed.code_of(rate)
-    steps = [step_of(f"PSET BAUD {code}"), *([step_of("PSAVE")] if save_too else [])]
+    texts = [f"PSET BAUD {code}", *(["PSAVE"] if save_too else [])]
     if run.settings.dry_run:
-        return run.dry_run(steps)
-    run.confirm(f"The hand speaks {rate} bit/s at once{', and after every power-on' if save_too else ''}", steps)
+        return run.dry_run([step_of(text) for text in texts])
+    ask(run, texts, f"The hand speaks {rate} bit/s at once{', and after every power-on' if save_too else ''}")
     hand: BarrettHand = run.device()
     ledger = eeprom.Ledger(hand, simulated=run.simulated) if save_too else None
     readings = hand.write([(BARRETT.find("BAUD")[1][0], code)])
@@ -198,11 +198,15 @@ def baud(run: Run, rate: int | None, save_too: bool) -> Table:
 
 @cli.verb("reset", writes=True)
 def reset(run: Run) -> Table:
-    """Restart the firmware like a power cycle; shows its banner. The motors need `init` afterwards."""
+    """Restart the firmware like a power cycle; shows its banner. The motors need `init` afterwards.
+
+    The hand then speaks the speed that is saved, which is looked for: asks first.
+    """
     from handctl.devices.barrett import speed
 
     if run.settings.dry_run:
         return run.dry_run([step_of("RESET")])
+    ask(run, ["RESET"])
     banner = speed.reset(run.device().line)
     return Table(
         rows=[{"name": "banner", "parameter": "RESET", "motor": None, "value": banner, "unit": None}],
@@ -235,10 +239,8 @@ def gcl_(run: Run, commands: tuple[str, ...], keep_going: bool) -> Table:
             run.journal.warn("careful", f"{text}: {note}")
     if run.settings.dry_run:
         return run.dry_run([step_of(text) for text in wanted])
-    saving = gcl.saves(wanted)
-    if saving:
-        run.confirm("This writes the EEPROM, which lasts 5,000 saves", [step_of(text) for text in saving])
-    ledger = eeprom.Ledger(run.device(), simulated=run.simulated) if saving else None
+    ask(run, wanted)
+    ledger = eeprom.Ledger(run.device(), simulated=run.simulated) if gcl.saves(wanted) else None
     hand = run.device()
     hand.line.interrupt = run.settings.interrupt or not gcl.only_asks(wanted)
     table = gcl.run_all(hand, wanted, keep_going=keep_going)
@@ -260,7 +262,7 @@ def _prompt(run: Run) -> Table:
         )
     history = prompt.line_reader()
     try:
-        return gcl.interactive(run, run.device(), input)
+        return gcl.interactive(run, run.device(), input, lambda text: ask(run, [text]))
     finally:
         prompt.leave(history)
 

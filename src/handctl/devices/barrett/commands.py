@@ -76,6 +76,14 @@ SECONDS = {
 """Longest wait for the prompt beyond wire time (dossier 1.3)."""
 
 
+def kind_of(text: str) -> str:
+    """The kind of the command in a line, "baud" for one that sets the speed; "" for what is no command."""
+    _, command, arguments = split(text)
+    if command is None:
+        return ""
+    return "baud" if command.name == "PSET" and "BAUD" in arguments else command.kind
+
+
 def split(text: str) -> tuple[str, Command | None, list[str]]:
     """``12M 5000`` -> ("12", the command M, ["5000"]); an unknown command gives None. No command begins with G or S."""
     words = text.upper().split()

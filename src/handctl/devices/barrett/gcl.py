@@ -177,8 +177,11 @@ def explain_help(text: str) -> str:
     return f"  {param.mnemonic}: {param.doc}; {param.range_text} ({param.source})"
 
 
-def interactive(run: Run, hand: BarrettHand, read_line: Callable[[str], str]) -> Table:
-    """A prompt like the hand's own: history, completion, ? for help, Ctrl-C stops a movement, Ctrl-D ends."""
+def interactive(run: Run, hand: BarrettHand, read_line: Callable[[str], str], before: Callable[[str], None]) -> Table:
+    """A prompt like the hand's own: history, completion, ? for help, Ctrl-C stops a movement, Ctrl-D ends.
+
+    `before` asks, where a line needs it, and raises NotConfirmed.
+    """
     hand.line.connect()
     run.guide.say("GCL prompt; ?NAME explains, Ctrl-C stops a movement, Ctrl-D ends.")
     while True:
@@ -190,16 +193,15 @@ def interactive(run: Run, hand: BarrettHand, read_line: Callable[[str], str]) ->
             run.guide.say("^C")
             continue
         if text:
-            _one(run, hand, text)
+            _one(run, hand, text, before)
 
 
-def _one(run: Run, hand: BarrettHand, text: str) -> None:
+def _one(run: Run, hand: BarrettHand, text: str, before: Callable[[str], None]) -> None:
     try:
         refuse(text)
         for note in notes(text):
             run.guide.say(f"careful: {note}")
-        if saves([text]):
-            run.confirm(f"{text} writes the EEPROM, which lasts 5,000 saves")
+        before(text)
         ledger = eeprom.Ledger(hand, simulated=run.simulated) if saves([text]) else None
         answer = ask(hand, text)
         if ledger is not None and not answer.status:

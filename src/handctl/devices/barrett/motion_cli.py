@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import click
@@ -16,6 +16,12 @@ from handctl.run import Run
 MOTORS_OPTION = click.option(
     "--motors", metavar="12S", help="Which motors: digits, G = fingers, S = spread (default: all)."
 )
+SPEED = "The hand may change its speed at once"
+QUESTIONS = {
+    **dict.fromkeys(("baud", "speed", "reset"), SPEED),
+    "save": "This writes the EEPROM, which lasts 5,000 saves",
+}
+"""Kind of a GCL command (`commands`) -> what is asked before it."""
 FORCE = click.option(
     "--force", is_flag=True, help="Write a value that the manual allows and warns of, or save unchanged values."
 )
@@ -33,9 +39,24 @@ def prefix_of(text: str | None) -> str:
 
 def step_of(text: str) -> Step:
     """A GCL line as a step of a plan."""
+    from handctl.devices.barrett.commands import kind_of
     from handctl.devices.barrett.language import encode
 
-    return Step(text, encode(text))
+    kind = kind_of(text)
+    return Step(text, encode(text), moves=kind in ("motion", "init"), strands=kind in QUESTIONS)
+
+
+def ask(run: Run, texts: Sequence[str], question: str = "") -> None:
+    """Ask before GCL that may change the speed of the hand or writes its EEPROM, whichever command carries it.
+
+    `question` says it more exactly. Raises NotConfirmed.
+    """
+    from handctl.devices.barrett.commands import kind_of
+
+    asked = [step for text in texts if (step := step_of(text)).strands]
+    if asked:
+        words = dict.fromkeys(QUESTIONS[kind_of(step.meaning)] for step in asked)
+        run.confirm(question or "; ".join(words), asked)
 
 
 def add_movements(group: Group) -> None:

@@ -8,7 +8,7 @@ import click
 
 from handctl import stored
 from handctl.clikit import Group
-from handctl.devices.barrett.motion_cli import FORCE, MOTORS_OPTION, prefix_of, step_of
+from handctl.devices.barrett.motion_cli import FORCE, MOTORS_OPTION, ask, prefix_of, step_of
 from handctl.devices.barrett.parameters import BARRETT, check_careful
 from handctl.errors import UsageError
 from handctl.filetypes import InFile
@@ -23,7 +23,7 @@ def add_store_commands(group: Group) -> None:
     @group.verb("load", writes=True)
     @MOTORS_OPTION
     def load(run: Run, motors: str | None) -> Table:
-        """EEPROM to RAM, motors and hand (FLOAD, PLOAD); the speed may change and is looked for.
+        """EEPROM to RAM, motors and hand (FLOAD, PLOAD); the speed may change and is looked for: asks first.
 
         With --motors those motors only (3FLOAD): the hand's own settings and its speed stay.
         """
@@ -32,7 +32,7 @@ def add_store_commands(group: Group) -> None:
     @group.verb("defaults", writes=True)
     @MOTORS_OPTION
     def defaults(run: Run, motors: str | None) -> Table:
-        """Factory values into RAM (FDEF, PDEF), not saved; the speed goes to 9600.
+        """Factory values into RAM (FDEF, PDEF), not saved; the speed goes to 9600: asks first.
 
         With --motors those motors only (SFDEF): the hand's own settings and its speed stay.
         """
@@ -53,7 +53,7 @@ def add_store_commands(group: Group) -> None:
         steps = save_steps(motors)
         if run.settings.dry_run:
             return run.dry_run(steps)
-        run.confirm("This writes the EEPROM, which lasts 5,000 saves", steps)
+        ask(run, [step.meaning for step in steps])
         hand: BarrettHand = run.device()
         if motors is None:
             (speed,) = hand.read(BARRETT.find("BAUD")[1])
@@ -78,7 +78,7 @@ def add_store_commands(group: Group) -> None:
                     if element.full_name == "baud_rate":
                         _refuse_to_keep(int(value), force)
                 if not run.settings.dry_run:  # also when nothing differs: the EEPROM is written all the same
-                    run.confirm("--save writes the EEPROM, which lasts 5,000 saves", save_steps(None))
+                    ask(run, [step.meaning for step in save_steps(None)])
 
         table = stored.restore(run, BARRETT, file, check=check)
         if save_too and run.settings.dry_run:
@@ -106,6 +106,7 @@ def _plain_commands(run: Run, commands: list[str]) -> Table:
 
     if run.settings.dry_run:
         return run.dry_run([step_of(text) for text in commands])
+    ask(run, commands)
     return gcl.run_all(run.device(), commands, keep_going=False)
 
 

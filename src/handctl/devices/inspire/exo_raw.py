@@ -164,7 +164,7 @@ def plan_raw(data: bytes, force_ambiguous: bool) -> Step:
     decoder.feed(data)
     frames = [frame for frame in _frames(decoder) if not frame.from_device]
     if not frames and not _may_go_on(data):
-        return Step("no valid frame in it; the hand should stay silent", data)
+        return _without_frame(data, force_ambiguous)
     if len(frames) != 1 or frames[0].encode() != data:
         return Step("not one whole frame; what the hand makes of it is unknown", data, moves=True, strands=True)
     frame = frames[0]
@@ -180,6 +180,21 @@ def plan_raw(data: bytes, force_ambiguous: bool) -> Step:
     if frame.flag in (eb90.FORCE_COMMAND, eb90.POSITION_COMMAND) and len(frame.payload) == 10:
         return _raw_command(frame, data, force_ambiguous)
     return Step(f"flag {frame.flag:02X}, which this hand's manual does not have", data, moves=True)
+
+
+def _without_frame(data: bytes, force_ambiguous: bool) -> Step:
+    """Bytes without a frame. What only lacks the right checksum is planned, refused and asked as the frame it almost is: an
+    error of the line may put it right, and a device may be lenient.
+    """
+    start = data.find(eb90.HOST)
+    whole = data[start : start + data[start + 3] + eb90.OVERHEAD] if start >= 0 else b""
+    if not whole:
+        return Step("no valid frame in it; the hand should stay silent", data)
+    step = plan_raw(whole[:-1] + bytes([eb90.checksum(whole[2:-1])]), force_ambiguous)
+    meaning = f"{step.meaning}; ITS CHECKSUM IS WRONG: the hand should stay silent"
+    if whole != data:
+        return Step(f"{meaning}; bytes around it", data, moves=True, strands=True)
+    return step._replace(meaning=meaning, data=data)
 
 
 def _refuse_id(device_id: int) -> None:
