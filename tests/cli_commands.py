@@ -115,7 +115,7 @@ READING = (
     Command("baud", "read", ("baud",), names("baud_code"), fixed_registers=True),
     Command("snapshot", "read", ("snapshot", "{dir}/new.json"),
             names("id", "baud_code", "position_set", "force_set"), fixed_registers=True),
-    Command("diff", "read", ("diff", "{dir}/power-on.json"), fixed_registers=True),
+    Command("diff", "read", ("diff", "{dir}/power-on.json", "--setpoints"), fixed_registers=True),
     Command("watch", "stream", ("watch", "position_actual", "--count", "3", "--rate", "0"), names("position_actual")),
     Command("raw-read", "raw", ("raw", "EB 90 01 04 11 C0 05 02 DD", "--wait", "1")),
     Command("scan", "scan", ("scan", "--ids", "1-8")),

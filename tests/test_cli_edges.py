@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from handctl import snapshot, verbs
+from handctl import snapshot, stored, verbs
 from handctl.devices.barrett.parameters import BARRETT
 from handctl.link.fake import FakeLink
 from handctl.link.lock import hold
@@ -139,7 +139,7 @@ def test_set_asks_for_what_strands_and_for_what_moves(tmp_path: Path, text: str)
 
 def test_the_question_of_a_restore_names_what_moves(tmp_path: Path) -> None:
     prepare(tmp_path)
-    result = run("exo", "restore", tmp_path / "stored.json", "-p", fake(), "--json")
+    result = run("exo", "restore", tmp_path / "stored.json", "--setpoints", "-p", fake(), "--json")
     assert (result.code, result.error["code"]) == (8, "not-confirmed")
     assert "MOVES the device: position_set." in result.error["text"]
 
@@ -153,7 +153,7 @@ def test_what_a_snapshot_does_not_hold_is_named_and_left(tmp_path: Path) -> None
     held = json.loads(path.read_text(encoding="utf-8"))["values"]
     del held["force_set.ring"], held["baud_code"]
     snapshot.write(str(path), snapshot.make("exo", {"kind": "exo", "id": 1}, held, link="fake://exo", fake=True))
-    result = run("exo", "restore", path, "-p", fake(), "--json", "-y")
+    result = run("exo", "restore", path, "--setpoints", "-p", fake(), "--json", "-y")
     assert result.code == 0
     (message,) = [message for message in result.json["messages"] if message["code"] == "absent"]
     assert "force_set.ring" in message["text"] and "baud_code" in message["text"]
@@ -165,7 +165,7 @@ def test_what_concerns_the_whole_device_is_restored_before_its_parts() -> None:
     motor, whole, stranding = (
         (Element(BARRETT.by_mnemonic(name), 0), value) for name, value in (("MCV", 50), ("OTEMP", 600), ("BAUD", 96))
     )
-    names = [[element.full_name for element, _ in group] for group in verbs._restore_groups([motor, stranding, whole])]
+    names = [[element.full_name for element, _ in group] for group in stored._groups([motor, stranding, whole])]
     assert names == [[whole[0].full_name], [motor[0].full_name], [stranding[0].full_name]]
 
 
@@ -176,10 +176,10 @@ def test_a_value_that_only_one_snapshot_holds_is_a_difference(tmp_path: Path) ->
     value = held.pop("force_set.ring")
     snapshot.write(str(part), snapshot.make("exo", {"kind": "exo", "id": 1}, held, link="fake://exo", fake=True))
     for a, b, row in (
-        (part, whole, {"name": "force_set.ring", "a": None, "b": value}),
-        (whole, part, {"name": "force_set.ring", "a": value, "b": None}),
+        (part, whole, {"name": "force_set.ring", "kind": "command", "a": None, "b": value}),
+        (whole, part, {"name": "force_set.ring", "kind": "command", "a": value, "b": None}),
     ):
-        result = run("exo", "diff", a, b, "--json")
+        result = run("exo", "diff", a, b, "--setpoints", "--json")
         assert (result.code, result.error["code"], result.rows) == (7, "differ", [row])
 
 

@@ -201,18 +201,18 @@ def test_snapshot_diff_restore(scratch: Path, wire: str) -> None:
     snap, port = scratch / "snap.json", link(wire, state=scratch / "state.json")
     assert run("wrist", "snapshot", snap, "-p", port).code == 0
     assert json.loads(snap.read_text())["values"] == {"yaw_set": 11.0, "pitch_set": -3.0, "move_time": 700}
-    assert run("wrist", "diff", snap, "-p", port).code == 0
-    differs = run("wrist", "diff", scratch / "stored.json", "-p", port, "--json")
+    assert run("wrist", "diff", snap, "--setpoints", "-p", port).code == 0
+    differs = run("wrist", "diff", scratch / "stored.json", "--setpoints", "-p", port, "--json")
     assert (differs.code, {row["name"]: (row["a"], row["b"]) for row in differs.rows}) == (
         7, {"yaw_set": (12.34, 11.0), "move_time": (1500, 700)},
     )  # fmt: skip
-    restored = run("wrist", "restore", scratch / "stored.json", "-y", "-p", port, "--json")
+    restored = run("wrist", "restore", scratch / "stored.json", "-y", "--setpoints", "-p", port, "--json")
     assert {row["name"]: (row["before"], row["value"], row["moves"]) for row in restored.rows} == {
         "yaw_set": (11.0, 12.34, True), "move_time": (700, 1500, False),
     }  # fmt: skip
     assert "not-covered" in restored.codes()
     trace = scratch / "t.txt"
-    again = run("wrist", "restore", scratch / "stored.json", "-p", port, "--json", "--trace", trace)
+    again = run("wrist", "restore", scratch / "stored.json", "--setpoints", "-p", port, "--json", "--trace", trace)
     assert (again.code, again.rows, written_frames(trace)) == (0, [], [])
     assert run("wrist", "get", *SETTINGS, "-p", port, "--json").values == STORED
 

@@ -310,20 +310,20 @@ def test_restore_writes_one_frame_reads_back_and_is_safe_to_repeat(tmp_path: Pat
     state, port = tmp_path / "state", fake_port(wire, f"state={tmp_path / 'state'}")
     assert run("wrist", "set", "yaw_set=-0.01", "pitch_set=22.12", "move_time=1500", "-p", port).code == 0
     assert state.exists()
-    assert run("wrist", "diff", file, "-p", port).code == 7
-    refused: Result = run("wrist", "restore", file, "-p", port, "--json")
+    assert run("wrist", "diff", file, "--setpoints", "-p", port).code == 7
+    refused: Result = run("wrist", "restore", file, "--setpoints", "-p", port, "--json")
     assert (refused.code, refused.error["code"]) == (8, "not-confirmed")
     trace = tmp_path / "trace"
-    assert run("wrist", "restore", file, "-p", port, "--yes", "--trace", trace).code == 0
+    assert run("wrist", "restore", file, "--setpoints", "-p", port, "--yes", "--trace", trace).code == 0
     written = [line.split("> ")[1] for line in trace.read_text(encoding="utf-8").splitlines() if "> " in line]
     expected = "EB 90 01 09 31 0E 04 4C 04 D4 FE BC 02 " if wire == "serial" else "can 15038001 [6] 4C 04 D4 FE BC 02"
     assert [text for text in written if text.startswith(("EB 90 01 09 31", "can 15"))] == [
         text for text in written if text.startswith(expected)
     ]
     assert sum(text.startswith(expected) for text in written) == 1
-    again = run("wrist", "restore", file, "-p", port, "--yes", "--json")
+    again = run("wrist", "restore", file, "--setpoints", "-p", port, "--yes", "--json")
     assert (again.code, "equal" in again.codes(), "not-covered" in again.codes()) == (0, True, True)
-    assert run("wrist", "diff", file, "-p", port).code == 0
+    assert run("wrist", "diff", file, "--setpoints", "-p", port).code == 0
 
 
 def test_a_snapshot_out_of_range_is_refused_before_anything_is_sent(tmp_path: Path) -> None:
@@ -332,7 +332,7 @@ def test_a_snapshot_out_of_range_is_refused_before_anything_is_sent(tmp_path: Pa
     file = tmp_path / "bad.json"
     files.write(str(file), files.make("wrist", {"kind": "wrist", "id": 1}, {"yaw_set": 25.51}, link="x", fake=True))
     with spying() as spy:
-        result = run("wrist", "restore", file, "-p", fake_port(), "--yes", "--json")
+        result = run("wrist", "restore", file, "--setpoints", "-p", fake_port(), "--yes", "--json")
     assert (result.code, spy.lines) == (2, [])
 
 

@@ -197,7 +197,7 @@ def test_a_dry_run_shows_what_moves_and_what_pushes(tmp_path: Path) -> None:
     assert [row["meaning"].partition(" =")[0] for row in without.rows] == ["write baud_code", "write id"]
     rows = run("exo", "restore", path, "-n", "--setpoints", "--json").rows
     meanings = [row["meaning"] for row in rows]
-    assert [text.split()[0] for text in meanings] == ["MOVES", "PUSHES", "write", "write"]
+    assert [text.split()[0] for text in meanings] == ["MOVES:", "PUSHES:", "write", "write"]
     assert "position_set.little = 151" in meanings[0] and "force_set.thumb = -65" in meanings[1]
     assert [row["moves"] for row in rows] == [True, True, False, False]
 

@@ -212,7 +212,7 @@ def test_restore_shows_the_plan_and_asks(tmp_path: Path, wire: str) -> None:
     assert run("wrist", "set", "yaw_set=5", "-p", port).code == 0
     expected = "15038001 [2] 4C 04" if wire == "can" else "EB 90 01 05 31 0E 04 4C 04 99"
     for answer, code in (("n\r", 8), ("y\r", 0)):
-        with Terminal("wrist", "restore", snap, "-p", port, "--trace", trace) as terminal:
+        with Terminal("wrist", "restore", snap, "--setpoints", "-p", port, "--trace", trace) as terminal:
             terminal.until("[y/N]")
             assert expected in terminal.text and "MOVES" in terminal.text
             terminal.send(answer)

@@ -131,7 +131,7 @@ READING = (
     Command("get-set", "read", ("get", "move_time"), names("move_time"), steady=True),
     Command("read", "read", ("read", "1020", "24"), names(*POWER_ON)),
     Command("snapshot", "read", ("snapshot", "{dir}/new.json"), names(*SETTINGS), steady=True),
-    Command("diff", "read", ("diff", "{dir}/power-on.json"), steady=True),
+    Command("diff", "read", ("diff", "{dir}/power-on.json", "--setpoints"), steady=True),
     Command("hand-read", "hand", ("hand-read", "1472", "2")),
     Command("watch", "stream", ("watch", "pitch_actual", "yaw_actual", "--count", "3", "--rate", "0"),
             names("pitch_actual", "yaw_actual")),

@@ -96,8 +96,8 @@ def diff(run: Run, params: ParamMap[Any], a: str, b: str | None, *, setpoints: b
     """
     from handctl import snapshot as files
 
-    _need_settings(params, setpoints)
     left = files.load(a, params.kind)["values"]
+    _need_settings(params, setpoints)
     if b is not None:
         right = files.load(b, params.kind)["values"]
     else:
@@ -153,8 +153,8 @@ def restore(
     """
     from handctl import snapshot as files
 
-    _need_settings(params, setpoints)
     values: dict[str, Number] = files.load(path, params.kind)["values"]
+    _need_settings(params, setpoints)
     found = _checked(params, values, path)
     changes = [change for change in found if setpoints or change[0].param.kind != COMMAND]
     if check is not None:
@@ -224,7 +224,7 @@ def _steps(device: MapDevice, changes: Sequence[Change]) -> list[Step]:
     """The bytes of a plan; what moves or pushes is called that."""
     steps = []
     for group in _groups(changes):
-        acting = next((ACTING[element.param.acts] for element, _ in group if element.param.acts), "")
+        acting = next((element.param.acts.upper() for element, _ in group if element.param.acts), "")
         planned = device.plan(group)
         steps += [step._replace(meaning=f"{acting}: {step.meaning}") for step in planned] if acting else planned
     return steps
