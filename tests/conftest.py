@@ -7,6 +7,7 @@ import zlib
 
 import pytest
 
+from tests.harm.table import Table
 from tests.matrix_report import (
     pytest_runtest_call,
     pytest_runtest_logreport,
@@ -17,6 +18,7 @@ from tests.matrix_report import (
 __all__ = [
     "own_state",
     "pytest_collection_modifyitems",
+    "pytest_configure",
     "pytest_runtest_call",
     "pytest_runtest_logreport",
     "pytest_runtest_makereport",
@@ -30,6 +32,11 @@ NUMBERS = itertools.count()
 def own_state(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> None:
     """What this machine keeps for a user between commands is kept for each test apart, and never in a home."""
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path_factory.getbasetemp() / f"state{next(NUMBERS)}"))
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """The table of the harm matrix is a plugin of its own."""
+    config.pluginmanager.register(Table())
 
 
 SHARE = 3
