@@ -116,7 +116,7 @@ def test_a_movement_of_the_wrist_that_was_cut_off(cut: int) -> None:
 
 @pytest.mark.parametrize("cut", range(28))
 def test_a_line_of_the_can_adapter_that_was_cut_off(cut: int) -> None:
-    """Its CR ends the rest of the line, which is none; then each frame is whole."""
+    """The CR before a frame ends that line: the first of the three is heard already."""
     wrist, _ = fake_wrist("can")
     line = create("wrist", {"bus": "can"})
     adapter = Adapter(line)
@@ -124,9 +124,8 @@ def test_a_line_of_the_can_adapter_that_was_cut_off(cut: int) -> None:
     move = _slcan_frame(bytes.fromhex("E80318FCE803"), 0x15038001)
     adapter.feed(b"S8\rO\r")
     adapter.feed(move[:cut])
-    for data in shots:
-        adapter.feed(data)
-        line.advance(line.device.now + 0.02)
+    adapter.feed(shots[0])
+    line.advance(line.device.now + 0.02)
     pitch, yaw = at(wrist)
     memory = line.device.wrist.memory
     assert memory[1038:1042] == yaw.to_bytes(2, "little", signed=True) + pitch.to_bytes(2, "little", signed=True)
