@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable
+from typing import Any
 
 from handctl.devices.aidin.exchange import Conversation
 from handctl.devices.aidin.hand import AidinHand
 from handctl.guide import Guide
 from handctl.link import ByteLink, Deadline, open_link
+from handctl.options import Settings
 from handctl.result import Journal
+from handctl.stopping import Aim, Stopped, drive, talk_of
 from tests.support import RecordedLink, ScriptedLink
 
 FINGERS = ("thumb", "index", "middle", "ring", "little")
@@ -101,3 +104,8 @@ def simulated(**options: object) -> tuple[AidinHand, RecordedLink]:
     assert isinstance(opened, ByteLink)
     link = RecordedLink(opened)
     return hand_on(link), link
+
+
+def stopped(link: ByteLink, **settings: Any) -> Stopped:
+    """Run the family's stopper over `link`; how it ended."""
+    return drive(link, talk_of("aidin", Aim(Settings(**settings))), [])

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from handctl.devices.aidin import adjust, homing, motion, stop
+from handctl.devices.aidin import adjust, homing, motion
 from handctl.devices.aidin.currents import currents
 from handctl.devices.aidin.fields import ANGLES, CURRENTS, ENCODERS, TIPS, Target
 from handctl.devices.aidin.hand import AidinHand
@@ -19,7 +19,7 @@ from handctl.errors import CheckFailed, HandctlError, Interrupted, LinkError, No
 from handctl.guide import Guide
 from handctl.link import Deadline
 from handctl.result import Table
-from tests.aidin_support import AT_ORIGIN, Streamer, feedback, hand_on, line, simulated, streamer
+from tests.aidin_support import AT_ORIGIN, Streamer, feedback, hand_on, line, simulated, stopped, streamer
 from tests.cli_support import Simulator, clean_environment, program, wait_until
 from tests.support import ScriptedLink
 
@@ -44,26 +44,9 @@ def max_torque(hand: AidinHand) -> object:
 
 def test_stop_is_sent_three_times_though_feedback_is_damaged() -> None:
     link = Streamer(lambda _: b'{"motor_pos":[1,]}\n')
-    with pytest.raises(ProtocolError, match="damaged") as caught:
-        stop.stop(hand_on(link), Guide())
+    ended = stopped(link)
     assert link.sent.count(STOP) >= 3 and set(link.sent) == {STOP}
-    assert "stop was sent 3 times, the hand did not confirm it" in caught.value.hint
-
-
-def test_stop_is_sent_three_times_though_the_deadline_is_over() -> None:
-    link = ScriptedLink()
-    with pytest.raises(NoAnswer, match="deadline") as caught:
-        stop.stop(hand_on(link, bound=link.deadline(0)), Guide())
-    assert link.sent == [STOP] * 3
-    assert "stop was sent 3 times" in caught.value.hint
-
-
-def test_stop_interrupted_is_sent_three_times() -> None:
-    link = streamer(feedback(current_state=[-400] + [0] * 14))
-    link.interrupt_at = 0.01
-    with pytest.raises(Interrupted, match="stop was sent 3 times, currents up to 400 still flowed"):
-        stop.stop(hand_on(link), Guide())
-    assert link.sent.count(STOP) >= 3 and set(link.sent) == {STOP}
+    assert ended.error is ProtocolError and "is not confirmed" in ended.text
 
 
 # -- what stays in force -----------------------------------------------------------------------------------------------

@@ -22,6 +22,7 @@ from tests.aidin_support import (
     objects,
     poller,
     simulated,
+    stopped,
     streamer,
 )
 from tests.support import ScriptedLink
@@ -153,24 +154,22 @@ def test_stop_goes_out_before_anything_else(kind: str) -> None:
         "poll": lambda: poller(STILL),
         "command": lambda: poller(lambda request: STILL if b"hand_mode" in request else None),
     }[kind]()
-    table = stop.stop(hand_on(link), Guide())
+    assert stopped(link).error is None
     assert set(link.sent) == {STOP} and len(link.sent) >= 3
     assert link.sent_at[0] == 0.0
-    assert [row["value"] for row in table.rows] == [0] * 15
 
 
 def test_stop_to_a_mute_hand_is_sent_and_not_confirmed() -> None:
     link = ScriptedLink()
-    with pytest.raises(NoAnswer, match="not confirmed"):
-        stop.stop(hand_on(link), Guide())
+    ended = stopped(link)
+    assert ended.error is NoAnswer and "not confirmed" in ended.text
     assert set(link.sent) == {STOP}
     assert link.clock < 1.5
 
 
 def test_stop_that_leaves_currents() -> None:
-    with pytest.raises(CheckFailed, match="currents up to 400") as caught:
-        stop.stop(hand_on(streamer(feedback(current_state=[-400] + [0] * 14))), Guide())
-    assert caught.value.code == "not-stopped"
+    ended = stopped(streamer(feedback(current_state=[-400] + [0] * 14)))
+    assert ended.error is CheckFailed and "currents up to 400" in ended.text
 
 
 # -- bias and maximum torque ------------------------------------------------------------------------------------------

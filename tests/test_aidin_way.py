@@ -7,12 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from handctl.devices.aidin.stop import stop
 from handctl.devices.aidin.way import FIND_OUT, Exchange, Way, neutral, way_of
 from handctl.errors import NoAnswer, UsageError
-from handctl.guide import Guide
 from handctl.options import Settings
-from tests.aidin_support import feedback, hand_on, poller, simulated, streamer
+from tests.aidin_support import feedback, hand_on, poller, simulated, stopped, streamer
 from tests.cli_support import run, sent
 from tests.support import ScriptedLink
 
@@ -93,7 +91,7 @@ def test_every_object_has_the_terminator(end: str, data: bytes) -> None:
     hand, link = simulated(start="homed", exchange="poll", reader="nul" if end == "nul" else "tolerant")
     hand.talk.way = way_of(Settings(tx_terminator=end))
     hand.dump()
-    stop(hand, Guide())
+    stopped(link, tx_terminator=end)
     assert set(link.sent) == {b"{}" + data, b'{"hand_mode":3}' + data}
 
 
@@ -101,13 +99,11 @@ def test_every_object_has_the_terminator(end: str, data: bytes) -> None:
 
 
 def test_stop_says_when_feedback_proves_nothing() -> None:
-    idle = hand_on(streamer(feedback(current_state=[20, -20] + [0] * 13)))
-    assert stop(idle, Guide()).failure is None
-    assert [message.code for message in idle.journal.messages] == ["idle"]
+    idle = stopped(streamer(feedback(current_state=[20, -20] + [0] * 13)))
+    assert idle.error is None and "does not show that the motors are off" in idle.text
     left = iter([300, 250, 200, 150] + [0] * 1000)
-    busy = hand_on(poller(lambda _: feedback(current_state=[next(left)] * 15)))
-    assert stop(busy, Guide()).failure is None
-    assert busy.journal.messages == []
+    busy = stopped(poller(lambda _: feedback(current_state=[next(left)] * 15)))
+    assert busy.error is None and "the currents have gone" in busy.text
 
 
 # -- the command line -------------------------------------------------------------------------------------------------

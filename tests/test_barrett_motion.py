@@ -64,13 +64,13 @@ def test_a_spoiled_status_is_no_success(line: bytes) -> None:
     assert isinstance(table.failure, ProtocolError) and table.failure.code == "bad-line"
     assert line.hex(" ").upper() in table.failure.text and link.name in table.failure.text
     with pytest.raises(ProtocolError) as caught:
-        motion.stop(hand, "")
+        motion.power_off(hand, "")
     assert "may still have power" in caught.value.hint
 
 
 VERBS = {
     "init": "HI", "open": "O", "close": "C", "move": "M", "step-open": "IO", "step-close": "IC", "home": "HOME",
-    "torque-open": "TO", "torque-close": "TC", "stop": "T",
+    "torque-open": "TO", "torque-close": "TC",
 }  # fmt: skip
 
 
@@ -87,7 +87,12 @@ def test_verbs(verb: str, gcl: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert planned(capsys, verb, "--motors", "G") == [f"123{gcl}\r"]
 
 
-@pytest.mark.parametrize("verb", ["close", "stop", "init"])
+def test_stop_is_ctrl_c_and_power_off(capsys: pytest.CaptureFixture[str]) -> None:
+    assert planned(capsys, "stop") == ["\x03", "T\r"]
+    assert planned(capsys, "stop", "--motors", "1234") == ["\x03", "1234T\r"]
+
+
+@pytest.mark.parametrize("verb", ["close", "init"])
 def test_four_motors_named_are_four_motors(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
     """Without a prefix a disabled motor stays where it is; with one it moves (barrett §5.1.2, §5.3.4 EN)."""
     assert planned(capsys, verb, "--motors", "1234") == [f"1234{VERBS[verb]}\r"]
@@ -279,16 +284,15 @@ def test_an_unknown_position_is_not_reached(name: str) -> None:
 def test_stop_works_though_it_complains(status: str) -> None:
     """The manual prints "ERR 1" where a motor is not initialized; the others are off all the same (§5.2.1 T)."""
     hand, link = scripted({"12T": status})
-    table = motion.stop(hand, "12")
-    assert [(row["motor"], row["value"]) for row in table.rows] == [("F1", "off"), ("F2", "off")]
+    text = motion.power_off(hand, "12")
+    assert text.endswith("motor power is off") and status.removeprefix("ERR ") in text
     assert link.commands == ["12T"]
-    assert codes(hand) == (["status"] if status else [])
 
 
 def test_stop_refused() -> None:
     hand, _ = scripted({"T": "ERR 32"})
     with pytest.raises(DeviceRefused):
-        motion.stop(hand, "")
+        motion.power_off(hand, "")
 
 
 # -- Ctrl-C -----------------------------------------------------------------------------------------------------------

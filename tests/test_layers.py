@@ -41,7 +41,7 @@ KERNEL = (
         "terminal",
         "live",
     ),
-    *("sampling", "snapshot", "stopping", "stored", "verbs"),
+    *("sampling", "snapshot", "stopping", "holding", "stopkey", "emergency", "stored", "verbs"),
     *("config", "options", "console", "run", "clikit", "mapverbs"),
     *("report", "report.facts", "report.html", "report.private", "report.svg", "report.transcript"),
 )
@@ -69,6 +69,12 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
     ("snapshot", ("", "errors", "files")),
     ("sampling", ("errors", "link", "result")),
     ("stopping", ("errors", "families", "link", "options", "param")),
+    ("holding", ("errors", "link", "link.ear", "link.lock", "run", "stopkey", "stopping")),
+    ("stopkey", ("console", "holding")),
+    (
+        "emergency",
+        ("", "errors", "holding", "link", "link.ear", "link.lock", "options", "param", "result", "run", "stopping"),
+    ),
     ("verbs", ("errors", "param", "result", "run", "sampling")),
     ("stored", ("errors", "param", "result", "run", "snapshot", "verbs")),
     ("foreign", ("errors", "families")),
@@ -86,10 +92,10 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
             "files",
             "filetypes",
             "filter",
+            "holding",
             "ledger",
             "foreign",
             "link",
-            "link.lock",
             "link.tap",
             "link.tracefile",
             "options",
@@ -99,7 +105,10 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
             "result",
         ),
     ),
-    ("mapverbs", ("", "clikit", "filetypes", "options", "param", "report", "result", "run", "stored", "verbs")),
+    (
+        "mapverbs",
+        ("", "clikit", "emergency", "filetypes", "options", "param", "report", "result", "run", "stored", "verbs"),
+    ),
     ("report", ("", "errors", "files", "link.tap", "param", "render", "report.*", "result", "run", "verbs")),
     ("report.facts", ("tools.machine",)),
     ("report.html", ("errors", "report.svg", "result")),
@@ -128,6 +137,8 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
             "options",
             "stored",
             "verbs",
+            "emergency",
+            "stopping",
             "errors",
             "param",
             "result",
@@ -188,7 +199,7 @@ OUTSIDE: list[tuple[str, tuple[str, ...]]] = [
     ("crcmod", tuple(f"devices.*.{name}" for name in CODECS)),
     ("bincopy", ("devices.barrett.*",)),
     ("packaging", ("build_zipapp",)),
-    ("socket", ("link.tcp", "sim.*", "tools.doctor")),
+    ("socket", ("link.tcp", "link.ear", "sim.*", "tools.doctor")),
 ]
 
 

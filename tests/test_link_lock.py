@@ -33,7 +33,8 @@ def test_the_first_place_is_the_runtime_folder(folders: tuple[Path, Path]) -> No
     assert held is not None
     ((file,), none) = (files(folder) for folder in folders)
     assert none == []
-    assert file.read_text() == f"{os.getpid()} handctl aidin stop\n"
+    pid = os.getpid()
+    assert file.read_text() == f"{pid}\t{lock.began(pid)}\t\treads\t{LINK}\thandctl aidin stop\n"
     held.release()
     held.release()
     assert file.read_text() == "", "nobody holds it, and the file stays"
@@ -70,25 +71,38 @@ def test_a_symbolic_link_in_the_place_of_the_file_is_not_followed(folders: tuple
     assert victim.read_text() == "precious"
 
 
+KNOWN = "`handctl exo watch` (pid {pid})"
+STOPS = f"`handctl exo stop -p {LINK}` stops the device and ends that command"
+
+
 @pytest.mark.parametrize(
     ("content", "who", "hint"),
     [
-        ("{pid} handctl exo watch\n", "`handctl exo watch` (pid {pid})", "kill {pid}"),
+        (
+            "{pid}\t{start}\texo\treads\tx\thandctl exo watch\n",
+            KNOWN,
+            "kill {pid} ends it and stops nothing on the device",
+        ),
+        ("{pid}\t{start}\texo\twrites\tx\thandctl exo watch\n", KNOWN, "kill {pid} ends it as its Ctrl-C does"),
+        ("{pid}\t{start}\texo\treads\tx\thandctl exo watch\n", KNOWN, STOPS),
         ("", "another handctl", "wait for it"),
-        ("4194303000 handctl exo watch\n", "another handctl", "wait for it"),
+        ("4194303000\t1\texo\treads\tx\thandctl exo watch\n", "another handctl", "wait for it"),
+        ("{pid}\t1\texo\treads\tx\tanother program with its number\n", "another handctl", "wait for it"),
+        ("{pid} handctl exo watch\n", "another handctl", STOPS),
     ],
 )
 def test_who_holds_it_is_named_when_it_is_known(
     folders: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch, content: str, who: str, hint: str
 ) -> None:
+    """And what is said of ending it is true of that holder: one that reads stops nothing."""
     monkeypatch.setattr(lock, "LAST_STOP_SECONDS", 0.02)
     held = hold(LINK, "handctl exo watch")
     assert held is not None
     (file,) = files(folders[0])
     pid = os.getpid()
-    file.write_text(content.format(pid=pid))
+    file.write_text(content.format(pid=pid, start=lock.began(pid)))
     with pytest.raises(LinkError) as caught:
-        hold(LINK, "handctl exo get")
+        hold(LINK, "handctl exo get", family="exo")
     assert caught.value.code == "busy"
     assert caught.value.text.endswith(f"in use by {who.format(pid=pid)}")
     assert hint.format(pid=pid) in caught.value.hint

@@ -60,13 +60,23 @@ class _SharedOptions(click.Command):
 
 
 class Command(_SharedOptions):
-    """A leaf command with the shared options. `writes`: --dry-run makes sense for it; `streams`: --json means NDJSON."""
+    """A leaf command with the shared options.
+
+    `writes`: --dry-run makes sense for it; `streams`: --json means NDJSON; `stops`: an emergency, which nothing holds up.
+    """
 
     def __init__(
-        self, *args: Any, writes: bool = False, streams: bool = False, family: Family | None = None, **more: Any
+        self,
+        *args: Any,
+        writes: bool = False,
+        streams: bool = False,
+        stops: bool = False,
+        family: Family | None = None,
+        **more: Any,
     ) -> None:
         super().__init__(*args, **more)
         self.writes = writes
+        self.stops = stops
         self.streams = streams
         self.family = family
 
@@ -85,7 +95,7 @@ class Command(_SharedOptions):
 
     def invoke(self, ctx: click.Context) -> Any:
         wires = self.family.wires if self.family is not None else ()
-        run = Run(ctx, resolve(ctx, wires), self.family)
+        run = Run(ctx, resolve(ctx, wires, urgent=self.stops), self.family)
         # Said for good in the environment or the file it is a safety catch, and what only reads does not need it.
         if run.settings.dry_run and not self.writes and run.sources["dry_run"] == COMMAND_LINE:
             raise run.failed(UsageError(
@@ -121,7 +131,7 @@ class Group(_SharedOptions, click.Group):
             formatter.write_dl([(name, one.get_short_help_str(MOST)) for name, one in found if one and not one.hidden])
 
     def verb(
-        self, name: str, *, writes: bool = False, streams: bool = False
+        self, name: str, *, writes: bool = False, streams: bool = False, stops: bool = False
     ) -> Callable[[Callable[..., Any]], Command]:
         """Decorator: add a leaf command whose body gets the Run first and returns a Table (or None)."""
 
@@ -129,9 +139,9 @@ class Group(_SharedOptions, click.Group):
             def call(*args: Any, **more: Any) -> Any:
                 return body(click.get_current_context().obj, *args, **more)
 
-            made: Command = click.command(name, cls=Command, writes=writes, streams=streams, family=self.family)(
-                update_wrapper(call, body)
-            )
+            made: Command = click.command(
+                name, cls=Command, writes=writes, streams=streams, stops=stops, family=self.family
+            )(update_wrapper(call, body))
             self.add_command(made)
             return made
 

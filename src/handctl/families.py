@@ -13,6 +13,7 @@ FAMILIES: dict[str, tuple[str, str]] = {
 }
 
 TOOLS: dict[str, tuple[str, str]] = {
+    "stop": ("handctl.tools.stop", "stop a device at once, even while another handctl uses it"),
     "ports": (
         "handctl.tools.ports",
         "serial ports and CAN interfaces: what they are, who holds them, what to do about it",

@@ -24,6 +24,8 @@ class Guide:
 
     interactive = False
     moving = False
+    unstoppable = ""
+    """Why the wish of another process to stop the device is refused just now; "" where it is not."""
 
     def say(self, text: str) -> None:
         """A line that stays, e.g. what the wearer has to do now."""

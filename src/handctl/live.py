@@ -136,6 +136,7 @@ class View:
         self._count = 0
         self._seconds = 0.0
         self._failed = ""
+        self.keyed = False
 
     def add(self, sample: Sample) -> None:
         """Take a sample."""
@@ -206,6 +207,8 @@ class View:
             f"{self._count} samples",
         ]
         texts = [Text(item) for item in items]
+        if self.keyed:
+            texts.append(Text("s stops the device", style="bold"))
         if self._context.simulated:
             texts.append(Text("simulated", style="reverse"))
         return flowing(texts, width, gap=2)
@@ -313,9 +316,13 @@ def show_live(table: Table, samples: Iterator[Sample], sink: Sink, context: Cont
     console = console_for(sink)
     view = View(table, context)
     drawn = 0.0
-    with Live(
-        view, console=console, auto_refresh=False, transient=False, redirect_stderr=False, redirect_stdout=False
-    ) as live:
+    with (
+        context.stop_key() as keyed,
+        Live(
+            view, console=console, auto_refresh=False, transient=False, redirect_stderr=False, redirect_stdout=False
+        ) as live,
+    ):
+        view.keyed = keyed
         for sample in samples:
             view.add(sample)
             now = time.monotonic()

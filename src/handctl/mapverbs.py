@@ -124,6 +124,14 @@ def add_map_verbs(
 
         return pages.report(run, params, file, pages.Wishes(watch, include_ids, force), checks=checks)
 
+    def stop(run: Run) -> Table:
+        """Stop the device at once, also while another handctl has it. Asks nothing; says what went out and what came back."""
+        from handctl import emergency
+
+        return emergency.stop(run)
+
+    if "stop" not in without:
+        group.verb("stop", writes=True, stops=True)(stop)
     for name, body, writes in (
         ("status", status, False),
         ("dump", dump, False),

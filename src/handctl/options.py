@@ -25,6 +25,10 @@ SOURCES = "handctl.sources"
 """Key in click's shared meta: setting -> Source, for every setting that is not the default."""
 
 
+PASSED_OVER = "handctl.passed-over"
+"""Key in click's shared meta: errors of the environment and the file that did not hold up an urgent command."""
+
+
 class Settings(NamedTuple):
     """The shared options after precedence. `kind` is the family of the named device, None without one."""
 
@@ -190,11 +194,12 @@ def exchange_options(section: str) -> list[click.Parameter]:
     ]  # fmt: skip
 
 
-def resolve(ctx: click.Context, wires: Sequence[str] = (), device: str = "") -> Settings:
+def resolve(ctx: click.Context, wires: Sequence[str] = (), device: str = "", *, urgent: bool = False) -> Settings:
     """The settings of this command; with `device`, as `-d` with that name would have them. Where each comes from is
     kept in the context's meta under SOURCES.
 
-    Raises UsageError for an environment variable or a configuration file that cannot be understood.
+    Raises UsageError for an environment variable or a configuration file that cannot be understood. With `urgent` they
+    are passed over, each with its error in the meta under PASSED_OVER, where the command line says which device it is.
     """
     given: dict[str, Any] = ctx.meta.get(GIVEN, {})
     chosen = _Chosen()
@@ -204,16 +209,24 @@ def resolve(ctx: click.Context, wires: Sequence[str] = (), device: str = "") -> 
     if device:
         chosen.values["device"], chosen.sources["device"] = device, COMMAND_LINE
     options = lasting_options(wires)
-    _take_environment(ctx, chosen, options)
+    passed: list[UsageError] = ctx.meta.setdefault(PASSED_OVER, [])
+    _take_environment(ctx, chosen, options, passed if urgent else None)
     command = " ".join(ctx.command_path.split()[1:])
     if command != WITHOUT_FILE:
-        _from_file(chosen, options, with_device=command not in WITHOUT_DEVICE)
+        try:
+            _from_file(chosen, options, with_device=command not in WITHOUT_DEVICE)
+        except UsageError as exc:
+            if not urgent or not chosen.linked:
+                raise
+            passed.append(exc)
     ctx.meta[SOURCES] = chosen.sources
     return Settings(**chosen.values)
 
 
-def _take_environment(ctx: click.Context, chosen: _Chosen, options: Sequence[SharedOption]) -> None:
-    """What the environment says where the command line does not."""
+def _take_environment(
+    ctx: click.Context, chosen: _Chosen, options: Sequence[SharedOption], passed: list[UsageError] | None
+) -> None:
+    """What the environment says where the command line does not; what makes no sense goes to `passed`, if there is one."""
     linked = chosen.linked
     found: dict[str, tuple[SharedOption, Any]] = {}
     for option in options:
@@ -221,7 +234,13 @@ def _take_environment(ctx: click.Context, chosen: _Chosen, options: Sequence[Sha
         text = os.environ.get(variable)
         if not text or option.key in chosen.values or (linked and option.key in ("device", "port", "fake")):
             continue
-        value = _from_environment(ctx, option, text)
+        try:
+            value = _from_environment(ctx, option, text)
+        except UsageError as exc:
+            if passed is None:
+                raise
+            passed.append(exc)
+            continue
         if option.fixed is None or value:
             found[variable] = option, value if option.fixed is None else option.fixed
     _refuse_pairs({name: option.key for name, (option, value) in found.items() if value}, "environment")

@@ -24,9 +24,11 @@ from handctl.ledger import honest
 from handctl.options import COMMAND_LINE, ENVIRONMENT, FILE, SOURCES, Settings, Source, config_path, from_click
 
 if TYPE_CHECKING:
+    from contextlib import AbstractContextManager
+
+    from handctl.holding import Hold
     from handctl.ledger import Ledger
     from handctl.link import Link
-    from handctl.link.lock import Lock
     from handctl.link.tracefile import TraceFile
     from handctl.param import Step
     from handctl.result import Message, Table
@@ -49,10 +51,12 @@ class Run:
         self.live = False
         self.streams = bool(getattr(ctx.command, "streams", False))
         self.sources: dict[str, Source] = ctx.meta.get(SOURCES, {})
-        self._writes = bool(getattr(ctx.command, "writes", False))
+        self.meta = ctx.meta
+        self.writes = bool(getattr(ctx.command, "writes", False))
+        self.stops = bool(getattr(ctx.command, "stops", False))
         self._held: list[Message] = []
         self._link: Link | None = None
-        self._lock: Lock | None = None
+        self.hold: Hold | None = None
         self._trace: TraceFile | None = None
         self._device: Any = None
         self._inputs, self._outputs = files_of(ctx)
@@ -63,7 +67,7 @@ class Run:
         """The device behind the link; opens it on first use. Raises UsageError, LinkError."""
         if self._device is None:
             assert self.family is not None
-            settings = self.settings._replace(interrupt=self.settings.interrupt or self._writes)
+            settings = self.settings._replace(interrupt=self.settings.interrupt or self.writes)
             self._device = self.family.open(self.open_link(), settings, self.journal)
         return self._device
 
@@ -77,8 +81,11 @@ class Run:
         can = self.settings.wire == "can" if port is None else is_can(port)
         return self.family.open(NoFrames() if can else NoLink(), self.settings, self.journal)
 
-    def open_link(self) -> Link:
-        """The link the user asked for, tapped when --trace or -v is given."""
+    def open_link(self, *, again: bool = False) -> Link:
+        """The link the user asked for, tapped when --trace or -v is given; `again` where it was lost."""
+        if again and self._link is not None:
+            self._link.close()
+            self._link = None
         if self._link is None:
             from handctl.link import open_link
 
@@ -86,18 +93,23 @@ class Run:
             name = self.link_name()
             tap = self._tap()
             baud = self.settings.baud or self.family.baud
-            if not name.startswith(("fake://", "replay:")):
-                from handctl.link.lock import hold
+            if self.hold is None:
+                from handctl.holding import Hold, lock_for
 
-                self._lock = hold(name, f"handctl {self.command}", self.family.tcp_port)
-            self._link = open_link(name, baud=baud, tap=tap, tcp_port=self.family.tcp_port)
-            if self._writes:
+                self.hold = Hold(self, lock_for(self, name))
+            link = open_link(name, baud=baud, tap=tap, tcp_port=self.family.tcp_port, exclusive=not self.stops)
+            if self.writes:
                 from handctl.link.tap import observed
 
-                self._link = observed(self._link, self.ledger)
-            if self._lock is not None:
-                self._link.held += self._lock.descriptors
+                link = observed(link, self.ledger)
+            self._link = self.hold.around(link)
         return self._link
+
+    def stop_key(self) -> AbstractContextManager[bool]:
+        """While it lasts a key on the terminal stops the device; whether there is one."""
+        from handctl.holding import stop_key
+
+        return stop_key(self.hold)
 
     def link_name(self) -> str:
         """The LINK: --port, or the simulator for --fake. Raises UsageError when neither is given; never picks one."""
@@ -132,7 +144,7 @@ class Run:
     def ledger(self) -> Ledger:
         """What this command means to write and what came of it."""
         ledger = self.journal.ledger
-        if self._writes and ledger.words is None and self.family is not None:
+        if self.writes and ledger.words is None and self.family is not None:
             from functools import partial
 
             from handctl.families import WRITES
@@ -220,7 +232,7 @@ class Run:
         """Run the body, show its table while the link is open, close, and raise what went wrong."""
         failure: HandctlError | None = None
         table: Table | None = None
-        end_on_signals(suspend=self._writes)
+        end_on_signals(suspend=self.writes)
         try:
             self._check_named_device()
             self._check_files()
@@ -247,6 +259,9 @@ class Run:
     def _wind_up(self, table: Table | None, failure: HandctlError | None) -> HandctlError | None:
         """Close, then show; a Ctrl-C meanwhile changes neither the result nor the exit code, unless nobody reads it."""
         finish_on_signals()
+        if self.hold is not None:
+            self.hold.finish()
+            failure = self.hold.stopped or failure
         try:
             failure = self._close(failure)
         except KeyboardInterrupt:
@@ -283,7 +298,7 @@ class Run:
     def _check_output(self) -> None:
         """Raise OutputError now when -o cannot be written, not when the device has been served."""
         path = self.settings.output
-        if path and (why := why_unwritable(path)):
+        if path and not self.stops and (why := why_unwritable(path)):
             raise OutputError(f"{path}: cannot be written: {why}", hint="nothing was sent; name another place for -o")
 
     def _check_named_device(self) -> None:
@@ -294,7 +309,7 @@ class Run:
         if self.settings.kind is None or source is None or source.level != ENVIRONMENT:
             return
         text = f"{source.where} takes the place of the port of {self.settings.device}"
-        if self._writes and not self.settings.dry_run:
+        if self.writes and not self.settings.dry_run:
             raise UsageError(
                 f"{text}: which device is meant?", hint=f"unset {source.where}, or leave out -d", code="two-devices"
             )
@@ -376,8 +391,8 @@ class Run:
         finally:
             if self._trace is not None:
                 self._trace.close()
-            if self._lock is not None:
-                self._lock.release()
+            if self.hold is not None:
+                self.hold.release()
         return failure or self._trace_failure
 
     def _tap(self) -> Any:
@@ -387,7 +402,13 @@ class Run:
         from handctl.link.tracefile import TraceFile
 
         header = f"handctl {__version__} {self.command}, {self.link_name()}"
-        self._trace = TraceFile(self.settings.trace, header, self.settings.verbose)
+        try:
+            self._trace = TraceFile(self.settings.trace, header, self.settings.verbose)
+        except HandctlError as exc:
+            if not self.stops:
+                raise
+            self.journal.warn("trace", exc.text)
+            return None
         return Tap(self._trace.write)
 
     @property
@@ -398,8 +419,9 @@ class Run:
 
     def envelope(self, failure: HandctlError | None, extra: dict[str, Any] | None = None) -> dict[str, Any]:
         """The JSON envelope without rows (cli contract, section 4)."""
-        failure = failure or self._trace_failure
-        more = {**(extra or {}), **({"writes": self.ledger.rows()} if self._writes and self.family is not None else {})}
+        stopped = self.hold.stopped if self.hold is not None else None
+        failure = stopped or failure or self._trace_failure
+        more = {**(extra or {}), **({"writes": self.ledger.rows()} if self.writes and self.family is not None else {})}
         return make_envelope(
             self.command, failure, self._device_row(), self.journal.messages, self.journal.counters.as_row(), more
         )

@@ -82,21 +82,27 @@ def talk_of(kind: str, aim: Aim) -> Talk:
     return talk
 
 
-def unheard(talk: Talk) -> list[Step]:
-    """What a stop writes when nothing ever comes back, each once: for who cannot listen. Asks nothing, so it knows no place."""
+def unheard(talk: Talk, *, reads: bool = False) -> list[Step]:
+    """What a stop writes when nothing ever comes back, each once: for who cannot listen.
+
+    Questions are left out but with `reads`: a stop that needs their answers, as a wrist's, is [] then.
+    """
     steps: list[Step] = []
     try:
         say = next(talk)
         while True:
-            if not say.reads and say.step not in steps:
+            if (reads or not say.reads) and say.step not in steps:
                 steps.append(say.step)
             say = talk.send([])
     except StopIteration:
         return steps
 
 
-def drive(link: Link, talk: Talk, sent: list[Sent]) -> Stopped:
-    """Hold the talk over an open link. What was sent is appended to `sent`, also when LinkError ends it."""
+def drive(link: Link, talk: Talk, sent: list[Sent], before: Callable[[Step], object] = lambda _step: None) -> Stopped:
+    """Hold the talk over an open link. What was sent is appended to `sent`, also when LinkError ends it.
+
+    `before` is told of each step that is not a question.
+    """
     from handctl.link import FrameLink
 
     exchange = _frames if isinstance(link, FrameLink) else _bytes
@@ -105,6 +111,8 @@ def drive(link: Link, talk: Talk, sent: list[Sent]) -> Stopped:
         while True:
             pieces: Pieces = []
             place = len(sent)
+            if not say.reads:
+                before(say.step)
             try:
                 exchange(link, say, pieces, lambda say=say: sent.append(Sent(say.step, say.reads, b"")))  # type: ignore[arg-type, misc]
             finally:

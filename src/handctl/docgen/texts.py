@@ -124,6 +124,10 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
         ("handctl ports", "What is plugged in, who holds it, and what to do where it cannot be opened."),
         ("handctl ports --json", "The same for a script."),
     ),
+    "stop": (
+        ("handctl stop -p /dev/ttyUSB0", "Stop what another handctl moves there."),
+        ("handctl stop -d left", "Stop a device by its name, whoever has it."),
+    ),
     "scan": (("handctl scan -p /dev/ttyUSB0", "Which device answers there; only reads."),),
     "doctor": (("handctl doctor -p /dev/ttyUSB0", "Checks of this machine and of that link."),),
     "devices": (

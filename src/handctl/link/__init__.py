@@ -109,14 +109,26 @@ class Link(ABC):
         """Switch the device off and on. Only simulators can: False means the operator must."""
         return False
 
+    def fall_silent(self) -> None:
+        """From now on nothing goes out: who tries is interrupted. The device was stopped, and is to stay so."""
+        setattr(self, self._goes_out, _interrupt)  # in place of the method: a check in it would cost every write
+
+    _goes_out = ""
+    """Name of the method that sends."""
+
     @abstractmethod
     def close(self) -> None:
         """Release the link. May be called twice."""
 
 
+def _interrupt(*_: object) -> None:
+    raise KeyboardInterrupt
+
+
 class FrameLink(Link):
     """A CAN bus with a device on it. `error_frames` counts what the controller reported: nobody acknowledges, bus off."""
 
+    _goes_out = "send"
     error_frames: int = 0
 
     @abstractmethod
@@ -135,6 +147,7 @@ class ByteLink(Link):
     can_set_baud   whether `set_baud` reaches the device's line
     """
 
+    _goes_out = "write"
     baud: int | None = None
     can_set_baud: bool = False
 
@@ -187,14 +200,22 @@ class NoFrames(FrameLink):
         """Nothing to release."""
 
 
-def open_link(link: str, *, baud: int | None = None, tap: Tap | None = None, tcp_port: int | None = None) -> Link:
-    """Open `link` exclusively; `baud` in bit/s for serial ports, `tcp_port` for a tcp:// without a port of its own.
+def open_link(
+    link: str,
+    *,
+    baud: int | None = None,
+    tap: Tap | None = None,
+    tcp_port: int | None = None,
+    exclusive: bool = True,
+) -> Link:
+    """Open `link`; `baud` in bit/s for serial ports, `tcp_port` for a tcp:// without a port of its own.
 
-    With `tap`, everything that passes is recorded.
+    With `tap`, everything that passes is recorded. Not `exclusive` is for a stop only, which must go out although
+    another program has the port.
 
     Raises UsageError for a LINK that cannot be understood, LinkError for one that cannot be opened.
     """
-    opened = _open(link, baud, tcp_port)
+    opened = _open(link, baud, tcp_port, exclusive)
     return tap.around(opened) if tap is not None else opened
 
 
@@ -212,7 +233,7 @@ def is_can(link: str) -> bool:
     return link.startswith("can:") or (link.startswith("fake://") and "bus=can" in link.partition("?")[2].split("&"))
 
 
-def _open(link: str, baud: int | None, tcp_port: int | None) -> Link:
+def _open(link: str, baud: int | None, tcp_port: int | None, exclusive: bool) -> Link:
     # Imported on use: a fake or a TCP link must not pay for pyserial.
     if link.startswith("fake://") and is_can(link):
         from handctl.link.fake import FakeFrames
@@ -233,9 +254,9 @@ def _open(link: str, baud: int | None, tcp_port: int | None) -> Link:
     if link.startswith("can:"):
         from handctl.link.can import CanLink
 
-        return CanLink(link)
+        return CanLink(link, exclusive=exclusive)
     if not link:
         raise UsageError("the LINK is empty", hint="give a port, e.g. -p /dev/ttyUSB0, or --fake")
     from handctl.link.serial import open_serial
 
-    return open_serial(link, baud)
+    return open_serial(link, baud, exclusive=exclusive)

@@ -48,7 +48,7 @@ def split_link(link: str) -> tuple[str, str, dict[str, Any]]:
 class CanLink(FrameLink):
     """A bus of any python-can interface."""
 
-    def __init__(self, link: str) -> None:
+    def __init__(self, link: str, *, exclusive: bool = True) -> None:
         self.name = link
         interface, channel, options = split_link(link)
         if interface == "slcan":
@@ -60,7 +60,8 @@ class CanLink(FrameLink):
                 f"{link}: python-can has no interface {interface!r}",
                 hint=f"it has {', '.join(sorted(can.VALID_INTERFACES))}",
             )
-        self._lock = _lock(link, channel) if interface == "slcan" and channel.startswith("/dev/") else None
+        slcan = interface == "slcan" and channel.startswith("/dev/")
+        self._lock = _lock(link, channel) if slcan and exclusive else None
         try:
             self._bus = can.Bus(interface=interface, channel=channel, receive_own_messages=False, **options)
         except (TypeError, ValueError) as exc:

@@ -1,8 +1,8 @@
-"""One process at a time on a device: an advisory lock held while a link is open.
+"""One process at a time on a device: an advisory lock held while a link is open, and what is known of who holds it.
 
 The lock is an flock on a file of this user, so it ends with its process however that ends. The file tells who holds
-it. Two names of one place (a by-id link and /dev/ttyUSB0, a path below slcan or spy) are one lock. Knows no link's
-inside; where the system has no flock, there is no lock.
+it and what it does there. Two names of one place (a by-id link and /dev/ttyUSB0, a path below slcan or spy) are one
+lock. Knows no link's inside; where the system has no flock, there is no lock.
 """
 
 from __future__ import annotations
@@ -10,22 +10,70 @@ from __future__ import annotations
 import os
 import stat
 import time
+from typing import NamedTuple
 
 from handctl.errors import LinkError
 
 OURS = ("fake://", "replay:", "loop://")
 """Links that nobody else can reach."""
-NOBODY = "another handctl"
-"""The holder when the file names no process that lives."""
 LAST_STOP_SECONDS = 2.5
-"""How long such a lock is waited for: a command that was killed leaves it to the child that stops the device."""
+"""How long a lock whose file names no process that lives is waited for: a command that was killed leaves it to the child
+that stops the device."""
+
+
+class Holder(NamedTuple):
+    """Who has a device, as its lock file tells.
+
+    start   when the process began, as the system counts; "" where it does not tell
+    family  "" for a command that has none, as scan
+    writes  whether the command may write; one that reads stops nothing when it is ended
+    link    the LINK as it was given
+    """
+
+    pid: int
+    start: str
+    family: str
+    writes: bool
+    link: str
+    command: str
+
+    def __str__(self) -> str:
+        return f"`{self.command}` (pid {self.pid})"
+
+    @property
+    def line(self) -> str:
+        """As it stands in the lock file: fields with tabs between them."""
+        kind = "writes" if self.writes else "reads"
+        fields = (str(self.pid), self.start, self.family, kind, self.link, self.command)
+        return "\t".join(" ".join(field.split()) for field in fields) + "\n"
+
+
+class InUse(LinkError):
+    """The device is in use. `holder` is None where its file does not tell; `path` is the lock file."""
+
+    def __init__(self, link: str, holder: Holder | None, path: str, family: str) -> None:
+        who = str(holder) if holder is not None else "another handctl"
+        text = f"{link}: the device is in use by {who}"
+        super().__init__(text, hint=_way_out(link, holder, family), code="busy")
+        self.holder = holder
+        self.path = path
 
 
 class Lock:
-    """A held lock; `release` may be called twice."""
+    """A held lock; `release` may be called twice. `unrecorded` says why others cannot see who holds it."""
 
-    def __init__(self, descriptor: int) -> None:
+    def __init__(self, descriptor: int, path: str) -> None:
         self._descriptor = descriptor
+        self.path = path
+        self.unrecorded = ""
+
+    def record(self, holder: Holder) -> None:
+        """Tell who holds it. A full disk does not keep it from being held."""
+        try:
+            os.ftruncate(self._descriptor, 0)
+            os.pwrite(self._descriptor, holder.line.encode("utf-8", "replace"), 0)
+        except OSError as exc:
+            self.unrecorded = f"{self.path}: {exc.strerror or exc}"
 
     @property
     def descriptors(self) -> tuple[int, ...]:
@@ -36,14 +84,27 @@ class Lock:
         """Let others in. The file stays: taking it away would let two processes lock two files of one name."""
         descriptor, self._descriptor = self._descriptor, -1  # first: a Ctrl-C behind the close must not close it again
         if descriptor >= 0:
-            os.ftruncate(descriptor, 0)
-            os.close(descriptor)
+            try:
+                os.ftruncate(descriptor, 0)
+            except OSError:
+                pass  # who reads it finds a process that has gone
+            finally:
+                os.close(descriptor)
 
 
-def hold(link: str, command: str, tcp_port: int | None = None) -> Lock | None:
-    """Lock what `link` leads to; `command` is told to those who come second, `tcp_port` is that of a tcp:// without one.
+def hold(
+    link: str,
+    command: str,
+    tcp_port: int | None = None,
+    *,
+    family: str = "",
+    writes: bool = False,
+    patience: float | None = None,
+) -> Lock | None:
+    """Lock what `link` leads to; `command`, its `family` and whether it `writes` are told to those who come second.
 
-    None where there is nothing to lock. Raises LinkError (code "busy") naming the holder.
+    `tcp_port` is that of a tcp:// without one, `patience` the seconds for a dead holder's last stop. None where there is nothing to lock. Raises InUse naming the holder,
+    LinkError (code "no-lock") where no lock can be made.
     """
     if link.startswith(OURS):
         return None
@@ -51,28 +112,57 @@ def hold(link: str, command: str, tcp_port: int | None = None) -> Lock | None:
         import fcntl
     except ImportError:
         return None
-    descriptor = _open(_file_name(canonical(link, tcp_port)))
-    patience = time.monotonic() + LAST_STOP_SECONDS
+    descriptor, path = _open(_file_name(canonical(link, tcp_port)))
+    until = time.monotonic() + (LAST_STOP_SECONDS if patience is None else patience)
     while True:
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
             break
         except OSError as exc:
-            who, pid = _holder(descriptor)
-            if who == NOBODY and time.monotonic() < patience:
+            holder = _holder(descriptor)
+            if holder is None and time.monotonic() < until:
                 time.sleep(0.005)
                 continue
             os.close(descriptor)
-            raise LinkError(
-                f"{link}: the device is in use by {who}",
-                hint=f"wait for it, or end it: kill {pid} (it stops its device first)"
-                if pid
-                else "wait for it, then run the command again",
-                code="busy",
-            ) from exc
-    os.ftruncate(descriptor, 0)
-    os.pwrite(descriptor, f"{os.getpid()} {command}\n".encode(), 0)
-    return Lock(descriptor)
+            raise InUse(link, holder, path, family) from exc
+    lock = Lock(descriptor, path)
+    lock.record(Holder(os.getpid(), began(os.getpid()), family, writes, link, command))
+    return lock
+
+
+def last_holder(link: str) -> Holder | None:
+    """Who has, or had and did not let go, what `link` leads to; None where no lock file tells."""
+    for folder in _folders():
+        try:
+            descriptor = os.open(os.path.join(folder, _file_name(canonical(link))), os.O_RDONLY | os.O_NOFOLLOW)
+        except OSError:
+            continue
+        try:
+            if os.fstat(descriptor).st_uid == os.getuid() and (found := _read(descriptor)) is not None:
+                return found
+        finally:
+            os.close(descriptor)
+    return None
+
+
+def began(pid: int) -> str:
+    """When a process began, in ticks since the system did; with its number it names one process for good. "" if unknown."""
+    return _stat(pid)[1]
+
+
+def sleeps(pid: int) -> bool:
+    """Whether a process has been stopped (SIGSTOP, Ctrl-Z): it cannot answer."""
+    return _stat(pid)[0] in ("T", "t")
+
+
+def _stat(pid: int) -> tuple[str, str]:
+    """State and start of a process."""
+    try:
+        with open(f"/proc/{pid}/stat", "rb") as file:
+            words = file.read().rpartition(b")")[2].split()
+        return words[0].decode(), words[19].decode()
+    except (OSError, IndexError):
+        return "", ""
 
 
 def canonical(link: str, tcp_port: int | None = None) -> str:
@@ -116,15 +206,16 @@ def _folders() -> list[str]:
     return [*found, os.path.join(os.environ.get("TMPDIR") or "/tmp", f"handctl-{user}")]  # noqa: S108 - made 0700, checked
 
 
-def _open(name: str) -> int:
+def _open(name: str) -> tuple[int, str]:
     problem: OSError | None = None
     for folder in _folders():
+        path = os.path.join(folder, name)
         try:
             if not os.path.isdir(folder):
                 os.mkdir(folder, 0o700)
             if os.stat(folder).st_uid != os.getuid():
                 continue  # somebody else's: not to be trusted
-            return os.open(os.path.join(folder, name), os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600)
+            return os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600), path
         except FileExistsError:
             continue
         except OSError as exc:
@@ -137,13 +228,34 @@ def _open(name: str) -> int:
     ) from problem
 
 
-def _holder(descriptor: int) -> tuple[str, str]:
-    """Who wrote into the lock file: ("`handctl exo watch` (pid 4711)", "4711")."""
-    pid, _, command = os.pread(descriptor, 400, 0).decode("utf-8", "replace").strip().partition(" ")
+def _read(descriptor: int) -> Holder | None:
+    fields = os.pread(descriptor, 4096, 0).decode("utf-8", "replace").strip("\n").split("\t")
+    if len(fields) != 6 or not fields[0].isdecimal() or len(fields[0]) > 10:
+        return None
+    pid, start, family, kind, link, command = fields
+    return Holder(int(pid), start, family, kind == "writes", link, command)
+
+
+def _holder(descriptor: int) -> Holder | None:
+    """Who wrote into the lock file; None when it died, and its stop goes out, or has not written its own line yet."""
+    holder = _read(descriptor)
+    if holder is None or _stat(holder.pid)[0] == "Z":
+        return None
     try:
-        os.kill(int(pid), 0)
-    except (ValueError, OverflowError, ProcessLookupError):
-        return NOBODY, ""  # it died, and its stop goes out; or it has not written its own line yet
+        os.kill(holder.pid, 0)
     except PermissionError:
-        return f"`{command}` (pid {pid})", ""
-    return f"`{command}` (pid {pid})", pid
+        return holder
+    except (OverflowError, ProcessLookupError):
+        return None
+    return holder if holder.start in ("", began(holder.pid)) else None
+
+
+def _way_out(link: str, holder: Holder | None, family: str) -> str:
+    """What can be done about a device in use, as far as it is true of this holder."""
+    kind = (holder.family if holder is not None else "") or family
+    stops = f"`handctl {f'{kind} ' if kind else ''}stop -p {link}` stops the device and ends that command"
+    if holder is None:
+        return f"wait for it, or: {stops}"
+    if holder.writes:
+        return f"wait for it, or: {stops}; kill {holder.pid} ends it as its Ctrl-C does"
+    return f"wait for it, or: {stops}; it only reads: kill {holder.pid} ends it and stops nothing on the device"

@@ -26,10 +26,10 @@ REMOTE_SECONDS = 0.01
 drops what arrives meanwhile. It has no time limit for writing either."""
 
 
-def open_serial(link: str, baud: int | None) -> ByteLink:
+def open_serial(link: str, baud: int | None, *, exclusive: bool = True) -> ByteLink:
     """Open a port by name, `usb:VID:PID[:SERIAL]`, or pyserial URL. Raises UsageError, LinkError."""
     device = find_usb(link) if link.startswith("usb:") else link
-    return SerialLink(link, device, baud or 115200)
+    return SerialLink(link, device, baud or 115200, exclusive=exclusive)
 
 
 def find_usb(link: str) -> str:
@@ -78,19 +78,19 @@ class SerialLink(ByteLink):
 
     can_set_baud = True
 
-    def __init__(self, link: str, device: str, baud: int) -> None:
+    def __init__(self, link: str, device: str, baud: int, *, exclusive: bool = True) -> None:
         self.name = link
         self.baud = baud
         self._device = device
         is_url = "://" in device
-        if not is_url:
+        if not is_url and exclusive:
             _refuse_if_held(link, device)
         try:
             options: dict[str, Any] = {"baudrate": baud, "timeout": 0, "write_timeout": WRITE_SECONDS}
             if device.startswith("rfc2217://"):
                 options = {"baudrate": baud, "timeout": REMOTE_SECONDS}
             elif not is_url:
-                options["exclusive"] = True
+                options["exclusive"] = exclusive
             self._port = serial.serial_for_url(device, **options)
         except (serial.SerialException, OSError) as exc:
             raise _cannot_open(link, device, exc) from exc

@@ -192,6 +192,7 @@ def control(path: str, command: tuple[str, ...]) -> None:
     power off | power on
     fault NAME[,NAME]      these faults from now on; 'fault none' ends them
     requests               how many requests the device understood
+    heard                  what clients sent since the last time, with the moment (monotonic clock)
     help                   these and the commands of the device
     """
     from handctl.sim import serve

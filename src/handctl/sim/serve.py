@@ -15,6 +15,7 @@ import socket
 import stat
 import sys
 import time
+from collections import deque
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from types import FrameType, TracebackType
@@ -25,6 +26,7 @@ from handctl.sim.ports import Port, PtyPort, ServeError, TcpPort
 __all__ = ["ControlPort", "ServeError", "Served", "send_control", "serve_pty", "serve_tcp"]
 
 SPIN = 0.0003  # s before an event that are waited for busily: select alone wakes up to 0.1 ms late
+REMEMBERED = 256  # chunks of a client's bytes that the control command `heard` tells
 UNREAD = 65536  # bytes kept for a client that does not read; what comes beyond is lost, as on a serial line
 
 
@@ -54,10 +56,14 @@ class Served(Protocol):
 
 
 class ControlPort:
-    """A Unix socket beside the line: one command a line, one answer a line ("ok …" or "error …")."""
+    """A Unix socket beside the line: one command a line, one answer a line ("ok …" or "error …").
+
+    Of every device it knows `heard`: what clients have sent since the last time, with the moments.
+    """
 
     def __init__(self, path: str) -> None:
         self.path = path
+        self._heard: deque[tuple[float, bytes]] = deque(maxlen=REMEMBERED)
         self._clients: dict[int, tuple[socket.socket, bytearray]] = {}
         self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         try:
@@ -89,7 +95,9 @@ class ControlPort:
             while b"\n" in text:
                 command, _, rest = bytes(text).partition(b"\n")
                 text[:] = rest
-                client.send(_answer(line, command.decode("utf-8", "replace")).encode() + b"\n")
+                text_of = command.decode("utf-8", "replace")
+                answer = self._tell() if text_of.strip() == "heard" else _answer(line, text_of)
+                client.send(answer.encode() + b"\n")
         except BlockingIOError:
             return
         except OSError:
@@ -97,6 +105,15 @@ class ControlPort:
         if not data or len(text) > 4096:
             del self._clients[descriptor]
             client.close()
+
+    def note(self, data: bytes) -> None:
+        """A client has sent this, now."""
+        self._heard.append((time.monotonic(), data))
+
+    def _tell(self) -> str:
+        told = [[round(moment, 6), data.hex()] for moment, data in self._heard]
+        self._heard.clear()
+        return f"ok {json.dumps(told)}"
 
     def close(self) -> None:
         for client, _ in self._clients.values():
@@ -224,6 +241,8 @@ def _loop(line: Served, port: Port, panel: ControlPort | None, signals: _Signals
             line.reconnect()
             unsent.clear()
         elif data:
+            if panel is not None:
+                panel.note(data)
             line.feed(data)
 
 

@@ -114,16 +114,6 @@ def initial(run: Run, assume_homed: bool) -> Table:
     return homing.initial(run.device(), run.guide, assume_homed=assume_homed)
 
 
-@cli.verb("stop", writes=True)
-def stop(run: Run) -> Table:
-    """Motor power off, at once, without a question. The fingers move freely, a held object falls."""
-    from handctl.devices.aidin import stop as stopping
-
-    if run.settings.dry_run:
-        return run.dry_run([_step(run, f"stop, sent {stopping.STOPS} times", Mode.STOP)])
-    return stopping.stop(run.device(), run.guide)
-
-
 @cli.verb("bias", writes=True)
 def bias(run: Run) -> Table:
     """Make the present sensor values 0. Touch nothing: a load present now is taken away from all later values."""

@@ -11,19 +11,15 @@ from contextlib import contextmanager, suppress
 from handctl.devices.aidin.exchange import PERIOD
 from handctl.devices.aidin.feedback import Feedback, Wire
 from handctl.devices.aidin.fields import AIDIN, Mode
-from handctl.devices.aidin.hand import AidinHand, reading
+from handctl.devices.aidin.hand import AidinHand
 from handctl.devices.aidin.messages import Out, encode
-from handctl.errors import CheckFailed, HandctlError, Interrupted, LinkError
+from handctl.devices.aidin.stopper import NO_CURRENT
+from handctl.devices.aidin.stopper import TIMES as STOPS
+from handctl.errors import HandctlError, Interrupted, LinkError
 from handctl.guide import Guide
 from handctl.link.deadman import Shot, guarding
-from handctl.param import Step, elements_of
-from handctl.result import Table
+from handctl.param import Step
 
-STOPS = 3
-CONFIRM = 1.2
-"""Seconds for the currents to vanish; also a slow stream has spoken by then."""
-NO_CURRENT = 20
-"""2 % of 1000."""
 CURRENT_STATE = AIDIN["current_state"]
 
 
@@ -37,68 +33,12 @@ def step_of(meaning: str, data: bytes, end: bytes) -> Step:
     return Step(f"{meaning}: {data.decode()}", data + end, moves=True)
 
 
-def stop(hand: AidinHand, guide: Guide) -> Table:
-    """Motor power off, at once: sent before anything else, repeated until the currents are near 0.
-
-    Where no current was seen to vanish, a message says that feedback proves nothing.
-    Raises NoAnswer when the hand says nothing, CheckFailed when currents stay. Damaged feedback, --deadline and Ctrl-C do
-    not keep it from being sent.
-    """
-    with _halting(hand, guide, ""):
-        try:
-            told, flowed = _until_still(hand)
-        except HandctlError as exc:
-            raise stopped(hand, exc) from exc
-    if told is None or _flow(told):
-        raise _not_confirmed(hand, told)
-    if not flowed:
-        hand.journal.info(
-            "idle",
-            "stop was sent; no current was seen to vanish, because none flowed when the hand was heard first: "
-            "feedback does not show that the motors are off",
-            "if in doubt, switch the power off",
-        )
-    return hand.table([reading(element, told) for element in elements_of(CURRENT_STATE)])
-
-
-def _until_still(hand: AidinHand) -> tuple[Wire | None, bool]:
-    """Repeat the stop mode until no current flows, 1.2 s at most; the currents told last, and whether any was seen before."""
-    talk, data, flowed = hand.talk, object_of(Mode.STOP), False
-    for _ in range(STOPS):
-        talk.tick(data, blind=True)
-        flowed = flowed or _flow(_currents(talk.feedback))
-    talk.feedback = Feedback()
-    end = hand.link.deadline(CONFIRM)
-    while (told := _currents(talk.feedback)) is None or _flow(told):
-        flowed = flowed or _flow(told)
-        if end.expired:
-            break
-        talk.tick(data, blind=True)
-    return told, flowed
-
-
 def _flow(told: Wire | None) -> bool:
     return told is not None and max(map(abs, told)) > NO_CURRENT
 
 
 def _currents(feedback: Feedback) -> Wire | None:
     return None if CURRENT_STATE.key in feedback.errors else feedback.values.get(CURRENT_STATE.key)
-
-
-def _not_confirmed(hand: AidinHand, told: Wire | None) -> HandctlError:
-    hint = "watch the hand; switch its power off if it still moves"
-    name, talk = hand.link.name, hand.talk
-    if told is not None:
-        text = f"{name}: stop was sent, but currents up to {max(map(abs, told))} flow"
-        return CheckFailed(text, hint=hint, code="not-stopped")
-    found = (
-        talk.named(CURRENT_STATE, talk.feedback.result(CURRENT_STATE.key))
-        if talk.feedback.seen
-        else talk.nothing_came()
-    )
-    error = found if isinstance(found, HandctlError) else talk.nothing_came()
-    text = f"stop was sent again and again for {CONFIRM:g} s and is not confirmed"
-    return type(error)(f"{error.text}; {text}", hint=hint, code=error.code)
 
 
 def send_stop(hand: AidinHand) -> None:

@@ -35,6 +35,8 @@ OFF = (
 ON = "Now switch the power supply ON; the download begins by itself."
 CYCLE = "Switch the power supply OFF, wait 5 seconds, switch it ON."
 HALF = "the firmware in the hand is incomplete: switch the hand off, do not move it, and load the whole file again"
+DOWNLOADS = "a firmware download runs: the boot monitor moves nothing, and would take a stop for firmware"
+"""Why nobody else can have the device stopped meanwhile."""
 
 
 class Download(NamedTuple):
@@ -161,6 +163,7 @@ class Loader:
         start = link.now()
         told = 0
         self.hand.line.bound = None  # once begun it is finished: half a firmware is none
+        self._guide.unstoppable = DOWNLOADS
         with self._guide.counting() as presses:
             warned = 0
             for number, record in enumerate(self.firmware.records):
@@ -174,6 +177,7 @@ class Loader:
                 told = self._tell(told, link.now() - start)
                 if number == 0:
                     self._judge_pace()
+        self._guide.unstoppable = ""
         self._guide.done()
         self._guide.say(f"{self._sent} bytes sent and echoed in {link.now() - start:.1f} s")
 

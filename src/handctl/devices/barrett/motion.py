@@ -6,7 +6,7 @@ A supervisory movement blocks the line: no position can be read while it runs. ^
 from __future__ import annotations
 
 from handctl.devices.barrett.hand import BarrettHand
-from handctl.devices.barrett.language import MOTORS, Answer, explain_status, motors_of
+from handctl.devices.barrett.language import MOTORS, Answer, explain_status
 from handctl.devices.barrett.parameters import BARRETT, GclParam
 from handctl.errors import HandctlError, Interrupted, NoAnswer, ProtocolError, UsageError
 from handctl.guide import Guide
@@ -207,24 +207,18 @@ def how_it_ended(name: str, now: dict[str, int], goal: int | None, status: int) 
     return "stalled short of the target" if goal is not None else "ended"
 
 
-def stop(hand: BarrettHand, prefix: str) -> Table:
-    """T: motor power off for the selected motors. It works although it may answer 4 for one that is not initialised."""
+def power_off(hand: BarrettHand, prefix: str) -> str:
+    """T for the motors of `prefix`, at whatever speed the hand is found; what it answered. Raises what speaks against it.
+
+    It works although it may answer 4 for a motor that is not initialised.
+    """
     answer = hand.line.ask(f"{prefix}T")
     error = hand.objection(answer)
     if error is not None and (not answer.status or answer.status & ~5):
         error.hint = f"the motors may still have power: if they must not, switch the supply off; {error.hint}"
         raise error
-    if answer.status:
-        hand.journal.info(
-            "status", f"{prefix}T answered {answer.status} ({explain_status(answer.status)}): power is off all the same"
-        )
-    return Table(
-        rows=[
-            {"name": "power", "parameter": "T", "motor": motor, "value": "off", "unit": None}
-            for motor in motors_of(prefix)
-        ],
-        columns=(Column("motor", "Motor"), Column("value", "Power")),
-    )
+    status = f" (status {answer.status}: {explain_status(answer.status)})" if answer.status else ""
+    return f"the hand was found, ^C was sent to it; {prefix}T was acknowledged{status}: motor power is off"
 
 
 def halt(hand: BarrettHand, *, tell_positions: bool = True) -> str:

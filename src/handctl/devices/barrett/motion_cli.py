@@ -64,16 +64,24 @@ def add_movements(group: Group) -> None:
     for name, gcl_name, doc, argument in MOVEMENTS:
         _movement(group, name, gcl_name, doc, argument)
 
-    @group.verb("stop", writes=True)
+    @group.verb("stop", writes=True, stops=True)
     @MOTORS_OPTION
     def stop(run: Run, motors: str | None) -> Table:
-        """Motor power off (T), also for motors that are not initialized."""
+        """Stop the hand at once, also while another handctl has it: ^C ends any movement, T takes the motors' power.
+
+        Asks nothing. ^C stops all motors; --motors chooses whose power is taken.
+        """
+        from handctl import emergency
         from handctl.devices.barrett import motion
+        from handctl.devices.barrett.stopper import power_off
+        from handctl.stopping import Aim
 
         prefix = prefix_of(motors)
-        if run.settings.dry_run:
-            return run.dry_run([step_of(f"{prefix}T")])
-        return motion.stop(run.device(), prefix)
+        return emergency.stop(
+            run,
+            lambda: power_off(Aim(run.settings), prefix),
+            otherwise=lambda hand: motion.power_off(hand, prefix),
+        )
 
 
 def _movement(group: Group, name: str, gcl_name: str, doc: str, argument: str) -> None:

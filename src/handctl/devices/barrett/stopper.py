@@ -16,8 +16,8 @@ FIRST, BETWEEN, LAST = 0.15, 0.02, 0.5
 """Seconds for the prompt behind the first ^C, behind the next ones, and behind the last: a movement needs time to end."""
 SWALLOWED = 8
 POWER_OFF = 1.0
-HARMLESS = 4 | 16384
-"""Statuses with which T works: a motor was never initialized, ^C was received."""
+HARMLESS = 1 | 4 | 16384
+"""Statuses with which T works: a motor was never initialized (printed as 1 in §5.2.1), ^C was received."""
 
 
 def stopping(aim: Aim) -> Talk:

@@ -45,7 +45,7 @@ def preparation_steps() -> list[Step]:
 def prepare(hand: BarrettHand, guide: Guide) -> None:
     """Initialize, free the spread, open the fingers. Raises what the hand refuses, Interrupted after Ctrl-C."""
     _raise_failure(motion.move(hand, "", "HI", None, guide))
-    motion.stop(hand, "4")
+    motion.power_off(hand, "4")
     _raise_failure(motion.move(hand, "123", "O", None, guide))
 
 

@@ -25,7 +25,11 @@ POWER = "switch the power off if it still moves"
 
 
 def stopping(aim: Aim) -> Talk:
-    """The stop of what answers: a wrist, or the exoskeleton hand that was taken for one."""
+    """The stop of what answers: a wrist, or the exoskeleton hand that was taken for one.
+
+    A force frame is a write to a wrist, and the hand that carries one answers as an exoskeleton hand does: that is asked
+    for only when the wrist has been silent for long enough.
+    """
     from handctl.devices.inspire import exo_stopper
 
     settings, can = aim.settings, aim.can
@@ -34,9 +38,9 @@ def stopping(aim: Aim) -> Talk:
         angles = yield from where(number, can, QUICK if count == 0 else settings.timeout or PATIENCE / 2)
         if angles is not None:
             return (yield from hold(number, can, *angles))
-        if count == 0 and not can and (yield from exo_stopper.answers(number)):
-            stopped = yield from exo_stopper.release(number, settings.timeout)
-            return stopped._replace(text=f"no wrist answers here, but an exoskeleton hand does: {stopped.text}")
+    if not can and (yield from exo_stopper.answers(number)):
+        stopped = yield from exo_stopper.release(number, settings.timeout)
+        return stopped._replace(text=f"no wrist answers here, but an exoskeleton hand does: {stopped.text}")
     return Stopped(
         "the wrist does not tell its angles, so nothing could be commanded",
         f"{POWER}; check id, wire and power with `handctl wrist scan`",

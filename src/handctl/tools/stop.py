@@ -1,0 +1,54 @@
+"""`handctl stop`: stop a device at once, named by its LINK or its name. The family is told by the lock of who has it."""
+
+from __future__ import annotations
+
+import importlib
+
+import click
+
+from handctl.clikit import Command
+from handctl.errors import UsageError
+from handctl.families import FAMILIES
+from handctl.result import Table
+from handctl.run import Run
+
+
+@click.command("stop", cls=Command, writes=True, stops=True)
+@click.pass_obj
+def cli(run: Run) -> Table:
+    """Stop a device at once, also while another handctl has it: -p LINK or -d NAME. Asks nothing.
+
+    Which family it is of is told by its name, or by the lock of the handctl that has it or had it last and was killed.
+    Elsewhere `handctl FAMILY stop` stops it. Exit 130 in the other handctl.
+    """
+    from handctl import emergency
+
+    kind = _kind(run)
+    run.family = importlib.import_module(FAMILIES[kind][0]).cli.family
+    return emergency.stop(run)
+
+
+def _kind(run: Run) -> str:
+    """The family of the device that was named. Raises UsageError where nothing tells it."""
+    settings = run.settings
+    if settings.kind is not None:
+        return settings.kind
+    if settings.port is None:
+        raise UsageError(
+            "which device is to be stopped?",
+            hint="-p LINK or -d NAME (see `handctl devices list`); `handctl FAMILY stop --fake` stops a simulated one",
+            code="no-link",
+        )
+    if settings.port.startswith("fake://"):
+        return settings.port.removeprefix("fake://").partition("?")[0]
+    from handctl.link.lock import last_holder
+
+    holder = last_holder(settings.port)
+    if holder is not None and holder.family in FAMILIES:
+        return holder.family
+    families = ", ".join(FAMILIES)
+    raise UsageError(
+        f"{settings.port}: no handctl has it, so nothing tells which family it is of",
+        hint=f"`handctl FAMILY stop -p {settings.port}` stops it at once; FAMILY is {families}",
+        code="no-family",
+    )

@@ -1,0 +1,321 @@
+"""`stop` reaches every device: from here, through who holds it, past who sleeps, and without disk, lock or configuration.
+
+Generated over the registry: a family without a stop that its simulator hears fails here.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from handctl.families import FAMILIES, STOPPERS
+from handctl.link import lock
+from handctl.options import Settings
+from handctl.stopping import Aim, talk_of, unheard
+from tests.cli_support import run, wait_until
+from tests.stop_support import HOW, Stand
+
+HOLDER = 0.1
+"""Seconds that asking a holder may add to the command's own time."""
+STUCK = 0.5
+"""Seconds that a holder which does not answer may add."""
+TRIES = 4
+"""A busy machine may delay one try; the fastest counts."""
+
+MakeStand = Callable[..., Stand]
+
+
+@pytest.fixture
+def stand(tmp_path: Path) -> Iterator[MakeStand]:
+    made: list[Stand] = []
+
+    def make(family: str, *more: str) -> Stand:
+        folder = tmp_path / f"{family}{len(made)}"
+        folder.mkdir()
+        made.append(Stand(family, folder, *more))
+        return made[-1]
+
+    yield make
+    for one in made:
+        one.close()
+
+
+# -- the registry ------------------------------------------------------------------------------------------------------
+
+
+def test_every_family_has_a_stop() -> None:
+    assert set(STOPPERS) == set(FAMILIES) == set(HOW)
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_a_stop_that_nobody_answers_ends_and_claims_nothing(family: str) -> None:
+    talk = talk_of(family, Aim(Settings()))
+    ended = None
+    say = next(talk)
+    seconds = 0.0
+    for _ in range(200):
+        seconds += say.seconds
+        try:
+            say = talk.send([])
+        except StopIteration as end:
+            ended = end.value
+            break
+    assert ended is not None and ended.error is not None and ended.error.exit_code == 4, ended
+    assert seconds < 3, "it takes longer than anybody waits"
+    for step in unheard(talk_of(family, Aim(Settings()))):
+        assert step.moves and step.meaning
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_a_stopper_is_light(family: str) -> None:
+    """It may be imported in the middle of anything: nothing beside its codec."""
+    text = f"import sys, {STOPPERS[family]}\nprint(' '.join(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, check=True)
+    assert not {"rich", "serial", "can", "click", "crcmod", "socket"} & set(done.stdout.split())
+
+
+# -- from here, and through who holds it -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_stop_with_and_without_a_holder_and_past_one_that_sleeps(family: str, stand: MakeStand) -> None:
+    """The bytes are at the device in the command's own time, + 100 ms through a holder, + 500 ms past a stuck one."""
+    place = stand(family)
+    alone, asked, stuck = [], [], []
+    for _ in range(TRIES):
+        result, seconds = place.stop()
+        assert result.code == 0, result
+        assert [row["bytes"] for row in result.rows if not row["reads"]], result
+        alone.append(seconds)
+        if family == "barrett":  # as somebody who calls for help would see it: the speed is found already
+            assert place.stop(family, "stop")[0].code == 0
+
+        holder = place.hold()
+        result, seconds = place.stop()
+        asked.append(seconds)
+        assert (result.code, holder.wait(10)) == (0, 130), result
+        assert "asked" in result.codes() and str(holder.pid) in result.out
+        assert holder.stderr is not None and b"as another handctl asked for it" in holder.stderr.read()
+
+        holder = place.hold()
+        os.kill(holder.pid, signal.SIGSTOP)
+        wait_until(lambda holder=holder: lock.sleeps(holder.pid))  # type: ignore[misc]
+        result, seconds = place.stop()
+        stuck.append(seconds)
+        assert (result.code, holder.wait(10)) == (0, -signal.SIGKILL), result
+        assert "ended" in result.codes() and str(holder.pid) in result.out
+        if min(asked) <= min(alone) + HOLDER and min(stuck) <= min(alone) + STUCK:
+            break
+    assert min(asked) <= min(alone) + HOLDER, (alone, asked)
+    assert min(stuck) <= min(alone) + STUCK, (alone, stuck)
+
+
+DRIVES = [(family, words, first) for family, how in HOW.items() for words, first in how.drives]
+
+
+@pytest.mark.parametrize(("family", "words", "first"), DRIVES, ids=[f"{f}-{w[0]}" for f, w, _ in DRIVES])
+def test_stop_goes_ahead_of_what_drives(family: str, words: tuple[str, ...], first: bytes, stand: MakeStand) -> None:
+    """What drives ends with 130, and sends nothing but stops behind the stop."""
+    place = stand(family)
+    if words[0] == "close":
+        assert run("barrett", "set", "MCV.F1=16", "--force", "-p", place.link, env=place.environment).code == 0
+    holder = place.hold(*words, until=first)
+    silent = words[0] == "calibrate"  # it answers nothing meanwhile, and is sent its stop all the same
+    if silent:
+        place.how = place.how._replace(stop=place.how.stop[:1])
+    result, _ = place.stop()
+    told = holder.wait(10), holder.stderr and holder.stderr.read()
+    assert (result.code, told[0]) == (4 if silent else 0, 130), (result, told)
+    assert "asked" in result.codes(), result
+    assert place.heard() == [], "nothing behind it"
+
+
+@pytest.mark.parametrize("sleeps", [False, True])
+def test_currents_end_at_the_hand(sleeps: bool, stand: MakeStand) -> None:
+    """Seen by the hand itself: 200 was on a motor, 0 is."""
+    place = stand("aidin")
+    from tests.stop_support import send_control
+
+    def mode() -> str:
+        return send_control(str(place.panel), "state").split()[2]
+
+    words, first = HOW["aidin"].drives[0]
+    holder = place.hold(*words, until=first)
+    assert mode() == "41"
+    if sleeps:
+        os.kill(holder.pid, signal.SIGSTOP)
+    result, _ = place.stop()
+    assert result.code == 0 and mode() == "3", result
+    holder.wait(10)
+
+
+def test_two_stops_at_once(stand: MakeStand) -> None:
+    place = stand("exo")
+    holder = place.hold()
+    first = subprocess.Popen(
+        [sys.executable, "-m", "handctl", "exo", "stop", "-p", place.link],
+        env={**os.environ, **place.environment}, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+    )  # fmt: skip
+    result, _ = place.stop()
+    first.communicate(timeout=20)
+    assert (first.returncode, result.code, holder.wait(10)) == (0, 0, 130), result
+
+
+def test_a_holder_whose_reader_sleeps_is_stopped(stand: MakeStand) -> None:
+    """It is blocked in writing its rows: the wish reaches it all the same."""
+    place = stand("aidin")
+    reader, writer = os.pipe()
+    os.set_blocking(writer, True)
+    holder = subprocess.Popen(
+        [sys.executable, "-m", "handctl", "aidin", "watch", "--rate", "0", "--json", "-p", place.link],
+        env={**os.environ, **place.environment}, stdin=subprocess.DEVNULL, stdout=writer, stderr=subprocess.DEVNULL,
+    )  # fmt: skip
+    os.close(writer)
+    import select
+
+    assert select.select([reader], [], [], 10)[0]
+    wait_until(lambda: Path(f"/proc/{holder.pid}/wchan").read_text() in ("pipe_write", "anon_pipe_write", "0"))
+    result, _ = place.stop()
+    assert result.code == 0, result
+    os.close(reader)
+    holder.kill()
+    holder.wait(10)
+
+
+# -- a wrist is no exoskeleton hand ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("typed", "there"), [("exo", "wrist"), ("wrist", "exo")])
+def test_the_one_that_is_there_is_stopped(typed: str, there: str, stand: MakeStand) -> None:
+    """A force frame would be a write to a wrist: it gets the stop of a wrist, and the other way round."""
+    place = stand(there)
+    result, _ = place.stop(typed, "stop", "--json")
+    assert result.code == 0 and (f"a {there} answers" in result.out or "an exoskeleton hand does" in result.out), result
+    if there == "wrist":
+        heard = [bytes.fromhex(row["bytes"]) for row in result.rows]
+        assert not any(data[4:5] == b"\x31" and len(data) == 16 for data in heard), "no force frame"
+
+
+def test_a_hand_that_does_not_answer_is_sent_its_stop(stand: MakeStand) -> None:
+    place = stand("exo", "--fault", "silent")
+    place.how = place.how._replace(stop=(HOW["exo"].stop[0], bytes.fromhex("EB90010D12CE05FFFF")))
+    result, _ = place.stop()
+    assert result.code == 4, result
+    assert "sent" in result.error["text"] or "commanded" in result.error["text"]
+
+
+# -- bad places --------------------------------------------------------------------------------------------------------
+
+
+def full_disk() -> None:
+    """No file takes a byte."""
+    resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_a_full_disk_does_not_hold_up_a_stop(family: str, stand: MakeStand) -> None:
+    place = stand(family)
+    result, _ = place.stop(preexec_fn=full_disk)
+    assert result.code == 0, result
+    with open("/dev/full", "wb") as full:
+        result, _ = place.stop(stdout=full)
+    assert result.code == 1 and "cannot be written" in result.err, "sent first, then told"
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_no_folder_for_the_lock_is_a_warning(family: str, stand: MakeStand) -> None:
+    """Somebody else has made it before, or there is none: a stop goes out, other commands are refused."""
+    place = stand(family)
+    (place.runtime / "handctl").write_text("squatted")
+    result, _ = place.stop()
+    assert result.code == 0 and "no-lock" in result.codes(), result
+
+
+BROKEN = {"broken": "port = [", "unknown key": "colour = 1\n", "not utf-8": "\udcff"}
+
+
+@pytest.mark.parametrize("content", [*BROKEN.values(), None])
+def test_the_configuration_does_not_hold_up_a_stop(content: str | None, stand: MakeStand) -> None:
+    place = stand("exo")
+    path = place.folder / "config.toml"
+    if content is not None:
+        path.write_bytes(content.encode("utf-8", "surrogateescape"))
+    env = {"HANDCTL_CONFIG": str(path), "HANDCTL_BAUD": "fast", "HANDCTL_FORMAT": "pretty"}
+    result, _ = place.stop(env=env)
+    assert result.code == 0, result
+    messages = result.json["messages"]
+    assert any(str(path) in message["text"] for message in messages), messages
+    assert any("HANDCTL_BAUD" in message["text"] for message in messages), messages
+    other = run("exo", "get", "id", "-p", place.link, env={**place.environment, **env})
+    assert other.code == 2, "what reads says so before it begins"
+
+
+def test_neither_trace_nor_output_hold_up_a_stop(stand: MakeStand) -> None:
+    place = stand("exo")
+    result, _ = place.stop("exo", "stop", "--json", "--trace", "/nonexistent/t.txt")
+    assert result.code == 0 and "trace" in result.codes(), result
+    result, _ = place.stop("exo", "stop", "-o", "/nonexistent/o.txt")
+    assert result.code == 1 and "cannot be written" in result.err, result
+
+
+# -- handctl stop ------------------------------------------------------------------------------------------------------
+
+
+def test_the_lock_tells_the_family(stand: MakeStand) -> None:
+    place = stand("aidin")
+    result, _ = place.stop("aidin", "stop", "--json")
+    assert result.code == 0
+    nobody = run("stop", "-p", place.link, env=place.environment)
+    assert nobody.code == 2 and "handctl FAMILY stop" in nobody.err
+    holder = place.hold()
+    result, _ = place.stop("stop", "--json")
+    assert (result.code, holder.wait(10)) == (0, 130), result
+    holder = place.hold()
+    holder.kill()
+    holder.wait(10)
+    result, _ = place.stop("stop", "--json")
+    assert result.code == 0, "who had it was killed, and its lock still tells"
+
+
+def test_a_name_tells_the_family(stand: MakeStand) -> None:
+    place = stand("barrett")
+    path = place.folder / "config.toml"
+    path.write_text(f'[devices.left]\nkind = "barrett"\nport = "{place.link}"\n')
+    result, _ = place.stop("stop", "-d", "left", "--json", env={"HANDCTL_CONFIG": str(path)})
+    assert result.code == 0, result
+    assert run("stop", "-d", "left", env={"HANDCTL_CONFIG": str(path)}).code == 0
+    assert run("stop").code == 2
+
+
+# -- what is said ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_what_is_said_of_a_reading_holder_is_true(family: str, stand: MakeStand) -> None:
+    place = stand(family)
+    holder = place.hold()
+    second = run(family, "status", "-p", place.link, "--json", env=place.environment)
+    assert second.code == 3
+    hint = second.error["hint"]
+    assert f"`handctl {family} stop -p {place.link}`" in hint and "stops nothing on the device" in hint
+    holder.terminate()
+    assert holder.wait(10) == 130
+
+
+def test_an_ekso_has_no_stop_and_it_is_said() -> None:
+    result = run("ekso", "stop", "--fake", "--json")
+    assert result.code == 0 and "the DataPort has no stop" in json.dumps(result.json["messages"])
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_a_dry_run_sends_nothing(family: str) -> None:
+    result = run(family, "stop", "--fake", "-n", "--json")
+    assert result.code == 0 and result.json["counters"]["sent"] == 0 and result.rows, result
