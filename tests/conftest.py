@@ -6,6 +6,7 @@ import itertools
 import zlib
 
 import pytest
+from hypothesis import HealthCheck, settings
 
 from tests.harm.table import Table
 from tests.matrix_report import (
@@ -38,6 +39,9 @@ def pytest_configure(config: pytest.Config) -> None:
     """The table of the harm matrix is a plugin of its own."""
     config.pluginmanager.register(Table())
 
+
+settings.register_profile("any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("any machine")
 
 SHARE = 3
 """Of the cells of the fault matrices an ordinary run of the whole suite takes each third, always the same ones."""

@@ -431,7 +431,7 @@ def test_a_link_that_is_only_slow_to_take_data_is_not_lost() -> None:
 def test_a_transcript_without_an_end_is_refused(tmp_path: Path, place: str) -> None:
     (tmp_path / "folder").mkdir()
     result = run("exo", "get", "id", "-p", f"replay:{place if place[0] == '/' else tmp_path / place}")
-    assert result.code == 2 and "not a file" in result.err
+    assert result.code == 2 and "not a transcript" in result.err
 
 
 # -- a line that fails ------------------------------------------------------------------------------------------------

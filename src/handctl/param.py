@@ -21,7 +21,7 @@ MOVES, PUSHES = "moves", "pushes"
 """What writing it does to what the device holds: leads it to a place, or presses with a force until told otherwise."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Param:
     """One documented quantity, scalar or vector.
 

@@ -6,9 +6,9 @@ transcripts sees pieces only and knows no protocol.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple, Protocol
+from typing import Any, Generic, NamedTuple, Protocol, TypeVar, overload
 
 HOST, DEVICE = "host", "device"
 SIDES = (HOST, DEVICE)
@@ -28,6 +28,44 @@ class Value(NamedTuple):
     name: str
     value: float | str | None
     unit: str | None = None
+
+
+T = TypeVar("T")
+
+
+class Later(Sequence[T], Generic[T]):
+    """What `make` gives, made when somebody looks: a long recording is mostly shown without its values and parts."""
+
+    def __init__(self, make: Callable[[], Sequence[T]]) -> None:
+        self._make = make
+        self._made: tuple[T, ...] | None = None
+
+    def _all(self) -> tuple[T, ...]:
+        if self._made is None:
+            self._made = tuple(self._make())
+        return self._made
+
+    def __iter__(self) -> Iterator[T]:
+        return iter(self._all())
+
+    def __len__(self) -> int:
+        return len(self._all())
+
+    @overload
+    def __getitem__(self, index: int) -> T: ...
+    @overload
+    def __getitem__(self, index: slice) -> tuple[T, ...]: ...
+    def __getitem__(self, index: Any) -> Any:
+        return self._all()[index]
+
+    def __eq__(self, other: object) -> bool:
+        return self._all() == (other._all() if isinstance(other, Later) else other)
+
+    def __hash__(self) -> int:
+        return hash(self._all())
+
+    def __repr__(self) -> str:
+        return repr(self._all())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,8 +95,8 @@ class Piece:
     asks: str = ""
     answers: str = ""
     fields: Mapping[str, int | str | None] = field(default_factory=dict)
-    values: tuple[Value, ...] = ()
-    parts: tuple[Part, ...] = ()
+    values: Sequence[Value] = ()
+    parts: Sequence[Part] = ()
 
 
 class Explainer(Protocol):

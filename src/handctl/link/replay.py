@@ -8,29 +8,28 @@ What came before the first `>` was said unasked, and is again.
 
 from __future__ import annotations
 
-import io
+from array import array
 from collections import deque
-from typing import NamedTuple
+from collections.abc import Iterator
+from contextlib import suppress
+from typing import BinaryIO
 
 from handctl.errors import LinkError, UsageError
 from handctl.files import opened
 from handctl.link import ByteLink, CanFrame, Deadline, FrameLink, Link
-from handctl.link.tap import Entry, parse
+from handctl.link.tap import Entry, parse_line
+
+LONGEST_LINE = 1 << 20
 
 
 def open_replay(link: str, baud: int | None = None) -> Link:
     """The recorded device of `replay:FILE`, with serial bytes or with CAN frames. Raises UsageError."""
     path = link.removeprefix("replay:")
-    try:
-        with io.TextIOWrapper(opened(path, "a transcript"), "utf-8") as file:
-            entries = parse(file, path)
-    except (OSError, UnicodeDecodeError) as exc:
-        why = exc.strerror if isinstance(exc, OSError) else "not a text file"
-        raise UsageError(f"{link}: cannot read the transcript: {why}") from exc
-    sent = [entry for entry in entries if entry.mark == ">"]
-    if not sent and not any(entry.mark == "<" and entry.can_id is None for entry in entries):
+    recording = Recording(opened(path, "a transcript"), path)
+    if not len(recording) and not recording.speaks:
+        recording.close()
         raise UsageError(f"{link}: the transcript holds no request (no line with >) and nothing that came unasked")
-    return ReplayLink(link, entries, baud) if not sent or sent[0].can_id is None else ReplayFrames(link, entries)
+    return ReplayFrames(link, recording) if recording.can else ReplayLink(link, recording, baud)
 
 
 Key = tuple[int | None, bytes]
@@ -41,12 +40,119 @@ Reply = tuple[float, Key]
 """What comes, and when: seconds after its request, or on the clock."""
 
 
-class Exchange(NamedTuple):
-    """A recorded request, the seconds since the one before it, and what followed."""
+class Recording:
+    """The exchanges of a transcript: where each request stands, and what followed it, read from the file when asked for.
 
-    request: Key
-    pause: float
-    replies: list[Reply]
+    So a recording of hours needs little memory. Reads the file through once; raises UsageError for a damaged line.
+    """
+
+    def __init__(self, file: BinaryIO, source: str) -> None:
+        self._file = file
+        self._source = source
+        self._places = array("Q")  # where the line of each request ends
+        self._hashes = array("q")  # of each request
+        self._times = array("d")  # when it was asked
+        self.can = False
+        """Whether the first request went out on CAN."""
+        self.speaks = False
+        """Whether the device said anything before the first request."""
+        for place, entry in self._entries(0):
+            if entry.mark == ">":
+                self.can = self.can or (not len(self) and entry.can_id is not None)
+                self._places.append(place)
+                self._hashes.append(hash((entry.can_id, entry.data)))
+                self._times.append(entry.time or 0.0)
+            elif entry.mark == "<" and not len(self):
+                self.speaks = True
+
+    def __len__(self) -> int:
+        return len(self._places)
+
+    def find(self, request: Key, start: int) -> int | None:
+        """The index of this request, looked for from `start` on, then from the beginning; None = never recorded."""
+        wanted = hash(request)
+        for first, last in ((start, len(self)), (0, start)):
+            with suppress(ValueError):
+                return self._hashes.index(wanted, first, last)
+        return None
+
+    def pause(self, index: int) -> float:
+        """Seconds from the request before to this one."""
+        return max(0.0, self._times[index] - (self._times[index - 1] if index else 0.0))
+
+    def replies(self, index: int) -> Iterator[Reply]:
+        """What followed a request, -1 = what came before the first. Lines without a time come at once."""
+        start = self._times[index] if index >= 0 else 0.0
+        for _, entry in self._entries(self._places[index] if index >= 0 else 0):
+            if entry.mark == ">":
+                return
+            if entry.mark == "<" or entry.text == "disconnect":
+                delay = max(0.0, entry.time - start) if entry.time is not None else 0.0
+                yield delay, (entry.can_id, entry.data) if entry.mark == "<" else LOST
+
+    def _entries(self, place: int) -> Iterator[tuple[int, Entry]]:
+        """(where its line ends, entry) of each entry from `place` on."""
+        while True:
+            self._file.seek(place)
+            try:
+                line = self._file.readline(LONGEST_LINE).decode("utf-8").strip()
+            except (OSError, UnicodeDecodeError) as exc:
+                why = exc.strerror if isinstance(exc, OSError) else "not a text in UTF-8"
+                raise UsageError(f"{self._source}: cannot be read: {why}") from exc
+            if self._file.tell() == place:
+                return
+            place = self._file.tell()
+            if line and not line.startswith("#"):
+                yield place, self._parsed(line)
+
+    def _parsed(self, line: str) -> Entry:
+        try:
+            return parse_line(line, 0)
+        except ValueError as exc:
+            self._file.seek(0)
+            number = next(
+                (n for n, raw in enumerate(self._file, 1) if raw.decode("utf-8", "replace").strip() == line), 0
+            )
+            raise UsageError(f"{self._source}, line {number}: {exc}", hint="a line is: [SECONDS] > HEX BYTES") from exc
+
+    def close(self) -> None:
+        """The end of the file."""
+        self._file.close()
+
+
+class Incoming:
+    """What is still to come, in order: the replies of the requests so far."""
+
+    def __init__(self) -> None:
+        self._sources: deque[Iterator[Reply]] = deque()
+        self._ahead: deque[Reply] = deque()
+
+    def add(self, replies: Iterator[Reply], clock: float) -> None:
+        """Replies that come so many seconds after `clock`."""
+        self._sources.append((clock + delay, key) for delay, key in replies)
+
+    def put_back(self, reply: Reply) -> None:
+        """What was taken and not used up."""
+        self._ahead.appendleft(reply)
+
+    def first(self) -> Reply | None:
+        """The next one; it stays."""
+        while not self._ahead and self._sources:
+            reply = next(self._sources[0], None)
+            if reply is None:
+                self._sources.popleft()
+            else:
+                self._ahead.append(reply)
+        return self._ahead[0] if self._ahead else None
+
+    def take(self) -> Reply:
+        """The next one."""
+        return self._ahead.popleft()
+
+    def clear(self) -> None:
+        """Nothing comes any more."""
+        self._sources.clear()
+        self._ahead.clear()
 
 
 class _Replayed(Link):
@@ -54,13 +160,14 @@ class _Replayed(Link):
 
     replayed = True
 
-    def __init__(self, link: str, entries: list[Entry]) -> None:
+    def __init__(self, link: str, recording: Recording) -> None:
         self.name = link
-        unasked, self._exchanges = _exchanges(entries)
+        self._recording = recording
         self._cursor = 0
         self._clock = self._asked = 0.0
-        self._incoming: deque[Reply] = deque(unasked)
-        self._streams = any(key != LOST for _, key in unasked)
+        self._incoming = Incoming()
+        self._incoming.add(recording.replies(-1), 0.0)
+        self._streams = recording.speaks
 
     def now(self) -> float:
         return self._clock
@@ -69,22 +176,20 @@ class _Replayed(Link):
         self._clock += max(0.0, seconds)
 
     def _ask(self, key: Key, text: str) -> None:
-        count = len(self._exchanges)
-        for step in range(count):
-            index = (self._cursor + step) % count
-            exchange = self._exchanges[index]
-            if exchange.request != key:
-                continue
-            if index < self._cursor and self._streams and self._exchanges[self._cursor - 1].request == key:
-                exchange = self._exchanges[self._cursor - 1]  # once more than recorded: it goes on saying the same
-            else:
-                self._cursor = index + 1
-            if step == 0:  # the course that was recorded: as much time passes as did then
-                self._clock = max(self._clock, self._asked + exchange.pause)
-            self._asked = self._clock
-            self._incoming.extend((self._clock + delay, reply) for delay, reply in exchange.replies)
-            return
-        raise LinkError(
+        index = found = self._recording.find(key, self._cursor)
+        if found is None or index is None:
+            raise self._never(text)
+        if found < self._cursor and self._streams and self._recording.find(key, self._cursor - 1) == self._cursor - 1:
+            index = self._cursor - 1  # once more than recorded: it goes on saying the same
+        else:
+            if found == self._cursor:  # the course that was recorded: as much time passes as did then
+                self._clock = max(self._clock, self._asked + self._recording.pause(index))
+            self._cursor = index + 1
+        self._asked = self._clock
+        self._incoming.add(self._recording.replies(index), self._clock)
+
+    def _never(self, text: str) -> LinkError:
+        return LinkError(
             f"{self.name}: this request was never recorded: {text}",
             hint="replay the command that was traced, with the same options; --trace FILE records one",
             code="replay-miss",
@@ -92,10 +197,11 @@ class _Replayed(Link):
 
     def _next(self, deadline: Deadline) -> Key | None:
         """What comes next, the clock then; None when nothing comes before `deadline`."""
-        if not self._incoming and self._streams and self._cursor < len(self._exchanges):
-            self._go_on(self._exchanges[self._cursor], deadline)
-        if self._incoming and self._incoming[0][0] <= max(self._clock, deadline.at):
-            moment, key = self._incoming.popleft()
+        if self._incoming.first() is None and self._streams and self._cursor < len(self._recording):
+            self._go_on(deadline)
+        first = self._incoming.first()
+        if first is not None and first[0] <= max(self._clock, deadline.at):
+            moment, key = self._incoming.take()
             self._clock = max(self._clock, moment)
             if key == LOST:
                 raise LinkError(
@@ -108,22 +214,24 @@ class _Replayed(Link):
             self._clock = max(self._clock, deadline.at)
         return None
 
-    def _go_on(self, exchange: Exchange, deadline: Deadline) -> None:
+    def _go_on(self, deadline: Deadline) -> None:
         """A device that speaks unasked does so at its time, also where the next recorded request stays away."""
-        asked = self._asked + exchange.pause
-        if exchange.replies and asked + exchange.replies[0][0] <= deadline.at:
-            self._asked, self._cursor = asked, self._cursor + 1
-            self._incoming.extend((asked + delay, reply) for delay, reply in exchange.replies)
+        index, asked = self._cursor, self._asked + self._recording.pause(self._cursor)
+        first = next(self._recording.replies(index), None)
+        if first is not None and asked + first[0] <= deadline.at:
+            self._asked, self._cursor = asked, index + 1
+            self._incoming.add(self._recording.replies(index), asked)
 
     def close(self) -> None:
         self._incoming.clear()
+        self._recording.close()
 
 
 class ReplayLink(_Replayed, ByteLink):
     """A recorded serial line."""
 
-    def __init__(self, link: str, entries: list[Entry], baud: int | None = None) -> None:
-        super().__init__(link, entries)
+    def __init__(self, link: str, recording: Recording, baud: int | None = None) -> None:
+        super().__init__(link, recording)
         self.baud = baud
 
     def write(self, data: bytes, deadline: Deadline) -> None:
@@ -135,7 +243,7 @@ class ReplayLink(_Replayed, ByteLink):
             return b""
         data = key[1]
         if len(data) > size:
-            self._incoming.appendleft((self._clock, (None, data[size:])))
+            self._incoming.put_back((self._clock, (None, data[size:])))
         return data[:size]
 
     def set_baud(self, baud: int) -> None:
@@ -151,19 +259,3 @@ class ReplayFrames(_Replayed, FrameLink):
     def receive(self, deadline: Deadline) -> CanFrame | None:
         key = self._next(deadline)
         return None if key is None else CanFrame(key[0] or 0, key[1])
-
-
-def _exchanges(entries: list[Entry]) -> tuple[list[Reply], list[Exchange]]:
-    """What came unasked, and each request with what followed it. Lines without a time come at once."""
-    unasked: list[Reply] = []
-    exchanges: list[Exchange] = []
-    start = 0.0
-    for entry in entries:
-        if entry.mark == ">":
-            before, start = start, entry.time or 0.0
-            exchanges.append(Exchange((entry.can_id, entry.data), max(0.0, start - before), []))
-        elif entry.mark == "<" or entry.text == "disconnect":
-            delay = max(0.0, entry.time - start) if entry.time is not None else 0.0
-            replies = exchanges[-1].replies if exchanges else unasked
-            replies.append((delay, (entry.can_id, entry.data) if entry.mark == "<" else LOST))
-    return unasked, exchanges

@@ -39,13 +39,14 @@ def parse(lines: Iterable[str], source: str = "transcript") -> list[Entry]:
         if not line or line.startswith("#"):
             continue
         try:
-            entries.append(_parse_line(line, number))
+            entries.append(parse_line(line, number))
         except ValueError as exc:
             raise UsageError(f"{source}, line {number}: {exc}", hint="a line is: [SECONDS] > HEX BYTES") from exc
     return entries
 
 
-def _parse_line(line: str, number: int) -> Entry:
+def parse_line(line: str, number: int) -> Entry:
+    """One line that is neither empty nor a comment. Raises ValueError."""
     words = line.split()
     time = None
     if words[0] not in (">", "<", "!"):
@@ -73,9 +74,9 @@ def _parse_line(line: str, number: int) -> Entry:
             raise ValueError(f"{dlc} bytes announced, {len(rest)} given")
     elif not rest:
         raise ValueError("no bytes")
-    for word in rest:
-        if len(word) != 2:
-            raise ValueError(f"expected two hex digits, found {word!r}")
+    if set(map(len, rest)) - {2}:
+        odd = next(word for word in rest if len(word) != 2)
+        raise ValueError(f"expected two hex digits, found {odd!r}")
     try:
         data = bytes.fromhex("".join(rest))
     except ValueError:

@@ -19,7 +19,7 @@ from handctl.errors import UsageError
 from handctl.families import EXPLAINERS, FAMILIES
 from handctl.family import load
 from handctl.latency import RoundTrips
-from handctl.link.tap import Entry, parse
+from handctl.link.tap import Entry, parse_line
 from handctl.piece import DEVICE, HOST, SIDES, Explainer, Piece
 from handctl.result import Row
 
@@ -73,20 +73,21 @@ def lines_of(file: IO[str], source: str) -> Iterator[Line]:
         if stripped.startswith("#"):
             yield Line(number, None, printable(stripped))
             continue
+        if not stripped:
+            continue
         try:
-            entries = parse((stripped,), source)
-        except UsageError as exc:
-            reason = printable(str(exc.__cause__))
+            yield Line(number, parse_line(stripped, number))
+        except ValueError as exc:
             raise UsageError(
-                f"{source}, line {number}: {reason}", hint="a line is: [SECONDS] > HEX BYTES", code="damaged"
+                f"{source}, line {number}: {printable(str(exc))}",
+                hint="a line is: [SECONDS] > HEX BYTES",
+                code="damaged",
             ) from exc
-        for entry in entries:
-            yield Line(number, entry._replace(line=number))
 
 
 def printable(text: str) -> str:
     """The text without anything that a terminal would act on."""
-    return "".join(letter if letter.isprintable() else "?" for letter in text)
+    return text if text.isprintable() else "".join(letter if letter.isprintable() else "?" for letter in text)
 
 
 def explainer_of(family: str) -> Explainer:
@@ -328,7 +329,8 @@ class Teller:
             self._stamps[direction].append([len(entry.data), stamp])
         pieces = self._explainer.feed(direction, entry.data, entry.can_id)
         yield from self._pieces(pieces, stamp if entry.can_id is not None else None)
-        yield from self._given_up(OPEN_REQUESTS)
+        if len(self._open) > OPEN_REQUESTS:
+            yield from self._given_up(OPEN_REQUESTS)
 
     def _pieces(self, pieces: Iterable[Piece], stamp: Stamp | None = None) -> Iterator[Told]:
         for piece in pieces:

@@ -5,6 +5,7 @@ Data; knows no wire. `kind` sets the deadline: "query", "set", "save", "motion",
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 
@@ -86,11 +87,17 @@ def kind_of(text: str) -> str:
 
 def split(text: str) -> tuple[str, Command | None, list[str]]:
     """``12M 5000`` -> ("12", the command M, ["5000"]); an unknown command gives None. No command begins with G or S."""
-    words = text.upper().split()
+    prefix, command, words = _split(text)
+    return prefix, command, list(words)
+
+
+@lru_cache(1024)
+def _split(text: str) -> tuple[str, Command | None, tuple[str, ...]]:
+    words = tuple(text.upper().split())
     if not words:
-        return "", None, []
+        return "", None, ()
     head = words[0]
     if head.startswith("?"):
-        return "", COMMANDS["?"], [head[1:], *words[1:]] if head[1:] else words[1:]
+        return "", COMMANDS["?"], (head[1:], *words[1:]) if head[1:] else words[1:]
     size = len(head) - len(head.lstrip("1234GS"))
     return head[:size], COMMANDS.get(head[size:]), words[1:]

@@ -15,7 +15,7 @@ from handctl.devices.barrett.commands import split
 from handctl.devices.barrett.language import Answer, Decoder, explain_status
 from handctl.devices.barrett.loopwords import Flags, LoopWords
 from handctl.devices.barrett.monitorwords import MonitorWords, records
-from handctl.piece import DEVICE, HOST, Part, Piece, stray
+from handctl.piece import DEVICE, HOST, Later, Part, Piece, stray
 
 CR, ABORT = 0x0D, 0x03
 OFFERS = (b"X", b"XX")
@@ -112,8 +112,16 @@ class BarrettExplainer:
                 found, data = self._loop.host(data)
                 pieces += found
             else:
-                pieces += self._typed_byte(data[0])
-                data = data[1:]
+                room = LONGEST_COMMAND - 1 - len(self._typed)
+                plain = next(
+                    (place for place, byte in enumerate(data[:room]) if byte in (CR, ABORT)), min(room, len(data))
+                )
+                if plain:
+                    self._typed += data[:plain]
+                    self._offered = False
+                if data[plain:]:
+                    pieces += self._typed_byte(data[plain])
+                data = data[plain + 1 :]
         return pieces
 
     def _typed_byte(self, byte: int) -> list[Piece]:
@@ -234,7 +242,7 @@ class BarrettExplainer:
         fields = {"command": asked.command, "status": answer.status}
         return _piece(
             DEVICE, raw, meaning, problem=problem, answers=asked.key, fields=fields, values=values,
-            title=f"answer to {asked.command}", parts=gclwords.line_parts(raw),
+            title=f"answer to {asked.command}", parts=Later(lambda: gclwords.line_parts(raw)),
         )  # fmt: skip
 
     def _entered(self, came: bytes, asked: Asked, place: int) -> list[Piece]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 from handctl.devices.barrett.commands import Command, split
 from handctl.devices.barrett.language import Answer, explain_status, motor_prefix, motors_of, values
 from handctl.devices.barrett.parameters import BARRETT, GclParam
@@ -51,6 +53,7 @@ def motors(prefix: str) -> list[str]:
     return motors_of(motor_prefix(prefix) if prefix else "")
 
 
+@lru_cache(1024)
 def command(text: str) -> tuple[str, str]:
     """(meaning, problem) of a command line."""
     if not text:

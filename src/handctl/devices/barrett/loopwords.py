@@ -35,6 +35,8 @@ class Flags:
         prefix, kind, words = split(command)
         if kind is None or kind.name not in ("FGET", "FSET", "PGET", "PSET") or answer.status:
             return
+        if not any(name in SHAPING or name in LATER or name == "LFT" for name in words):
+            return
         who = motors(prefix) if kind.name[0] == "F" else [""]
         if kind.name.endswith("SET"):
             rows = [(name, [value] * len(who)) for name, value in zip(words[::2], words[1::2], strict=False)]

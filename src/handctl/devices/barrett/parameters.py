@@ -26,7 +26,7 @@ SPEEDS = (9600, 38400, 19200, 4800, 2400, 1200, 600)
 """Probing order: factory speed first, then the most likely."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class GclParam(Param):
     """A Param with its GCL mnemonic.
 

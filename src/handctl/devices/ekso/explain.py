@@ -6,6 +6,8 @@ fitting CRC stand. Both directions have the same shape; the size of the body tel
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 from handctl.devices.ekso.fields import EKSO, MESSAGES, Word, boot_ms, boot_text
@@ -20,7 +22,7 @@ from handctl.devices.ekso.frames import (
     status_text,
     unpack,
 )
-from handctl.piece import DEVICE, HOST, Part, Piece, Value, stray
+from handctl.piece import DEVICE, HOST, Later, Part, Piece, Value, stray
 
 LONGEST = max(size for sizes in ANSWER_SIZES.values() for size in sizes) + OVERHEAD + max(LENGTH_MODES.values())
 ORDER = ("body", "n-4", "n-2", "frame")
@@ -156,7 +158,7 @@ class EksoExplainer:
             title=problem if not frame else f"{name_of(command)} {'answer' if direction == DEVICE else ''}".strip(),
             asks=key if direction == HOST else "", answers=key if direction == DEVICE else "",
             fields={"command": command, "name": name_of(command), "msg_id": msg_id, "length_mode": cut.mode},
-            parts=_parts(direction, raw, cut),
+            parts=Later(lambda: _parts(direction, raw, cut)),
         )  # fmt: skip
 
 
@@ -186,7 +188,7 @@ def status_of(command: int, body: bytes) -> int | None:
     return body[1] if command in (Command.SET_VALUE, Command.CANCEL_ACTION) and len(body) == 2 else None
 
 
-def _words(direction: str, command: int, body: bytes) -> tuple[str, tuple[Value, ...]]:
+def _words(direction: str, command: int, body: bytes) -> tuple[str, Sequence[Value]]:
     name = name_of(command)
     if command not in list(REQUEST_SIZES):
         return f"{name}, not in the manual: {body.hex(' ').upper()}", ()
@@ -205,19 +207,30 @@ def _words(direction: str, command: int, body: bytes) -> tuple[str, tuple[Value,
         numbers = unpack(body)
         if len(numbers) == len(words):
             text = ", ".join(
-                f"{word.name} {word.shown(word.value_of(number))}"
-                for word, number in zip(words, numbers, strict=True)
-                if not word.name.startswith("boot_time")
+                [
+                    _told(word, number)
+                    for word, number in zip(words, numbers, strict=True)
+                    if not word.name.startswith("boot_time")
+                ]
             )
-            values = tuple(
-                Value(word.name, word.value_of(number), word.unit) for word, number in zip(words, numbers, strict=True)
+            values = Later(
+                lambda: [
+                    Value(word.name, word.value_of(number), word.unit)
+                    for word, number in zip(words, numbers, strict=True)
+                ]
             )
             boot = f", boot {boot_text(boot_ms(numbers))}" if words[-1].name == "boot_time_low" else ""
             return f"{name}: {text}{boot}", values
     return f"{name}: {body.hex(' ').upper()}", ()
 
 
-def _request(name: str, command: int, body: bytes) -> tuple[str, tuple[Value, ...]]:
+@lru_cache(4096)
+def _told(word: Word, number: int) -> str:
+    """A word of a message with its name; a long recording says the same again and again."""
+    return f"{word.name} {word.shown(word.value_of(number))}"
+
+
+def _request(name: str, command: int, body: bytes) -> tuple[str, Sequence[Value]]:
     if command == Command.SET_VALUE and len(body) == 4:
         number, raw = int.from_bytes(body[:2], "big"), int.from_bytes(body[2:], "big")
         word = _parameter(number)

@@ -43,7 +43,7 @@ PERCENT_CODES = range(21)
 NOTHING_SENT = "Nothing was sent."
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Word(Param):
     """A Param with its place in a message.
 

@@ -130,6 +130,7 @@ def unpack(body: bytes) -> tuple[int, ...]:
     return struct.unpack(f">{len(body) // 2}h", body[: len(body) // 2 * 2])
 
 
+@cache
 def name_of(command: int) -> str:
     """``GetData`` for 153, ``command 160`` for what the manual does not have."""
     if command not in REQUEST_SIZES:

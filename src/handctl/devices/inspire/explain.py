@@ -6,6 +6,7 @@ through 11 and 12 (CAN 0 and 1): what lies in the other space has no names here.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from handctl.devices.inspire import eb90
@@ -15,12 +16,14 @@ from handctl.devices.inspire.registers import EXO, FINGERS, WRIST, Register
 from handctl.devices.inspire.spans import describe, span_name, span_parts, span_values
 from handctl.devices.inspire.wrist_raw import CAN_MISPRINTS, MISPRINTS
 from handctl.param import ParamMap
-from handctl.piece import DEVICE, HOST, Part, Piece, Value, stray
+from handctl.piece import DEVICE, HOST, Later, Part, Piece, Value, stray
 
 CALIBRATION_END = 2
 """Address field of the frame that ends a calibration (RH56 ch. 3 ex. 5)."""
 RESULTS = {0x00: "saved", 0xFF: "not saved"}
 """Data of the late result frame of a save (RH56 §2.2.2)."""
+
+MOST_KNOWN = 1024
 
 
 def exo() -> InspireExplainer:
@@ -41,6 +44,8 @@ class InspireExplainer:
         self._buffers = {HOST: bytearray(), DEVICE: bytearray()}
         self._can = CanWords(params)
         self._new_id: tuple[int, int] | None = None
+        self._known: dict[Frame, tuple[str, Sequence[Value]]] = {}
+        """Words of frames told before: the same come again and again."""
         self._started = 0
         """Address of the save or calibration whose late frame may still come."""
 
@@ -119,20 +124,20 @@ class InspireExplainer:
         return Piece(
             direction=direction, raw=raw, meaning=meaning,
             problem="bad-checksum", frame=False, title="bad-checksum", fields={"checksum": f"{raw[-1]:02X}",
-            "expected": f"{right:02X}"}, parts=self._parts(raw),
+            "expected": f"{right:02X}"}, parts=Later(lambda: self._parts(raw)),
         )  # fmt: skip
 
     def _made(
         self, direction: str, raw: bytes, frame: Frame, meaning: str, *, title: str = "", problem: str = "",
-        asks: str = "", answers: str = "", values: tuple[Value, ...] = (),
+        asks: str = "", answers: str = "", values: Sequence[Value] = (),
     ) -> Piece:  # fmt: skip
         fields: dict[str, int | str | None] = {"id": frame.id, "flag": f"{frame.flag:02X}", "address": frame.address}
         return Piece(
             direction=direction, raw=raw, meaning=meaning, title=title,
-            problem=problem, asks=asks, answers=answers, values=values, fields=fields, parts=self._parts(raw),
+            problem=problem, asks=asks, answers=answers, values=values, fields=fields, parts=Later(lambda: self._parts(raw)),
         )  # fmt: skip
 
-    def _explain(self, frame: Frame) -> tuple[str, str, str, str, tuple[Value, ...]]:
+    def _explain(self, frame: Frame) -> tuple[str, str, str, str, Sequence[Value]]:
         """(meaning, title, key of request and answer, problem, values) of a valid frame."""
         words, values = self._words(frame)
         who, flag, address, size = frame.id, frame.flag, frame.address, len(frame.data)
@@ -166,8 +171,8 @@ class InspireExplainer:
         return self._map is EXO and frame.address == EXO["save"].address == self._started and frame.data[0] in RESULTS
 
     def _late(
-        self, frame: Frame, words: str, values: tuple[Value, ...], key: str
-    ) -> tuple[str, str, str, str, tuple[Value, ...]]:
+        self, frame: Frame, words: str, values: Sequence[Value], key: str
+    ) -> tuple[str, str, str, str, Sequence[Value]]:
         """A read or its answer; or the frame that tells the end of a save or a calibration, which nobody asks for."""
         if not frame.from_device or self._map is not EXO or len(frame.data) != 1:
             return words, "", key, "", values
@@ -195,8 +200,16 @@ class InspireExplainer:
     def _commands(self, frame: Frame) -> bool:
         return self._map is EXO and frame.flag in (FORCE_COMMAND, POSITION_COMMAND) and frame.address is None
 
-    def _words(self, frame: Frame) -> tuple[str, tuple[Value, ...]]:
+    def _words(self, frame: Frame) -> tuple[str, Sequence[Value]]:
         """A frame in words, and its values."""
+        known = self._known.get(frame)
+        if known is None:
+            if len(self._known) >= MOST_KNOWN:
+                self._known.clear()
+            known = self._known[frame] = self._worded(frame)
+        return known
+
+    def _worded(self, frame: Frame) -> tuple[str, Sequence[Value]]:
         if self._commands(frame):
             return self._command(frame)
         where = f"id {frame.id}"
@@ -218,9 +231,11 @@ class InspireExplainer:
             text += "; an exoskeleton hand takes it for a force command"
         if writes and frame.from_device:
             return f"no acknowledgement of a write, which has one byte: {frame.data.hex(' ').upper()}, {where}", ()
-        return (f"write {text}, {where}" if writes else f"{text}, {where}"), span_values(space, address, frame.data)
+        return (f"write {text}, {where}" if writes else f"{text}, {where}"), Later(
+            lambda: span_values(space, address, frame.data)
+        )
 
-    def _command(self, frame: Frame) -> tuple[str, tuple[Value, ...]]:
+    def _command(self, frame: Frame) -> tuple[str, Sequence[Value]]:
         """Force and position commands: five set values out; actual positions (six) or forces (five) back."""
         numbers = eb90.unpack_s16(frame.payload)
         kind = "force" if frame.flag == FORCE_COMMAND else "position"

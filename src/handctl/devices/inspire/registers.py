@@ -23,7 +23,7 @@ BAUD_RATES = {0: 115200, 1: 57600, 2: 19200}
 """exo §2.3.2."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Register(Param):
     """A Param with its place: `address` of element 0, `size` in bytes of one element, `signed`."""
 
@@ -54,7 +54,7 @@ class Register(Param):
         return self.to_raw(value).to_bytes(self.size, "little", signed=self.signed)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Angle(Register):
     """An angle of the wrist: 0.01 degree a count."""
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import cache
+from functools import cache, lru_cache
 from itertools import groupby
 
 from handctl.devices.inspire.registers import Register
@@ -29,19 +29,30 @@ def stretches(
 
     A register that can only be written is named where it stands alone.
     """
+    for register, index, start, stop in _layout(params, address, len(data)):
+        yield register, index, data[start:stop]
+
+
+@lru_cache(256)
+def _layout(
+    params: ParamMap[Register] | None, address: int, count: int
+) -> tuple[tuple[Register | None, int, int, int], ...]:
+    """(register, element index, start, stop) of each stretch of a span: a long recording asks for few spans."""
+    found: list[tuple[Register | None, int, int, int]] = []
     place = start = 0
-    while place < len(data):
-        found = element_at(params, address + place) if params is not None else None
-        if found is None or place + found[0].size > len(data) or not (found[0].readable or found[0].size == len(data)):
+    while place < count:
+        here = element_at(params, address + place) if params is not None else None
+        if here is None or place + here[0].size > count or not (here[0].readable or here[0].size == count):
             place += 1
             continue
         if place > start:
-            yield None, address + start, data[start:place]
-        register, index = found
-        yield register, index, data[place : place + register.size]
+            found.append((None, address + start, start, place))
+        register, index = here
+        found.append((register, index, place, place + register.size))
         place = start = place + register.size
     if place > start:
-        yield None, address + start, data[start:place]
+        found.append((None, address + start, start, place))
+    return tuple(found)
 
 
 def span_values(params: ParamMap[Register] | None, address: int, data: bytes) -> tuple[Value, ...]:
@@ -68,6 +79,7 @@ def span_parts(params: ParamMap[Register] | None, address: int, data: bytes) -> 
     return parts
 
 
+@lru_cache(1024)
 def span_name(params: ParamMap[Register] | None, address: int, count: int) -> str:
     """What lies in a span, in short: ``position_actual``, ``position_actual to temperature``, ``undocumented``."""
     if params is None:
@@ -90,12 +102,12 @@ def describe(params: ParamMap[Register] | None, address: int, data: bytes) -> st
     """The values of a span: ``position_set = 500 500 -1 0 500 (middle not commanded)``."""
     if params is None:
         return f"{data.hex(' ').upper()}"
-    found = list(stretches(params, address, data))
-    texts = []
-    for register, group in groupby(found, key=lambda item: item[0]):
-        if register is not None:
-            texts.append(_group(register, [(index, raw) for _, index, raw in group]))
-    gaps = b"".join(raw for register, _, raw in found if register is None)
+    texts = [
+        _group(register, first, data[start:stop])
+        for register, first, start, stop in _groups(params, address, len(data))
+        if register is not None
+    ]
+    gaps = b"".join(raw for register, _, raw in stretches(params, address, data) if register is None)
     if not texts:
         return f"undocumented bytes {gaps.hex(' ').upper()}" if gaps else "nothing"
     if any(gaps):
@@ -103,7 +115,23 @@ def describe(params: ParamMap[Register] | None, address: int, data: bytes) -> st
     return ", ".join(texts)
 
 
-def _group(register: Register, elements: list[tuple[int, bytes]]) -> str:
+@lru_cache(256)
+def _groups(
+    params: ParamMap[Register] | None, address: int, count: int
+) -> tuple[tuple[Register | None, int, int, int], ...]:
+    """The stretches of a span with the neighbouring elements of one register in one: (register, first index, start, stop)."""
+    found = []
+    for register, group in groupby(_layout(params, address, count), key=lambda item: item[0]):
+        members = list(group)
+        found.append((register, members[0][1], members[0][2], members[-1][3]))
+    return tuple(found)
+
+
+@lru_cache(4096)
+def _group(register: Register, first_index: int, data: bytes) -> str:
+    """Neighbouring elements of a register in words; the same bytes come again and again in a recording."""
+    size = register.size
+    elements = [(first_index + place, data[place * size : (place + 1) * size]) for place in range(len(data) // size)]
     values = [register.decode(raw) for _, raw in elements]
     name = register.name
     if register.elements and len(elements) < len(register.elements):

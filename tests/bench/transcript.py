@@ -1,0 +1,60 @@
+"""`trace show` of a large transcript against a plain Python loop that reads the lines and decodes their hex; and its memory."""
+
+from __future__ import annotations
+
+import resource
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+from tests.bench.measure import Figure, handctl
+
+SIZE = 32_000_000
+GOAL = 25.0
+PLAIN = """
+import sys, time
+start, count = time.process_time(), 0
+with open(sys.argv[1], encoding="utf-8") as file:
+    for line in file:
+        words = line.split()
+        if len(words) > 2 and words[1] in "<>":
+            count += len(bytes.fromhex("".join(words[2:])))
+print(time.process_time() - start)
+"""
+RECORDED = {
+    "exo": ("exo", "-p", "fake://exo"),
+    "wrist": ("wrist", "-p", "fake://wrist"),
+    "barrett": ("barrett", "-p", "fake://barrett?initialized=1"),
+    "ekso": ("ekso", "-p", "fake://ekso"),
+}
+
+
+def run(*, quick: bool) -> Iterator[Figure]:
+    """Yield the figures."""
+    size = SIZE // 4 if quick else SIZE
+    for name, (family, *link) in RECORDED.items():
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder) / "run.txt"
+            handctl(
+                family,
+                "watch",
+                "--rate",
+                "0",
+                "--count",
+                "2000",
+                "--trace",
+                str(file),
+                "-o",
+                str(Path(folder) / "out"),
+                *link,
+            )
+            head, _, rest = file.read_text(encoding="utf-8").partition("\n")
+            file.write_text(f"{head}\n" + rest * max(1, size // len(rest)), encoding="utf-8")
+            plain = float(subprocess.check_output([sys.executable, "-c", PLAIN, str(file)]))
+            before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
+            handctl("trace", "show", str(file), "-o", str(Path(folder) / "shown"))
+            taken = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before
+            note = f"{file.stat().st_size / 1e6:.0f} MB; user time of the whole process"
+            yield Figure(f"trace show, {name}", taken, plain, "s", GOAL, note, "plain loop")
