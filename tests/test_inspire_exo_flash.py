@@ -232,3 +232,14 @@ def test_a_link_lost_during_a_save_or_a_reset_is_told() -> None:
     with pytest.raises(LinkError) as caught:
         procedures.factory_reset(hand)
     assert "reset was sent" in caught.value.text
+
+
+def test_a_reset_that_nobody_answers_after_is_no_success() -> None:
+    """It was acknowledged, then the hand is gone: no evidence that it came back, so it is exit 4."""
+    ack = [(0.0, unhex("90 EB 01 04 12 EE 03 01 09"))]
+    link = ScriptedLink(lambda request: ack if hexed(request) == RESET else [])
+    table = procedures.factory_reset(hand_on(link))
+    assert values(table) == ["accepted"]
+    assert table.failure is not None
+    assert (table.failure.exit_code, table.failure.code) == (4, "gone")
+    assert "nobody answers to 1 after it" in table.failure.text

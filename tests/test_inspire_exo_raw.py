@@ -404,9 +404,13 @@ def test_bytes_shorter_than_a_frame_with_a_late_answer() -> None:
     assert table.failure is None
 
 
-def test_interrupted_raw_bytes_are_told() -> None:
-    step = exo_raw.plan_raw(unhex("EB 90 01 04 12 F1 03 01 0C"), False)
-    with pytest.raises(HandctlError) as caught, exo_raw.goes_on(step):
+def test_interrupted_raw_bytes_are_told_once_they_went_out() -> None:
+    data = unhex("EB 90 01 04 12 F1 03 01 0C")
+    hand, step = hand_on(ScriptedLink(lambda request: [])), exo_raw.plan_raw(data, False)
+    with pytest.raises(KeyboardInterrupt), exo_raw.goes_on(hand, step):
+        raise KeyboardInterrupt
+    with pytest.raises(HandctlError) as caught, exo_raw.goes_on(hand, step):
+        hand.bus.send(data)
         raise KeyboardInterrupt
     assert caught.value.exit_code == 130
     assert "calibrate = 1" in caught.value.text

@@ -238,6 +238,7 @@ def run_root(args: Sequence[str]) -> int:
     """Parse and run; every error becomes one message on stderr and an exit code."""
     debug = "--debug" in args or bool(os.environ.get("HANDCTL_DEBUG"))
     streams, command = False, ""
+    extra: dict[str, Any] = {}
     error: HandctlError
     try:
         root.main(args=list(args), prog_name="handctl", standalone_mode=False)
@@ -259,6 +260,7 @@ def run_root(args: Sequence[str]) -> int:
         error = from_click(exc)
         if exc.ctx is not None:
             streams = getattr(exc.ctx.command, "streams", False)
+            extra = {"writes": []} if getattr(exc.ctx.command, "writes", False) else {}
             command = " ".join(exc.ctx.command_path.split()[1:])
     except click.ClickException as exc:
         error = HandctlError(exc.format_message())
@@ -273,7 +275,7 @@ def run_root(args: Sequence[str]) -> int:
 
         traceback.print_exception(error)
     if not error.shown:
-        _late_envelope(args, error, streams, command)
+        _late_envelope(args, error, streams, command, extra)
     if error.text != "interrupted":  # who pressed Ctrl-C knows; what it left behind is told
         print_message("error", error.text, error.hint)
     return error.exit_code
@@ -288,7 +290,9 @@ def _in_file(key: str) -> Any:
     return entry.value if entry is not None else None
 
 
-def _late_envelope(args: Sequence[str], error: HandctlError, streams: bool, command: str) -> None:
+def _late_envelope(
+    args: Sequence[str], error: HandctlError, streams: bool, command: str, extra: dict[str, Any]
+) -> None:
     """JSON on stdout also when the command line itself was wrong, if JSON was asked for."""
     words = list(args)
     wanted = os.environ.get("HANDCTL_FORMAT", "") or ("json" if os.environ.get("HANDCTL_JSON") else "")
@@ -308,7 +312,7 @@ def _late_envelope(args: Sequence[str], error: HandctlError, streams: bool, comm
         names = [word for word in words if not word.startswith("-")]
         start = next((position for position, word in enumerate(names) if word in COMMANDS), len(names))
         command = " ".join(names[start : start + 2])
-    envelope = make_envelope(command, error, None, (), None, None)
+    envelope = make_envelope(command, error, None, (), None, extra)
     utf8_stdout()
     try:
         sys.stdout.write(

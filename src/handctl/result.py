@@ -112,6 +112,7 @@ class Message(NamedTuple):
 class Counters:
     """What passed on the wire: frames sent and received, repeated requests, frames rejected, bytes of no frame.
 
+    `writes` counts the writing ones among those sent; what became of them stands in the ledger.
     `foreign_frames` counts the traffic of others on a CAN bus, None where there is no bus.
     """
 
@@ -120,6 +121,7 @@ class Counters:
     retries: int = 0
     bad_frames: int = 0
     stray_bytes: int = 0
+    writes: int = 0
     foreign_frames: int | None = None
 
     def as_row(self) -> dict[str, int]:

@@ -250,6 +250,7 @@ class Run:
             failure = Interrupted("interrupted")
         except BaseException:  # a bug of ours: the link and its lock are let go all the same
             self._close(None)
+            self._show_writes(None)
             raise
         failure = self._wind_up(table, failure)
         if failure is not None:

@@ -70,8 +70,8 @@ def set_values(run: Run, params: ParamMap[Any], texts: Sequence[str]) -> Table:
     changes = params.assignments(texts)
     planner = run.planner()
     steps = planner.plan(changes)
-    if run.settings.dry_run:
-        return run.dry_run(steps)
+    if (plan := run.planned(steps)) is not None:
+        return plan
     if any(step.strands or (step.moves and planner.worn) for step in steps):
         run.confirm(f"{_consequence(steps)}: {', '.join(texts)}", steps)
     device: MapDevice = run.device()

@@ -41,6 +41,8 @@ def bias(hand: AidinHand) -> Table:
             hint="wait until the hand stands, touching nothing. Nothing was sent.",
             code="moving",
         )
+    ledger = hand.journal.ledger
+    begun = ledger.mark
     sent = "the sensor bias was sent: present values may be 0 from now on, whatever pressed on the fingertips"
     with announced(f"{sent}; {left_in(Mode.BIAS)}"):
         data, end = object_of(Mode.BIAS), talk.deadline(BIAS)
@@ -59,6 +61,11 @@ def bias(hand: AidinHand) -> Table:
             hint="is something touching the fingertips? Bias the hand unloaded",
             code="not-biased",
         )
+    nearer = any(abs(row["value"]) < abs(row["before"]) for row in table.rows if "value" in row)
+    if table.failure is None and nearer:
+        ledger.confirm("the sensor values came nearer to 0", since=begun)
+    elif table.failure is None:
+        hand.journal.warn("unproven", "sent; no sensor value changed, so feedback does not show that it was taken")
     return table
 
 

@@ -95,8 +95,8 @@ def home(run: Run) -> Table:
     from handctl.devices.aidin import homing
 
     steps = [_step(run, f"homing, every 20 ms for {homing.HOLD:g} s and nothing else in between", Mode.HOMING)]
-    if run.settings.dry_run:
-        return run.dry_run(steps)
+    if (plan := run.planned(steps)) is not None:
+        return plan
     run.confirm(f"All fingers will OPEN for {homing.HOLD:g} s, a held object falls. Keep clear", steps)
     return homing.home(run.device(), run.guide)
 
@@ -108,8 +108,8 @@ def initial(run: Run, assume_homed: bool) -> Table:
     from handctl.devices.aidin import homing
 
     steps = [_step(run, "initial position, every 20 ms until it is reached", Mode.INITIAL)]
-    if run.settings.dry_run:
-        return run.dry_run(steps)
+    if (plan := run.planned(steps)) is not None:
+        return plan
     run.confirm("All fingers will move to their origin and OPEN, a held object falls", steps)
     return homing.initial(run.device(), run.guide, assume_homed=assume_homed)
 
@@ -119,8 +119,8 @@ def bias(run: Run) -> Table:
     """Make the present sensor values 0. Touch nothing: a load present now is taken away from all later values."""
     from handctl.devices.aidin import adjust
 
-    if run.settings.dry_run:
-        return run.dry_run([_step(run, "sensor bias, every 20 ms for 0.5 s", Mode.BIAS)])
+    if (plan := run.planned([_step(run, "sensor bias, every 20 ms for 0.5 s", Mode.BIAS)])) is not None:
+        return plan
     return adjust.bias(run.device())
 
 
@@ -135,8 +135,8 @@ def max_torque(run: Run, value: str) -> Table:
     steps = [_step(run, "maximum torque, every 20 ms for 0.2 s", Mode.MAXTORQUE, maxtorque=number)]
     if number < RECOMMENDED:
         run.journal.warn("low-torque", f"maxtorque {number}: 700 to 1000 is recommended ({param.source})")
-    if run.settings.dry_run:
-        return run.dry_run(steps)
+    if (plan := run.planned(steps)) is not None:
+        return plan
     if number == 0:
         run.confirm("Without torque the fingers do not move, and may not hold what they hold", steps)
     return adjust.max_torque(run.device(), number)
@@ -149,11 +149,11 @@ def _values(body: Callable[..., Any]) -> Callable[..., Any]:
     return click.argument("values", nargs=-1, required=True, metavar="VALUES | FINGER.ELEMENT=VALUE...")(body)
 
 
-def _plan(run: Run, goal: Goal) -> Table:
+def _plan(run: Run, goal: Goal) -> list[Step]:
     """The last object of the ramp. What is kept is taken from a hand that tells it unasked; nothing is sent."""
     from handctl.devices.aidin import motion
 
-    return run.dry_run(motion.plan(None if goal.whole else run.device(), goal, way_of(run.settings).end))
+    return motion.plan(None if goal.whole else run.device(), goal, way_of(run.settings).end)
 
 
 def _move(run: Run, target: Target, values: tuple[str, ...], assume_homed: bool, *, rad: bool = False) -> Table:
@@ -162,7 +162,7 @@ def _move(run: Run, target: Target, values: tuple[str, ...], assume_homed: bool,
 
     goal = parse(target, values, rad=rad)
     if run.settings.dry_run:
-        return _plan(run, goal)
+        return run.dry_run(_plan(run, goal))
     return motion.move(run.device(), goal, run.guide, assume_homed=assume_homed)
 
 
@@ -231,11 +231,7 @@ def currents(run: Run, values: tuple[str, ...], cap: float, duration: float) -> 
     first = _step(run, "maximum torque 1000, every 20 ms for 0.2 s", Mode.MAXTORQUE, maxtorque=1000)
     last = _step(run, "stop, sent 3 times", Mode.STOP)
     if run.settings.dry_run:
-        table = _plan(run, goal)
-        middle = table.rows[0]
-        whole = run.dry_run([first, last])
-        middle["step"], whole.rows[1]["step"] = 2, 3
-        return Table(rows=[whole.rows[0], middle, whole.rows[1]], columns=table.columns, plain=table.plain)
+        return run.dry_run([first, *_plan(run, goal), last])
     if not any(goal.named.values()) and goal.whole:
         raise UsageError("all currents are 0: nothing would flow", hint="`handctl aidin stop` switches the motors off")
     run.confirm(

@@ -11,8 +11,8 @@ from handctl.devices.aidin.feedback import Wire
 from handctl.devices.aidin.fields import Mode
 from handctl.devices.aidin.hand import AidinHand, reading
 from handctl.devices.aidin.homing import connect_or_command
-from handctl.devices.aidin.motion import mark, measured, target_object
-from handctl.devices.aidin.stop import object_of, send_stop, stopped, stopping
+from handctl.devices.aidin.motion import last_step, mark, measured, target_object
+from handctl.devices.aidin.stop import flow, object_of, send_stop, stopped, stopping, told_currents
 from handctl.devices.aidin.targets import Goal, ramp
 from handctl.errors import CheckFailed, HandctlError, NoAnswer
 from handctl.guide import Guide, Presses
@@ -29,6 +29,8 @@ def currents(hand: AidinHand, goal: Goal, guide: Guide, *, seconds: float, cap: 
     blind = connect_or_command(hand)
     values = _values(hand, goal, cap, blind=blind)
     drive = _Drive(hand, goal, guide)
+    ledger = hand.journal.ledger
+    ledger.plan([last_step(goal, values, hand.talk.way.end)])
     with stopping(hand, guide):
         try:
             try:
@@ -43,13 +45,27 @@ def currents(hand: AidinHand, goal: Goal, guide: Guide, *, seconds: float, cap: 
             raise stopped(hand, exc) from exc
         finally:
             guide.done()
+        if table.failure is None:
+            ledger.confirm("the currents followed", since=drive.begun)
+        begun = ledger.mark
         send_stop(hand)
     hand.talk.check_bound()
-    hand.journal.info(
-        "stopped",
-        "currents went back to 0 and stop was sent: without power the fingers move freely; the maximum torque stays at 1000",
-    )
+    _tell_stop(hand, begun, flowed=any(values))
     return table
+
+
+def _tell_stop(hand: AidinHand, begun: int, *, flowed: bool) -> None:
+    """What feedback says of the currents after the stop."""
+    told = told_currents(hand.talk.feedback)
+    free = "without power the fingers move freely; the maximum torque stays at 1000"
+    if flowed and told is not None and not flow(told):
+        hand.journal.ledger.confirm("no current flows", since=begun)
+        hand.journal.info("stopped", f"currents were taken back to 0 and stop was sent, no current flows: {free}")
+    elif told is not None and flow(told):
+        text = f"stop was sent, but currents up to {max(map(abs, told))} were told after it"
+        hand.journal.warn("not-stopped", text, "watch the hand; `handctl aidin stop`, or switch its power off")
+    else:
+        hand.journal.info("stopped", f"currents were taken back to 0 and stop was sent; {free}")
 
 
 def _values(hand: AidinHand, goal: Goal, cap: float, *, blind: bool) -> list[float]:
@@ -79,6 +95,7 @@ class _Drive:
         self._hand = hand
         self._goal = goal
         self._guide = guide
+        self.begun = 0  # in the ledger
         self.zero = [0.0] * goal.target.command.count
         self.at = self.zero
 
@@ -90,6 +107,7 @@ class _Drive:
             talk.tick(first, blind=blind)
         if blind:
             self._told()
+        self.begun = self._hand.journal.ledger.mark
         self.to(values, "currents rise")
         data, end = target_object(self._goal, values), talk.deadline(seconds)
         while not end.expired:

@@ -23,6 +23,10 @@ LARGEST_GAP = 0.25
 HOLDS = 3
 INITIAL = 5.0
 AT_ORIGIN = 0.01
+AT_STOP = 0.02
+"""Share of a stroke within which a motor counts as at its stop before homing."""
+LEAP = 3
+"""A motor that changes so many times faster than just before, from one look to the next, was not driven there."""
 TICKS = 5
 STILL = 0.001
 """Share of a stroke that a motor may change from one look to the next and still stand."""
@@ -46,9 +50,10 @@ def connect_or_command(hand: AidinHand) -> bool:
 
 
 def home(hand: AidinHand, guide: Guide) -> Table:
-    """Mode 1 for 3.5 s and nothing else in between; then every encoder must be near 0 (aidin, Modes: homing).
+    """Mode 1 for 3.5 s and nothing else in between, judged per motor (aidin, Modes: homing).
 
-    Raises CheckFailed when they are not, NoAnswer when the hand says nothing, UsageError for a --deadline before its end.
+    Each must have moved, or have been at its stop already, and then be near 0: the hand sets 0 wherever a finger stands.
+    Raises CheckFailed naming those that are not, NoAnswer when the hand says nothing, UsageError for a --deadline before its end.
     """
     bound = hand.talk.bound
     if bound is not None and bound.remaining < HOLD:
@@ -59,6 +64,7 @@ def home(hand: AidinHand, guide: Guide) -> Table:
     guide.say(f"homing: all fingers open for {HOLD:g} s; keep clear")
     data = object_of(Mode.HOMING)
     seen = _Travel()
+    mark = hand.journal.ledger.mark
     with stopping(hand, guide, "homing failed, the hand is not homed; "):
         try:
             if not blind:
@@ -78,34 +84,63 @@ def home(hand: AidinHand, guide: Guide) -> Table:
             hint=f"{LEFT}; is a finger blocked? Home again; look with `handctl aidin status`",
             code="not-homed",
         )
-    if seen.moved:
-        hand.journal.info(
-            "homed", "homed: the open position is the origin. The hand was left in homing mode, nothing more is sent"
-        )
-    else:
-        hand.journal.warn(
-            "nothing-moved",
-            "the encoders are at 0, but no motor moved: the hand was open already, or it is blocked, or it did not take "
-            "the command (just switched on, the encoders are 0 wherever the fingers are)",
-            hint="look at the fingers: are they fully open?",
-        )
+    _judge_travel(hand, seen, mark)
     return hand.table(hand.read(elements_of(MOTOR_POS))) if not blind else _last_known(hand)
 
 
+def _judge_travel(hand: AidinHand, seen: _Travel, mark: int) -> None:
+    """All encoders are at 0 now; whether the fingers are open is told by the way there. Raises CheckFailed."""
+    first = seen.first or ()
+    stood = [index for index in range(len(first)) if index not in seen.moved]
+    held = [index for index in stood if abs(first[index]) > stroke(index) * AT_STOP]
+    if held:
+        raise CheckFailed(
+            f"{hand.link.name}: not homed: {len(held)} of {len(first)} motors never moved, the hand set 0 where they "
+            f"stood: {named(MOTOR_POS, held, first)} before",
+            hint=f"every target of such a motor is off by what it was away from open. {LEFT}. Free the finger and home "
+            "again; one that was fully open before homing passes then",
+            code="not-homed",
+        )
+    if stood and not any(first):  # as after power-on: 0 wherever the fingers are
+        who = "no motor moved" if len(stood) == len(first) else f"these did not move: {named(MOTOR_POS, stood, first)}"
+        hand.journal.warn(
+            "nothing-moved",
+            f"not confirmed: the encoders were 0 before and are 0 now, and {who}. They were open already, or are blocked, "
+            "or did not take the command (just switched on, the encoders are 0 wherever the fingers are)",
+            hint="look at the fingers: are they fully open?",
+        )
+        return
+    hand.journal.ledger.confirm("each motor moved or was at its stop, and is at 0", since=mark)
+    hand.journal.info(
+        "homed",
+        "homed: each motor moved or was at its stop already, and is at 0 now. The hand was left in homing mode, nothing "
+        "more is sent",
+    )
+
+
 class _Travel:
-    """Whether any encoder has changed by more than jitter since it was first told."""
+    """The way of each encoder since it was first told. A jump to 0 is no way: so the hand sets the origin."""
 
     def __init__(self) -> None:
-        self._first: tuple[int, ...] | None = None
-        self.moved = False
+        self.first: tuple[int, ...] | None = None
+        self.moved: set[int] = set()
+        self._last: tuple[int, ...] = ()
+        self._step: list[int] = []
 
     def note(self, encoders: tuple[int, ...] | None) -> None:
         """Encoders as they are now; None = not told."""
         if encoders is None:
             return
-        if self._first is None:
-            self._first = encoders
-        self.moved = self.moved or bool(moving(self._first, encoders))
+        if self.first is None:
+            self.first, self._last, self._step = encoders, encoders, [0] * len(encoders)
+        for index in moving(self._last, encoders):
+            before, now = self._last[index], encoders[index]
+            near = stroke(index) * AT_ORIGIN
+            fast = abs(now - before) > LEAP * max(abs(self._step[index]), near)
+            if not (fast and abs(now) <= near):
+                self.moved.add(index)
+        self._step = [now - before for before, now in zip(self._last, encoders, strict=True)]
+        self._last = encoders
 
 
 def _hold(hand: AidinHand, data: bytes, guide: Guide, seen: _Travel, *, blind: bool) -> None:
@@ -213,7 +248,8 @@ def initial(hand: AidinHand, guide: Guide, *, assume_homed: bool) -> Table:
             hint="`handctl aidin home` first; --assume-homed goes on all the same. Nothing was sent.",
         )
     data, end = object_of(Mode.INITIAL), talk.deadline(INITIAL)
-    seen = _Travel()
+    seen, ledger = _Travel(), hand.journal.ledger
+    mark = ledger.mark
     now: tuple[int, ...] | None = None
     before: tuple[int, ...] | None = None
     with stopping(hand, guide), telling(GOES_ON):
@@ -236,7 +272,9 @@ def initial(hand: AidinHand, guide: Guide, *, assume_homed: bool) -> Table:
             hint=f"{GOES_ON}; a hand that was not homed ignores it; or blocked, or the maximum torque is too low",
             code="not-reached",
         )
-    if not seen.moved:
+    if seen.moved:
+        ledger.confirm("the motors moved and are at 0", since=mark)
+    else:
         hand.journal.warn(
             "nothing-moved",
             "the encoders are at 0, but no motor moved: the fingers were there already, or the hand was not homed since "

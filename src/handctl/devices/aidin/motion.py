@@ -47,8 +47,13 @@ def plan(hand: AidinHand | None, goal: Goal, end: bytes) -> list[Step]:
     if hand is not None:
         hand.talk.connect(silent=True)
         here = measured(hand, goal.target)
-    data = target_object(goal, goal.complete(here))
-    return [step_of(f"mode {int(goal.target.mode)}, the last object of a ramp from where the hand is", data, end)]
+    return [last_step(goal, goal.complete(here), end)]
+
+
+def last_step(goal: Goal, values: list[float], end: bytes) -> Step:
+    """The object that ends a movement, as a step."""
+    meaning = f"mode {int(goal.target.mode)}, the last object of a ramp from where the hand is"
+    return step_of(meaning, target_object(goal, values), end)
 
 
 def move(hand: AidinHand, goal: Goal, guide: Guide, *, assume_homed: bool) -> Table:
@@ -61,6 +66,9 @@ def move(hand: AidinHand, goal: Goal, guide: Guide, *, assume_homed: bool) -> Ta
     here = measured(hand, goal.target)
     values = goal.complete(here)
     _check_start(hand, goal.target, here, assume=assume_homed)
+    ledger = hand.journal.ledger
+    begun = ledger.mark
+    ledger.plan([last_step(goal, values, talk.way.end)])
     with stopping(hand, guide), telling(GOES_ON):
         try:
             _follow(hand, goal, ramp(goal, here, values, PERIOD), guide)
@@ -70,10 +78,12 @@ def move(hand: AidinHand, goal: Goal, guide: Guide, *, assume_homed: bool) -> Ta
             guide.done()
         if not arrived:
             _tell_deadline(hand, goal, values)
-    if arrived:
-        hand.journal.info("reached", HOLDS)
     with telling(HOLDS if arrived else GOES_ON):
-        return _result(hand, goal, values)
+        table = _result(hand, goal, values)
+    if arrived and table.failure is None:
+        ledger.confirm("arrived by its feedback", since=begun)
+        hand.journal.info("reached", HOLDS)
+    return table
 
 
 def _check_start(hand: AidinHand, target: Target, here: list[Number], *, assume: bool) -> None:

@@ -33,11 +33,13 @@ def step_of(meaning: str, data: bytes, end: bytes) -> Step:
     return Step(f"{meaning}: {data.decode()}", data + end, moves=True)
 
 
-def _flow(told: Wire | None) -> bool:
+def flow(told: Wire | None) -> bool:
+    """Whether these currents are more than jitter."""
     return told is not None and max(map(abs, told)) > NO_CURRENT
 
 
-def _currents(feedback: Feedback) -> Wire | None:
+def told_currents(feedback: Feedback) -> Wire | None:
+    """The currents that were told, None where they were not, or wrong."""
     return None if CURRENT_STATE.key in feedback.errors else feedback.values.get(CURRENT_STATE.key)
 
 
@@ -59,10 +61,10 @@ def halt(hand: AidinHand) -> str:
         return f"stop could not be sent ({exc.text}): switch the hand's power off if it still moves"
     except KeyboardInterrupt:
         return "interrupted again while stop was sent: switch the hand's power off if it still moves"
-    told = _currents(hand.talk.feedback)
+    told = told_currents(hand.talk.feedback)
     if told is None:
         seen = "the hand did not confirm it: watch it"
-    elif _flow(told):
+    elif flow(told):
         seen = f"currents up to {max(map(abs, told))} still flowed: watch it"
     else:
         seen = "no current flows"

@@ -36,7 +36,7 @@ class AidinWrites:
 
     def planned(self, data: bytes, can_id: int | None) -> Hashable:
         """See WriteWords: the terminator is no part of the command."""
-        return data.rstrip(BLANKS)
+        return data.rstrip(BLANKS) if MODE in data else None
 
     def next(self, data: bytes, can_id: int | None) -> str:
         """See WriteWords."""

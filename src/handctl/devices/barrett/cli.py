@@ -159,8 +159,8 @@ def set_(run: Run, assignments: tuple[str, ...], motors: str | None, force: bool
     for objection in check_careful(changes, force):
         run.journal.warn("careful", objection)
     steps = run.planner().plan(changes)
-    if run.settings.dry_run:
-        return run.dry_run(steps)
+    if (plan := run.planned(steps)) is not None:
+        return plan
     if any(step.strands for step in steps):
         run.confirm(SPEED, steps)
     hand: BarrettHand = run.device()
@@ -181,8 +181,8 @@ def baud(run: Run, rate: int | None, save_too: bool) -> Table:
         return verbs.get(run, BARRETT, ["BAUD"])
     code = speed.code_of(rate)
     texts = [f"PSET BAUD {code}", *(["PSAVE"] if save_too else [])]
-    if run.settings.dry_run:
-        return run.dry_run([step_of(text) for text in texts])
+    if (plan := run.planned([step_of(text) for text in texts])) is not None:
+        return plan
     ask(run, texts, f"The hand speaks {rate} bit/s at once{', and after every power-on' if save_too else ''}")
     hand: BarrettHand = run.device()
     ledger = eeprom.Ledger(hand, simulated=run.simulated) if save_too else None
@@ -204,8 +204,8 @@ def reset(run: Run) -> Table:
     """
     from handctl.devices.barrett import speed
 
-    if run.settings.dry_run:
-        return run.dry_run([step_of("RESET")])
+    if (plan := run.planned([step_of("RESET")])) is not None:
+        return plan
     ask(run, ["RESET"])
     banner = speed.reset(run.device().line)
     return Table(
@@ -237,8 +237,8 @@ def gcl_(run: Run, commands: tuple[str, ...], keep_going: bool) -> Table:
         step_of(text)
         for note in gcl.notes(text):
             run.journal.warn("careful", f"{text}: {note}")
-    if run.settings.dry_run:
-        return run.dry_run([step_of(text) for text in wanted])
+    if (plan := run.planned([step_of(text) for text in wanted])) is not None:
+        return plan
     ask(run, wanted)
     ledger = eeprom.Ledger(run.device(), simulated=run.simulated) if gcl.saves(wanted) else None
     hand = run.device()

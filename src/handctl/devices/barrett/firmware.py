@@ -68,10 +68,16 @@ class Loader:
     def run(self) -> Download:
         """The whole procedure. Raises NoAnswer, ProtocolError, LinkError, Interrupted with the address it stopped at."""
         before = self._version_before()
+        ledger = self.hand.journal.ledger
+        begun = ledger.mark
+        image = f"the image {self.firmware.name}, {self.firmware.size} bytes, to the boot monitor"
         while True:
-            self._power_on()
+            with ledger.whole(image):
+                self._power_on()
             try:
-                self._send_all()
+                with ledger.whole(image):
+                    self._send_all()
+                ledger.confirm("every byte was echoed", since=begun)
                 break
             except LinkError as exc:
                 text = f"{exc.text}; stopped at {self._where}, {self._sent} of {self.firmware.size} bytes"

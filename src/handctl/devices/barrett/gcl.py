@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 from handctl.devices.barrett import eeprom, motion
 from handctl.devices.barrett.commands import COMMANDS, split
 from handctl.devices.barrett.hand import BarrettHand
-from handctl.devices.barrett.language import Answer, explain_status, motor_prefix, motors_of
+from handctl.devices.barrett.language import Answer, encode, explain_status, motor_prefix, motors_of
 from handctl.devices.barrett.parameters import BARRETT, careful
 from handctl.errors import DeviceRefused, HandctlError, Interrupted, NoAnswer, ProtocolError, UsageError
+from handctl.param import Step
 from handctl.result import Column, Row, Table
 
 if TYPE_CHECKING:
@@ -111,6 +112,7 @@ def ask(hand: BarrettHand, text: str) -> Answer:
         hand.line.reconnect()
         if hand.line.link.baud == before:
             raise
+        hand.journal.ledger.confirm(f"answers at {hand.line.link.baud} bit/s now", Step(text, encode(text)))
         hand.journal.info(
             "speed-changed", f"{text} changed the speed to {hand.line.link.baud} bit/s; its answer was lost by that"
         )

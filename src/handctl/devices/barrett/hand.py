@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from handctl.devices.barrett.language import Answer, batches, explain_status, hint_for, values
+from handctl.devices.barrett.language import Answer, batches, encode, explain_status, hint_for, values
 from handctl.devices.barrett.line import GclLine
 from handctl.devices.barrett.parameters import BARRETT, GclParam, all_elements, standard
 from handctl.devices.barrett.views import audit, meaning, parameters_view, status_view, unhealthy
@@ -160,7 +160,7 @@ class BarrettHand:
         """FSET and PSET lines for checked changes: motors that get the same value share a prefix; the speed goes last."""
         calm, speed = self._speed_last(changes)
         commands = [command for group in (calm, speed) for command, _ in self._commands(group)]
-        return [Step(text, text.encode("ascii") + b"\r", strands="BAUD" in text.split()) for text in commands]
+        return [_step(text) for text in commands]
 
     @staticmethod
     def _speed_last(
@@ -169,7 +169,8 @@ class BarrettHand:
         calm = [change for change in changes if _gcl(change[0]) != "BAUD"]
         return calm, [change for change in changes if _gcl(change[0]) == "BAUD"]
 
-    def _commands(self, changes: Sequence[tuple[Element, Number]]) -> list[tuple[str, list[str]]]:
+    def _commands(self, changes: Sequence[tuple[Element, Number]]) -> list[tuple[str, list[tuple[Element, Number]]]]:
+        """The lines that write `changes`, each with those that stand in it, in their order."""
         motors: dict[tuple[str, Number], list[int]] = {}
         for element, value in changes:
             motors.setdefault((_gcl(element), value), []).append(element.index)
@@ -181,11 +182,18 @@ class BarrettHand:
                 digits = "".join(str(index + 1) for index in sorted(indices))
                 verb = f"{'' if digits == '1234' else digits}FSET"
             pairs.setdefault(verb, []).append((mnemonic, str(value)))
-        return [
-            (line, [item[0] for item in items])
-            for verb, words in pairs.items()
-            for line, items in batches("", verb, words)
-        ]
+        found = []
+        for verb, words in pairs.items():
+            digits = verb.removesuffix("FSET")
+            for line, items in batches("", verb, words):
+                found.append((line, [
+                    change
+                    for mnemonic, value in items
+                    for change in changes
+                    if (_gcl(change[0]), str(change[1])) == (mnemonic, value)
+                    and (verb == "PSET" or not digits or str(change[0].index + 1) in digits)
+                ]))  # fmt: skip
+        return found
 
     def write(self, changes: Sequence[tuple[Element, Number]]) -> list[Reading]:
         """Set values in RAM, each line once, and read them all back; a change of BAUD goes last, with the port.
@@ -200,26 +208,56 @@ class BarrettHand:
         return readings
 
     def _write_calm(self, changes: Sequence[tuple[Element, Number]]) -> list[Reading]:
+        self.line.connect()
         done: list[str] = []
-        for command, names in self._commands(changes):
+        commands = self._commands(changes)
+        for number, (command, mine) in enumerate(commands, 1):
             try:
-                answer = self.line.ask(command)
-            except (NoAnswer, ProtocolError) as exc:
-                self.journal.warn("answer-lost", f"no valid answer to {command} ({exc.text}); reading it back")
-                self.line.resynchronise()
-                continue
-            if answer.status:
-                error = self.refusal(answer)
-                error.hint += f"; already set: {'; '.join(done)}" if done else ""
-                if len(names) > 1:  # the first wrong pair ends the line, those before it stay
-                    error.hint += f"; perhaps set too: {', '.join(names[:-1])}: `handctl barrett get` tells"
-                raise error
+                self._write_line(command, mine, last=number == len(commands))
+            except HandctlError as exc:
+                exc.hint += f"; already set: {'; '.join(done)}" if done else ""
+                raise
             done.append(command)
+        return self._read_back(changes, commands)
+
+    def _write_line(self, command: str, changes: Sequence[tuple[Element, Number]], *, last: bool) -> None:
+        """One line. Where its answer is lost, nothing follows it before it reads back."""
+        sent = self.journal.counters.sent
+        try:
+            answer = self.line.ask(command)
+        except (NoAnswer, ProtocolError) as exc:
+            if self.journal.counters.sent == sent:
+                raise
+            self.journal.warn("answer-lost", f"no valid answer to {command} ({exc.text}); reading it back")
+            self.line.resynchronise()
+            if not last:
+                self._read_back(changes, [(command, changes)])
+            return
+        if answer.status:
+            error = self.refusal(answer)
+            names = list(dict.fromkeys(_gcl(element) for element, _ in changes))
+            if len(names) > 1:  # the first wrong pair ends the line, those before it stay
+                error.hint += f"; perhaps set too: {', '.join(names[:-1])}: `handctl barrett get` tells"
+            raise error
+
+    def _read_back(
+        self,
+        changes: Sequence[tuple[Element, Number]],
+        commands: Sequence[tuple[str, Sequence[tuple[Element, Number]]]],
+    ) -> list[Reading]:
+        """What the hand holds now. Raises CheckFailed where it is not what `commands` wrote."""
         readings = self.read([element for element, _ in changes])
+        now = {reading.element.full_name: reading.value for reading in readings}
+        for command, mine in commands:
+            step = _step(command)
+            if all(now[element.full_name] == value for element, value in mine):
+                self.journal.ledger.confirm("read back", step)
+            elif all(now[element.full_name] is not None for element, _ in mine):
+                self.journal.ledger.doubt("reads back otherwise", step)
         wrong = [
-            f"{element.full_name} reads {reading.value} after {value} was written"
-            for (element, value), reading in zip(changes, readings, strict=True)
-            if reading.value != value
+            f"{element.full_name} reads {now[element.full_name]} after {value} was written"
+            for element, value in changes
+            if now[element.full_name] != value
         ]
         if wrong:
             raise CheckFailed(
@@ -281,6 +319,10 @@ class BarrettHand:
                 f"{self.link.name}: {len(findings)} findings: {'; '.join(findings)}", code="unhealthy"
             )
         return table
+
+
+def _step(text: str) -> Step:
+    return Step(text, encode(text), strands="BAUD" in text.split())
 
 
 def _gcl(element: Element) -> str:

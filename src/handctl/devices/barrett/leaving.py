@@ -38,6 +38,7 @@ class Session:
     stood       a block of velocity 0 was acknowledged, and none was sent since
     last        the control values sent last
     undo        flags as they were
+    mark        where the loop begins in the ledger of writes
     failure     what went wrong while leaving
     dead_man    stops the hand when this process dies
     """
@@ -51,6 +52,7 @@ class Session:
         self.undo: list[tuple[Element, Number]] = []
         self.failure: HandctlError | None = None
         self.dead_man = Guard(None)
+        self.mark = 0
         self._still = b""
 
     def block_deadline(self, sent_at: float) -> Deadline:
@@ -108,6 +110,8 @@ class Session:
         if self.inside:
             self.inside = False
             stands = self.stand()
+            if stands:
+                self.hand.journal.ledger.confirm("each block was acknowledged", since=self.mark)
             if not (stands and line.abort() is not None) and line.leave_loop() is not None:
                 raise NoAnswer("no prompt after ^C: the hand may still be in its loop", code="loop")
         elif self.thrown_out and moved:

@@ -125,8 +125,8 @@ class GclLine:
         link = self.link
         answer = Patience(link, seconds + 2 * self.wire_seconds(len(data) + 512), self.bound)
         echo = Patience(link, (self.timeout or ECHO_SECONDS) + 2 * self.wire_seconds(len(data)), self.bound)
-        link.write(data, answer.deadline)
         self.journal.counters.sent += 1
+        link.write(data, answer.deadline)
         try:
             return self._answer(command, answer, echo)
         except LinkError as exc:

@@ -166,6 +166,7 @@ class RealtimeLoop:
         line.drain()
         # From here on it may be in the loop, where every byte counts as a header: it is left by ^C and nothing else.
         session.inside = session.asked = True
+        session.mark = hand.journal.ledger.mark
         line.link.write(sent + CR, deadline)
         hand.journal.counters.sent += 1
         came = b""

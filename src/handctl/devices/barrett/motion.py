@@ -6,11 +6,11 @@ A supervisory movement blocks the line: no position can be read while it runs. ^
 from __future__ import annotations
 
 from handctl.devices.barrett.hand import BarrettHand
-from handctl.devices.barrett.language import MOTORS, Answer, explain_status
+from handctl.devices.barrett.language import MOTORS, Answer, encode, explain_status
 from handctl.devices.barrett.parameters import BARRETT, GclParam
 from handctl.errors import HandctlError, Interrupted, NoAnswer, ProtocolError, UsageError
 from handctl.guide import Guide
-from handctl.param import Element
+from handctl.param import Element, Step
 from handctl.result import Column, Row, Table
 
 GOALS = {"C": "CT", "O": "OT", "M": "DP"}
@@ -217,6 +217,8 @@ def power_off(hand: BarrettHand, prefix: str) -> str:
     if error is not None and (not answer.status or answer.status & ~5):
         error.hint = f"the motors may still have power: if they must not, switch the supply off; {error.hint}"
         raise error
+    if answer.status:
+        hand.journal.ledger.confirm("ERR 4: its power is off all the same", Step("T", encode(f"{prefix}T")))
     status = f" (status {answer.status}: {explain_status(answer.status)})" if answer.status else ""
     return f"the hand was found, ^C was sent to it; {prefix}T was acknowledged{status}: motor power is off"
 

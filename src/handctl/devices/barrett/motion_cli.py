@@ -90,8 +90,8 @@ def _movement(group: Group, name: str, gcl_name: str, doc: str, argument: str) -
 
         prefix = prefix_of(motors)
         text = motion.command_text(prefix, gcl_name, value)
-        if run.settings.dry_run:
-            return run.dry_run([step_of(text)])
+        if (plan := run.planned([step_of(text)])) is not None:
+            return plan
         return motion.move(run.device(), prefix, gcl_name, value, run.guide, force=force)
 
     body.__doc__ = doc

@@ -130,8 +130,11 @@ def add_realtime(group: Group) -> None:
         source = _source(send, velocity, gain, path, indices)
         off = set(GUARDS) if "all" in unguarded else {*unguarded, *(["opening"] if force else [])}
         wish = Wish(tuple(indices), received, temperature, hold, frozenset(GUARDS) - off, delta_unit)
+        first = _initialization(wish) if initialize else []
+        steps = _steps(run, wish, source)
         if run.settings.dry_run:
-            return run.dry_run([*(_initialization(wish) if initialize else ()), *_steps(run, wish, source)])
+            return run.dry_run([*first, *steps])
+        run.ledger.plan([*first, *(step for step in steps if step.meaning.startswith(wish.prefix + "LOOP"))])
         if motors is None and (initialize or source is not None):
             refuse_disabled(run.device())
         if initialize:

@@ -6,6 +6,7 @@ from handctl.devices.barrett.commands import SECONDS
 from handctl.devices.barrett.language import CR, encode
 from handctl.devices.barrett.line import GclLine
 from handctl.errors import LinkError, NoAnswer, ProtocolError, UsageError
+from handctl.param import Step
 
 SETTLE_SECONDS = 1.0
 """The vendor's pause after a speed change."""
@@ -19,12 +20,12 @@ def change(line: GclLine, code: int) -> None:
     Raises NoAnswer when the hand answers at neither speed afterwards; CheckFailed is left to the read-back.
     """
     line.connect()
-    link = line.link
+    link, ledger = line.link, line.journal.ledger
     command = f"PSET BAUD {code}"
     old, new = link.baud, code * 100
     data = encode(command)
-    link.write(data, link.deadline(2.0))
     line.journal.counters.sent += 1
+    link.write(data, link.deadline(2.0))
     echo = b""
     deadline = link.deadline(1.0 + (2 * len(data) * 10 / old if old else 0)).earlier(line.bound)
     while data[:-1] not in echo.upper() and not deadline.expired:
@@ -45,7 +46,10 @@ def change(line: GclLine, code: int) -> None:
     link.sleep(SETTLE_SECONDS)
     line.collect(0.05)
     link.write(CR, link.deadline(2.0))
+    answers = f"answers at {new} bit/s"
     if line.prompt_comes():
+        if link.can_set_baud:
+            ledger.confirm(answers, Step(command, data))
         return
     if link.can_set_baud and old is not None:
         try:
@@ -57,7 +61,9 @@ def change(line: GclLine, code: int) -> None:
                 code="lost-speed",
             ) from exc
         if link.baud == new:
+            ledger.confirm(answers, Step(command, data))
             return
+        ledger.doubt(f"answers at {link.baud} bit/s", Step(command, data))
         raise LinkError(
             f"{link.name}: the hand did not follow to {new} bit/s, it answers at {link.baud}",
             hint="some hands cannot do the higher speeds",
@@ -70,8 +76,8 @@ def reset(line: GclLine) -> str:
     """RESET: restart the firmware; its banner. Motors are uninitialised afterwards (barrett §5.2.4)."""
     line.connect()
     link = line.link
-    link.write(encode("RESET"), link.deadline(2.0))
     line.journal.counters.sent += 1
+    link.write(encode("RESET"), link.deadline(2.0))
     came = line.collect(BANNER_SECONDS)
     if came.upper().strip(b"\r\n :") in (b"", b"RESET"):  # nothing but the echo: it is still starting
         came += line.collect(SECONDS["reset"] - BANNER_SECONDS)
@@ -79,6 +85,8 @@ def reset(line: GclLine) -> str:
     banner = "\n".join(part.strip() for part in text.replace("\r", "\n").split("\n") if part.strip(" =>:\0"))
     banner = banner.removeprefix("RESET").strip(" :\n")  # a hand that has just started may print ":" first
     line.reconnect()
+    if banner:
+        line.journal.ledger.confirm("its banner came, and it answers", Step("RESET", encode("RESET")))
     if BANNER_TEXT not in banner:
         line.journal.warn("banner", f"the banner does not say {BANNER_TEXT!r}: {banner!r}")
     line.journal.info("uninitialized", "the motors are not initialized now", hint="`handctl barrett init`")

@@ -51,8 +51,8 @@ def add_store_commands(group: Group) -> None:
 
         prefix = prefix_of(motors)
         steps = save_steps(motors)
-        if run.settings.dry_run:
-            return run.dry_run(steps)
+        if (plan := run.planned(steps)) is not None:
+            return plan
         ask(run, [step.meaning for step in steps])
         hand: BarrettHand = run.device()
         if motors is None:
@@ -104,8 +104,8 @@ def save_steps(motors: str | None) -> list[Step]:
 def _plain_commands(run: Run, commands: list[str]) -> Table:
     from handctl.devices.barrett import gcl
 
-    if run.settings.dry_run:
-        return run.dry_run([step_of(text) for text in commands])
+    if (plan := run.planned([step_of(text) for text in commands])) is not None:
+        return plan
     ask(run, commands)
     return gcl.run_all(run.device(), commands, keep_going=False)
 

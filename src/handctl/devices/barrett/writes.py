@@ -47,11 +47,11 @@ class BarrettWrites:
             return self._aborted(data)
         if self._loop:
             return () if data in (FEEDBACK_ONLY, NEITHER) else (Frame(data, None, data, group="block"),)
-        text = data.removesuffix(CR).decode("ascii", "replace").strip()
-        _, known, _ = split(text)
-        if not text or (known is not None and known.kind == "query"):
+        if _asks(data):
             self._decoder = None
             return ()
+        text = data.removesuffix(CR).decode("ascii", "replace").strip()
+        _, known, _ = split(text)
         self._number += 1
         self._key, self._kind = self._number, known.kind if known is not None else "set"
         self._decoder = Decoder(text)
@@ -87,7 +87,7 @@ class BarrettWrites:
 
     def planned(self, data: bytes, can_id: int | None) -> Hashable:
         """See WriteWords."""
-        return data
+        return None if _asks(data) else data
 
     def next(self, data: bytes, can_id: int | None) -> str:
         """See WriteWords."""
@@ -116,6 +116,13 @@ class BarrettWrites:
             self._decoder, self._loop = None, False
             return ((self._key, False),)
         return ()
+
+
+def _asks(data: bytes) -> bool:
+    """Whether it is an empty line or a query."""
+    text = data.removesuffix(CR).decode("ascii", "replace").strip()
+    _, known, _ = split(text)
+    return not text or (known is not None and known.kind == "query")
 
 
 def barrett() -> BarrettWrites:

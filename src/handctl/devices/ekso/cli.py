@@ -245,6 +245,8 @@ def set_(run: Run, assignments: tuple[str, ...], operator: str | None, audit: st
     param = EKSO[change[0].param.name]
     if before[param.word] == param.to_raw(change[1]):
         run.journal.info("equal", f"{param.name} is {param.shown(change[1])} already; nothing was written")
+    else:
+        run.ledger.plan(ekso.plan([change]))
     return written_table(ekso, before, ekso.write([change]))
 
 
@@ -292,8 +294,8 @@ def cancel(run: Run, word: int, operator: str | None, audit: str | None) -> Tabl
 
     Sent once, without asking, and logged; a log that cannot be written does not hold it up. What it stops is not documented.
     """
-    if run.settings.dry_run:
-        return run.dry_run(run.planner().plan_cancel(word))
+    if (plan := run.planned(run.planner().plan_cancel(word))) is not None:
+        return plan
     ekso: Ekso = run.device()
     log = _audit(run, operator, audit)
 

@@ -28,6 +28,7 @@ from handctl.errors import (
     UsageError,
 )
 from handctl.guide import Guide
+from handctl.param import Step
 from handctl.result import hex_bytes
 
 BETWEEN_WRITES = 1.0
@@ -188,6 +189,13 @@ class Writer:
         finally:
             self.port.bound = bound
         failure = self._judge(change, before, after, answer, lost)
+        step = Step(change.text, self.port.request(Command.SET_VALUE, body))
+        if after[change.param.word] == change.new:
+            self.port.journal.ledger.confirm("read back", step)
+        else:
+            self.port.journal.ledger.doubt(
+                f"reads {change.param.shown(change.param.from_raw(after[change.param.word]))}", step
+            )
         unlogged = self._result(change, boot, answer, after, "applied" if failure is None else failure.text)
         if failure is not None:
             raise failure

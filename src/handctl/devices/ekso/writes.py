@@ -49,7 +49,7 @@ class EksoWrites:
 
     def planned(self, data: bytes, can_id: int | None) -> Hashable:
         """See WriteWords: the bytes without the running msgID and the sum over it."""
-        return data[:2] + data[4:-CRC_BYTES]
+        return data[:2] + data[4:-CRC_BYTES] if data and data[0] not in READS else None
 
     def next(self, data: bytes, can_id: int | None) -> str:
         """See WriteWords."""

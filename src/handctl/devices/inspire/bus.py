@@ -29,14 +29,21 @@ PATIENCE = 4
 
 
 @contextmanager
-def telling(left_behind: str, hint: str) -> Iterator[None]:
-    """Ctrl-C, or a link that is lost, in here is told with what it leaves behind. Raises Interrupted, LinkError."""
+def telling(bus: RegisterBus, left_behind: str, hint: str) -> Iterator[None]:
+    """Ctrl-C, or a link that is lost, in here is told with what it leaves behind, once a write was sent in here.
+
+    Raises Interrupted, LinkError.
+    """
+    before = bus.journal.counters.writes
     try:
         yield
     except KeyboardInterrupt as exc:
+        if bus.journal.counters.writes == before:
+            raise
         raise Interrupted(f"interrupted: {left_behind}", hint=hint) from exc
     except LinkError as exc:
-        add(exc, left_behind, hint)
+        if bus.journal.counters.writes > before:
+            add(exc, left_behind, hint)
         raise
 
 
@@ -101,6 +108,21 @@ class RegisterBus(ABC):
     def write(self, address: int, data: bytes) -> None:
         """Write `data` once. Raises DeviceRefused; NoAnswer, ProtocolError when it is unknown whether it arrived."""
 
+    def try_write(self, address: int, data: bytes, what: str, then: str, **more: Sequence[int]) -> HandctlError | None:
+        """Write once; where no acknowledgement came, that is told and returned: `then` says what decides instead.
+
+        Raises what kept it from being sent.
+        """
+        before = self.journal.counters.writes
+        try:
+            self.write(address, data, **more)
+        except (NoAnswer, ProtocolError) as exc:
+            if self.journal.counters.writes == before:
+                raise
+            self.journal.warn("ack-lost", f"{what} was not acknowledged ({exc.text}); {then}")
+            return exc
+        return None
+
     @abstractmethod
     def write_step(self, address: int, data: bytes, meaning: str) -> Step:
         """The exact bytes of that write."""
@@ -117,6 +139,11 @@ class RegisterBus(ABC):
         """Called with everything before it is sent. Raises NotIdentified before a first write to a stranger."""
         if not self.only_reads(request):
             self.at(device_id=self.addressee(request)).identify()
+
+    def count(self, request: bytes | CanFrame) -> None:
+        """Before it is sent: a line that is lost meanwhile may have taken it."""
+        self.journal.counters.sent += 1
+        self.journal.counters.writes += not self.only_reads(request)
 
     def identify(self) -> None:
         """Look who is there, unless that is done: also called before a process is made that will write by itself."""
@@ -268,8 +295,8 @@ class Bus(RegisterBus):
     def send(self, request: bytes, deadline: Deadline | None = None) -> None:
         """Write one or more request frames, or whatever bytes."""
         self.pass_gate(request)
+        self.count(request)
         self.link.write(request, deadline or self._reply_deadline(len(request), 0))
-        self.journal.counters.sent += 1
 
     def listen(self, prefixes: Sequence[bytes], seconds: float) -> Frame | None:
         """Wait for a frame that the device sends later by itself; None when it does not come. Sends nothing.

@@ -116,8 +116,8 @@ class CanBus(RegisterBus):
     def send(self, frame: CanFrame, deadline: Deadline) -> None:
         """Put one frame on the bus."""
         self.pass_gate(frame)
+        self.count(frame)
         self.link.send(frame, deadline)
-        self.journal.counters.sent += 1
 
     def only_reads(self, request: bytes | CanFrame) -> bool:
         return isinstance(request, CanFrame) and canreg.only_reads(request.can_id, request.data)

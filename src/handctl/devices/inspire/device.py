@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from handctl.devices.inspire.blocks import BlockReader, Memory
 from handctl.devices.inspire.bus import RegisterBus, add
 from handctl.devices.inspire.registers import Register, register_of
-from handctl.errors import CheckFailed, HandctlError, Interrupted, LinkError, NoAnswer, ProtocolError
+from handctl.errors import CheckFailed, HandctlError, Interrupted, LinkError, NoAnswer
 from handctl.link import Link
 from handctl.param import Element, Number, ParamMap, Reading, Step
 from handctl.result import Column, Grid, Journal, Row, Table, hex_bytes
@@ -136,16 +136,20 @@ class RegisterDevice(ABC):
     @contextmanager
     def stopping(self, what: str, moving: Collection[str]) -> Iterator[None]:
         """Ctrl-C while `what` is written stops the registers `moving` set going. Raises Interrupted."""
+        before = self.journal.counters.writes
         try:
             yield
         except KeyboardInterrupt as exc:
+            if self.journal.counters.writes == before:
+                raise
             raise Interrupted(
                 f"interrupted: {self.stop(moving) if moving else f'{what} may be written or not'}",
                 hint=f"`handctl {self.kind} get` shows what it holds now",
             ) from exc
         except LinkError as exc:
             may_move = ", the device may move" if moving else ""
-            add(exc, f"{what} may be written or not{may_move}", f"`handctl {self.kind} get` shows what it holds")
+            if self.journal.counters.writes > before:
+                add(exc, f"{what} may be written or not{may_move}", f"`handctl {self.kind} get` shows what it holds")
             raise
 
     @abstractmethod
@@ -154,31 +158,39 @@ class RegisterDevice(ABC):
 
     def _written(self, changes: Sequence[tuple[Element, Number]]) -> list[Reading]:
         written: list[str] = []
-        for run in self.runs(changes):
-            address, data = _encoded(run)
-            names = ", ".join(element.full_name for element, _ in run)
+        runs = self.runs(changes)
+        for number, run in enumerate(runs, 1):
             try:
-                self.bus.write(address, data)
-            except (NoAnswer, ProtocolError) as exc:
-                self.journal.warn(
-                    "ack-lost", f"the write of {names} was not acknowledged ({exc.text}); reading it back"
-                )
+                self._write_run(run, last=number == len(runs))
             except HandctlError as exc:
                 if written:
                     exc.hint = f"already written: {', '.join(written)}. {exc.hint}"
                 raise
-            written.append(names)
+            written.append(_names(run))
         readings = self.read([element for element, _ in changes])
         self._verify(changes, readings)
         return readings
 
+    def _write_run(self, run: Sequence[tuple[Element, Number]], *, last: bool) -> None:
+        """One frame. Where its acknowledgement is lost, nothing follows it before it reads back."""
+        lost = self.bus.try_write(*_encoded(run), f"the write of {_names(run)}", "reading it back")
+        if lost is not None and not last:
+            self._verify(run, self.read([element for element, _ in run]))
+
     def _verify(self, changes: Sequence[tuple[Element, Number]], readings: Sequence[Reading]) -> None:
-        wrong = []
-        for (element, value), reading in zip(changes, readings, strict=True):
-            if reading.error is not None:
-                wrong.append(f"{element.full_name} could not be read back")
-            elif reading.value != value:
-                wrong.append(f"{element.full_name} reads {reading.value} after {value} was written")
+        wrong, ledger = [], self.journal.ledger
+        found = {reading.element.full_name: reading for reading in readings}
+        for run in self.runs(changes):
+            (step,) = self.plan(run)
+            for element, value in run:
+                reading = found[element.full_name]
+                if reading.error is not None:
+                    wrong.append(f"{element.full_name} could not be read back")
+                elif reading.value != value:
+                    wrong.append(f"{element.full_name} reads {reading.value} after {value} was written")
+                    ledger.doubt(f"{element.full_name} reads {reading.value}", step)
+            if all(found[element.full_name].value == value for element, value in run):
+                ledger.confirm("read back", step)
         if wrong:
             raise CheckFailed(
                 f"{self.bus.where}: {'; '.join(wrong)}",
@@ -216,6 +228,10 @@ def _reading(element: Element, memory: Memory) -> Reading:
         error = memory.errors.get(register.name) or NoAnswer(f"{register.name} was not read")
         return Reading(element, None, b"", error)
     return Reading(element, register.decode(data), data)
+
+
+def _names(run: Sequence[tuple[Element, Number]]) -> str:
+    return ", ".join(element.full_name for element, _ in run)
 
 
 def _encoded(run: Sequence[tuple[Element, Number]]) -> tuple[int, bytes]:

@@ -84,11 +84,11 @@ class ExoHand(RegisterDevice):
     def command(self, which: str, values: Sequence[int]) -> Table:
         """Send a force or position command and show its reply: positions after force, forces after position."""
         replied = EXO["position_actual"] if which == "force" else EXO["force_actual"]
-        sent = self.journal.counters.sent
+        before = self.journal.counters.writes
         try:
             numbers = self.bus.command(COMMAND_FLAGS[which], values)
         except (NoAnswer, ProtocolError):
-            if self.journal.counters.sent > sent:
+            if self.journal.counters.writes > before:
                 self.journal.warn(
                     "ack-lost",
                     f"the {which} command was not answered: the hand may act on it all the same",

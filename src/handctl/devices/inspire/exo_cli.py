@@ -111,8 +111,8 @@ def write(run: Run, address: str, data: str, undocumented: bool) -> Table:
 
     place = address_in(address)
     step = exo_raw.plan_write(run.planner(), place, exo_raw.parse_hex(data), undocumented)
-    if run.settings.dry_run:
-        return run.dry_run([step])
+    if (plan := run.planned([step])) is not None:
+        return plan
     run.confirm(f"This writes to the hand, which may be worn: {step.meaning}", [step])
     return exo_raw.write(run.device(), place, exo_raw.parse_hex(data))
 
@@ -138,12 +138,12 @@ def raw(run: Run, data: tuple[str, ...], wait: float, force_ambiguous: bool) -> 
 
     frame = exo_raw.parse_hex(" ".join(data))
     step = exo_raw.plan_raw(frame, force_ambiguous)
-    if run.settings.dry_run:
-        return run.dry_run([step])
+    if (plan := run.planned([step])) is not None:
+        return plan
     if step.moves or step.strands:
         run.confirm(f"This may move or change the hand, which may be worn: {step.meaning}", [step])
     hand = run.device()
-    with exo_raw.goes_on(step):
+    with exo_raw.goes_on(hand, step):
         return exo_raw.exchange(hand, frame, wait)
 
 
@@ -158,8 +158,8 @@ def id_(run: Run, new: int | None) -> Table:
         return verbs.get(run, EXO, ["id"])
     EXO["id"].check(new, "id")
     steps = run.planner().plan([(EXO.find("id")[1][0], new)])
-    if run.settings.dry_run:
-        return run.dry_run(steps)
+    if (plan := run.planned(steps)) is not None:
+        return plan
     run.confirm(f"This changes the id to {new} at once; every hand on this line with the old id would change", steps)
     return exo_procedures.change_id(run.device(), new)
 
@@ -194,8 +194,8 @@ def baud(run: Run, rate: int | None, save_too: bool, verify: bool) -> Table:
     steps = planner.plan([(EXO.find("baud_code")[1][0], code)])
     if save_too:
         steps.append(planner.trigger_step("save", "save to flash"))
-    if run.settings.dry_run:
-        return run.dry_run(steps)
+    if (plan := run.planned(steps)) is not None:
+        return plan
     run.confirm(
         f"After save and power cycle the hand speaks {rate} baud only, and a Bluetooth module may be left behind at the "
         "old speed (have an RS-232 cable ready)",
@@ -254,8 +254,8 @@ def clear_errors(run: Run) -> Table:
     """Clear actuator errors and show what is left. Over-temperature is not clearable: it goes away by cooling."""
     from handctl.devices.inspire import exo_flash
 
-    if run.settings.dry_run:
-        return run.dry_run([run.planner().trigger_step("clear_errors", "clear errors")])
+    if (plan := run.planned([run.planner().trigger_step("clear_errors", "clear errors")])) is not None:
+        return plan
     return exo_flash.clear_errors(run.device())
 
 
@@ -271,8 +271,8 @@ def save(run: Run, skip_identity_check: bool) -> Table:
     from handctl.devices.inspire import exo_flash
 
     steps = [run.planner().trigger_step("save", "save to flash")]
-    if run.settings.dry_run:
-        return run.dry_run(steps)
+    if (plan := run.planned(steps)) is not None:
+        return plan
     run.confirm("Save the present parameters to flash (the manual marks id and baud_code as kept)", steps)
     hand = run.device()
     if not skip_identity_check:
@@ -305,8 +305,8 @@ def factory_reset(run: Run, undocumented_address: bool, backup: str | None, skip
             hint="--undocumented-address uses 1006, the address of the RH56 hand. Nothing was sent.",
         )
     steps = [run.planner().trigger_step("factory_reset", "factory reset at an undocumented address")]
-    if run.settings.dry_run:
-        return run.dry_run(steps)
+    if (plan := run.planned(steps)) is not None:
+        return plan
     path = backup or "exo-before-reset.json"
     if os.path.exists(path):
         raise UsageError(f"{path} exists and is not overwritten", hint="choose another file with --backup FILE")
@@ -324,8 +324,8 @@ def calibrate(run: Run) -> Table:
     from handctl.devices.inspire import exo_motion
 
     steps = [run.planner().trigger_step("calibrate", "calibrate")]
-    if run.settings.dry_run:
-        return run.dry_run(steps)
+    if (plan := run.planned(steps)) is not None:
+        return plan
     for number, (seconds, text) in enumerate(exo_motion.CALIBRATION_STEPS, 1):
         run.guide.say(f"  step {number}: {text}; holds {seconds} s")
     run.confirm("The hand must be worn and moves all fingers through the steps above; no command stops it", steps)
@@ -364,8 +364,8 @@ def _command(run: Run, which: str, values: tuple[int, ...], wait: float | None =
 
     check_command(which, values)
     step = run.planner().command_step(which, list(values))
-    if run.settings.dry_run:
-        return run.dry_run([step])
+    if (plan := run.planned([step])) is not None:
+        return plan
     run.confirm(f"This moves a hand that may be worn: {step.meaning}", [step])
     hand = run.device()
     if wait is not None:

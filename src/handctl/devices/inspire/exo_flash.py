@@ -11,7 +11,7 @@ from handctl.devices.inspire.bus import telling
 from handctl.devices.inspire.exo import ExoHand
 from handctl.devices.inspire.exo_procedures import probe
 from handctl.devices.inspire.registers import EXO, OVER_TEMPERATURE, Register
-from handctl.errors import CheckFailed, DeviceRefused, HandctlError, NoAnswer, ProtocolError
+from handctl.errors import CheckFailed, DeviceRefused, NoAnswer
 from handctl.guide import Guide
 from handctl.param import elements_of
 from handctl.result import Column, Row, Table, hex_bytes
@@ -29,10 +29,7 @@ def clear_errors(hand: ExoHand) -> Table:
     names = ("error", "temperature")
     elements = [element for name in names for element in elements_of(EXO[name])]
     before = {reading.element.full_name: reading.value for reading in hand.read(elements)}
-    try:
-        hand.bus.write(EXO["clear_errors"].address, b"\x01")
-    except (NoAnswer, ProtocolError) as exc:
-        hand.journal.warn("ack-lost", f"the clearing was not acknowledged ({exc.text}); reading what is left")
+    hand.bus.try_write(EXO["clear_errors"].address, b"\x01", "the clearing", "reading what is left")
     after = hand.read(elements)
     warm = {reading.element.part: reading.value for reading in after if reading.element.param.name == "temperature"}
     rows: list[Row] = []
@@ -70,6 +67,7 @@ def save(hand: ExoHand, guide: Guide) -> Table:
     inverted, RH56 ch. 3 ex. 4). Nothing is sent in between. Raises DeviceRefused for FF or a refused acknowledgement.
     """
     with telling(
+        hand.bus,
         "the save was sent, whether it is done is unknown",
         "save again, or power-cycle and look with `handctl exo get id baud_code`",
     ):
@@ -79,23 +77,17 @@ def save(hand: ExoHand, guide: Guide) -> Table:
 def _save(hand: ExoHand, guide: Guide) -> Table:
     bus, register = hand.bus, EXO["save"]
     results = [eb90.write_ack_prefix(bus.id, register.address), eb90.read_reply_prefix(bus.id, register.address, 1)]
-    acknowledged = True
-    try:
-        bus.write(register.address, b"\x01")
-    except (NoAnswer, ProtocolError) as exc:
-        acknowledged = False
-        lost = exc
-        hand.journal.warn("ack-lost", f"the save was not acknowledged ({exc.text}); waiting for its result only")
+    lost = bus.try_write(register.address, b"\x01", "the save", "waiting for its result only")
     guide.progress("saving to flash")
     end = bus.link.deadline(SAVE_RESULT_SECONDS)
     frame = bus.listen(results, end.remaining)
     while frame is not None and frame.flag == eb90.WRITE and frame.data == b"\x01":
-        acknowledged = True  # late, or twice
+        lost = None  # late, or twice
         frame = bus.listen(results, end.remaining)
     guide.done()
     if frame is None:
         bus.out_of_time("the result of the save")
-    if frame is None and not acknowledged:
+    if frame is None and lost is not None:
         raise type(lost)(
             lost.text,
             hint="whether it saved is unknown: power-cycle and look with `handctl exo get id baud_code`",
@@ -119,32 +111,35 @@ def _save(hand: ExoHand, guide: Guide) -> Table:
 
 def factory_reset(hand: ExoHand) -> Table:
     """Write 1 to the sibling's reset address 1006; this manual names none (exo §2.3.5). Then look who answers."""
-    with telling("the reset was sent, who answers now is unknown", f"{POWER_CYCLE} Nothing was saved automatically."):
+    with telling(
+        hand.bus, "the reset was sent, who answers now is unknown", f"{POWER_CYCLE} Nothing was saved automatically."
+    ):
         return _factory_reset(hand)
 
 
 def _factory_reset(hand: ExoHand) -> Table:
     bus, old = hand.bus, hand.bus.id
     register = EXO["factory_reset"]
-    lost: HandctlError | None = None
-    try:
-        bus.write(register.address, b"\x01", acknowledged_by=(1,))
-    except (NoAnswer, ProtocolError) as exc:
-        hand.journal.warn("ack-lost", f"the reset was not acknowledged ({exc.text}); looking who answers")
-        lost = type(exc)(
-            f"the reset was not acknowledged, it may have happened: {exc.text}", hint=exc.hint, code=exc.code
-        )
+    lost = bus.try_write(register.address, b"\x01", "the reset", "looking who answers", acknowledged_by=(1,))
+    if lost is not None:
+        lost.text = f"the reset was not acknowledged, it may have happened: {lost.text}"
     bus.pause(1.0)
-    there = [device_id for device_id in dict.fromkeys((1, old)) if probe(bus, device_id)]
+    ids = list(dict.fromkeys((1, old)))
+    there = [device_id for device_id in ids if probe(bus, device_id)]
     hand.journal.warn(
         "power-cycle",
         f"answering now: id {', '.join(map(str, there))}" if there else "nobody answers to id 1 or the old id now",
         hint=f"{POWER_CYCLE} Nothing was saved automatically.",
     )
-    if there:
-        bus.id = there[0]
     table = outcome(hand, register, "accepted" if lost is None else "not acknowledged", None)
     table.failure = lost
+    if there:
+        bus.id = there[0]
+    elif lost is None:
+        text = (
+            f"{bus.link.name}: the reset was acknowledged, but nobody answers to {' or '.join(map(str, ids))} after it"
+        )
+        table.failure = NoAnswer(text, hint=POWER_CYCLE, code="gone")
     return table
 
 

@@ -12,7 +12,7 @@ from handctl.devices.inspire.bus import Bus, telling, watching
 from handctl.devices.inspire.exo import ExoHand
 from handctl.devices.inspire.exo_flash import outcome
 from handctl.devices.inspire.registers import EXO
-from handctl.errors import HandctlError, Interrupted, NoAnswer, ProtocolError
+from handctl.errors import HandctlError, Interrupted
 from handctl.guide import Guide
 from handctl.link.deadman import Guard, Shot, guarding
 from handctl.param import Number, Reading, elements_of
@@ -44,18 +44,13 @@ def calibrate(hand: ExoHand, guide: Guide) -> Table:
     """
     bus = hand.bus
     done = [eb90.read_reply_prefix(bus.id, 2, 1)]
-    lost: HandctlError | None = None
+    begun = hand.journal.ledger.mark
     with telling(
+        hand.bus,
         "the hand goes on calibrating",
         "no documented command stops a calibration: let it finish, or switch the power off",
     ):
-        try:
-            bus.write(EXO["calibrate"].address, b"\x01")
-        except (NoAnswer, ProtocolError) as exc:
-            lost = exc
-            hand.journal.warn(
-                "ack-lost", f"the start was not acknowledged ({exc.text}); waiting for the end all the same"
-            )
+        lost = bus.try_write(EXO["calibrate"].address, b"\x01", "the start", "waiting for the end all the same")
         started = bus.link.now()
         guide.say("Calibration runs. The hand leads through the steps above in this order; nothing is sent meanwhile.")
         try:
@@ -79,6 +74,7 @@ def calibrate(hand: ExoHand, guide: Guide) -> Table:
         )
     else:
         guide.say(f"The hand reported the end after {seconds:.1f} s.")
+        hand.journal.ledger.confirm("its end was reported", since=begun)
     hand.journal.info("volatile", "whether a calibration survives power-off without save is not documented")
     table = hand.read([e for name in ("position_actual", "force_actual") for e in elements_of(EXO[name])])
     ended = outcome(

@@ -120,21 +120,23 @@ def change_id(hand: ExoHand, new: int) -> Table:
             code="id-taken",
         )
     with telling(
-        f"the hand may have id {new} already", "`handctl exo scan` finds it; a power cycle brings back the saved id"
+        hand.bus,
+        f"the hand may have id {new} already",
+        "`handctl exo scan` finds it; a power cycle brings back the saved id",
     ):
         return _write_id(hand, new)
 
 
 def _write_id(hand: ExoHand, new: int) -> Table:
     bus, old = hand.bus, hand.bus.id
-    try:
-        # The acknowledgement comes from the new id on the sibling hand; the manual does not say (RH56 ch. 3 ex. 1).
-        bus.write(EXO["id"].address, bytes([new]), acknowledged_by=(new,))
-    except (NoAnswer, ProtocolError) as exc:
-        hand.journal.warn("ack-lost", f"the id change was not acknowledged ({exc.text}); looking for the hand")
+    step = bus.write_step(EXO["id"].address, bytes([new]), f"id = {new}")
+    # The acknowledgement comes from the new id on the sibling hand; the manual does not say (RH56 ch. 3 ex. 1).
+    data, ids = bytes([new]), (new,)
+    bus.try_write(EXO["id"].address, data, "the id change", "looking for the hand", acknowledged_by=ids)
     if probe(bus, new):
         bus.id = new
         row = _id_row(hand, old)
+        hand.journal.ledger.confirm(f"answers to id {new}", step)
         hand.journal.info(
             "volatile",
             f"id {new} lasts until power-off",
@@ -142,6 +144,7 @@ def _write_id(hand: ExoHand, new: int) -> Table:
         )
         return row
     if probe(bus, old):
+        hand.journal.ledger.doubt(f"still answers to id {old}", step)
         raise CheckFailed(
             f"{bus.link.name}: the hand still answers to id {old}, not to {new}",
             hint="the id was not changed; it is safe to run the command again",

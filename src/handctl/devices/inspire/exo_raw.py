@@ -145,13 +145,14 @@ def write(hand: RegisterDevice, address: int, data: bytes) -> Table:
 
 
 def _write(hand: RegisterDevice, address: int, data: bytes) -> Table:
-    try:
-        hand.bus.write(address, data)
-    except (NoAnswer, ProtocolError) as exc:
-        hand.journal.warn("ack-lost", f"the write was not acknowledged ({exc.text}); reading it back")
+    step = hand.bus.write_step(address, data, "")
+    hand.bus.try_write(address, data, "the write", "reading it back")
     now = hand.bus.read(address, len(data))
     table = Table(rows=_rows(hand, address, now), columns=hand.columns)
-    if now != data:
+    if now == data:
+        hand.journal.ledger.confirm("read back", step)
+    else:
+        hand.journal.ledger.doubt(f"reads {hex_bytes(now)}", step)
         table.failure = CheckFailed(
             f"{hand.bus.where}: {address} reads {hex_bytes(now)} after {hex_bytes(data)} was written", code="read-back"
         )
@@ -243,12 +244,12 @@ def _raw_command(frame: eb90.Frame, data: bytes, force_ambiguous: bool) -> Step:
     return Step(f"{name} command, little to thumb: {' '.join(map(str, values))}, to id {frame.id}", data, moves=True)
 
 
-def goes_on(step: Step) -> AbstractContextManager[None]:
+def goes_on(hand: RegisterDevice, step: Step) -> AbstractContextManager[None]:
     """Ctrl-C while the answer to raw bytes is awaited: they are not taken back, which is told."""
     if not (step.moves or step.strands):
         return nullcontext()
     return telling(
-        f"what was sent goes on: {step.meaning}", "raw bytes are not taken back: look with the verb `status`"
+        hand.bus, f"what was sent goes on: {step.meaning}", "raw bytes are not taken back: look with the verb `status`"
     )
 
 

@@ -116,8 +116,8 @@ def _move(run: Run, values: dict[str, Any], wait: float | None) -> Table:
     planner: Wrist = run.planner()
     changes = planner.targets(values.get("pitch_set"), values.get("yaw_set"), values.get("move_time"))
     steps = planner.plan(changes)
-    if run.settings.dry_run:
-        return run.dry_run(steps)
+    if (plan := run.planned(steps)) is not None:
+        return plan
     device: Wrist = run.device()
     return device.move(changes, run.guide, wait=wait)
 
@@ -131,8 +131,8 @@ def write(run: Run, address: str, data: str) -> Table:
 
     place = address_in(address)
     step = wrist_raw.plan_write(run.planner(), place, exo_raw.parse_hex(data))
-    if run.settings.dry_run:
-        return run.dry_run([step])
+    if (plan := run.planned([step])) is not None:
+        return plan
     return wrist_raw.write(run.device(), place, exo_raw.parse_hex(data))
 
 
@@ -146,8 +146,8 @@ def hand_write(run: Run, address: str, data: str, force_ambiguous: bool) -> Tabl
 
     place, payload = address_in(address), exo_raw.parse_hex(data)
     step = wrist_raw.plan_hand_write(run.planner(), place, payload, force_ambiguous)
-    if run.settings.dry_run:
-        return run.dry_run([step])
+    if (plan := run.planned([step])) is not None:
+        return plan
     run.confirm(f"This changes the hand, not the wrist: {step.meaning}", [step])
     return wrist_raw.hand_write(run.device(), place, payload)
 
@@ -180,14 +180,14 @@ def raw(run: Run, data: tuple[str, ...], wait: float, force_ambiguous: bool) -> 
         if frame is not None
         else wrist_raw.plan_raw(payload, force_ambiguous, only_explain=dry)
     )
-    if run.settings.dry_run:
-        return run.dry_run([step])
+    if (plan := run.planned([step])) is not None:
+        return plan
     if wrist_raw.explained(step):
         run.journal.warn("misprint", step.meaning)
     if step.moves or step.strands:
         run.confirm(f"This may move or change the device: {step.meaning}", [step])
     wrist = run.device()
-    with exo_raw.goes_on(step):
+    with exo_raw.goes_on(wrist, step):
         if frame is not None:
             return wrist_raw.exchange_can(wrist, frame, wait)
         return exo_raw.exchange(wrist, payload, wait)

@@ -159,7 +159,9 @@ def hand_write(wrist: Wrist, address: int, data: bytes) -> Table:
 
     A new id is looked for under that id. Raises Interrupted on Ctrl-C, which takes nothing back.
     """
-    with telling(f"{hex_bytes(data)} may be written at {address} of the hand", "`handctl wrist hand-read` shows it"):
+    with telling(
+        wrist.bus, f"{hex_bytes(data)} may be written at {address} of the hand", "`handctl wrist hand-read` shows it"
+    ):
         return _hand_write(wrist, hand_bus(wrist), address, data)
 
 
@@ -167,27 +169,27 @@ def _hand_write(wrist: Wrist, bus: Bus | CanBus, address: int, data: bytes) -> T
     bytes_at = dict(enumerate(data, address))
     starts = [register.name for register in EXO if register.trigger and bytes_at.get(register.address) == 1]
     new = bytes_at.get(EXO["id"].address, bus.id)
-    try:
-        if isinstance(bus, Bus):
-            bus.write(address, data, acknowledged_by=(new,))
-        else:
-            bus.write(address, data)
-    except (NoAnswer, ProtocolError) as exc:
-        if starts:
-            exc.hint = f"it may have started {', '.join(starts)} all the same. {exc.hint}"
-            raise
-        bus.journal.warn("ack-lost", f"the write was not acknowledged ({exc.text}); reading it back")
+    more = {"acknowledged_by": (new,)} if isinstance(bus, Bus) else {}
+    then = "it is not read back, as it starts something" if starts else "reading it back"
+    lost = bus.try_write(address, data, "the write", then, **more)
+    if lost is not None and starts:
+        lost.hint = f"it may have started {', '.join(starts)} all the same. {lost.hint}"
+        raise lost
     if starts:
         bus.journal.info("not-read-back", f"accepted; not read back, as it starts {', '.join(starts)} on the RH56 hand")
         return _hand_row(wrist, address, data, "written")
     now = _read_back(bus, address, len(data), new)
     table = _hand_row(wrist, address, now, "hand space")
-    if now != data:
+    step = bus.write_step(address, data, "")
+    if now == data:
+        bus.journal.ledger.confirm("read back", step)
+    else:
+        bus.journal.ledger.doubt(f"reads {hex_bytes(now)}", step)
         table.failure = CheckFailed(
             f"{bus.where}: {address} of the hand reads {hex_bytes(now)} after {hex_bytes(data)} was written",
             code="read-back",
         )
-    elif bus.id != wrist.bus.id:
+    if now == data and bus.id != wrist.bus.id:
         bus.journal.warn(
             "new-id",
             f"the hand and its wrist answer to id {bus.id} now, until power-off",

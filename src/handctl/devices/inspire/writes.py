@@ -38,7 +38,7 @@ class InspireWrites:
     def sent(self, data: bytes, can_id: int | None) -> Sequence[Frame]:
         """See WriteWords."""
         if can_id is not None:
-            if canreg.parse_identifier(can_id).flag in (canreg.READ_HAND, canreg.READ_WRIST):
+            if _reads_can(can_id):
                 return ()
             self._can = can_id, data
             return (Frame(data, can_id, (can_id, data), can_id=can_id),)
@@ -66,7 +66,9 @@ class InspireWrites:
 
     def planned(self, data: bytes, can_id: int | None) -> Hashable:
         """See WriteWords."""
-        return data if can_id is None else (can_id, data)
+        if can_id is not None:
+            return None if _reads_can(can_id) else (can_id, data)
+        return None if _reads(data) else data
 
     def next(self, data: bytes, can_id: int | None) -> str:
         """See WriteWords."""
@@ -107,11 +109,7 @@ class InspireWrites:
                 prefixes = [eb90.command_reply_prefix(device_id, flag)]
             elif flag in (eb90.WRITE, WRITE_WRIST):
                 address = int.from_bytes(data[5:7], "little")
-                ids = (
-                    {device_id, data[7]}
-                    if self._exo and address == EXO["id"].address and len(data) == 9
-                    else {device_id}
-                )
+                ids = {device_id, *self._new_ids(address, data)}
                 prefixes = [eb90.write_ack_prefix(single, address, flag) for single in ids]
                 if self._exo and address == EXO["save"].address:
                     prefixes.append(eb90.read_reply_prefix(device_id, address, 1))  # its result may have either flag
@@ -120,6 +118,12 @@ class InspireWrites:
                 self._decoder = eb90.Decoder(prefixes)
                 self._key = key
         return Frame(data, key, data)
+
+    def _new_ids(self, address: int, data: bytes) -> tuple[int, ...]:
+        """Ids from which the acknowledgement may come, since the write gives them (RH56 ch. 3 ex. 1)."""
+        if self._exo and address == EXO["id"].address and len(data) == SHORTEST + 2:
+            return (data[SHORTEST],)
+        return (1,) if self._exo and address == EXO["factory_reset"].address else ()
 
     def _verdict(self, frame: eb90.Frame) -> bool | None:
         """What a frame from the device says of the last write; None = a save was taken, whether it is done comes later."""
@@ -140,6 +144,10 @@ def _frames(data: bytes) -> Iterable[bytes]:
 
 def _reads(frame: bytes) -> bool:
     return frame[:2] == eb90.HOST and len(frame) == 9 and frame[3] == 4 and frame[4] in (eb90.READ, READ_WRIST)
+
+
+def _reads_can(can_id: int) -> bool:
+    return canreg.parse_identifier(can_id).flag in (canreg.READ_HAND, canreg.READ_WRIST)
 
 
 def exo() -> InspireWrites:
