@@ -36,6 +36,8 @@ if TYPE_CHECKING:
 UNASKED = "yes-unasked"
 """The message that no -q silences."""
 
+UNANSWERED = "add --yes if that is meant; --dry-run shows the bytes. Nothing was sent."
+
 
 class Run:
     """One run of one command."""
@@ -169,16 +171,17 @@ class Run:
         if self.settings.yes:
             self._tell_unasked(question, steps)
             return
-        if not self.guide.interactive:
-            raise NotConfirmed(
-                f"{question}. Not confirmed: nobody is at a terminal",
-                hint="add --yes if that is meant; --dry-run shows the bytes. Nothing was sent.",
-            )
+        self.need_answer(question)
         self._tell_held()  # who is asked must know of it before answering
         for step in steps:
             self.guide.say(f"  {step.meaning}: {step.wire}")
         if not self.guide.ask(question, word):
             raise NotConfirmed("not confirmed", hint="nothing was sent")
+
+    def need_answer(self, question: str) -> None:
+        """Raise NotConfirmed where nobody could answer a question that only reading the device can put: not a byte is sent."""
+        if not (self.settings.yes or self.settings.dry_run or self.guide.interactive):
+            raise NotConfirmed(f"{question}. Not confirmed: nobody is at a terminal", hint=UNANSWERED)
 
     def _tell_unasked(self, question: str, steps: Sequence[Step]) -> None:
         """Say it when a variable or a file answered; where that moves a worn device, at once and whatever -q says."""

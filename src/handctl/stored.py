@@ -164,6 +164,8 @@ def restore(
     if run.settings.dry_run:
         run.journal.info("plan", "all values are listed: which of them already hold is only known with the device")
         return run.dry_run(_steps(run.planner(), changes))
+    if changes:
+        run.need_answer(f"{_restoring(params, changes)}, as far as they differ")
     device: MapDevice = run.device()
     device.find_for_restore(values)
     live = take(device, kept_of(params, setpoints=setpoints))
@@ -178,7 +180,7 @@ def restore(
         text = f"the device already holds {what} of the snapshot" if changes else "there is nothing to write"
         run.journal.info("equal", f"{text}; nothing was written")
         return _restored([], live, {})
-    _ask(run, device, differing, live)
+    _ask(run, params, device, differing, live)
     after: dict[str, Number] = {}
     for group in _groups(differing):
         for reading in device.write(group):
@@ -230,21 +232,28 @@ def _steps(device: MapDevice, changes: Sequence[Change]) -> list[Step]:
     return steps
 
 
-def _ask(run: Run, device: MapDevice, differing: Sequence[Change], live: dict[str, Number]) -> None:
+def _ask(
+    run: Run, params: ParamMap[Any], device: MapDevice, differing: Sequence[Change], live: dict[str, Number]
+) -> None:
     """One question for all, a further one for forces; nothing has been written. Raises NotConfirmed."""
     forces = [change for change in differing if change[0].param.acts == PUSHES]
     others = [change for change in differing if change not in forces]
     if others:
-        names = [element.full_name for element, _ in others]
-        moving = [element.full_name for element, _ in others if element.param.acts]
-        stranding = [element.full_name for element, _ in others if element.param.strands]
-        text = f"Restore {counted(device.map, names)}"
-        text += f"; {ACTING[MOVES]}: {', '.join(moving)}" if moving else ""
-        text += f"; may leave it unreachable: {', '.join(stranding)}" if stranding else ""
-        run.confirm(text, _steps(device, others))
+        run.confirm(_restoring(params, others), _steps(device, others))
     if forces:
         shown = ", ".join(f"{element.full_name} {live.get(element.full_name)} -> {value}" for element, value in forces)
         run.confirm(f"This {ACTING[PUSHES]}: {shown}", _steps(device, forces))
+
+
+def _restoring(params: ParamMap[Any], changes: Sequence[Change]) -> str:
+    """What is about to be written, and what of it acts or strands the device."""
+    names = [element.full_name for element, _ in changes]
+    text = f"Restore {counted(params, names)}"
+    for acts, verb in ACTING.items():
+        acting = [element.full_name for element, _ in changes if element.param.acts == acts]
+        text += f"; {verb}: {', '.join(acting)}" if acting else ""
+    stranding = [element.full_name for element, _ in changes if element.param.strands]
+    return text + (f"; may leave it unreachable: {', '.join(stranding)}" if stranding else "")
 
 
 def _restored(differing: Sequence[Change], before: dict[str, Number], after: dict[str, Number]) -> Table:

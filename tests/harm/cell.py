@@ -273,9 +273,10 @@ def _told(changed: list[str]) -> str:
 LOOP_ENDED = "ends LOOP"
 FOREIGN_LOOP = "ends LOOP by bytes of another family"
 OWN_SCAN = "own scan on a boot monitor"
-FOREIGN_ABORT = "a frame at the hand's own speed holds ^C"
-FRAMES = ("exo", "wrist")
-"""Families whose frames hold the high byte 03 of an address, which a BarrettHand hears as ^C at its own speed."""
+RAW = "a frame of another family, heard undistorted, holds ^C or the monitor's trigger"
+"""Addresses, message numbers and sums have any value. Who names the wrong family at the hand's own speed, or on a line
+without a speed, is not protected from that; `scan` and `doctor` are."""
+MONITOR = ("blank", "booting")
 
 
 def _exception(state: State, line: CommandLine, changed: list[str], text: str) -> str:
@@ -285,14 +286,15 @@ def _exception(state: State, line: CommandLine, changed: list[str], text: str) -
         return LOOP_ENDED if re.search(r"LOOP|RealTime", text) else ""
     if state.looping and line.family and not any("drive" in place or "_velocity" in place for place in changed):
         return FOREIGN_LOOP
-    if line.path[1:] == ("scan",) and line.family in FRAMES and state.owner == "barrett" and "boot monitor" in text:
+    if line.path in (("exo", "scan"), ("wrist", "scan")) and state.owner == "barrett" and "boot monitor" in text:
         return OWN_SCAN
-    if state.moves and line.family in FRAMES and _same_speed(state, line) and not line.writes:
-        return FOREIGN_ABORT
+    if line.family not in ("", "barrett") and state.owner == "barrett" and _undistorted(state, line):
+        aborted = state.moves and changed[0].startswith("_hear: '_hear_movement' -> '_hear_line'")
+        triggered = state.name.startswith(MONITOR) and not line.writes
+        return RAW if aborted or triggered else ""
     return ""
 
 
-def _same_speed(state: State, line: CommandLine) -> bool:
-    """Whether a line of another family reaches the device undistorted."""
-    speed = state.options.get("baud", "9600")
-    return state.wire == "tcp" or speed in line.words or line.path[1:] == ("scan",)
+def _undistorted(state: State, line: CommandLine) -> bool:
+    """Whether a line of another family reaches the device as it is."""
+    return state.wire == "tcp" or state.options.get("baud", "9600") in line.words or line.path[1:] == ("scan",)

@@ -219,19 +219,22 @@ class LinkChecks:
         series, link = Series(), self._link
         device = self._made = self._device(link)
         end = link.deadline(READ_SECONDS).earlier(self._bound)
-        self._settle(device, series)
+        found = self._settle(device, series)
         while (
             series.asked < self._reads and not end.expired and not (not len(series.trips) and series.asked >= GIVE_UP)
         ):
             self._ping(device, series)
+        if not series.asked:  # to find the device took all the time there was
+            series.trips = found.trips
         return series
 
-    def _settle(self, device: Any, series: Series) -> None:
-        """The first read may have to find the device first: it counts as an answer only when it fails."""
+    def _settle(self, device: Any, series: Series) -> Series:
+        """The first read, which may have to find the device first: it counts in `series` only when it fails."""
         before = Series()
         self._ping(device, before)
         if before.first is not None:
             series.failed, series.first, series.echoes = before.failed, before.first, before.echoes
+        return before
 
     def _ping(self, device: Any, series: Series) -> None:
         assert self._probe is not None

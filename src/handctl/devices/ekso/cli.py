@@ -185,6 +185,7 @@ def _with_writer(run: Run, operator: str | None, file: str | None, *, override: 
     """The device with all that writing needs; --yes stands for a person, who must be named."""
     from handctl.devices.ekso.settings import Writer
 
+    run.need_answer("This changes a setting of an exoskeleton that may be worn")
     ekso: Ekso = run.device()
     run.guide.say(NOT_MEDICAL)
 
