@@ -124,11 +124,14 @@ def held(bench: Bench) -> bool:
     return told == bench.ask("get 1546 10") and set(told.split()) != {"00"}
 
 
-def at_rest(bench: Bench) -> bool:
-    """The same of a wrist: yaw_set and pitch_set, pitch_actual and yaw_actual."""
-    yaw, pitch = struct.unpack("<hh", bytes.fromhex(bench.ask("get 1038 4")))
-    there = (pitch, yaw) == struct.unpack("<hh", bytes.fromhex(bench.ask("get 1020 4")))
-    return there and (abs(pitch), abs(yaw)) not in ((0, 0), (2000, 2000))
+def at_rest(target: tuple[int, int]) -> Callable[[Bench], bool]:
+    """The same of a wrist: yaw_set and pitch_set against pitch_actual and yaw_actual, and the target (pitch, yaw)."""
+
+    def holds(bench: Bench) -> bool:
+        yaw, pitch = struct.unpack("<hh", bytes.fromhex(bench.ask("get 1038 4")))
+        return (pitch, yaw) == struct.unpack("<hh", bytes.fromhex(bench.ask("get 1020 4"))) != target
+
+    return holds
 
 
 def aidin(command: str, mode: int, before: tuple[str, ...] = ("initial -y",), times: int = 5) -> Drive:
@@ -157,18 +160,18 @@ DRIVEN = {
         "get 1546 10", ("position 1000 1000 1000 1000 1000 -y --wait 3",), 3,
     ),
     "wrist move": Drive(
-        "wrist", "move --pitch 20 --yaw -20 --time 4000", frame("EB 90 01 04 30 FC 03"), three(STAY), at_rest,
+        "wrist", "move --pitch 20 --yaw -20 --time 1500", frame("EB 90 01 04 30 FC 03"), three(STAY), at_rest((2000, -2000)),
         "get 1020 4", ("center --time 100",), 3,
     ),
     "wrist center": Drive(
-        "wrist", "center --time 4000", frame("EB 90 01 04 30 FC 03"), three(STAY), at_rest,
+        "wrist", "center --time 1500", frame("EB 90 01 04 30 FC 03"), three(STAY), at_rest((0, 0)),
         "get 1020 4", ("move --pitch 20 --yaw -20 --time 100",), 3,
     ),
 }  # fmt: skip
 FURTHER = {
     "wrist move on CAN": Drive(
-        "wrist-can", "move --pitch 20 --yaw -20 --time 4000", frame("10 FF 00 01"), three(frame("15 03 80 01") + ANY_PLACE),
-        at_rest, "get 1020 4", ("center --time 100",), 3,
+        "wrist-can", "move --pitch 20 --yaw -20 --time 1500", frame("10 FF 00 01"), three(frame("15 03 80 01") + ANY_PLACE),
+        at_rest((2000, -2000)), "get 1020 4", ("center --time 100",), 3,
     ),
 }  # fmt: skip
 """The same command on another wire."""
@@ -302,8 +305,9 @@ def test_a_killed_command_stops_the_device(
         moment, heard = killed(bench, drive, group=group)
         first = first_of(drive, heard)
         assert first is not None, (name, [data.hex(" ") for _, data in heard[-30:]])
-        wait_until(lambda: drive.stands(bench))
-        wait_until(lambda: standing(bench, drive.place))
+        # A wrist takes its movement time also for the way back to where it is to stay.
+        wait_until(lambda: drive.stands(bench), 15.0)
+        wait_until(lambda: standing(bench, drive.place), 15.0)
         if first - moment < PATIENCE:
             break
     record_property("milliseconds", round((first - moment) * 1000, 1))

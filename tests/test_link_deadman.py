@@ -95,6 +95,12 @@ def place(request: pytest.FixtureRequest) -> Iterator[Place]:
     found.close()
 
 
+@pytest.fixture(autouse=True)
+def runtime(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Locks of these tests are nobody else's."""
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+
+
 def children() -> list[int]:
     """The children of this process that live."""
     return [int(word) for word in Path(f"/proc/{os.getpid()}/task/{os.getpid()}/children").read_text().split()]
