@@ -37,7 +37,7 @@ HOW: dict[str, How] = {
     ),
     "barrett": How(
         (b"\x03", b"T\r"),
-        ("--set", "initialized=1", "--set", "wire=auto"),
+        ("--set", "initialized=1"),
         drives=(
             (("close", "--motors", "1"), b"1C\r"),  # at MCV 16, which takes seconds
             (("realtime", "--motors", "1", "--velocity", "20", "--receive", "position", "--json"), b"C\x14"),
@@ -49,7 +49,6 @@ HOW: dict[str, How] = {
         ("--set", "start=homed", "--set", "rate=40"),
         drives=(
             (("currents", "index.m1=200", "-y", "--duration", "20"), b",200,"),
-            (("joints", "index.q3=120"), b'"hand_mode":22'),
             (("home", "-y"), b'"hand_mode":1}'),
         ),
     ),

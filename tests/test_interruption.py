@@ -148,6 +148,7 @@ CASES = [
     Case("exo", "calibrate -y", 1.1, rests=1.3),
     Case("exo", "restore {}/exo.json -y --setpoints", 0.08, is_("get 1504 2", "F7 FF"), ("set force_set.index=-9 -y", "snapshot {}/exo.json", "set force_set.index=11 -y")),
     Case("exo", "factory-reset -y --undocumented-address --backup {}/before.json", 1.7, whole_json("before.json", "values"), fresh=("before.json",), again=(0, 2)),
+    Case("exo", "stop", 0.08, is_("get 1498 10", "00 00 00 00 00 00 00 00 00 00"), ("force 100 100 100 100 100 -y",), still=POSITIONS),
     Case("exo", "snapshot {}/a.json", 0.04, whole_json("a.json", "checksum")),
     Case("exo", "dump -o {}/dump.json", 0.04, whole_json("dump.json", "rows"), fresh=("dump.json",)),
     Case("exo", "report {}/page.html --watch 0.3 --force", 0.5, page_is_whole),
@@ -159,6 +160,7 @@ CASES = [
     Case("wrist", "write 1038 D007", 0.03, is_("get 1038 2", "D0 07"), SLOWLY, still=ANGLES),
     Case("wrist", "raw EB 90 01 05 31 0E 04 2C 01 76 -y --wait 0.1", 0.12, is_("get 1038 2", "2C 01"), ("set yaw_set=5",)),
     Case("wrist", "restore {}/wrist.json -y --setpoints", 0.08, is_("get 1038 2", "D0 07"), ("set yaw_set=20", "snapshot {}/wrist.json", *SLOWLY), still=ANGLES),
+    Case("wrist", "stop", 0.03, lambda bench: bench.ask("get 1038 2") == bench.ask("get 1022 2") or pytest.fail(bench.ask("get 1038 4")), ("center --time 100",), still=ANGLES),
     Case("wrist", "snapshot {}/a.json", 0.04, whole_json("a.json", "checksum")),
     Case("wrist", "report {}/page.html --watch 0.3 --force", 0.4, page_is_whole),
     Case("wrist", "hand-write 1486 0A00 -y", 0.03, is_("hand-get 1486 2", "0A 00"), ("hand-write 1486 0B00 -y",)),
@@ -202,6 +204,7 @@ CASES = [
     Case("ekso", f"set step_length=15.5 {ME}", 0.3, both(is_("get step_length", "1550"), audited), (f"set step_length=14.5 {ME}",)),
     Case("ekso", f"restore {{}}/ekso.json {ME}", 0.3, both(is_("get step_length", "1550"), audited), (f"set step_length=15.5 {ME}", "snapshot {}/ekso.json", f"set step_length=14.5 {ME}")),
     Case("ekso", f"cancel {ME}", 0.05, both(begins("counts", "set"), cancelled)),
+    Case("ekso", "stop", 0.05, lambda bench: "cancel 0" not in bench.ask("counts") or pytest.fail("no CancelAction")),
     Case("ekso", "snapshot {}/a.json", 0.1, whole_json("a.json", "checksum")),
     Case("ekso", "report {}/page.html --watch 0.3 --force", 0.6, page_is_whole),
     Case("ekso", "log {}/gait.csv --rate 50 --count 20 --force", 0.5, log_is_whole),
@@ -227,6 +230,7 @@ CASES = [
     Case("machine", "ekso export {}/gait.csv -o {}/gait.mot --format mot", 0.3, motion_is_whole, ("ekso log {}/gait.csv --fake --count 20 --rate 50 --force",), fresh=("gait.mot",)),
 ]  # fmt: skip
 ELSEWHERE = {
+    "stop": ("test_stop", "test_the_lock_tells_the_family"),
     "barrett firmware download": ("test_interruption", "test_an_interrupted_download_and_a_good_one"),
     **dict.fromkeys([f"sim {family}" for family in FAMILIES], ("test_sim_barrett_serve", "test_state_survives_a_kill")),
 }
