@@ -148,8 +148,15 @@ def test_every_way_the_hand_may_be_made(tmp_path: Path, option: str) -> None:
 
 
 def test_a_hand_that_only_answers_commands(tmp_path: Path) -> None:
+    """Nothing shows who is there: only the stop goes out. With --exchange command that is the user's word."""
     for name in COMMANDS:
-        cell(tmp_path, name, 0 if name in ("home", "stop", "max-torque") else 4, start="homed", exchange="command")
+        cell(tmp_path, name, 0 if name == "stop" else 4, start="homed", exchange="command")
+    for name in ("home", "stop", "max-torque"):
+        with spying():
+            result = run(
+                "aidin", *COMMANDS[name], "--exchange", "command", "-p", fake(start="homed", exchange="command")
+            )
+        assert result.code == 0, result
 
 
 def test_a_mute_hand(tmp_path: Path) -> None:

@@ -429,3 +429,57 @@ def test_doctor_says_who_it_is(device: str, status: str) -> None:
     (row,) = [row for row in result.rows if row["check"] == "identity"]
     assert row["status"] == status and bool(row["remedy"]) == (status != "ok"), row
     assert link.written == []
+
+
+# -- the other families: what they read at connect is their look -------------------------------------------------------
+
+
+OTHERS: dict[str, dict[str, tuple[str, ...]]] = {
+    "barrett": {
+        "init": (), "open": (), "close": (), "move": ("1000",), "step-open": (), "step-close": (), "home": (),
+        "torque-open": (), "torque-close": (), "load": (), "save": (), "defaults": (), "reset": (), "baud": ("38400",),
+        "set": ("MOV=50",), "gcl": ("C",), "fingertips": (), "realtime": ("--count", "3"),
+    },
+    "ekso": {"cancel": (), "set": ("step_length=16", "--operator", "test")},
+    "aidin": {
+        "home": (), "initial": ("--assume-homed",), "bias": (), "max-torque": ("800",),
+        "currents": ("index.m1=100",), "joints": ("index.q3=160",), "encoders": ("index.m1=100",),
+    },
+}  # fmt: skip
+QUESTIONS = {
+    "barrett": lambda data: (
+        set(data) <= set(b"\x00\x03\x7f!\r")
+    ),  # what it looks for a prompt with, and carries nothing out
+    "ekso": lambda data: data[0] in range(150, 155) and len(data) == 6,  # GetTime to GetFeedback
+    "aidin": lambda data: data.strip() == b"{}",
+}
+"""What a family may ask before it knows who is there (its dossier): everything else would be a write to a stranger."""
+FOREIGN = {"barrett": ["exo", "json", "echo", "silence", "garbage"], "ekso": ["exo", "prompt", "json", "silence"],
+           "aidin": ["exo", "prompt", "echo", "silence", "garbage"]}  # fmt: skip
+
+
+@pytest.mark.parametrize(("family", "device"), [(family, one) for family, found in FOREIGN.items() for one in found])
+def test_the_other_families_write_to_nobody_they_do_not_know(tmp_path: Path, family: str, device: str) -> None:
+    for verb, words in OTHERS[family].items():
+        link = STRANGERS["rh56" if device == "exo" else device]()
+        with on(link):
+            result = run(family, verb, *words, "-p", f"fake://{family}", "-y", "--json",
+                         env={"XDG_STATE_HOME": str(tmp_path)})  # fmt: skip
+        assert result.code in (4, 5, 6), (verb, result)
+        assert all(QUESTIONS[family](data) for data in link.sent), (verb, link.sent, result)
+        wanted = {"json": "handctl aidin", "prompt": "handctl barrett"}.get(device)
+        if wanted:  # to a BarrettHand's connect a ':' is its boot monitor, which ends there and then
+            assert result.code == 6 and (wanted in result.out or family == "barrett"), result
+
+
+def test_a_hand_that_answers_commands_only_is_the_users_word(tmp_path: Path) -> None:
+    """Nothing can be asked; but what it says unasked must not be somebody else's."""
+    link = STRANGERS["silence"]()
+    with on(link):
+        result = run("aidin", "max-torque", "800", "-p", "fake://aidin", "--exchange", "command", "--json")
+    assert link.sent and "not-asked" in result.codes()
+    link = STRANGERS["silence"]()
+    link.put(0.0, b"\r\nBarrettHand ready\r\n=> ")
+    with on(link):
+        result = run("aidin", "max-torque", "800", "-p", "fake://aidin", "--exchange", "command", "--json")
+    assert (result.code, link.sent) == (6, []), result

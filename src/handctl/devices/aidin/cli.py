@@ -15,6 +15,7 @@ from handctl.devices.aidin.hand import AidinHand
 from handctl.devices.aidin.way import way_of
 from handctl.errors import UsageError
 from handctl.family import Family
+from handctl.gate import Gate
 from handctl.mapverbs import add_map_verbs
 from handctl.options import Number
 from handctl.param import Step
@@ -34,16 +35,16 @@ CAP = 300.0
 
 def open_aidin(link: ByteLink, settings: Settings, journal: Journal) -> AidinHand:
     """An AIDIN-hand behind `link`; nothing is sent until something is asked."""
-    return AidinHand(
-        Conversation(
-            link,
-            journal,
-            timeout=settings.timeout,
-            retries=settings.retries if settings.retries is not None else DEFAULT_RETRIES,
-            bound=link.deadline(settings.deadline) if settings.deadline is not None else None,
-            way=way_of(settings),
-        )
+    talk = Conversation(
+        link,
+        journal,
+        timeout=settings.timeout,
+        retries=settings.retries if settings.retries is not None else DEFAULT_RETRIES,
+        bound=link.deadline(settings.deadline) if settings.deadline is not None else None,
+        way=way_of(settings),
     )
+    talk.gate = Gate(settings.assume_identity)
+    return AidinHand(talk)
 
 
 cli = Group(

@@ -11,6 +11,7 @@ from handctl.devices.aidin.fields import FEEDBACK, AidinParam
 from handctl.devices.aidin.messages import Decoder, MalformedObject
 from handctl.devices.aidin.way import FIND_OUT, Exchange, Way
 from handctl.errors import HandctlError, LinkError, NoAnswer, ProtocolError, UsageError
+from handctl.gate import Gate
 from handctl.link import ByteLink, Deadline
 from handctl.result import Journal, hex_bytes
 
@@ -59,6 +60,7 @@ class Conversation:
         self.bound = bound
         self.way = way
         self.exchange = Exchange.UNKNOWN
+        self.gate: Gate | None = None
         self.feedback = Feedback()
         self._decoder = Decoder()
         self._bad_in_a_row = 0
@@ -282,6 +284,27 @@ class Conversation:
         """How long the answer to a poll may take."""
         return self.timeout or POLL
 
+    # -- who is there ----------------------------------------------------------------------------------------------
+
+    def identify(self) -> None:
+        """Before a first command: feedback was seen, which nobody else sends. Raises NotIdentified, Interrupted.
+
+        A hand that is said to answer commands only cannot be asked: what it says unasked must not speak against it.
+        """
+        if self.gate is not None and self.exchange in (Exchange.UNKNOWN, Exchange.COMMAND):
+            self.gate.check(self.link, self.journal, self._look)
+
+    def _look(self) -> None:
+        if self.way.exchange is not Exchange.COMMAND:
+            self.connect()
+            return
+        self.drain()
+        if self._junk or self._decoder.pending:
+            raise self._no_feedback()
+        self.journal.info(
+            "not-asked", "--exchange command: nothing is asked first, that it is an AIDIN-hand is your word"
+        )
+
     # -- one object a period --------------------------------------------------------------------------------------
 
     def tick(self, data: bytes, *, blind: bool = False, by: AidinParam | None = None) -> None:
@@ -290,6 +313,7 @@ class Conversation:
         Raises NoAnswer when feedback stays away (1 s of a stream, three unanswered objects) unless `blind`, and
         ProtocolError when what the command goes `by` is wrong three times running, or missing for 1 s.
         """
+        self.identify()
         self.check_bound()
         if self.exchange is Exchange.STREAM:
             self.drain()
@@ -352,7 +376,7 @@ class Conversation:
         return NoAnswer(
             f"{name}: connected, the hand {unasked} {poll}",
             hint="is it the hand's port (8000)? Another client may hold it. If it speaks otherwise: --exchange stream|poll, "
-            "--poll-json TEXT, --tx-terminator nul|none; `stop` and `home` are sent all the same",
+            "--poll-json TEXT, --tx-terminator nul|none; one that answers commands only: --exchange command; `stop` is always sent",
         )
 
     def _closed(self, exc: LinkError) -> HandctlError:

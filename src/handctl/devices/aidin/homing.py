@@ -36,7 +36,11 @@ MOTOR_POS = AIDIN["motor_pos"]
 
 
 def connect_or_command(hand: AidinHand) -> bool:
-    """Find out how the hand speaks; True when it says nothing, which a hand that only answers commands does too."""
+    """Find out how the hand speaks; True where that is not known: it only answers commands, or nobody is to look.
+
+    Raises NotIdentified where nothing shows an AIDIN-hand.
+    """
+    hand.talk.identify()
     if hand.talk.way.exchange is Exchange.COMMAND:
         hand.talk.exchange = Exchange.COMMAND
         return True

@@ -19,6 +19,7 @@ from handctl.devices.ekso.log_cli import add_log_commands
 from handctl.errors import UsageError
 from handctl.family import Family
 from handctl.filetypes import InFile, OutFile
+from handctl.gate import Gate
 from handctl.mapverbs import NAMES, add_map_verbs
 from handctl.result import Column, Table
 from handctl.run import Run
@@ -44,6 +45,7 @@ def open_ekso(link: ByteLink, settings: Settings, journal: Journal) -> Ekso:
         bound=link.deadline(settings.deadline) if settings.deadline is not None else None,
         mode="body" if mode == "auto" else mode,
     )
+    port.gate = Gate(settings.assume_identity)
     return Ekso(port, find_length=mode == "auto")
 
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from handctl.devices.ekso.fields import SETTINGS
 from handctl.devices.ekso.frames import ANSWER_SIZES, OVERHEAD, Command, Decoder, Frame, encode, name_of
 from handctl.errors import HandctlError, NoAnswer, ProtocolError
+from handctl.gate import Gate
 from handctl.link import ByteLink, Deadline
 from handctl.result import Journal, hex_bytes
 
@@ -22,6 +23,9 @@ QUIET = 0.02
 """Seconds of silence that end a resynchronisation: an answer to somebody else's request has passed then."""
 AFTER_BROKEN = 3 * QUIET
 """How much longer an answer is waited for behind a broken one."""
+
+
+WRITING = (Command.SET_VALUE, Command.CANCEL_ACTION)
 
 
 @dataclass(slots=True)
@@ -68,6 +72,7 @@ class DataPort:
         self.bound = bound
         self.mode = mode
         self.counts = Counts()
+        self.gate: Gate | None = None
         self.sent_at = self.answered_at = 0.0
         self._next_id = first_id
         self._decoder = Decoder()
@@ -136,6 +141,14 @@ class DataPort:
             self._given_up = _key(request), deadline
             raise
 
+    def identify(self) -> None:
+        """Before a first write: an answer with a good CRC and our msgID, whichever command it answered, is an EksoNR's.
+
+        Only where nothing was asked yet, the time is read. Raises NotIdentified, Interrupted.
+        """
+        if self.gate is not None and not self.counts.answered:
+            self.gate.check(self.link, self.journal, lambda: self.read(Command.GET_TIME))
+
     def send_ahead(self, command: Command) -> None:
         """Send a read whose answer the next `read` of the same command takes: the line works while this side does.
 
@@ -147,6 +160,8 @@ class DataPort:
 
     def _send(self, command: Command, body: bytes) -> tuple[bytes, Deadline]:
         """One request on the line; its bytes and the deadline of its answer."""
+        if command in WRITING:
+            self.identify()
         if not self._settled:
             self.resynchronise()
         self._take_waiting()

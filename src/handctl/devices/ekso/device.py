@@ -274,6 +274,7 @@ class Ekso:
         Raises DeviceRefused, UsageError for word 0, Interrupted when nobody waited for the answer.
         """
         body = cancel_body(word)
+        self.port.identify()
         request = self.port.request(Command.CANCEL_ACTION, body).hex(" ").upper()
         record("cancel", {"frame": request})
         sent = self.journal.counters.sent

@@ -19,7 +19,7 @@ from handctl.param import Step
 from handctl.result import Journal, hex_bytes
 
 if TYPE_CHECKING:
-    from handctl.devices.inspire.identity import Gate
+    from handctl.devices.inspire.identity import FamilyGate
 
 DEFAULT_TIMEOUT = 0.3
 """Seconds of silence allowed per reply beyond wire time: USB (4 ms), FTDI latency (16 ms) and Bluetooth with room."""
@@ -78,7 +78,7 @@ class RegisterBus(ABC):
 
     max_count: int
     spaces: ClassVar[dict[str, tuple[int, int]]]
-    gate: Gate | None = None
+    gate: FamilyGate | None = None
     round_trip: float | None = None
     read_flag: int
     write_flag: int
@@ -148,7 +148,7 @@ class RegisterBus(ABC):
     def identify(self) -> None:
         """Look who is there, unless that is done: also called before a process is made that will write by itself."""
         if self.gate is not None:
-            self.gate.check(self)
+            self.gate.look(self)
 
     def at(self, space: str = "", device_id: int | None = None) -> Self:
         """The same wire to another register space ("hand", "wrist"), or to another id."""

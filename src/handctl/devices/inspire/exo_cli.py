@@ -11,7 +11,7 @@ from handctl.clikit import Group
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.bus import DEFAULT_RETRIES, DEFAULT_TIMEOUT, Bus
 from handctl.devices.inspire.exo import ExoHand, check_command
-from handctl.devices.inspire.identity import Gate
+from handctl.devices.inspire.identity import FamilyGate, kind_of
 from handctl.devices.inspire.registers import BAUD_RATES, EXO, address_in
 from handctl.errors import HandctlError, NoAnswer, UsageError
 from handctl.family import Family
@@ -37,7 +37,7 @@ def open_exo(link: ByteLink, settings: Settings, journal: Journal) -> ExoHand:
         retries=settings.retries if settings.retries is not None else DEFAULT_RETRIES,
         bound=link.deadline(settings.deadline) if settings.deadline is not None else None,
     )
-    bus.gate = Gate("exo", settings.assume_identity)
+    bus.gate = FamilyGate(kind_of("exo"), settings.assume_identity)
     return ExoHand(bus)
 
 

@@ -1,7 +1,7 @@
 """Who answers: an EH55BF1, a wrist module, or a hand of the same maker. Read-only (inspire §4.15, rh56 §1.1).
 
 One frame is spoken by all of them, and the same bytes mean another thing to each: before the first frame of a command
-that is no read, a `Gate` asks. Judged is what is answered; an echo, silence and zeros prove nothing. No register holds a
+that is no read, a gate asks. Judged is what is answered; an echo, silence and zeros prove nothing. No register holds a
 model: where nothing speaks against the family that was typed, it is the user's word.
 """
 
@@ -12,8 +12,9 @@ from typing import NamedTuple
 
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.bus import RegisterBus
-from handctl.errors import DeviceRefused, HandctlError, Interrupted, NoAnswer, NotIdentified, ProtocolError
-from handctl.result import Journal, hex_bytes
+from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError
+from handctl.gate import Gate
+from handctl.result import hex_bytes
 
 Span = tuple[int, int]
 """Address and count of bytes."""
@@ -106,6 +107,12 @@ WRIST = Kind("wrist", "a wrist module with its hand", "handctl wrist")
 BYTE_HAND = Kind("hand", "an RH56 hand (byte addresses)", "")
 F1_HAND = Kind("hand", "an RH56F1 hand (word addresses)", "")
 DG2_HAND = Kind("hand", "an RH5DG2 hand (word addresses)", "")
+
+
+def kind_of(family: str) -> Kind:
+    """The kind that a family's command is for."""
+    return {kind.family: kind for kind in (EXO, WRIST)}[family]
+
 
 TABLE = (
     Sign("wrist", ((1020, 2),), is_wrist, WRIST),
@@ -233,41 +240,22 @@ def within(blocks: Collection[tuple[int, bytes | None]]) -> At:
     return at
 
 
-class Gate:
+class FamilyGate(Gate):
     """Lets frames that are no reads pass after one look at who is there; `own` is the family that was typed."""
 
-    def __init__(self, own: str, assumed: bool) -> None:
-        self._own = next(kind for kind in (EXO, WRIST) if kind.family == own)
-        self._assumed = assumed
-        self._passed = False
+    def __init__(self, own: Kind, assumed: bool) -> None:
+        super().__init__(assumed)
+        self._own = own
 
-    def check(self, bus: RegisterBus) -> None:
+    def look(self, bus: RegisterBus) -> None:
         """Look once. Raises NotIdentified, Interrupted; nothing was written then."""
-        if self._passed:
-            return
-        if self._assumed:
-            assumed(bus.journal)
-        else:
-            try:
-                self._look(bus)
-            except KeyboardInterrupt as exc:
-                raise Interrupted("interrupted while handctl looked who is there; nothing was written") from exc
-            except HandctlError as exc:
-                if not bus.link.replayed or exc.code != "replay-miss":
-                    raise NotIdentified(exc) from exc
-                bus.journal.info("not-recorded", "the look at who is there was not recorded: left out in this replay")
-        self._passed = True
+        self.check(bus.link, bus.journal, lambda: self._judge(bus))
 
-    def _look(self, bus: RegisterBus) -> None:
+    def _judge(self, bus: RegisterBus) -> None:
         look = Look(bus)
         kind = look.who(self._own)
         if kind is not self._own:
             raise stranger(bus, kind, self._own, look.evidence)
-
-
-def assumed(journal: Journal) -> None:
-    """What a result says when nobody looked."""
-    journal.warn("identity-assumed", "written without a look at who is there: --assume-identity")
 
 
 def stranger(bus: RegisterBus, kind: Kind, own: Kind, evidence: str) -> DeviceRefused:

@@ -8,7 +8,7 @@ import click
 
 from handctl.clikit import Group
 from handctl.devices.inspire.bus import DEFAULT_RETRIES, DEFAULT_TIMEOUT, Bus
-from handctl.devices.inspire.identity import Gate
+from handctl.devices.inspire.identity import FamilyGate, kind_of
 from handctl.devices.inspire.registers import WRIST, address_in
 from handctl.devices.inspire.wrist import WIRING_HINT, Wrist
 from handctl.family import Family
@@ -41,7 +41,7 @@ def open_wrist(link: ByteLink | FrameLink, settings: Settings, journal: Journal)
     else:
         hint = f"`handctl wrist scan` looks; {WIRING_HINT}"
         bus = Bus(link, device_id, journal, family="wrist", silence_hint=hint, **more).at("wrist")
-    bus.gate = Gate("wrist", settings.assume_identity)
+    bus.gate = FamilyGate(kind_of("wrist"), settings.assume_identity)
     return Wrist(bus)
 
 
