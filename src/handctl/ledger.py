@@ -95,6 +95,7 @@ class Ledger:
         self._writes: list[Write] = []
         self._waiting: dict[Hashable, Write] = {}
         self._whole = ""
+        self._asked: set[Hashable] = set()  # what of the plan went out
 
     # -- what is meant -------------------------------------------------------------------------------------------
 
@@ -143,7 +144,9 @@ class Ledger:
 
     def _note(self, frame: Frame) -> None:
         planned = self._planned(frame.same)
-        if frame.unasked and planned is None:
+        if planned is not None:
+            self._asked.add(frame.same)
+        elif frame.unasked and frame.same not in self._asked:
             return
         last = self._writes[-1] if self._writes else None
         if last is not None and frame.group and last.frame.group == frame.group:
