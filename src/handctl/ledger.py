@@ -247,7 +247,11 @@ class Ledger:
         told = ", ".join(f"{count} {IN_WORDS[state]}" for state, count in found.items() if count)
         if found[CONFIRMED] == len(rows):
             return [f"writes: {told}"]
-        return [f"writes: {told}", *(line for row in rows for line in _lines(row))]
+        lines = [f"writes: {told}", *(line for row in rows for line in _lines(row))]
+        left = [str(row["step"]) for row in rows if row["state"] == NOT_SENT]
+        if left and found[SENT]:
+            lines.append(f"  to go on: read what is unconfirmed, then send what is left (step {', '.join(left)})")
+        return lines
 
 
 def _lines(row: dict[str, Any]) -> list[str]:

@@ -190,7 +190,7 @@ def baud(run: Run, rate: int | None, save_too: bool) -> Table:
     if ledger is not None:
         hand.do("PSAVE")
         ledger.count_common(baud_rate=code)
-        run.journal.info("saved", f"the hand starts at {rate} bit/s from now on")
+        run.journal.info("saved", f"PSAVE was acknowledged: the hand starts at {rate} bit/s from now on")
     else:
         run.journal.info("volatile", "until reset or power-off", hint="--save keeps it")
     return hand.table(readings)

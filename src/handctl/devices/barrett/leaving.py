@@ -101,7 +101,7 @@ class Session:
         if answer.status & ~NOT_INITIALIZED:
             raise self.hand.refusal(answer)
         why = "; --hold is not kept: velocity 0 was not acknowledged" if self.wish.hold else ""
-        self.hand.journal.info("stopped", f"the motors were stopped and switched off (T){why}")
+        self.hand.journal.info("stopped", f"{self.wish.prefix}T was acknowledged: the motors are switched off{why}")
 
     def _go_out(self, moved: bool) -> bool:
         """Back to the prompt; whether the hand acknowledged velocity 0 on the way. Raises NoAnswer."""

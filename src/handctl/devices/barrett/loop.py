@@ -140,8 +140,9 @@ class RealtimeLoop:
     def _stop_for_reader(self) -> HandctlError:
         """Nobody takes the rows, so no block would go out and the motors would keep their last velocity."""
         self._leave()
+        stopped = "the motors were stopped" if self.failure is None else f"stopping failed: {self.failure.text}"
         return OutputError(
-            f"the rows were not taken for {READER_SECONDS:g} s: no further block could be sent, the motors were stopped",
+            f"the rows were not taken for {READER_SECONDS:g} s: no further block could be sent, {stopped}",
             hint="a reader that keeps up, a lower --rate, or -o FILE",
             code="reader",
         )

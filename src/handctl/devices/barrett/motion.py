@@ -28,6 +28,8 @@ NEEDED = {
 """What is asked before a movement: for its goal, and for what would harm."""
 VELOCITIES = {"O": ("MOV",), "IO": ("MOV",), "TO": ("MOV",), "HOME": ("MOV",), "M": ("MOV", "MCV"), "HI": ("IVEL",)}
 """Which velocity a movement uses (barrett §5.2.1); the others close, with MCV."""
+ABORTED = 16384
+"""Status of what ^C has ended (barrett §5.1.3, T3)."""
 USUAL = {"finger": 17800, "spread": 3150}
 COLUMNS = (
     Column("motor", "Motor"),
@@ -235,7 +237,9 @@ def halt(hand: BarrettHand, *, tell_positions: bool = True) -> str:
     except KeyboardInterrupt:
         return "interrupted again while waiting for the hand's answer to ^C: switch its power off if it still moves"
     places = ", ".join(f"{reading.element.part} {reading.value}" for reading in readings)
-    stopped = f"^C stopped the hand (status {answer.status}: {explain_status(answer.status)})"
+    status = f"status {answer.status}: {explain_status(answer.status)}"
+    ended = answer.status & ABORTED  # else it had ended before, or what ran was no movement
+    stopped = f"^C stopped the hand ({status})" if ended else f"the hand is at its prompt again after ^C ({status})"
     return f"{stopped}; positions: {places}" if places else stopped
 
 
