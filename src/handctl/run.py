@@ -73,6 +73,10 @@ class Run:
             self._device = self.family.open(self.open_link(), settings, self.journal)
         return self._device
 
+    def only_reads(self) -> None:
+        """This form of a command that may write or move does neither: it may do what reading commands may."""
+        self.writes = False
+
     def planner(self) -> Any:
         """The device without a link: can check and plan writes, cannot send."""
         from handctl.link import NoFrames, NoLink, is_can

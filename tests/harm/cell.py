@@ -32,7 +32,7 @@ SECONDS = 20.0
 EARS = frozenset({
     "_replies", "_inbox", "_heard", "_hear_since", "_lost", "random", "judge", "dirty", "_line", "_open", "_noisy_echo", "hits",
     "_previous", "faults", "reader", "writer", "_streamed", "_next_feedback", "_unwritten", "_merged", "ignored",
-    "_event_at", "_frozen_boot", "_switches", "_fidgets", "fidgets", "device",
+    "_event_at", "_frozen_boot", "reported", "_switches", "_fidgets", "fidgets", "device",
 })  # fmt: skip
 """Fields of the simulators that are hearing and speaking, and are no state of the device."""
 
@@ -213,7 +213,7 @@ PLAIN, YES, DRY = "plain", "confirmed", "dry run"
 
 def modes(line: CommandLine, state: State) -> Iterator[str]:
     """How a line is tried: as it is; confirmed, unless that is what the device is for; as a dry run."""
-    own = line.family == state.owner
+    own = line.family == state.owner or line.path == ("stop",)  # which knows its device by name, lock or simulator
     if line.asks or not (line.writes and own):
         yield PLAIN
     if line.asks and not own:
@@ -270,27 +270,30 @@ def _told(changed: list[str]) -> str:
     return "; ".join(changed[:4]) + (f" and {len(changed) - 4} more" if len(changed) > 4 else "")
 
 
-LOOP_ENDED = "ends LOOP"
-FOREIGN_LOOP = "ends LOOP by bytes of another family"
-OWN_SCAN = "own scan on a boot monitor"
-RAW = "a frame of another family, heard undistorted, holds ^C or the monitor's trigger"
+LOOP_ENDED = "LOOP ended by a reading command of the hand, which says so"
+ANY_BYTE = "LOOP ended by a byte of somebody who cannot know of it; no velocity changed"
+OWN_SCAN = "the own scan of exo or wrist on a boot monitor"
+STOP = "a stop stops whatever answers, and goes out to who does not"
+RAW = "a frame of another family, heard undistorted, holds ^C or the boot monitor's trigger"
 """Addresses, message numbers and sums have any value. Who names the wrong family at the hand's own speed, or on a line
-without a speed, is not protected from that; `scan` and `doctor` are."""
+without a speed, is not protected from that. `scan` is, and so is every other speed."""
 MONITOR = ("blank", "booting")
+TRIGGERED = ("monitor._state", "monitor._typed", "monitor.until")
 
 
 def _exception(state: State, line: CommandLine, changed: list[str], text: str) -> str:
-    """Which exception this is, "" if none. Two are said in the output, two nobody can know of who reads another family."""
-    own = line.family == state.owner
-    if state.looping and own and not line.writes:
-        return LOOP_ENDED if re.search(r"LOOP|RealTime", text) else ""
-    if state.looping and line.family and not any("drive" in place or "_velocity" in place for place in changed):
-        return FOREIGN_LOOP
+    """Which exception this is, "" if none."""
+    if line.path[-1] == "stop":
+        return STOP
+    if state.looping and line.family == state.owner and not line.writes and re.search(r"LOOP|RealTime", text):
+        return LOOP_ENDED
+    if state.looping and (line.family != state.owner or "--baud" in line.words):
+        return "" if any("hand.motors" in place and ".drive." in place for place in changed) else ANY_BYTE
     if line.path in (("exo", "scan"), ("wrist", "scan")) and state.owner == "barrett" and "boot monitor" in text:
         return OWN_SCAN
-    if line.family not in ("", "barrett") and state.owner == "barrett" and _undistorted(state, line):
+    if line.named not in ("", "barrett") and state.owner == "barrett" and _undistorted(state, line):
         aborted = state.moves and changed[0].startswith("_hear: '_hear_movement' -> '_hear_line'")
-        triggered = state.name.startswith(MONITOR) and not line.writes
+        triggered = state.name.startswith(MONITOR) and all(place.startswith(TRIGGERED) for place in changed)
         return RAW if aborted or triggered else ""
     return ""
 

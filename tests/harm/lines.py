@@ -55,6 +55,11 @@ class Line:
         """Whose command it is; "" for the tools, which are nobody's."""
         return self.path[0] if self.path[0] in families.FAMILIES else ""
 
+    @property
+    def named(self) -> str:
+        """The family that whoever typed it said the device is of."""
+        return self.words[self.words.index("--family") + 1] if "--family" in self.words else self.family
+
     def __str__(self) -> str:
         return " ".join(self.words)
 
@@ -71,7 +76,7 @@ MORE: dict[str, tuple[tuple[str, ...], ...]] = {
         ("realtime", "--count", "3"), ("realtime", "--velocity", "20", "--count", "3"), ("realtime", "--measure", "5"),
         ("gcl", "PSET BAUD 384"), ("gcl", "1C"), ("gcl", "LOOP"), ("gcl", "T"), ("watch", "--count", "2"),
     ),
-    "ekso": (("report", "{dir}/report.html"), ("policy",), ("export", "{dir}/log.csv", "--format", "mot")),
+    "ekso": (("report", "{dir}/report.html"), ("policy",), ("stop",), ("export", "{dir}/log.csv", "--format", "mot")),
     "aidin": (
         ("status",), ("status", "--check"), ("dump",), ("get", "motor_pos"), ("describe",), ("report", "{dir}/report.html"),
         ("watch", "motor_pos", "--count", "2"), ("home", "--yes"), ("initial", "--yes"), ("stop",), ("bias",),

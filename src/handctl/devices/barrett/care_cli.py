@@ -100,6 +100,8 @@ def _add_strain(group: Group) -> None:
                 raise UsageError("`handctl barrett strain` without --open only reads", hint="run it without -n")
             run.streams = False
             return run.dry_run(gauges.preparation_steps())
+        if not open_first:
+            run.only_reads()
         hand = run.device()
         if open_first:
             gauges.prepare(hand, run.guide)
@@ -184,6 +186,8 @@ def _add_diagnose(group: Group) -> None:
             return run.dry_run(steps)
         if move:
             run.confirm("This moves the hand: nobody and nothing within its reach", steps)
+        else:
+            run.only_reads()
         hand = run.device()
         patient = Patient(hand, simulated=lambda: run.simulated, name=name)
         wanted = [*doctor.USUAL, *(entry.checks if entry is not None else ())]

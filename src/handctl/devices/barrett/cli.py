@@ -177,7 +177,7 @@ def baud(run: Run, rate: int | None, save_too: bool) -> Table:
     if rate is None:
         if run.settings.dry_run:
             raise UsageError("`handctl barrett baud` without a rate only reads", hint="run it without -n")
-        run.device().line.interrupt = run.settings.interrupt
+        run.only_reads()
         return verbs.get(run, BARRETT, ["BAUD"])
     code = speed.code_of(rate)
     texts = [f"PSET BAUD {code}", *(["PSAVE"] if save_too else [])]
