@@ -39,8 +39,9 @@ def _kind(run: Run) -> str:
             hint="-p LINK or -d NAME (see `handctl devices list`); `handctl FAMILY stop --fake` stops a simulated one",
             code="no-link",
         )
-    if settings.port.startswith("fake://"):
-        return settings.port.removeprefix("fake://").partition("?")[0]
+    simulated = settings.port.removeprefix("fake://").partition("?")[0].rstrip("/")
+    if settings.port.startswith("fake://") and simulated in FAMILIES:
+        return simulated
     from handctl.link.lock import last_holder
 
     holder = last_holder(settings.port)
