@@ -59,6 +59,7 @@ def test_the_table_is_that_of_the_dossier() -> None:
     assert {row["rule"]: (row["value"], row["unit"]) for row in rows if row["name"] == "*"} == {
         "posture": ("sitting, standing", None), "joint_speed_below": (5.0, "deg/s"), "looks_apart": (0.1, "s"),
         "boot_time_within": (50, "ms"), "settings_at_once": (1, None), "between_writes": (1.0, "s"),
+        "step_within": (10.0, "s"),
     }  # fmt: skip
     assert {row["name"] for row in rows if row["rule"] == "read_only"} == {"swing_complete", "pilot_id"}
     assert {row["name"] for row in rows} == {"*", *list(SCALES)[:22]}

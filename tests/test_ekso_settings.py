@@ -16,9 +16,10 @@ import pytest
 
 from handctl.console import TerminalGuide
 from handctl.devices.ekso.audit import AuditLog
+from handctl.devices.ekso.change import Change, check_change, needs_second_answer
 from handctl.devices.ekso.device import Ekso, one_setting
 from handctl.devices.ekso.fields import EKSO
-from handctl.devices.ekso.settings import Change, Writer, check_change, differences, needs_second_answer
+from handctl.devices.ekso.settings import Writer, differences
 from handctl.devices.ekso.stillness import moving
 from handctl.errors import (
     CheckFailed,

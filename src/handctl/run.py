@@ -147,6 +147,13 @@ class Run:
         )
 
     @property
+    def place(self) -> str:
+        """Where the LINK leads, the same for all names of one port."""
+        from handctl.link.lock import canonical
+
+        return canonical(self.link_name(), self.family.tcp_port if self.family is not None else None)
+
+    @property
     def ledger(self) -> Ledger:
         """What this command means to write and what came of it."""
         ledger = self.journal.ledger

@@ -5,15 +5,17 @@ No log, no write. Knows files and nothing of the device.
 
 from __future__ import annotations
 
+import errno
 import json
 import os
+import stat
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from handctl.errors import OutputError
+from handctl.errors import LinkError, OutputError
 from handctl.files import state_path
 
 TAIL = 65536
@@ -28,17 +30,19 @@ def default_path() -> Path:
 class AuditLog:
     """An append-only file; every entry is on the disk when `record` returns, and nothing is held open between entries.
 
-    `always` stands in every entry: operator, user, port, tool version.
+    `always` stands in every entry: operator, user, host, port, the place it leads to, tool version.
     """
 
     def __init__(self, path: Path, always: dict[str, Any]) -> None:
         self.path = path
-        self._always = always
+        self.always = always
 
     def check(self) -> None:
         """Make sure that entries can be written, before anything is sent. Raises OutputError."""
         with self._opened() as file:
-            _torn(file)  # a pipe cannot tell, and would refuse an entry too
+            if not stat.S_ISREG(os.fstat(file).st_mode):
+                raise OSError(errno.EINVAL, "not a regular file, and the policy must remember the last writes")
+            _torn(file)
 
     @contextmanager
     def _opened(self) -> Iterator[int]:
@@ -62,13 +66,9 @@ class AuditLog:
 
     def unfinished(self) -> dict[str, Any] | None:
         """The intent that the log ends with: a write whose result nobody noted. None when there is none."""
-        if not self.path.is_file():  # reading a device or a pipe might never end
-            return None
         try:
-            with self.path.open("rb") as file:
-                file.seek(max(0, os.fstat(file.fileno()).st_size - TAIL))
-                lines = file.read(TAIL).split(b"\n")
-        except OSError:
+            lines = self.tail()
+        except OutputError:
             return None  # no log, or none that can be read: `check` tells
         for line in reversed(lines):
             with suppress(ValueError):  # half a line of a killed writer: its frame never went out
@@ -77,13 +77,49 @@ class AuditLog:
                     return entry if entry["event"] == "intent" else None
         return None
 
+    def tail(self) -> list[bytes]:
+        """The last lines, whole but perhaps the last; none where there is no log. Raises OutputError."""
+        if not self.path.is_file():  # reading a device or a pipe might never end
+            return []
+        with self._opened() as file:
+            size = os.fstat(file).st_size
+            start = max(0, size - TAIL)
+            lines = os.pread(file, size - start, start).split(b"\n")
+        return lines[1:] if start else lines
+
+    def changed_at(self) -> float:
+        """When the file was changed last, by the wall clock. Raises OutputError."""
+        with self._opened() as file:
+            return os.fstat(file).st_mtime
+
+    @contextmanager
+    def alone(self) -> Iterator[None]:
+        """While it lasts no other handctl writes a setting by this log: what it says last holds until the next entry.
+
+        Raises OutputError, LinkError (code "busy"). Where the system has no flock, there is no lock.
+        """
+        with self._opened() as file:
+            try:
+                import fcntl
+
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except ImportError:
+                pass
+            except BlockingIOError as exc:
+                raise LinkError(
+                    f"{self.path}: another handctl writes a setting now",
+                    hint="let it end, then repeat the command. Nothing was sent.",
+                    code="busy",
+                ) from exc
+            yield
+
     def record(self, event: str, host_s: float, **fields: Any) -> None:
         """Append one entry and wait until it is on the disk; `host_s` is the link's monotonic clock.
 
         Raises OutputError.
         """
         now = datetime.now(UTC).isoformat(timespec="milliseconds")
-        entry = {"event": event, "utc": now, "host_monotonic_s": round(host_s, 6), **self._always, **fields}
+        entry = {"event": event, "utc": now, "host_monotonic_s": round(host_s, 6), **self.always, **fields}
         line = json.dumps(entry, ensure_ascii=False).encode() + b"\n"
         with self._opened() as file:
             # half a line of a killed writer, perhaps of another handctl: this entry starts a line of its own

@@ -147,7 +147,8 @@ def _audit_options(body: Callable[..., Any]) -> Callable[..., Any]:
         envvar="HANDCTL_AUDIT",
         metavar="FILE",
         type=OutFile(grows=True),
-        help="The audit log (default: ekso-audit.jsonl in the user's state folder). No log, no write.",
+        help="The audit log (default: ekso-audit.jsonl in the user's state folder). No log, no write. "
+        "It is also the memory of the last writes, so the policy holds over several runs with one log.",
     )(body)
     return click.option(
         "--operator", envvar="HANDCTL_OPERATOR", metavar="NAME", help="Who does it, for the audit log; needed by --yes."
@@ -165,6 +166,7 @@ OVERRIDE = click.option(
 def _audit(run: Run, operator: str | None, file: str | None) -> AuditLog:
     from getpass import getuser
     from pathlib import Path
+    from platform import node
 
     from handctl.devices.ekso.audit import AuditLog, default_path
 
@@ -175,7 +177,9 @@ def _audit(run: Run, operator: str | None, file: str | None) -> AuditLog:
     always = {
         "operator": operator,
         "user": user,
+        "host": node(),
         "port": run.link_name(),
+        "place": run.place,
         "simulated": run.open_link().fake,
         "tool": f"handctl {__version__}",
         "command": run.command,
@@ -183,7 +187,7 @@ def _audit(run: Run, operator: str | None, file: str | None) -> AuditLog:
     return AuditLog(Path(file) if file else default_path(), always)
 
 
-def _with_writer(run: Run, operator: str | None, file: str | None, *, override: bool) -> Ekso:
+def _with_writer(run: Run, operator: str | None, file: str | None, *, override: bool, stepwise: bool = False) -> Ekso:
     """The device with all that writing needs; --yes stands for a person, who must be named."""
     from handctl.devices.ekso.settings import Writer
 
@@ -198,7 +202,7 @@ def _with_writer(run: Run, operator: str | None, file: str | None, *, override: 
 
     audit = _audit(run, operator, file)
     _tell_unfinished(run, audit)
-    ekso.writer = Writer(ekso.port, audit, ask, override=override, guide=run.guide)
+    ekso.writer = Writer(ekso.port, audit, ask, override=override, stepwise=stepwise, guide=run.guide)
     return ekso
 
 
@@ -260,15 +264,18 @@ def set_(run: Run, assignments: tuple[str, ...], operator: str | None, audit: st
 def restore(run: Run, file: str, operator: str | None, audit: str | None, override: bool) -> Table:
     """Write what differs from a snapshot, one by one.
 
-    By the rules of `set`, with the same questions; safe to run again after any interruption.
+    By the rules of `set`, with the same questions. A far value is led to in permitted steps, one in 10 s, each read back. Safe to run again after any interruption, which says where it stands.
     """
     _need_operator(run, operator)
     if not run.settings.dry_run:
 
         def check(_changes: object) -> None:
-            _with_writer(run, operator, audit, override=override)
+            _with_writer(run, operator, audit, override=override, stepwise=True)
 
         return stored.restore(run, EKSO, file, check=check)
+    run.journal.info(
+        "steps", "a far value is led to in permitted steps, one in 10 s: how many, only the device can tell"
+    )
     return stored.restore(run, EKSO, file)
 
 

@@ -19,12 +19,13 @@ from handctl.param import Element, Number, Reading, Step, elements_of
 from handctl.result import Column, Journal, Row, Table
 
 if TYPE_CHECKING:
-    from handctl.devices.ekso.settings import Change
+    from handctl.devices.ekso.change import Change
 
     class Writing(Protocol):
         """Who writes settings, with all gates (`settings.Writer`)."""
 
         override: bool
+        stepwise: bool
 
         def write(self, wanted: Sequence[tuple[Word, int]], shown: tuple[int, ...]) -> tuple[int, ...]: ...
 
@@ -228,9 +229,9 @@ class Ekso:
         Raises UsageError for what the policy refuses. The msgID is that of the next message: a later one differs in
         msgID and CRC.
         """
-        from handctl.devices.ekso.settings import Change, check_change
+        from handctl.devices.ekso.change import Change
 
-        steps = []
+        steps: list[Step] = []
         self._note_open_length()
         for element, value in changes:
             param = _word(element)
@@ -239,14 +240,34 @@ class Ekso:
             meaning = f"{param.name} = {param.shown(value)}"
             if self.known is not None:
                 change: Change = Change(param, self.known[param.word], raw)
-                check_change(change, self.writer is not None and self.writer.override)
-                meaning = change.text
-            elif param.choices and raw not in param.choices:
+                steps += self._permitted(change)
+                continue
+            if param.choices and raw not in param.choices:
                 self.journal.warn("unlisted", f"{meaning}: nobody knows this code; it is never written")
                 continue
             body = set_value_body(param.id, raw)
             steps.append(Step(meaning, self._port.request(Command.SET_VALUE, body)))
         return steps
+
+    def _permitted(self, change: Change) -> list[Step]:
+        """The SetValue of each step on the way, where the writer leads there; else of the change, checked."""
+        from handctl.devices.ekso.change import Change, check_change, check_code, way
+
+        override = self.writer is not None and self.writer.override
+        if self.writer is None or not self.writer.stepwise:
+            check_change(change, override)
+            stages = [change.new]
+        else:
+            check_code(change)
+            stages = way(change, override)
+        assert change.param.id is not None
+        return [
+            Step(
+                Change(change.param, old, new).text,
+                self._port.request(Command.SET_VALUE, set_value_body(change.param.id, new)),
+            )
+            for old, new in zip([change.old, *stages], stages, strict=False)
+        ]
 
     def write(self, changes: Sequence[tuple[Element, Number]]) -> list[Reading]:
         """Write settings one at a time through all gates; the settings as they are read back afterwards."""

@@ -6,6 +6,7 @@ The limits themselves stand with the words (`fields`), with the writer (`setting
 from __future__ import annotations
 
 from handctl.devices.ekso.fields import SETTINGS, Word
+from handctl.devices.ekso.memory import WINDOW
 from handctl.devices.ekso.settings import BETWEEN_WRITES
 from handctl.devices.ekso.stillness import APART, BOOT_TOLERANCE_MS, MOST_SPEED
 from handctl.result import Column, Row, Table
@@ -25,8 +26,9 @@ GENERAL: tuple[tuple[str, float | str, str | None], ...] = (
     ("boot_time_within", BOOT_TOLERANCE_MS, "ms"),
     ("settings_at_once", 1, None),
     ("between_writes", BETWEEN_WRITES, "s"),
+    ("step_within", WINDOW, "s"),
 )
-"""What holds for every setting; no override."""
+"""What holds for every setting; no override. The audit log remembers the last writes, so it holds over several runs."""
 
 
 def policy() -> Table:

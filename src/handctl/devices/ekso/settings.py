@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
 
 from handctl.devices.ekso.audit import AuditLog
+from handctl.devices.ekso.change import Change, check_change, check_code, limit_of, most, needs_second_answer, way
 from handctl.devices.ekso.dataport import DataPort
-from handctl.devices.ekso.fields import ASSIST, NOTHING_SENT, PERCENT_CODES, SETTINGS, Word
+from handctl.devices.ekso.fields import NOTHING_SENT, SETTINGS, Word
 from handctl.devices.ekso.frames import Command, Frame, set_value_body, status_text
+from handctl.devices.ekso.memory import NOT_SENT, WINDOW, recent
 from handctl.devices.ekso.stillness import require_stillness
 from handctl.errors import (
     CheckFailed,
@@ -33,50 +34,13 @@ from handctl.result import hex_bytes
 
 BETWEEN_WRITES = 1.0
 """Seconds from one SetValue to the next."""
+SHORTEST_WAIT = 0.05
+"""Seconds: two clocks that disagree by a rounding must not make a wait of nothing."""
 PERSONAL = "pilot_id"
 """Stays out of the log."""
 
 Raws = tuple[int, ...]
 """The 22 settings as raw integers."""
-
-
-class Change(NamedTuple):
-    """One setting to be written: raw values before and after."""
-
-    param: Word
-    old: int
-    new: int
-
-    @property
-    def text(self) -> str:
-        """``step_length 15.50 in -> 16.00 in``."""
-        before, after = (self.param.shown(self.param.from_raw(raw)) for raw in (self.old, self.new))
-        return f"{self.param.name} {before} -> {after}"
-
-
-def check_change(change: Change, override: bool) -> None:
-    """Raise UsageError for an unlisted code, or a step beyond the policy without `override`."""
-    param = change.param
-    if param.choices and change.new not in param.choices:
-        raise UsageError(
-            f"{change.text}: nobody knows this code; it is not written", hint=NOTHING_SENT, code="unlisted"
-        )
-    if param.step is None or (param.choices and not {change.old, change.new} <= set(PERCENT_CODES)):
-        return
-    if abs(change.new - change.old) <= param.to_raw(param.step) or (override and not param.firm):
-        return
-    limit = "10 %" if param.choices is ASSIST else param.shown(param.step)
-    way = "smaller steps only: no override for leg lengths" if param.firm else "smaller steps, or --override-step-limit"
-    raise UsageError(
-        f"{change.text}: more than {limit} at once is beyond this tool's policy (not the device's limit)",
-        hint=f"{way}. {NOTHING_SENT}",
-        code="step-limit",
-    )
-
-
-def needs_second_answer(change: Change) -> bool:
-    """Whether it enters or leaves a mode that is asked for twice."""
-    return any(change.param.choices.get(raw) in change.param.twice for raw in (change.old, change.new))
 
 
 # -- one write ----------------------------------------------------------------------------------------------------
@@ -87,7 +51,8 @@ class Writer:
 
     ask       question with the word to be typed; raises NotConfirmed
     override  step limits may be exceeded (not those of leg lengths)
-    guide     holds Ctrl-C back while an entry is on its way to the disk
+    stepwise  a far value is led to in permitted steps with the waits between them, instead of being refused
+    guide     tells of the waits; holds Ctrl-C back while an entry is on its way to the disk
     """
 
     def __init__(
@@ -97,15 +62,16 @@ class Writer:
         ask: Callable[[str, str], None],
         *,
         override: bool,
+        stepwise: bool = False,
         guide: Guide | None = None,
     ) -> None:
         self.port = port
         self.audit = audit
         self.override = override
+        self.stepwise = stepwise
         self._ask = ask
         self._guide = guide or Guide()
         self._interrupted = False
-        self._written_at: float | None = None
         self._boot: int | None = None
 
     def write(self, wanted: Sequence[tuple[Word, int]], shown: Raws) -> Raws:
@@ -116,33 +82,96 @@ class Writer:
         """
         changes = [Change(param, shown[param.word], raw) for param, raw in wanted if shown[param.word] != raw]
         for change in changes:
-            check_change(change, self.override)
+            (check_code(change) if self.stepwise else check_change(change, self.override))
         if changes:
             self.audit.check()
             self._still([change.param for change in changes if change.param.sitting])
         done: list[str] = []
         for change in changes:
+            stages = way(change, self.override) if self.stepwise else [change.new]
+            left: list[Change] = []
             try:
-                shown = self._write_one(change, shown)
+                self._ask_for(change, stages)
+                for old, new in zip([change.old, *stages], stages, strict=False):
+                    left = [Change(change.param, old, change.new)] if old != change.old else []
+                    shown = self._write_one(Change(change.param, old, new), shown)
             except HandctlError as exc:
-                if done:
-                    way = "" if isinstance(exc, NotConfirmed) or not exc.hint else f"{exc.hint.rstrip('.')}. "
-                    exc.hint = f"{way}Already written: {', '.join(done)}."
+                if done or left:
+                    hint = "" if isinstance(exc, NotConfirmed) or not exc.hint else f"{exc.hint.rstrip('.')}. "
+                    exc.hint = f"{hint}{_standing(done, left, 'had come to')}."
                 raise
             except KeyboardInterrupt:
-                if not done:
+                if not done and not left:
                     raise
                 raise Interrupted(
-                    f"interrupted; already written: {', '.join(done)}", hint="the same command goes on where it stopped"
+                    f"interrupted; {_lower(_standing(done, left, 'stands at'))}",
+                    hint="the same command goes on where it stopped",
                 ) from None
             done.append(change.param.name)
         return shown
 
-    def _write_one(self, change: Change, shown: Raws) -> Raws:
-        self._ask(f"Set {change.text}. A person may stand in the device", change.param.typed(_value(change)))
+    def _ask_for(self, change: Change, stages: Sequence[int]) -> None:
+        param = change.param
+        text = change.text
+        if len(stages) > 1:
+            shown = ", ".join(param.typed(param.from_raw(raw)) for raw in stages)
+            text += f", in {len(stages)} steps ({shown}), about {WINDOW * (len(stages) - 1):.0f} s"
+        self._ask(f"Set {text}. A person may stand in the device", param.typed(_value(change)))
         if needs_second_answer(change):
             self._ask(f"{change.text}: this changes how the device drives. Really", "yes")
-        self._pause()
+
+    def _write_one(self, change: Change, shown: Raws) -> Raws:
+        """One step, alone: from the look at the last writes until its result is noted no other handctl may write."""
+        begun = self.port.link.now()
+        while True:
+            with self.audit.alone():
+                seconds = self._to_wait(change)
+                if not seconds:
+                    return self._write_alone(change, shown)
+            if self.port.link.now() - begun > 3 * WINDOW:
+                raise CheckFailed(
+                    f"{self.port.where}: {change.text} is not permitted after {3 * WINDOW:.0f} s: somebody else writes "
+                    f"{change.param.name} all the time",
+                    hint=f"see the end of {self.audit.path}. {NOTHING_SENT}",
+                    code="step-limit",
+                )
+            self._guide.say(
+                f"waiting {seconds:.0f} s: one step in {WINDOW:.0f} s; {change.text} is next. Ctrl-C ends it here"
+            )
+            self._sleep(seconds)
+
+    def _to_wait(self, change: Change) -> float:
+        """Seconds until this step is permitted after the last writes, also those of other runs; 0 after the pause that any
+        write needs. Raises UsageError instead where a step is not waited for.
+        """
+        now = self.port.link.now()
+        past = recent(self.audit, now)
+        step = most(change, self.override)
+        mine = [entry for entry in past if entry.name == change.param.name]
+        beyond = [entry for entry in mine if step is not None and abs(change.new - entry.old) > step]
+        if beyond:
+            seconds = beyond[0].at + WINDOW - now
+            if self.stepwise:
+                return max(seconds, SHORTEST_WAIT)
+            first = Change(change.param, beyond[0].old, change.new)
+            raise UsageError(
+                f"{first.text} within {WINDOW:.0f} s: more than {limit_of(change.param)} is beyond this tool's policy (not the "
+                "device's limit)",
+                hint=f"it is permitted in {max(seconds, 0):.0f} s. {NOTHING_SENT}",
+                code="step-limit",
+            )
+        if past:
+            self._sleep(past[0].at + BETWEEN_WRITES - now)
+        return 0.0
+
+    def _sleep(self, seconds: float) -> None:
+        now = self.port.link.now()
+        end = self.port.link.deadline(seconds).earlier(self.port.bound)
+        self.port.link.sleep(end.at - now)  # what comes next is not sent after --deadline
+        if self.port.bound is not None and self.port.bound.expired and end.at < now + seconds:
+            self.port.settings_raw()  # raises, saying that the deadline has passed
+
+    def _write_alone(self, change: Change, shown: Raws) -> Raws:
         before = self.port.settings_raw()
         if before != shown:
             raise CheckFailed(
@@ -156,7 +185,7 @@ class Writer:
         with self._guide.counting() as presses:
             self._record("intent", change, boot, frame=hex_bytes(self.port.request(Command.SET_VALUE, body)))
         if presses.count:
-            self._result(change, boot, None, None, "not sent: interrupted")
+            self._result(change, boot, None, None, f"{NOT_SENT}: interrupted")
             raise Interrupted(f"interrupted; {change.text} was not sent", hint="this setting is as it was")
         return self._send(change, before, boot, body)
 
@@ -174,7 +203,6 @@ class Writer:
         except LinkError as exc:  # nobody is left who could be asked
             self._result(change, boot, None, None, f"not known: {exc.text}")
             raise _unread(change, exc) from None
-        self._written_at = self.port.link.now()
         bound, self.port.bound = self.port.bound, None  # a written setting is always read back, also beyond --deadline
         try:
             after = self._read_back(change, before, answer)
@@ -269,12 +297,6 @@ class Writer:
         self._boot = boot
         return boot
 
-    def _pause(self) -> None:
-        if self._written_at is not None:
-            now = self.port.link.now()
-            end = self.port.link.deadline(self._written_at + BETWEEN_WRITES - now).earlier(self.port.bound)
-            self.port.link.sleep(end.at - now)  # what comes next is not sent after --deadline
-
     def _record(self, event: str, change: Change, boot: int, **more: object) -> None:
         param = change.param
         old, new = ({"raw": raw, "value": param.from_raw(raw)} for raw in (change.old, change.new))
@@ -313,6 +335,19 @@ class Writer:
                 failure = exc
         self._interrupted = self._interrupted or presses.count > 0
         return failure
+
+
+def _standing(done: Sequence[str], left: Sequence[Change], verb: str) -> str:
+    """``Already written: swing_time. step_length stands at 13.00 in on its way to 14.75 in``"""
+    texts = [f"Already written: {', '.join(done)}"] if done else []
+    for change in left:
+        now, end = (change.param.shown(change.param.from_raw(raw)) for raw in (change.old, change.new))
+        texts.append(f"{change.param.name} {verb} {now} on its way to {end}")
+    return ". ".join(texts)
+
+
+def _lower(text: str) -> str:
+    return text[:1].lower() + text[1:]
 
 
 def _way_back(before: Raws, after: Raws) -> str:

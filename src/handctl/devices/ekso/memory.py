@@ -1,0 +1,111 @@
+"""What the audit log remembers: the policy holds for the device, not for one run of the tool.
+
+Reads the last entries of the log for one place. How old an entry is at least, the monotonic clock proves: it never goes
+back, and since a restart of this machine at least its uptime has passed. The wall clock, which is set, decides only over entries
+of another machine, and one from the future is refused. Knows nothing of the device.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from datetime import UTC, datetime
+from typing import Any, NamedTuple
+
+from handctl.devices.ekso.audit import AuditLog
+from handctl.errors import CheckFailed
+
+WINDOW = 10.0
+"""Seconds: a step is measured against the value of so long ago."""
+NOT_SENT = "not sent"
+"""How the verdict on a write begins that never went out."""
+
+
+class Past(NamedTuple):
+    """A write of the last seconds: when at the earliest on the link's clock, which setting, its raw values."""
+
+    at: float
+    name: str
+    old: int
+    new: int
+
+
+def recent(audit: AuditLog, now: float) -> list[Past]:
+    """The writes to this device within the last WINDOW seconds, the newest first; `now` is the link's clock.
+
+    A write whose result nobody noted counts. Raises CheckFailed where the log does not tell: nothing may be written then.
+    """
+    found: list[Past] = []
+    ended: dict[str, tuple[float, bool]] = {}
+    for entry in _entries(audit):
+        if not _same_place(entry, audit.always):
+            continue
+        age = _age(entry, now, audit)
+        name = str(entry["name"])
+        if entry["event"] == "result":
+            ended[name] = age, str(entry.get("verdict", "")).startswith(NOT_SENT)
+            continue
+        age, unsent = ended.pop(name, (age, False))
+        if age > WINDOW:
+            break
+        if not unsent:
+            found.append(Past(now - age, name, entry["old"]["raw"], entry["new"]["raw"]))
+    return found
+
+
+def _entries(audit: AuditLog) -> Iterator[dict[str, Any]]:
+    """Intents and results from the last to the first that the tail of the log holds whole."""
+    for line in reversed(audit.tail()):
+        if not line.strip() or _torn(line):
+            continue
+        try:
+            entry = json.loads(line)
+            if not isinstance(entry, dict):
+                raise TypeError(line)
+            if entry.get("event") not in ("intent", "result"):
+                continue
+            moments = float(entry["host_monotonic_s"]), datetime.fromisoformat(entry["utc"]).timestamp()
+            if entry["event"] == "intent" and not all(isinstance(entry[key]["raw"], int) for key in ("old", "new")):
+                raise TypeError(line)
+            if not isinstance(entry["name"], str) or any(moment != moment for moment in moments):
+                raise TypeError(line)
+        except (ValueError, TypeError, KeyError):
+            _refuse_damage(audit)
+            continue
+        yield entry
+
+
+def _torn(line: bytes) -> bool:
+    """Half a line of a killed writer: an intent that was not whole on the disk was never sent, and a result follows its intent."""
+    return line.startswith(b'{"event"') and not line.rstrip().endswith(b"}")
+
+
+def _same_place(entry: Mapping[str, Any], always: Mapping[str, Any]) -> bool:
+    return bool(entry.get("place", entry.get("port")) in (always.get("place"), always.get("port")))
+
+
+def _age(entry: Mapping[str, Any], now: float, audit: AuditLog) -> float:
+    """Seconds that have passed since at least. Raises CheckFailed for what lies in the future."""
+    noted = float(entry["host_monotonic_s"])
+    bound = now - noted if noted <= now else now  # the machine has restarted since: its clock began at 0 then
+    if entry.get("host") == audit.always.get("host"):
+        return bound
+    passed = (datetime.now(UTC) - datetime.fromisoformat(entry["utc"])).total_seconds()
+    if passed < 0:
+        raise CheckFailed(
+            f"{audit.path}: the last write was at {entry['utc']}, which is {-passed:.0f} s in the future: a clock was set back",
+            hint="set the clock of this machine, then repeat the command. Nothing was sent.",
+            code="clock-set-back",
+        )
+    return min(bound, passed)
+
+
+def _refuse_damage(audit: AuditLog) -> None:
+    """Raise CheckFailed when a line that nobody can read may be of the last seconds."""
+    passed = datetime.now(UTC).timestamp() - audit.changed_at()
+    if passed <= WINDOW:
+        raise CheckFailed(
+            f"{audit.path}: its end is damaged: what was written last, and when, is not known",
+            hint=f"repeat the command in {WINDOW:.0f} s: what it was is long past then. Nothing was sent.",
+            code="audit-damaged",
+        )
