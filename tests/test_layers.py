@@ -98,6 +98,7 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
             "ledger",
             "foreign",
             "link",
+            "link.lock",
             "link.tap",
             "link.tracefile",
             "options",
