@@ -84,7 +84,7 @@ DEVICE_FAULTS: dict[str, dict[str, int]] = {
     # the wrist is read before, which is silent
     "no-wrist": {
         **{command.name: 0 if command.kind == "hand" else 4 for command in READING},
-        **{command.name: 4 if command.name in ("restore", "move-pitch") else 6 for command in WRITING},
+        **{command.name: 4 if command.name == "restore" else 6 for command in WRITING},
     },
     "unknown-bits": UNHEALTHY, "faults": UNHEALTHY, "hot": UNHEALTHY, "locked-rotor": UNHEALTHY,
     "over-temperature": UNHEALTHY, "over-current": UNHEALTHY, "motor-abnormal": UNHEALTHY, "communication": UNHEALTHY,

@@ -111,7 +111,7 @@ class ExoHand(RegisterDevice):
         return table
 
     def _strangeness(self) -> list[str]:
-        """What the bytes just read say against an EH55BF1, also told as a warning. Reads nothing more."""
+        """What the bytes just read say against an EH55BF1, told as a warning; reads nothing more."""
         from handctl.devices.inspire import identity
 
         at = identity.within(self.last_blocks)
@@ -121,6 +121,8 @@ class ExoHand(RegisterDevice):
         bits = (at(*identity.SIXTH_ERROR) or b"\0")[0]
         label = EXO["error"].label(bits)
         sixth = f"thumb rotation, if {identity.SIXTH_ERROR[0]} is its error as on an RH56 hand: {label} (0x{bits:02X})"
+        if bits:
+            self.journal.warn("unhealthy", sixth)
         return [*([identity.SIX_FINGERS] if told else []), *([sixth] if bits else [])]
 
     def status(self, check: bool) -> Table:
@@ -129,9 +131,10 @@ class ExoHand(RegisterDevice):
         readings = self.read([element for name in names for element in elements_of(EXO[name])])
         table = self.table(readings)
         table.view = status_view
-        findings = [*self._strangeness(), *unhealthy(readings)]
+        findings = unhealthy(readings)
         for finding in findings:
             self.journal.warn("unhealthy", finding)
+        findings = [*self._strangeness(), *findings]
         if check and table.failure is None and findings:
             table.failure = CheckFailed(
                 f"{self.bus.where}: {len(findings)} findings: {'; '.join(findings)}",

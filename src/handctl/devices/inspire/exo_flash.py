@@ -26,6 +26,7 @@ def clear_errors(hand: ExoHand) -> Table:
 
     A remaining over_temperature is not a failure: it clears by cooling. Anything else that remains is.
     """
+    hand.bus.identify()  # before anything is read: a stranger is named, not called silent
     names = ("error", "temperature")
     elements = [element for name in names for element in elements_of(EXO[name])]
     before = {reading.element.full_name: reading.value for reading in hand.read(elements)}

@@ -148,12 +148,12 @@ class Wrist(RegisterDevice):
         """
         from handctl.link.deadman import guarding
 
+        self.bus.identify()
         targets = {element.param.name: float(value) for element, value in changes if element.param.moves}
         time = next((int(value) for element, value in changes if element.param.name == "move_time"), None)
         if time is None:
             time = int(self.read([Element(WRIST["move_time"], 0)])[0].value or 0)
         wait = wait if wait is not None else time * 1.5 / 1000 + 2
-        self.bus.identify()
         # Where it stands is asked for first: without that nothing could hold it there if this process dies.
         with guarding(self.link, self._last_shots(self.read(ANGLES)), self.journal.warn) as guard:
             try:
