@@ -147,7 +147,13 @@ class Journal:
         self.counters = Counters()
         self.ledger = Ledger()
         self.messages: list[Message] = []
+        self.left: Table | None = None
         self._on_message = on_message
+
+    def leave(self, table: Table) -> None:
+        """Keep what was read so far: it is shown when the command ends here. Of several the fullest stays."""
+        if self.left is None or len(table.rows) >= len(self.left.rows):
+            self.left = table
 
     def note(self, level: str, code: str, text: str, hint: str = "") -> None:
         """Record a message once; the same code and text again is dropped (streams repeat themselves)."""

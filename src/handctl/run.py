@@ -266,6 +266,8 @@ class Run:
             self._close(None)
             self._show_writes(None)
             raise
+        if failure is not None and table is None and not self.writes:
+            table = self.journal.left  # what was read before it went wrong
         failure = self._wind_up(table, failure)
         if failure is not None:
             failure.shown = True

@@ -102,9 +102,19 @@ class BarrettHand:
 
     def read(self, elements: Sequence[Element]) -> list[Reading]:
         """Read elements in as few lines as fit; all motors that are wanted share a prefix (barrett §5.2.2, §5.2.3)."""
+        by_mnemonic: dict[str, dict[int, int] | HandctlError] = {}
+        try:
+            self._read(elements, by_mnemonic)
+        except (HandctlError, KeyboardInterrupt):
+            if any(isinstance(found, dict) for found in by_mnemonic.values()):
+                rest = HandctlError("not read")
+                self.journal.leave(self.table([_reading(e, by_mnemonic.get(_gcl(e), rest)) for e in elements]))
+            raise
+        return [_reading(element, by_mnemonic[_gcl(element)]) for element in elements]
+
+    def _read(self, elements: Sequence[Element], by_mnemonic: dict[str, dict[int, int] | HandctlError]) -> None:
         motors = sorted({element.index for element in elements if element.param.elements})
         prefix = "" if len(motors) in (0, 4) else "".join(str(motor + 1) for motor in motors)
-        by_mnemonic: dict[str, dict[int, int] | HandctlError] = {}
         names = list(dict.fromkeys(_gcl(element) for element in elements))
         for chosen, verb, count in (
             ([name for name in names if not BARRETT.by_mnemonic(name).is_global], f"{prefix}FGET", len(motors)),
@@ -120,7 +130,6 @@ class BarrettHand:
                         if not any(isinstance(found, dict) for found in by_mnemonic.values()):
                             raise
                         by_mnemonic.update({item[0]: exc for item in items})
-        return [_reading(element, by_mnemonic[_gcl(element)]) for element in elements]
 
     def _get(
         self, verb: str, names: list[str], motors: list[int], count: int, into: dict[str, dict[int, int] | HandctlError]

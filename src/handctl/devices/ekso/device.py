@@ -114,13 +114,19 @@ class Ekso:
                 found[message] = self.words(message)
             except (NoAnswer, ProtocolError) as exc:
                 found[message] = exc
+            except (HandctlError, KeyboardInterrupt):
+                self.journal.leave(self.table(self._found(elements, found)))
+                raise
         errors = [entry for entry in found.values() if isinstance(entry, HandctlError)]
         if errors and len(errors) == len(found):
             raise errors[0]
+        return self._found(elements, found)
+
+    def _found(self, elements: Sequence[Element], found: dict[str, tuple[int, ...] | HandctlError]) -> list[Reading]:
         readings = []
         for element in elements:
             param = _word(element)
-            words = found[param.message]
+            words = found.get(param.message) or HandctlError("not read")
             if isinstance(words, HandctlError):
                 readings.append(Reading(element, None, b"", words))
             else:
@@ -195,6 +201,7 @@ class Ekso:
         rows: list[Row] = []
         failure: HandctlError | None = None
         answered = False
+        columns = (Column("message", "Message"), *self.columns)
         for message, words in MESSAGES.items():
             try:
                 rows += [{**self.row(reading), "message": message} for reading in self.readings(message)]
@@ -206,12 +213,14 @@ class Ekso:
                 rows += [
                     {**self.row(Reading(elements_of(param)[0], None, b"", exc)), "message": message} for param in words
                 ]
+            except (HandctlError, KeyboardInterrupt):
+                self.journal.leave(Table(rows=rows, columns=columns, view=dump_view))
+                raise
         try:
             rows = [{**row, "message": row["name"]} for row in self.now()] + rows
         except (NoAnswer, ProtocolError) as exc:
             failure = failure or exc
             rows = [{"name": name, "word": None, "id": None, "error": exc.text, "unit": None, "message": name} for name in ("date", "time")] + rows  # fmt: skip
-        columns = (Column("message", "Message"), *self.columns)
         return Table(rows=rows, columns=columns, view=dump_view, failure=failure)
 
     def status(self, check: bool) -> Table:

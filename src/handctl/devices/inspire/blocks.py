@@ -57,9 +57,9 @@ class BlockReader:
         self._bus = bus
         self._across_gaps = True
 
-    def read(self, registers: Iterable[Register]) -> Memory:
-        """Read `registers`. Groups that fail are in `errors`; raises when nothing at all could be read."""
-        memory = Memory()
+    def read(self, registers: Iterable[Register], memory: Memory | None = None) -> Memory:
+        """Read `registers` into `memory`. Groups that fail are in its `errors`; raises when nothing at all could be read."""
+        memory = Memory() if memory is None else memory
         first: HandctlError | None = None
         for block in plan(registers, self._bus.max_count):
             try:
@@ -68,6 +68,8 @@ class BlockReader:
                 self._groups(block, memory)
             except (NoAnswer, ProtocolError) as exc:
                 if isinstance(exc, NoAnswer) and not memory.blocks:
+                    if first is not None:
+                        raise first from exc  # what came before tells more than the silence behind it
                     raise  # nobody there: asking for the rest would only take longer
                 first = first or exc
                 memory.errors.update((group.name, exc) for group in block.groups)

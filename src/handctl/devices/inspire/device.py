@@ -71,7 +71,13 @@ class RegisterDevice(ABC):
         Raises NoAnswer, ProtocolError when nothing at all could be read, LinkError when the link is lost.
         """
         registers = {element.param.name: register_of(element) for element in elements}
-        memory = self._reader.read(registers.values())
+        memory = Memory()
+        try:
+            self._reader.read(registers.values(), memory)
+        except (HandctlError, KeyboardInterrupt):
+            if memory.blocks:
+                self.journal.leave(self.table([_reading(element, memory) for element in elements]))
+            raise
         self.last_blocks = sorted(memory.blocks)
         return [_reading(element, memory) for element in elements]
 
