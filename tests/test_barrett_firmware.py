@@ -12,7 +12,7 @@ import pytest
 from handctl.devices.barrett.firmware import Download, Loader, version_in
 from handctl.devices.barrett.hand import BarrettHand
 from handctl.devices.barrett.srecord import Firmware, parse
-from handctl.errors import HandctlError
+from handctl.errors import HandctlError, NoAnswer
 from handctl.guide import Guide, Presses
 from handctl.link import Deadline
 from tests.barrett_support import Simulated, codes, hand_on
@@ -243,7 +243,7 @@ def test_the_operator_is_guided() -> None:
     guide = Operator(link)
     run = Run(link=link, guide=guide)
     assert run.error is None and sha(DATA) in run.image
-    off, on = guide.said[0], guide.said[1]
+    off, on = guide.said[1], guide.said[2]  # the first line says what is being looked for
     assert "OFF" in off and "5 seconds" in off and "Do not pull any cable" in off
     assert "ON" in on
 
@@ -375,7 +375,10 @@ def test_a_fault_at_every_kind_of_place(fault: str, place: str) -> None:
         assert "2C" in text or "came" in text
     else:
         assert named in text, text
-    assert run.error is not None and "whole file again" in str(run.error.hint)
+    untouched = place in ("+1", "+2", "+3")  # address and count of the first record: no data byte has gone out
+    left = "nothing of the firmware was replaced" if untouched else "whole file again"
+    assert run.error is not None and left in str(run.error.hint)
+    assert ("incomplete" in str(run.error.hint)) is not untouched
     assert run.done is None and (sha(DATA) not in run.image or place == "0x2CC7")
     before = run.link.sent[: run.link.sent.index(b"\xff")]
     assert before.count(b"X") == 1
@@ -509,3 +512,50 @@ def test_the_deadline() -> None:
     link = Simulated("wire=auto")
     run = Run(link=link, file=firmware(bytes(4096)), bound=Deadline(link.now, 6.0))
     assert run.error is None and link.now() > 6.0
+
+
+# -- the old firmware, and a hand that restarts -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("boot", ["0.1", "1", "5"])
+def test_a_colon_with_the_banner_behind_it_is_no_invitation(boot: str) -> None:
+    """`:` and banner in one chunk: the firmware runs. No FF goes to its interpreter, and nothing is called incomplete."""
+    run = Run(f"boot-chunk=together&boot={boot}")
+    code, exit_code, text = run.failed
+    assert (code, exit_code) == ("no-monitor", 4), text
+    assert not [data for data in run.link.sent if b"\xff" in data]
+    assert run.image.startswith("image valid")
+    assert run.error is not None
+    assert "the moment was missed" in run.error.hint and "incomplete" not in run.error.hint
+
+
+class Failing(Simulated):
+    """Its supply fails for a moment when data byte number `at` is about to go out."""
+
+    at = 0
+
+    def write(self, data: bytes, deadline: Deadline) -> None:
+        if len(self.sent) == self.at:
+            self.inner._line.command("power-cycle")  # type: ignore[attr-defined]
+        super().write(data, deadline)
+
+
+@pytest.mark.parametrize("at", [30, 60])
+def test_a_restart_in_the_middle_of_a_download_is_named(at: int) -> None:
+    link = Failing("image-records=7")
+    link.at = at
+    run = Run(link=link)
+    code, exit_code, text = run.failed
+    assert (code, exit_code) == ("restarted", 5), text
+    assert "got 3A" in text and text.endswith("the hand restarted: power or cable")
+    assert run.error is not None and "incomplete" in run.error.hint
+
+
+def test_the_deadline_is_the_time_that_is_told() -> None:
+    link = Simulated("boot-chunk=together")
+    hand = hand_on(link, bound=link.deadline(40.0))
+    with pytest.raises(NoAnswer) as caught:
+        Loader(hand, Guide(), firmware(), window=1, expect=None).run()
+    assert "(--deadline)" in caught.value.text and "120" not in caught.value.text
+    within = float(caught.value.text.partition("within ")[2].split()[0])
+    assert 30 < within <= 40

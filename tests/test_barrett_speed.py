@@ -9,7 +9,7 @@ import pytest
 
 from handctl.cli import main
 from handctl.devices.barrett import speed
-from handctl.errors import HandctlError, LinkError, ProtocolError, UsageError
+from handctl.errors import DeviceRefused, HandctlError, ProtocolError, UsageError
 from tests.barrett_support import (
     CR,
     QUESTION,
@@ -57,9 +57,9 @@ def test_baud_goes_last() -> None:
 def test_a_hand_that_does_not_follow() -> None:
     """Some hands cannot do the higher speeds (dossier 1.1): it is found again at the old one."""
     hand, link = simulated("max-baud=9600")
-    with pytest.raises(LinkError) as caught:
+    with pytest.raises(DeviceRefused) as caught:
         hand.write(changes("BAUD=384"))
-    assert (caught.value.code, link.baud) == ("baud", 9600)
+    assert (caught.value.exit_code, caught.value.code, link.baud) == (6, "baud", 9600)
     assert hand.read(elements("BAUD"))[0].value == 96
 
 

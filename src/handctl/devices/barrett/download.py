@@ -69,6 +69,11 @@ class Transfer:
         return f"{self._address + max(0, self._echoed - lead):04X}h"
 
     @property
+    def in_data(self) -> bool:
+        """Whether address and count are confirmed and data bytes go out."""
+        return self._in_data
+
+    @property
     def awaited(self) -> int:
         """The byte whose echo comes next."""
         return self._bytes[self._echoed]

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from handctl.devices.barrett.download import READY, SELECT, TRIGGER, Transfer
 from handctl.devices.barrett.hand import BarrettHand
-from handctl.devices.barrett.language import CR, PROMPT, has_prompt
+from handctl.devices.barrett.language import BANNER, CR, PROMPT, has_prompt
 from handctl.devices.barrett.parameters import BARRETT, all_elements
 from handctl.devices.barrett.srecord import Firmware
 from handctl.errors import CheckFailed, HandctlError, Interrupted, LinkError, NoAnswer, ProtocolError
@@ -34,9 +34,14 @@ OFF = (
 )
 ON = "Now switch the power supply ON; the download begins by itself."
 CYCLE = "Switch the power supply OFF, wait 5 seconds, switch it ON."
+MISSED = "The hand started its old firmware: the moment was missed. Switch it off and on again."
 HALF = "the firmware in the hand is incomplete: switch the hand off, do not move it, and load the whole file again"
 DOWNLOADS = "a firmware download runs: the boot monitor moves nothing, and would take a stop for firmware"
 """Why nobody else can have the device stopped meanwhile."""
+WHOLE = (
+    "no data byte was sent, so nothing of the firmware was replaced: switch the hand off and on; "
+    "`handctl barrett version` tells whether it runs"
+)
 
 
 class Download(NamedTuple):
@@ -57,6 +62,7 @@ class Loader:
         self._window = window
         self._echoes = False  # whether the monitor echoes its triggers
         self._sent = 0
+        self._begun = False  # a data byte went out: what was in the hand is gone
         self._where = "the first record"
         self._echo_seconds = 0.0
 
@@ -81,7 +87,7 @@ class Loader:
                 break
             except LinkError as exc:
                 text = f"{exc.text}; stopped at {self._where}, {self._sent} of {self.firmware.size} bytes"
-                raise LinkError(text, hint=f"{HALF}; {exc.hint}", code=exc.code) from exc
+                raise LinkError(text, hint=f"{self._left}; {exc.hint}", code=exc.code) from exc
             except (NoAnswer, ProtocolError) as exc:
                 self._guide.done()
                 self.hand.line.drain()
@@ -90,10 +96,16 @@ class Loader:
         after = self._come_back()
         return self._verdict(before, after)
 
+    @property
+    def _left(self) -> str:
+        """What is in the hand now, and what to do."""
+        return HALF if self._begun else WHOLE
+
     # -- before --------------------------------------------------------------------------------------------------
 
     def _version_before(self) -> str:
         """What the hand runs now; "" when nothing answers, as of a hand without firmware."""
+        self._guide.say("Looking for the firmware that runs now (a few seconds when there is none)")
         try:
             return self.hand.version()
         except HandctlError as exc:
@@ -131,9 +143,10 @@ class Loader:
         link.event("power cycle for the download")
 
     def _await_monitor(self) -> None:
-        """Wait for `:`. Text means that the old firmware started: the moment was missed."""
+        """Wait for `:` with nothing behind it. Text means that the old firmware started: the moment was missed."""
         link = self.link
         deadline = link.deadline(READY_SECONDS).earlier(self.hand.line.bound)
+        seconds, missed = deadline.remaining, False
         heard, tail, at = b"", b"", link.now()  # `tail`: what came just before, without a pause
         while not deadline.expired:
             left = deadline.remaining
@@ -146,18 +159,24 @@ class Loader:
             for place, byte in enumerate(chunk):
                 before = (tail + chunk[:place])[-1:]
                 if byte == READY[0] and not (before and 32 < before[0] < 127):
-                    self._guide.done()
-                    self.hand.journal.counters.stray_bytes += len(heard) + len(chunk) - 1
-                    return
+                    chunk += b"" if chunk[place + 1 :] else self._listen(LISTEN_SECONDS)
+                    if not chunk[place + 1 :].strip(b"\0\r\n"):
+                        self._guide.done()
+                        self.hand.journal.counters.stray_bytes += len(heard) + len(chunk) - 1
+                        return
+                    break  # a text follows: the banner of the firmware that starts, no invitation
             heard, tail = (heard + chunk)[-256:], (tail + chunk)[-1:]
             if PROMPT in heard:
-                self._guide.say("The hand started its old firmware: the moment was missed. Switch it off and on again.")
-                heard = b""
+                self._guide.say(MISSED)
+                heard, missed = b"", True
         self._guide.done()
         came = f"; came {heard[:48].hex(' ').upper()}" if heard else ""
+        bound = " (--deadline)" if seconds < READY_SECONDS else ""
         raise NoAnswer(
-            f"{link.name}: no boot monitor (:) within {READY_SECONDS:.0f} s{came}",
-            hint="was the power supply switched off for 5 seconds and on again? Check the cable and the port. Nothing was loaded.",
+            f"{link.name}: no boot monitor (:) within {seconds:.0f} s{bound}{came}",
+            hint=f"{MISSED} Nothing was loaded."
+            if missed
+            else "was the power supply switched off for 5 seconds and on again? Check the cable and the port. Nothing was loaded.",
             code="no-monitor",
         )
 
@@ -195,6 +214,7 @@ class Loader:
             if number == 0 and transfer.between:
                 self._listen_for_trigger(transfer)
             out = transfer.take()
+            self._begun = self._begun or (bool(out) and transfer.in_data)
             deadline = link.deadline(ECHO_SECONDS + self.hand.line.wire_seconds(len(out) + 1)).earlier(
                 self.hand.line.bound
             )
@@ -205,7 +225,7 @@ class Loader:
             if not came:
                 raise NoAnswer(
                     f"{link.name}: stopped at {transfer.where}: no echo of {transfer.awaited:02X}",
-                    hint=HALF,
+                    hint=self._left,
                     code="no-echo",
                 )
             self.hand.journal.counters.received += len(came)
@@ -213,9 +233,12 @@ class Loader:
                 transfer.feed(came)
             except ProtocolError as exc:
                 self.hand.journal.counters.bad_frames += 1
-                self._listen(0.2)
+                more = came + self._listen(0.2)
                 slower = "; without --window" if self._window > 1 else ""
-                raise ProtocolError(f"{link.name}: stopped {exc.text}", hint=HALF + slower, code=exc.code) from exc
+                text, code = exc.text, exc.code
+                if READY in came or BANNER in more.upper():
+                    text, code = f"{text}: the hand restarted: power or cable", "restarted"
+                raise ProtocolError(f"{link.name}: stopped {text}", hint=self._left + slower, code=code) from exc
         if number == 0:
             self._echo_seconds = (link.now() - begun - 2 * LISTEN_SECONDS) / (3 + len(self.firmware.records[0].data))
 
@@ -227,7 +250,7 @@ class Loader:
         if came.strip(TRIGGER):
             raise ProtocolError(
                 f"{link.name}: stopped at {transfer.where}: {came[:16].hex(' ').upper()} came after the trigger FF",
-                hint=HALF,
+                hint=self._left,
                 code="extra-byte",
             )
         if came:

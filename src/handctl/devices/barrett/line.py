@@ -184,7 +184,7 @@ class GclLine:
     def _judge_stale(self, command: str, kind: str) -> None:
         """What lies waiting before a command: a sign of a restart is followed up first, and ends what is no question."""
         stale = self.drain()
-        if not (restarted_in(stale, command) or stale.rstrip(b"\r\n ").endswith(b":") or (stale and self.risky)):
+        if not (_speaks_of_restart(stale, command) or (stale and self.risky)):
             return
         self._unread, self._connected = stale, False
         self.connect()
@@ -232,10 +232,14 @@ class GclLine:
                 return
         elif not restarted_in(received, command):
             return
+        raise self.restarted(received, f"{command} has no answer")
+
+    def restarted(self, received: bytes, what: str) -> Restarted:
+        """The error of a restart that shows in `received`; the next connect goes on from there."""
         place = received.upper().find(BANNER)
         self._unread, self._connected = received[place:] if place >= 0 else b":", False
         self.journal.counters.bad_frames += 1
-        raise Restarted(f"{self.link.name}: {RESTARTED_TEXT}; {command} has no answer", hint=RESTART_HINT)
+        return Restarted(f"{self.link.name}: {RESTARTED_TEXT}; {what}", hint=RESTART_HINT)
 
     def _failure(self, command: str, decoder: Decoder) -> HandctlError:
         received = decoder.received
@@ -272,8 +276,13 @@ class GclLine:
             link.write(self.abort_bytes, link.deadline(1.0))
         quiet = link.deadline(QUIET)
         end = link.deadline(2.0)
-        while not end.expired and link.read(quiet):
+        stale = b""
+        while not end.expired and (chunk := link.read(quiet)):
+            stale = (stale + chunk)[-256:]
             quiet = link.deadline(QUIET)
+        if _speaks_of_restart(stale, ""):
+            self._unread, self._connected = stale, False
+            return False
         link.write(QUESTION, link.deadline(1.0))
         came, end = b"", link.deadline(PROMPT_WAIT + self.wire_seconds(16))
         while not end.expired and not is_answer(came):  # the answer to something before may come first
@@ -281,6 +290,8 @@ class GclLine:
             if not chunk:
                 break
             came += chunk
+        if _speaks_of_restart(came, ""):
+            self._unread, self._connected = came, False
         return has_prompt(came)
 
     def reconnect(self) -> None:
@@ -354,6 +365,11 @@ class Restarted(ProtocolError):
 def restarted_in(data: bytes, command: str) -> bool:
     """Whether a banner stands in what came; in the answer to VERS the same words may be the version."""
     return BANNER in data.upper() and not command.upper().startswith("VERS")
+
+
+def _speaks_of_restart(data: bytes, command: str) -> bool:
+    """A banner, or the boot monitor's ':' as the last thing said."""
+    return restarted_in(data, command) or data.rstrip(b"\r\n ").endswith(b":")
 
 
 RESTART_HINT = "`handctl barrett init` before any movement; values that were not saved are gone"

@@ -16,7 +16,7 @@ from handctl.devices.barrett.guards import Guards
 from handctl.devices.barrett.hand import BarrettHand
 from handctl.devices.barrett.language import CR, Answer, has_prompt
 from handctl.devices.barrett.leaving import Session, still
-from handctl.devices.barrett.line import DISTURBED
+from handctl.devices.barrett.line import COLON_ALONE, DISTURBED, restarted_in
 from handctl.devices.barrett.loop_flags import Wish, prepare
 from handctl.devices.barrett.loop_rows import Intake, Sent, Taken
 from handctl.devices.barrett.parameters import BARRETT
@@ -363,11 +363,23 @@ class RealtimeLoop:
         try:
             return self.session.decoder.next()
         except ProtocolError as exc:
+            self._look_for_restart()
             self.hand.journal.counters.bad_frames += 1
             hint = exc.hint or DISTURBED
             raise ProtocolError(f"{self.hand.link.name}: {exc.text}", hint=hint, code=exc.code) from exc
 
+    def _look_for_restart(self) -> None:
+        """Raise Restarted when the boot monitor's ':' stands where '*' must, or a banner came: no motor has power then."""
+        line, came = self.hand.line, self.session.decoder.received
+        if came.startswith(b":"):
+            came += line.collect(COLON_ALONE)
+        if came.strip(b"\r\n ") == b":" or restarted_in(came, "LOOP"):
+            self.session.give_up()
+            self.session.last = {}
+            raise line.restarted(came, "RealTime is over, no motor has power")
+
     def _silence(self) -> HandctlError:
+        self._look_for_restart()
         name = self.hand.link.name
         decoder = self.session.decoder
         if decoder.received:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from handctl.devices.barrett.commands import SECONDS
 from handctl.devices.barrett.language import CR, encode
 from handctl.devices.barrett.line import GclLine
-from handctl.errors import LinkError, NoAnswer, ProtocolError, UsageError
+from handctl.errors import DeviceRefused, NoAnswer, ProtocolError, UsageError
 from handctl.param import Step
 
 SETTLE_SECONDS = 1.0
@@ -64,7 +64,7 @@ def change(line: GclLine, code: int) -> None:
             ledger.confirm(answers, Step(command, data))
             return
         ledger.doubt(f"answers at {link.baud} bit/s", Step(command, data))
-        raise LinkError(
+        raise DeviceRefused(
             f"{link.name}: the hand did not follow to {new} bit/s, it answers at {link.baud}",
             hint="some hands cannot do the higher speeds",
             code="baud",
