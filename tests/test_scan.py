@@ -20,6 +20,7 @@ from handctl.families import FAMILIES, PROBES
 from handctl.link import ByteLink, Deadline
 from handctl.link.lock import hold
 from handctl.result import Journal, Row
+from handctl.sim.barrett_uart import resample
 from handctl.tools import scan
 from handctl.tools.probes import probe_of
 from handctl.tools.scan import Step
@@ -89,8 +90,8 @@ def test_a_family_is_named_in_families_only() -> None:
 EKSO = "96 00 00 01"
 WRIST, EXO = "EB 90 01 04 30 FC 03 02 36", "EB 90 01 04 11 C0 05 02 DD"
 SILENT_SERIAL = [
-    (115200, ("96", WRIST, EXO)), (57600, (WRIST, EXO)), (19200, (WRIST, EXO)),
-    *((speed, ("03", "0D")) for speed in (9600, 38400, 19200, 4800, 2400, 1200, 600)),
+    (115200, ("96", WRIST, EXO)), (57600, (WRIST, EXO)), (9600, ("21 0D",)), (19200, (WRIST, EXO)),
+    *((speed, ("21 0D",)) for speed in (38400, 19200, 4800, 2400, 1200, 600)),
 ]  # fmt: skip
 
 
@@ -118,13 +119,13 @@ def test_a_silent_port_gets_reads_only_in_the_documented_order(tmp_path: Path) -
 
 
 def test_nothing_that_is_sent_writes_or_moves(tmp_path: Path) -> None:
-    """Read flags only, GetTime only, ^C and CR only, the empty object only."""
+    """Read flags only, GetTime only, the marked empty line only, the empty object only."""
     trace = tmp_path / "trace"
     for link in ("fake://exo?fault=silent&clock=virtual", "fake://aidin?exchange=mute&clock=virtual"):
         looked(link, "--trace", str(trace))
         for data in sent(trace):
             assert (
-                data in (b"\x03", b"\r", b"{}\n")
+                data in (b"!\r", b"{}\n")
                 or (data[:2] == b"\xeb\x90" and data[4] in (0x11, 0x30) and len(data) == 9)
                 or (data[0] == 150 and len(data) == 6)
             ), data
@@ -161,6 +162,41 @@ def test_what_a_barrett_hand_hears_of_the_other_probes() -> None:
             got = heard(bytes.fromhex(text), speed, other)
             assert b"\r" not in got, (text, speed, other)
             assert other != 9600 or b"\xff" not in got, (text, speed)
+
+
+@pytest.mark.parametrize("receiver", ["mid", "sci"])
+@pytest.mark.parametrize("speed", [115200, 57600])
+def test_no_id_is_a_trigger_before_a_boot_monitor_was_excluded(speed: int, receiver: str) -> None:
+    """At these speeds the probes of the other families go out before anybody was asked at 9600."""
+    for text in (WRIST, EXO):
+        body = bytes.fromhex(text)[3:-1]
+        for device_id in range(1, 255):
+            frame = bytes([0xEB, 0x90, device_id]) + body
+            frame += bytes([sum(frame[2:]) & 0xFF])
+            assert 0xFF not in resample(frame, speed, 9600, receiver), frame.hex(" ")
+
+
+def test_other_speeds_wait_for_a_hand_that_starts(tmp_path: Path) -> None:
+    """After silence at 9600 the port is open for 3 s before anything but 115200, 57600 and 9600 is tried."""
+    trace = tmp_path / "trace"
+    looked("fake://exo?fault=silent&clock=virtual", "--trace", str(trace))
+    speeds = [line.split() for line in trace.read_text().splitlines()[1:] if " baud " in line]
+    first = next(float(words[0]) for words in speeds if words[3] not in ("115200", "57600", "9600"))
+    assert 2.69 <= first <= 3.01  # of which 0.3 s of listening come before the first line
+
+
+def test_a_hand_that_starts_meanwhile_is_found() -> None:
+    answer = looked("fake://barrett?found=boot&boot=2.5&clock=virtual")
+    assert (answer.code, answer.json["rows"][0]["baud"]) == (0, 9600)
+
+
+@pytest.mark.parametrize("state", ["record", "monitor&monitor-echo=1"])
+def test_behind_a_boot_monitor_nothing_else_is_sent(state: str, tmp_path: Path) -> None:
+    trace = tmp_path / "trace"
+    answer = looked(f"fake://barrett?found={state}&clock=virtual", "--trace", str(trace))
+    assert (answer.code, answer.error["code"]) == (5, "boot-monitor")
+    speeds = [line.split()[3] for line in trace.read_text().splitlines()[1:] if " baud " in line]
+    assert set(speeds) <= {"57600", "9600", "115200"}
 
 
 def test_order_on_tcp_and_can() -> None:
@@ -324,8 +360,7 @@ def test_another_prompt_is_no_barrett_hand() -> None:
     with pytest.raises(ProtocolError) as caught:
         probe_of("barrett").probe(line, Journal(), line.deadline(10))
     assert caught.value.code == "garbage"
-    assert line.sent[:2] == [b"\x03", b"\r"]
-    assert b"PGET SN\r" in line.sent
+    assert line.sent[:2] == [b"!\r", b"PGET SN\r"]
 
 
 def test_a_boot_monitor_gets_nothing() -> None:

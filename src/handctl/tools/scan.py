@@ -5,9 +5,10 @@ On a serial port, after listening:
            for the rest and swallow it. For the others it is noise of less than a character at their slower speeds.
  2. wrist  then exo, at each speed of the frame they share: header, length and sum protect everybody else. A hand with a
            wrist answers both questions, so the wrist is asked first.
- 3. barrett  ^C and CR, last: for the others they are two bytes of no frame. They end a movement and start none.
-A BarrettHand hears 1 and 2 at its own speed as a few odd characters: never as a CR, so no line is carried out, and at
-9600, the boot monitor's speed, never as FF, its trigger (a test samples the bits). Its ^C then clears them away.
+ 3. barrett  a mark and CR, last: for the others they are two bytes of no frame. They end no movement and start none.
+A BarrettHand hears 1 and 2 at its own speed as a few odd characters: never as a CR, so no line is carried out. Its boot
+monitor at 9600 hears nothing at 115200 and 57600 as FF, its trigger (a test samples the bits); at other speeds it might.
+So it is asked at 9600 behind those, and other speeds wait until the port was open for 3 s.
 On TCP the AIDIN-hand is looked for first: binary requests might upset a server that parses text, while its empty object
 is harmless to all; a pause behind it lets an EksoNR forget it. CAN has the wrist only.
 What talks by itself before anything was asked is left alone: none of the serial devices does.
@@ -109,7 +110,7 @@ class _ScanCommand(Command):
 def cli(links: tuple[str, ...], families: tuple[str, ...], ids: str | None, find_all: bool) -> Table:
     """Find out which device answers on a port: family, speed, id. Read-only; a port that is in use is left alone.
 
-    The ^C that a BarrettHand is looked for with ends a movement that it is in, and starts none.
+    Nothing that is sent starts or ends a movement, or is a trigger to a boot monitor.
     """
     run: Run = click.get_current_context().obj
     settings = run.settings
@@ -174,7 +175,26 @@ def plan(wire: str, families: Sequence[str], speeds: bool) -> list[Step]:
         return [Step(family, None) for family in found]
     # Neighbours of the same speeds are all asked at one speed before the next one is set.
     groups = [(at, list(alike)) for at, alike in groupby(found, key=lambda family: probe_of(family).SPEEDS)]
-    return [Step(family, speed) for at, members in groups for speed in at for family in members]
+    steps = [Step(family, speed) for at, members in groups for speed in at for family in members]
+    for family in found:  # a boot monitor is excluded before anything that it could take for its trigger is sent
+        guard = guard_of(family)
+        if guard is not None:
+            steps.sort(key=lambda step: 0 if step.speed in guard.harmless else 1 if step == guard.step else 2)
+    return steps
+
+
+class Guard(NamedTuple):
+    """A step that comes before those at speeds that are not `harmless`, and how long the port is open before them."""
+
+    step: Step
+    seconds: float
+    harmless: tuple[int, ...]
+
+
+def guard_of(family: str) -> Guard | None:
+    """What a family's probe says of it, None for most."""
+    found = getattr(probe_of(family), "GUARD", None)
+    return None if found is None else Guard(Step(family, found[0]), found[1], found[2])
 
 
 class Scan:
@@ -228,11 +248,18 @@ class Scan:
             search.unasked = _listen(link)
             if len(search.unasked) >= TALKATIVE:
                 return
+        opened = link.now() - LISTEN
         before: Step | None = None
         for number, step in enumerate(steps, 1):
             if bound.expired:
                 search.expired = True
                 return
+            if before is not None and (again := self._settled(link, before, opened, search)) is not None:
+                self._one(link, again, search, bound)
+                if search.rows and not self._all:
+                    return
+            if search.met and search.met[-1][1].code == "boot-monitor":
+                return  # what comes next could be a trigger
             if before is not None and "serial" not in probe_of(before.family).WIRES:
                 link.sleep(PAUSE)
             if before is None or before.family != step.family:
@@ -246,6 +273,21 @@ class Scan:
             if search.rows and not self._all:
                 return
         search.expired = bound.expired  # the last probe may have been cut short
+
+    def _settled(self, link: Link, done: Step, opened: float, search: Search) -> Step | None:
+        """Behind a guard that met silence: listen until the port was open for long enough; the step once more if
+        something came."""
+        guard = guard_of(done.family)
+        if guard is None or done != guard.step or not isinstance(link, ByteLink) or search.rows:
+            return None
+        if search.met[-1][1].code != NoAnswer.default_code:
+            return None
+        self._run.guide.progress(f"{search.link}: listening for a device that starts")
+        wait = link.deadline(max(0.0, opened + guard.seconds - link.now()))
+        came = False
+        while not wait.expired:
+            came = bool(link.read(wait)) or came
+        return done if came else None
 
     def _one(self, link: Link, step: Step, search: Search, bound: Any) -> None:
         """One probe; what has answered another family's probe with its id is not counted again."""

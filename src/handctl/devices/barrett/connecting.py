@@ -133,7 +133,7 @@ TABLE: tuple[Row, ...] = (
         BOOTING,
         (COLON, MONITOR, SEND_NOTHING, MONITOR_TEXT),
         (ECHO, MONITOR, SEND_NOTHING, MONITOR_TEXT),
-        (BYTES, MONITOR, SEND_NOTHING, MONITOR_TEXT),
+        (BYTES, ELSEWHERE, ASK, "its firmware has started at another speed"),
         (NOTHING, MONITOR, SEND_NOTHING, MONITOR_TEXT),
     ),
     *_rows(

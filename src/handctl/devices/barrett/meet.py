@@ -12,6 +12,7 @@ from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer, Pro
 
 if TYPE_CHECKING:
     from handctl.devices.barrett.line import GclLine
+    from handctl.link import ByteLink
 
 ABORT_COLLECT = 0.15
 LATE_PROMPT = 0.25
@@ -153,16 +154,9 @@ class Meeting:
         return came
 
     def _test_wire(self) -> bytes:
-        """Whether a byte comes back that only a wire can give back; the port's speed is as before then."""
-        link, speed = self.link, self.link.baud
-        link.set_baud(table.LOOP_SPEED)
-        try:
-            link.write(table.LOOPED, link.deadline(1.0))
-            same = link.read(link.deadline(table.SECONDS[table.ECHOED])) == table.LOOPED
-        finally:
-            link.set_baud(speed or SPEEDS[0])
+        """The test, as bytes for the table."""
         self._asked = table.LOOPED
-        return table.LOOPED if same else b""
+        return table.LOOPED if comes_back(self.link) else b""
 
     # -- the end -----------------------------------------------------------------------------------------------------
 
@@ -207,6 +201,17 @@ class Meeting:
         from handctl.devices.barrett.line import SILENCE
 
         return NoAnswer(f"{link.name}: no answer {tried}", hint=f"{SILENCE}; {BUSY_HINT}")
+
+
+def comes_back(link: ByteLink) -> bool:
+    """Whether a byte comes back that only a wire can give back; the port's speed is as before then."""
+    speed = link.baud
+    link.set_baud(table.LOOP_SPEED)
+    try:
+        link.write(table.LOOPED, link.deadline(1.0))
+        return link.read(link.deadline(table.SECONDS[table.ECHOED])) == table.LOOPED
+    finally:
+        link.set_baud(speed or SPEEDS[0])
 
 
 def look_for_motion(line: GclLine) -> list[str]:

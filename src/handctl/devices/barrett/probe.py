@@ -1,16 +1,19 @@
-"""Is there a BarrettHand? ^C and an empty line ask for its prompt, then its serial number is read (barrett §5.1.1).
+"""Is there a BarrettHand? The question of a connect asks for its prompt, then its serial number is read (barrett §5.1.1).
 
-^C is what the dossier begins every connection with: a bare CR would carry out a half-typed line. It ends a movement
-that somebody left running, and moves nothing. Other prompts look alike: only an answer to PGET SN counts.
+It moves nothing, ends no movement and is no command: an empty line with a mark. Other prompts look alike: only an answer
+to PGET SN counts. A hand in its boot monitor is told and left alone.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
+from handctl.devices.barrett import connecting
+from handctl.devices.barrett.connecting import MONITOR_SPEED, MONITOR_TEXT, QUESTION, seen_in
 from handctl.devices.barrett.hand import BarrettHand
-from handctl.devices.barrett.language import ABORT, CR, has_prompt, values
+from handctl.devices.barrett.language import has_prompt, values
 from handctl.devices.barrett.line import GclLine
+from handctl.devices.barrett.meet import comes_back
 from handctl.errors import NoAnswer, ProtocolError
 from handctl.link import ByteLink, Deadline
 from handctl.result import Journal, Row, hex_bytes
@@ -21,7 +24,9 @@ SPEEDS = (9600, 38400, 19200, 4800, 2400, 1200, 600)
 PING = "PGET TEMP"
 ECHOES = True
 """Every character comes back: its own echo is no sign of a loop in the cable."""
-ABORT_WAIT = 0.15
+GUARD = (MONITOR_SPEED, connecting.SECONDS[connecting.SILENT], (115200, 57600))
+"""Before other speeds than those in the brackets are tried, this one has been asked and the port was open for so many
+seconds: at the others a probe of any family could be a trigger to the boot monitor (a test samples the bits)."""
 PROMPT_WAIT = 0.3
 READ_TIMEOUT = 0.5
 MOST = 256
@@ -33,41 +38,36 @@ def probe(
 ) -> list[Row]:
     """Rows family, link, baud, id (it has none), evidence. Raises NoAnswer, ProtocolError for what came instead."""
     waiting = _until_prompt(link, link.deadline(0))
-    if b":" in waiting:
-        raise ProtocolError(
-            f"{link.name}: a ':' came by itself: a BarrettHand that has just been switched on sits in its boot monitor",
-            hint="wait until its firmware runs, then scan again; without firmware: `handctl barrett firmware`",
-            code="boot-monitor",
-        )
-    came = _knock(link, deadline, timeout or 0.0)
+    if seen_in(waiting, b"") == connecting.COLON:
+        raise _monitor(link, "a ':' came by itself")
+    wire = 16 * 10 / link.baud if link.baud else 0.0
+    link.write(QUESTION, link.deadline(1.0).earlier(deadline))
     journal.counters.sent += 1
+    came = _until_prompt(link, link.deadline(max(PROMPT_WAIT, timeout or 0.0) + wire).earlier(deadline))
     if not came:
         raise NoAnswer(f"{link.name}: no prompt", hint="check the hand's power and the cable")
+    seen = seen_in(came)
+    if seen == connecting.COLON:
+        raise _monitor(link, "':' came")
+    if seen == connecting.ECHO and link.can_set_baud and link.baud == MONITOR_SPEED and not comes_back(link):
+        raise _monitor(link, "the question came back, and no prompt")
     if not has_prompt(came):
-        own = not came.replace(b"\n", b"").strip(ABORT + CR)
         raise ProtocolError(
             f"{link.name}: no prompt, but {len(came)} bytes: {hex_bytes(came[:24])}",
             hint="another device, an echo or a wrong speed",
-            code="echo" if own else "garbage",
+            code="echo" if seen == connecting.ECHO else "garbage",
         )
-    return [
-        {
-            "family": FAMILY,
-            "link": link.name,
-            "baud": link.baud,
-            "id": None,
-            "evidence": _identity(link, journal, deadline, timeout or READ_TIMEOUT),
-        }
-    ]
+    found = _identity(link, journal, deadline, timeout or READ_TIMEOUT)
+    note = ", was in RealTime" if seen == connecting.LOOP else ""
+    return [{"family": FAMILY, "link": link.name, "baud": link.baud, "id": None, "evidence": found + note}]
 
 
-def _knock(link: ByteLink, deadline: Deadline, patience: float) -> bytes:
-    """^C, then CR; what came up to the prompt. Waits `patience` seconds for each where that is longer than ours."""
-    wire = 8 * 10 / link.baud if link.baud else 0.0
-    link.write(ABORT, link.deadline(1.0).earlier(deadline))
-    early = _until_prompt(link, link.deadline(max(ABORT_WAIT, patience) + wire).earlier(deadline))
-    link.write(CR, link.deadline(1.0).earlier(deadline))
-    return early + _until_prompt(link, link.deadline(max(PROMPT_WAIT, patience) + wire).earlier(deadline))
+def _monitor(link: ByteLink, evidence: str) -> ProtocolError:
+    return ProtocolError(
+        f"{link.name}: {evidence}: a BarrettHand in its {MONITOR_TEXT}",
+        hint="wait until its firmware runs, then scan again; without firmware: `handctl barrett firmware`",
+        code="boot-monitor",
+    )
 
 
 def _until_prompt(link: ByteLink, deadline: Deadline) -> bytes:
@@ -84,6 +84,7 @@ def _identity(link: ByteLink, journal: Journal, deadline: Deadline, timeout: flo
     quiet = Journal()
     quiet.counters = journal.counters
     line = GclLine(link, quiet, timeout=timeout, retries=1, bound=deadline, speed=link.baud)
+    line.found()
     try:
         answer = line.read("PGET SN")
         if answer.status:

@@ -1,0 +1,289 @@
+"""Every state in which a hand may be found x every command of `handctl barrett`, scan and doctor: no image is harmed.
+
+The simulated hand decides: whether the firmware in its RAM is as it was, and whether a reading command ended what moved.
+Boot windows of 0.1 to 5 s are entered at every 20 ms, with both receivers, at 9600 and at a remembered 38400. Commands come
+from the command tree, so a new one is in here by itself.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import click
+import pytest
+
+from handctl.clikit import root
+from handctl.devices.barrett import connecting as table
+from handctl.devices.barrett import lastspeed
+from handctl.devices.barrett.connecting import QUESTION, SAFE_ABORT
+from handctl.devices.barrett.language import ABORT
+from handctl.errors import HandctlError
+from handctl.files import state_path
+from handctl.link import Deadline
+from handctl.sim.barrett_found import STATES
+from handctl.sim.barrett_uart import RECEIVERS, resample
+from tests.barrett_commands import prepare
+from tests.barrett_support import Simulated, codes, hand_on
+from tests.cli_support import run
+
+SPEEDS = (9600, 38400, 19200, 4800, 2400, 1200, 600)
+LASTING = ("--duration", "1")
+ARGUMENTS: dict[str, tuple[str, ...]] = {
+    "get": ("P",), "set": ("DP=8000",), "watch": ("P", *LASTING), "snapshot": ("{}/new.json",), "diff": ("{}/factory.json",),
+    "restore": ("{}/stored.json", "-y"), "report": ("{}/report.txt",), "gcl": ("FGET P",), "move": ("500",), "step-open": ("10",),
+    "step-close": ("10",), "baud": (), "realtime": ("--receive", "position", "--motors", "1", "--count", "3"), "save": ("-y",),
+    "help": ("HI",), "firmware check": ("{}/good.s19",), "firmware download": ("{}/good.s19", "-y"),
+    "strain": ("--count", "1"), "fingertips": (), "load": ("-y",), "defaults": ("-y",),
+}  # fmt: skip
+LOADS = ("firmware download",)
+"""What replaces the image on purpose."""
+
+
+def leaves() -> list[str]:
+    """``status``, ``firmware check`` …: every command below `handctl barrett`."""
+    group = root.get_command(click.Context(root), "barrett")
+    assert isinstance(group, click.Group)
+    found = []
+    for name, command in group.commands.items():
+        inner = command.commands if isinstance(command, click.Group) else {"": command}
+        found += [f"{name} {one}".strip() for one in inner]
+    return sorted(found)
+
+
+def reads(leaf: str) -> bool:
+    command: click.Command | None = root.get_command(click.Context(root), "barrett")
+    for name in leaf.split():
+        assert isinstance(command, click.Group)
+        command = command.commands[name]
+    return not getattr(command, "writes", False)
+
+
+@pytest.fixture
+def scratch(tmp_path: Path) -> Path:
+    from tests.test_barrett_srecord import END, HEADER, record
+
+    prepare(tmp_path)
+    lines = [HEADER, record(0x2C00, bytes(range(32))), END]
+    (tmp_path / "good.s19").write_text("\n".join(str(line) for line in lines) + "\n", encoding="ascii")
+    return tmp_path
+
+
+def words(leaf: str, scratch: Path) -> list[str]:
+    return [*leaf.split(), *(word.format(scratch) for word in ARGUMENTS.get(leaf, ()))]
+
+
+def image(state: Path) -> str:
+    """What the simulator kept of its image: whether it starts."""
+    kept = json.loads(state.read_text())
+    found = kept.get("image") or kept["device"]["image"]
+    return "whole" if found["firmware"] and not (found["partial"] or found["spoiled"]) else "gone"
+
+
+@pytest.mark.faults
+@pytest.mark.parametrize("leaf", [*leaves(), "scan", "doctor"])
+@pytest.mark.parametrize("state", [state for state in STATES if state not in ("monitor", "record")])
+def test_no_command_harms_the_image(state: str, leaf: str, scratch: Path) -> None:
+    if leaf in LOADS:
+        pytest.skip("replaces the image on purpose")
+    kept = scratch / "kept.json"
+    link = f"fake://barrett?clock=virtual&found={state}&state={kept}&initialized=1"
+    if leaf in ("scan", "doctor"):
+        result = run(leaf, *(["barrett"] if leaf == "doctor" else []), "-p", link, "--json")
+    else:
+        result = run("barrett", *words(leaf, scratch), "-p", link, "--json", "--deadline", "60")
+    assert result.code != 1, result
+    if kept.exists():
+        assert image(kept) == "whole", result
+
+
+@pytest.mark.faults
+@pytest.mark.parametrize("leaf", [leaf for leaf in leaves() if reads(leaf)])
+@pytest.mark.parametrize("state", ["moving", "loop-moving"])
+def test_no_reading_command_ends_a_movement(state: str, leaf: str, scratch: Path) -> None:
+    """No ^C goes out; a movement goes on to its end, and RealTime is left by a question that no block takes for ^C."""
+    trace = scratch / "trace.txt"
+    link = f"fake://barrett?clock=virtual&found={state}&initialized=1"
+    run("barrett", *words(leaf, scratch), "-p", link, "--json", "--deadline", "60", "--trace", str(trace))
+    if not trace.exists():
+        return
+    sent = [line.split()[2:] for line in trace.read_text().splitlines() if " > " in line]
+    assert not [data for data in sent if "03" in data], sent
+
+
+# -- the boot window ---------------------------------------------------------------------------------------------------
+
+
+class Trial:
+    """One connect, `at` s into the boot window of a hand whose receiver is `receiver`."""
+
+    def __init__(self, window: float, at: float, receiver: str, baud: int, remembered: int, interrupt: bool) -> None:
+        query = f"found=boot&boot={window}&window={window}&uart={receiver}&baud={baud}&wire=auto"
+        self.link = Simulated(query, baud=remembered)
+        self.link.sleep(at)
+        self.link.read(Deadline(self.link.now, self.link.now()))  # the port is opened now: what was said before is lost
+        hand = hand_on(self.link, interrupt=interrupt)
+        self.error: HandctlError | None = None
+        try:
+            hand.line.connect()
+            hand.line.ask("FGET P")
+        except HandctlError as exc:
+            self.error = exc
+        self.hand = hand
+
+    @property
+    def image(self) -> str:
+        line = self.link.inner._line  # type: ignore[attr-defined]
+        line.advance(self.link.now())
+        return str(line.command("image")).partition(",")[0]
+
+
+def sweep(windows: list[float], step: float) -> list[str]:
+    """What was harmed, or not found again."""
+    wrong = []
+    for window in windows:
+        for receiver in RECEIVERS:
+            for baud, remembered, interrupt in (
+                (9600, 9600, False), (9600, 38400, False), (38400, 38400, True), (9600, 19200, True), (38400, 9600, False),
+            ):  # fmt: skip
+                at = 0.0
+                while at < window + 0.1:
+                    trial = Trial(window, at, receiver, baud, remembered, interrupt)
+                    told = (
+                        f"window {window} at {at:.2f} {receiver} {baud} remembered {remembered} interrupt {interrupt}"
+                    )
+                    if trial.image != "image valid":
+                        wrong.append(f"{told}: {trial.image}")
+                    elif trial.error is not None:
+                        wrong.append(f"{told}: {trial.error.text}")
+                    at = round(at + step, 3)
+    return wrong
+
+
+def test_a_share_of_the_boot_window() -> None:
+    assert sweep([0.1, 1.0], 0.22) == []
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("window", [0.1, 0.2, 0.5, 1.0, 2.0, 3.0, 5.0])
+def test_every_20_ms_of_the_boot_window(window: float) -> None:
+    assert sweep([window], 0.02) == []
+
+
+# -- bits ------------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("receiver", RECEIVERS)
+@pytest.mark.parametrize("speed", [speed for speed in SPEEDS if speed != 9600])
+def test_what_a_connect_sends_is_no_trigger(speed: int, receiver: str) -> None:
+    for data in (QUESTION, SAFE_ABORT if speed > 9600 else ABORT):
+        assert 0xFF not in resample(data, speed, 9600, receiver), data
+    assert resample(table.LOOPED, table.LOOP_SPEED, 9600, receiver) == b""
+
+
+def test_a_plain_abort_at_38400_would_be_one() -> None:
+    assert all(resample(ABORT, 38400, 9600, receiver) == b"\xff" for receiver in RECEIVERS)
+
+
+# -- the table ----------------------------------------------------------------------------------------------------------------
+
+
+def test_the_table_is_whole() -> None:
+    """Each state and each thing that is seen has one row; every way ends; what is sent is known."""
+    assert len(table.RULES) == len(table.TABLE)
+    for state in table.STATES:
+        seen = {row.seen for row in table.TABLE if row.state == state}
+        assert seen == ({table.ECHO, table.NOTHING} if state == table.ECHOED else set(table.SEEN)), state
+    for row in table.TABLE:
+        assert row.next in {**table.STATES, **table.ENDS}, row
+        assert row.send in (table.SEND_NOTHING, table.ASK, table.ABORTS, table.LOOP_TEST), row
+        if row.next in (table.BOOTING, table.SILENT, table.RESTARTED, *table.ENDS):
+            assert row.send == table.SEND_NOTHING, row
+    assert set(table.SECONDS) == set(table.STATES)
+    reached, new = {table.OPENED}, [table.OPENED]
+    while new:
+        state = new.pop()
+        for row in table.TABLE:
+            if row.state == state and row.next not in reached:
+                reached.add(row.next)
+                new.append(row.next)
+    assert reached | {table.REMEMBERED, table.AGAIN, table.NOBODY, table.GARBAGE} == {*table.STATES, *table.ENDS}
+
+
+def test_a_connect_at_the_remembered_speed_is_one_round_trip() -> None:
+    for baud in SPEEDS:
+        link = Simulated(f"baud={baud}&wire=auto", baud=baud)
+        hand = hand_on(link)
+        hand.line.connect()
+        assert link.sent == [QUESTION]
+        assert link.now() <= 20 * 10 / baud
+        assert codes(hand) == []
+
+
+SAID = {
+    "boot": ("restarted", "power or cable; HI is needed"),
+    "loop": ("loop", "was in RealTime"),
+    "loop-moving": ("moving", "counts in 0.1 s"),
+    "moving": ("busy", "in the middle of a command"),
+    "saving": ("busy", "in the middle of a command"),
+}
+
+
+@pytest.mark.parametrize("state", SAID)
+def test_what_was_found_out_is_said(state: str) -> None:
+    link = Simulated(f"found={state}&initialized=1&wire=auto")
+    hand = hand_on(link)
+    hand.line.connect()
+    code, text = SAID[state]
+    found = [message.text for message in hand.journal.messages if message.code == code]
+    assert found and text in found[0], hand.journal.messages
+    assert not [data for data in link.sent if ABORT in data]
+
+
+@pytest.mark.parametrize("state", ["monitor", "record"])
+@pytest.mark.parametrize("echo", ["0", "1"])
+def test_a_blank_hand_is_no_echo(state: str, echo: str) -> None:
+    link = Simulated(f"found={state}&monitor-echo={echo}&wire=auto")
+    with pytest.raises(HandctlError) as caught:
+        hand_on(link).line.connect()
+    assert caught.value.exit_code == (4 if (state, echo) == ("monitor", "0") else 6), (
+        "a silent one cannot be told from none"
+    )
+    assert re.search("firmware", caught.value.text + caught.value.hint)
+
+
+# -- the remembered speed --------------------------------------------------------------------------------------------------------
+
+
+class Port:
+    can_set_baud, fake, replayed, name = True, False, False, "/dev/ttyX"
+
+    def __init__(self, baud: int) -> None:
+        self.baud = baud
+
+
+def test_the_last_speed_is_kept_per_port() -> None:
+    assert lastspeed.recall(Port(9600)) is None  # type: ignore[arg-type]
+    lastspeed.remember(Port(38400))  # type: ignore[arg-type]
+    assert lastspeed.recall(Port(9600)) == 38400  # type: ignore[arg-type]
+    lastspeed.remember(Port(9600))  # type: ignore[arg-type]
+    assert lastspeed.recall(Port(9600)) is None  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    "content", ["", "{", "[1]", '{"/dev/ttyX": "fast"}', '{"/dev/ttyX": 57600}', '{"/dev/ttyX": [9600]}']
+)
+def test_a_damaged_file_is_as_good_as_none(content: str) -> None:
+    path = state_path(lastspeed.NAME)
+    path.parent.mkdir(parents=True)
+    path.write_text(content)
+    assert lastspeed.recall(Port(9600)) is None  # type: ignore[arg-type]
+    lastspeed.remember(Port(38400))  # type: ignore[arg-type]
+    assert lastspeed.recall(Port(9600)) == 38400  # type: ignore[arg-type]
+
+
+def test_a_state_folder_that_cannot_be_made_is_no_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", "/proc/none")
+    lastspeed.remember(Port(38400))  # type: ignore[arg-type]
+    assert lastspeed.recall(Port(9600)) is None  # type: ignore[arg-type]
