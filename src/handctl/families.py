@@ -44,6 +44,9 @@ WRITES: dict[str, str] = {
 }
 """Family -> module:function that tells which of its bytes write and what acknowledges them (`ledger.WriteWords`)."""
 
+SECTIONS: dict[str, str] = {"barrett": "handctl.devices.barrett.connecting:section"}
+"""Family -> module:function that gives a section of its manual page: title, paragraphs, and (term, text, lines) items."""
+
 FAMILY_KEYS: dict[str, tuple[str, ...]] = {"aidin": ("exchange", "poll_json", "tx_terminator")}
 """Family -> options of its own that a named device may hold in the configuration file."""
 

@@ -5,6 +5,7 @@ Everything but the prose of `texts` comes from the command tree, the parameter m
 
 from __future__ import annotations
 
+import importlib
 import re
 from collections.abc import Iterable, Sequence
 
@@ -14,7 +15,7 @@ from handctl.docgen.roff import Page, bold, escape, italic, marked
 from handctl.docgen.tables import common, mnemonic
 from handctl.docgen.tree import Node, Option
 from handctl.errors import HandctlError
-from handctl.families import FAMILIES
+from handctl.families import FAMILIES, SECTIONS
 from handctl.param import MEASURED, Param
 
 EDITION = "2026-11-21"
@@ -85,7 +86,25 @@ def _command(node: Node, tree: Node) -> str:
         page.section("QUANTITIES")
         for param in node.params:
             page.item(_quantity(param), _about(param))
+    _section(page, node.path[0])
     return _closing(page, node, tree)
+
+
+def _section(page: Page, family: str) -> None:
+    """What a family has to say beside its commands."""
+    if family not in SECTIONS:
+        return
+    module, _, function = SECTIONS[family].partition(":")
+    title, paragraphs, items = getattr(importlib.import_module(module), function)()
+    page.section(title)
+    for text in paragraphs:
+        page.para(marked(text))
+    for term, text, lines in items:
+        page.item(bold(term), marked(text))
+        if lines:
+            page.indent()
+            page.literal([escape(line) for line in lines])
+            page.outdent()
 
 
 def _usage(node: Node, skip: int = 0) -> str:

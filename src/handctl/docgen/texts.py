@@ -55,6 +55,7 @@ FILES: dict[str, tuple[tuple[str, str], ...]] = {
     "barrett": (
         ("$XDG_STATE_HOME/handctl/barrett-saves.json", "The count of EEPROM saves; by default below ~/.local/state."),
         ("$XDG_STATE_HOME/handctl/barrett-greasing.json", "The greasings that `maintenance --greased` recorded."),
+        ("$XDG_STATE_HOME/handctl/barrett-speeds.json", "The speed at which each port's hand was found last."),
         ("$XDG_STATE_HOME/handctl/gcl-history", "The lines typed at the prompt of `gcl`."),
     ),
     "ekso": (

@@ -38,7 +38,7 @@ SEEN = {
 OPENED, REMEMBERED, ASKED, SILENT, BOOTING = "opened", "remembered", "asked", "silent", "booting"
 RESTARTED, LEAVING, ECHOED, ELSEWHERE, AGAIN = "restarted", "leaving", "echoed", "elsewhere", "again"
 STATES = {
-    OPENED: "the port is open: what has arrived by itself?",
+    OPENED: "the port is open: look at what has arrived by itself",
     REMEMBERED: "asked at the last known speed, which is not 9600",
     ASKED: "asked at 9600, or at the only speed of the link",
     SILENT: "no answer at 9600: off, no cable, busy, starting, or another speed; listen until the port is open for 3 s",
@@ -173,6 +173,34 @@ TABLE: tuple[Row, ...] = (
 """Behind the last of the other speeds ELSEWHERE is AGAIN; NOBODY is GARBAGE when bytes came before."""
 
 RULES = {(row.state, row.seen): row for row in TABLE}
+
+
+PAGE = (
+    "How a hand is met. Each line below is what is seen, the next state, and what is sent on the way. The question is the "
+    "mark ! and CR: a half-typed command becomes an unknown one, and no movement is ended. What moves, writes or stops, "
+    "and `--interrupt`, sends ^C first.",
+    "The boot monitor hears at 9600, and FF is its trigger: it would overwrite good firmware. So nothing that it could "
+    "hear as FF is sent before 9600 was asked and the port was open for 3 s. `handctl scan` may send one after that: a "
+    "monitor that neither speaks nor echoes for longer cannot be told from a port with nothing on it.",
+    "A hand says nothing while it moves or saves. When it does not answer at any speed, it may be in the middle of a long "
+    "movement, which `handctl barrett stop` ends.",
+    "A banner, or the monitor's : alone, also ends every later wait for an answer: the hand restarted, its power or its "
+    "cable, and it needs `init`.",
+)
+
+
+def section() -> tuple[str, tuple[str, ...], list[tuple[str, str, list[str]]]]:
+    """The section of the manual page: title, paragraphs, and for each state its text and its lines of the table."""
+    items = []
+    for state, text in STATES.items():
+        lines = []
+        for row in TABLE:
+            if row.state == state:
+                lines.append(f"{row.seen:<18}{row.next:<12}{f'sends {row.send}' if row.send else ''}".rstrip())
+                lines += [f"    {row.said}"] if row.said else []
+        items.append((state, f"{text}.", lines))
+    seen: list[tuple[str, str, list[str]]] = [(name, f"{text}.", []) for name, text in SEEN.items()]
+    return "CONNECTING", PAGE, [*items, *((end, f"{text}.", []) for end, text in ENDS.items()), *seen]
 
 
 def is_answer(data: bytes) -> bool:
