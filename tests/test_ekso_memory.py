@@ -111,6 +111,15 @@ def test_an_override_stays_an_override_but_not_for_legs(bench: Bench) -> None:
     assert bench.failing(UsageError, "upper_leg_length=18").code == "step-limit"
 
 
+def test_a_code_that_is_no_percentage_has_no_distance(bench: Bench) -> None:
+    """50 % -> Adapt -> 45 %, each asked for twice; but 10 % a 10 s between percentages."""
+    assert bench.set("left_swing_assist=Adapt") == [21]
+    again(bench)
+    assert bench.set("left_swing_assist=45 %") == [9]
+    again(bench)
+    assert bench.failing(UsageError, "left_swing_assist=35 %").code == "step-limit"
+
+
 def test_two_handctl_at_once(bench: Bench, tmp_path: Path) -> None:
     """While one writes, from the look at the last writes to its result, the other is refused and sends nothing."""
     port = unit(state=tmp_path / "state")

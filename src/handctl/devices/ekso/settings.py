@@ -146,9 +146,13 @@ class Writer:
         """
         now = self.port.link.now()
         past = recent(self.audit, now)
-        step = most(change, self.override)
-        mine = [entry for entry in past if entry.name == change.param.name]
-        beyond = [entry for entry in mine if step is not None and abs(change.new - entry.old) > step]
+        beyond = [
+            entry
+            for entry in past
+            if entry.name == change.param.name
+            and (step := most(Change(change.param, entry.old, change.new), self.override)) is not None
+            and abs(change.new - entry.old) > step
+        ]
         if beyond:
             seconds = beyond[0].at + WINDOW - now
             if self.stepwise:
