@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from handctl.devices.inspire.bus import HINTS, Bus, explain
+from handctl.devices.inspire.bus import Bus
+from handctl.devices.inspire.mishaps import HINTS, explain
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError, UsageError
 from handctl.result import Journal
 from handctl.sim import line

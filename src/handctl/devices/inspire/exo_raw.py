@@ -5,9 +5,10 @@ from __future__ import annotations
 from contextlib import AbstractContextManager, nullcontext
 
 from handctl.devices.inspire import eb90
-from handctl.devices.inspire.bus import Bus, explain, hint_for, telling
+from handctl.devices.inspire.bus import Bus, telling
 from handctl.devices.inspire.device import RegisterDevice
 from handctl.devices.inspire.exo import check_command
+from handctl.devices.inspire.mishaps import explain, hint_for
 from handctl.devices.inspire.registers import EXO, Register
 from handctl.devices.inspire.spans import describe, element_at, stretches
 from handctl.errors import CheckFailed, DeviceRefused, NoAnswer, ProtocolError, UsageError

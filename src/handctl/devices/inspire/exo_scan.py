@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from handctl.devices.inspire import scan_report
-from handctl.devices.inspire.bus import SILENCE_HINT
 from handctl.devices.inspire.exo import ExoHand
 from handctl.devices.inspire.identity import EXO
+from handctl.devices.inspire.mishaps import SILENCE_HINT
 from handctl.devices.inspire.scan_report import Target
 from handctl.guide import Guide
 from handctl.result import Table

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from handctl.devices.inspire import eb90
-from handctl.devices.inspire.bus import Bus, hint_for
+from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.identity import SIX_HINT, Kind
+from handctl.devices.inspire.mishaps import hint_for
 from handctl.devices.inspire.registers import BAUD_RATES
 from handctl.devices.inspire.scanner import Findings, Scanner, Span
 from handctl.errors import DeviceRefused, NoAnswer, ProtocolError, UsageError

@@ -1,0 +1,69 @@
+"""What came instead of an answer on the serial wire, in words with the next step. Knows bytes, no link."""
+
+from __future__ import annotations
+
+from handctl.devices.inspire import eb90
+from handctl.devices.inspire.eb90 import Decoder, Frame
+from handctl.errors import ProtocolError
+from handctl.result import hex_bytes
+
+SILENCE_HINT = (
+    "silence means a wrong id, a wrong speed, no power or no cable alike. Check in this order: --id 1 at 115200, "
+    "`handctl exo scan`, power (7..9 V), TX/RX and RS-232 wiring; plugging power and data in again is worth a try"
+)
+HINTS = {
+    "echo": "only our own bytes come back: an echo or a TX-RX short, no device answers. Check the wiring",
+    "wrong-id": "another id answers: use the --id it shows, or look with `handctl exo scan`",
+    "bad-checksum": "bytes were damaged on the way: check cable and ground, the speed, and that one device only has this id",
+    "cut-short": "the reply was cut off: check cable and adapter, and that no other program reads the port",
+    "stale": "a valid frame came, but it answers something else: another program or a second master may use this line",
+    "garbage": "no frame in it: most likely a wrong speed (--baud 115200, 57600, 19200) or another kind of device",
+}
+
+
+def hint_for(code: str, family: str) -> str:
+    """The next step for a code of `explain`, with this family's own command names."""
+    return HINTS[code].replace("handctl exo", f"handctl {family}")
+
+
+def explain(request: bytes, received: bytes) -> tuple[str, str]:
+    """Name what came instead of the answer: (code, text). Codes are the keys of HINTS."""
+    rest = received
+    if request in rest:
+        rest = rest.replace(request, b"", 1)
+        if not rest:
+            return "echo", "only our own bytes came back"
+    sniffer = Decoder()
+    sniffer.feed(rest)
+    bad_sums = 0
+    frames: list[Frame] = []
+    while sniffer.pending:
+        try:
+            frame = sniffer.next()
+        except ProtocolError:
+            bad_sums += 1
+            continue
+        if frame is None:
+            break
+        frames.append(frame)
+    pending = sniffer.pending
+    frames += sniffer.finish()
+    replies = [frame for frame in frames if frame.from_device]
+    wanted_id = request[2] if len(request) > 2 else None
+    for frame in replies:
+        if frame.id != wanted_id:
+            return "wrong-id", f"id {frame.id} answered instead"
+    if bad_sums:
+        return "bad-checksum", "the answer's checksum is wrong"
+    if frames:
+        return "stale", "a valid frame came, but not the answer to this request"
+    # At a wrong speed 90 EB may come by chance: with the id behind it, or nothing, it is the beginning of an answer.
+    if pending >= 2 and (rest.endswith(eb90.DEVICE) or eb90.DEVICE + request[2:3] in rest):
+        return "cut-short", f"the answer was cut off after {len(rest)} bytes"
+    return "garbage", f"{len(rest)} bytes came that form no frame"
+
+
+def shorten(data: bytes, limit: int = 40) -> str:
+    """Bytes in hex, not more of them than a message can hold."""
+    text = hex_bytes(data[:limit])
+    return text if len(data) <= limit else f"{text} … ({len(data)} bytes)"
