@@ -33,7 +33,7 @@ HOW: dict[str, How] = {
     ),
     "wrist": How(
         (bytes.fromhex("EB900107310E04"),),
-        drives=((("move", "--pitch", "15", "--time", "8000"), bytes.fromhex("EB9001")),),
+        drives=((("move", "--pitch", "15", "--time", "8000"), bytes.fromhex("311004")),),
     ),
     "barrett": How(
         (b"\x03", b"T\r"),
@@ -82,7 +82,9 @@ class Stand:
         for process in self._started:
             if process.poll() is None:
                 process.kill()
-            process.communicate()
+            process.wait(10)
+            if process.stderr is not None:
+                process.stderr.close()
         self.simulator.stop()
 
     def heard(self) -> list[tuple[float, bytes]]:

@@ -122,7 +122,10 @@ def carry_out(run: Run, link: Link, sent: list[Sent], talk: Talk | None = None) 
     assert run.family is not None
     try:
         talk = talk or talk_of(run.family.kind, Aim(run.settings, isinstance(link, FrameLink), run.meta))
-        return drive(link, talk, sent, lambda step: run.ledger.plan([step]) if run.writes else None)
+        stopped = drive(link, talk, sent, lambda step: run.ledger.plan([step]) if run.writes else None)
+        if run.writes and stopped.evidence:
+            run.ledger.confirm(stopped.evidence, *(one.step for one in sent if not one.reads))
+        return stopped
     except HandctlError as exc:
         return Stopped(exc.text, exc.hint, type(exc))
 

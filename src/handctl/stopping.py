@@ -58,11 +58,16 @@ class Say(NamedTuple):
 
 
 class Stopped(NamedTuple):
-    """How a stop ended, from what came back. `error` is None where that shows that the device took it."""
+    """How a stop ended, from what came back.
+
+    error     None where nothing speaks against it
+    evidence  what shows that the device did it, where that is more than the acknowledgement of each frame; "" = nothing
+    """
 
     text: str
     hint: str = ""
     error: type[HandctlError] | None = None
+    evidence: str = ""
 
 
 Talk = Generator[Say, Pieces, Stopped]

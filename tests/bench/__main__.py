@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from tests.bench import aidin, barrett, ekso, exo, startup, tab, transcript, wrist
+from tests.bench import aidin, barrett, ekso, exo, startup, stop, tab, transcript, wrist
 from tests.bench.measure import Figure
 from tests.bench.peers import Peers
 from tests.bench.report import content, dumps, publish, table
@@ -20,6 +20,7 @@ PARTS: dict[str, Callable[..., Iterator[Figure]]] = {
     "barrett": barrett.run,
     "ekso": ekso.run,
     "aidin": aidin.run,
+    "stop": stop.run,
     "transcript": transcript.run,
 }
 TRIES = 3

@@ -52,7 +52,7 @@ def stopping(aim: Aim) -> Talk:
             "stop was sent; no current was seen to vanish, because none flowed when the hand was heard first: feedback "
         )
         return Stopped(f"{text}does not show that the motors are off", "if in doubt, switch the power off")
-    return Stopped(f"stop was sent, and the currents have gone: {falls}")
+    return Stopped(f"stop was sent, and the currents have gone: {falls}", evidence="the currents have gone")
 
 
 def _flow(currents: tuple[int, ...]) -> bool:

@@ -47,7 +47,9 @@ def power_off(aim: Aim, prefix: str = "") -> Talk:
         text = f"{ended}; {command} was answered with {told}: the motors may still have power"
         return Stopped(text, "if they must not, switch the supply off", CheckFailed)
     status = f" (status {answer.status}: {explain_status(answer.status)})" if answer.status else ""
-    return Stopped(f"{ended}; {command} was acknowledged{status}: motor power is off")
+    return Stopped(
+        f"{ended}; {command} was acknowledged{status}: motor power is off", evidence=f"{command} was answered{status}"
+    )
 
 
 def _prompt_in(before: tuple[bytes, ...], pieces: Pieces) -> bool:
