@@ -352,6 +352,7 @@ class Run:
     def _stream(self, table: Table) -> HandctlError | None:
         from handctl import render
 
+        self._tell_held()  # of what was met before the first row
         self.live = True
         with render.Sink(self.settings) as sink:
             return render.stream(table, sink, self)

@@ -98,7 +98,7 @@ class _TcpLink(fake.FakeLink):
 def cells(state: State, lines: list[CommandLine]) -> Iterator[tuple[CommandLine, str]]:
     """All ways in which these lines are tried on a device."""
     for line in lines:
-        if state.name.endswith("in a block") and line.family != state.owner:
+        if state.in_block and line.family != state.owner:
             continue  # the next bytes are velocities, whoever sends them: only its own family can know that
         for mode in modes(line, state):
             yield line, mode
@@ -272,6 +272,7 @@ def _told(changed: list[str]) -> str:
 
 LOOP_ENDED = "LOOP ended by a reading command of the hand, which says so"
 ANY_BYTE = "LOOP ended by a byte of somebody who cannot know of it; no velocity changed"
+IN_BLOCK = "a control block that somebody left half sent takes whatever comes next for its data"
 OWN_SCAN = "the own scan of exo or wrist on a boot monitor"
 STOP = "a stop stops whatever answers, and goes out to who does not"
 RAW = "a frame of another family, heard undistorted, holds ^C or the boot monitor's trigger"
@@ -287,6 +288,8 @@ def _exception(state: State, line: CommandLine, changed: list[str], text: str) -
         return STOP
     if state.looping and line.family == state.owner and not line.writes and re.search(r"LOOP|RealTime", text):
         return LOOP_ENDED
+    if state.in_block:
+        return IN_BLOCK
     if state.looping and (line.family != state.owner or "--baud" in line.words):
         return "" if any("hand.motors" in place and ".drive." in place for place in changed) else ANY_BYTE
     if line.path in (("exo", "scan"), ("wrist", "scan")) and state.owner == "barrett" and "boot monitor" in text:

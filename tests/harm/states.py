@@ -51,6 +51,11 @@ class State:
         """Whether a BarrettHand is in RealTime mode."""
         return self.name.startswith("in LOOP")
 
+    @property
+    def in_block(self) -> bool:
+        """Whether it waits for the rest of a control block."""
+        return self.name.endswith("in a block")
+
     def __str__(self) -> str:
         return f"{self.device}, {self.name}" + ("" if self.wire == "serial" else f", {self.wire}")
 
