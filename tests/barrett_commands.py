@@ -223,7 +223,7 @@ def sent_lines(trace: Path) -> list[str]:
     assert b"\n" not in data, "LF is never sent (§5.1.1)"
     return [
         line
-        for line in data.replace(b"\x03", b"").replace(b"\0", b"").decode("ascii").split("\r")
+        for line in data.replace(b"\x03", b"").replace(b"\0", b"").replace(b"\x7f", b"").decode("ascii").split("\r")
         if line not in ("", "!")
     ]
 

@@ -7,6 +7,7 @@ at another speed: a wrong-speed byte may be one, and good firmware would be over
 
 from __future__ import annotations
 
+import re
 from typing import NamedTuple
 
 from handctl.devices.barrett.language import ABORT, BANNER, CR, has_prompt
@@ -172,6 +173,8 @@ TABLE: tuple[Row, ...] = (
 )
 """Behind the last of the other speeds ELSEWHERE is AGAIN; NOBODY is GARBAGE when bytes came before."""
 
+ANSWER = re.compile(rb"\s*(ERR \d+\s+)?=>\s*")
+"""What stands behind the question's echo; anything more is noise, or the answer to something before."""
 RULES = {(row.state, row.seen): row for row in TABLE}
 
 
@@ -221,7 +224,9 @@ def seen_in(data: bytes, question: bytes = QUESTION) -> str:
     if prompt:
         if b"ERR 2048" in data:
             return LOOP
-        return PROMPT if not question or question[:1] in data else LATE
+        if question[:1] not in data:
+            return LATE
+        return PROMPT if not question or ANSWER.fullmatch(data.rpartition(question[:1])[2]) else BYTES
     if question and data.strip(b"\0" + ABORT) == question:
         return ECHO
     if data.rstrip(b"\r\n\0 ").endswith(b":"):

@@ -76,6 +76,7 @@ def reset(line: GclLine) -> str:
     """RESET: restart the firmware; its banner. Motors are uninitialised afterwards (barrett §5.2.4)."""
     line.connect()
     link = line.link
+    before = link.baud
     line.journal.counters.sent += 1
     link.write(encode("RESET"), link.deadline(2.0))
     came = line.collect(BANNER_SECONDS)
@@ -85,10 +86,14 @@ def reset(line: GclLine) -> str:
     banner = "\n".join(part.strip() for part in text.replace("\r", "\n").split("\n") if part.strip(" =>:\0"))
     banner = banner.removeprefix("RESET").strip(" :\n")  # a hand that has just started may print ":" first
     line.reconnect()
-    if banner:
+    if BANNER_TEXT in banner or link.baud != before:  # a banner at another speed is unreadable
         line.journal.ledger.confirm("its banner came, and it answers", Step("RESET", encode("RESET")))
-    if BANNER_TEXT not in banner:
-        line.journal.warn("banner", f"the banner does not say {BANNER_TEXT!r}: {banner!r}")
+    else:
+        raise ProtocolError(
+            f"{link.name}: the banner does not say {BANNER_TEXT!r}: {banner!r}; whether the hand restarted is not known",
+            hint="`handctl barrett status`: after a restart the motors are not initialized",
+            code="banner",
+        )
     line.journal.info("uninitialized", "the motors are not initialized now", hint="`handctl barrett init`")
     return banner
 
