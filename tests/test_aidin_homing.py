@@ -13,7 +13,8 @@ ALL = 15
 
 def home(**options: str) -> Result:
     query = "&".join(f"{key}={value}" for key, value in {"clock": "virtual", **options}.items())
-    return run("aidin", "home", "-y", "--json", "-p", f"fake://aidin?{query}")
+    said = ["--exchange", "command"] if options.get("exchange") == "command" else []  # such a hand shows nothing before
+    return run("aidin", "home", "-y", "--json", "-p", f"fake://aidin?{query}", *said)
 
 
 def states(result: Result) -> list[str]:
