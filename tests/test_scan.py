@@ -64,7 +64,7 @@ def test_each_family_is_named(link: str, family: str, baud: int | None, device_i
 def test_evidence_is_what_the_device_said() -> None:
     evidence = {kind: looked(f"fake://{kind}?clock=virtual").rows[0]["evidence"] for kind in PROBES}
     assert evidence["exo"] == "system_voltage reads 558, asked twice"
-    assert evidence["wrist"] == "pitch_raw reads -345, asked twice"
+    assert evidence["wrist"] == "current_1024 reads 111, asked twice"
     assert evidence["barrett"].startswith("prompt, serial number ")
     assert evidence["ekso"].endswith("CRC and msgID fit")
     assert evidence["aidin"] == "streams current_state, joint_pos, motor_pos, sensor_state, task_space_pos"
@@ -88,7 +88,7 @@ def test_a_family_is_named_in_families_only() -> None:
 # -- what is sent, and in which order -----------------------------------------------------------------------------
 
 EKSO = "96 00 00 01"
-WRIST, EXO = "EB 90 01 04 30 FC 03 02 36", "EB 90 01 04 11 C0 05 02 DD"
+WRIST, EXO = "EB 90 01 04 30 00 04 02 3B", "EB 90 01 04 11 C0 05 02 DD"
 SILENT_SERIAL = [
     (115200, ("96", WRIST, EXO)), (57600, (WRIST, EXO)), (9600, ("21 0D",)), (19200, (WRIST, EXO)),
     *((speed, ("21 0D",)) for speed in (38400, 19200, 4800, 2400, 1200, 600)),
@@ -528,7 +528,7 @@ def test_a_trace_of_a_scan_is_told_family_by_family(tmp_path: Path) -> None:
     assert (told.code, told.json["statistics"]["family"]) == (0, "ekso, wrist, exo")
     meanings = [row["meaning"] for row in told.rows if row["direction"] == "host" and row["kind"] == "frame"]
     assert meanings[0] == "ask for GetTime"
-    assert "read pitch_actual: 2 bytes at 1020, id 1" in meanings
+    assert "read current_1024: 2 bytes at 1024, id 1" in meanings
     assert "read system_voltage: 2 bytes at 1472, id 1" in meanings
     assert set(told.json["statistics"]["problems"]) == {"no-answer"}
     assert told.json["messages"] == []

@@ -11,7 +11,7 @@ import pytest
 from tests.cli_support import Simulator, run
 from tests.harm import lines
 
-pytestmark = pytest.mark.harm
+pytestmark = [pytest.mark.harm, pytest.mark.long]  # half a minute: `-m harm` runs it, the ordinary suite does not
 
 DEVICES = ("exo", "wrist", "barrett", "ekso")
 COMMANDS = {

@@ -1,4 +1,8 @@
-"""Is there a wrist module? Two bytes of pitch_actual are read, on the serial wire or on CAN (wrist §2.1). Read-only."""
+"""Is there a wrist module? Two bytes of a current are read, on CAN two of pitch_actual (wrist §2.1). Read-only.
+
+On a serial line nobody knows yet who listens, and at a BarrettHand's own speed 03 is ^C, which ends a movement: pitch_actual
+lies at 1020, FC 03 on the line, the current at 1024, 00 04.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +11,7 @@ from collections.abc import Sequence
 from handctl.devices.inspire import eb90, probing
 from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.canbus import CanBus
+from handctl.devices.inspire.scan_report import scan
 from handctl.devices.inspire.wrist import Wrist
 from handctl.devices.inspire.wrist_scan import TARGET, scan_wrist
 from handctl.guide import Guide
@@ -16,8 +21,9 @@ from handctl.result import Journal, Row
 FAMILY = "wrist"
 WIRES = ("serial", "tcp", "can")
 SPEEDS = probing.SPEEDS
-PING = "pitch_actual"
+PING = "current_1024"
 ECHOES = False
+HARMLESS = TARGET._replace(probe=(1024, 2), value=PING)
 
 
 def probe(
@@ -29,27 +35,27 @@ def probe(
     One id after the other: on RS-485 an answer would collide with the next question.
     """
     own = probing.quiet(journal)
+    wait = probing.window_ms(timeout, len(ids))
     if isinstance(link, FrameLink):
-        bus: Bus | CanBus = CanBus(link, ids[0], own, retries=0, bound=deadline)
-    else:
-        bus = Bus(
-            link,
-            ids[0],
-            own,
-            retries=0,
-            bound=deadline,
-            read_flag=eb90.WRIST_READ,
-            write_flag=eb90.WRIST_WRITE,
-            family=FAMILY,
-        )
-    speed = link.baud if isinstance(link, ByteLink) else None
-    table = scan_wrist(Wrist(bus), Guide(), ids, [speed or 0], 1, probing.window_ms(timeout, len(ids)), False)
-    return probing.found(table, TARGET.value)
+        bus = CanBus(link, ids[0], own, retries=0, bound=deadline)
+        return probing.found(scan_wrist(Wrist(bus), Guide(), ids, [0], 1, wait, False), TARGET.value)
+    line = Bus(
+        link,
+        ids[0],
+        own,
+        retries=0,
+        bound=deadline,
+        read_flag=eb90.WRIST_READ,
+        write_flag=eb90.WRIST_WRITE,
+        family=FAMILY,
+    )
+    table = scan(line, HARMLESS, Guide(), ids, [link.baud or 0], 1, wait, False)
+    return probing.found(table, HARMLESS.value)
 
 
 def ping(device: Wrist) -> None:
     """One short read, asked once. Raises what the bus raises."""
-    device.bus.read(*TARGET.probe, retries=0)
+    device.bus.read(*HARMLESS.probe, retries=0)
 
 
 def identify(device: Wrist) -> tuple[str, str, str]:
