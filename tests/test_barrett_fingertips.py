@@ -8,7 +8,15 @@ from handctl.devices.barrett import fingertips
 from handctl.errors import DeviceRefused, NoAnswer, UsageError
 from tests.barrett_support import codes, scripted
 
-OLD = {"FGET P": "8500 8500 8500 1575", "FGET BD BP": "ERR 64", "FGET BD": "ERR 64", "FGET BP": "ERR 64"}
+READY = "|0 0 0 0"
+HOT = {"PGET TEMP OTEMP": "702|600"}
+OLD = {
+    "FGET P S": f"8500 8500 8500 1575{READY}",
+    "FGET P": "8500 8500 8500 1575",
+    "FGET BD BP": "ERR 64",
+    "FGET BD": "ERR 64",
+    "FGET BP": "ERR 64",
+}
 
 
 def of(rows: list[dict[str, object]], name: str) -> list[object]:
@@ -28,9 +36,9 @@ def test_old_firmware_is_asked_once_for_breakaway() -> None:
 
 
 def test_new_firmware_tells_where_the_clutch_let_go() -> None:
-    hand, link = scripted({"FGET P": "12000 8500 8500 1575", "FGET BD BP": "1 0 0 0|8000 77 0 0"})
+    hand, link = scripted({"FGET P S": f"12000 8500 8500 1575{READY}", "FGET BD BP": "1 0 0 0|8000 77 0 0"})
     rows = fingertips.Tips(hand).rows()
-    assert link.commands == ["FGET P", "FGET BD BP"]
+    assert link.commands == ["FGET P S", "FGET BD BP"]
     assert of(rows, "joint_inner") == [64, 68, 68]
     assert of(rows, "joint_outer") == [64, 22.6667, 22.6667]
     assert of(rows, "tip_z") == [138.2736, 172.3713, 172.3713]
@@ -40,15 +48,44 @@ def test_new_firmware_tells_where_the_clutch_let_go() -> None:
 
 
 def test_a_refused_position_is_an_error() -> None:
-    hand, _ = scripted({"FGET P": "ERR 8192", "FGET BD BP": "ERR 8192"})
+    hand, _ = scripted({**HOT, "FGET P S": "ERR 8192", "FGET BD BP": "ERR 8192"})
     with pytest.raises(DeviceRefused, match="8192"):
         fingertips.now(hand)
 
 
 def test_a_breakaway_that_is_refused_otherwise_is_an_error() -> None:
-    hand, _ = scripted({"FGET P": "0 0 0 0", "FGET BD BP": "ERR 8192"})
+    hand, _ = scripted({**HOT, "FGET P S": f"0 0 0 0{READY}", "FGET BD BP": "ERR 8192"})
     with pytest.raises(DeviceRefused, match="8192"):
         fingertips.now(hand)
+
+
+def test_a_hand_that_was_never_initialized_has_no_fingertips() -> None:
+    """P counts from where it was switched on (§5.2.1): the rows say so, each what it depends on."""
+    hand, _ = scripted({**OLD, "FGET P S": "8500 8500 8500 1575|0 4 0 0"})
+    rows = fingertips.now(hand).rows
+    assert {row["motor"] for row in rows if row["doubt"]} == {"F2"}
+    assert {row["name"] for row in rows if row["doubt"]} == {
+        "position",
+        "joint_inner",
+        "joint_outer",
+        "tip_x",
+        "tip_y",
+        "tip_z",
+    }
+    assert all("before HI" in row["doubt"] for row in rows if row["doubt"]) and "not-initialized" in codes(hand)
+    hand, _ = scripted({**OLD, "FGET P S": "8500 8500 8500 1575|0 0 0 4"})
+    rows = fingertips.now(hand).rows
+    assert {(row["motor"], row["name"]) for row in rows if row["doubt"]} == {
+        (finger, name) for finger in ("F1", "F2") for name in ("joint_spread", "tip_x", "tip_y", "tip_z")
+    }
+
+
+def test_a_restart_in_a_stream_is_noticed_within_a_second() -> None:
+    hand, _ = scripted({**OLD, "FGET P S": [f"0 0 0 0{READY}", "0 0 0 0|4 4 4 4"]})
+    table = fingertips.stream(hand, rate=10, count=15, duration=None)
+    assert table.samples is not None
+    doubted = [sample.t for sample in table.samples if any(row["doubt"] for row in sample.rows)]
+    assert doubted and doubted[0] <= 1.1
 
 
 @pytest.mark.parametrize("text", ["F4=1", "F1", "F1=x", "F1=-1", "F1=20001", "=5"])
@@ -62,7 +99,7 @@ def test_breakaway_words_good() -> None:
 
 
 def test_stream_keeps_rate_and_survives_one_lost_answer() -> None:
-    hand, _ = scripted({**OLD, "FGET P": ["0 0 0 0", b"", "375 0 0 0"]}, retries=0)
+    hand, _ = scripted({**OLD, "FGET P S": [f"0 0 0 0{READY}", f"375 0 0 0{READY}"], "FGET P": b""}, retries=0)
     table = fingertips.stream(hand, rate=2, count=3, duration=None)
     assert table.samples is not None
     first, second, third = table.samples
@@ -75,7 +112,7 @@ def test_stream_keeps_rate_and_survives_one_lost_answer() -> None:
 
 
 def test_stream_gives_up() -> None:
-    hand, _ = scripted({**OLD, "FGET P": ["0 0 0 0", b""]}, retries=0)
+    hand, _ = scripted({**OLD, "FGET P S": [f"0 0 0 0{READY}", b""], "FGET P": b""}, retries=0)
     table = fingertips.stream(hand, rate=0, count=None, duration=None)
     assert table.samples is not None
     seen = []

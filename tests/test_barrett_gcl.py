@@ -161,10 +161,10 @@ def test_the_first_error(keep_going: bool, sent: list[str]) -> None:
     table = gcl.run_all(hand, ["VERS", "FOO", "1T", "VERS"], keep_going=keep_going)
     assert link.commands == sent
     assert [row["command"] for row in table.rows] == sent
-    assert table.rows[1]["error"] == "ERR 32: unknown command (32)"
+    assert table.rows[1]["error"] == "ERR 32: Unknown command (32)"
     assert isinstance(table.failure, DeviceRefused)
     assert (table.failure.code, table.failure.exit_code) == ("err-32", 6)
-    assert "ERR 32: unknown command (32)\n" in gcl.as_text(table.rows)
+    assert "ERR 32: Unknown command (32)\n" in gcl.as_text(table.rows)
 
 
 def test_a_lost_answer_is_not_repeated() -> None:

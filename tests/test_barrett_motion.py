@@ -168,7 +168,7 @@ def test_closed_on_something_is_a_success() -> None:
 def test_a_move_that_is_stopped_is_an_error() -> None:
     rows, _, failure = moved("initialized=1&fault=obstacle", "1", "M", 12000)
     assert isinstance(failure, DeviceRefused)
-    assert "couldn't reach position (16)" in failure.text
+    assert "Couldn't reach position (16)" in failure.text
     assert rows["F1"]["ended"] == "stalled short of the target"
 
 
@@ -185,7 +185,7 @@ def test_strain_ends_a_movement() -> None:
     hand, _ = simulated("initialized=1&fault=strain")
     hand.line.ask("GFSET HSG 200")
     table = motion.move(hand, "123", "C", None, Guide())
-    assert [row["ended"] for row in table.rows] == ["reached", "strain limit (221, limits off to 200)", "reached"]
+    assert [row["ended"] for row in table.rows] == ["reached", "strain limit: 221 is above HSG 200", "reached"]
 
 
 @pytest.mark.parametrize(
@@ -249,12 +249,12 @@ OFF = {"HSG": 256, "LSG": 256, "MPE": 50, "S": 0, "SG": 120}
         ("M", {"P": 1051, "MPE": 60}, 1000, 0, "reached"), ("C", {"P": 9212}, 17000, 0, "stalled short"),
         ("TC", {"P": 9212}, None, 0, "stalled"), ("TO", {"P": 0}, 0, 0, "stalled"),
         # strain (§5.5 case 2): beyond, not at, the limit
-        ("C", {"P": 5, "SG": 201, "HSG": 200}, 17000, 0, "strain limit (201"),
+        ("C", {"P": 5, "SG": 201, "HSG": 200}, 17000, 0, "201 is above HSG 200"),
         ("C", {"P": 5, "SG": 200, "HSG": 200}, 17000, 0, "stalled short"),
-        ("C", {"P": 5, "SG": 99, "LSG": 100}, 17000, 0, "strain limit (99"),
+        ("C", {"P": 5, "SG": 99, "LSG": 100}, 17000, 0, "99 is below LSG 100"),
         ("C", {"P": 5, "SG": 100, "LSG": 100}, 17000, 0, "stalled short"),
         ("C", {"P": 5, "SG": 254, "HSG": 254}, 17000, 0, "stalled short"),
-        ("C", {"P": 5, "SG": 254, "HSG": 253}, 17000, 0, "strain limit (254"),
+        ("C", {"P": 5, "SG": 254, "HSG": 253}, 17000, 0, "254 is above HSG 253"),
         ("TC", {"P": 5, "SG": 201, "HSG": 200}, None, 0, "strain limit"),
         # 255 and 256 are off; 255 is no gauge (§5.3.1, §5.3.2)
         ("C", {"P": 5, "SG": 254, "HSG": 255, "LSG": 255}, 17000, 0, "stalled short"),
@@ -264,8 +264,8 @@ OFF = {"HSG": 256, "LSG": 256, "MPE": 50, "S": 0, "SG": 120}
         ("C", {"P": 5}, 17000, 16384, "^C"), ("C", {"P": 5, "S": 16384}, 17000, 0, "^C"),
         # the status of the motor
         ("C", {"P": 5, "S": 4}, 17000, 4, "not initialized"), ("M", {"P": 5, "S": 8192}, 17000, 8192, "temperature"),
-        ("C", {"P": 5, "S": 1}, 17000, 1, "no motor board"), ("C", {"P": 5, "S": 2}, 17000, 2, "no motor found"),
-        ("HI", {"P": 0, "S": 2}, 0, 2, "no motor found"),
+        ("C", {"P": 5, "S": 1}, 17000, 1, "No motor board"), ("C", {"P": 5, "S": 2}, 17000, 2, "No motor found"),
+        ("HI", {"P": 0, "S": 2}, 0, 2, "No motor found"),
     ],
 )  # fmt: skip
 def test_how_it_ended(name: str, now: dict[str, int], goal: int | None, status: int, words: str) -> None:

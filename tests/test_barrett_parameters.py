@@ -7,8 +7,9 @@ import pytest
 from handctl.devices.barrett.parameters import BARRETT, SPEEDS, GclParam, all_elements, check_careful, standard
 from handctl.devices.barrett.views import audit
 from handctl.errors import UsageError
+from handctl.param import Element
 from handctl.stored import kept_of
-from tests.barrett_support import changes, elements
+from tests.barrett_support import changes, elements, simulated
 
 BIG = 65535
 MOTOR = [
@@ -298,3 +299,45 @@ def test_audit_compares_the_two_names_of_one_limit() -> None:
     rows = [row(BARRETT.by_mnemonic(name), "F2", value) for name, value in (("HSG", 150), ("MSG", 256))]
     (finding,) = audit(rows)
     assert "F2" in finding and "150" in finding and "256" in finding
+
+
+# -- units of a person --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "hint"),
+    [
+        ("over_temperature_limit=60.5", "60.5 °C is over_temperature_limit=605"), ("OTEMP=6.05", ""),
+        ("MOV.F1=6.25", "6.25 cts/sample is max_open_velocity=100"), ("ACCEL.F1=0.5", "0.5 cts/sample² is acceleration=128"),
+    ],
+)  # fmt: skip
+def test_a_value_in_the_unit_of_a_person_is_told_in_the_wires(text: str, hint: str) -> None:
+    with pytest.raises(UsageError) as caught:
+        changes(text)
+    assert caught.value.exit_code == 2 and "whole number of" in caught.value.text
+    assert caught.value.hint.startswith(hint) if hint else " is over_temp" not in caught.value.hint
+
+
+@pytest.mark.parametrize("text", ["OTEMP=x", "DP.F1=1.5", "OTEMP=1.2.3", "OTEMP="])
+def test_other_nonsense_stays_nonsense(text: str) -> None:
+    with pytest.raises(UsageError) as caught:
+        changes(text)
+    assert "whole number" in caught.value.text and "cts/sample" not in caught.value.hint
+
+
+@pytest.mark.parametrize(
+    "param", [param for param in BARRETT if param.scale is not None], ids=lambda param: param.mnemonic
+)
+def test_every_scaled_unit_is_exact(param: GclParam) -> None:
+    hand, _ = simulated()
+    (reading, *_) = hand.read([Element(param, 0)])
+    row = hand.row(reading)
+    assert row["scaled_unit"] in ("°C", "cts/sample", "cts/sample²", "bit/s", "cts")
+    factor = {
+        "0.1 °C": 0.1,
+        "1/16 cts/sample": 1 / 16,
+        "1/256 cts/sample²": 1 / 256,
+        "100 bit/s": 100,
+        "1000 cts": 1000,
+    }
+    assert row["scaled"] == pytest.approx(row["value"] * factor[row["unit"]], rel=1e-12)

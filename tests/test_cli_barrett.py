@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from handctl.devices.barrett.parameters import BARRETT
 from tests.barrett_commands import (
     COMMANDS,
     MOTORS,
@@ -136,7 +137,7 @@ def test_status_of_a_hand_that_waits_for_init() -> None:
     result = do("status", "--check", port=fake(initialized=0))
     assert result.code == 0
     labels = [row["label"] for row in result.rows if row["parameter"] == "S"]
-    assert labels == ["motor not initialized (4)"] * 4
+    assert labels == ["Motor not initialized (4)"] * 4
     assert {row["parameter"]: row["label"] for row in result.rows}["TEMP"] == "41.2 °C"
     firmware = [row["value"] for row in result.rows if row["parameter"] == "VERS"]
     assert firmware == ["4.33"]
@@ -181,9 +182,9 @@ def test_describe_is_the_map() -> None:
 @pytest.mark.parametrize(
     ("code", "expected"),
     [
-        ("20", {4: "motor not initialized (4)", 16: "couldn't reach position (16)"}),
-        ("8196", {4: "motor not initialized (4)", 8192: "over-temperature tripped (8192)"}),
-        ("8", {8: "unused in the manual (8)"}),
+        ("20", {4: "Motor not initialized (4)", 16: "Couldn't reach position (16)"}),
+        ("8196", {4: "Motor not initialized (4)", 8192: "Overtemperature fault tripped (8192)"}),
+        ("8", {8: "(not used) (8)"}),
         ("32768", {32768: "unknown (32768)"}),
         ("0", {0: "ready"}),
     ],
@@ -207,6 +208,9 @@ def test_help_is_the_hands_own_beside_the_manuals() -> None:
     (row,) = do("help").rows
     assert "HI Hand Initialize" in row["lines"] and "FSAVE" in row["manual"]
     assert do("help", "FOO").code == 2
+    for name in ("IVEL", "ivel", "init_velocity"):  # what ?IVEL answers
+        (row,) = do("help", name).rows
+        assert row["command"] == "?IVEL" and "16..4080" in row["manual"]
 
 
 # -- moving -----------------------------------------------------------------------------------------------------------
@@ -216,7 +220,7 @@ def test_help_is_the_hands_own_beside_the_manuals() -> None:
 def test_motion_before_init_says_what_to_run(args: tuple[str, ...]) -> None:
     result = do(*args, port=fake(initialized=0))
     assert (result.code, result.error["code"]) == (6, "err-4")
-    assert "motor not initialized (4)" in result.error["text"]
+    assert "Motor not initialized (4)" in result.error["text"]
     assert "handctl barrett init" in result.error["hint"]
 
 
@@ -258,14 +262,14 @@ EXAMPLE = ("HI", "12M 5000", "FGET P", "ERR 3", "FOO")
 def test_gcl_as_arguments() -> None:
     result = do("gcl", *EXAMPLE, "VERS")
     assert (result.code, result.error["code"]) == (6, "err-32")
-    assert "unknown command (32)" in result.error["text"]
+    assert "Unknown command (32)" in result.error["text"]
     assert [(row["command"], row["lines"], row["status"]) for row in result.rows] == [
         ("HI", [], 0), ("12M 5000", [], 0), ("FGET P", ["5000 5000 0 0"], 0),
         ("ERR 3", ["1 No motor board found", "2 No motor found"], 0), ("FOO", [], 32),
     ]  # fmt: skip
     text = run("barrett", "gcl", *EXAMPLE, "-p", fake())
     assert text.code == 6 and text.out.startswith("=> HI\n=> 12M 5000\n=> FGET P\n5000 5000 0 0\n=> ERR 3\n")
-    assert "ERR 32: unknown command (32)" in text.out
+    assert "ERR 32: Unknown command (32)" in text.out
 
 
 @pytest.mark.parametrize(
@@ -352,3 +356,52 @@ def test_every_command_is_valid(scratch: Path, command: Command, fault: str) -> 
         assert len(errors) == (0 if result.code == 0 else 1)
         for row in rows:
             assert all(not (isinstance(v, str) and "<" in v and " object" in v) for v in row.values()), row
+
+
+# -- over-temperature, named ------------------------------------------------------------------------------------------
+
+HEAT = [
+    ("open",), ("get", "P"), ("dump",), ("set", "DP=5"), ("gcl", "GC"), ("realtime", "--count", "2"), ("init",), ("torque-close",),
+    ("realtime", "--count", "2", "--velocity", "5"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("words", HEAT, ids=" ".join)
+def test_8192_at_a_sensible_temperature_is_named_as_the_setting(words: tuple[str, ...], tmp_path: Path) -> None:
+    """`PSET OTEMP 60`, the manual's own example (§5.2.3), is 6.0 °C: nothing has to cool."""
+    port = fake(state=tmp_path / "s.json", initialized=1)
+    assert run("barrett", "gcl", "PSET OTEMP 60", "-p", port).code == 0
+    result = run("barrett", *words, "-p", port, "--json")
+    last = result.stream[1]["messages"][-1] if "realtime" in words else result.error
+    assert result.code in (6, 7) and ("6.0 °C" in last["hint"] or "6.0 °C" in last["text"]), last
+    assert "cool" not in last["hint"] or "correct OTEMP" in last["hint"], last
+
+
+def test_8192_of_a_hot_hand_says_so(tmp_path: Path) -> None:
+    result = do("open", port=fake(fault="over-temperature"))
+    assert result.code == 6 and "70.2 °C" in result.error["hint"] and "cool" in result.error["hint"]
+
+
+# -- later firmware -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("firmware", "further"), [
+    ("4.33", set()), ("4.34", {"breakaway_stop", "breakaway_acceleration_threshold"}),
+    ("4.4", {"breakaway_stop", "breakaway_acceleration_threshold", "loop_control_torque", "loop_feedback_breakaway_position", "loop_feedback_analog_input"}),
+])  # fmt: skip
+def test_a_snapshot_holds_what_this_firmware_has(firmware: str, further: set[str], tmp_path: Path) -> None:
+    """BS BDAT LCT LFBP LFAIN were missing without a word: a difference in them was called equal."""
+    port, file = fake(state=tmp_path / "s.json", firmware=firmware), tmp_path / "f.json"
+    assert run("barrett", "snapshot", file, "-p", port).code == 0
+    held = json.loads(file.read_text(encoding="utf-8"))["values"]
+    later = {name.partition(".")[0] for name in held if BARRETT[name.partition(".")[0]].since}
+    assert later == further and len(held) == 4 * (31 + len(further)) + 4
+    assert run("barrett", "diff", file, "-p", port).code == 0
+    if further:
+        assert run("barrett", "set", "BDAT.F2=99", "-p", port).code == 0
+        rows = run("barrett", "diff", file, "-p", port, "--json").rows
+        assert [(row["name"], row["b"]) for row in rows] == [("breakaway_acceleration_threshold.F2", 99)]
+        assert run("barrett", "restore", file, "--yes", "-p", port).code == 0
+        assert run("barrett", "diff", file, "-p", port).code == 0
+        old = fake(state=tmp_path / "old.json")
+        assert run("barrett", "restore", file, "--yes", "-p", old).code == 6  # a hand that does not have them

@@ -329,7 +329,7 @@ def test_over_temperature_is_said_with_both_numbers() -> None:
     assert (values["TEMP"], values["OTEMP"]) == ("70.2 °C", "60.0 °C")
     moved = run("barrett", "close", "--json", "-p", fake(fault="over-temperature"))
     assert (moved.code, moved.error["code"]) == (6, "err-8192")
-    assert "over-temperature tripped (8192)" in moved.error["text"]
+    assert "Overtemperature fault tripped (8192)" in moved.error["text"]
 
 
 def test_blocked_motors_are_told_one_by_one() -> None:
@@ -350,7 +350,7 @@ def test_a_strain_limit_ends_a_movement() -> None:
 def test_unknown_status_bits_are_named_and_never_dropped() -> None:
     result = run("barrett", "status", "--check", "--json", "-p", fake(fault="unknown-codes"))
     labels = {row["motor"]: row["label"] for row in result.rows if row["parameter"] == "S"}
-    assert labels["F3"] == "unused in the manual (8) + unused in the manual (512)"
+    assert labels["F3"] == "(not used) (8) + (not used) (512)"
     assert result.error["code"] == "unhealthy" and "(512)" in result.error["text"]
 
 

@@ -32,13 +32,18 @@ STROKES = {104233: "5956", 98712: "5640", 110003: "6285", 20117: "6489"}
 @pytest.mark.parametrize("columns", [40, 80, 200])
 @pytest.mark.parametrize("verb", ["dump", "status"])
 def test_tables_at_any_width(verb: str, columns: int) -> None:
-    """No line is wider than the terminal, no value and no mnemonic is cut, folded or left out."""
+    """No line is wider than the terminal, no value and no mnemonic is cut, folded or left out. From 80 on it is a table."""
     with Terminal("barrett", verb, "-p", READY, columns=columns) as terminal:
         assert terminal.finish() == 0
         lines = terminal.text.split("\n")
     assert all(len(line) <= columns for line in lines), [line for line in lines if len(line) > columns]
     text = " ".join(lines)
     assert "…" not in text and "simulated" in text
+    if columns >= 80:
+        assert any(
+            line.split()[:3] == (["GCL", "Name", "F1"] if verb == "dump" else ["Motor", "Position", "Strain"])
+            for line in lines
+        )
     words = text.replace("(", " ").replace(",", " ").replace(")", " ").split()
     for mnemonic in POWER_ON if verb == "dump" else ():
         assert mnemonic in words, mnemonic
@@ -47,9 +52,11 @@ def test_tables_at_any_width(verb: str, columns: int) -> None:
         for value in POWER_ON[mnemonic][2]:
             if verb == "status" and mnemonic == "OD":
                 assert STROKES[value] in words, (mnemonic, value, lines)
-            elif verb == "status" and mnemonic in ("TEMP", "PTEMP"):
+            elif mnemonic in ("TEMP", "PTEMP"):
                 assert f"{value / 10:.1f}" in words, (mnemonic, lines)
-            elif verb == "status" and (mnemonic in ("S", "OTEMP") or (mnemonic, value) == ("SG", 255)):
+            elif mnemonic == "P":
+                assert {str(value), f"{value}?"} & set(words), (value, lines)  # before HI it means nothing
+            elif mnemonic == "OTEMP" or (verb == "status" and (mnemonic == "S" or (mnemonic, value) == ("SG", 255))):
                 continue
             elif mnemonic == "UPSECS":
                 assert any(word.startswith("73456") and len(word) == 7 for word in words), lines
@@ -64,7 +71,7 @@ def test_status_fits_80x24_and_is_in_words() -> None:
     assert len(text.split("\n")) <= 24 and text.split("\n")[0] == screen[0], "it scrolled"
     joined = " ".join(text.split())
     assert "41.2 °C" in joined and "1042" in joined and "4.33" in joined
-    assert "motor not initialized (4)" in joined and "unused in the manual (512)" in joined
+    assert "Motor not initialized (4)" in joined and "(not used) (512)" in joined
 
 
 def test_dump_marks_what_is_not_the_factorys(tmp_path: Path) -> None:
@@ -78,7 +85,7 @@ def test_dump_marks_what_is_not_the_factorys(tmp_path: Path) -> None:
 
 
 def test_an_interrupt_of_a_movement(sim: Simulator) -> None:
-    assert run("barrett", "set", "MCV=20", "-p", sim.link).code == 0
+    assert run("barrett", "set", "MCV=20", "--force", "-p", sim.link).code == 0
     with Terminal("barrett", "close", "-p", sim.link) as terminal:
         terminal.until("moving")
         terminal.run_for(0.5)
@@ -122,7 +129,7 @@ class Prompt(Terminal):
 def test_a_command_and_its_answer(tmp_path: Path) -> None:
     with Prompt(tmp_path) as prompt:
         assert "\n0 0 0 0\n" in prompt.ask("FGET P\r")
-        assert "\nERR 32: unknown command (32)\n" in prompt.ask("FOO\r")
+        assert "\nERR 32: Unknown command (32)\n" in prompt.ask("FOO\r")
         assert "\n5000 5000 0 0\n" in prompt.ask("12M 5000\r") + prompt.ask("fget p\r")
         answer = prompt.ask("1PGET TEMP\r")
         assert "4096" in answer and "prefix" in answer

@@ -66,7 +66,7 @@ FRAMES = [
     ("barrett", hex_of("SFSET DS 100 DP 1500\r"), HOST, "SFSET DS 100 DP 1500: set default_step = 100 cts, default_position = 1500 cts of SPREAD"),
     ("barrett", hex_of("14FGET SG P\n\r112 255\n\r0 0\n\r=> "), DEVICE, "strain 112 255 (no gauge), position 0 0 cts (F1 SPREAD)"),
     ("barrett", hex_of("PGET TEMP\r\n412\r\n=>"), DEVICE, "temperature 41.2 °C"),
-    ("barrett", hex_of("GM 1000\n\rERR 4\n\r=> "), DEVICE, "ERR 4: motor not initialized (4)"),
+    ("barrett", hex_of("GM 1000\n\rERR 4\n\r=> "), DEVICE, "ERR 4: Motor not initialized (4)"),
     ("barrett", hex_of("ERR 3\n\r1 No motor board found\n\r2 No motor found\n\r=> "), DEVICE, "ERR 3: 1 No motor board found | 2 No motor found"),
     ("barrett", "03", HOST, "^C: abort"),
     ("barrett", "43 10 0A 10 0A 10 0A F0 0A", HOST, "C: F1 velocity 16 gain 10, F2 velocity 16 gain 10, F3 velocity 16 gain 10, SPREAD velocity -16 gain 10; asks for feedback"),
@@ -243,7 +243,7 @@ def test_a_wrong_header_ends_realtime() -> None:
     )[8:]
     assert [(row.problem, row.meaning) for row in rows] == [
         ("bad-block", "Z: no block begins so; the hand leaves RealTime with ERR 2048"),
-        ("refused", "ERR 2048: invalid RealTime header (2048); RealTime is over, prompt"),
+        ("refused", "ERR 2048: Invalid RealTime control block header (2048); RealTime is over, prompt"),
         ("", "an empty line: asks for the prompt"), ("", "prompt"),
     ]  # fmt: skip
 
@@ -270,7 +270,7 @@ def test_a_download_record_by_record() -> None:
 
 def test_an_abort_and_a_new_speed() -> None:
     assert meanings("barrett", "> 43 0D", "< 43", "> 03", "< 0A 0D 45 52 52 20 31 36 33 38 34 0A 0D 3D 3E 20") == [
-        "C: close to CT; spread: F1 and F2 go beside F3; F1 F2 F3 SPREAD", "^C: abort", "ERR 16384: ^C abort received (16384)",
+        "C: close to CT; spread: F1 and F2 go beside F3; F1 F2 F3 SPREAD", "^C: abort", "ERR 16384: Cntl-C abort command received (16384)",
     ]  # fmt: skip
 
 

@@ -49,21 +49,31 @@ class Series:
 
     def __init__(self, row: Row, limits: tuple[float, float] | None, decimals: int) -> None:
         self.name, self.part, self.element = key_of(row)
-        self.unit = row.get("unit") or ""
-        self.limits = limits
+        self.unit = row.get("scaled_unit") or row.get("unit") or ""
+        self._limits = limits
+        self._factor = 1.0  # from the wire's unit to a person's
         self.decimals = decimals
         self.history: deque[float] = deque(maxlen=HISTORY)
         self.low: float | None = None
         self.high: float | None = None
         self.value: float | None = None
         self.label = ""
+        self.doubtful = False
+
+    @property
+    def limits(self) -> tuple[float, float] | None:
+        """The bar's documented ends, in the unit that is shown."""
+        return None if self._limits is None else (self._limits[0] * self._factor, self._limits[1] * self._factor)
 
     def add(self, row: Row) -> None:
         """Take the value of this moment; a failed read leaves a gap."""
-        value = row.get("value")
+        value = row.get("scaled", row.get("value"))
         self.label = str(row.get("label") or "")
+        self.doubtful = bool(row.get("doubt"))
+        if value and row.get("value"):
+            self._factor = value / row["value"]
         self.value = value if isinstance(value, int | float) and not isinstance(value, bool) else None
-        if self.value is None:
+        if self.value is None or self.doubtful:
             return
         self.history.append(self.value)
         self.low = self.value if self.low is None else min(self.low, self.value)
@@ -238,8 +248,10 @@ class View:
             room = max(0, layout.window - text.cell_len - layout.value - 3 - layout.span)
             bar_width = room * 3 // 5 if layout.span else room
             low, high = series.scale()
-            drawn = bar(series.value, low, high, bar_width) if series.value is not None else " " * bar_width
-            text.append(f"▕{drawn}▏", style="cyan")
+            sound = series.value is not None and not series.doubtful
+            drawn = bar(series.value, low, high, bar_width) if sound and series.value is not None else ""
+            empty = series.label[:bar_width] if series.doubtful else ""
+            text.append(f"▕{drawn or empty.ljust(bar_width)}▏", style="cyan" if sound else "dim")
             value = f"{series.text(series.value):>{layout.value}} "
             text.append(value, style="bold red" if series.value is None else "bold")
             if layout.span:

@@ -6,7 +6,7 @@ moment ago, and writing one moves or pushes: `diff` and `restore` leave them alo
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import TYPE_CHECKING, Any
 
 from handctl.errors import CheckFailed, UsageError
@@ -23,12 +23,16 @@ Check = Callable[[Sequence[Change]], None]
 ACTING = {MOVES: "MOVES the device", PUSHES: "PUSHES with a force until another is commanded"}
 
 
-def kept_of(params: ParamMap[Any], *, setpoints: bool = True) -> list[Element]:
-    """Every element that a snapshot holds: settings, and with `setpoints` what was commanded."""
+def kept_of(params: ParamMap[Any], *, setpoints: bool = True, further: Collection[str] = ()) -> list[Element]:
+    """Every element that a snapshot holds: settings, and with `setpoints` what was commanded.
+
+    Of what only some devices have, that which `further` names, by parameter or element.
+    """
+    bases = {name.partition(".")[0] for name in further}
     return [
         element
         for param in params
-        if param.writable and param.readable and not param.optional
+        if param.writable and param.readable and (not param.optional or param.name in bases)
         if param.kind == SETTING or (setpoints and param.kind == COMMAND)
         for element in elements_of(param)
     ]
@@ -70,8 +74,9 @@ def snapshot(run: Run, path: str) -> Table:
 
     files.check_target(path, run.family.kind if run.family is not None else "")
     device: MapDevice = run.device()
-    values = take(device, kept_of(device.map))
-    content = files.make(device.kind, device.identity(), values, link=run.link_name(), fake=run.simulated)
+    identity = device.identity()
+    values = take(device, kept_of(device.map, further=_further(device, identity)))
+    content = files.make(device.kind, identity, values, link=run.link_name(), fake=run.simulated)
     files.write(path, content)
     for name, value in values.items():
         try:
@@ -89,6 +94,12 @@ def snapshot(run: Run, path: str) -> Table:
     )
 
 
+def _further(device: MapDevice, identity: dict[str, object]) -> Collection[str]:
+    """What this very device has beyond what all of its kind have, where its family can tell."""
+    tell = getattr(device, "further", None)
+    return tell(identity) if tell is not None else ()
+
+
 def diff(run: Run, params: ParamMap[Any], a: str, b: str | None, *, setpoints: bool = False) -> Table:
     """Compare two snapshots, or a snapshot with the live device: settings, and with `setpoints` what was commanded.
 
@@ -103,7 +114,7 @@ def diff(run: Run, params: ParamMap[Any], a: str, b: str | None, *, setpoints: b
     else:
         device: MapDevice = run.device()
         device.find_for_restore(left)
-        right = take(device, kept_of(params, setpoints=setpoints))
+        right = take(device, kept_of(params, setpoints=setpoints, further=left))
     names = list(dict.fromkeys([*left, *right]))
     compared = [name for name in names if setpoints or kind_of(params, name) != COMMAND]
     rows: list[Row] = [
@@ -168,7 +179,7 @@ def restore(
         run.need_answer(f"{_restoring(params, changes)}, as far as they differ")
     device: MapDevice = run.device()
     device.find_for_restore(values)
-    live = take(device, kept_of(params, setpoints=setpoints))
+    live = take(device, kept_of(params, setpoints=setpoints, further=values))
     differing = [(element, value) for element, value in changes if live.get(element.full_name) != value]
     for text in device.not_covered:
         run.journal.info("not-covered", f"not covered by a snapshot: {text}")

@@ -128,13 +128,20 @@ def errors(run: Run, code: int | None) -> Table:
 @cli.verb("help")
 @click.argument("command", required=False)
 def help_(run: Run, command: str | None) -> Table:
-    """The hand's own help for COMMAND beside the manual's."""
+    """The hand's own help for COMMAND or a parameter beside the manual's."""
     from handctl.devices.barrett import gcl
     from handctl.devices.barrett.commands import COMMANDS
 
-    if command is not None and command.upper() not in COMMANDS:
-        raise UsageError(f"{command!r} is no GCL command", hint=f"they are {' '.join(COMMANDS)}")
-    text = f"?{command.upper()}" if command else "?"
+    name = command.upper() if command is not None else ""
+    if name and name not in COMMANDS:
+        try:
+            name = BARRETT.find(name.lower())[0].mnemonic
+        except UsageError as exc:
+            raise UsageError(
+                f"{command!r} is neither a GCL command nor a parameter",
+                hint=f"commands are {' '.join(COMMANDS)}; `handctl barrett describe` lists the parameters",
+            ) from exc
+    text = f"?{name}"
     row = gcl.row_of(run.device().line.read(text))
     row["manual"] = gcl.explain_help(text)
     return Table(

@@ -90,7 +90,7 @@ def run_all(hand: BarrettHand, commands: Iterable[str], *, keep_going: bool) -> 
             break
         rows.append(row_of(answer))
         if answer.status:
-            failure = failure or hand.refusal(answer)
+            failure = failure or hand.name_heat(hand.refusal(answer))
             if not keep_going:
                 break
     return Table(rows=rows, columns=COLUMNS, text=as_text, plain=("text",), failure=failure)
@@ -211,7 +211,10 @@ def _one(run: Run, hand: BarrettHand, text: str, before: Callable[[str], None]) 
         for line in answer.lines:
             run.out(line)
         if answer.status:
+            error = hand.name_heat(hand.refusal(answer))
             run.out(f"ERR {answer.status}: {explain_status(answer.status)}")
+            if answer.status & 8192:
+                run.guide.say(f"  next: {error.hint}")
         if text.startswith("?") or text.upper().startswith("A?"):
             run.out(explain_help(text))
     except KeyboardInterrupt:

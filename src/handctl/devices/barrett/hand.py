@@ -7,10 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from handctl.devices.barrett.conditions import NO_GAUGE, later_settings, mark_not_homed
 from handctl.devices.barrett.language import Answer, batches, encode, explain_status, hint_for, values
 from handctl.devices.barrett.line import GclLine
 from handctl.devices.barrett.parameters import BARRETT, GclParam, all_elements, standard
-from handctl.devices.barrett.views import audit, meaning, parameters_view, status_view, unhealthy
+from handctl.devices.barrett.views import audit, heat_hint, meaning, parameters_view, status_view, unhealthy
 from handctl.errors import CheckFailed, DeviceRefused, HandctlError, NoAnswer, ProtocolError
 from handctl.link import Link
 from handctl.param import Element, Number, Reading, Step
@@ -62,6 +63,10 @@ class BarrettHand:
         """The firmware's own text (its format is not documented)."""
         return " ".join(self.checked(self.line.read("VERS")).lines)
 
+    def further(self, identity: dict[str, object]) -> list[str]:
+        """Settings of later firmware that this hand has, by what it says of itself."""
+        return later_settings(str(identity.get("firmware")), self.journal)
+
     def find_for_restore(self, values: dict[str, Number]) -> None:
         """Nothing to do: the hand has no address, and its speed is found at connect."""
 
@@ -75,7 +80,7 @@ class BarrettHand:
         """Send a command that answers with its prompt alone. Raises what speaks against it."""
         error = self.objection(self.line.ask(command))
         if error is not None:
-            raise error
+            raise self.name_heat(error)
 
     def objection(self, answer: Answer) -> HandctlError | None:
         """What speaks against such a command: a status, or a line, which may be a spoiled ERR."""
@@ -97,6 +102,21 @@ class BarrettHand:
             hint=hint_for(answer.status),
             code=f"err-{answer.status}",
         )
+
+    def name_heat(self, error: HandctlError) -> HandctlError:
+        """The same error; of an over-temperature the hint says whether it is the heat or the setting.
+
+        Only at the prompt: it asks TEMP and OTEMP, which answer also when every motor command fails.
+        """
+        if not error.code.startswith("err-") or not int(error.code[4:]) & 8192:
+            return error
+        try:
+            now, limit = self.read([Element(BARRETT.by_mnemonic(name), 0) for name in ("TEMP", "OTEMP")])
+        except HandctlError:
+            return error
+        if now.value is not None and limit.value is not None:
+            error.hint = heat_hint(int(now.value), int(limit.value))
+        return error
 
     # -- reading -------------------------------------------------------------------------------------------------
 
@@ -130,6 +150,11 @@ class BarrettHand:
                         if not any(isinstance(found, dict) for found in by_mnemonic.values()):
                             raise
                         by_mnemonic.update({item[0]: exc for item in items})
+        refused = [found for found in by_mnemonic.values() if isinstance(found, HandctlError)]
+        for error in refused[:1]:
+            self.name_heat(error)
+        for error in refused[1:]:
+            error.hint = refused[0].hint if error.code == refused[0].code else error.hint
 
     def _get(
         self, verb: str, names: list[str], motors: list[int], count: int, into: dict[str, dict[int, int] | HandctlError]
@@ -155,13 +180,18 @@ class BarrettHand:
         row: Row = {"name": param.name, "parameter": param.mnemonic, "motor": reading.element.part}
         if reading.error is not None or reading.value is None:
             return {**row, "error": reading.error.text if reading.error is not None else "not read", "unit": param.unit}
-        return {
-            **row,
+        row |= {
             "value": reading.value,
             "unit": param.unit,
             "label": meaning(param, reading.value, reading.element.index),
             "default": param.default_of(reading.element.index),
         }
+        if param.scale is not None:
+            factor, row["scaled_unit"] = param.scale
+            row["scaled"] = reading.value / factor if factor > 1 else reading.value * round(1 / factor)
+        if param.mnemonic == "SG":
+            row["doubt"] = NO_GAUGE if reading.value == 255 else None
+        return row
 
     # -- writing -------------------------------------------------------------------------------------------------
 
@@ -243,7 +273,7 @@ class BarrettHand:
                 self._read_back(changes, [(command, changes)])
             return
         if answer.status:
-            error = self.refusal(answer)
+            error = self.name_heat(self.refusal(answer))
             names = list(dict.fromkeys(_gcl(element) for element, _ in changes))
             if len(names) > 1:  # the first wrong pair ends the line, those before it stay
                 error.hint += f"; perhaps set too: {', '.join(names[:-1])}: `handctl barrett get` tells"
@@ -293,19 +323,24 @@ class BarrettHand:
             names = ", ".join(dict.fromkeys(_gcl(reading.element) for reading in failed))
             said = exc.text.removeprefix(self.link.name).lstrip(": ")
             failure = type(exc)(f"{self.link.name}: {names}: {said}", hint=exc.hint, code=exc.code)
-        return Table(
-            rows=[self.row(reading) for reading in readings],
-            columns=self.columns,
-            title=title,
-            view=parameters_view,
-            failure=failure,
-        )
+        rows = [self.row(reading) for reading in readings]
+        mark_not_homed(rows)
+        return Table(rows=rows, columns=self.columns, title=title, view=parameters_view, failure=failure)
 
     def dump(self) -> Table:
-        """Every parameter of §5.3 and §5.4 against its default, in four lines."""
+        """Every parameter of §5.3 and §5.4 against its default, in four lines.
+
+        What only later firmware has is not asked for: whether a hand has it costs two lines more.
+        """
         table = self.table(self.read(all_elements(standard())))
         for finding in audit(table.rows):
             self.journal.warn("audit", finding)
+        later = " ".join(param.mnemonic for param in BARRETT if param.since)
+        self.journal.info(
+            "later-firmware",
+            f"not in a dump: {later}, which firmware 4.34 and 4.4 have",
+            hint=f"`handctl barrett get {later}` asks for them; a snapshot holds the settings among them",
+        )
         return table
 
     def status(self, check: bool) -> Table:

@@ -27,19 +27,19 @@ MOTOR_DIGITS = "1234"
 MOTORS = ("F1", "F2", "F3", "SPREAD")
 
 ERRORS: dict[int, tuple[str, str]] = {
-    1: ("no motor board found", "electronics: power-cycle the hand, then ask the vendor"),
-    2: ("no motor found", "electronics or cable: power-cycle the hand, then ask the vendor"),
-    4: ("motor not initialized", "run `handctl barrett init`; the fingers open fully, keep the space around them free"),
-    16: ("couldn't reach position", "an obstacle, a strain limit, or MPE: see `handctl barrett status`"),
-    32: ("unknown command", "a wrong name, or noise on the line: `handctl barrett help` lists the commands"),
-    64: ("unknown parameter name", "this firmware does not have it: `handctl barrett describe`"),
-    128: ("invalid value", "`handctl barrett describe` shows the ranges"),
-    256: ("read-only parameter", "it can only be read"),
-    1024: ("too many arguments", "give fewer at a time"),
-    2048: ("invalid RealTime header", "the block did not fit the hand's loop flags"),
-    4096: ("command can't have a motor prefix", "leave the motors out"),
-    8192: ("over-temperature tripped", "compare TEMP with OTEMP in `handctl barrett status`; let the hand cool"),
-    16384: ("^C abort received", "normal after an abort"),
+    1: ("No motor board found", "electronics: power-cycle the hand, then ask the vendor"),
+    2: ("No motor found", "electronics or cable: power-cycle the hand, then ask the vendor"),
+    4: ("Motor not initialized", "run `handctl barrett init`; the fingers open fully, keep the space around them free"),
+    16: ("Couldn't reach position", "an obstacle, a strain limit, or MPE: see `handctl barrett status`"),
+    32: ("Unknown command", "a wrong name, or noise on the line: `handctl barrett help` lists the commands"),
+    64: ("Unknown parameter name", "this firmware does not have it: `handctl barrett describe`"),
+    128: ("Invalid value", "`handctl barrett describe` shows the ranges"),
+    256: ("Tried to write a read only parameter", "it can only be read"),
+    1024: ("Too many arguments for this command", "give fewer at a time"),
+    2048: ("Invalid RealTime control block header", "the block did not fit the hand's loop flags"),
+    4096: ("Command can't have motor prefix", "leave the motors out"),
+    8192: ("Overtemperature fault tripped", "compare TEMP with OTEMP in `handctl barrett status`; let the hand cool"),
+    16384: ("Cntl-C abort command received", "normal after an abort"),
 }
 """barrett §5.1.3, T3: code -> (the manual's wording, next step)."""
 
@@ -50,12 +50,12 @@ def split_status(code: int) -> list[int]:
 
 
 def explain_status(code: int) -> str:
-    """``20`` -> ``motor not initialized (4) + couldn't reach position (16)``; 0 -> ``ready``."""
+    """``20`` -> ``Motor not initialized (4) + Couldn't reach position (16)``; 0 -> ``ready``."""
     if code == 0:
         return "ready"
     parts = []
     for bit in split_status(code):
-        text = ERRORS[bit][0] if bit in ERRORS else ("unused in the manual" if bit in (8, 512) else "unknown")
+        text = ERRORS[bit][0] if bit in ERRORS else ("(not used)" if bit in (8, 512) else "unknown")
         parts.append(f"{text} ({bit})")
     return " + ".join(parts)
 
@@ -251,3 +251,11 @@ def sign(data: bytes) -> str:
         if line.startswith(PROMPT) or (line.startswith(b"ERR ") and line[4:].strip().isdigit()):
             return f"the line {line[:20].decode('ascii', 'replace').strip()!r} of a BarrettHand"
     return ""
+
+
+def status_in(came: bytes) -> int:
+    """The status of an answer whose echo is not looked at, 0 when it has none."""
+    words = came.split()
+    place = words.index(b"ERR") if b"ERR" in words else -1
+    number = words[place + 1] if 0 <= place < len(words) - 1 else b"0"
+    return int(number) if number.isdigit() and len(number) <= 10 else 0

@@ -14,7 +14,7 @@ from typing import Any
 
 from handctl.devices.barrett.guards import Guards
 from handctl.devices.barrett.hand import BarrettHand
-from handctl.devices.barrett.language import CR, Answer, has_prompt
+from handctl.devices.barrett.language import CR, Answer, has_prompt, status_in
 from handctl.devices.barrett.leaving import Session, still
 from handctl.devices.barrett.line import COLON_ALONE, DISTURBED, restarted_in
 from handctl.devices.barrett.loop_flags import Wish, prepare
@@ -114,6 +114,11 @@ class RealtimeLoop:
                     continue
                 with self._guide.impatient(READER_SECONDS, self._stop_for_reader):
                     yield sample
+        except DeviceRefused as exc:
+            self._leave()
+            if self.failure is None:
+                self.hand.name_heat(exc)
+            raise
         except LinkError as exc:
             if session.inside and self.source is not None:
                 exc.hint = f"the motors keep their last velocity: switch the hand's power off now; {exc.hint}"
@@ -177,7 +182,7 @@ class RealtimeLoop:
                 session.decoder.feed(came[len(sent) + 1 :])
                 return
             if has_prompt(came):
-                if status := _status(came):
+                if status := status_in(came):
                     session.inside = session.asked = False
                     raise hand.refusal(Answer(command, (), status, came))
                 break
@@ -404,10 +409,3 @@ class RealtimeLoop:
             hint="run it again",
             code="left",
         )
-
-
-def _status(came: bytes) -> int:
-    words = came.split()
-    place = words.index(b"ERR") if b"ERR" in words else -1
-    number = words[place + 1] if 0 <= place < len(words) - 1 else b"0"
-    return int(number) if number.isdigit() and len(number) <= 10 else 0

@@ -5,6 +5,7 @@ A supervisory movement blocks the line: no position can be read while it runs. ^
 
 from __future__ import annotations
 
+from handctl.devices.barrett.conditions import NOT_HOMED
 from handctl.devices.barrett.hand import BarrettHand
 from handctl.devices.barrett.language import MOTORS, Answer, encode, explain_status
 from handctl.devices.barrett.parameters import BARRETT, GclParam
@@ -85,6 +86,8 @@ def move(
         exc.text = f"{text} ended with status {answer.status}, but where the motors stand could not be read: {exc.text}"
         raise
     table.failure = hand.objection(answer)
+    if table.failure is not None:
+        hand.name_heat(table.failure)
     return table
 
 
@@ -177,6 +180,7 @@ def _result(
                 "strain": numbers.get("SG"),
                 "status": numbers.get("S"),
                 "ended": how_it_ended(name, numbers, goals.get(index), answer.status),
+                "doubt": NOT_HOMED if numbers.get("S", 0) & 4 else None,
             }
         )
     return Table(rows=rows, columns=COLUMNS)
@@ -199,7 +203,8 @@ def how_it_ended(name: str, now: dict[str, int], goal: int | None, status: int) 
         return "unknown: its position could not be read"
     strain, high, low = now.get("SG", 255), now.get("HSG", 256), now.get("LSG", 256)
     if strain != 255 and ((high < 255 and strain > high) or (low < 255 and strain < low)):
-        return f"strain limit ({strain}, limits {low if low < 255 else 'off'} to {high if high < 255 else 'off'})"
+        over = high < 255 and strain > high
+        return f"strain limit: {strain} is {f'above HSG {high}' if over else f'below LSG {low}'}"
     if goal is not None and name not in ("TC", "TO") and abs(now["P"] - goal) <= now.get("MPE", 50):
         return "reached"
     if name in ("TC", "TO"):

@@ -55,6 +55,25 @@ class GclParam(Param):
         """A hand-wide parameter (PGET, PSET) rather than one per motor (FGET, FSET)."""
         return not self.elements
 
+    @property
+    def scale(self) -> tuple[float, str] | None:
+        """How many of the wire's units make one of a person's, and that unit; None where they are the same."""
+        return SCALES.get(self.unit or "")
+
+    def parse(self, text: str, where: str = "") -> Number:
+        try:
+            return super(GclParam, self).parse(text, where)
+        except UsageError as exc:
+            # Whoever types 60.5 means degrees, not tenths: say what it would be, and do not guess.
+            digits = text.strip().removeprefix("-")
+            if self.scale is not None and digits.count(".") == 1 and digits.replace(".", "").isdecimal():
+                factor, unit = self.scale
+                wanted = float(text) * factor
+                hint = f"{float(text):g} {unit} is {self.name}={wanted:.0f}. " if wanted == round(wanted) else ""
+                exc.text = f"{where or self.name} is a whole number of {self.unit}: {text} is none"
+                exc.hint = f"{hint}{exc.hint}"
+            raise
+
     def default_of(self, index: int) -> int | None:
         """Factory value for motor `index` (0..2 fingers, 3 spread)."""
         return None if self.default is None else self.default[1 if index == 3 else 0]
@@ -83,6 +102,14 @@ def _global(
 
 
 TENTHS = "0.1 °C"
+SCALES: dict[str, tuple[float, str]] = {
+    TENTHS: (10, "°C"),
+    "1/16 cts/sample": (16, "cts/sample"),
+    "1/256 cts/sample²": (256, "cts/sample²"),
+    "100 bit/s": (0.01, "bit/s"),
+    "1000 cts": (0.001, "cts"),
+}
+"""Units of the wire that are a factor of the unit a person uses: how many of them make one, and which."""
 _USEFUL: dict[str, Any] = {
     "careful": ((0, 18000), (0, 3150)),
     "why": "beyond the joint's travel, about 18,000 counts and 3150 for the spread",

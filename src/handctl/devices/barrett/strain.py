@@ -92,8 +92,8 @@ def loaded_fingers(hand: BarrettHand) -> list[str]:
     return found
 
 
-def warn_if_loaded(hand: BarrettHand) -> bool:
-    """Whether the fingers stand open; when not, a message says so."""
+def warn_if_loaded(hand: BarrettHand) -> list[str]:
+    """Which fingers do not stand open, with the reason; a message says so."""
     loaded = loaded_fingers(hand)
     if loaded:
         hand.journal.warn(
@@ -101,12 +101,12 @@ def warn_if_loaded(hand: BarrettHand) -> bool:
             f"no load is only sure with open fingers: {', '.join(loaded)}",
             hint="`handctl barrett strain --open` opens them first",
         )
-    return not loaded
+    return loaded
 
 
 def table(hand: BarrettHand, *, check: bool) -> Table:
     """Statistics and verdict; with `check`, a reading outside is exit 7."""
-    fingers_open = warn_if_loaded(hand)
+    loaded = {text.partition(" ")[0]: text for text in warn_if_loaded(hand)}
     readings = measure(hand)
     verdicts = health.no_load(readings)
     rows = []
@@ -126,7 +126,8 @@ def table(hand: BarrettHand, *, check: bool) -> Table:
                 "readings": len(values),
                 "low": health.NO_LOAD[0],
                 "high": health.NO_LOAD[1],
-                "fingers_open": fingers_open,
+                "fingers_open": not loaded,
+                "doubt": "no gauge" if none else f"may be loaded: {loaded[finger]}" if finger in loaded else None,
                 "status": verdict.status,
                 "evidence": verdict.evidence,
                 "remedy": verdict.remedy or None,
@@ -176,7 +177,14 @@ class _Adjusting:
     def rows(self) -> list[Row]:
         at = _read(self._hand, "SG")
         rows: list[Row] = [
-            {"name": "strain", "parameter": "SG", "motor": finger, "value": at["SG", finger], "unit": None}
+            {
+                "name": "strain",
+                "parameter": "SG",
+                "motor": finger,
+                "value": at["SG", finger],
+                "unit": None,
+                "doubt": "no gauge" if at["SG", finger] == health.NO_GAUGE else None,
+            }
             for finger in FINGERS
         ]
         for finger in FINGERS:

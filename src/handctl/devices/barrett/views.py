@@ -6,13 +6,15 @@ from collections.abc import Sequence
 
 from handctl.devices.barrett.health import LIMIT_TENTHS
 from handctl.devices.barrett.language import MOTORS, explain_status
-from handctl.devices.barrett.parameters import BARRETT, GclParam, careful
+from handctl.devices.barrett.parameters import BARRETT, TENTHS, GclParam, careful
 from handctl.param import Element, Number
 from handctl.result import Cell, Grid, Row
 
 STROKE = (17500, 3100)
 """Counts of one stroke of a finger and of the spread (barrett §7.3)."""
 NEARLY_READY = 4
+SENSIBLE_LIMIT = 300
+"""0.1 °C: an OTEMP below was typed in whole degrees."""
 
 
 def meaning(param: GclParam, value: Number, index: int) -> str | None:
@@ -21,9 +23,20 @@ def meaning(param: GclParam, value: Number, index: int) -> str | None:
         return f"{int(value) * 1000 // STROKE[1 if index == 3 else 0]} strokes"
     if param.mnemonic == "S":
         return explain_status(int(value))
-    if param.unit == "0.1 °C" and not (param.mnemonic == "OTEMP" and value == 0):
+    if param.unit == TENTHS and not (param.mnemonic == "OTEMP" and value == 0):
         return f"{value / 10:.1f} °C"
     return param.label(value)
+
+
+def heat_hint(now: int, limit: int) -> str:
+    """What to do about 8192, from TEMP and OTEMP in 0.1 °C: cool it, or mend the setting."""
+    if 0 < limit < SENSIBLE_LIMIT:
+        meant = f"; {limit} °C is OTEMP={limit * 10}" if limit * 10 <= LIMIT_TENTHS else ""
+        return (
+            f"it is the setting: OTEMP is {limit / 10:.1f} °C (its unit is 0.1 °C{meant}), and the board is at "
+            f"{now / 10:.1f} °C: `handctl barrett set OTEMP=650`"
+        )
+    return f"TEMP is {now / 10:.1f} °C, OTEMP {limit / 10:.1f} °C: let the hand cool, free the spread: `handctl barrett stop --motors S`"
 
 
 def audit(rows: Sequence[Row]) -> list[str]:
@@ -69,23 +82,50 @@ def unhealthy(rows: Sequence[Row]) -> list[str]:
 
 
 def parameters_view(rows: list[Row]) -> list[Grid]:
-    """One line per parameter: GCL name, motors side by side; what differs from the factory is marked."""
+    """One line per parameter, motors side by side: what moves, what shapes RealTime blocks, what is the hand's.
+
+    What differs from the factory is marked. Units stand below where a column of them would not fit 80 cells.
+    """
     names = list(dict.fromkeys(row["name"] for row in rows))
+    groups: list[list[str]] = [[], [], []]
+    for name in names:
+        param = BARRETT[name]
+        groups[2 if param.is_global else 1 if param.source.endswith("5.3.3") else 0].append(name)
+    return [_parameter_grid([row for row in rows if row["name"] in group], group) for group in groups if group]
+
+
+def _parameter_grid(rows: list[Row], names: list[str]) -> Grid:
     motors = [motor for motor in MOTORS if any(row["motor"] == motor for row in rows)]
-    scalars = any(row["motor"] is None for row in rows)
-    headings = ["GCL", "Name", *motors, *(["Hand"] if scalars else []), "Default", "Unit"]
+    places: list[str | None] = [*motors] or [None]
+    factory = any(_defaults({None: row}) not in ("", "1") for row in rows)
     lines: list[tuple[str | Cell, ...]] = []
     notes = []
+    units: dict[str, list[str]] = {}
     for name in names:
         mine = {row["motor"]: row for row in rows if row["name"] == name}
         first = next(iter(mine.values()))
-        cells = [_value_cell(mine.get(motor)) for motor in motors] + ([_value_cell(mine.get(None))] if scalars else [])
-        lines.append((first["parameter"], name, *cells, _defaults(mine), first["unit"] or ""))
+        cells = [_value_cell(mine.get(place)) for place in places]
+        unit = first["unit"] or ""
+        if motors and unit:
+            units.setdefault(unit, []).append(first["parameter"])
+        more = [_defaults(mine)] if factory or not motors else []
+        lines.append((first["parameter"], name, *cells, *more, *([] if motors else [_unit(mine[None])])))
         error = next((row["error"] for row in mine.values() if "error" in row), None)
         if error is not None:
             notes.append(f"{first['parameter']}: {error}")
-    right = frozenset(range(2, len(headings) - 2))
-    return [Grid(tuple(headings), tuple(lines), right=right, notes=tuple(notes))]
+        doubtful = [str(row["motor"]) for row in mine.values() if row.get("doubt") and row["parameter"] != "SG"]
+        if doubtful:
+            doubt = next(row["doubt"] for row in mine.values() if row.get("doubt"))
+            notes.append(f"{first['parameter']} {', '.join(doubtful)}: {doubt}")
+    notes += [f"{unit}: {' '.join(having)}" for unit, having in units.items()]
+    headings = ["GCL", "Name", *(motors or ["Value"]), *(["Default"] if factory or not motors else [])]
+    right = frozenset(range(2, len(headings)))
+    return Grid((*headings, *([] if motors else ["Unit"])), tuple(lines), right=right, notes=tuple(notes))
+
+
+def _unit(row: Row) -> str:
+    """The unit behind a value of the hand; what the view shows in degrees has none of its own."""
+    return "" if row["unit"] == TENTHS else str(row["unit"] or "")
 
 
 def _value_cell(row: Row | None) -> str | Cell:
@@ -94,7 +134,10 @@ def _value_cell(row: Row | None) -> str | Cell:
     if "error" in row:
         return Cell("?", "bad")
     changed = row.get("default") is not None and row["value"] != row["default"]
-    return Cell(f"{row['value']}*", "warn") if changed else str(row["value"])
+    text = str(row["label"]) if row["unit"] == TENTHS and row.get("label") else str(row["value"])
+    if row.get("doubt"):
+        return Cell(text if row["parameter"] == "SG" else f"{text}?", "dim")
+    return Cell(f"{text}*", "warn") if changed else text
 
 
 def _defaults(rows: dict[str | None, Row]) -> str:
@@ -116,6 +159,8 @@ def status_view(rows: list[Row]) -> list[Grid]:
             )
         if name == "SG" and row["value"] == 255:
             return Cell("none", "dim")
+        if row.get("doubt"):
+            return Cell(f"{row['value']}?", "dim")
         return str(row["value"])
 
     def strokes(motor: str) -> str | Cell:
@@ -134,8 +179,10 @@ def status_view(rows: list[Row]) -> list[Grid]:
     def plain(name: str) -> str:
         return str(at.get((name, None), {}).get("value", "?"))
 
+    unknown = [motor for motor in MOTORS if at.get(("P", motor), {}).get("doubt")]
     hours = at.get(("UPSECS", None), {}).get("value")
     notes = (
+        *([f"{', '.join(unknown)}: {at['P', unknown[0]]['doubt']}"] if unknown else []),
         f"temperature {degrees('TEMP')}, limit {degrees('OTEMP')}, peak {degrees('PTEMP')}",
         f"serial number {plain('SN')}, firmware {plain('VERS')}, {plain('BAUD')}00 bit/s, "
         f"{f'{hours / 3600:.1f} h of operation' if isinstance(hours, int) else 'operation time ?'}",
