@@ -77,3 +77,10 @@ def test_realtime_over_a_power_cycle(chunk: str) -> None:
     )
     assert result.code == 5, result
     assert "the hand restarted: power or cable; HI is needed" in result.out
+
+
+@pytest.mark.parametrize("boot", [0.3, 0.46, 0.48, 0.5, 0.502, 0.51, 0.53, 0.55, 1.2])
+def test_a_banner_that_begins_at_the_end_of_a_wait_is_heard_to_its_end(boot: float) -> None:
+    hand, link = simulated(f"found=boot&boot={boot}&wire=auto&boot-chunk=together")
+    assert codes(hand) == ["restarted"]
+    assert b"\x03" not in b"".join(link.sent)

@@ -287,3 +287,15 @@ def test_a_state_folder_that_cannot_be_made_is_no_error(monkeypatch: pytest.Monk
     monkeypatch.setenv("XDG_STATE_HOME", "/proc/none")
     lastspeed.remember(Port(38400))  # type: ignore[arg-type]
     assert lastspeed.recall(Port(9600)) is None  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("command", [("status", "--check"), ("diagnose",)])
+def test_a_check_says_when_it_moves(command: tuple[str, ...]) -> None:
+    """S is 0 while RealTime drives the motors, and a prompt does not end that: P is read twice."""
+    moving = run(
+        "barrett", *command, "-p", "fake://barrett?clock=virtual&wire=auto&found=loop-moving&initialized=1", "--json"
+    )
+    assert moving.code == 7
+    assert "F1 " in moving.out and ("it moves: F1" in moving.out or "P changes: F1" in moving.out)
+    stands = run("barrett", *command, "-p", "fake://barrett?clock=virtual&wire=auto&found=loop&initialized=1", "--json")
+    assert "it moves" not in stands.out and "P changes" not in stands.out

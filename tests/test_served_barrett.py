@@ -127,7 +127,7 @@ def test_a_saved_speed_survives_the_power(start: Start, tmp_path: Path) -> None:
 def test_interrupt_in_the_middle_of_a_movement(start: Start, tmp_path: Path, place: str, number: int) -> None:
     """^C stops every motor (§5.5 case 4): exit 130, positions told, and there they stay."""
     link, trace = start(place, *READY).link, tmp_path / "t.txt"
-    do(link, "set", "MCV=20")  # 17,000 counts in 3.5 s
+    do(link, "set", "MCV=20", "--force")  # 17,000 counts in 3.5 s
     process = subprocess.Popen(
         program("barrett", "close", "-p", link, "--json", "--trace", trace),
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=clean_environment(),
@@ -150,7 +150,7 @@ def test_interrupt_in_the_middle_of_a_movement(start: Start, tmp_path: Path, pla
 def test_a_hand_that_ignores_the_abort(start: Start, tmp_path: Path) -> None:
     """What could not be stopped is said, with what to do."""
     link, trace = start("pty", *READY, "--fault", "no-abort").link, tmp_path / "t.txt"
-    do(link, "set", "MCV=16")
+    do(link, "set", "MCV=16", "--force")
     process = subprocess.Popen(
         program("barrett", "close", "-p", link, "--json", "--trace", trace),
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=clean_environment(),

@@ -12,6 +12,7 @@ from handctl.devices.barrett import health, strain, upkeep
 from handctl.devices.barrett.forecast import forecast
 from handctl.devices.barrett.hand import BarrettHand
 from handctl.devices.barrett.health import FAIL, OK, SKIPPED, WARNING, Finding
+from handctl.devices.barrett.meet import look_for_motion
 from handctl.devices.barrett.parameters import BARRETT, MOTORS, all_elements, standard
 from handctl.errors import HandctlError
 
@@ -81,7 +82,15 @@ def doubtful(check: str, evidence: str) -> Finding:
 
 
 def status(patient: Patient) -> list[Finding]:
-    """S of each motor; one row when all say the same."""
+    """S of each motor, one row when all say the same; and whether it moves, which S does not say: P is read twice."""
+    moving = [
+        Finding("moving", WARNING, f"P changes: {motor}", "`handctl barrett stop` ends it", "barrett §5.3.2, §6.1")
+        for motor in look_for_motion(patient.hand.line)
+    ]
+    return [*_statuses(patient), *moving]
+
+
+def _statuses(patient: Patient) -> list[Finding]:
     found = [health.motor_status(motor, patient.values["S", motor]) for motor in MOTORS]
     if len({finding.evidence for finding in found}) == 1:
         one = found[0]._replace(check="status", evidence=f"all motors: {found[0].evidence}")

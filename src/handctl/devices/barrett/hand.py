@@ -356,6 +356,10 @@ class BarrettHand:
         )
         table.view = status_view
         findings = unhealthy(table.rows)
+        if check:  # S says nothing of it: a hand that was left in RealTime is "ready" while it runs
+            from handctl.devices.barrett.meet import look_for_motion
+
+            findings += [f"it moves: {motor}" for motor in look_for_motion(self.line)]
         for finding in findings:
             self.journal.warn("unhealthy", finding)
         if check and findings and table.failure is None:

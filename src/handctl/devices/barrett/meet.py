@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 ABORT_COLLECT = 0.15
 LATE_PROMPT = 0.25
 LEAVES = 3
+PAUSE, MIDDLE = 0.1, 0.3
+"""Seconds of silence that end a text, and the longest that is waited for it beyond the wire time of a banner."""
 APART = 0.1
 """Seconds between two reads of P that show whether the hand moves."""
 PROGRESS = {
@@ -89,7 +91,7 @@ class Meeting:
             line.journal.progress(f"{self.link.name}: {PROGRESS[state]}")
         self._set_speed(state)
         if send == table.SEND_NOTHING:
-            return came + line.until_prompt(self._seconds(state))
+            return came + self._hear(self._seconds(state))
         if send == table.LOOP_TEST:
             return self._test_wire()
         if send == table.ABORTS:
@@ -125,11 +127,22 @@ class Meeting:
                 raise
             self._asked = b""  # an older recording: it was asked with an empty line
             link.write(CR, link.deadline(1.0))
-        came = self.line.until_prompt(seconds)
+        came = self._hear(seconds)
         self.tried.append((link.baud, came))
         if early and has_prompt(early) and has_prompt(came) and table.LOOP not in came.decode("latin-1"):
             return came
         return early + came
+
+    def _hear(self, seconds: float) -> bytes:
+        """What comes within `seconds`; what has begun by then is heard to its end: it may be the banner."""
+        came = self.line.until_prompt(seconds)
+        end = self.link.deadline(MIDDLE + self.line.wire_seconds(64))
+        while came and not has_prompt(came) and not end.expired:
+            more = self.line.until_prompt(PAUSE)
+            if not more:
+                break
+            came += more
+        return came
 
     def _abort(self) -> bytes:
         """^C first, for those who may end what runs; its prompt, when one comes."""
@@ -236,5 +249,8 @@ def look_for_motion(line: GclLine) -> list[str]:
 
 def _places(line: GclLine, after: float = 0.0) -> list[int]:
     line.link.sleep(after)
-    (places,) = values(line.ask("FGET P"), 1, 4)
+    answer = line.ask("FGET P")
+    if answer.status:
+        raise ProtocolError(f"{line.link.name}: no positions: ERR {answer.status}")
+    (places,) = values(answer, 1, 4)
     return places
