@@ -8,7 +8,7 @@ from __future__ import annotations
 from functools import partial
 
 from handctl.devices.barrett.language import ABORT, Answer, Decoder, encode, explain_status, has_prompt
-from handctl.errors import CheckFailed, NoAnswer, ProtocolError
+from handctl.errors import DeviceRefused, NoAnswer, ProtocolError
 from handctl.param import Step
 from handctl.stopping import Aim, Pieces, Say, Stopped, Talk
 
@@ -45,7 +45,8 @@ def power_off(aim: Aim, prefix: str = "") -> Talk:
     if answer.lines or answer.status & ~HARMLESS:
         told = f"{answer.status} ({explain_status(answer.status)})" if answer.status else repr(answer.lines[0])
         text = f"{ended}; {command} was answered with {told}: the motors may still have power"
-        return Stopped(text, "if they must not, switch the supply off", CheckFailed)
+        refused = DeviceRefused if answer.status else ProtocolError
+        return Stopped(text, "if they must not, switch the supply off", refused)
     status = f" (status {answer.status}: {explain_status(answer.status)})" if answer.status else ""
     return Stopped(
         f"{ended}; {command} was acknowledged{status}: motor power is off", evidence=f"{command} was answered{status}"
