@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from handctl import console, render
+from handctl import render
 from handctl.console import TerminalGuide
 from handctl.sim.line import Line
 from tests.barrett_commands import fake
@@ -163,15 +163,3 @@ def test_a_signal_while_the_result_is_shown_changes_nothing(monkeypatch: pytest.
     finally:
         signal.signal(signal.SIGINT, before)
     assert done.code == 0 and [row["value"] for row in done.rows] == [1] and not done.err
-
-
-def test_a_result_that_nobody_reads_can_be_left(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A second after the command was through, Ctrl-C ends the showing."""
-    monkeypatch.setattr(console, "FINISH_SECONDS", 0.0)
-    monkeypatch.setattr(render, "show", lambda *_what: signal.raise_signal(signal.SIGINT))
-    before = signal.getsignal(signal.SIGINT)
-    try:
-        done = run("exo", "get", "id", "-p", "fake://exo?clock=virtual", "--json")
-    finally:
-        signal.signal(signal.SIGINT, before)
-    assert done.code == 130 and "interrupted while the result was written" in done.err

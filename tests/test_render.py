@@ -30,6 +30,7 @@ from tests.cli_support import (
     program,
     run,
     run_program,
+    wait_until,
 )
 
 BOXES = re.compile(r"[\u2500-\u257f\u2580-\u259f]")
@@ -340,7 +341,7 @@ def test_an_interrupted_stream_leaves_a_whole_file(tmp_path: Path) -> None:
     process = subprocess.Popen(
         program("exo", "watch", "id", "--fake", "--rate", "20", "--json", "-o", path), env=clean_environment()
     )
-    time.sleep(0.7)
+    wait_until(lambda: any(part.read_text().count("\n") >= 5 for part in tmp_path.glob("*.part")), 20.0)
     process.send_signal(signal.SIGINT)
     assert process.wait(10) == 130
     *rows, last = [json.loads(line) for line in path.read_text().splitlines()]

@@ -23,23 +23,11 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     substitute_what_is_missing()
 
+    from handctl.ending import done
+
     code = _finish(run_root(args))
-    if argv is None:
-        _stay_to_the_end()
+    done(last=argv is None)
     return code
-
-
-def _stay_to_the_end() -> None:
-    """All is done and told: what comes while the interpreter ends changes neither the exit code nor stderr."""
-    if "signal" not in sys.modules:  # help: nothing was begun, and its start must not pay for this
-        return
-    import signal
-
-    from handctl.console import ENDING
-
-    for name in ENDING:
-        if hasattr(signal, name):
-            signal.signal(getattr(signal, name), signal.SIG_IGN)
 
 
 def _occupy_streams() -> None:
@@ -70,6 +58,9 @@ def _finish(code: int, text: str = "") -> int:
         if not code:  # else it, or what else went wrong, has been told already: one line
             sys.stderr.write(f"handctl: error: stdout cannot be written: {exc.strerror or exc}\n")
         return code or 1
+    except KeyboardInterrupt:  # Ctrl-C into help that nobody reads
+        _discard_stdout()
+        return code or 130
     return code
 
 

@@ -4,30 +4,16 @@ from __future__ import annotations
 
 import os
 import sys
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
+from handctl import ending
 from handctl.filter import shown
 from handctl.guide import Guide, Presses
 
 if TYPE_CHECKING:
     from handctl.errors import HandctlError
-
-
-ENDING = ("SIGINT", "SIGQUIT", "SIGTERM", "SIGHUP")
-"""What asks the program to end: Ctrl-C, Ctrl-\\, a service manager, a closing terminal. A device is stopped first."""
-
-
-SUSPEND = "SIGTSTP"
-"""Ctrl-Z. A command that may move something ends on it too: stopped in its sleep, it could not stop the device."""
-
-
-ONE_WISH_SECONDS = 0.5
-"""Ctrl-C pressed twice, or a hang-up with a SIGTERM behind it, is one wish: the second must not cut off the stop."""
-FINISH_SECONDS = 1.0
-"""How long a finished command may show its result undisturbed."""
 
 
 class TerminalGuide(Guide):
@@ -60,6 +46,7 @@ class TerminalGuide(Guide):
 
     def _draw(self, line: Callable[[int], str]) -> None:
         """Never raises: a terminal that has gone must not keep a device from being stopped."""
+        _unless_asked_to_end()
         try:
             sys.stderr.write(line(_columns()))
             sys.stderr.flush()
@@ -73,7 +60,7 @@ class TerminalGuide(Guide):
         def press(_number: int, _frame: Any) -> None:
             presses.count += 1
 
-        with _on_interrupt(press):
+        with ending.on_interrupt(press):
             yield presses
 
     @contextmanager
@@ -116,64 +103,6 @@ class TerminalGuide(Guide):
         return answer == word if word else answer.casefold() in ("y", "yes")
 
 
-def end_on_signals(*, suspend: bool) -> None:
-    """From now on KeyboardInterrupt is raised, once a wish, by what asks the program to end; by Ctrl-Z too with `suspend`.
-
-    SIGINT too: a script's background job starts with it ignored, and must be stoppable all the same.
-    """
-    import signal
-
-    last = float("-inf")
-
-    def end(_number: int, _frame: Any) -> None:
-        nonlocal last
-        now = time.monotonic()
-        if now - last >= ONE_WISH_SECONDS:
-            last = now
-            raise KeyboardInterrupt
-
-    for name in (*ENDING, *((SUSPEND,) if suspend else ())):
-        if hasattr(signal, name):
-            signal.signal(getattr(signal, name), end)
-
-
-def finish_on_signals() -> None:
-    """From now on only the link is to be closed and a result to be shown: what asks to end is heeded again after a second.
-
-    So the link is closed once, and a result, JSON above all, is there whole and once; a reader that sleeps can be left.
-    """
-    import signal
-
-    started = time.monotonic()
-
-    def end(_number: int, _frame: Any) -> None:
-        if time.monotonic() - started >= FINISH_SECONDS:
-            raise KeyboardInterrupt
-
-    for name in (*ENDING, SUSPEND):
-        number = getattr(signal, name, None)
-        if number is not None and signal.getsignal(number) not in (signal.SIG_DFL, None):
-            signal.signal(number, end)
-
-
-@contextmanager
-def _on_interrupt(handler: Callable[[int, Any], None]) -> Iterator[None]:
-    """Let `handler` take what asks the program to end."""
-    import signal
-    import threading
-
-    if threading.current_thread() is not threading.main_thread():
-        yield  # signals reach the main thread only
-        return
-    numbers = [getattr(signal, name) for name in (*ENDING, SUSPEND) if hasattr(signal, name)]
-    before = [(number, signal.signal(number, handler)) for number in numbers]
-    try:
-        yield
-    finally:
-        for number, old in before:
-            signal.signal(number, signal.SIG_DFL if old is None else old)
-
-
 def print_message(level: str, text: str, hint: str) -> None:
     """A message with its next step. Neither can begin a line of its own: what a device said may stand in it."""
     print_stderr(f"handctl: {level}: {shown(text)}" + (f"\n  next: {shown(hint)}" if hint else ""))
@@ -182,6 +111,7 @@ def print_message(level: str, text: str, hint: str) -> None:
 def print_stderr(text: str) -> None:
     """One message, wrapped at words on a terminal; a closed stderr is not worth a second error."""
     text = shown(text, keep="\n")
+    _unless_asked_to_end()
     try:
         if is_terminal(sys.stderr):
             text = _wrapped(text, _columns())
@@ -189,6 +119,12 @@ def print_stderr(text: str) -> None:
         sys.stderr.flush()
     except (OSError, ValueError):
         return
+
+
+def _unless_asked_to_end() -> None:
+    """A message never waits for its reader when the command is to end: a device may have to be stopped behind it."""
+    if ending.asked():
+        ending.make_room(ending.waits(sys.stderr))
 
 
 def _columns() -> int:

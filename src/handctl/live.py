@@ -7,9 +7,10 @@ fingers side by side. Imported only when a person looks.
 
 from __future__ import annotations
 
+import contextlib
 import time
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 from rich.console import Console, ConsoleOptions, RenderResult
@@ -323,7 +324,7 @@ def part_name(series: Series) -> str:
     return f"{series.part} {series.element}".strip()
 
 
-def show_live(table: Table, samples: Iterator[Sample], sink: Sink, context: Context) -> None:
+def show_live(table: Table, samples: Generator[Sample, None, None], sink: Sink, context: Context) -> None:
     """Draw samples until they end; the last state stays on the screen."""
     console = console_for(sink)
     view = View(table, context)
@@ -333,10 +334,12 @@ def show_live(table: Table, samples: Iterator[Sample], sink: Sink, context: Cont
         Live(
             view, console=console, auto_refresh=False, transient=False, redirect_stderr=False, redirect_stdout=False
         ) as live,
+        contextlib.closing(samples),  # the device is left before the last state is drawn: a terminal may take nothing
     ):
         view.keyed = keyed
         for sample in samples:
             view.add(sample)
+            sink.samples += 1
             now = time.monotonic()
             if now - drawn >= 1 / FRAMES_PER_SECOND:
                 drawn = now

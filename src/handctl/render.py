@@ -10,10 +10,11 @@ import contextlib
 import json
 import os
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from types import TracebackType
 from typing import IO, TYPE_CHECKING, Any, Protocol
 
+from handctl import ending
 from handctl.errors import HandctlError, Interrupted, OutputError
 from handctl.files import whole
 from handctl.filter import no_formula, shown, text_shown, value_shown
@@ -40,8 +41,17 @@ if TYPE_CHECKING:
         def envelope(self, failure: HandctlError | None, extra: dict[str, Any] | None = None) -> dict[str, Any]: ...
 
 
+PIECE = 1024
+"""Characters that a pipe with room takes without waiting, at up to 4 bytes each."""
+MOST = 1 << 16
+"""Characters that are kept until they are handed over."""
+
+
 class Sink:
-    """Where data goes: stdout, or a file that appears whole when everything is written."""
+    """Where data goes: stdout, or a file that appears whole when everything is written.
+
+    `samples` of a stream have been taken to be written: all their rows, and no row of another one.
+    """
 
     def __init__(self, settings: Settings) -> None:
         self._path = settings.output
@@ -51,6 +61,10 @@ class Sink:
         self.no_formulas = settings.no_formulas
         self._json = settings.format in ("json", "ndjson")
         self.broken = False
+        self.samples = 0
+        self._kept: list[str] = []
+        self._size = 0
+        self._waits = -1
 
     @property
     def terminal(self) -> bool:
@@ -66,44 +80,68 @@ class Sink:
                 raise OutputError(f"{self._path}: cannot be written: {exc.strerror or exc}") from exc
         elif self._json:
             utf8_stdout()
+        self._waits = ending.watch(self.file, result=True)
         return self
 
     def write(self, text: str) -> None:
         """Write data. A closed pipe makes everything after it silent; a full disk is an OutputError."""
         if self.broken:
             return
-        try:
-            self.file.write(text)
-        except BrokenPipeError:
-            self.broken = True
-        except OSError as exc:
-            raise OutputError(f"{self._path or 'stdout'}: cannot be written: {exc.strerror or exc}") from exc
+        self._kept.append(text)
+        self._size += len(text)
+        if self._size >= MOST:
+            self.flush()
+
+    def write_sample(self, text: str) -> None:
+        """All rows of one sample: written and counted, or neither, whenever a wish to end comes."""
+        with ending.handing_over():
+            self._kept.append(text)
+            self._size += len(text)
+            self.samples += 1
+        self.flush()
 
     def flush(self) -> None:
-        """Let the reader see what has been written."""
+        """Let the reader see what has been written. While it sleeps a wish to end is raised, and nothing is lost or told twice."""
         try:
+            while self._size and not self.broken:
+                self._hand_over()
             self.file.flush()
         except BrokenPipeError:
             self.broken = True
         except OSError as exc:
             raise OutputError(f"{self._path or 'stdout'}: cannot be written: {exc.strerror or exc}") from exc
 
+    def _hand_over(self) -> None:
+        """All that is kept; to a pipe or a terminal the next piece, as soon as there is room for it."""
+        if self._waits >= 0:
+            ending.has_room(self._waits, None)
+        with ending.handing_over(self._waits):
+            text = "".join(self._kept)
+            size = len(text) if self._waits < 0 else 4 * PIECE if text.isascii() else PIECE
+            self._kept, self._size = [text[size:]], len(text) - min(size, len(text))
+            self.file.write(text[:size])
+            self.file.flush()
+
     def abandon(self) -> None:
-        """Write nothing more, also not what is buffered: the reader sleeps, and waiting for it would never end."""
+        """Write nothing more, also not what is kept: the reader sleeps, and waiting for it would never end."""
         self.broken = True
+        self._kept, self._size = [], 0
         if not self._path:
             with contextlib.suppress(OSError, ValueError), open(os.devnull, "wb") as nowhere:
                 os.dup2(nowhere.fileno(), self.file.fileno())
 
     def __exit__(self, kind: type[BaseException] | None, exc: BaseException | None, tb: TracebackType | None) -> None:
-        if self._whole is None:
+        try:
             if kind is None:
                 self.flush()
-            return
-        try:
-            self._whole.__exit__(kind, exc, tb)
-        except OSError as error:
-            raise OutputError(f"{self._path}: cannot be written: {error.strerror or error}") from error
+        finally:
+            try:
+                if self._whole is not None:
+                    self._whole.__exit__(kind, exc, tb)
+            except OSError as error:
+                raise OutputError(f"{self._path}: cannot be written: {error.strerror or error}") from error
+            finally:
+                ending.forget(self._waits)
 
 
 def show(table: Table | None, failure: HandctlError | None, sink: Sink, context: Context) -> None:
@@ -124,7 +162,8 @@ def show(table: Table | None, failure: HandctlError | None, sink: Sink, context:
         return
     elif how == "csv":
         rows = [_row_shown(row) for row in rows]
-        _csv(table.columns, rows, sink, header=True, with_errors=any("error" in row for row in rows))
+        guard = no_formula if sink.no_formulas else str
+        sink.write(_csv(table.columns, rows, guard, header=True, with_errors=any("error" in row for row in rows)))
     elif how == "plain":
         for row in rows:
             sink.write(_plain_line(table, _row_shown(row)))
@@ -139,27 +178,26 @@ def stream(table: Table, sink: Sink, context: Context) -> HandctlError | None:
     assert table.samples is not None
     how = context.settings.format
     failure: HandctlError | None = None
-    samples = iter(table.samples)
-    told = samples if how in ("json", "ndjson") else map(_sample_shown, samples)
+    samples = _told(iter(table.samples), how)
     try:
         if how == "table" and sink.terminal:
             from handctl.live import show_live
 
-            show_live(table, told, sink, context)
+            show_live(table, samples, sink, context)
         else:
-            _stream_lines(table, told, how, sink)
+            with contextlib.closing(samples):
+                _stream_lines(table, samples, how, sink)
     except HandctlError as exc:
         failure = exc
     except KeyboardInterrupt:
         failure = Interrupted("interrupted")
-    finally:
-        close = getattr(samples, "close", None)
-        if close is not None:
-            close()
+    ending.finish_on_signals()  # the device has been left: only its reader can hold up the rest
     if isinstance(failure, OutputError) and failure.code == "reader":
         sink.abandon()
     failure = failure or table.failure
     summary = table.summary() if table.summary is not None else {}
+    if "stream" in summary:
+        summary["stream"]["samples"] = sink.samples
     if how in ("json", "ndjson"):
         sink.write(_dumps({"end": context.envelope(failure, summary)}) + "\n")
     elif (
@@ -173,6 +211,17 @@ def stream(table: Table, sink: Sink, context: Context) -> HandctlError | None:
     return failure
 
 
+def _told(samples: Iterator[Sample], how: str) -> Generator[Sample, None, None]:
+    """The samples, for people without what would steer a terminal; closed with them, so that a device is left."""
+    try:
+        for sample in samples:
+            yield sample if how in ("json", "ndjson") else _sample_shown(sample)
+    finally:
+        close = getattr(samples, "close", None)
+        if close is not None:
+            close()
+
+
 def _summary_text(stats: dict[str, Any]) -> str:
     text = f"{stats['samples']} samples in {stats['seconds']:.1f} s"
     if stats["rate_hz"] is not None:
@@ -184,15 +233,17 @@ def _stream_lines(table: Table, samples: Iterator[Sample], how: str, sink: Sink)
     columns = (Column("t", "Time", right=True, unit="s"), *table.columns)
     widths = [max(len(column.heading), 9 if column.key == "t" else 6) for column in columns]
     for sample in samples:
+        lines: list[str] = []
         for row in sample.rows:
             timed = {"t": round(sample.t, 6), **row}
             if how in ("json", "ndjson"):
-                sink.write(_dumps(timed) + "\n")
+                lines.append(_dumps(timed) + "\n")
             elif how == "plain":
-                sink.write("\t".join(_text(timed.get(column.key)) for column in columns) + "\n")
+                lines.append("\t".join(_text(timed.get(column.key)) for column in columns) + "\n")
             elif how == "csv":
                 values = any(column.key == "value" for column in columns)  # one may not be read: its row has `error`
-                _csv(columns, [timed], sink, header=bool(columns and widths), with_errors=values)
+                guard = no_formula if sink.no_formulas else str
+                lines.append(_csv(columns, [timed], guard, header=bool(columns and widths), with_errors=values))
                 widths = []
             else:
                 if widths:
@@ -200,10 +251,11 @@ def _stream_lines(table: Table, samples: Iterator[Sample], how: str, sink: Sink)
                         max(width, *(len(_text(r.get(column.key))) for r in sample.rows))
                         for width, column in zip(widths, columns, strict=True)
                     ]
-                    sink.write(_align([column.heading for column in columns], widths, columns))
+                    lines.append(_align([column.heading for column in columns], widths, columns))
                     fixed, widths = widths, []
-                sink.write(_align([f"{sample.t:.3f}", *(_text(row.get(c.key)) for c in table.columns)], fixed, columns))
-        sink.flush()
+                cells = [f"{sample.t:.3f}", *(_text(row.get(c.key)) for c in table.columns)]
+                lines.append(_align(cells, fixed, columns))
+        sink.write_sample("".join(lines))
         if sink.broken:
             return
 
@@ -266,12 +318,13 @@ def _plain_line(table: Table, row: Row) -> str:
     return "\t".join(_text(row.get(key)) for key in keys) + "\n"
 
 
-def _csv(columns: Sequence[Column], rows: Sequence[Row], sink: Sink, *, header: bool, with_errors: bool) -> None:
+def _csv(
+    columns: Sequence[Column], rows: Sequence[Row], guard: Callable[[str], str], *, header: bool, with_errors: bool
+) -> str:
     """With a column of errors behind the others or without: it must be the same for all lines of a stream."""
     import csv
     import io
 
-    guard = no_formula if sink.no_formulas else str
     buffer = io.StringIO()
     writer = csv.writer(buffer)  # RFC 4180: CRLF, quotes doubled
     if header:
@@ -281,7 +334,7 @@ def _csv(columns: Sequence[Column], rows: Sequence[Row], sink: Sink, *, header: 
             [guard(_text(row.get(column.key))) for column in columns]
             + ([guard(_text(row.get("error")))] if with_errors else [])
         )
-    sink.write(buffer.getvalue())
+    return buffer.getvalue()
 
 
 # -- tables for people --------------------------------------------------------------------------------------------

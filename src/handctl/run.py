@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from handctl import __version__
-from handctl.console import TerminalGuide, end_on_signals, finish_on_signals, print_message, print_stderr
+from handctl.console import TerminalGuide, print_message, print_stderr
+from handctl.ending import end_on_signals, finish_on_signals, gave_up
 from handctl.errors import HandctlError, Interrupted, NotConfirmed, OutputError, UsageError
 from handctl.family import Family, load, refuse_missing, refuse_serial
 from handctl.files import why_unwritable
@@ -263,6 +264,7 @@ class Run:
         except KeyboardInterrupt:
             failure = Interrupted("interrupted")
         except BaseException:  # a bug of ours: the link and its lock are let go all the same
+            finish_on_signals()
             self._close(None)
             self._show_writes(None)
             raise
@@ -274,7 +276,7 @@ class Run:
             raise failure
 
     def _wind_up(self, table: Table | None, failure: HandctlError | None) -> HandctlError | None:
-        """Close, then show; a Ctrl-C meanwhile changes neither the result nor the exit code, unless nobody reads it."""
+        """Close, then show; a Ctrl-C meanwhile changes neither the result nor the exit code, unless its reader sleeps."""
         finish_on_signals()
         if self.hold is not None:
             self.hold.finish()
@@ -287,12 +289,11 @@ class Run:
         if shown is not None and self.journal.ledger.began:
             shown.text, shown.hint = honest(shown.text), honest(shown.hint)
         if table is None or table.samples is None:
-            try:
-                self._show(table, failure)
-            except KeyboardInterrupt:
-                failure = failure or Interrupted("interrupted while the result was written")
+            self._show(table, failure)
             failure = failure or (table.failure if table is not None else None)
         self._show_writes(failure)
+        if gave_up():
+            failure = failure or Interrupted("interrupted while the result was written: nobody read it")
         return failure
 
     def _check_files(self) -> None:

@@ -5,8 +5,12 @@ from __future__ import annotations
 import contextlib
 import sys
 
+from handctl import ending
 from handctl.errors import OutputError, UsageError
 from handctl.files import at_once
+
+READER_SECONDS = 0.5
+"""How long a line waits for who reads along. No longer: a motor may turn meanwhile."""
 
 
 class TraceFile:
@@ -17,12 +21,15 @@ class TraceFile:
         self.failure: OutputError | None = None
         self._path = path
         self._verbose = verbose
+        self._stderr = ending.waits(sys.stderr)
         self._file = None
+        self._waits = -1
         if path:
             try:
                 self._file = open(path, "w", encoding="utf-8", buffering=1, opener=at_once)  # noqa: SIM115 - until close
             except OSError as exc:
                 raise UsageError(f"{path}: the trace cannot be written: {exc.strerror or exc}") from exc
+            self._waits = ending.watch(self._file, result=False)
             try:
                 self._file.write(f"# {header}\n")
             except OSError as exc:
@@ -30,11 +37,16 @@ class TraceFile:
 
     def write(self, line: str) -> None:
         """One line. Never raises: what stops a device passes here too; the failure ends up in the exit code."""
+        patience = 0.0 if ending.asked() else READER_SECONDS  # a stop waits for nobody
         if self._file is not None and self.failure is None:
             try:
+                if not ending.has_room(self._waits, patience):
+                    ending.make_room(self._waits)
+                    raise TimeoutError("nobody reads it")
                 self._file.write(line)
             except (OSError, ValueError) as exc:
                 self.failure = self._failed(exc)
+        self._verbose = self._verbose and ending.has_room(self._stderr, patience)
         if self._verbose:
             with contextlib.suppress(OSError, ValueError):
                 sys.stderr.write(line)
@@ -46,6 +58,7 @@ class TraceFile:
                 self._file.close()
             except OSError as exc:
                 self.failure = self.failure or self._failed(exc)
+            ending.forget(self._waits)
 
     def _failed(self, exc: Exception) -> OutputError:
         return OutputError(

@@ -1,0 +1,250 @@
+"""How a command ends when it is asked to: the device first, then the result, and never a wait for a reader that sleeps.
+
+The first wish to end raises KeyboardInterrupt wherever the command is, so that a device is stopped. From then on what is
+written beside the data (stderr, a trace) goes nowhere as soon as it would have to wait: no stop waits for a reader. Once
+the device has been served and only the result is to be shown, a wish is no error any more: the reader has FINISH_SECONDS
+for what is left of it. The second wish ends the process then, whatever is still open.
+
+One process, one command: the state is that of this module. `signal` is imported when a command begins, not for help.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import stat
+import sys
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+ENDING = ("SIGINT", "SIGQUIT", "SIGTERM", "SIGHUP")
+"""What asks the program to end: Ctrl-C, Ctrl-\\, a service manager, a closing terminal. A device is stopped first."""
+SUSPEND = "SIGTSTP"
+"""Ctrl-Z. A command that may move something ends on it too: stopped in its sleep, it could not stop the device."""
+ONE_WISH_SECONDS = 0.5
+"""Ctrl-C pressed twice, or a hang-up with a SIGTERM behind it, is one wish: the second must not cut off the stop."""
+FINISH_SECONDS = 0.6
+"""How long a finished command waits for its reader once it is asked to end."""
+AGAIN_SECONDS = 0.2
+"""What still holds it up then is looked at this often; after a second wish it ends at the next look."""
+
+Handler = Callable[[int, Any], None]
+
+
+class _State:
+    """What has been asked for, and what must not wait for anybody."""
+
+    def __init__(self) -> None:
+        self.wishes = 0
+        self.last = float("-inf")
+        self.left = False
+        """Output was given up: its reader sleeps."""
+        self.ringing = False
+        self.handing: int | None = None
+        """Descriptor that a piece of the result is just being handed to, -1 where that cannot take long."""
+        self.kept = False
+        """A wish came meanwhile."""
+        self.results: set[int] = set()
+        self.beside: set[int] = set()
+        """Descriptors of pipes and terminals that take a result, and those that take a trace; without stdout and stderr."""
+
+    def wish(self) -> bool:
+        """Count a signal; False when it belongs to the wish before it. No stop waits for who reads stderr or a trace."""
+        for descriptor in (waits(sys.stderr), *self.beside):
+            make_room(descriptor)
+        now = time.monotonic()
+        new = now - self.last >= ONE_WISH_SECONDS
+        if new:
+            self.last = now
+            self.wishes += 1
+        return new
+
+
+_state = _State()
+
+
+def asked() -> bool:
+    """Whether something has asked this command to end."""
+    return _state.wishes > 0
+
+
+def gave_up() -> bool:
+    """Whether output was given up because nobody read it."""
+    return _state.left
+
+
+# -- signals ------------------------------------------------------------------------------------------------------
+
+
+def end_on_signals(*, suspend: bool) -> None:
+    """From now on KeyboardInterrupt is raised, once a wish, by what asks the program to end; by Ctrl-Z too with `suspend`.
+
+    SIGINT too: a script's background job starts with it ignored, and must be stoppable all the same.
+    """
+    import signal
+
+    _state.__init__()  # type: ignore[misc]
+
+    def end(_number: int, _frame: Any) -> None:
+        if not _state.wish():
+            return
+        if _state.handing is not None and has_room(_state.handing):
+            _state.kept = True  # raised as soon as that piece is out: a row is written and counted, or neither
+            return
+        raise KeyboardInterrupt
+
+    for name in (*ENDING, *((SUSPEND,) if suspend else ())):
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), end)
+
+
+def finish_on_signals() -> None:
+    """From now on only the link is to be closed and a result to be shown: a wish to end bounds the wait for its reader.
+
+    So the link is closed once, and a result, JSON above all, is there whole and once where somebody reads it.
+    """
+    import signal
+
+    def end(_number: int, _frame: Any) -> None:
+        _state.wish()
+        _ring_soon()
+
+    for name in (*ENDING, SUSPEND):
+        number = getattr(signal, name, None)
+        if number is not None and signal.getsignal(number) not in (signal.SIG_DFL, None):
+            signal.signal(number, end)
+    if _state.wishes > 1:
+        _ring_soon()
+
+
+def done(*, last: bool) -> None:
+    """All is done and told: nobody is waited for; if the interpreter ends now, what comes changes neither exit code nor stderr."""
+    if "signal" not in sys.modules:  # help: nothing was begun, and its start must not pay for this
+        return
+    import signal
+
+    if _state.ringing:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+    for name in ENDING if last else ():
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), signal.SIG_IGN)
+
+
+@contextlib.contextmanager
+def on_interrupt(handler: Handler) -> Iterator[None]:
+    """Let `handler` take what asks the program to end."""
+    import signal
+    import threading
+
+    if threading.current_thread() is not threading.main_thread():
+        yield  # signals reach the main thread only
+        return
+
+    def told(number: int, frame: Any) -> None:
+        _state.wish()
+        handler(number, frame)
+
+    numbers = [getattr(signal, name) for name in (*ENDING, SUSPEND) if hasattr(signal, name)]
+    before = [(number, signal.signal(number, told)) for number in numbers]
+    try:
+        yield
+    finally:
+        for number, old in before:
+            signal.signal(number, signal.SIG_DFL if old is None else old)
+
+
+def _ring_soon() -> None:
+    """Look a little later whether a reader holds up the end."""
+    import signal
+
+    if not hasattr(signal, "setitimer"):
+        _give_up()
+        return
+    if not _state.ringing:
+        _state.ringing = True
+        signal.signal(signal.SIGALRM, _ring)
+        signal.setitimer(signal.ITIMER_REAL, max(FINISH_SECONDS, 0.001), AGAIN_SECONDS)
+
+
+def _ring(_number: int, _frame: Any) -> None:
+    twice = _state.wishes > 1
+    if twice and _state.left:
+        os._exit(130)  # the device has been served, what there is to read has been given up: nothing is waited for
+    if twice or not all(map(has_room, _writable())):
+        _give_up()
+
+
+# -- readers ------------------------------------------------------------------------------------------------------
+
+
+def has_room(descriptor: int, seconds: float | None = 0.0) -> bool:
+    """Wait until a pipe or a terminal takes something, or its reader is gone; None = for ever. A wish to end is raised here."""
+    import select
+
+    if descriptor < 0 or not hasattr(select, "poll"):
+        return True
+    poll = select.poll()
+    poll.register(descriptor, select.POLLOUT)
+    return bool(poll.poll(None if seconds is None else seconds * 1000))
+
+
+def make_room(descriptor: int) -> None:
+    """What goes to this descriptor goes nowhere from now on, if it would have to wait for its reader."""
+    if not has_room(descriptor):
+        _discard(descriptor)
+
+
+def waits(file: Any) -> int:
+    """The descriptor of a file whose reader may sleep; -1 for a regular file, and for none of the system."""
+    try:
+        descriptor: int = file.fileno()
+        return -1 if stat.S_ISREG(os.fstat(descriptor).st_mode) else descriptor
+    except (OSError, ValueError, AttributeError):
+        return -1
+
+
+def watch(file: Any, *, result: bool) -> int:
+    """Know of a file that a result or a trace is written to; its descriptor if its reader may sleep, or -1."""
+    descriptor = waits(file)
+    if descriptor >= 0:
+        (_state.results if result else _state.beside).add(descriptor)
+    return descriptor
+
+
+def forget(descriptor: int) -> None:
+    """The file of this descriptor has been closed."""
+    _state.results.discard(descriptor)
+    _state.beside.discard(descriptor)
+
+
+@contextlib.contextmanager
+def handing_over(descriptor: int = -1) -> Iterator[None]:
+    """A wish that comes while a piece goes out takes effect behind it, unless the reader of the descriptor sleeps."""
+    _state.handing = descriptor
+    try:
+        yield
+    finally:
+        _state.handing = None
+    if _state.kept:
+        _state.kept = False
+        raise KeyboardInterrupt
+
+
+def _writable() -> set[int]:
+    return {one for one in (waits(sys.stdout), waits(sys.stderr), *_state.results, *_state.beside) if one >= 0}
+
+
+def _give_up() -> None:
+    """Nothing is written any more where a reader sleeps: what waits there goes on at once, and ends."""
+    _state.left = True
+    for descriptor in _writable():
+        if descriptor != waits(sys.stderr) or not has_room(descriptor):
+            _discard(descriptor)
+
+
+def _discard(descriptor: int) -> None:
+    with contextlib.suppress(OSError):
+        null = os.open(os.devnull, os.O_WRONLY | getattr(os, "O_CLOEXEC", 0))
+        os.dup2(null, descriptor, inheritable=descriptor < 3)
+        os.close(null)
