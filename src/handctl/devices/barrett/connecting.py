@@ -38,12 +38,14 @@ SEEN = {
 
 OPENED, REMEMBERED, ASKED, SILENT, BOOTING = "opened", "remembered", "asked", "silent", "booting"
 RESTARTED, LEAVING, ECHOED, ELSEWHERE, AGAIN = "restarted", "leaving", "echoed", "elsewhere", "again"
+CONFIRMED = "confirmed"
 STATES = {
     OPENED: "the port is open: look at what has arrived by itself",
     REMEMBERED: "asked at the last known speed, which is not 9600",
     ASKED: "asked at 9600, or at the only speed of the link",
     SILENT: "no answer at 9600: off, no cable, busy, starting, or another speed; listen until the port is open for 3 s",
     BOOTING: "boot window, or no firmware: send nothing for 6 s",
+    CONFIRMED: "asked once more at 9600: a ':' may have been noise",
     RESTARTED: "the banner is there: its prompt must follow",
     LEAVING: "noise, a wrong speed, or RealTime in the middle of a control block",
     ECHOED: "our bytes came back: a wire does that at 115200 too, the monitor cannot hear it",
@@ -58,14 +60,14 @@ ENDS = {
     NOBODY: "exit 4: nothing answers",
     GARBAGE: "exit 5: bytes, no prompt",
 }
-SECONDS = {OPENED: 0.0, REMEMBERED: 0.5, ASKED: 0.5, SILENT: 3.0, BOOTING: 6.0, RESTARTED: 5.0, LEAVING: 0.2,
+SECONDS = {OPENED: 0.0, REMEMBERED: 0.5, ASKED: 0.5, SILENT: 3.0, BOOTING: 6.0, CONFIRMED: 0.5, RESTARTED: 5.0, LEAVING: 0.2,
            ECHOED: 0.05, ELSEWHERE: 0.3, AGAIN: 0.5}  # fmt: skip
 """Longest wait in each state, beyond wire time; of SILENT the time since the port was opened."""
 
 SEND_NOTHING, ASK, ABORTS, LOOP_TEST = (
     "",
     "! CR",
-    "! CR, up to 3 times; with --interrupt ^C, up to 9 times",
+    "! CR once more; with --interrupt ^C, up to 9 times",
     "7F at 115200",
 )
 
@@ -132,9 +134,16 @@ TABLE: tuple[Row, ...] = (
     ),
     *_rows(
         BOOTING,
-        (COLON, MONITOR, SEND_NOTHING, MONITOR_TEXT),
+        (COLON, CONFIRMED, ASK, ""),
         (ECHO, MONITOR, SEND_NOTHING, MONITOR_TEXT),
         (BYTES, ELSEWHERE, ASK, "its firmware has started at another speed"),
+        (NOTHING, CONFIRMED, ASK, ""),
+    ),
+    *_rows(
+        CONFIRMED,
+        (COLON, MONITOR, SEND_NOTHING, MONITOR_TEXT),
+        (ECHO, MONITOR, SEND_NOTHING, MONITOR_TEXT),
+        (BYTES, GARBAGE, SEND_NOTHING, ""),
         (NOTHING, MONITOR, SEND_NOTHING, MONITOR_TEXT),
     ),
     *_rows(

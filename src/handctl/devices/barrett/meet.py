@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 ABORT_COLLECT = 0.15
 LATE_PROMPT = 0.25
-LEAVES = 3
+LEAVES = 1
 PAUSE, MIDDLE = 0.1, 0.3
 """Seconds of silence that end a text, and the longest that is waited for it beyond the wire time of a banner."""
 APART = 0.1
@@ -100,7 +100,13 @@ class Meeting:
         return self._ask(early, self._seconds(state))
 
     def _set_speed(self, state: str) -> None:
-        if not self.link.can_set_baud or state in (table.SILENT, table.BOOTING, table.RESTARTED, table.LEAVING):
+        if not self.link.can_set_baud or state in (
+            table.SILENT,
+            table.BOOTING,
+            table.CONFIRMED,
+            table.RESTARTED,
+            table.LEAVING,
+        ):
             return
         speed = {table.ASKED: self.line.only or SPEEDS[0], table.ELSEWHERE: (self._others or [0])[0]}.get(
             state, self._first
