@@ -207,6 +207,13 @@ def test_live_view_names_units_and_words() -> None:
     assert any(line.split() == ["state", "standing", "(0x2040)"] for line in ekso)
 
 
+def test_a_motor_without_a_gauge_has_no_bar() -> None:
+    """255 is "no gauge" (barrett §5.3.2), and was a full bar."""
+    display = screen("barrett", "watch", "SG", "--count", "1", "-p", LINKS["barrett"]).display
+    bars = {line.split("▕")[0].split()[-1]: line.split("▕")[1].split("▏")[0] for line in display if "▕" in line}
+    assert "█" in bars["F1"] and "█" not in bars["SPREAD"] and "no gauge" in bars["SPREAD"], display
+
+
 def test_live_view_in_a_low_window_keeps_the_errors() -> None:
     link = "fake://exo?fault=faults&clock=virtual"
     lines = screen("exo", "watch", "--count", "1", "-p", link, columns=60, rows=12).display
