@@ -3,8 +3,9 @@
     host   EB 90 id length 11 address count sum        read, flag 11
     host   EB 90 id length 12 address data sum         write, flag 12; anything else is silence
 
-Three generations: `df` and `tp` have one address a byte, `f1` one address a word (two bytes a register, lengths in bytes).
-What DF calls save is F1's factory reset, and DF's clear is F1's save: a write meant for one of them strikes another.
+`df` and `tp` have one address a byte, `f1` and `dg2` one a word (two bytes a register, lengths in bytes). What DF calls save
+is F1's factory reset, and DF's clear is F1's save: a write meant for one of them strikes another. First values are those of
+`foreign_devices`.
 Only what a mistaken command could do is here: memory, fingers that move, flash, triggers, each write counted.
 """
 
@@ -12,16 +13,16 @@ from __future__ import annotations
 
 import struct
 from collections import Counter
-from typing import Any
+from typing import Any, NamedTuple
 
 from handctl.sim.inspire_frames import find, frame
 from handctl.sim.line import Line
 from handctl.sim.model import Model, Options, Random, Reply
+from tests.foreign_devices import DF, DG2, F1, TP
 
 READ, WRITE = 0x11, 0x12
 SPEED = 1250.0
 """Units of angle a second: a whole stroke in 800 ms (rh56 3.1)."""
-FLEXED = (110, 220, 330, 440, 550, 660)
 Row = tuple[int, int, int, str]
 """First address, bytes a register, registers, access."""
 
@@ -37,8 +38,31 @@ WORDS: tuple[Row, ...] = (
     (1052, 2, 6, "rw"), (1100, 2, 1, "rw"), (1130, 2, 1, "rw"), (1131, 2, 1, "rw"), (2162, 2, 1, "t"),
 )  # fmt: skip
 """F1 (rh56 3.2), word addresses."""
-TARGETS = {"df": 1486, "tp": 1486, "f1": 1040}
-MEASURED = {"df": 1546, "tp": 1546, "f1": 1064}
+THIRTEEN: tuple[Row, ...] = (
+    (1000, 2, 1, "rw"), (1001, 2, 1, "rw"), (1003, 2, 1, "t"), (1004, 2, 1, "t"), (1005, 2, 1, "t"), (1007, 2, 1, "t"),
+    (1024, 2, 13, "rw"), (1038, 2, 13, "rw"), (1052, 2, 13, "rw"), (1066, 2, 13, "rw"), (1080, 2, 13, "rw"),
+    (1094, 2, 13, "rw"), (1108, 2, 13, "rw"), (1220, 2, 1, "rw"), (1300, 2, 1, "rw"), (1301, 2, 1, "rw"),
+)  # fmt: skip
+"""DG2 (rh56 3.2), word addresses, thirteen actuators."""
+
+
+class Generation(NamedTuple):
+    """Its values at first, what can be written, bytes an address, where targets and angles lie, how many there are."""
+
+    book: tuple[tuple[int, str, tuple[int, ...]], ...]
+    rows: tuple[Row, ...]
+    unit: int
+    targets: int
+    measured: int
+    count: int = 6
+
+
+GENERATIONS = {
+    "df": Generation(DF, BYTES, 1, 1486, 1546),
+    "tp": Generation(TP, BYTES, 1, 1486, 1546),
+    "f1": Generation(F1, WORDS, 2, 1040, 1064),
+    "dg2": Generation(DG2, THIRTEEN, 2, 1080, 1136, 13),
+}
 
 
 class Rh56(Model):
@@ -47,49 +71,24 @@ class Rh56(Model):
     KIND = "rh56"
     HEADER = b"\x90\xeb"
 
-    def __init__(self, options: Options, random: Random, generation: str = "df") -> None:
+    generation = GENERATIONS["df"]
+
+    def __init__(self, options: Options, random: Random) -> None:
         super().__init__(options, random)
-        self.generation = generation
-        self.rows = WORDS if generation == "f1" else BYTES
-        self._unit = 2 if generation == "f1" else 1
+        book, _, self._unit, _, measured, count = self.generation
         self.speed = 115200
         self.memory = bytearray(16384)
-        self.angles = [float(angle) for angle in FLEXED]
-        self.targets: list[float | None] = [None] * 6
+        for address, layout, values in book:
+            struct.pack_into(layout, self.memory, address * self._unit, *values)
+        first = struct.unpack_from(f"<{count}h", self.memory, measured * self._unit)
+        self.angles = [float(angle) for angle in first]
+        self.targets: list[float | None] = [None] * count
         self.pace = SPEED
         self.acted: Counter[int] = Counter()
         """How often each trigger was written with 1."""
         self.writes = 0
         self._inbox = bytearray()
         self._heard = 0.0
-        self._first_values()
-
-    def _first_values(self) -> None:
-        put = self._put
-        put(1000, "<B", 1)
-        if self.generation == "f1":  # angles in 0.1 degree, status, temperatures, as words
-            put(1040, "<6h", *(-1,) * 6)
-            put(1088, "<6H", 2, 1, 2, 3, 2, 0)
-            put(1094, "<6H", 31, 32, 33, 34, 35, 36)
-            self.angles = [1010.0, 1120.0, 1230.0, 1340.0, 1150.0, 1660.0]
-            return
-        put(1032, "<6h", *(901, 902, 903, 904, 905, 906))
-        put(1044, "<6h", *(501, 502, 503, 504, 505, 506))
-        put(1486, "<6h", *(-1,) * 6)
-        put(1498, "<6h", *(501, 502, 503, 504, 505, 506))
-        put(1522, "<6h", *(901, 902, 903, 904, 905, 906))
-        put(1582, "<6h", -11, 12, -13, 14, -15, 16)
-        put(1594, "<6h", 21, -22, 23, 24, 25, 26)
-        put(1612, "<6B", 2, 1, 2, 3, 2, 0)
-        put(1618, "<6B", 31, 32, 33, 34, 35, 36)
-        if self.generation == "df":
-            put(1020, "<6h", *(701, 702, 703, 704, 705, 706))
-            put(1472, "<h", 558)
-        else:
-            put(1700, "<4B", 192, 168, 11, 210)
-
-    def _put(self, address: int, layout: str, *values: int) -> None:
-        struct.pack_into(layout, self.memory, address * self._unit, *values)
 
     # -- time ---------------------------------------------------------------------------------------------------------
 
@@ -105,7 +104,8 @@ class Rh56(Model):
 
     def publish(self) -> None:
         """Puts the angles of this moment into memory."""
-        self._put(MEASURED[self.generation], "<6h", *(round(angle) for angle in self.angles))
+        place = self.generation.measured * self._unit
+        struct.pack_into(f"<{len(self.angles)}h", self.memory, place, *(round(angle) for angle in self.angles))
 
     # -- requests -----------------------------------------------------------------------------------------------------
 
@@ -142,7 +142,7 @@ class Rh56(Model):
         self._replies.append(Reply(self.now, frame(self.id, flag, body[:2] + answer), frozenset()))
 
     def _write(self, begin: int, data: bytes) -> None:
-        for address, size, count, access in self.rows:
+        for address, size, count, access in self.generation.rows:
             for number in range(count):
                 place = address * self._unit + number * size
                 if not begin <= place <= begin + len(data) - size:
@@ -152,7 +152,7 @@ class Rh56(Model):
                     self.acted[address] += int.from_bytes(raw, "little") == 1
                     continue
                 self.memory[place : place + size] = raw
-                if address == TARGETS[self.generation]:
+                if address == self.generation.targets:
                     value = struct.unpack("<h", raw)[0]
                     self.targets[number] = None if value == -1 else float(value)
 
@@ -163,7 +163,5 @@ def _possible(flag: int, length: int) -> bool:
 
 def rh56_line(generation: str = "df", **options: Any) -> Line:
     """The hand at the end of a cable; options are those of the line."""
-    return Line(
-        type("Device", (Rh56,), {"__init__": lambda self, o, r: Rh56.__init__(self, o, r, generation)}),
-        {name: str(value) for name, value in options.items()},
-    )
+    model = type("Device", (Rh56,), {"generation": GENERATIONS[generation]})
+    return Line(model, {name: str(value) for name, value in options.items()})

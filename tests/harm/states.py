@@ -15,7 +15,7 @@ from handctl.families import FAMILIES
 from handctl.sim import KINDS, create
 from handctl.sim.canline import CanLine
 from handctl.sim.line import Line
-from tests.rh56_hand import rh56_line
+from tests.rh56_hand import GENERATIONS, rh56_line
 
 Wire = str
 """serial: bytes at a speed, heard wrongly at another one; tcp: bytes as they are; can: frames."""
@@ -166,7 +166,7 @@ def _inspire() -> Iterator[State]:
     yield State("wrist with hand", "at rest", "wrist", "wrist", can, wire="can")
     yield State("wrist with hand", "moves", "wrist", "wrist", can, _can_moves, "can")
     yield State("hand without wrist", "at rest", "", "wrist", {**can, "fault": "no-wrist"}, wire="can")
-    for generation in ("df", "tp", "f1"):
+    for generation in GENERATIONS:
         yield State("RH56", f"{generation} at rest", "", "rh56")
     yield State("RH56", "df moves", "", "rh56", {}, _rh56_moves)
 
