@@ -207,7 +207,8 @@ OUTSIDE: list[tuple[str, tuple[str, ...]]] = [
     ("crcmod", tuple(f"devices.*.{name}" for name in CODECS)),
     ("bincopy", ("devices.barrett.*",)),
     ("packaging", ("build_zipapp",)),
-    ("socket", ("link.tcp", "link.ear", "sim.*", "tools.doctor")),
+    ("socket", ("link.tcp", "sim.*", "tools.doctor")),
+    ("_socket", ("link.ear",)),
 ]
 
 

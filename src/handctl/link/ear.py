@@ -96,11 +96,12 @@ def ask(lock: str, until: float) -> tuple[bool, dict[str, Any] | None]:
 
     The report is None when it ended, or fell silent, on the way.
     """
+    import _socket  # `socket` costs ten times as much to import
     import json
-    import socket
 
     try:
-        with socket.socket(socket.AF_UNIX) as line, _reachable(_beside(lock)) as path:
+        line = _socket.socket(_socket.AF_UNIX, _socket.SOCK_STREAM)
+        with contextlib.closing(line), _reachable(_beside(lock)) as path:
             line.settimeout(max(0.001, until - time.monotonic()))
             line.connect(path)
             came = line.recv(6)
