@@ -146,6 +146,9 @@ BAD = {
 }
 
 
+ONE_ODD = [BAD["text"][0]["motor_pos"], BAD["nan"][0]["joint_pos"]]
+
+
 @pytest.mark.parametrize("polled", [False, True], ids=["stream", "poll"])
 @pytest.mark.parametrize(("changes", "key", "code"), BAD.values(), ids=BAD)
 def test_a_bad_key_is_refused_by_itself(changes: dict[str, object], key: str, code: str, polled: bool) -> None:
@@ -153,7 +156,7 @@ def test_a_bad_key_is_refused_by_itself(changes: dict[str, object], key: str, co
     table = hand_on(poller(content) if polled else streamer(content)).dump()
     wrong = [row for row in table.rows if "error" in row]
     assert {row["key"] for row in wrong} == {key}
-    assert len(wrong) == AIDIN[key].count
+    assert len(wrong) == (1 if changes[key] in ONE_ODD else AIDIN[key].count)  # one bad number hides no other
     assert all("value" in row for row in table.rows if row["key"] != key)
     assert len(table.rows) == 95
     assert table.failure is not None and table.failure.exit_code == 5
@@ -202,6 +205,7 @@ def test_a_poll_is_repeated_and_only_one_is_under_way() -> None:
 
     link = poller(lambda _: None if next(lost) else feedback())
     hand = hand_on(link)
+    assert hand.dump().failure is None  # what the first answer told, no second question
     assert hand.dump().failure is None
     assert hand.journal.counters.retries == 2
     assert all(b - a >= 0.2 for a, b in zip(link.sent_at[1:], link.sent_at[2:], strict=False))

@@ -184,10 +184,11 @@ def test_a_value_that_only_one_snapshot_holds_is_a_difference(tmp_path: Path) ->
 
 
 def test_a_sample_with_one_quantity_that_can_be_read_is_no_failed_sample() -> None:
-    """Three failed samples running end a stream; a key that is always wrong does not."""
+    """Three failed samples running end a stream; a key that is always wrong does not, but at its end it is told as `get` does."""
     link = "fake://aidin?clock=virtual&start=homed&fault=wrong-length"
     rows, end = run(
         "aidin", "watch", "motor_pos", "joint_pos", "--count", "5", "--rate", "2", "--json", "-p", link
     ).stream
-    assert (end["ok"], end["stream"]["samples"], end["stream"]["failed"]) == (True, 5, 0)
+    assert (end["ok"], end["stream"]["samples"], end["stream"]["failed"]) == (False, 5, 0)
+    assert end["exit_code"] == 5
     assert all(("error" in row) is (row["name"] == "motor_pos") for row in rows) and len(rows) == 5 * 35

@@ -229,7 +229,7 @@ class View:
             words = self._failed.split(";")[0].split()
             return flowing([Text(word, style="bold red") for word in words], width)
         counters = self._context.journal.counters.as_row()
-        items = [Text(f"{key} {value}", style="dim") for key, value in counters.items()]
+        items = [Text(f"{key} {value}", style="dim") for key, value in counters.items() if isinstance(value, int)]
         lines = flowing(items, width, gap=2)
         reminded = flowing([*items, Text("Ctrl-C ends", style="dim")], width, gap=2)
         return reminded if len(reminded) == len(lines) else lines

@@ -41,6 +41,8 @@ if TYPE_CHECKING:
         def envelope(self, failure: HandctlError | None, extra: dict[str, Any] | None = None) -> dict[str, Any]: ...
 
 
+NOTED = ("failed", "late", "bad", "missing", "skipped")
+"""Counts of a stream that a person is told when they are not 0."""
 PIECE = 1024
 """Characters that a pipe with room takes without waiting, at up to 4 bytes each."""
 MOST = 1 << 16
@@ -207,7 +209,8 @@ def stream(table: Table, sink: Sink, context: Context) -> HandctlError | None:
         with contextlib.suppress(OSError):
             drawn = how == "table" and sink.terminal  # the live view has the mark in its head
             mark = ", simulated" if context.simulated and not drawn else ""
-            sys.stderr.write(f"handctl: note: {_summary_text(summary['stream'])}{mark}\n")
+            quality = context.journal.counters.quality()
+            sys.stderr.write(f"handctl: note: {_summary_text({**summary['stream'], **quality})}{mark}\n")
     return failure
 
 
@@ -226,7 +229,7 @@ def _summary_text(stats: dict[str, Any]) -> str:
     text = f"{stats['samples']} samples in {stats['seconds']:.1f} s"
     if stats["rate_hz"] is not None:
         text += f", true rate {stats['rate_hz']:g} Hz" + (f" of {stats['asked_hz']:g}" if stats["asked_hz"] else "")
-    return text + "".join(f", {stats[key]} {key}" for key in ("failed", "late") if stats[key])
+    return text + "".join(f", {stats[key]} {key}" for key in NOTED if stats.get(key))
 
 
 def _stream_lines(table: Table, samples: Iterator[Sample], how: str, sink: Sink) -> None:

@@ -114,6 +114,8 @@ class Counters:
 
     `writes` counts the writing ones among those sent; what became of them stands in the ledger.
     `foreign_frames` counts the traffic of others on a CAN bus, None where there is no bus.
+    `keys` has for each key of a device that tells them unasked how often it was bad, missing, or skipped: replaced by a
+    newer value before it was shown. None for a device that is asked.
     """
 
     sent: int = 0
@@ -123,8 +125,9 @@ class Counters:
     stray_bytes: int = 0
     writes: int = 0
     foreign_frames: int | None = None
+    keys: dict[str, dict[str, int]] | None = None
 
-    def as_row(self) -> dict[str, int]:
+    def as_row(self) -> dict[str, Any]:
         """The counters as they stand in the JSON envelope."""
         return {
             "sent": self.sent,
@@ -133,7 +136,15 @@ class Counters:
             "bad_frames": self.bad_frames,
             "stray_bytes": self.stray_bytes,
             **({} if self.foreign_frames is None else {"foreign_frames": self.foreign_frames}),
+            **self.quality(),
+            **({} if self.keys is None else {"keys": self.keys}),
         }
+
+    def quality(self) -> dict[str, int]:
+        """`bad`, `missing` and `skipped` of all keys together; {} for a device that is asked."""
+        if self.keys is None:
+            return {}
+        return {word: sum(key[word] for key in self.keys.values()) for word in ("bad", "missing", "skipped")}
 
 
 class Journal:

@@ -490,7 +490,7 @@ def make_envelope(
     failure: HandctlError | None,
     device: dict[str, Any] | None,
     messages: Sequence[Message],
-    counters: dict[str, int] | None,
+    counters: dict[str, Any] | None,
     extra: dict[str, Any] | None,
 ) -> dict[str, Any]:
     """The JSON envelope without rows."""

@@ -5,12 +5,12 @@ snapshot, diff and restore are in `stored`. A device satisfies `MapDevice`; its 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any, Protocol
 
 from handctl.errors import HandctlError, NoAnswer, ProtocolError, UsageError
 from handctl.param import PUSHES, Element, Number, Param, ParamMap, Reading, Step
-from handctl.result import Column, Journal, Row, Table
+from handctl.result import Column, Journal, Row, Sample, Table
 
 if TYPE_CHECKING:
     from handctl.link import Link
@@ -146,12 +146,21 @@ def watch(
         if element.param.low is not None and element.param.high is not None
     }
 
+    unread: dict[str, HandctlError | None] = dict.fromkeys(
+        one.full_name for one in elements
+    )  # never read so far, and why
+
     def take() -> tuple[list[Row], HandctlError | None]:
         try:
             readings = device.read(elements)
         except (NoAnswer, ProtocolError) as exc:
             readings = [Reading(element, None, b"", exc) for element in elements]
         errors = [reading.error for reading in readings]
+        for reading in readings if unread else ():
+            if reading.error is None:
+                unread.pop(reading.element.full_name, None)
+            elif reading.element.full_name in unread:
+                unread[reading.element.full_name] = reading.error
         return [device.row(reading) for reading in readings], errors[0] if all(errors) else None
 
     ask_ahead = getattr(device, "ask_ahead", None)
@@ -165,9 +174,19 @@ def watch(
     )
     return Table(
         columns=device.columns,
-        samples=sampler.samples(),
+        samples=_all_read(sampler.samples(), unread),
         summary=sampler.summary,
         ranges=ranges,
         decimals={element.param.name: element.param.decimals for element in elements if element.param.decimals},
         flags=frozenset(element.param.name for element in elements if element.param.bits),
     )
+
+
+def _all_read(samples: Iterator[Sample], unread: dict[str, HandctlError | None]) -> Iterator[Sample]:
+    """The samples; then raise what kept quantities from being read in any of them, as `get` would end."""
+    yield from samples
+    errors = {error.text: error for error in unread.values() if error is not None}
+    if errors:
+        first, *more = errors.values()
+        first.text += f"; and {len(more)} more that were never read" if more else ""
+        raise first

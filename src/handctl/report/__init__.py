@@ -210,7 +210,11 @@ def _conclude(run: Run, visit: _Visit, content: Report, privacy: Privacy) -> Non
     content.status, content.dump, content.checks = (
         [_told(grid, privacy) for grid in grids] for grids in (content.status, content.dump, content.checks)
     )
-    content.counters = [(key.replace("_", " "), str(value)) for key, value in run.journal.counters.as_row().items()]
+    content.counters = [
+        (key.replace("_", " "), str(value))
+        for key, value in run.journal.counters.as_row().items()
+        if isinstance(value, int)
+    ]
     content.environment = [(name, privacy.text(text)) for name, text in (*environment(), *port(link))]
     passed = any(not line.startswith("#") for line in visit.lines)
     content.transcript = list(shortened(list(explained(visit.lines, content.kind, privacy)))) if passed else []

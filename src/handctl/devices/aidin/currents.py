@@ -114,7 +114,7 @@ class _Drive:
             talk.tick(data, by=self._goal.target.feedback)
             self._guide.progress(f"currents on: {end.remaining:.1f} s left (Ctrl-C: back to 0, stop)")
         found, param = self._told(), self._goal.target.feedback
-        table = self._hand.table([reading(element, found) for element in elements_of(param)])
+        table = self._hand.table([reading(self._hand.link.name, element, found) for element in elements_of(param)])
         mark(self._hand, self._goal, values, table)
         return table
 

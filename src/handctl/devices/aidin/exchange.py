@@ -6,7 +6,8 @@ is merged key by key; a key that is wrong is refused by itself.
 
 from __future__ import annotations
 
-from handctl.devices.aidin.feedback import ALL, Feedback, Wire
+from handctl.devices.aidin import trouble
+from handctl.devices.aidin.feedback import ALL, Feedback, Quality, Wire
 from handctl.devices.aidin.fields import FEEDBACK, AidinParam
 from handctl.devices.aidin.messages import Decoder, MalformedObject
 from handctl.devices.aidin.way import FIND_OUT, Exchange, Way
@@ -19,6 +20,10 @@ LISTEN = 0.3
 LISTEN_MORE = 1.0
 """Seconds for the next bytes, once anything at all has come."""
 LISTEN_LONGEST = 4.0
+QUICK = 0.1
+"""An answer to an empty object is there by then; what comes later may be the next object of a slow stream."""
+SLOWEST = 1.2
+"""Seconds of listening, with nothing asked, in which a stream of 1 Hz shows itself."""
 FIRST_POLL = 0.5
 POLL = 0.2
 SILENCE = 1.0
@@ -61,7 +66,13 @@ class Conversation:
         self.way = way
         self.exchange = Exchange.UNKNOWN
         self.gate: Gate | None = None
-        self.feedback = Feedback()
+        self.quality = Quality()
+        journal.counters.keys = self.quality.keys
+        self.feedback = Feedback(self.quality)
+        self._shown: tuple[str, ...] = ()  # the keys of which `feedback` was shown
+        self._fresh = False  # what `connect` heard has not lain in the input
+        self._silence = timeout or SILENCE  # of a stream, longer for a slow one
+        self._strange = b""  # the first object that is neither feedback nor ours
         self._decoder = Decoder()
         self._bad_in_a_row = 0
         self._junk = b""
@@ -98,15 +109,32 @@ class Conversation:
             raise self._no_feedback()
         asks = self.way.exchange is not Exchange.STREAM and not silent
         if asks:
+            self._fresh = self.way.exchange is Exchange.UNKNOWN  # else nobody has looked into the input before
             for _ in range(min(2, 1 + self.retries)):
+                asked = self.link.now()
                 self.send(self.way.poll)
                 if self._answer(self.timeout or FIRST_POLL):
                     self.exchange = Exchange.POLL
+                    if self._last - asked > QUICK + SETTLE:
+                        self.look_again()
                     return
                 if self._junk:
                     break
-        came = self._junk or self._echoes or self._decoder.pending
+        came = self._junk or self._strange or self._echoes or self._decoder.pending
         raise self.nothing_came() if came else self._silent(asked=asks)
+
+    def look_again(self) -> bool:
+        """Whether the hand streams, slowly, although an empty object seemed to be answered: something comes unasked."""
+        if self.exchange is not Exchange.POLL or self.way.exchange is not Exchange.UNKNOWN:
+            return False
+        before, end = self._last, self.deadline(SLOWEST)
+        while self._last == before and not end.expired:
+            self._receive(end)
+        if self._last == before:
+            return False
+        self.exchange = Exchange.STREAM
+        self._silence = max(self._silence, min(2.5 * (self._last - before), LISTEN_LONGEST))
+        return True
 
     def _listen(self, seconds: float) -> None:
         """Take what the hand says unasked. Once it has begun it may finish: an object may come in small pieces.
@@ -124,7 +152,7 @@ class Conversation:
 
     @property
     def _bytes_seen(self) -> int:
-        return sum(self.feedback.seen.values()) + len(self._junk) + len(self._decoder.pending)
+        return sum(self.feedback.seen.values()) + len(self._junk + self._strange) + len(self._decoder.pending)
 
     # -- time ----------------------------------------------------------------------------------------------------
 
@@ -167,8 +195,10 @@ class Conversation:
 
     def _take(self, content: dict[str, object]) -> bool:
         if not self.feedback.take(content):
-            self._echoes += 1
-            if "hand_mode" not in content:
+            if not content or "hand_mode" in content or self._decoder.taken == self.way.poll.strip():
+                self._echoes += 1
+            else:
+                self._strange = self._strange or self._decoder.taken[:64]
                 self._note_unknown(content)
             return False
         self.journal.counters.received += 1
@@ -219,10 +249,16 @@ class Conversation:
 
         Raises NoAnswer when no feedback comes at all, ProtocolError when nothing of it can be used.
         """
+        first = self.exchange is Exchange.UNKNOWN
         self.connect()
-        self.drain()
         keys = tuple(param.key for param in params)
-        feedback = self.feedback = Feedback()
+        if first and self._fresh and self.feedback.complete(keys):
+            self._shown = keys
+            return {key: self.feedback.result(key) for key in keys}
+        self.drain()
+        self.feedback.replaced(self._shown)
+        self._shown = keys
+        feedback = self.feedback = Feedback(self.quality)
         attempts = 1 + self.retries if self.exchange is Exchange.POLL else 1
         for attempt in range(attempts):
             self.check_bound()
@@ -234,6 +270,8 @@ class Conversation:
                     break
             else:
                 self._follow(keys)
+        if not feedback.seen and self.look_again() and not feedback.complete(keys):
+            self._follow(keys)
         if not feedback.seen:
             self.check_bound()
             raise self.nothing_came()
@@ -246,27 +284,20 @@ class Conversation:
 
     def usable(self, param: AidinParam, found: Wire | ProtocolError) -> Wire:
         """The array, or raise what is wrong with it."""
-        found = self.named(param, found)
+        found = trouble.named(self.link.name, param, found)
         if isinstance(found, ProtocolError):
             raise found
         return found
 
-    def named(self, param: AidinParam, found: Wire | ProtocolError) -> Wire | ProtocolError:
-        """The same; an error says which hand and which key."""
-        if not isinstance(found, ProtocolError):
-            return found
-        text = f"{self.link.name}: {param.key}: {found.text}"
-        return ProtocolError(text, hint="look at it with --trace FILE", code=found.code)
-
     def _follow(self, keys: tuple[str, ...]) -> None:
         """Read a stream until all `keys` are good, or another one has come three times since."""
-        end, last = self.deadline(self.timeout or SILENCE), self.deadline(LISTEN_LONGEST)
+        end, last = self.deadline(self._silence), self.deadline(LISTEN_LONGEST)
         while not end.expired and not last.expired:
             before = self._bytes_seen
             if self._receive(end) and (self.feedback.complete(keys) or max(self.feedback.seen.values()) >= CYCLES):
                 return
             if self._bytes_seen != before:
-                end = self.deadline(self.timeout or SILENCE)
+                end = self.deadline(self._silence)
 
     def _answer(self, seconds: float, keys: tuple[str, ...] = ()) -> bool:
         """Wait for the answer to an object; the rest of its keys may follow at once. False on silence."""
@@ -353,31 +384,16 @@ class Conversation:
 
     def nothing_came(self) -> HandctlError:
         """The error of a hand that has sent no feedback: silence, or what came instead."""
-        return self._no_feedback() if self._junk or self._decoder.pending or self._echoes else self._silent()
+        return (
+            self._no_feedback()
+            if self._junk or self._strange or self._decoder.pending or self._echoes
+            else self._silent()
+        )
 
     def _silent(self, *, asked: bool = True, moving: bool = False) -> NoAnswer:
-        name, said = self.link.name, self.way.exchange
-        if self.journal.counters.received and (moving or self.exchange is not Exchange.UNKNOWN):
-            return NoAnswer(
-                f"{name}: the hand has stopped sending feedback",
-                hint="look at its state and at the network: `status`; a hand that sends less than once a second needs "
-                "--exchange stream --timeout S",
-            )
-        if said is Exchange.STREAM:
-            text = f"connected, the hand has said nothing for {self.timeout or SILENCE:g} s, and --exchange stream asks nothing"
-            return NoAnswer(f"{name}: {text}", hint="leave --exchange out: then the hand is asked with an empty object")
-        if not asked:
-            return NoAnswer(
-                f"{name}: connected, the hand says nothing unasked, and a dry run asks nothing",
-                hint="give the whole vector: then nothing needs to be known",
-            )
-        poll = "an empty object" if self.way.poll == FIND_OUT.poll else self.way.poll.decode("ascii")[:60]
-        unasked = "says nothing unasked and does not answer" if said is Exchange.UNKNOWN else "does not answer"
-        return NoAnswer(
-            f"{name}: connected, the hand {unasked} {poll}",
-            hint="is it the hand's port (8000)? Another client may hold it. If it speaks otherwise: --exchange stream|poll, "
-            "--poll-json TEXT, --tx-terminator nul|none; one that answers commands only: --exchange command; `stop` is always sent",
-        )
+        known = moving or self.exchange is not Exchange.UNKNOWN
+        stopped = bool(self.journal.counters.received) and known
+        return trouble.silent(self.link.name, self.way, self.timeout or SILENCE, asked=asked, stopped=stopped)
 
     def _closed(self, exc: LinkError) -> HandctlError:
         """A connection that ended before any feedback came: junk tells who it was, silence that the hand is taken."""
@@ -389,18 +405,4 @@ class Conversation:
         return LinkError(exc.text, hint=hint, code=exc.code)
 
     def _no_feedback(self) -> HandctlError:
-        seen = self._junk or self._decoder.pending[:64]
-        if not seen:
-            return ProtocolError(
-                f"{self.link.name}: only our own object came back, no feedback",
-                hint="an echo server, not the hand: check address and port",
-                code="echo",
-            )
-        text = "".join(chr(byte) if 32 <= byte < 127 else "." for byte in seen)
-        error = ProtocolError(
-            f"{self.link.name}: no feedback of the hand came, but {hex_bytes(seen)} ({text})",
-            hint="another server, or another kind of hand: this speaks to the AIDIN-hand (TCP/JSON), port 8000",
-            code="garbage",
-        )
-        error.came = seen
-        return error
+        return trouble.no_feedback(self.link.name, self._junk or self._strange or self._decoder.pending[:64])

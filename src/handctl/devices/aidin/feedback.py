@@ -11,10 +11,33 @@ Wire = tuple[int, ...] | tuple[float, ...]
 ALL = tuple(param.key for param in FEEDBACK)
 
 
+class Quality:
+    """How good each key is over a whole connection, counted into `keys`: key -> bad, missing, skipped.
+
+    bad      it was there and had not the form that the manual says
+    missing  all that comes in one round, in one object or several, came without it
+    skipped  a good value that a newer one replaced before it was shown
+    """
+
+    def __init__(self) -> None:
+        self.keys: dict[str, dict[str, int]] = {key: {"bad": 0, "missing": 0, "skipped": 0} for key in ALL}
+        self._round: set[str] = set()
+
+    def came(self, key: str) -> None:
+        """A round ends with the first key that comes again."""
+        if key in self._round:
+            for other in self.keys.keys() - self._round:
+                self.keys[other]["missing"] += 1
+            self._round.clear()
+        self._round.add(key)
+
+
 class Feedback:
     """The newest value of every key, or why it was refused; how often it came, and how often running it was refused."""
 
-    def __init__(self) -> None:
+    def __init__(self, quality: Quality | None = None) -> None:
+        self.quality = quality or Quality()
+        self.good: dict[str, int] = {}
         self.wrong: dict[str, int] = {}
         self.values: dict[str, Wire] = {}
         self.errors: dict[str, ProtocolError] = {}
@@ -27,15 +50,23 @@ class Feedback:
             if param.key not in content:
                 continue
             known += 1
+            self.quality.came(param.key)
             self.seen[param.key] = self.seen.get(param.key, 0) + 1
             try:
                 self.values[param.key] = numbers(content[param.key], param.count, whole=param.whole)
+                self.good[param.key] = self.good.get(param.key, 0) + 1
                 self.errors.pop(param.key, None)
                 self.wrong.pop(param.key, None)
             except ProtocolError as exc:
+                self.quality.keys[param.key]["bad"] += 1
                 self.errors[param.key] = exc
                 self.wrong[param.key] = self.wrong.get(param.key, 0) + 1
         return known
+
+    def replaced(self, keys: tuple[str, ...]) -> None:
+        """Of these keys one value was shown; the other good ones that have come were not."""
+        for key in keys:
+            self.quality.keys[key]["skipped"] += max(0, self.good.get(key, 0) - 1)
 
     def complete(self, keys: tuple[str, ...] = ()) -> bool:
         """Whether a good value of every key (or of these) has come."""

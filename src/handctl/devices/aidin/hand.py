@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from handctl.devices.aidin.exchange import Conversation
 from handctl.devices.aidin.feedback import Wire
 from handctl.devices.aidin.fields import AIDIN, FEEDBACK, FINGERS, AidinParam
+from handctl.devices.aidin.trouble import number_of
 from handctl.devices.aidin.way import Exchange
 from handctl.errors import CheckFailed, ProtocolError
 from handctl.link import Link
@@ -19,6 +20,8 @@ from handctl.result import Cell, Column, Grid, Journal, Row, Table
 SLACK = 0.01
 """Share of a range by which a value may be outside: encoders and angles jitter at the stops."""
 LARGEST_RADIAN = 6.3
+MOST_ERRORS = 5
+"""As many as there are keys: more of them are counted."""
 NO_ANGLE = "is no angle in radians: degrees on the wire?"
 SHORT = {"current_state": "current"}
 
@@ -57,9 +60,7 @@ class AidinHand:
         """Readings of one moment: what the hand sends from now on. A key that is wrong is an error of its elements."""
         params = {element.param.name: param_of(element) for element in elements}
         found = self.talk.refresh(tuple(params.values()))
-        return [
-            reading(element, self.talk.named(param_of(element), found[param_of(element).key])) for element in elements
-        ]
+        return [reading(self.link.name, element, found[param_of(element).key]) for element in elements]
 
     def row(self, taken: Reading) -> Row:
         """The data row of one reading; angles in degrees, and in `rad` as they stand on the wire."""
@@ -77,14 +78,12 @@ class AidinHand:
 
     def table(self, readings: Sequence[Reading], title: str = "") -> Table:
         """Readings as a Table; for people one line per element, fingers side by side."""
-        failed: dict[str, ProtocolError] = {}
-        for taken in readings:
-            if isinstance(taken.error, ProtocolError):
-                failed.setdefault(param_of(taken.element).key, taken.error)
+        failed = {taken.error.text: taken.error for taken in readings if isinstance(taken.error, ProtocolError)}
         failure = None
         if failed:
             first = next(iter(failed.values()))
-            text = "; ".join(exc.text for exc in failed.values())
+            more = f"; and {len(failed) - MOST_ERRORS} more" if len(failed) > MOST_ERRORS else ""
+            text = "; ".join(list(failed)[:MOST_ERRORS]) + more
             failure = ProtocolError(text, hint=first.hint, code=first.code)
         return Table(
             rows=[self.row(taken) for taken in readings],
@@ -102,6 +101,7 @@ class AidinHand:
     def status(self, check: bool) -> Table:
         """The same, looked at: values out of their range, how the hand speaks. With `check`, unhealthy is exit 7."""
         table = self.dump()
+        self.talk.look_again()
         how = "streams by itself" if self.talk.exchange is Exchange.STREAM else "answers when it is asked"
         self.journal.info("exchange", f"the hand {how}")
         findings = unhealthy(table.rows)
@@ -124,11 +124,11 @@ def param_of(element: Element) -> AidinParam:
     return element.param
 
 
-def reading(element: Element, found: Wire | ProtocolError) -> Reading:
-    """One element of what came for its key."""
-    if isinstance(found, ProtocolError):
-        return Reading(element, None, b"", found)
-    number = found[element.index]
+def reading(where: str, element: Element, found: Wire | ProtocolError) -> Reading:
+    """One element of what came for its key, on the link `where`."""
+    number = number_of(where, element, param_of(element), found)
+    if isinstance(number, ProtocolError):
+        return Reading(element, None, b"", number)
     return Reading(element, param_of(element).from_wire(number), repr(number).encode("ascii"))
 
 
@@ -174,9 +174,8 @@ def by_finger(rows: list[Row]) -> list[Grid]:
             at = {row["finger"]: row for row in mine if row["element"] == label}
             head = SHORT.get(name, "") + (" " if name in SHORT else "") + label
             lines.append((head, *(cell(param, at.get(finger)) for finger in fingers), param.unit or "raw"))
-        error = next((row["error"] for row in mine if "error" in row), None)
-        if error is not None:
-            notes.append(str(error))
+        errors = list(dict.fromkeys(str(row["error"]) for row in mine if "error" in row))
+        notes += errors[:MOST_ERRORS]
     if any(isinstance(single, Cell) and single.tone == "warn" for line in lines for single in line):
         notes.append("* out of its documented range")
     if any(row.get("reached") is False for row in rows):

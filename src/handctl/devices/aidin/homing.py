@@ -213,7 +213,7 @@ def named(param: AidinParam, indices: list[int], values: tuple[Number, ...] | li
 
 def _last_known(hand: AidinHand) -> Table:
     values = hand.talk.feedback.values[MOTOR_POS.key]
-    return hand.table([reading(element, values) for element in elements_of(MOTOR_POS)])
+    return hand.table([reading(hand.link.name, element, values) for element in elements_of(MOTOR_POS)])
 
 
 def check_homed(hand: AidinHand, *, assume: bool) -> None:

@@ -41,6 +41,18 @@ class MalformedObject(ProtocolError):
         self.stray = stray
 
 
+class WrongNumbers(ProtocolError):
+    """An array in which some numbers are none. `numbers` has None in their places, `wrong` why, by place from 0."""
+
+    def __init__(self, numbers: Sequence[int | float | None], wrong: Mapping[int, ProtocolError]) -> None:
+        first = next(iter(wrong.values()))
+        count = len(numbers)
+        text = "; ".join(f"number {place + 1} of {count} {exc.text}" for place, exc in wrong.items())
+        super().__init__(text, code=first.code)
+        self.numbers = tuple(numbers)
+        self.wrong = dict(wrong)
+
+
 def encode(fields: Mapping[str, Out]) -> bytes:
     """One object without its terminator; integers without, floats always with a decimal point (6 decimals at most).
 
@@ -76,6 +88,8 @@ class Decoder:
 
     def __init__(self) -> None:
         self._buffer = bytearray()
+        self.taken = b""
+        """The bytes of the object that `next` gave last."""
         self._restart()
 
     def _restart(self) -> None:
@@ -102,9 +116,13 @@ class Decoder:
         if end is None:
             return None
         data = bytes(self._buffer[:end])
-        content = _parse(data)
+        try:
+            content = _parse(data)
+        except Twice as exc:
+            raise self._drop(str(exc)) from exc
         if content is None:
             raise self._drop("an object that is no JSON")
+        self.taken = data
         del self._buffer[:end]
         self._restart()
         return content
@@ -170,43 +188,64 @@ class Decoder:
         return MalformedObject(f"{what}: {data[:48]!r}", data)
 
 
+class Twice(Exception):
+    """A key stands twice in one object: which of its values is right, nobody knows."""
+
+
 def _parse(data: bytes) -> dict[str, object] | None:
     from json import loads
 
     try:
-        content = loads(data)
+        content = loads(data, object_pairs_hook=_each_once)
     except (ValueError, RecursionError):
         return None
     return content if isinstance(content, dict) else None
 
 
+def _each_once(pairs: list[tuple[str, object]]) -> dict[str, object]:
+    content = dict(pairs)
+    if len(content) != len(pairs):
+        names = [name for name, _ in pairs]
+        twice = next(name for name in names if names.count(name) > 1)
+        raise Twice(f"an object in which {_shown(twice)} stands twice")
+    return content
+
+
 def numbers(value: object, count: int, *, whole: tuple[int, int] | None = None) -> tuple[int, ...] | tuple[float, ...]:
     """The numbers of one key: an array of `count`; with `whole` integers of that range (12.0 is one, too).
 
-    Raises ProtocolError naming what is wrong; the other keys of the object may be right all the same.
+    Raises ProtocolError naming what is wrong; the other keys of the object may be right all the same, and the other
+    numbers of a WrongNumbers.
     """
     if not isinstance(value, list):
         raise ProtocolError(f"expected an array of {count} numbers, found {_shown(value)}", code="bad-type")
     if len(value) != count:
         raise ProtocolError(f"expected {count} numbers, found {len(value)}", code="bad-length")
-    checked = [_checked(single, place, count, whole) for place, single in enumerate(value, 1)]
-    return tuple(int(number) for number in checked) if whole is not None else tuple(checked)
+    found: list[int | float | None] = []
+    wrong: dict[int, ProtocolError] = {}
+    for place, single in enumerate(value):
+        try:
+            number = _checked(single, whole)
+            found.append(int(number) if whole is not None else number)
+        except ProtocolError as exc:
+            found.append(None)
+            wrong[place] = exc
+    if wrong:
+        raise WrongNumbers(found, wrong)
+    return tuple(found)  # type: ignore[return-value]  # none is None
 
 
-def _checked(single: object, place: int, count: int, whole: tuple[int, int] | None) -> float:
+def _checked(single: object, whole: tuple[int, int] | None) -> float:
     if isinstance(single, bool) or not isinstance(single, int | float):
-        raise ProtocolError(f"number {place} of {count} is {_shown(single)}", code="bad-type")
+        raise ProtocolError(f"is no number: {_shown(single)}", code="bad-type")
     try:
         number = float(single)
     except OverflowError:
         number = inf
     if not isfinite(number):
-        raise ProtocolError(f"number {place} of {count} is not finite: {_shown(single)}", code="not-finite")
+        raise ProtocolError(f"is not finite: {_shown(single)}", code="not-finite")
     if whole is not None and (number != int(number) or not whole[0] <= number <= whole[1]):
-        raise ProtocolError(
-            f"number {place} of {count} is {_shown(single)}, not an integer from {whole[0]} to {whole[1]}",
-            code="bad-type",
-        )
+        raise ProtocolError(f"is {_shown(single)}, not an integer from {whole[0]} to {whole[1]}", code="bad-type")
     return number
 
 
