@@ -159,12 +159,25 @@ class Journal:
         self.ledger = Ledger()
         self.messages: list[Message] = []
         self.left: Table | None = None
+        self._blamed: tuple[HandctlError, int] | None = None
         self._on_message = on_message
 
     def leave(self, table: Table) -> None:
         """Keep what was read so far: it is shown when the command ends here. Of several the fullest stays."""
         if self.left is None or len(table.rows) >= len(self.left.rows):
             self.left = table
+
+    def blame(self, error: HandctlError) -> HandctlError:
+        """Keep why an exchange failed although something came: the next valid frame clears it. Returns the error."""
+        if error.exit_code == 5:
+            self._blamed = error, self.counters.received
+        return error
+
+    @property
+    def blamed(self) -> HandctlError | None:
+        """What came instead of an answer since the last valid frame, None where nothing did."""
+        error, received = self._blamed or (None, 0)
+        return error if received == self.counters.received else None
 
     def note(self, level: str, code: str, text: str, hint: str = "") -> None:
         """Record a message once; the same code and text again is dropped (streams repeat themselves)."""

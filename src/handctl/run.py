@@ -61,6 +61,8 @@ class Run:
         self._link: Link | None = None
         self.hold: Hold | None = None
         self._trace: TraceFile | None = None
+        self._end: float | None = None
+        """When --deadline is over, by the clock of the link."""
         self._device: Any = None
         self._inputs, self._outputs = files_of(ctx)
 
@@ -110,6 +112,7 @@ class Run:
 
                 link = observed(link, self.ledger)
             self._link = self.hold.around(link)
+            self._end = link.now() + settings.deadline if (settings := self.settings).deadline is not None else None
         return self._link
 
     def stop_key(self) -> AbstractContextManager[bool]:
@@ -278,6 +281,9 @@ class Run:
     def _wind_up(self, table: Table | None, failure: HandctlError | None) -> HandctlError | None:
         """Close, then show; a Ctrl-C meanwhile changes neither the result nor the exit code, unless its reader sleeps."""
         finish_on_signals()
+        failure = self._with_cause(failure)
+        if table is not None:
+            table.failure = self._with_cause(table.failure)
         if self.hold is not None:
             self.hold.finish()
             failure = self.hold.stopped or failure
@@ -400,6 +406,18 @@ class Run:
             return explain(self._device, error)
         except (HandctlError, KeyboardInterrupt):
             return error
+
+    def _with_cause(self, error: HandctlError | None) -> HandctlError | None:
+        """The error; where --deadline was over, why it had not got on: bytes that came tell more than the end of the time."""
+        late = self._end is not None and self._link is not None and self._link.now() >= self._end - 1e-6
+        if error is None or not late or error.exit_code not in (4, 5):
+            return error
+        cause = self.journal.blamed if error.exit_code == 4 else error
+        if cause is None:
+            return error
+        if "--deadline" not in cause.text:
+            cause.text += "; --deadline was over before a valid answer came"
+        return cause
 
     def _close(self, failure: HandctlError | None) -> HandctlError | None:
         try:

@@ -273,8 +273,9 @@ class Conversation:
         if not feedback.seen and self.look_again() and not feedback.complete(keys):
             self._follow(keys)
         if not feedback.seen:
+            error = self.journal.blame(self.nothing_came())
             self.check_bound()
-            raise self.nothing_came()
+            raise error
         return {key: self.feedback.result(key) for key in keys}
 
     def need(self, *params: AidinParam) -> list[Wire]:

@@ -137,12 +137,13 @@ class GclLine:
             raise
         except (NoAnswer, ProtocolError) as exc:
             error: HandctlError = exc
-            if self.bound is not None and self.bound.expired:
-                garbage = exc.code == "echo-differs"
+            if self.bound is None or not self.bound.expired:
+                self.journal.blame(exc)
+            else:  # an answer that the deadline cut short is not to blame
                 text = f"{link.name}: --deadline is over, {command} was not answered by then"
                 error = (
                     ProtocolError(f"{text}: {exc.text}", hint=exc.hint, code=exc.code)
-                    if garbage
+                    if exc.code == "echo-differs"
                     else NoAnswer(text, hint="a longer --deadline", code="deadline")
                 )
             if kind in ("motion", "init"):  # whatever still moves must not go on

@@ -91,7 +91,7 @@ class DataPort:
             try:
                 return self.exchange(command)
             except (NoAnswer, ProtocolError) as exc:
-                error: HandctlError = exc
+                error = self.journal.blame(exc)
             if self.bound is not None and self.bound.expired:
                 break
         raise error

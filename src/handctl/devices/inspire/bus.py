@@ -227,7 +227,7 @@ class Bus(RegisterBus):
             try:
                 return self.exchange(request, [prefix], reply_size=count + 8).data
             except (NoAnswer, ProtocolError) as exc:
-                error: HandctlError = exc
+                error = self.journal.blame(exc)
             if self.bound is not None and self.bound.expired:
                 break
         raise error

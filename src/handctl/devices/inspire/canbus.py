@@ -61,7 +61,7 @@ class CanBus(RegisterBus):
             try:
                 return self._exchange(request, count)
             except (NoAnswer, ProtocolError) as exc:
-                error: HandctlError = exc
+                error = self.journal.blame(exc)
             if self.bound is not None and self.bound.expired:
                 break
         raise error
