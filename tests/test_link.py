@@ -288,7 +288,6 @@ def test_causes_of_a_failed_opening(monkeypatch: pytest.MonkeyPatch, number: str
 
 def test_permission_names_the_group(monkeypatch: pytest.MonkeyPatch, terminal: tuple[int, str]) -> None:
     import errno
-    import grp
 
     import serial
 
@@ -296,9 +295,11 @@ def test_permission_names_the_group(monkeypatch: pytest.MonkeyPatch, terminal: t
         raise serial.SerialException(errno.EACCES, "could not open port")
 
     monkeypatch.setattr(serial, "serial_for_url", refuse)
+    monkeypatch.setattr(
+        "handctl.link.serial.group_of", lambda _path: (20, "dialout")
+    )  # a port of root: test_link_places
     error = opening(terminal[1])
-    group = grp.getgrgid(os.stat(terminal[1]).st_gid).gr_name
-    assert f"usermod -aG {group}" in error.hint
+    assert "usermod -aG dialout" in error.hint
 
 
 # -- usb: -------------------------------------------------------------------------------------------------------------

@@ -126,7 +126,10 @@ def _interrupt(*_: object) -> None:
 
 
 class FrameLink(Link):
-    """A CAN bus with a device on it. `error_frames` counts what the controller reported: nobody acknowledges, bus off."""
+    """A CAN bus with a device on it.
+
+    `error_frames` counts what the controller reported (nobody acknowledges, bus off) and what came in damaged.
+    """
 
     _goes_out = "send"
     error_frames: int = 0

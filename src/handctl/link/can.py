@@ -63,7 +63,8 @@ class CanLink(FrameLink):
         slcan = interface == "slcan" and channel.startswith("/dev/")
         self._lock = _lock(link, channel) if slcan and exclusive else None
         try:
-            self._bus = can.Bus(interface=interface, channel=channel, receive_own_messages=False, **options)
+            settings = dict(interface=interface, channel=channel, receive_own_messages=False, **options)
+            self._bus = can.Bus(**_by_link_alone(settings), ignore_config=True)
         except (TypeError, ValueError) as exc:
             raise UsageError(f"{link}: {exc}", hint="the options behind ? go to python-can's interface") from exc
         except (can.CanError, OSError, ImportError, NotImplementedError) as exc:
@@ -104,7 +105,12 @@ class CanLink(FrameLink):
         while True:
             try:
                 message = self._bus.recv(min(POLL_SECONDS, deadline.remaining))
-            except (can.CanError, OSError, ValueError, IndexError) as exc:  # an adapter's text is taken apart unchecked
+            except (can.CanError, OSError, ValueError, IndexError) as exc:
+                if self._interface == "slcan" and isinstance(exc.__cause__ or exc, (ValueError, IndexError)):
+                    self._drop_line()
+                    if deadline.expired:
+                        return None
+                    continue
                 raise LinkError(
                     f"{self.name}: the bus is lost: {exc}",
                     hint="check the adapter's cable, then run the command again",
@@ -117,6 +123,13 @@ class CanLink(FrameLink):
             if deadline.expired:
                 return None
 
+    def _drop_line(self) -> None:
+        """python-can takes an adapter's lines apart unchecked: a damaged one is passed over, as a damaged frame is."""
+        self.error_frames += 1
+        kept = getattr(self._bus, "_buffer", None)
+        if isinstance(kept, bytearray):  # bytes that are no text stay in there, and every line behind them would fail
+            kept.clear()
+
     def close(self) -> None:
         if self._closed:
             return
@@ -126,6 +139,19 @@ class CanLink(FrameLink):
             self._bus.shutdown()
         if self._lock is not None:
             os.close(self._lock)
+
+
+def _by_link_alone(settings: dict[str, Any]) -> dict[str, Any]:
+    """The options as python-can wants them, from the LINK only.
+
+    Its own files (~/.canrc, ~/can.conf, /etc/can.conf) and variables (CAN_BITRATE, CAN_CONFIG) would add to them, with
+    another bitrate or timing, and nobody would be told.
+    """
+    hidden = {name: os.environ.pop(name) for name in list(os.environ) if name.startswith("CAN_")}
+    try:
+        return dict(can.util.load_config(path=os.devnull, config=settings))
+    finally:
+        os.environ.update(hidden)
 
 
 def _slcan_frame(data: bytes, can_id: int | None) -> bytes:

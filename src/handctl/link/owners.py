@@ -92,6 +92,10 @@ def groups(root: Path = ROOT) -> dict[str, tuple[int, tuple[str, ...]]]:
     return found
 
 
-def group_remedy(group: str) -> str:
-    """What to do when a port belongs to `group` and we do not."""
+def group_remedy(group: str, path: str, *, member: bool = False) -> str:
+    """What to do when a port belongs to `group` and this session does not; `member`: /etc/group lists us there already."""
+    if group in ("", "root"):  # who joins root may do anything, not only open a port
+        return f"the port belongs to root: sudo chmod a+rw {path} (until it is plugged in again)"
+    if member:
+        return f"you are in group {group} already, but not in this session: log out and in again"
     return f"the port belongs to group {group}: sudo usermod -aG {group} $USER, then log in again"

@@ -253,7 +253,10 @@ def _cannot_open(link: str, device: str, exc: Exception) -> LinkError | UsageErr
 
 def _permission_hint(device: str) -> str:
     group = group_of(Path(device))
-    return group_remedy(group[1]) if group is not None else "ask for access to the port"
+    if group is None:
+        return "ask for access to the port"
+    hint = group_remedy(group[1], device)
+    return f"{hint}; `handctl ports` knows a rule that lasts, if there is one" if group[0] == 0 else hint
 
 
 def _ports_hint() -> str:

@@ -153,11 +153,10 @@ def can_problems(interface: CanInterface) -> list[Problem]:
 def permission_remedy(port: Port) -> str:
     """The group to join, or a udev rule where there is no group that would help."""
     rule = udev_remedy(port, 'MODE="0660", TAG+="uaccess"')
+    remedy = group_remedy(port.group, port.path, member=port.member)
     if port.group in ("", "root"):
-        return rule or f"the port belongs to root: sudo chmod a+rw {port.path} (until it is plugged in again)"
-    if port.member:
-        return f"you are in group {port.group} already, but not in this session: log out and in again"
-    return group_remedy(port.group) + (f"; or for this adapter only: {rule}" if rule else "")
+        return rule or remedy
+    return remedy + (f"; or for this adapter only: {rule}" if rule and not port.member else "")
 
 
 def latency_remedy(port: Port) -> str:
