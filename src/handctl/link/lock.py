@@ -7,7 +7,6 @@ lock. Knows no link's inside; where the system has no flock, there is no lock.
 
 from __future__ import annotations
 
-import contextlib
 import os
 import stat
 import time
@@ -17,8 +16,6 @@ from handctl.errors import LinkError
 
 OURS = ("fake://", "replay:", "loop://")
 """Links that nobody else can reach."""
-HERE = ("localhost", "ip6-localhost", "ip6-loopback", "0.0.0.0", "::", "::1")  # noqa: S104 - nothing is bound
-"""What leads to this machine beside 127.0.0.1."""
 LAST_STOP_SECONDS = 2.5
 """How long a lock whose file names no process that lives is waited for: a command that was killed leaves it to the child
 that stops the device."""
@@ -177,10 +174,12 @@ def canonical(link: str, tcp_port: int | None = None) -> str:
         return canonical(link.removeprefix("spy://").partition("?")[0])
     scheme, separator, rest = link.partition("://")
     if separator and scheme in ("tcp", "socket", "rfc2217"):
+        from handctl.link.tcp import plain_host
+
         host, colon, port = rest.partition("?")[0].rstrip("/").casefold().rpartition(":")
         if not colon or not (port.isascii() and port.isdecimal()):
             host, port = f"{host}{colon}{port}", str(tcp_port or "")
-        return f"tcp {_host(host)}:{port.lstrip('0')}"
+        return f"tcp {plain_host(host)}:{port.lstrip('0')}"
     if separator or link.startswith("usb:") or os.name != "posix":
         return link.casefold()
     try:
@@ -190,24 +189,6 @@ def canonical(link: str, tcp_port: int | None = None) -> str:
     if stat.S_ISCHR(found.st_mode):
         return f"tty {os.major(found.st_rdev)}:{os.minor(found.st_rdev)}"
     return os.path.realpath(link)
-
-
-def _host(name: str) -> str:
-    """One spelling of a host: an address written in full, and 127.0.0.1 for all that leads to this machine.
-
-    A name is not looked up: that may take seconds, and which of its addresses answers is not known before.
-    """
-    import socket
-
-    name = name.removeprefix("[").removesuffix("]").rstrip(".")
-    try:
-        number = socket.inet_pton(socket.AF_INET6, name)
-        mapped = number.startswith(bytes(10) + b"\xff\xff")
-        name = socket.inet_ntoa(number[12:]) if mapped else socket.inet_ntop(socket.AF_INET6, number)
-    except OSError:
-        with contextlib.suppress(OSError):
-            name = socket.inet_ntoa(socket.inet_aton(name))  # 127.1 and 0 are addresses, too; anything else is a name
-    return "127.0.0.1" if name in HERE else name
 
 
 def _file_name(place: str) -> str:

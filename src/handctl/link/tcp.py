@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import select
 import socket
 
@@ -29,6 +30,10 @@ def split_address(link: str, default_port: int | None = None) -> tuple[str, int]
             f"{link}: expected tcp://HOST:PORT with a port 1 to 65535", hint="e.g. tcp://192.168.1.20:8000"
         )
     return host, int(port)
+
+
+HERE = ("localhost", "ip6-localhost", "ip6-loopback", "0.0.0.0", "::", "::1")  # noqa: S104 - nothing is bound
+"""What leads to this machine beside 127.0.0.1."""
 
 
 class TcpLink(ByteLink):
@@ -103,3 +108,19 @@ class TcpLink(ByteLink):
 
     def close(self) -> None:
         self._socket.close()
+
+
+def plain_host(name: str) -> str:
+    """One spelling of a host: an address written in full, and 127.0.0.1 for all that leads to this machine.
+
+    A name is not looked up: that may take seconds, and which of its addresses answers is not known before.
+    """
+    name = name.removeprefix("[").removesuffix("]").rstrip(".")
+    try:
+        number = socket.inet_pton(socket.AF_INET6, name)
+        mapped = number.startswith(bytes(10) + b"\xff\xff")
+        name = socket.inet_ntoa(number[12:]) if mapped else socket.inet_ntop(socket.AF_INET6, number)
+    except OSError:
+        with contextlib.suppress(OSError):
+            name = socket.inet_ntoa(socket.inet_aton(name))  # 127.1 and 0 are addresses, too; anything else is a name
+    return "127.0.0.1" if name in HERE else name
