@@ -22,7 +22,7 @@ from handctl.result import Column, Table
 if TYPE_CHECKING:
     from handctl.param import Step
     from handctl.run import Run
-    from handctl.stopping import Sent, Talk
+    from handctl.stopping import Aim, Sent, Talk
 
 GONE_SECONDS = 0.2
 """A process that was ended has let go of the port by then."""
@@ -32,7 +32,7 @@ TRY_SECONDS = 0.01
 COLUMNS = (Column("step", "Step", right=True), Column("bytes", "Bytes"), Column("meaning", "Meaning"), Column("answer", "Answer"))  # fmt: skip
 
 
-def stop(run: Run, talk: Callable[[], Talk] | None = None, otherwise: Callable[[Any], str] | None = None) -> Table:
+def stop(run: Run, talk: Callable[[Aim], Talk] | None = None, otherwise: Callable[[Any], str] | None = None) -> Table:
     """Stop the device of this run, by who has it or from here; rows with the bytes that went out and what came back.
 
     `talk` takes the place of the family's stopper. `otherwise` is tried where it heard nothing: device -> what was seen.
@@ -57,7 +57,7 @@ def stop(run: Run, talk: Callable[[], Talk] | None = None, otherwise: Callable[[
     return table
 
 
-def _plan(run: Run, talk: Callable[[], Talk] | None) -> list[Step]:
+def _plan(run: Run, talk: Callable[[Aim], Talk] | None) -> list[Step]:
     """What goes out where nothing answers."""
     from handctl.link import is_can
     from handctl.stopping import Aim, talk_of, unheard
@@ -65,9 +65,15 @@ def _plan(run: Run, talk: Callable[[], Talk] | None) -> list[Step]:
     assert run.family is not None
     port = run.settings.port
     can = run.settings.wire == "can" if port is None else is_can(port)
-    return unheard(
-        talk() if talk is not None else talk_of(run.family.kind, Aim(run.settings, can, run.meta)), reads=True
-    )
+    fixed = can or run.family.baud is None or (port or "").startswith(("tcp://", "socket://", "replay:"))
+    speed = None if fixed else run.settings.baud or _last_speed(run, port or "") or run.family.baud
+    aim = Aim(run.settings, can, run.meta, speed)
+    return unheard(talk(aim) if talk is not None else talk_of(run.family.kind, aim), reads=True)
+
+
+def _last_speed(run: Run, name: str) -> int | None:
+    """The speed at which the device was found last, where its family keeps that."""
+    return run.family.recall(name) if run.family is not None and run.family.recall is not None else None
 
 
 # -- who has it ---------------------------------------------------------------------------------------------------
@@ -136,7 +142,7 @@ def _end(run: Run, who: Holder | None) -> None:
 def _from_here(
     run: Run,
     lock: Lock | None,
-    talk: Callable[[], Talk] | None,
+    talk: Callable[[Aim], Talk] | None,
     *,
     patient: bool,
     otherwise: Callable[[Any], str] | None,
@@ -148,7 +154,7 @@ def _from_here(
     stopped = None
     while stopped is None or (stopped.error is LinkError and time.monotonic() < until):
         try:
-            link = run.open_link(again=stopped is not None)
+            link = run.open_link(again=stopped is not None, baud=_last_speed(run, run.link_name()))
         except LinkError:
             if time.monotonic() >= until:
                 raise
@@ -156,7 +162,7 @@ def _from_here(
             continue
         sent.clear()
         with run.guide.undisturbed():
-            stopped = carry_out(run, link, sent, talk() if talk is not None else None)
+            stopped = carry_out(run, link, sent, talk)
     silent = stopped.error is not None and issubclass(stopped.error, (errors.NoAnswer, errors.ProtocolError))
     if silent and otherwise is not None:
         try:

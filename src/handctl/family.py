@@ -25,6 +25,7 @@ class Family(NamedTuple):
     ids       its protocol has device ids
     interrupts  what moves or writes may end a movement that it meets; --interrupt lets what reads do so too
     exchange  takes the options that say how the device speaks, where its manual does not
+    recall    LINK -> the speed at which its device was found last, None = not known; not needed, never an error
     check     settings -> raises UsageError for what does not fit together
     explain   (device, error) -> a better error when nothing valid ever came; read-only
     """
@@ -39,6 +40,7 @@ class Family(NamedTuple):
     exchange: bool = False
     interrupts: bool = False
     check: Callable[[Settings], object] | None = None
+    recall: Callable[[str], int | None] | None = None
 
 
 def load(where: str) -> Any:

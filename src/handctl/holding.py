@@ -8,7 +8,7 @@ the command ends by the way of Ctrl-C.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from handctl.errors import HandctlError, Interrupted
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from handctl.link.ear import Ear
     from handctl.link.lock import Lock
     from handctl.run import Run
-    from handctl.stopping import Sent, Stopped, Talk
+    from handctl.stopping import Aim, Sent, Stopped, Talk
 
 MOST = 24
 """Bytes of an answer that are shown."""
@@ -114,15 +114,15 @@ class Hold:
                 handler(signal.SIGINT, frame)
 
 
-def carry_out(run: Run, link: Link, sent: list[Sent], talk: Talk | None = None) -> Stopped:
+def carry_out(run: Run, link: Link, sent: list[Sent], talk: Callable[[Aim], Talk] | None = None) -> Stopped:
     """The stop of the run's family over `link`, or another `talk`. Never raises: a lost link is how it ended."""
-    from handctl.link import FrameLink
-    from handctl.stopping import Aim, Stopped, drive, talk_of
+    from handctl.stopping import Stopped, aimed, drive, talk_of
 
     assert run.family is not None
     try:
-        talk = talk or talk_of(run.family.kind, Aim(run.settings, isinstance(link, FrameLink), run.meta))
-        stopped = drive(link, talk, sent, lambda step: run.ledger.plan([step]) if run.writes else None)
+        aim = aimed(link, run.settings, run.meta)
+        said = talk(aim) if talk is not None else talk_of(run.family.kind, aim)
+        stopped = drive(link, said, sent, lambda step: run.ledger.plan([step]) if run.writes else None)
         if run.writes and stopped.evidence:
             run.ledger.confirm(stopped.evidence, *(one.step for one in sent if not one.reads))
         return stopped

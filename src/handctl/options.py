@@ -219,8 +219,19 @@ def resolve(ctx: click.Context, wires: Sequence[str] = (), device: str = "", *, 
             if not urgent or not chosen.linked:
                 raise
             passed.append(exc)
+    if urgent:
+        _no_catch(chosen, passed)
     ctx.meta[SOURCES] = chosen.sources
     return Settings(**chosen.values)
+
+
+def _no_catch(chosen: _Chosen, passed: list[UsageError]) -> None:
+    """A dry run that a variable or the file has set is a safety catch: it keeps things from moving, and so does a stop."""
+    source = chosen.sources.get("dry_run", COMMAND_LINE)
+    if source != COMMAND_LINE:
+        del chosen.values["dry_run"], chosen.sources["dry_run"]
+        hint = "give -n on the command line to see the bytes and send nothing"
+        passed.append(UsageError(f"dry_run, set in {source.where}, does not hold up a stop", hint=hint))
 
 
 def _take_environment(

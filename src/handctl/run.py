@@ -90,7 +90,7 @@ class Run:
         can = self.settings.wire == "can" if port is None else is_can(port)
         return self.family.open(NoFrames() if can else NoLink(), self.settings, self.journal)
 
-    def open_link(self, *, again: bool = False) -> Link:
+    def open_link(self, *, again: bool = False, baud: int | None = None) -> Link:
         """The link the user asked for, tapped when --trace or -v is given; `again` where it was lost."""
         if again and self._link is not None:
             self._link.close()
@@ -101,7 +101,7 @@ class Run:
             assert self.family is not None
             name = self.link_name()
             tap = self._tap()
-            baud = self.settings.baud or self.family.baud
+            baud = self.settings.baud or baud or self.family.baud
             if self.hold is None:
                 from handctl.holding import Hold, lock_for
 

@@ -33,13 +33,15 @@ Pieces = list[bytes]
 class Aim(NamedTuple):
     """What a stopper may know of the device: the options that were given, and the wire.
 
-    can   the link carries CAN frames
-    meta  options that only one family has, under the keys that it gave them
+    can    the link carries CAN frames
+    meta   options that only one family has, under the keys that it gave them
+    speed  the speed of the port in bit/s, None where it cannot be changed
     """
 
     settings: Settings
     can: bool = False
     meta: Mapping[str, Any] = {}
+    speed: int | None = None
 
 
 class Say(NamedTuple):
@@ -49,12 +51,14 @@ class Say(NamedTuple):
     seconds  how long to listen at most, beyond the time of the wire
     enough   whether the pieces that came answer it
     reads    it changes nothing: it asks who is there, or where the device stands
+    baud     the speed of the port at which it goes out, None as it is; where the port cannot have it, nothing goes out
     """
 
     step: Step
     seconds: float
     enough: Callable[[Pieces], object] = bool
     reads: bool = False
+    baud: int | None = None
 
 
 class Stopped(NamedTuple):
@@ -129,7 +133,20 @@ def drive(link: Link, talk: Talk, sent: list[Sent], before: Callable[[Step], obj
         return stopped
 
 
+def aimed(link: Link, settings: Settings, meta: Mapping[str, Any]) -> Aim:
+    """What a stopper may know of the device behind an open link."""
+    from handctl.link import FrameLink
+
+    can = isinstance(link, FrameLink)
+    return Aim(settings, can, meta, None if can or not link.can_set_baud else link.baud)  # type: ignore[attr-defined]
+
+
 def _bytes(link: ByteLink, say: Say, pieces: Pieces, went: Callable[[], None]) -> None:
+    if say.baud is not None and say.baud != link.baud:
+        try:
+            link.set_baud(say.baud)
+        except LinkError:
+            return
     link.write(say.step.data, link.deadline(WRITE_SECONDS))
     went()
     wire = 10 / link.baud if link.baud else 0.0  # seconds of a byte, 10 bits

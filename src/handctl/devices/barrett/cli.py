@@ -45,9 +45,15 @@ def open_barrett(link: ByteLink, settings: Settings, journal: Journal) -> Barret
     )
 
 
+def _recall(name: str) -> int | None:
+    from handctl.devices.barrett import lastspeed
+
+    return lastspeed.speed_of(name)
+
+
 cli = Group(
     "barrett",
-    family=Family("barrett", open_barrett, 9600, interrupts=True),
+    family=Family("barrett", open_barrett, 9600, interrupts=True, recall=_recall),
     help="BarrettHand BH8 series over RS-232, firmware 4.3x and 4.4. Motors: 1 2 3 are the fingers, 4 or S the spread, G all fingers.",
 )
 

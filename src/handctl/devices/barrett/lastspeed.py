@@ -18,7 +18,12 @@ MOST = 64
 
 def recall(link: ByteLink) -> int | None:
     """The last known speed of the hand on this link, None when there is none, or none that a hand has."""
-    speed = _all().get(link.name) if _counts(link) else None
+    return speed_of(link.name) if _counts(link) else None
+
+
+def speed_of(name: str) -> int | None:
+    """The same of a LINK that need not be open."""
+    speed = _all().get(name)
     return speed if speed in SPEEDS else None
 
 

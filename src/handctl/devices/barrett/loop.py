@@ -205,9 +205,7 @@ class RealtimeLoop:
     def _self_test(self) -> None:
         """Overlapped blocks that drive nothing: a hand that does not keep up with them must not be driven so."""
         assert self.source is not None
-        values = self.source.at(0.0)
-        if values is None:
-            return
+        values = self.source.first
         idle = Source(self.source.carries, {(i, n): v for i, names in still(values).items() for n, v in names.items()})
         try:
             for _ in self._exchange(idle, 0.0, SELF_TEST_BLOCKS, None):

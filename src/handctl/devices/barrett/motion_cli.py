@@ -74,12 +74,11 @@ def add_movements(group: Group) -> None:
         from handctl import emergency
         from handctl.devices.barrett import motion
         from handctl.devices.barrett.stopper import power_off
-        from handctl.stopping import Aim
 
         prefix = prefix_of(motors)
         return emergency.stop(
             run,
-            lambda: power_off(Aim(run.settings), prefix),
+            lambda aim: power_off(aim, prefix),
             otherwise=lambda hand: motion.power_off(hand, prefix),
         )
 

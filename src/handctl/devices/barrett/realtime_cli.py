@@ -277,7 +277,7 @@ def _steps(run: Run, wish: Wish, source: Source | None) -> list[Step]:
     ]
     entry = f"{wish.prefix}LOOP"
     steps.append(Step(f"{entry}: enter RealTime", encode(entry)))
-    values = source.at(0.0) if source is not None else None
+    values = source.first if source is not None else None
     if source is None or values is None:
         steps.append(Step("ask for feedback, again and again", b"A"))
     else:

@@ -42,6 +42,11 @@ class Source:
                         f"no gain for {MOTORS[index]} to start with", hint="--gain G, or leave gain out of --send"
                     )
 
+    @property
+    def first(self) -> Values:
+        """What is sent first, as far as it is known now; asking takes nothing from the input."""
+        return self._state
+
     def at(self, seconds: float) -> Values | None:
         """The values to send `seconds` after the start; None when it is over. Raises UsageError for a bad live line."""
         return self._state
@@ -112,12 +117,13 @@ class Live(Source):
 
     def at(self, seconds: float) -> Values | None:
         while self._arrived:
-            change = self._arrived.popleft()
+            change = self._arrived[0]  # its end, good or bad, stays: whoever asks next is told as well
             if isinstance(change, UsageError):
                 raise change
             if change is None:
                 return None
             self._take(change)
+            self._arrived.popleft()
             self._heard = seconds
         if seconds - self._heard <= self.stale:
             return self._state

@@ -1,13 +1,21 @@
 """The stop of a BarrettHand: ^C ends a movement or the RealTime loop, T takes the power from the motors (barrett §5.5, §5.2.1).
 
-A control block that was cut off may still swallow up to eight bytes (dossier 1.5): without a prompt ^C is repeated.
+It begins at the speed of the port: the one in use, the one that was given, or the one at which the hand was found last.
+A hand that does not answer there may have another one: the others are tried, as far as nothing that is sent could be the
+trigger of a boot monitor at 9600 (dossier 1.5; the bytes of each speed are held against that in the tests). A control
+block that was cut off may still swallow up to eight bytes: without a prompt ^C is repeated, before any other speed is
+tried, since at a wrong speed the rest of that block would be made up.
 """
 
 from __future__ import annotations
 
+from collections.abc import Generator
 from functools import partial
+from typing import NamedTuple
 
+from handctl.devices.barrett.connecting import MONITOR_SPEED, SAFE_ABORT
 from handctl.devices.barrett.language import ABORT, Answer, Decoder, encode, explain_status, has_prompt
+from handctl.devices.barrett.parameters import SPEEDS
 from handctl.errors import DeviceRefused, NoAnswer, ProtocolError
 from handctl.param import Step
 from handctl.stopping import Aim, Pieces, Say, Stopped, Talk
@@ -15,9 +23,21 @@ from handctl.stopping import Aim, Pieces, Say, Stopped, Talk
 FIRST, BETWEEN, LAST = 0.15, 0.02, 0.5
 """Seconds for the prompt behind the first ^C, behind the next ones, and behind the last: a movement needs time to end."""
 SWALLOWED = 8
-POWER_OFF = 1.0
+POWER_OFF, BRIEF = 1.0, 0.3
+"""Seconds for the answer to T: at the end, and before the other speeds are tried."""
 HARMLESS = 1 | 4 | 16384
 """Statuses with which T works: a motor was never initialized (printed as 1 in §5.2.1), ^C was received."""
+OFF = "switch the supply off if it still moves"
+
+
+class Turn(NamedTuple):
+    """What was tried at one speed, None where the link has none, and what came."""
+
+    speed: int | None
+    answer: Answer | None
+    ended: bool
+    seen: bytes
+    sent: str
 
 
 def stopping(aim: Aim) -> Talk:
@@ -27,43 +47,75 @@ def stopping(aim: Aim) -> Talk:
 
 def power_off(aim: Aim, prefix: str = "") -> Talk:
     """^C, which stops all motors, then T for the motors of `prefix` ("" = all)."""
-    settings = aim.settings
-    abort = Step("^C: end the movement or the RealTime loop", ABORT, moves=True)
+    command = f"{prefix}T"
+    slow = aim.settings.timeout or 0.0
+    others = [speed for speed in SPEEDS if speed != aim.speed] if aim.speed is not None else []
+    power = slow or (BRIEF if others else POWER_OFF)
+    turns = [(yield from _at(aim.speed, prefix, max(FIRST, slow), BETWEEN if others else LAST, power))]
+    for speed in others:
+        if turns[-1].answer is None:
+            turns.append((yield from _at(speed, prefix, max(FIRST, slow), None, slow or POWER_OFF)))
+    if others and turns[-1].answer is None:  # a slow line, or a movement that took long to end
+        turns.append((yield from _at(aim.speed, prefix, max(LAST, slow), None, slow or POWER_OFF, whole=True)))
+    return _ending(command, turns)
+
+
+def _at(
+    speed: int | None, prefix: str, first: float, last: float | None, power: float, *, whole: bool = False
+) -> Generator[Say, Pieces, Turn]:
+    """One speed: ^C, again and again where `last` says how long the last one is listened to, then T.
+
+    T goes out unanswered where ^C was repeated, or with `whole`; elsewhere only to who has said something.
+    """
+    where = f" at {speed} bit/s" if speed is not None else ""
+    data = SAFE_ABORT if speed is not None and speed > MONITOR_SPEED else ABORT
+    abort = Step(f"^C{where}: end the movement or the RealTime loop", data, moves=True)
     came: Pieces = []
-    for count in range(1 + SWALLOWED):
-        seconds = LAST if count == SWALLOWED else BETWEEN if count else max(FIRST, settings.timeout or 0.0)
-        came += yield Say(abort, seconds, partial(_prompt_in, tuple(came)))
+    for count in range(1 if last is None else 1 + SWALLOWED):
+        seconds = first if count == 0 else last if last is not None and count == SWALLOWED else BETWEEN
+        came += yield Say(abort, seconds, partial(_prompt_in, tuple(came)), baud=speed)
         if has_prompt(b"".join(came)):
             break
+    ended = has_prompt(b"".join(came))
     command = f"{prefix}T"
-    step = Step(f"{command}: motor power off", encode(command), moves=True)
-    pieces = yield Say(step, settings.timeout or POWER_OFF, lambda pieces: _answer(command, pieces))
-    answer = _answer(command, pieces)
+    risky = bool(prefix) and data == SAFE_ABORT  # three digits before T may be the trigger to a boot monitor
+    if not ended and (risky or not (came or whole or last is not None)):
+        return Turn(speed, None, ended, b"".join(came), f"^C{where}")
+    step = Step(f"{command}{where}: motor power off", encode(command), moves=True)
+    pieces = yield Say(step, power, lambda pieces: _answer(command, pieces), baud=speed)
+    return Turn(speed, _answer(command, pieces), ended, b"".join([*came, *pieces]), f"^C and {command}{where}")
+
+
+def _ending(command: str, turns: list[Turn]) -> Stopped:
+    """What the turns say together; only the last one can have been answered."""
+    last = turns[-1]
+    answer = last.answer
     if answer is None:
-        return _unanswered(command, came, pieces)
-    ended = "^C was answered with a prompt" if has_prompt(b"".join(came)) else "^C was not answered"
+        return _unanswered(turns)
+    at = f" at {last.speed} bit/s" if last.speed is not None else ""
+    before = f"no answer at {turns[0].speed} bit/s; " if last.speed != turns[0].speed else ""
+    ended = f"{before}^C{at} was answered with a prompt" if last.ended else f"{before}^C{at} was not answered"
     if answer.lines or answer.status & ~HARMLESS:
         told = f"{answer.status} ({explain_status(answer.status)})" if answer.status else repr(answer.lines[0])
         text = f"{ended}; {command} was answered with {told}: the motors may still have power"
         refused = DeviceRefused if answer.status else ProtocolError
         return Stopped(text, "if they must not, switch the supply off", refused)
     status = f" (status {answer.status}: {explain_status(answer.status)})" if answer.status else ""
-    return Stopped(
-        f"{ended}; {command} was acknowledged{status}: motor power is off", evidence=f"{command} was answered{status}"
-    )
+    text = f"{ended}; {command} was acknowledged{status}: motor power is off"
+    return Stopped(text, evidence=f"{command} was answered{at}{status}" if len(turns) == 1 or status else "")
+
+
+def _unanswered(turns: list[Turn]) -> Stopped:
+    sent = ", ".join(dict.fromkeys(turn.sent for turn in turns))
+    seen = next((turn.seen for turn in turns if turn.seen), b"")
+    if not seen:
+        return Stopped(f"{sent} went out; nothing answered", OFF, NoAnswer)
+    shown = seen[-24:].hex(" ").upper()
+    return Stopped(f"{sent} went out; no prompt came, but {shown}", OFF, ProtocolError)
 
 
 def _prompt_in(before: tuple[bytes, ...], pieces: Pieces) -> bool:
     return has_prompt(b"".join([*before, *pieces]))
-
-
-def _unanswered(command: str, came: Pieces, pieces: Pieces) -> Stopped:
-    hint = "switch the supply off if it still moves; --baud N when the hand's speed is another"
-    seen = b"".join([*came, *pieces])
-    if not seen:
-        return Stopped(f"^C and {command} were sent; nothing answered", hint, NoAnswer)
-    shown = seen[-24:].hex(" ").upper()
-    return Stopped(f"^C and {command} were sent; no prompt came, but {shown}", hint, ProtocolError)
 
 
 def _answer(command: str, pieces: Pieces) -> Answer | None:
