@@ -19,6 +19,7 @@ import pytest
 
 from handctl.families import FAMILIES, STOPPERS
 from handctl.link import lock
+from handctl.link.ear import STOP_SECONDS
 from handctl.options import Settings
 from handctl.sim.serve import send_control
 from handctl.stopping import Aim, talk_of, unheard
@@ -57,22 +58,24 @@ def test_every_family_has_a_stop() -> None:
     assert set(STOPPERS) == set(FAMILIES) == set(HOW)
 
 
+@pytest.mark.parametrize("speed", [None, 9600, 600])
 @pytest.mark.parametrize("family", FAMILIES)
-def test_a_stop_that_nobody_answers_ends_and_claims_nothing(family: str) -> None:
-    talk = talk_of(family, Aim(Settings()))
+def test_a_stop_that_nobody_answers_ends_and_claims_nothing(family: str, speed: int | None) -> None:
+    """Before who asked a holder for it gives up."""
+    talk = talk_of(family, Aim(Settings(), speed=speed))
     ended = None
     say = next(talk)
     seconds = 0.0
     for _ in range(200):
-        seconds += say.seconds
+        seconds += say.seconds + (10 / say.baud * (len(say.step.data) + say.size) if say.baud else 0.0)
         try:
             say = talk.send([])
         except StopIteration as end:
             ended = end.value
             break
     assert ended is not None and ended.error is not None and ended.error.exit_code == 4, ended
-    assert seconds < 3, "it takes longer than anybody waits"
-    for step in unheard(talk_of(family, Aim(Settings()))):
+    assert seconds < (3 if speed is None else STOP_SECONDS), "it takes longer than anybody waits"
+    for step in unheard(talk_of(family, Aim(Settings(), speed=speed))):
         assert step.moves and step.meaning
 
 

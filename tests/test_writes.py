@@ -143,7 +143,7 @@ class Barrett:
             return False
         if not data.strip(b"\x00\x03"):  # to leave a loop, a zero may go before
             self.moves, self.loop = self.moves or self.loop, False
-            return self.moves or (self.stops and data == b"\x03")
+            return self.moves or (self.stops and data[-1:] == b"\x03")
         if self.loop:
             return data not in (b"A", b"a")
         word = data.decode().strip().upper().partition(" ")[0]

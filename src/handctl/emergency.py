@@ -169,6 +169,4 @@ def _from_here(
             stopped = stopped._replace(text=otherwise(run.device()), hint="", error=None)
         except HandctlError as exc:
             stopped = stopped._replace(text=f"{stopped.text}; {exc.text}")
-    if stopped.error is None and not stopped.hint:
-        run.ledger.confirm(stopped.text)
     return report(stopped, sent)

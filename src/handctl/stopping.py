@@ -51,6 +51,7 @@ class Say(NamedTuple):
     seconds  how long to listen at most, beyond the time of the wire
     enough   whether the pieces that came answer it
     reads    it changes nothing: it asks who is there, or where the device stands
+    size     bytes of an answer, whose time on the wire is waited for as well
     baud     the speed of the port at which it goes out, None as it is; where the port cannot have it, nothing goes out
     """
 
@@ -59,6 +60,7 @@ class Say(NamedTuple):
     enough: Callable[[Pieces], object] = bool
     reads: bool = False
     baud: int | None = None
+    size: int = 32
 
 
 class Stopped(NamedTuple):
@@ -150,7 +152,7 @@ def _bytes(link: ByteLink, say: Say, pieces: Pieces, went: Callable[[], None]) -
     link.write(say.step.data, link.deadline(WRITE_SECONDS))
     went()
     wire = 10 / link.baud if link.baud else 0.0  # seconds of a byte, 10 bits
-    deadline = link.deadline(say.seconds + wire * (len(say.step.data) + 32))
+    deadline = link.deadline(say.seconds + wire * (len(say.step.data) + say.size))
     while not deadline.expired and sum(map(len, pieces)) < MOST:
         chunk = link.read(deadline)
         if not chunk:

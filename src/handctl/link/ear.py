@@ -15,7 +15,7 @@ from typing import Any
 
 HEARD_SECONDS = 0.3
 """A holder that does not answer within this is asleep, or blocked."""
-STOP_SECONDS = 6.0
+STOP_SECONDS = 9.0
 """Longest time from `heard` to the report: the longest stop, with silence at every step."""
 LONGEST_PATH = 100
 """Bytes of a socket's name that every system takes."""

@@ -9,7 +9,7 @@ tried, since at a wrong speed the rest of that block would be made up.
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
 from functools import partial
 from typing import NamedTuple
 
@@ -50,39 +50,41 @@ def power_off(aim: Aim, prefix: str = "") -> Talk:
     command = f"{prefix}T"
     slow = aim.settings.timeout or 0.0
     others = [speed for speed in SPEEDS if speed != aim.speed] if aim.speed is not None else []
-    power = slow or (BRIEF if others else POWER_OFF)
-    turns = [(yield from _at(aim.speed, prefix, max(FIRST, slow), BETWEEN if others else LAST, power))]
+    last, brief = (BETWEEN, BRIEF) if others else (LAST, POWER_OFF)
+    turns = [(yield from _at(aim.speed, prefix, (FIRST, *[BETWEEN] * (SWALLOWED - 1), last), brief, slow))]
     for speed in others:
         if turns[-1].answer is None:
-            turns.append((yield from _at(speed, prefix, max(FIRST, slow), None, slow or POWER_OFF)))
+            turns.append((yield from _at(speed, prefix, (FIRST,), BRIEF, slow)))
     if others and turns[-1].answer is None:  # a slow line, or a movement that took long to end
-        turns.append((yield from _at(aim.speed, prefix, max(LAST, slow), None, slow or POWER_OFF, whole=True)))
+        turns.append((yield from _at(aim.speed, prefix, (BETWEEN, LAST), POWER_OFF, slow)))
     return _ending(command, turns)
 
 
 def _at(
-    speed: int | None, prefix: str, first: float, last: float | None, power: float, *, whole: bool = False
+    speed: int | None, prefix: str, waits: Sequence[float], power: float, slow: float
 ) -> Generator[Say, Pieces, Turn]:
-    """One speed: ^C, again and again where `last` says how long the last one is listened to, then T.
+    """One speed: ^C once for each of `waits`, the seconds for its prompt, then T. `slow` is what a slow line needs.
 
-    T goes out unanswered where ^C was repeated, or with `whole`; elsewhere only to who has said something.
+    Where ^C went out once and nothing came, T goes out neither: nobody is there.
     """
     where = f" at {speed} bit/s" if speed is not None else ""
     data = SAFE_ABORT if speed is not None and speed > MONITOR_SPEED else ABORT
     abort = Step(f"^C{where}: end the movement or the RealTime loop", data, moves=True)
     came: Pieces = []
-    for count in range(1 if last is None else 1 + SWALLOWED):
-        seconds = first if count == 0 else last if last is not None and count == SWALLOWED else BETWEEN
-        came += yield Say(abort, seconds, partial(_prompt_in, tuple(came)), baud=speed)
+    for count, seconds in enumerate(waits):
+        size = 8 if seconds == BETWEEN else 32  # a prompt alone, or the rest of an answer before it
+        wait = max(seconds, slow) if count == 0 else seconds
+        came += yield Say(abort, wait, partial(_prompt_in, tuple(came)), baud=speed, size=size)
         if has_prompt(b"".join(came)):
             break
     ended = has_prompt(b"".join(came))
     command = f"{prefix}T"
     risky = bool(prefix) and data == SAFE_ABORT  # three digits before T may be the trigger to a boot monitor
-    if not ended and (risky or not (came or whole or last is not None)):
+    if not ended and (risky or (len(waits) == 1 and not came)):
         return Turn(speed, None, ended, b"".join(came), f"^C{where}")
     step = Step(f"{command}{where}: motor power off", encode(command), moves=True)
-    pieces = yield Say(step, power, lambda pieces: _answer(command, pieces), baud=speed)
+    seconds = slow or (POWER_OFF if ended else power)
+    pieces = yield Say(step, seconds, lambda pieces: _answer(command, pieces), baud=speed)
     return Turn(speed, _answer(command, pieces), ended, b"".join([*came, *pieces]), f"^C and {command}{where}")
 
 
