@@ -46,3 +46,16 @@ def test_a_change_of_speed_is_no_lost_answer() -> None:
     explainer.feed(DEVICE, b"PSET LFT 1")
     (cut,) = explainer.flush()
     assert cut.problem == "cut-short"
+
+
+def test_the_question_of_a_connect_is_no_mistake() -> None:
+    """ERR 32 to it is how a hand says that it is there; ERR 2048 says that it was in RealTime."""
+    for status, meaning, problem in (
+        (32, "prompt: the hand is there", ""),
+        (2048, "ERR 2048: invalid RealTime header", "refused"),
+    ):
+        explainer = BarrettExplainer()
+        (asked,) = explainer.feed(HOST, b"!\r")
+        assert (asked.meaning, asked.problem) == ("!: asks for the prompt, and is no command", "")
+        (answer,) = explainer.feed(DEVICE, b"!\n\rERR %d\n\r=> " % status)
+        assert (answer.meaning, answer.problem, answer.answers) == (meaning, problem, asked.asks)

@@ -82,6 +82,9 @@ def test_the_adjusting_view() -> None:
 
 
 def test_a_refused_reading_is_an_error() -> None:
-    hand, _ = scripted({**OPEN, "123FGET SG": "ERR 8192"})
-    with pytest.raises(DeviceRefused):
+    hand, link = scripted({**OPEN, "123FGET SG": "ERR 8192", "PGET TEMP OTEMP": "651|650"})
+    with pytest.raises(DeviceRefused) as caught:
         strain.measure(hand)
+    assert link.commands == ["123FGET SG", "PGET TEMP OTEMP"]
+    assert "8192" in caught.value.text
+    assert caught.value.hint.startswith("TEMP is 65.1 °C, OTEMP 65.0 °C: let the hand cool")

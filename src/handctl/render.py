@@ -134,8 +134,8 @@ class Sink:
 
     def __exit__(self, kind: type[BaseException] | None, exc: BaseException | None, tb: TracebackType | None) -> None:
         try:
-            if kind is None:
-                self.flush()
+            if kind is None or (issubclass(kind, HandctlError) and not issubclass(kind, OutputError)):
+                self.flush()  # what was read before an error is shown
         finally:
             try:
                 if self._whole is not None:

@@ -235,7 +235,9 @@ class BarrettExplainer:
         raw = answer.raw if answer.raw.endswith(b"=> ") else answer.raw[: answer.raw.rfind(b"=>") + 2]
         self._flags.note(asked.command, answer)
         meaning, values, problem = gclwords.answer(asked.command, answer)
-        if answer.status:
+        if asked.command == gclwords.MARK and answer.status == gclwords.UNKNOWN_COMMAND:
+            meaning = "prompt: the hand is there"
+        elif answer.status:
             problem = "refused" if answer.status != 16384 else ""
             status = f"ERR {answer.status}: {explain_status(answer.status)}"
             meaning = f"{meaning}; {status}" if answer.lines else status

@@ -5,12 +5,16 @@ from __future__ import annotations
 from functools import lru_cache
 
 from handctl.devices.barrett.commands import Command, split
+from handctl.devices.barrett.connecting import QUESTION
 from handctl.devices.barrett.language import Answer, explain_status, motor_prefix, motors_of, values
 from handctl.devices.barrett.parameters import BARRETT, GclParam
 from handctl.errors import HandctlError
 from handctl.param import Number
 from handctl.piece import Part, Value
 
+MARK = QUESTION[:-1].decode()
+"""The question of a connect without its CR; ERR 32 is how a hand says that it is there."""
+UNKNOWN_COMMAND = 32
 NAMES = {"\r": "<CR>", "\n": "<LF>", "\x03": "<^C>"}
 
 
@@ -58,6 +62,8 @@ def command(text: str) -> tuple[str, str]:
     """(meaning, problem) of a command line."""
     if not text:
         return "an empty line: asks for the prompt", ""
+    if text == MARK:
+        return f"{MARK}: asks for the prompt, and is no command", ""
     prefix, found, words = split(text)
     if found is None:
         return f"{text}: no command of GCL", "unknown-command"
