@@ -125,7 +125,7 @@ WRITES = (
     setting("set-sitting", "upper_leg_length=17.0", (200, 1700, "upper_leg_length"), posture="sitting"),
     Command("restore", "set", ("restore", "{dir}/other.json", *ME), ("swing_time", "left_stance_support"),
             (*ONE, *WRITING[2:]), ((204, 120, "swing_time"), (217, 2, "left_stance_support"))),
-    Command("cancel", "cancel", ("cancel",), ("cancel_action",), (CANCEL,)),
+    Command("cancel", "cancel", ("cancel",), ("cancel_action",), (TIME, CANCEL)),
 )  # fmt: skip
 OFFLINE = (
     Command("describe", "none", ("describe", "step_length"), ("step_length",)),

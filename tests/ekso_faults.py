@@ -26,8 +26,6 @@ NO_ANSWER: dict[str, tuple[int, str]] = {
 LUCKY = ("twin-id",)
 """The AND of two frames may be the one frame, by chance; then its values are right."""
 SPECIAL: dict[tuple[str, str], tuple[int, str]] = {
-    ("late", "cancel"): (4, "no answer"),  # never repeated, so that nothing had come yet
-    ("short-body", "cancel"): (5, "acknowledged without data"),  # a status without its word
     ("unlisted-codes", "diff"): (7, "10 of 20 values differ"),
     ("unlisted-codes", "set-label"): (7, "read-back differs: lean_allowance is unknown (61)"),
     ("unlisted-codes", "set-percent"): (7, "read-back differs: left_swing_assist is unknown (54)"),
@@ -89,6 +87,13 @@ HIT_BOTH: dict[str, tuple[int, str]] = {
     "not-taken": (7, "read-back"), "neighbour": (7, "read-back"), "unlisted-codes": (7, "read-back"),
     **dict.fromkeys(ANSWER_LOST, (0, "answer-lost")),
 }  # fmt: skip
+HIT_CANCEL: dict[str, tuple[int, str]] = {
+    **NO_ANSWER,
+    "late": (4, "no answer"),  # never repeated, so that nothing had come yet
+    "short-body": (5, "acknowledged without data"),  # a status without its word
+    "refuse": (6, "refused in the present state"),
+}
+"""Only CancelAction is hit, the second request of `cancel`: the time before it said who is there."""
 PHASES = {
     "write": ({"every": 7}, HIT_WRITE),
     "read-back": ({"every": 8}, HIT_READ_BACK),

@@ -417,7 +417,7 @@ def test_all_names_of_a_place_are_one(terminal: str, tmp_path: Path) -> None:
     for name in (by_id, f"spy://{terminal}?file=x", f"can:slcan:{terminal}", f"can:slcan:{by_id}?bitrate=500000"):
         assert lock.canonical(str(name)) == place
     assert lock.canonical("tcp://Hand.local", 8000) == lock.canonical("tcp://hand.local:8000/") == "tcp hand.local:8000"
-    assert lock.canonical("tcp://[::1]", 8000) == lock.canonical("tcp://[::1]:8000") == "tcp [::1]:8000"
+    assert lock.canonical("tcp://[fe80::1]", 8000) == lock.canonical("tcp://[FE80::1]:8000") == "tcp fe80::1:8000"
     assert lock.canonical("can:slcan:socket://localhost:5") == lock.canonical("rfc2217://127.0.0.1:5?logging=debug")
     assert lock.canonical("can:socketcan:can0?bitrate=1") == "can socketcan:can0"
     assert lock.canonical("usb:0403:6001:AB") == lock.canonical("USB:0403:6001:ab".replace("USB", "usb"))

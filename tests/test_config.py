@@ -82,8 +82,11 @@ def test_a_missing_or_empty_file_is_empty(tmp_path: Path) -> None:
 
 
 def test_every_shared_option_has_a_key() -> None:
-    names = {option.name for option in shared_options(("serial", "can"), exchange=True)} - {"assume_identity"}
+    """All but `--assume-identity`, which must be typed."""
+    options = shared_options(("serial", "can"), exchange=True, interrupts=True)
+    names = {option.name for option in options} - {"assume_identity"}
     assert set(CHECKS) == names >= {"port", "device", "fake", "can", "format", "json", "dry_run", "yes", "debug"}
+    assert "assume_identity" in {option.name for option in options}
     text = {
         "port": '"x"', "device": '"left"', "trace": '"t"', "output": '"o"', "format": '"csv"', "color": '"never"',
         "id": "5", "baud": "9600", "retries": "0", "timeout": "0.5", "deadline": "3",

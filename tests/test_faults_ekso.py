@@ -34,6 +34,7 @@ from tests.ekso_commands import (
 from tests.ekso_faults import (
     ANSWER_LOST,
     FAULTS,
+    HIT_CANCEL,
     LUCKY,
     NEVER_TAKEN,
     NO_ANSWER,
@@ -122,7 +123,9 @@ class Cell:
     def audited(self) -> None:
         """Every write has its intent with the frame, and what became of it; nothing else is in the log."""
         if self.command.kind == "cancel":
-            assert [entry["event"] for entry in self.audit] == ["cancel", "cancel-result"], (self.audit, self)
+            frames = [data for data in self.sent if data[0] == CANCEL]
+            assert [entry["event"] for entry in self.audit] == ["cancel", "cancel-result"] * len(frames), self
+            assert [bytes.fromhex(entry["frame"]) for entry in self.audit[::2]] == frames, (self.audit, self)
             return
         assert [entry["event"] for entry in self.audit] == ["intent", "result"] * len(self.written), (self.audit, self)
         frames = [bytes.fromhex(entry["frame"])[4:-2] for entry in self.audit if entry["event"] == "intent"]
@@ -247,6 +250,19 @@ def test_fault_at_the_write(scratch: Path, fault: str, phase: str) -> None:
             assert "was sent and could not be read back" in error["hint"] or "not applied" in error["text"], error
         verdict = cell.audit[-1]["verdict"]
         assert (verdict == "applied") == (cell.result.code == 0), (verdict, cell)
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_fault_at_the_cancel(scratch: Path, fault: str) -> None:
+    """Just CancelAction is hit: it was sent once, the log has it, and an error says that it may have been taken."""
+    (command,) = [command for command in WRITES if command.kind == "cancel"]
+    cell = Cell(scratch, command, fault, after=1)
+    code, words = HIT_CANCEL.get(fault, (0, ""))
+    cell.holds(code, words, lucky=fault in LUCKY)
+    assert [data[0] for data in cell.sent if data[0] == CANCEL] == [CANCEL], cell
+    if code in (4, 5) and cell.result.code:
+        (error,) = [message for message in cell.messages if message["level"] == "error"]
+        assert error["hint"].startswith("It was sent and may have been taken; the state "), error
 
 
 ONCE = ("silent", "deaf", "truncate", "bad-checksum", "wrong-id", "twin-id", "late", "acknowledge", "wrong-command",

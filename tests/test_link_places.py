@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import os
 import pty
+import select
+import threading
+import tty
 from pathlib import Path
 from typing import Any
 
@@ -97,10 +100,51 @@ def test_a_damaged_line_of_an_adapter_is_dropped_and_counted() -> None:
             os.write(server, line + b"T10FF000120102\r")
             frame = link.receive(link.deadline(2))  # type: ignore[attr-defined]
             assert frame is not None and (frame.can_id, frame.data) == (0x10FF0001, b"\1\2"), line
-            assert link.error_frames == number, line  # type: ignore[attr-defined]
+            assert (link.damaged, link.error_frames) == (number, 0), line  # type: ignore[attr-defined]
     finally:
         link.close()
         os.close(server)
         os.close(port)
     with pytest.raises(LinkError):
         open_link("can:slcan:/dev/nothing-there")
+
+
+def answering(server: int, answer: bytes, until: float) -> None:
+    """An adapter that says `answer` to each frame that it is to send, until the other end has gone."""
+    while select.select([server], [], [], until)[0]:
+        try:
+            came = os.read(server, 4096)
+        except OSError:
+            return
+        for line in came.split(b"\r"):
+            if line.startswith(b"T"):
+                os.write(server, answer.replace(b"?", line[1:9]))
+
+
+@pytest.mark.parametrize(
+    ("answer", "code", "words"),
+    [
+        (b"T?2A7\r", 5, "1 damaged line came from the adapter, the last b'T1"),
+        (b"\xff\r", 5, "1 damaged line came from the adapter, the last b'\\xff\\r'"),
+        (b"T?2A7\rT?2A7FE\r", 0, ""),
+    ],
+)
+def test_damaged_lines_stand_in_the_counters_and_in_the_cause(answer: bytes, code: int, words: str) -> None:
+    """Silence is not blamed on the bus where the adapter's own cable is damaged."""
+    server, port = pty.openpty()
+    tty.setraw(port)
+    peer = threading.Thread(target=answering, args=(server, answer, 10))
+    peer.start()
+    link = f"can:slcan:{os.ttyname(port)}"
+    try:
+        done = run("wrist", "get", "pitch_actual", "-p", link, "--timeout", "0.2", "--retries", "1", "--json")
+    finally:
+        os.close(port)
+        peer.join()
+        os.close(server)
+    assert done.code == code, done
+    if code:
+        assert done.error["code"] == "damaged" and words in done.error["text"], done.error
+        assert done.json["counters"]["bad_frames"] == 2
+    else:
+        assert done.json["counters"]["bad_frames"] == 1 and done.rows[0]["value"] == -3.45

@@ -228,8 +228,12 @@ class View:
         if self._failed:
             words = self._failed.split(";")[0].split()
             return flowing([Text(word, style="bold red") for word in words], width)
-        counters = self._context.journal.counters.as_row()
-        items = [Text(f"{key} {value}", style="dim") for key, value in counters.items() if isinstance(value, int)]
+        counted = self._context.journal.counters
+        nothing = {
+            key for key, value in counted.quality().items() if not value
+        }  # of these 0 says no more than their absence
+        shown = {key: value for key, value in counted.as_row().items() if isinstance(value, int) and key not in nothing}
+        items = [Text(f"{key} {value}", style="dim") for key, value in shown.items()]
         lines = flowing(items, width, gap=2)
         reminded = flowing([*items, Text("Ctrl-C ends", style="dim")], width, gap=2)
         return reminded if len(reminded) == len(lines) else lines

@@ -128,11 +128,14 @@ def _interrupt(*_: object) -> None:
 class FrameLink(Link):
     """A CAN bus with a device on it.
 
-    `error_frames` counts what the controller reported (nobody acknowledges, bus off) and what came in damaged.
+    error_frames   what the controller reported: nobody acknowledges, bus off
+    damaged        what came from the adapter and is no frame; the last of it is `damage`, for people
     """
 
     _goes_out = "send"
     error_frames: int = 0
+    damaged: int = 0
+    damage: str = ""
 
     @abstractmethod
     def send(self, frame: CanFrame, deadline: Deadline) -> None:

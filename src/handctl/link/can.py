@@ -1,6 +1,6 @@
 """CAN through python-can: `can:INTERFACE:CHANNEL[?bitrate=…]`. The only user of python-can.
 
-Extended data frames only; standard, remote and own frames are passed over, error frames counted.
+Extended data frames only; standard, remote and own frames are passed over, error frames and damaged lines counted.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ import contextlib
 import logging
 import os
 import struct
+from collections.abc import Callable
 from typing import Any
 
 import can
@@ -76,6 +77,9 @@ class CanLink(FrameLink):
                 code="cannot-open",
             ) from exc
         self._closed = False
+        self._line = b""
+        if interface == "slcan" and hasattr(self._bus, "_read"):
+            self._bus._read = self._noting(self._bus._read)
         self._interface = interface
         self.held = (self._lock,) if self._lock is not None else ()
 
@@ -107,7 +111,7 @@ class CanLink(FrameLink):
                 message = self._bus.recv(min(POLL_SECONDS, deadline.remaining))
             except (can.CanError, OSError, ValueError, IndexError) as exc:
                 if self._interface == "slcan" and isinstance(exc.__cause__ or exc, (ValueError, IndexError)):
-                    self._drop_line()
+                    self._drop_line(str(exc))
                     if deadline.expired:
                         return None
                     continue
@@ -116,19 +120,34 @@ class CanLink(FrameLink):
                     hint="check the adapter's cable, then run the command again",
                     code="lost",
                 ) from exc
-            if message is not None and (message.is_error_frame or not _possible(message)):
+            if message is not None and message.is_error_frame:
                 self.error_frames += 1
+            elif message is not None and not _possible(message):
+                self._drop_line("no frame can be like this")
             elif message is not None and message.is_extended_id and not message.is_remote_frame and message.is_rx:
                 return CanFrame(message.arbitration_id, bytes(message.data))
             if deadline.expired:
                 return None
 
-    def _drop_line(self) -> None:
+    def _drop_line(self, why: str) -> None:
         """python-can takes an adapter's lines apart unchecked: a damaged one is passed over, as a damaged frame is."""
-        self.error_frames += 1
+        self.damaged += 1
         kept = getattr(self._bus, "_buffer", None)
-        if isinstance(kept, bytearray):  # bytes that are no text stay in there, and every line behind them would fail
-            kept.clear()
+        if isinstance(kept, bytearray) and kept:
+            self._line = bytes(kept)
+            kept.clear()  # bytes that are no text stay in there, and every line behind them would fail
+        self.damage = f"{self._line[:40]!r} ({why})" if self._line else why
+
+    def _noting(self, read: Callable[[float | None], str | None]) -> Callable[[float | None], str | None]:
+        """python-can's reader of an adapter's lines, with the last one kept: its errors do not tell it."""
+
+        def reading(timeout: float | None) -> str | None:
+            self._line = b""
+            line = read(timeout)
+            self._line = (line or "").encode()
+            return line
+
+        return reading
 
     def close(self) -> None:
         if self._closed:

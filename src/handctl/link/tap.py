@@ -196,17 +196,20 @@ class TappedFrames(_Tapped, FrameLink):
                 self._tap.passed(sent, ">", frame.data, frame.can_id)
         except LinkError as exc:
             raise self._failed(exc) from exc.__cause__
-        self.error_frames = self._link.error_frames
+        self._count()
 
     def receive(self, deadline: Deadline) -> CanFrame | None:
         try:
             frame = self._link.receive(deadline)
         except LinkError as exc:
             raise self._failed(exc) from exc.__cause__
-        self.error_frames = self._link.error_frames
+        self._count()
         if frame is not None:
             self._tap.passed(self.now(), "<", frame.data, frame.can_id)
         return frame
+
+    def _count(self) -> None:
+        self.error_frames, self.damaged, self.damage = self._link.error_frames, self._link.damaged, self._link.damage
 
 
 class TappedLink(_Tapped, ByteLink):

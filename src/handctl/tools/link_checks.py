@@ -211,6 +211,11 @@ class LinkChecks:
         if link.error_frames:
             remedy = "check bitrate, termination (120 ohm at both ends) and that a device is powered"
             return Check("unasked", "warning", f"{link.error_frames} error frames on the bus", remedy)
+        if link.damaged:
+            remedy = "check the adapter's cable and hub, and that no other program reads its port"
+            return Check(
+                "unasked", "warning", f"{link.damaged} damaged lines of the adapter, such as {link.damage}", remedy
+            )
         return Check("unasked", "ok", f"{len(frames)} frames of others within {LISTEN:g} s")
 
     def read_series(self) -> Series:

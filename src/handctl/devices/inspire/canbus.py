@@ -85,7 +85,7 @@ class CanBus(RegisterBus):
         """Pass over what waits in the input: late answers belong to nobody, the rest to others."""
         now = self.link.deadline(0)
         for _ in range(4096):
-            frame = self.link.receive(now)
+            frame = self.receive(now)
             if frame is None:
                 return
             self.pass_over(frame)
@@ -95,14 +95,14 @@ class CanBus(RegisterBus):
         self.pass_gate(request)
         self.refuse_late(str(request))
         self.drain()
-        errors, started = self.link.error_frames, self.link.now()
+        errors, damaged, started = self.link.error_frames, self.link.damaged, self.link.now()
         deadline = self.link.deadline(self.timeout).earlier(self.bound)
         self.send(request, deadline)
         odd: list[CanFrame] = []
         while True:
-            frame = self.link.receive(deadline)
+            frame = self.receive(deadline)
             if frame is None:
-                raise self._failure(request, odd, self.link.error_frames - errors)
+                raise self._failure(request, odd, self.link.error_frames - errors, self.link.damaged - damaged)
             if frame.can_id == request.can_id and _answers(frame, request, count):
                 self.journal.counters.received += 1
                 self.round_trip = self.link.now() - started
@@ -111,7 +111,15 @@ class CanBus(RegisterBus):
             if _related(frame, request):
                 odd.append(frame)
             if deadline.expired:
-                raise self._failure(request, odd, self.link.error_frames - errors)
+                raise self._failure(request, odd, self.link.error_frames - errors, self.link.damaged - damaged)
+
+    def receive(self, deadline: Deadline) -> CanFrame | None:
+        """The next frame of anybody; what the adapter hands out damaged is counted."""
+        before = self.link.damaged
+        try:
+            return self.link.receive(deadline)
+        finally:
+            self.journal.counters.bad_frames += self.link.damaged - before
 
     def send(self, frame: CanFrame, deadline: Deadline) -> None:
         """Put one frame on the bus."""
@@ -134,7 +142,7 @@ class CanBus(RegisterBus):
         else:
             self.journal.counters.foreign_frames = (self.journal.counters.foreign_frames or 0) + 1
 
-    def _failure(self, request: CanFrame, odd: list[CanFrame], errors: int) -> HandctlError:
+    def _failure(self, request: CanFrame, odd: list[CanFrame], errors: int, damaged: int) -> HandctlError:
         echo = any(frame == request for frame in odd)
         others = [frame for frame in odd if frame != request]
         if others:
@@ -156,6 +164,12 @@ class CanBus(RegisterBus):
                 hint="the adapter is in loopback mode, or hands out what it sends; no device answers",
                 code="echo",
             )
+        if damaged:
+            return ProtocolError(
+                f"{self.where}: no answer to {request}; {said_damaged(damaged, self.link.damage)}",
+                hint=DAMAGED_HINT,
+                code="damaged",
+            )
         if errors:
             return NoAnswer(f"{self.where}: nobody acknowledged {request}", hint=NO_ACK_HINT, code="no-ack")
         return NoAnswer(
@@ -168,6 +182,14 @@ NO_ACK_HINT = (
     "check power, termination (120 ohm), CAN high and low, and the bitrate: 1000000 by the manual, "
     "some hands of this maker use 500000 (add ?bitrate=500000 to the LINK)"
 )
+
+
+DAMAGED_HINT = "check the adapter's cable and hub, and that no other program reads its port"
+
+
+def said_damaged(count: int, last: str) -> str:
+    """``2 damaged lines came from the adapter, the last b'T0100' (string index out of range)``."""
+    return f"{count} damaged line{'s' * (count > 1)} came from the adapter, the last {last}"
 
 
 def _answers(frame: CanFrame, request: CanFrame, count: int | None) -> bool:

@@ -320,7 +320,7 @@ def exchange_can(wrist: Wrist, frame: CanFrame, wait: float) -> Table:
     bus.send(frame, deadline)
     rows: list[Row] = []
     while len(rows) < 1000:
-        came = bus.link.receive(deadline)
+        came = bus.receive(deadline)
         if came is None:
             break
         answer = came.can_id == frame.can_id and came != frame

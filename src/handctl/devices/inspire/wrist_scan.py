@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from handctl.devices.inspire import canreg
 from handctl.devices.inspire.bus import Bus
-from handctl.devices.inspire.canbus import NO_ACK_HINT, CanBus
+from handctl.devices.inspire.canbus import DAMAGED_HINT, NO_ACK_HINT, CanBus, said_damaged
 from handctl.devices.inspire.identity import WRIST
 from handctl.devices.inspire.scan_report import Target, scan
 from handctl.devices.inspire.wrist import WIRING_HINT, Wrist
@@ -51,7 +51,7 @@ def parse_can_ids(text: str) -> list[int]:
 
 def _scan_can(bus: CanBus, guide: Guide, ids: Sequence[int], wait: float, find_all: bool) -> Table:
     link = bus.link
-    started, errors = link.now(), link.error_frames
+    started, errors, damaged = link.now(), link.error_frames, link.damaged
     search = _CanSearch(bus, wait)
     hits: list[tuple[int, bytes]] = []
     cut = False
@@ -89,7 +89,7 @@ def _scan_can(bus: CanBus, guide: Guide, ids: Sequence[int], wait: float, find_a
     facts = {"probes": search.probes, "seconds": round(seconds, 3), "error_frames": link.error_frames - errors}
     table = Table(rows=rows, columns=columns, extra={"scan": facts})
     if not hits:
-        table.failure = search.nothing(summary, link.error_frames > errors, cut)
+        table.failure = search.nothing(summary, link.error_frames > errors, link.damaged - damaged, cut)
     return table
 
 
@@ -135,7 +135,7 @@ class _CanSearch:
         answered: dict[int, bytes] = {}
         deadline = bus.link.deadline(seconds).earlier(bus.bound)
         while not set(asked.values()) <= set(answered):
-            frame = bus.link.receive(deadline)
+            frame = bus.receive(deadline)
             if frame is None:
                 break
             if frame.can_id in self._wanted and len(frame.data) == 2:
@@ -151,7 +151,7 @@ class _CanSearch:
                 break
         return answered
 
-    def nothing(self, summary: str, errors: bool, cut: bool) -> NoAnswer | ProtocolError:
+    def nothing(self, summary: str, errors: bool, damaged: int, cut: bool) -> NoAnswer | ProtocolError:
         """Why nothing was found."""
         name = self._bus.link.name
         if errors:
@@ -171,6 +171,9 @@ class _CanSearch:
         if self._own:
             hint = "the adapter is in loopback mode, or hands out what it sends"
             return ProtocolError(f"{name}: only our own frames came back ({summary})", hint=hint, code="echo")
+        if damaged:
+            text = f"{name}: no wrist; {said_damaged(damaged, self._bus.link.damage)} ({summary})"
+            return ProtocolError(text, hint=DAMAGED_HINT, code="damaged")
         if cut:
             return NoAnswer(f"{name}: no wrist so far ({summary})", hint="a longer --deadline", code="deadline")
         return NoAnswer(f"{name}: no wrist, complete silence ({summary})", hint=NO_ACK_HINT)
