@@ -212,7 +212,9 @@ def test_snapshot_diff_restore(scratch: Path, wire: str) -> None:
     }  # fmt: skip
     assert "not-covered" in restored.codes()
     trace = scratch / "t.txt"
-    again = run("wrist", "restore", scratch / "stored.json", "--setpoints", "-p", port, "--json", "--trace", trace)
+    again = run(
+        "wrist", "restore", scratch / "stored.json", "-y", "--setpoints", "-p", port, "--json", "--trace", trace
+    )
     assert (again.code, again.rows, written_frames(trace)) == (0, [], [])
     assert run("wrist", "get", *SETTINGS, "-p", port, "--json").values == STORED
 

@@ -391,7 +391,8 @@ def test_a_dead_thumb_rotation_is_not_healthy() -> None:
     ("device", "family", "words"),
     [
         ("rh56", "hand", "an RH56 hand"), ("rh56-fresh", "hand", "an RH56 hand"), ("rh56f1", "hand", "RH56F1"),
-        ("rh5dg2", "hand", "RH5DG2"), ("wrist-with-hand", "wrist", "pitch"), ("wrist-only", "wrist", "pitch"),
+        ("rh5dg2", "hand", "RH5DG2"), ("wrist-with-hand", "wrist", "current_1024 reads 111"),
+        ("wrist-only", "wrist", "current_1024 reads 111"),
     ],
 )  # fmt: skip
 def test_scan_calls_a_hand_that(device: str, family: str, words: str) -> None:

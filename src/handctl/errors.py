@@ -37,6 +37,14 @@ class HandctlError(Exception):
         self.hint = hint
         self.code = code or self.default_code
 
+    def retold(self, text: str, *, hint: str | None = None, code: str = "") -> HandctlError:
+        """The same error in other words: its exit code and the bytes that came stay."""
+        other = type(self).__new__(type(self), text)
+        other.__dict__.update(
+            self.__dict__, text=text, hint=self.hint if hint is None else hint, code=code or self.code
+        )
+        return other
+
 
 class OutputError(HandctlError):
     """The output could not be written (full disk, lost file). Exit code 1, never a device matter."""

@@ -281,9 +281,9 @@ class Run:
     def _wind_up(self, table: Table | None, failure: HandctlError | None) -> HandctlError | None:
         """Close, then show; a Ctrl-C meanwhile changes neither the result nor the exit code, unless its reader sleeps."""
         finish_on_signals()
-        failure = self._with_cause(failure)
+        failure = self._judged(failure)
         if table is not None:
-            table.failure = self._with_cause(table.failure)
+            table.failure = self._judged(table.failure)
         if self.hold is not None:
             self.hold.finish()
             failure = self.hold.stopped or failure
@@ -394,10 +394,7 @@ class Run:
         return error
 
     def _explained(self, error: HandctlError) -> HandctlError:
-        if error.came and self.family is not None:
-            from handctl.foreign import renamed
-
-            error = renamed(error, self.family.kind)
+        error = self._renamed(error)
         explain = self.family.explain if self.family is not None else None
         silent = error.exit_code in (4, 5) and self.journal.counters.received == 0
         if self._device is None or explain is None or not silent or self.settings.baud is not None:
@@ -407,10 +404,22 @@ class Run:
         except (HandctlError, KeyboardInterrupt):
             return error
 
-    def _with_cause(self, error: HandctlError | None) -> HandctlError | None:
+    def _renamed(self, error: HandctlError) -> HandctlError:
+        """The error, or whose bytes came instead of an answer."""
+        if not error.came or self.family is None:
+            return error
+        from handctl.foreign import renamed
+
+        return renamed(error, self.family.kind)
+
+    def _judged(self, error: HandctlError | None) -> HandctlError | None:
+        """What is shown of an error: whose bytes came, and what held a command up that --deadline ended."""
+        return None if error is None else self._renamed(self._with_cause(error))
+
+    def _with_cause(self, error: HandctlError) -> HandctlError:
         """The error; where --deadline was over, why it had not got on: bytes that came tell more than the end of the time."""
         late = self._end is not None and self._link is not None and self._link.now() >= self._end - 1e-6
-        if error is None or not late or error.exit_code not in (4, 5):
+        if not late or error.exit_code not in (4, 5):
             return error
         cause = self.journal.blamed if error.exit_code == 4 else error
         if cause is None:

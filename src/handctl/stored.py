@@ -44,8 +44,7 @@ def take(device: MapDevice, elements: Sequence[Element]) -> dict[str, Number]:
     for reading in readings:
         if reading.error is not None:
             exc = reading.error
-            text = f"not all settings could be read: {reading.element.full_name}: {exc.text}"
-            raise type(exc)(text, hint=exc.hint, code=exc.code)
+            raise exc.retold(f"not all settings could be read: {reading.element.full_name}: {exc.text}")
     return {reading.element.full_name: reading.value for reading in readings if reading.value is not None}
 
 

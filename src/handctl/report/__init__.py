@@ -204,7 +204,7 @@ def _conclude(run: Run, visit: _Visit, content: Report, privacy: Privacy) -> Non
     content.simulated = run.simulated
     content.facts = [("device", content.kind), ("link", privacy.text(link)), *content.facts]
     for part, error in visit.problems:
-        told = type(error)(privacy.text(error.text), hint=privacy.text(error.hint), code=error.code)
+        told = error.retold(privacy.text(error.text), hint=privacy.text(error.hint))
         content.problems.append((part, told))
     content.findings = privacy.messages(run.journal.messages)
     content.status, content.dump, content.checks = (

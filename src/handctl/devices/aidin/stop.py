@@ -75,7 +75,7 @@ def stopped(hand: AidinHand, exc: HandctlError) -> HandctlError:
     """The error of something that was driving the fingers, with what became of them: stop is sent."""
     lost = "the connection is lost, stop cannot be sent: switch the hand's power off if it still moves"
     told = lost if isinstance(exc, LinkError) else halt(hand)
-    return type(exc)(exc.text, hint="; ".join(filter(None, (exc.hint, told))), code=exc.code)
+    return exc.retold(exc.text, hint="; ".join(filter(None, (exc.hint, told))))
 
 
 @contextmanager

@@ -117,7 +117,7 @@ def _unsure(exc: HandctlError | KeyboardInterrupt, verb: str) -> HandctlError:
     text = f"{verb} was sent and may be writing the EEPROM"
     hint = "leave the power on for 15 s, then `handctl barrett dump`; the save was counted"
     if isinstance(exc, HandctlError):
-        return type(exc)(f"{exc.text}; {text}", hint=hint, code=exc.code)
+        return exc.retold(f"{exc.text}; {text}", hint=hint)
     return Interrupted(f"interrupted: {text}", hint=hint)
 
 

@@ -343,7 +343,7 @@ class Loader:
             line.reconnect()
         except (NoAnswer, ProtocolError) as exc:
             text = f"every byte was echoed, but no firmware answers after it: {exc.text}"
-            raise type(exc)(text, hint=f"{CYCLE} Then `handctl barrett version`", code="not-alive") from exc
+            raise exc.retold(text, hint=f"{CYCLE} Then `handctl barrett version`", code="not-alive") from exc
 
     def _verdict(self, before: str, after: str) -> Download:
         readings = self.hand.read(all_elements([BARRETT.by_mnemonic(name) for name in ("S", "SN", "OTEMP", "BAUD")]))

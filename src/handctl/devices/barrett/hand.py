@@ -322,7 +322,7 @@ class BarrettHand:
             exc = failed[0].error
             names = ", ".join(dict.fromkeys(_gcl(reading.element) for reading in failed))
             said = exc.text.removeprefix(self.link.name).lstrip(": ")
-            failure = type(exc)(f"{self.link.name}: {names}: {said}", hint=exc.hint, code=exc.code)
+            failure = exc.retold(f"{self.link.name}: {names}: {said}")
         rows = [self.row(reading) for reading in readings]
         mark_not_homed(rows)
         return Table(rows=rows, columns=self.columns, title=title, view=parameters_view, failure=failure)

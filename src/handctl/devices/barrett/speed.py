@@ -55,11 +55,8 @@ def change(line: GclLine, code: int) -> None:
         try:
             line.reconnect()
         except (NoAnswer, ProtocolError) as exc:
-            raise type(exc)(
-                f"{link.name}: after {command} no prompt at {new} or any other speed; {exc.text}",
-                hint=exc.hint,
-                code="lost-speed",
-            ) from exc
+            text = f"{link.name}: after {command} no prompt at {new} or any other speed; {exc.text}"
+            raise exc.retold(text, code="lost-speed") from exc
         if link.baud == new:
             ledger.confirm(answers, Step(command, data))
             return

@@ -159,8 +159,7 @@ class Ekso:
         failed = [reading for reading in readings if reading.error is not None]
         failure = None
         if failed and failed[0].error is not None:
-            exc = failed[0].error
-            failure = type(exc)(exc.text, hint=exc.hint, code=exc.code)
+            failure = failed[0].error
         rows = [self.row(reading) for reading in readings]
         return Table(rows=rows, columns=self.columns, title=title, view=words_view, failure=failure)
 

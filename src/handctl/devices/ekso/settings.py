@@ -282,10 +282,9 @@ class Writer:
         if after == before and status is None:
             if lost is None:
                 return Interrupted(f"interrupted; {change.text} was not applied")
-            return type(lost)(
+            return lost.retold(
                 f"{change.text}: not applied, the old value was read twice. {lost.text}",
                 hint="nothing was changed; repeat the command if you still want it",
-                code=lost.code,
             )
         return None
 

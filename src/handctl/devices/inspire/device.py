@@ -220,10 +220,8 @@ class RegisterDevice(ABC):
         if not failed:
             return None
         first = next(iter(failed.values()))
-        return type(first)(
-            f"{self.bus.where}: {len(failed)} of the quantities could not be read: {', '.join(failed)}; {first.text}",
-            hint=first.hint,
-            code=first.code,
+        return first.retold(
+            f"{self.bus.where}: {len(failed)} of the quantities could not be read: {', '.join(failed)}; {first.text}"
         )
 
 

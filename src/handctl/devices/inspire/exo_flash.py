@@ -89,10 +89,9 @@ def _save(hand: ExoHand, guide: Guide) -> Table:
     if frame is None:
         bus.out_of_time("the result of the save")
     if frame is None and lost is not None:
-        raise type(lost)(
+        raise lost.retold(
             lost.text,
             hint="whether it saved is unknown: power-cycle and look with `handctl exo get id baud_code`",
-            code=lost.code,
         )
     if frame is None:
         hand.journal.warn(

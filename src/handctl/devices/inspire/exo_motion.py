@@ -61,10 +61,9 @@ def calibrate(hand: ExoHand, guide: Guide) -> Table:
     if frame is None:
         bus.out_of_time("the end of the calibration, which goes on")
     if frame is None and lost is not None:
-        raise type(lost)(
+        raise lost.retold(
             f"the calibration may have started: its start was not acknowledged and no end was reported; {lost.text}",
             hint="keep the hand worn until it stands still, then check with `handctl exo status`",
-            code=lost.code,
         )
     if frame is None:
         hand.journal.warn(

@@ -153,10 +153,9 @@ def _write_id(hand: ExoHand, new: int) -> Table:
     try:
         bus.read(PROBE_ADDRESS, PROBE_COUNT, device_id=new)
     except (NoAnswer, ProtocolError) as exc:
-        raise type(exc)(
+        raise exc.retold(
             f"{bus.link.name}: after the id change nobody answers to {new} or {old}; {exc.text}",
             hint="`handctl exo scan` looks through all ids; a power cycle brings back the saved id",
-            code=exc.code,
         ) from exc
     bus.id = new
     return _id_row(hand, old)
