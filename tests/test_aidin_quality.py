@@ -124,11 +124,16 @@ def test_a_hand_that_answers_is_not_asked_again_to_find_out() -> None:
 def test_another_server_is_shown_with_what_it_says() -> None:
     """It is JSON, and not ours coming back."""
     said = line({"error": "motor fault"})
+    empty = line({})
+    with pytest.raises(ProtocolError) as caught:
+        hand_on(streamer_of(lambda _t: empty, 0.1)).dump()  # type: ignore[arg-type]
+    assert caught.value.came == b"{}", "an empty object that came before anything was sent is no echo"
     links: list[ByteLink] = [streamer_of(lambda _t: said, 0.1), ScriptedLink(lambda _request: [(0.01, said)])]
     for link in links:
         with pytest.raises(ProtocolError) as caught:
             hand_on(link).dump()  # type: ignore[arg-type]
         assert "motor fault" in caught.value.text and "echo" not in caught.value.hint
+        assert "what the hand reports in its own words" in caught.value.hint
         assert caught.value.came == said.strip()
 
 

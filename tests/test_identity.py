@@ -491,3 +491,19 @@ def test_nothing_but_the_buses_and_the_scanners_touches_the_link() -> None:
     folder = Path(identity.__file__).parent
     users = {path.stem for path in folder.glob("*.py") if re.search(r"link\.(write|send)\(", path.read_text())}
     assert users == {"bus", "canbus", "scanner", "wrist_scan"}
+
+
+@pytest.mark.parametrize("family", ["exo", "wrist", "ekso", "barrett"])
+@pytest.mark.parametrize("device", ["silence", "garbage", "json"])
+def test_what_a_family_cannot_name_is_left_to_scan(family: str, device: str) -> None:
+    """Only what was not understood: JSON is named by itself. A simulation is no port to look at."""
+    port = "/dev/ttyUSB0"
+    with on(STRANGERS[device]()):
+        result = run(family, "status", "-p", port, "--timeout", "0.05", "--json")
+    error = result.error
+    assert result.code == (6 if device == "json" else 4 if device == "silence" else 5), result
+    if device == "json":
+        assert "`handctl aidin` is the command for it" in error["hint"], error
+        return
+    assert error["hint"].endswith(f"; `handctl scan -p {port}` tells which device is there"), error
+    assert "handctl scan -p" not in str(run(family, "status", "-p", f"fake://{family}?fault=silent&clock=virtual").err)

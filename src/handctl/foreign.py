@@ -23,6 +23,14 @@ def renamed(error: HandctlError, own: str) -> HandctlError:
     )
 
 
+def pointed(error: HandctlError, link: str) -> HandctlError:
+    """The error of a link on which nothing valid came, with the command that asks in every family's way."""
+    error.hint = (
+        f"{error.hint.rstrip('.')}{'; ' if error.hint else ''}`handctl scan -p {link}` tells which device is there"
+    )
+    return error
+
+
 def _sign(family: str, came: bytes) -> str:
     module, _, function = SIGNS[family].partition(":")
     return str(getattr(importlib.import_module(module), function)(came))

@@ -405,12 +405,15 @@ class Run:
             return error
 
     def _renamed(self, error: HandctlError) -> HandctlError:
-        """The error, or whose bytes came instead of an answer."""
-        if not error.came or self.family is None:
+        """The error, or whose bytes came instead of an answer, or the command that finds out who is there."""
+        if self.family is None or error.exit_code not in (4, 5):
             return error
-        from handctl.foreign import renamed
+        from handctl.foreign import pointed, renamed
 
-        return renamed(error, self.family.kind)
+        error = renamed(error, self.family.kind)
+        nobody = error.code in ("no-answer", "garbage") and not self.journal.counters.received and self.family.baud
+        port = self.settings.port or ""
+        return pointed(error, port) if nobody and port and not port.startswith(("fake:", "replay:")) else error
 
     def _judged(self, error: HandctlError | None) -> HandctlError | None:
         """What is shown of an error: whose bytes came, and what held a command up that --deadline ended."""

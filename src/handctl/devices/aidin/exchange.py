@@ -195,7 +195,8 @@ class Conversation:
 
     def _take(self, content: dict[str, object]) -> bool:
         if not self.feedback.take(content):
-            if not content or "hand_mode" in content or self._decoder.taken == self.way.poll.strip():
+            ours = not content or "hand_mode" in content or self._decoder.taken == self.way.poll.strip()
+            if ours and self.journal.counters.sent:  # before anything was sent it cannot have come back
                 self._echoes += 1
             else:
                 self._strange = self._strange or self._decoder.taken[:64]
@@ -406,4 +407,6 @@ class Conversation:
         return LinkError(exc.text, hint=hint, code=exc.code)
 
     def _no_feedback(self) -> HandctlError:
-        return trouble.no_feedback(self.link.name, self._junk or self._strange or self._decoder.pending[:64])
+        strange = b"" if self._junk else self._strange
+        seen = self._junk or strange or self._decoder.pending[:64]
+        return trouble.no_feedback(self.link.name, seen, whole=bool(strange))

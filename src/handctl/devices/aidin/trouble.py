@@ -37,8 +37,8 @@ def silent(name: str, way: Way, patience: float, *, asked: bool, stopped: bool) 
     )
 
 
-def no_feedback(name: str, seen: bytes) -> HandctlError:
-    """What came, `seen`, is no feedback; b"": only our own object came back."""
+def no_feedback(name: str, seen: bytes, *, whole: bool) -> HandctlError:
+    """What came, `seen`, is no feedback; b"": only our own object came back. `whole`: it is an object with other keys."""
     if not seen:
         return ProtocolError(
             f"{name}: only our own object came back, no feedback",
@@ -46,10 +46,11 @@ def no_feedback(name: str, seen: bytes) -> HandctlError:
             code="echo",
         )
     text = "".join(chr(byte) if 32 <= byte < 127 else "." for byte in seen)
+    hint = "another server, or another kind of hand: this speaks to the AIDIN-hand (TCP/JSON), port 8000"
+    if whole:
+        hint = f"a JSON object without any key of the manual: what the hand reports in its own words, or {hint}"
     error = ProtocolError(
-        f"{name}: no feedback of the hand came, but {hex_bytes(seen)} ({text})",
-        hint="another server, or another kind of hand: this speaks to the AIDIN-hand (TCP/JSON), port 8000",
-        code="garbage",
+        f"{name}: no feedback of the hand came, but {hex_bytes(seen)} ({text})", hint=hint, code="garbage"
     )
     error.came = seen
     return error
