@@ -25,9 +25,9 @@ def renamed(error: HandctlError, own: str) -> HandctlError:
 
 def pointed(error: HandctlError, link: str) -> HandctlError:
     """The error of a link on which nothing valid came, with the command that asks in every family's way."""
-    error.hint = (
-        f"{error.hint.rstrip('.')}{'; ' if error.hint else ''}`handctl scan -p {link}` tells which device is there"
-    )
+    advice = f"`handctl scan -p {link}` tells which device is there"
+    if advice not in error.hint:
+        error.hint = "; ".join(filter(None, (error.hint.rstrip("."), advice)))
     return error
 
 
