@@ -87,6 +87,7 @@ def test_an_unfinished_write_is_told(tmp_path: Path) -> None:
     assert result.code == 2
     (message,) = [message for message in result.json["messages"] if message["code"] == "unfinished-write"]
     assert message["level"] == "warning" and "step_length 14.75 -> 15.0" in message["text"] and message["hint"]
+    os.utime(path, (1e9, 1e9))  # put together by hand: right after that nothing would be written
     assert "unfinished-write" in set_("step_length=15.0").codes()
     assert "unfinished-write" not in set_("step_length=15.0").codes()
 

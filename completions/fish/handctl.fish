@@ -297,7 +297,8 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set takes --rate=none --count=none --duration=none --mark=none --silence=none --length-mode=none
             set args 'file'
         case 'ekso policy'
-            set opts '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '--audit	The audit log to look through (default: ekso-audit.jsonl in the user\'s state folder).' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set takes --audit=file
         case 'ekso report'
             set opts '--watch	Seconds to watch what changes by itself; 0 = not at all. Default: 3.' '--include-ids	Keep serial numbers, pilot ids, and the answers that hold them.' '--force	Replace FILE.html.' '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this message and exit.' '--help	Show this message and exit.'
             set takes --watch=none --length-mode=none

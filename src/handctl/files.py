@@ -136,6 +136,34 @@ def _inherit(old: os.stat_result, path: str) -> None:
             os.chown(path, old.st_uid, old.st_gid)
 
 
+@contextlib.contextmanager
+def in_turn(descriptor: int, seconds: float) -> Iterator[None]:
+    """While it lasts no other program is in its own turn with this file; who takes longer than `seconds` is not waited for.
+
+    A range lock, which whole-file locks (flock) do not touch. Where there is none, there are no turns.
+    """
+    try:
+        import fcntl
+    except ImportError:
+        yield
+        return
+    import time
+
+    end = time.monotonic() + seconds
+    while True:
+        with contextlib.suppress(OSError):
+            fcntl.lockf(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            break
+        if time.monotonic() >= end:
+            break
+        time.sleep(0.001)
+    try:
+        yield
+    finally:
+        with contextlib.suppress(OSError):
+            fcntl.lockf(descriptor, fcntl.LOCK_UN)
+
+
 def why_unwritable(path: str) -> str:
     """Why no file can be written there, as far as can be told without trying; "" when nothing speaks against it."""
     folder = os.path.dirname(path) or "."

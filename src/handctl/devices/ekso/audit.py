@@ -15,9 +15,12 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from handctl.devices.ekso.chain import Checked, check, held, linked
 from handctl.errors import LinkError, OutputError
-from handctl.files import state_path
+from handctl.files import in_turn, opened, state_path
 
+TURN_SECONDS = 0.2
+"""No longer is another writer waited for, who may be stopped in the middle: CancelAction waits for its entry."""
 TAIL = 65536
 """Bytes at the end of the log that are searched for the last write."""
 
@@ -82,10 +85,18 @@ class AuditLog:
         if not self.path.is_file():  # reading a device or a pipe might never end
             return []
         with self._opened() as file:
-            size = os.fstat(file).st_size
-            start = max(0, size - TAIL)
-            lines = os.pread(file, size - start, start).split(b"\n")
-        return lines[1:] if start else lines
+            return _tail(file)[0]
+
+    def checked(self, *, whole: bool = False) -> Checked:
+        """Its chain: of the last lines, or with `whole` of all of them. Raises OutputError, UsageError."""
+        if whole:
+            with opened(self.path, "an audit log") as content:
+                return check(iter(lambda: content.readline(TAIL), b""))
+        if not self.path.is_file():
+            return check([])
+        with self._opened() as file:
+            lines, cut = _tail(file)
+        return check(lines, whole=not cut)
 
     def changed_at(self) -> float:
         """When the file was changed last, by the wall clock. Raises OutputError."""
@@ -120,11 +131,22 @@ class AuditLog:
         """
         now = datetime.now(UTC).isoformat(timespec="milliseconds")
         entry = {"event": event, "utc": now, "host_monotonic_s": round(host_s, 6), **self.always, **fields}
-        line = json.dumps(entry, ensure_ascii=False).encode() + b"\n"
+        text = json.dumps(entry, ensure_ascii=False).encode("utf-8", "backslashreplace")
         with self._opened() as file:
-            # half a line of a killed writer, perhaps of another handctl: this entry starts a line of its own
-            _write_all(file, b"\n" + line if _torn(file) else line)
+            # one entry at a time, each chained to the one before; an entry is worth more than the order of two
+            with in_turn(file, TURN_SECONDS):
+                line = linked(text, held(reversed(_tail(file)[0]))) + b"\n"
+                # half a line of a killed writer, perhaps of another handctl: this entry starts a line of its own
+                _write_all(file, b"\n" + line if _torn(file) else line)
             os.fsync(file)
+
+
+def _tail(file: int) -> tuple[list[bytes], bool]:
+    """The last lines, and whether there are others before them."""
+    size = os.fstat(file).st_size
+    start = max(0, size - TAIL)
+    lines = os.pread(file, size - start, start).split(b"\n")
+    return (lines[1:], True) if start else (lines, False)
 
 
 def _torn(file: int) -> bool:

@@ -128,14 +128,29 @@ def describe(run: Run, names: tuple[str, ...]) -> Table:
 
 
 @cli.verb("policy")
-def policy(_run: Run) -> Table:
+@click.option(
+    "--audit",
+    envvar="HANDCTL_AUDIT",
+    metavar="FILE",
+    type=InFile(),
+    help="The audit log to look through (default: ekso-audit.jsonl in the user's state folder).",
+)
+def policy(run: Run, audit: str | None) -> Table:
     """What this tool asks for before it writes; needs no device.
 
     Steps, postures, second questions, stillness. The device's own limits are not documented.
+    The audit log is looked through as well: exit code 7 when an entry was edited, removed or moved.
     """
-    from handctl.devices.ekso.policy import policy as table
+    from pathlib import Path
 
-    return table()
+    from handctl.devices.ekso import policy as rules
+    from handctl.devices.ekso.audit import AuditLog, default_path
+
+    table = rules.policy()
+    path = Path(audit) if audit else default_path()
+    if audit or path.exists():
+        table.failure = rules.look_through(AuditLog(path, {}), run.journal)
+    return table
 
 
 # -- writing ------------------------------------------------------------------------------------------------------
@@ -201,9 +216,22 @@ def _with_writer(run: Run, operator: str | None, file: str | None, *, override: 
         run.confirm(question, word=word)
 
     audit = _audit(run, operator, file)
+    _tell_edited(run, audit)
     _tell_unfinished(run, audit)
     ekso.writer = Writer(ekso.port, audit, ask, override=override, stepwise=stepwise, guide=run.guide)
     return ekso
+
+
+def _tell_edited(run: Run, audit: AuditLog) -> None:
+    from handctl.devices.ekso.chain import told
+
+    audit.check()
+    for place in list(told(audit.checked()))[-1:]:
+        run.journal.warn(
+            "audit-edited",
+            f"{audit.path}: an entry {place.partition(') ')[2]}",
+            hint="`handctl ekso policy` shows where",
+        )
 
 
 def _tell_unfinished(run: Run, audit: AuditLog) -> None:

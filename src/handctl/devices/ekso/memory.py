@@ -55,6 +55,7 @@ def recent(audit: AuditLog, now: float) -> list[Past]:
 
 def _entries(audit: AuditLog) -> Iterator[dict[str, Any]]:
     """Intents and results from the last to the first that the tail of the log holds whole."""
+    unfit = {finding.line for finding in audit.checked().findings}
     for line in reversed(audit.tail()):
         if not line.strip() or _torn(line):
             continue
@@ -62,6 +63,10 @@ def _entries(audit: AuditLog) -> Iterator[dict[str, Any]]:
             entry = json.loads(line)
             if not isinstance(entry, dict):
                 raise TypeError(line)
+            if line.rstrip() in unfit:
+                _refuse_edit(audit)
+            elif entry.get("event") == "intent":
+                unfit = set()  # it was not refused: what had been done by hand before it was long past
             if entry.get("event") not in ("intent", "result"):
                 continue
             moments = float(entry["host_monotonic_s"]), datetime.fromisoformat(entry["utc"]).timestamp()
@@ -100,10 +105,24 @@ def _age(entry: Mapping[str, Any], now: float, audit: AuditLog) -> float:
     return min(bound, passed)
 
 
+def _refuse_edit(audit: AuditLog) -> None:
+    """Raise CheckFailed when an entry does not fit the one before it, and that may have been done in the last seconds."""
+    if not _untouched(audit):
+        raise CheckFailed(
+            f"{audit.path}: its last entries were edited or removed by hand: what was written last, and when, is not known",
+            hint=f"repeat the command in {WINDOW:.0f} s: what it was is long past then. `handctl ekso policy` shows the "
+            "places. Nothing was sent.",
+            code="audit-edited",
+        )
+
+
+def _untouched(audit: AuditLog) -> bool:
+    return datetime.now(UTC).timestamp() - audit.changed_at() > WINDOW
+
+
 def _refuse_damage(audit: AuditLog) -> None:
     """Raise CheckFailed when a line that nobody can read may be of the last seconds."""
-    passed = datetime.now(UTC).timestamp() - audit.changed_at()
-    if passed <= WINDOW:
+    if not _untouched(audit):
         raise CheckFailed(
             f"{audit.path}: its end is damaged: what was written last, and when, is not known",
             hint=f"repeat the command in {WINDOW:.0f} s: what it was is long past then. Nothing was sent.",

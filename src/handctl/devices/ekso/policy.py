@@ -5,11 +5,14 @@ The limits themselves stand with the words (`fields`), with the writer (`setting
 
 from __future__ import annotations
 
+from handctl.devices.ekso.audit import AuditLog
+from handctl.devices.ekso.chain import told
 from handctl.devices.ekso.fields import SETTINGS, Word
 from handctl.devices.ekso.memory import WINDOW
 from handctl.devices.ekso.settings import BETWEEN_WRITES
 from handctl.devices.ekso.stillness import APART, BOOT_TOLERANCE_MS, MOST_SPEED
-from handctl.result import Column, Row, Table
+from handctl.errors import CheckFailed, UsageError
+from handctl.result import Column, Journal, Row, Table
 
 COLUMNS = (
     Column("name", "Setting"),
@@ -38,6 +41,32 @@ def policy() -> Table:
     """
     rows = [_row(None, rule, value, unit) for rule, value, unit in GENERAL]
     return Table(rows=[*rows, *(row for param in SETTINGS for row in _rules(param))], columns=COLUMNS)
+
+
+MOST_TOLD = 3
+
+
+def look_through(audit: AuditLog, journal: Journal) -> CheckFailed | None:
+    """Whether the audit log is as it was written, told as a note, or as the failure. Raises UsageError."""
+    checked = audit.checked(whole=True)
+    if checked.findings and not checked.chained + checked.unchained:
+        raise UsageError(f"{audit.path}: not an audit log: {next(told(checked))}")
+    count = checked.unchained
+    older = f" Entries of an older handctl, without a hash: {count}; nothing can be said of them." if count else ""
+    if not checked.findings:
+        journal.info(
+            "audit",
+            f"{audit.path}: {checked.chained} entries, none was edited, removed or moved since.{older} What was cut off at the "
+            "end would not show",
+        )
+        return None
+    places = list(told(checked))
+    more = f"; and {len(places) - MOST_TOLD} more" if len(places) > MOST_TOLD else ""
+    return CheckFailed(
+        f"{audit.path}: the audit log is not as it was written: {'; '.join(places[:MOST_TOLD])}{more}.{older}",
+        hint="ask who has access to the file, and compare it with a backup; a log that is moved away begins anew",
+        code="audit-edited",
+    )
 
 
 def _rules(param: Word) -> list[Row]:
