@@ -52,7 +52,7 @@ def test_the_question_of_a_connect_is_no_mistake() -> None:
     """ERR 32 to it is how a hand says that it is there; ERR 2048 says that it was in RealTime."""
     for status, meaning, problem in (
         (32, "prompt: the hand is there", ""),
-        (2048, "ERR 2048: invalid RealTime header", "refused"),
+        (2048, "ERR 2048: Invalid RealTime control block header (2048)", "refused"),
     ):
         explainer = BarrettExplainer()
         (asked,) = explainer.feed(HOST, b"!\r")
