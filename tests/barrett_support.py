@@ -14,9 +14,10 @@ from tests.support import RecordedLink, ScriptedLink
 
 Script = Mapping[str, "str | bytes | Sequence[str | bytes | None] | None"]
 ABORT, CR, PROMPT = b"\x03", b"\r", b"\n\r=> "
-QUESTION = b"!\r"
-MET = b"!\n\rERR 32\n\r=> "
-EIGHT = (ABORT, CR, QUESTION, b"\0\x03")
+QUESTION = b"!\0\r"
+MET = b"!\0\n\rERR 32\n\r=> "
+REST = bytes(8) + QUESTION
+EIGHT = (ABORT, CR, QUESTION, REST, b"\0\x03")
 
 
 def gcl(command: str, *lines: str, end: bytes = b"\n\r", prompt: bytes = b"=> ") -> bytes:
@@ -61,8 +62,8 @@ class ScriptedHand(ScriptedLink):
             return self.on_abort or b""
         if request == CR:
             return PROMPT
-        if request == QUESTION:
-            return MET
+        if request in (QUESTION, REST):
+            return request.removesuffix(QUESTION) + MET
         command = request.removesuffix(CR).decode()
         if command not in self.script and "*" in self.script and "GET " in command:
             prefix, *names = command.split()

@@ -55,7 +55,7 @@ def test_the_question_of_a_connect_is_no_mistake() -> None:
         (2048, "ERR 2048: Invalid RealTime control block header (2048)", "refused"),
     ):
         explainer = BarrettExplainer()
-        (asked,) = explainer.feed(HOST, b"!\r")
+        (asked,) = explainer.feed(HOST, b"!\0\r")
         assert (asked.meaning, asked.problem) == ("!: asks for the prompt, and is no command", "")
-        (answer,) = explainer.feed(DEVICE, b"!\n\rERR %d\n\r=> " % status)
+        (answer,) = explainer.feed(DEVICE, b"!\0\n\rERR %d\n\r=> " % status)
         assert (answer.meaning, answer.problem, answer.answers) == (meaning, problem, asked.asks)

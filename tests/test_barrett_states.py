@@ -17,7 +17,7 @@ import pytest
 from handctl.clikit import root
 from handctl.devices.barrett import connecting as table
 from handctl.devices.barrett import lastspeed
-from handctl.devices.barrett.connecting import QUESTION, SAFE_ABORT
+from handctl.devices.barrett.connecting import FILL, QUESTION, SAFE_ABORT
 from handctl.devices.barrett.language import ABORT
 from handctl.errors import HandctlError
 from handctl.files import state_path
@@ -177,7 +177,7 @@ def test_every_20_ms_of_the_boot_window(window: float) -> None:
 @pytest.mark.parametrize("receiver", RECEIVERS)
 @pytest.mark.parametrize("speed", [speed for speed in SPEEDS if speed != 9600])
 def test_what_a_connect_sends_is_no_trigger(speed: int, receiver: str) -> None:
-    for data in (QUESTION, SAFE_ABORT if speed > 9600 else ABORT):
+    for data in (QUESTION, FILL, SAFE_ABORT if speed > 9600 else ABORT):
         assert 0xFF not in resample(data, speed, 9600, receiver), data
     assert resample(table.LOOPED, table.LOOP_SPEED, 9600, receiver) == b""
 
@@ -197,7 +197,7 @@ def test_the_table_is_whole() -> None:
         assert seen == ({table.ECHO, table.NOTHING} if state == table.ECHOED else set(table.SEEN)), state
     for row in table.TABLE:
         assert row.next in {**table.STATES, **table.ENDS}, row
-        assert row.send in (table.SEND_NOTHING, table.ASK, table.ABORTS, table.LOOP_TEST), row
+        assert row.send in (table.SEND_NOTHING, table.ASK, table.REST, table.ABORTS, table.LOOP_TEST), row
         if row.next in (table.BOOTING, table.SILENT, table.RESTARTED, *table.ENDS):
             assert row.send == table.SEND_NOTHING, row
     assert set(table.SECONDS) == set(table.STATES)
@@ -208,7 +208,7 @@ def test_the_table_is_whole() -> None:
             if row.state == state and row.next not in reached:
                 reached.add(row.next)
                 new.append(row.next)
-    assert reached | {table.REMEMBERED, table.AGAIN, table.NOBODY, table.GARBAGE} == {*table.STATES, *table.ENDS}
+    assert reached | {table.REMEMBERED, table.FILLED_FIRST, table.AGAIN, table.NOBODY, table.GARBAGE} == {*table.STATES, *table.ENDS}
 
 
 def test_a_connect_at_the_remembered_speed_is_one_round_trip() -> None:
@@ -224,6 +224,7 @@ def test_a_connect_at_the_remembered_speed_is_one_round_trip() -> None:
 SAID = {
     "boot": ("restarted", "power or cable; HI is needed"),
     "loop": ("loop", "was in RealTime"),
+    "loop-block": ("loop", "in a control block that was cut off"),
     "loop-moving": ("moving", "counts in 0.1 s"),
     "moving": ("busy", "in the middle of a command"),
     "saving": ("busy", "in the middle of a command"),
@@ -239,6 +240,20 @@ def test_what_was_found_out_is_said(state: str) -> None:
     found = [message.text for message in hand.journal.messages if message.code == code]
     assert found and text in found[0], hand.journal.messages
     assert not [data for data in link.sent if ABORT in data]
+
+
+@pytest.mark.parametrize("missing", range(1, 9))
+@pytest.mark.parametrize("baud", [9600, 38400])
+def test_a_control_block_that_was_cut_off_is_ended(missing: int, baud: int) -> None:
+    """Whatever is missing of it: 0 is sent for it, RealTime is left, and no motor has begun to move."""
+    link = Simulated(f"found=loop&initialized=1&wire=auto&baud={baud}", baud=baud)
+    link.feed(b"C" + bytes(8 - missing))
+    hand = hand_on(link)
+    hand.line.connect()
+    assert link.sent[:2] == [QUESTION, FILL if missing > 2 else b"FGET P\r"]
+    assert link.now() < 2.0
+    assert "loop" in codes(hand)
+    assert hand.line.ask("FGET P").lines == ("0 0 0 0",)
 
 
 @pytest.mark.parametrize("state", ["monitor", "record"])

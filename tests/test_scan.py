@@ -90,8 +90,8 @@ def test_a_family_is_named_in_families_only() -> None:
 EKSO = "96 00 00 01"
 WRIST, EXO = "EB 90 01 04 30 00 04 02 3B", "EB 90 01 04 11 C0 05 02 DD"
 SILENT_SERIAL = [
-    (115200, ("96", WRIST, EXO)), (57600, (WRIST, EXO)), (9600, ("21 0D",)), (19200, (WRIST, EXO)),
-    *((speed, ("21 0D",)) for speed in (38400, 19200, 4800, 2400, 1200, 600)),
+    (115200, ("96", WRIST, EXO)), (57600, (WRIST, EXO)), (9600, ("21 00 0D",)), (19200, (WRIST, EXO)),
+    *((speed, ("21 00 0D",)) for speed in (38400, 19200, 4800, 2400, 1200, 600)),
 ]  # fmt: skip
 
 
@@ -125,7 +125,7 @@ def test_nothing_that_is_sent_writes_or_moves(tmp_path: Path) -> None:
         looked(link, "--trace", str(trace))
         for data in sent(trace):
             assert (
-                data in (b"!\r", b"{}\n")
+                data in (b"!\0\r", b"{}\n")
                 or (data[:2] == b"\xeb\x90" and data[4] in (0x11, 0x30) and len(data) == 9)
                 or (data[0] == 150 and len(data) == 6)
             ), data
@@ -360,7 +360,7 @@ def test_another_prompt_is_no_barrett_hand() -> None:
     with pytest.raises(ProtocolError) as caught:
         probe_of("barrett").probe(line, Journal(), line.deadline(10))
     assert caught.value.code == "garbage"
-    assert line.sent[:2] == [b"!\r", b"PGET SN\r"]
+    assert line.sent[:2] == [b"!\0\r", b"PGET SN\r"]
 
 
 def test_a_boot_monitor_gets_nothing() -> None:

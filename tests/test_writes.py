@@ -146,7 +146,7 @@ class Barrett:
             return self.moves or (self.stops and data[-1:] == b"\x03")
         if self.loop:
             return data not in (b"A", b"a")
-        word = data.decode().strip().upper().partition(" ")[0]
+        word = data.decode().strip("\0\r").replace("\0", "").upper().partition(" ")[0]  # 00 fills a control block
         name = word.lstrip("1234GS")
         self.loop = name == "LOOP"
         self.moves = self.moves or name in MOTIONS

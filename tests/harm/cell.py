@@ -272,7 +272,7 @@ def _told(changed: list[str]) -> str:
 
 LOOP_ENDED = "LOOP ended by a reading command of the hand, which says so"
 ANY_BYTE = "LOOP ended by a byte of somebody who cannot know of it; no velocity changed"
-IN_BLOCK = "a control block that somebody left half sent takes whatever comes next for its data"
+WRONG_SPEED = "a control block that somebody left half sent takes bytes at a wrong speed, which was typed, for its data"
 OWN_SCAN = "the own scan of exo or wrist on a boot monitor"
 STOP = "a stop stops whatever answers, and goes out to who does not"
 RAW = "a frame of another family, heard undistorted, holds ^C or the boot monitor's trigger"
@@ -288,8 +288,8 @@ def _exception(state: State, line: CommandLine, changed: list[str], text: str) -
         return STOP
     if state.looping and line.family == state.owner and not line.writes and re.search(r"LOOP|RealTime", text):
         return LOOP_ENDED
-    if state.in_block:
-        return IN_BLOCK
+    if state.in_block and "--baud" in line.words:
+        return WRONG_SPEED
     if state.looping and (line.family != state.owner or "--baud" in line.words):
         return "" if any("hand.motors" in place and ".drive." in place for place in changed) else ANY_BYTE
     if line.path in (("exo", "scan"), ("wrist", "scan")) and state.owner == "barrett" and "boot monitor" in text:

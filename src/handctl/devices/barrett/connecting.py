@@ -13,9 +13,15 @@ from typing import NamedTuple
 from handctl.devices.barrett.language import ABORT, BANNER, CR, has_prompt
 
 MONITOR_SPEED = 9600
-QUESTION = b"!" + CR
+QUESTION = b"!\0" + CR
 """The empty line with a mark: a half-typed command becomes an unknown one (ERR 32) instead of being carried out. In a
-control block of RealTime that was cut off, 21h is a third of the usual closing velocity, where 7Eh would be more than all."""
+control block of RealTime that was cut off no motor begins to move by it: 21h as a velocity has the gain 0 behind it, and
+0Dh as a gain the velocity 0 before it."""
+BLOCK_REST = 8
+"""Bytes that a control block of RealTime can still want: velocity and gain, or a torque, of four motors (barrett §6.2.1)."""
+FILL = bytes(BLOCK_REST) + QUESTION
+"""Ends RealTime in the middle of a control block that somebody left half sent: what is missing of it becomes 0, by which no
+motor moves, and the next 0 is no header: ERR 2048. The question behind it is for a hand at its prompt."""
 SAFE_ABORT = b"\x00" + ABORT
 """^C at a speed above 9600: alone it is FF to a monitor; behind 00, which no motor moves by, it is the end of one byte."""
 LOOPED = b"\x7f"
@@ -38,11 +44,13 @@ SEEN = {
 
 OPENED, REMEMBERED, ASKED, SILENT, BOOTING = "opened", "remembered", "asked", "silent", "booting"
 RESTARTED, LEAVING, ECHOED, ELSEWHERE, AGAIN = "restarted", "leaving", "echoed", "elsewhere", "again"
-CONFIRMED = "confirmed"
+CONFIRMED, FILLED_FIRST, FILLED = "confirmed", "filled first", "filled"
 STATES = {
     OPENED: "the port is open: look at what has arrived by itself",
     REMEMBERED: "asked at the last known speed, which is not 9600",
+    FILLED_FIRST: "no prompt at the last known speed: RealTime may want the rest of a control block",
     ASKED: "asked at 9600, or at the only speed of the link",
+    FILLED: "no answer there either: the same at 9600, or at the only speed",
     SILENT: "no answer at 9600: off, no cable, busy, starting, or another speed; listen until the port is open for 3 s",
     BOOTING: "boot window, or no firmware: send nothing for 6 s",
     CONFIRMED: "asked once more at 9600: a ':' may have been noise",
@@ -52,6 +60,8 @@ STATES = {
     ELSEWHERE: "asked at one of the other speeds",
     AGAIN: "no speed answered: asked once more at the first one",
 }
+FILLING = (FILLED_FIRST, FILLED, LEAVING)
+"""What is seen there was asked with FILL."""
 READY, MONITOR, WIRE, NOBODY, GARBAGE = "ready", "monitor", "wire", "nobody", "garbage"
 ENDS = {
     READY: "go on",
@@ -60,14 +70,15 @@ ENDS = {
     NOBODY: "exit 4: nothing answers",
     GARBAGE: "exit 5: bytes, no prompt",
 }
-SECONDS = {OPENED: 0.0, REMEMBERED: 0.5, ASKED: 0.5, SILENT: 3.0, BOOTING: 6.0, CONFIRMED: 0.5, RESTARTED: 5.0, LEAVING: 0.2,
+SECONDS = {OPENED: 0.0, REMEMBERED: 0.4, FILLED_FIRST: 0.1, ASKED: 0.4, FILLED: 0.1, SILENT: 3.0, BOOTING: 6.0, CONFIRMED: 0.5, RESTARTED: 5.0, LEAVING: 0.2,
            ECHOED: 0.05, ELSEWHERE: 0.3, AGAIN: 0.5}  # fmt: skip
 """Longest wait in each state, beyond wire time; of SILENT the time since the port was opened."""
 
-SEND_NOTHING, ASK, ABORTS, LOOP_TEST = (
+SEND_NOTHING, ASK, REST, ABORTS, LOOP_TEST = (
     "",
-    "! CR",
-    "! CR once more; with --interrupt ^C, up to 9 times",
+    "! 00 CR",
+    f"{BLOCK_REST} x 00 ! 00 CR",
+    f"{BLOCK_REST} x 00 ! 00 CR; with --interrupt ^C, up to 9 times",
     "7F at 115200",
 )
 
@@ -84,6 +95,10 @@ class Row(NamedTuple):
 
 BUSY = "it was in the middle of a command, which has ended"
 IN_LOOP = "it was in RealTime and has left it by the question; the motors may still run"
+IN_BLOCK = (
+    "it was in RealTime, in a control block that was cut off; the rest of it was sent as 0, and it has left RealTime; "
+    "the motors may still run"
+)
 RESTARTED_TEXT = "the hand restarted: power or cable; HI is needed"
 MONITOR_TEXT = "boot monitor: no firmware, or just switched on"
 
@@ -98,7 +113,8 @@ _ANSWERED = (
 
 def _rows(state: str, *rest: tuple[str, str, str, str]) -> tuple[Row, ...]:
     """The rows of a state in which a prompt is an answer."""
-    return tuple(Row(state, *row) for row in (*_ANSWERED, *rest))
+    rows = tuple(Row(state, *row) for row in (*_ANSWERED, *rest))
+    return tuple(row._replace(said=IN_BLOCK) if row.seen == LOOP and state in FILLING else row for row in rows)
 
 
 TABLE: tuple[Row, ...] = (
@@ -115,11 +131,25 @@ TABLE: tuple[Row, ...] = (
         REMEMBERED,
         (COLON, ASKED, ASK, ""),
         (ECHO, ASKED, ASK, ""),
+        (BYTES, FILLED_FIRST, REST, ""),
+        (NOTHING, FILLED_FIRST, REST, ""),
+    ),
+    *_rows(
+        FILLED_FIRST,
+        (COLON, ASKED, ASK, ""),
+        (ECHO, ASKED, ASK, ""),
         (BYTES, ASKED, ASK, ""),
         (NOTHING, ASKED, ASK, ""),
     ),
     *_rows(
         ASKED,
+        (COLON, BOOTING, SEND_NOTHING, ""),
+        (ECHO, ECHOED, LOOP_TEST, ""),
+        (BYTES, LEAVING, ABORTS, ""),
+        (NOTHING, FILLED, REST, ""),
+    ),
+    *_rows(
+        FILLED,
         (COLON, BOOTING, SEND_NOTHING, ""),
         (ECHO, ECHOED, LOOP_TEST, ""),
         (BYTES, LEAVING, ABORTS, ""),
@@ -182,15 +212,16 @@ TABLE: tuple[Row, ...] = (
 )
 """Behind the last of the other speeds ELSEWHERE is AGAIN; NOBODY is GARBAGE when bytes came before."""
 
-ANSWER = re.compile(rb"\s*(ERR \d+\s+)?=>\s*")
+ANSWER = re.compile(rb"\0*\s*(ERR \d+\s+)?=>\s*")
 """What stands behind the question's echo; anything more is noise, or the answer to something before."""
 RULES = {(row.state, row.seen): row for row in TABLE}
 
 
 PAGE = (
     "How a hand is met. Each line below is what is seen, the next state, and what is sent on the way. The question is the "
-    "mark ! and CR: a half-typed command becomes an unknown one, and no movement is ended. What moves, writes or stops, "
-    "and `--interrupt`, sends ^C first.",
+    "mark !, 00 and CR: a half-typed command becomes an unknown one, no movement is ended, and in a control block of "
+    "RealTime that was cut off no motor begins to move. Behind silence 0 is sent for the rest of such a block. What moves, "
+    "writes or stops, and `--interrupt`, sends ^C first.",
     "The boot monitor hears at 9600, and FF is its trigger: it would overwrite good firmware. So nothing that it could "
     "hear as FF is sent before 9600 was asked and the port was open for 3 s. `handctl scan` may send one after that: a "
     "monitor that neither speaks nor echoes for longer cannot be told from a port with nothing on it.",

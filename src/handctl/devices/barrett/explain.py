@@ -151,6 +151,9 @@ class BarrettExplainer:
         return key
 
     def _command(self, command: str, raw: bytes) -> Piece:
+        if command.strip("\0") == gclwords.MARK:
+            meaning, _ = gclwords.command(gclwords.MARK)
+            return _piece(HOST, raw, meaning, asks=self._expect(command.lstrip("\0")))
         if any(not 32 <= byte < 127 for byte in raw[:-1]):
             return stray(HOST, raw, f"a line that is no command: {gclwords.shown(raw)}")
         if not command and self._asked and self._came:
@@ -235,7 +238,7 @@ class BarrettExplainer:
         raw = answer.raw if answer.raw.endswith(b"=> ") else answer.raw[: answer.raw.rfind(b"=>") + 2]
         self._flags.note(asked.command, answer)
         meaning, values, problem = gclwords.answer(asked.command, answer)
-        if asked.command == gclwords.MARK and answer.status == gclwords.UNKNOWN_COMMAND:
+        if asked.command.startswith(gclwords.MARK) and answer.status == gclwords.UNKNOWN_COMMAND:
             meaning = "prompt: the hand is there"
         elif answer.status:
             problem = "refused" if answer.status != 16384 else ""

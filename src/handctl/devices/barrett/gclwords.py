@@ -12,8 +12,8 @@ from handctl.errors import HandctlError
 from handctl.param import Number
 from handctl.piece import Part, Value
 
-MARK = QUESTION[:-1].decode()
-"""The question of a connect without its CR; ERR 32 is how a hand says that it is there."""
+MARK = QUESTION[:1].decode()
+"""The question of a connect without what no motor moves by; ERR 32 is how a hand says that it is there."""
 UNKNOWN_COMMAND = 32
 NAMES = {"\r": "<CR>", "\n": "<LF>", "\x03": "<^C>"}
 

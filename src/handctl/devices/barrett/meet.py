@@ -16,7 +16,6 @@ if TYPE_CHECKING:
 
 ABORT_COLLECT = 0.15
 LATE_PROMPT = 0.25
-LEAVES = 1
 PAUSE, MIDDLE = 0.1, 0.3
 """Seconds of silence that end a text, and the longest that is waited for it beyond the wire time of a banner."""
 APART = 0.1
@@ -96,11 +95,15 @@ class Meeting:
             return self._test_wire()
         if send == table.ABORTS:
             return self._leave(state)
+        if send == table.REST:
+            return self._ask(b"", self._seconds(state), table.FILL)
         early = self._abort() if line.interrupt else b""
         return self._ask(early, self._seconds(state))
 
     def _set_speed(self, state: str) -> None:
         if not self.link.can_set_baud or state in (
+            table.FILLED_FIRST,
+            table.FILLED,
             table.SILENT,
             table.BOOTING,
             table.CONFIRMED,
@@ -123,14 +126,16 @@ class Meeting:
         slow = line.timeout or 0.0  # a line that is slower than ours
         return max(table.SECONDS[state], slow) + line.wire_seconds(16)
 
-    def _ask(self, early: bytes, seconds: float) -> bytes:
+    def _ask(self, early: bytes, seconds: float, question: bytes = table.QUESTION) -> bytes:
         link = self.link
         self._asked = table.QUESTION
         try:
-            link.write(table.QUESTION, link.deadline(1.0))
+            link.write(question, link.deadline(1.0))
         except LinkError:
             if not link.replayed:
                 raise
+            if question != table.QUESTION:
+                return b""  # of an older recording: it was not sent
             self._asked = b""  # an older recording: it was asked with an empty line
             link.write(CR, link.deadline(1.0))
         came = self._hear(seconds)
@@ -165,12 +170,7 @@ class Meeting:
             self._asked = b""
             rest = self.line.leave_loop()
             return b"\n\r=> " if rest is None else rest
-        came = b""
-        for _ in range(LEAVES):
-            came = self._ask(b"", self._seconds(state))
-            if has_prompt(came):
-                break
-        return came
+        return self._ask(b"", self._seconds(state), table.FILL)
 
     def _test_wire(self) -> bytes:
         """The test, as bytes for the table."""
@@ -193,9 +193,10 @@ class Meeting:
             line.journal.info(
                 "speed", f"the hand answers at {link.baud} bit/s", hint=f"--baud {link.baud} finds it at once"
             )
-        if table.IN_LOOP in self.told:
-            line.journal.warn("loop", f"{link.name}: {table.IN_LOOP}", hint="`handctl barrett stop` ends what moves")
-            look_for_motion(line)
+        for text in (table.IN_LOOP, table.IN_BLOCK):
+            if text in self.told:
+                line.journal.warn("loop", f"{link.name}: {text}", hint="`handctl barrett stop` ends what moves")
+                look_for_motion(line)
 
     def _failure(self, end: str) -> HandctlError:
         link, came = self.link, self._garbage

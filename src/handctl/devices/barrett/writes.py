@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Hashable, Iterable, Sequence
 
 from handctl.devices.barrett.commands import split
-from handctl.devices.barrett.connecting import LOOPED, QUESTION, SAFE_ABORT
+from handctl.devices.barrett.connecting import FILL, LOOPED, QUESTION, SAFE_ABORT
 from handctl.devices.barrett.language import ABORT, CR, Decoder, has_prompt
 from handctl.devices.barrett.realtime import ACKNOWLEDGE, FEEDBACK_ONLY, NEITHER
 from handctl.ledger import Frame
@@ -40,7 +40,7 @@ class BarrettWrites:
 
     def sent(self, data: bytes, can_id: int | None) -> Sequence[Frame]:
         """See WriteWords."""
-        if data in (QUESTION, LOOPED):  # of the connect: no state of the hand carries them out
+        if data in (QUESTION, FILL, LOOPED):  # of the connect: no state of the hand carries them out
             self._decoder = None
             return ()
         if data.strip(SAFE_ABORT) == b"":
