@@ -502,7 +502,9 @@ def test_control_data_typed_at_the_prompt(velocity: int) -> None:
     assert "124T" in run.after and run.flags() == run.before and run.stands()
     sent = run.link.sent[run.link.sent.index(b"124LOOP\r") :]
     first = sent.index(b"\x03")
-    assert sent[first + 1] == b"!\0\r" and first < sent.index(b"124T\r"), "what was typed is ended before T (dossier 1.3)"
+    assert sent[first + 1] == b"!\0\r" and first < sent.index(b"124T\r"), (
+        "what was typed is ended before T (dossier 1.3)"
+    )
 
 
 @pytest.mark.parametrize(

@@ -19,14 +19,16 @@ from handctl.devices.barrett import connecting as table
 from handctl.devices.barrett import lastspeed
 from handctl.devices.barrett.connecting import FILL, QUESTION, SAFE_ABORT
 from handctl.devices.barrett.language import ABORT
-from handctl.errors import HandctlError
+from handctl.errors import HandctlError, ProtocolError
 from handctl.files import state_path
+from handctl.foreign import renamed
 from handctl.link import Deadline
 from handctl.sim.barrett_found import STATES
 from handctl.sim.barrett_uart import RECEIVERS, resample
 from tests.barrett_commands import prepare
 from tests.barrett_support import Simulated, codes, hand_on
 from tests.cli_support import run
+from tests.support import ScriptedLink
 
 SPEEDS = (9600, 38400, 19200, 4800, 2400, 1200, 600)
 LASTING = ("--duration", "1")
@@ -208,7 +210,10 @@ def test_the_table_is_whole() -> None:
             if row.state == state and row.next not in reached:
                 reached.add(row.next)
                 new.append(row.next)
-    assert reached | {table.REMEMBERED, table.FILLED_FIRST, table.AGAIN, table.NOBODY, table.GARBAGE} == {*table.STATES, *table.ENDS}
+    assert reached | {table.REMEMBERED, table.FILLED_FIRST, table.AGAIN, table.NOBODY, table.GARBAGE} == {
+        *table.STATES,
+        *table.ENDS,
+    }
 
 
 def test_a_connect_at_the_remembered_speed_is_one_round_trip() -> None:
@@ -240,6 +245,27 @@ def test_what_was_found_out_is_said(state: str) -> None:
     found = [message.text for message in hand.journal.messages if message.code == code]
     assert found and text in found[0], hand.journal.messages
     assert not [data for data in link.sent if ABORT in data]
+
+
+@pytest.mark.parametrize(
+    ("data", "seen"),
+    [
+        (b":", table.COLON), (b"!\0\r:", table.COLON), (b"\n\r12:\0\r\n", table.COLON), (b'{"motor_pos":', table.BYTES),
+        (b'0]}\n{"motor_pos" : ', table.BYTES), (b'{"a":1}\n', table.BYTES),
+    ],
+)  # fmt: skip
+def test_a_colon_of_json_is_no_boot_monitor(data: bytes, seen: str) -> None:
+    assert table.seen_in(data) == seen
+
+
+def test_a_device_that_talks_json_is_named() -> None:
+    """Its text may be cut anywhere, behind a key's ':' too; a monitor would be met with 6 s of waiting and another name."""
+    text = b'{"motor_pos": [0, 0, 0], "hand_mode":'
+    link = ScriptedLink(lambda request: [(0.0, text)], 9600)
+    with pytest.raises(ProtocolError) as caught:
+        hand_on(link).line.connect()
+    named = renamed(caught.value, "barrett")
+    assert (named.exit_code, "monitor" in named.text, "`handctl aidin`" in named.hint) == (6, False, True)
 
 
 @pytest.mark.parametrize("missing", range(1, 9))

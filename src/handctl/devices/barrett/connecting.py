@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 from typing import NamedTuple
 
-from handctl.devices.barrett.language import ABORT, BANNER, CR, has_prompt
+from handctl.devices.barrett.language import ABORT, BANNER, CR, has_colon, has_prompt
 
 MONITOR_SPEED = 9600
 QUESTION = b"!\0" + CR
@@ -269,6 +269,6 @@ def seen_in(data: bytes, question: bytes = QUESTION) -> str:
         return PROMPT if not question or ANSWER.fullmatch(data.rpartition(question[:1])[2]) else BYTES
     if question and data.strip(b"\0" + ABORT) == question:
         return ECHO
-    if data.rstrip(b"\r\n\0 ").endswith(b":"):
+    if has_colon(data):
         return COLON
     return BYTES if data else NOTHING

@@ -203,6 +203,12 @@ def _prompt_at(buffer: bytes, start: int) -> int | None:
     return None
 
 
+def has_colon(data: bytes) -> bool:
+    """Whether `data` ends with the boot monitor's ':'. Behind a quotation mark it is a key of JSON: another device."""
+    text = data.rstrip(b"\r\n\0 ")
+    return text.endswith(b":") and not text[:-1].rstrip().endswith(b'"')
+
+
 def has_prompt(data: bytes) -> bool:
     """Whether `data` ends with a prompt on a line of its own."""
     tail = data[-5:].strip()

@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 from handctl.devices.barrett.commands import SECONDS, split
 from handctl.devices.barrett.connecting import MONITOR_SPEED, QUESTION, RESTARTED_TEXT, SAFE_ABORT, is_answer
-from handctl.devices.barrett.language import ABORT, BANNER, PROMPT, Answer, Decoder, encode, has_prompt
+from handctl.devices.barrett.language import ABORT, BANNER, PROMPT, Answer, Decoder, encode, has_colon, has_prompt
 from handctl.errors import HandctlError, LinkError, NoAnswer, ProtocolError
 from handctl.link import ByteLink, Deadline
 from handctl.result import Journal
@@ -370,7 +370,7 @@ def restarted_in(data: bytes, command: str) -> bool:
 
 def _speaks_of_restart(data: bytes, command: str) -> bool:
     """A banner, or the boot monitor's ':' as the last thing said."""
-    return restarted_in(data, command) or data.rstrip(b"\r\n ").endswith(b":")
+    return restarted_in(data, command) or has_colon(data)
 
 
 RESTART_HINT = "`handctl barrett init` before any movement; values that were not saved are gone"
