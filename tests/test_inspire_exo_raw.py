@@ -235,18 +235,18 @@ def test_one_spoiled_frame_alone_is_harmless() -> None:
     assert "read 2 bytes at 1472" in step.meaning and "CHECKSUM" in step.meaning
 
 
-@pytest.mark.parametrize("wrong", range(256))
 @pytest.mark.parametrize("data", [INDEX_300, FORCE, "EB 90 01 04 12 ED 03 01 08", "EB 90 01 04 77 00 00 00 7C"])
-def test_a_command_with_any_checksum_asks_as_with_the_right_one(data: str, wrong: int) -> None:
+def test_a_command_with_any_checksum_asks_as_with_the_right_one(data: str) -> None:
     """A whole command frame with a wrong sum: a bus error or a lenient device could take it."""
     right = exo_raw.plan_raw(unhex(data), False)
-    step = exo_raw.plan_raw(unhex(data)[:-1] + bytes([wrong]), False)
-    if wrong == 0xEB:  # it might begin a frame
-        assert step.moves and step.strands
-        return
-    assert (step.moves, step.strands) == (right.moves, right.strands)
-    assert step.meaning.startswith(right.meaning)
-    assert step.data[-1] == wrong and (step.meaning == right.meaning) == (step.data == right.data)
+    for wrong in range(256):
+        step = exo_raw.plan_raw(unhex(data)[:-1] + bytes([wrong]), False)
+        if wrong == 0xEB:  # it might begin a frame
+            assert step.moves and step.strands
+            continue
+        assert (step.moves, step.strands) == (right.moves, right.strands), wrong
+        assert step.meaning.startswith(right.meaning), wrong
+        assert step.data[-1] == wrong and (step.meaning == right.meaning) == (step.data == right.data)
 
 
 def test_what_is_out_of_range_is_refused_with_a_wrong_checksum_too() -> None:

@@ -252,6 +252,7 @@ def test_on_a_healthy_device(command: str, scratch: Path) -> None:
         assert {step["state"] for step in writes} == {"confirmed"}, writes
 
 
+@pytest.mark.faults
 @pytest.mark.parametrize("command", COMMANDS)
 @pytest.mark.parametrize("fault", FAULTS)
 def test_on_a_line_that_fails(command: str, fault: str, scratch: Path) -> None:
