@@ -9,12 +9,11 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Iterable
 from pathlib import Path
 
-import click
 import pytest
 
-from handctl.clikit import root
 from handctl.devices.barrett import connecting as table
 from handctl.devices.barrett import lastspeed
 from handctl.devices.barrett.connecting import FILL, QUESTION, SAFE_ABORT
@@ -25,55 +24,18 @@ from handctl.foreign import renamed
 from handctl.link import Deadline
 from handctl.sim.barrett_found import STATES
 from handctl.sim.barrett_uart import RECEIVERS, resample
-from tests.barrett_commands import prepare
 from tests.barrett_support import Simulated, codes, hand_on
+from tests.barrett_sweep import LOADS, TOOLS, WINDOWS, Row, begin, files, leaves, lines, outcome, reads, words
+from tests.barrett_sweep import sweep as commands_begun
 from tests.cli_support import run
 from tests.support import ScriptedLink
 
 SPEEDS = (9600, 38400, 19200, 4800, 2400, 1200, 600)
-LASTING = ("--duration", "1")
-ARGUMENTS: dict[str, tuple[str, ...]] = {
-    "get": ("P",), "set": ("DP=8000",), "watch": ("P", *LASTING), "snapshot": ("{}/new.json",), "diff": ("{}/factory.json",),
-    "restore": ("{}/stored.json", "-y"), "report": ("{}/report.txt",), "gcl": ("FGET P",), "move": ("500",), "step-open": ("10",),
-    "step-close": ("10",), "baud": (), "realtime": ("--receive", "position", "--motors", "1", "--count", "3"), "save": ("-y",),
-    "help": ("HI",), "firmware check": ("{}/good.s19",), "firmware download": ("{}/good.s19", "-y"),
-    "strain": ("--count", "1"), "fingertips": (), "load": ("-y",), "defaults": ("-y",),
-}  # fmt: skip
-LOADS = ("firmware download",)
-"""What replaces the image on purpose."""
-
-
-def leaves() -> list[str]:
-    """``status``, ``firmware check`` …: every command below `handctl barrett`."""
-    group = root.get_command(click.Context(root), "barrett")
-    assert isinstance(group, click.Group)
-    found = []
-    for name, command in group.commands.items():
-        inner = command.commands if isinstance(command, click.Group) else {"": command}
-        found += [f"{name} {one}".strip() for one in inner]
-    return sorted(found)
-
-
-def reads(leaf: str) -> bool:
-    command: click.Command | None = root.get_command(click.Context(root), "barrett")
-    for name in leaf.split():
-        assert isinstance(command, click.Group)
-        command = command.commands[name]
-    return not getattr(command, "writes", False)
 
 
 @pytest.fixture
 def scratch(tmp_path: Path) -> Path:
-    from tests.test_barrett_srecord import END, HEADER, record
-
-    prepare(tmp_path)
-    lines = [HEADER, record(0x2C00, bytes(range(32))), END]
-    (tmp_path / "good.s19").write_text("\n".join(str(line) for line in lines) + "\n", encoding="ascii")
-    return tmp_path
-
-
-def words(leaf: str, scratch: Path) -> list[str]:
-    return [*leaf.split(), *(word.format(scratch) for word in ARGUMENTS.get(leaf, ()))]
+    return files(tmp_path)
 
 
 def image(state: Path) -> str:
@@ -84,17 +46,14 @@ def image(state: Path) -> str:
 
 
 @pytest.mark.faults
-@pytest.mark.parametrize("leaf", [*leaves(), "scan", "doctor"])
+@pytest.mark.parametrize("leaf", [*leaves(), *TOOLS])
 @pytest.mark.parametrize("state", [state for state in STATES if state not in ("monitor", "record")])
 def test_no_command_harms_the_image(state: str, leaf: str, scratch: Path) -> None:
     if leaf in LOADS:
         pytest.skip("replaces the image on purpose")
     kept = scratch / "kept.json"
     link = f"fake://barrett?clock=virtual&found={state}&state={kept}&initialized=1"
-    if leaf in ("scan", "doctor"):
-        result = run(leaf, *(["barrett"] if leaf == "doctor" else []), "-p", link, "--json")
-    else:
-        result = run("barrett", *words(leaf, scratch), "-p", link, "--json", "--deadline", "60")
+    result = begin(leaf, scratch, link)
     assert result.code != 1, result
     if kept.exists():
         assert image(kept) == "whole", result
@@ -167,8 +126,37 @@ def test_a_share_of_the_boot_window() -> None:
     assert sweep([0.1, 1.0], 0.22) == []
 
 
+def harmed(found: Iterable[Row]) -> list[Row]:
+    """The starts that harmed an image, or met a defect of ours."""
+    return [row for row in found if not row[2].whole or row[2].code == 1]
+
+
+def test_a_share_of_commands_in_the_boot_window(scratch: Path) -> None:
+    found = list(commands_begun([0.2], 0.1, scratch, ["get", "set", "stop", "scan"]))
+    assert len(found) == 2 * 4 * 4
+    assert harmed(found) == []
+
+
 @pytest.mark.long
-@pytest.mark.parametrize("window", [0.1, 0.2, 0.5, 1.0, 2.0, 3.0, 5.0])
+@pytest.mark.parametrize("window", WINDOWS)
+def test_every_command_at_every_20_ms_of_the_boot_window(window: float, scratch: Path) -> None:
+    """The table of it: `python -m tests.barrett_sweep --step 0.02`."""
+    commands = [leaf for leaf in [*leaves(), *TOOLS] if leaf not in LOADS]
+    assert harmed(commands_begun([window], 0.02, scratch, commands)) == []
+
+
+def test_the_table_tells_what_was_sent_and_changed(scratch: Path) -> None:
+    shared = [("loop", leaf, outcome("loop", leaf, scratch)) for leaf in ("get", "status", "set")]
+    assert list(lines(shared)) == [
+        "loop: 3 starts, 0 images harmed",
+        "    sent: !, commands; changed: mode; exit 0", "        get, status",
+        "    sent: ^C, !, commands; changed: mode, parameters; exit 0", "        set",
+    ]  # fmt: skip
+    assert next(lines([("boot", "get", shared[0][2]._replace(whole=False))])) == "boot: 1 starts, 1 images harmed"
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("window", WINDOWS)
 def test_every_20_ms_of_the_boot_window(window: float) -> None:
     assert sweep([window], 0.02) == []
 
