@@ -27,6 +27,7 @@ from jsonschema import Draft202012Validator
 
 import handctl.sim
 from handctl import cli
+from tests.forks import start
 
 FINGERS = ("little", "ring", "middle", "index", "thumb")
 
@@ -159,16 +160,12 @@ def program(*args: str | Path) -> list[str]:
 
 def run_program(*args: str | Path, env: Mapping[str, str] | None = None, timeout: float = 30.0, **more: Any) -> Result:
     """Run handctl as a process of its own, without a terminal."""
-    done = subprocess.run(
-        program(*args),
-        env=clean_environment(env),
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        timeout=timeout,
-        check=False,
-        **more,
-    )
-    return Result(done.returncode, done.stdout, done.stderr)
+    process = start(args, clean_environment(env), stdout=subprocess.PIPE, stderr=subprocess.PIPE, **more)
+    try:
+        out, err = process.communicate(timeout)
+    finally:
+        process.kill()
+    return Result(process.wait(), out, err)
 
 
 def fake(**options: object) -> str:
@@ -232,11 +229,11 @@ class Simulator:
     """`handctl sim KIND …` as a process; `link` is what it announced. `begin` takes the place of `handctl sim`."""
 
     def __init__(self, *args: str | Path, kind: str = "exo", begin: Sequence[str] = ()) -> None:
-        self.process = subprocess.Popen(
-            [*(begin or program("sim")), kind, *(str(arg) for arg in args)],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            env=clean_environment(),
+        words, pipe = [kind, *(str(arg) for arg in args)], subprocess.PIPE
+        self.process = (
+            subprocess.Popen([*begin, *words], stdout=pipe, stderr=pipe, env=clean_environment())
+            if begin
+            else start(["sim", *words], clean_environment(), stdout=pipe, stderr=pipe)
         )
         assert self.process.stdout is not None
         with selectors.DefaultSelector() as waiting:

@@ -17,10 +17,11 @@ import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from handctl.sim.serve import send_control
-from tests.cli_support import Result, Simulator, clean_environment, program, run
+from tests.cli_support import Result, Simulator, clean_environment, run
+from tests.forks import start
 
 ENDS = (signal.SIGINT, signal.SIGKILL, signal.SIGTERM)
 CREEP = 30.0
@@ -81,13 +82,11 @@ class Bench:
         places = {name: str(self.folder / name) for name in ("state", "data", "config")}
         return {f"XDG_{name.upper()}_HOME": place for name, place in places.items()}
 
-    def start(self, command: str) -> subprocess.Popen[bytes]:
+    def start(self, command: str) -> Any:
         """Run it as a process of its own."""
-        return subprocess.Popen(
-            program(*self.words(command), *(["--trace", str(self.trace)] if self.family else [])),
-            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-            env=clean_environment(self.environment), cwd=self.folder,
-        )  # fmt: skip
+        words = [*self.words(command), *(["--trace", str(self.trace)] if self.family else [])]
+        pipe = subprocess.PIPE
+        return start(words, clean_environment(self.environment), stdout=pipe, stderr=pipe, cwd=self.folder)
 
     @property
     def trace(self) -> Path:

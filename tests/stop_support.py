@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from handctl.sim.serve import send_control
-from tests.cli_support import Result, Simulator, clean_environment, program, wait_until
+from tests.cli_support import Result, Simulator, clean_environment, wait_until
+from tests.forks import start
 
 
 class How(NamedTuple):
@@ -97,10 +98,9 @@ class Stand:
         self.heard()
         output = self.folder / f"out-{len(self._started)}"
         with output.open("wb") as out:
-            process = subprocess.Popen(
-                program(self.family, *(words or self.how.watch), "-p", self.link),
-                stdin=subprocess.DEVNULL, stdout=out, stderr=subprocess.PIPE,
-                env=clean_environment(self.environment), cwd=self.folder,
+            process = start(
+                [self.family, *(words or self.how.watch), "-p", self.link],
+                clean_environment(self.environment), stdout=out, stderr=subprocess.PIPE, cwd=self.folder,
             )  # fmt: skip
         self._started.append(process)
         came = b""
@@ -119,10 +119,10 @@ class Stand:
         """Run `stop`; its result, and the seconds from its start to the last of its first bytes at the device."""
         self.heard()
         begun = time.monotonic()
-        process = subprocess.Popen(
-            program(*(words or (self.family, "stop", "--json")), "-p", self.link),
-            stdin=subprocess.DEVNULL, stdout=more.pop("stdout", subprocess.PIPE), stderr=subprocess.PIPE,
-            env=clean_environment({**self.environment, **(env or {})}), cwd=self.folder, **more,
+        process = start(
+            [*(words or (self.family, "stop", "--json")), "-p", self.link],
+            clean_environment({**self.environment, **(env or {})}),
+            stdout=more.pop("stdout", subprocess.PIPE), stderr=subprocess.PIPE, cwd=self.folder, **more,
         )  # fmt: skip
         self._started.append(process)
         out, err = process.communicate(timeout=20)

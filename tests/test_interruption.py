@@ -237,7 +237,7 @@ ELSEWHERE = {
 """Command -> module and test: a download needs somebody at the power switch, a simulator is no command that ends."""
 READ_ONLY = {
     *(f"{family} diff" for family in FAMILIES if family != "aidin"), "trace show", "trace diff",
-    "barrett firmware check", "sim control",
+    "barrett firmware check", "sim control", "ekso policy",
 }  # fmt: skip
 """Commands with a FILE that they only read, or a socket."""
 OWN_FILES = {"barrett maintenance", "exo dump"}
