@@ -248,7 +248,7 @@ def killed(bench: Bench, drive: Drive, *, group: bool) -> tuple[float, list[tupl
         process.kill()
         process.communicate()
     wait_until(lambda: gone(guard))
-    wait_until(lambda: settled(bench))
+    wait_until(lambda: settled(bench) and first_of(drive, bench.heard()[begun:]) is not None)
     return moment, bench.heard()[begun:]
 
 
@@ -279,10 +279,13 @@ def gone(pid: int) -> bool:
 
 
 def first_of(drive: Drive, heard: list[tuple[float, bytes]]) -> float | None:
-    """The moment of the first byte of the stop; None when what came last is no stop."""
-    for place in range(len(heard) - 1, -1, -1):
-        if drive.stop(b"".join(data for _, data in heard[place:])):
-            return heard[place][0]
+    """The moment of the first byte of the stop; None when what came last is no stop. A chunk may begin with other bytes."""
+    moments = [moment for moment, data in heard for _ in data]
+    told = b"".join(data for _, data in heard)
+    longest = 200
+    for place in range(len(told) - 1, max(len(told) - longest, 0) - 1, -1):
+        if drive.stop(told[place:]):
+            return moments[place]
     return None
 
 

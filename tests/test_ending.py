@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
 import os
 import select
@@ -143,13 +144,14 @@ def test_a_loop_goes_on_although_nobody_reads_the_trace(tmp_path: Path, option: 
         os.mkfifo(path)
         reader = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
         words = ("barrett", "realtime", "--motors", "1", "--velocity", "3", "--receive", "position", "--json")
-        place = ("-p", "fake://barrett?initialized=1", "--duration", "2")
+        fcntl.fcntl(reader, fcntl.F_SETPIPE_SZ, 4096)
+        place = ("-p", "fake://barrett?initialized=1", "--count", "400")
         more = ("--trace", str(path)) if option == "--trace" else ("-v",)
         errors = pipe if option == "-v" else subprocess.PIPE
         process = started(*words, *place, *more, stdout=subprocess.PIPE, stderr=errors)
         out, _ = process.communicate(timeout=30)
         assert process.returncode == code
-        assert json.loads(out.splitlines()[-1])["end"]["stream"]["samples"] > 50
+        assert json.loads(out.splitlines()[-1])["end"]["stream"]["samples"] == 400
         os.close(reader)
 
 

@@ -75,7 +75,7 @@ POLLED = (
 ALIKE = ("get", "watch", "initial", "encoders", "max-torque")
 """Commands that do what another one does: only the faults of PLAIN are tried on them, too."""
 PLAIN = ("healthy", "silent", "truncate", "wrong-type")
-REAL_SECONDS, VIRTUAL_SECONDS = 2.0, 30.0
+REAL_SECONDS, VIRTUAL_SECONDS = 30.0, 30.0
 
 
 def fake(**options: object) -> str:

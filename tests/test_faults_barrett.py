@@ -118,7 +118,7 @@ ALIKE = ("status", "status-check", "get", "get-hand", "baud-show", "baud-save", 
 """Commands that exchange what another one does: faults that befall only some requests are not tried again."""
 HARMLESS = ("healthy", "garble", "dribble", "split", "slow", "wrong-id", "twin-id")
 """Faults that touch no byte of an answer: nothing else can come of them when they are rarer."""
-VIRTUAL_SECONDS, REAL_SECONDS = 150.0, 3.0
+VIRTUAL_SECONDS, REAL_SECONDS = 150.0, 30.0
 SEED = 1
 
 

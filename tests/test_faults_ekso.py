@@ -47,7 +47,7 @@ from tests.ekso_faults import (
 )
 
 pytestmark = pytest.mark.faults
-REAL_SECONDS, VIRTUAL_SECONDS = 2.0, 20.0
+REAL_SECONDS, VIRTUAL_SECONDS = 30.0, 20.0
 
 # -- one cell ---------------------------------------------------------------------------------------------------------
 

@@ -83,7 +83,7 @@ CHANGED: dict[str, Truth] = {
 STAY_PUT = {"position_actual.little": 110, "position_actual.ring": 220, "position_actual.middle": 330,
             "position_actual.index": 440, "position_actual.thumb": 550}  # fmt: skip
 VARIANTS: dict[str, dict[str, int]] = {"always": {}, "after-1": {"after": 1}, "every-2": {"every": 2}}
-VIRTUAL_SECONDS, REAL_SECONDS = 90.0, 5.0
+VIRTUAL_SECONDS, REAL_SECONDS = 90.0, 30.0
 
 SEEDS = range(int(os.environ.get("HANDCTL_SEEDS", "1")))
 """Seeds of the simulator per cell; more of them belong into a long run."""

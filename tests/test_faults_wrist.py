@@ -111,7 +111,7 @@ ALIKE = ("status-check", "set-one")
 """Commands that exchange the same frames as another one: tried with the faults that are there always."""
 LONG = ("dump", "watch", "scan", "set-apart", "restore", "move", "raw-read", "hand-write")
 """Commands of more than one exchange, or with a wait of their own."""
-VIRTUAL_SECONDS, REAL_SECONDS = 60.0, 3.0
+VIRTUAL_SECONDS, REAL_SECONDS = 60.0, 30.0
 SEED = 1
 
 

@@ -321,6 +321,8 @@ class EksoMachine(RuleBasedStateMachine):
         self.environment = {"XDG_STATE_HOME": self.folder.name}
         rows = self.do("settings").rows
         self.model: dict[str, float] = {row["name"]: row["value"] for row in rows}
+        self.logged = dict(self.model)
+        """The values of 10 s ago, by the log of this user: the simulated clock stands between two commands."""
 
     def teardown(self) -> None:
         self.folder.cleanup()
@@ -333,10 +335,17 @@ class EksoMachine(RuleBasedStateMachine):
     def set(self, name: str, hundredths: int) -> None:
         value = round(self.model[name] + hundredths / 100, 2)
         done = self.do("set", f"{name}={value}", "--yes", "--operator", "me")
-        allowed = abs(hundredths) <= round(EKSO[name][1] * 100) and (value >= 0 or "shift" in name)
+        step = max(abs(value - self.model[name]), abs(value - self.logged[name]))
+        allowed = round(step * 100) <= round(EKSO[name][1] * 100) and (value >= 0 or "shift" in name)
         assert done.code == (0 if allowed else 2), done
         if allowed:
             self.model[name] = value
+
+    @rule()
+    def another_user(self) -> None:
+        """Whose log knows of no write: their steps count from here."""
+        self.environment = {"XDG_STATE_HOME": tempfile.mkdtemp(dir=self.folder.name)}
+        self.logged = dict(self.model)
 
     @rule()
     def power_cycle(self) -> None:

@@ -248,8 +248,9 @@ def test_power_off_and_faults_from_the_panel(start: Start, tmp_path: Path) -> No
 def test_wire_time_of_a_dump(start: Start, tmp_path: Path) -> None:
     """Two transactions of 195 bytes take 16.93 ms at 115200 (dossier §6); the host adds little."""
     link, trace = start("--pty", "--wire", "115200").link, tmp_path / "t.txt"
-    best = 1.0
-    for _ in range(8):
+    best, tries = 1.0, 0
+    while best > 0.0169 * 1.25 and tries < 40:  # a busy machine is late, never early
+        tries += 1
         assert run_program("exo", "dump", "-p", link, "--trace", trace, "--json").json["counters"]["sent"] == 2
         times = [float(line.split()[0]) for line in trace.read_text().splitlines() if not line.startswith("#")]
         best = min(best, times[-1] - times[0])

@@ -15,7 +15,7 @@ import can
 import pytest
 import serial
 
-from tests.cli_support import Result, Simulator, clean_environment, frame, program, run, run_program, s16
+from tests.cli_support import Result, Simulator, clean_environment, frame, program, run, run_program, s16, wait_until
 from tests.wrist_commands import POWER_ON, SETTINGS, prepare, sent_frames, written_frames
 
 Start = Callable[..., Simulator]
@@ -249,9 +249,9 @@ def test_can_logger_sees_the_frames_of_the_bus(start: Start, tmp_path: Path) -> 
          "--bus-kwargs", "sleep_after_open=0", "-f", str(log)],
         stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
     )  # fmt: skip
-    time.sleep(0.8)
+    wait_until(lambda: log.exists() and log.read_bytes().count(b"\n") > 20, 30.0)
     process.send_signal(signal.SIGINT)
-    process.wait(timeout=5)
+    process.wait(timeout=30)
     messages = list(can.LogReader(log))
     assert len(messages) > 20
     assert all(message.is_extended_id and not message.is_error_frame for message in messages)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import select
 import signal
@@ -173,14 +174,13 @@ def test_wire_time_is_real(start: Start) -> None:
     """The dump in 2 reads is 195 bytes, 16.93 ms at 115200."""
     server = start("--pty", "--wire", "115200")
     with server.port() as port:
-        times = []
-        for _ in range(20):
+        times = [math.inf]
+        while min(times) >= 20.0 and len(times) < 500:  # a busy machine is late, never early
             began = time.perf_counter()
             assert len(ask(port, DUMP_1, 18)) == 18
             assert len(ask(port, DUMP_2, 159)) == 159
             times.append((time.perf_counter() - began) * 1000)
-    assert min(times) >= 16.92
-    assert sorted(times)[3] < 20.0, times
+    assert 16.92 <= min(times) < 20.0, times
 
 
 def test_client_that_does_not_read(start: Start) -> None:
@@ -192,10 +192,10 @@ def test_client_that_does_not_read(start: Start) -> None:
         status = Path(f"/proc/{server.process.pid}/status").read_text()
         memory = next(int(row.split()[1]) for row in status.splitlines() if row.startswith("VmRSS"))
         assert memory < 60000, "kB"
-        port.timeout = 0.05
+        port.timeout = 1
         while port.read(65536):
             pass
-        port.timeout = 1
+        port.timeout = 10
         assert ask(port, READ_ID, 9) == ID_IS_1
 
 
@@ -289,6 +289,7 @@ def test_control_socket(start: Start, tmp_path: Path) -> None:
             assert rows[2].startswith("error unknown command 'nonsense'")
             port.timeout = 0.1
             assert ask(port, READ_VOLTAGE, 10) == b""
+            port.timeout = 10
         done = CliRunner().invoke(cli, ["control", str(path), "fault", "none"])
         assert (done.exit_code, done.output) == (0, "fault none\n")
         assert ask(port, READ_VOLTAGE, 10) == bytes.fromhex("90 EB 01 05 11 C0 05 52 03 31")
