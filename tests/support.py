@@ -34,7 +34,7 @@ class ScriptedLink(ByteLink):
     name = "scripted"
     can_set_baud = True
 
-    def __init__(self, answer: Answer | None = None, baud: int | None = None) -> None:
+    def __init__(self, answer: Answer | None = None, baud: int | None = 115200) -> None:
         self.answer: Answer = answer or (lambda request: ())
         self.baud = baud
         self.clock = 0.0

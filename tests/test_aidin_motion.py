@@ -160,7 +160,7 @@ def test_stop_goes_out_before_anything_else(kind: str) -> None:
 
 
 def test_stop_to_a_mute_hand_is_sent_and_not_confirmed() -> None:
-    link = ScriptedLink()
+    link = ScriptedLink(baud=None)
     ended = stopped(link)
     assert ended.error is NoAnswer and "not confirmed" in ended.text
     assert set(link.sent) == {STOP}

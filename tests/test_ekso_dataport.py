@@ -42,22 +42,25 @@ def test_message_ids_count_up_and_wrap() -> None:
 
 
 def test_reads_are_repeated_with_a_new_id_and_writes_never() -> None:
+    """Before anybody has answered, an id is left out whose frame holds what another device acts upon: here 03, ^C."""
     unit = Unit()
+    unit.baud = None
     unit.on = dict.fromkeys((TIME, SET), lambda _msg_id, _body: [])
     port = port_on(unit)
     with pytest.raises(NoAnswer) as caught:
         port.read(Command.GET_TIME)
-    assert unit.sent == [frame(TIME, 1), frame(TIME, 2), frame(TIME, 3)]
+    assert unit.sent == [frame(TIME, 1), frame(TIME, 2), frame(TIME, 4)]
     assert "no answer to GetTime" in caught.value.text
     assert [port.journal.counters.retries, port.counts.timeouts] == [2, 3]
     with pytest.raises(NoAnswer):
         port.exchange(Command.SET_VALUE, pack([202, 1550]))
-    assert unit.sent[3:] == [frame(SET, 4, pack([202, 1550]))]
+    assert unit.sent[3:] == [frame(SET, 5, pack([202, 1550]))]
     assert unit.clock == pytest.approx(4 * 0.5 + 4 * QUIET)
 
 
 def test_retries_and_timeout_are_the_users() -> None:
     unit = Unit()
+    unit.baud = None
     unit.on = {TIME: lambda _msg_id, _body: []}
     with pytest.raises(NoAnswer, match=r"within 0\.1 s"):
         port_on(unit, retries=0, timeout=0.1).read(Command.GET_TIME)

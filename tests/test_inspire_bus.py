@@ -6,6 +6,7 @@ import pytest
 
 from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.mishaps import HINTS, explain
+from handctl.devices.inspire.quiet import question
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError, UsageError
 from handctl.result import Journal
 from handctl.sim import line
@@ -13,6 +14,7 @@ from tests.support import Babble, Reply, ScriptedLink, changing, fake_hand, hand
 
 READ_VOLTAGE = "EB 90 01 04 11 C0 05 02 DD"
 VOLTAGE = "90 EB 01 05 11 C0 05 2E 02 0C"
+READ_ID, ID_IS_1 = "EB 90 01 04 11 E8 03 01 02", "90 EB 01 04 11 E8 03 01 02"
 WRITE_INDEX = "EB 90 01 05 12 D4 05 2C 01 1E"
 INDEX_ACK = "90 EB 01 04 12 D4 05 01 F1"
 LATE_POSITIONS = "90 EB 01 0F 11 0A 06 6E 00 DC 00 4A 01 B8 01 26 02 94 02 3D"
@@ -41,7 +43,7 @@ def test_read_is_one_request_and_one_reply() -> None:
 
 @pytest.mark.parametrize(("retries", "sent"), [(0, 1), (1, 2), (2, 3), (5, 6)])
 def test_silent_read_is_repeated_so_often(retries: int, sent: int) -> None:
-    link = ScriptedLink()
+    link = ScriptedLink(baud=None)
     bus = bus_on(link, retries=retries, timeout=0.3)
     with pytest.raises(NoAnswer) as caught:
         bus.read(1472, 2)
@@ -84,8 +86,41 @@ def test_timeout_is_added_to_the_time_on_the_wire() -> None:
     assert link.now() == pytest.approx(0.05 + 269 * 10 / 19200)
 
 
+@pytest.mark.parametrize(("baud", "settable"), [(None, False), (115200, False), (38400, True), (9600, True)])
+def test_a_stranger_is_not_asked_first_what_it_would_act_upon(baud: int | None, settable: bool) -> None:
+    """E8 03 is the address 1000, and 03 ends a movement of a BarrettHand that hears it as it is: nobody asks that first."""
+    link = ScriptedLink(baud=baud)
+    link.can_set_baud = settable
+    with pytest.raises(NoAnswer) as caught:
+        bus_on(link, retries=1).read(1000, 1)
+    assert [hexed(request) for request in link.sent] == [READ_VOLTAGE] * 2
+    assert READ_VOLTAGE in caught.value.text
+    link = ScriptedLink(script((READ_VOLTAGE, [VOLTAGE]), *[(READ_ID, [ID_IS_1])] * 2), baud=baud)
+    link.can_set_baud = settable
+    bus = bus_on(link)
+    assert (bus.read(1000, 1), bus.at().read(1000, 1)) == (b"\x01", b"\x01")
+    assert [hexed(request) for request in link.sent] == [READ_VOLTAGE, READ_ID, READ_ID], "once: now it is known"
+
+
+def test_at_a_speed_that_no_such_device_hears_the_question_itself_goes_first() -> None:
+    link = ScriptedLink(script((READ_ID, [ID_IS_1])), baud=57600)
+    assert bus_on(link).read(1000, 1) == b"\x01"
+    assert [hexed(request) for request in link.sent] == [READ_ID]
+
+
+def test_every_id_but_two_has_a_quiet_first_question() -> None:
+    """Counted here: no 03, 0D or FF in the nine bytes, the sum included."""
+    for flag, addresses in ((0x11, (1472, 1546)), (0x30, (1024, 1026))):
+        for device_id in range(1, 255):
+            address, count = question(device_id, flag)
+            assert address in addresses and count == 2
+            body = bytes([device_id, 4, flag, address % 256, address // 256, 2])
+            quiet = not {0x03, 0x0D, 0xFF} & {*body, sum(body) % 256}
+            assert quiet == (device_id not in (3, 13)), device_id
+
+
 def test_no_wire_time_where_the_link_has_no_speed() -> None:
-    link = ScriptedLink()
+    link = ScriptedLink(baud=None)
     with pytest.raises(NoAnswer):
         bus_on(link, retries=0, timeout=0.05).read(1472, 252)
     assert link.now() == pytest.approx(0.05)

@@ -346,16 +346,19 @@ UNMOVED = "EB 90 01 0D 12 CE 05 FF FF FF FF FF FF FF FF FF FF E9"
 @pytest.mark.parametrize(
     ("places", "hold"),
     [
-        ([], UNMOVED),
+        ([], None),
         ([None] * 6, UNMOVED),
         ([500, 400, 300, 200, 100, 660], "EB 90 01 0D 12 CE 05 F4 01 90 01 2C 01 C8 00 64 00 D2"),
         ([-4, 1001, 0, 1000, 500, 0], "EB 90 01 0D 12 CE 05 FF FF FF FF 00 00 E8 03 F4 01 CF"),
     ],
     ids=["before the first reading", "not read", "read", "two outside their range"],
 )
-def test_the_last_stop_releases_and_holds(places: list[int | None], hold: str) -> None:
-    """Forces 0, then each finger where it was seen last; -1 leaves one where it is (exo §2.3.7). Three times."""
+def test_the_last_stop_releases_and_holds(places: list[int | None], hold: str | None) -> None:
+    """Forces 0, then each finger where it was seen last; -1 leaves one where it is (exo §2.3.7). Three times.
+
+    -1 is FF FF, which a BarrettHand's boot monitor acts upon: before anybody was seen here, forces 0 are all.
+    """
     hand, _ = fake_hand()
     shots = procedures._last_shots(hand, places)
-    assert [hexed(shot.data) for shot in shots] == [RELEASE, hold] * 3
+    assert [hexed(shot.data) for shot in shots] == ([RELEASE, hold] if hold else [RELEASE]) * 3
     assert sum(shot.pause for shot in shots) < 0.1

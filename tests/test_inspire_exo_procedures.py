@@ -45,7 +45,7 @@ def test_probe_reads_two_bytes_and_keeps_the_timeout() -> None:
 
 
 def test_probe_of_nobody_asks_twice() -> None:
-    hand = hand_on(link := ScriptedLink(), timeout=0.2)
+    hand = hand_on(link := ScriptedLink(baud=None), timeout=0.2)
     assert procedures.probe(hand.bus, 2) is False
     assert [hexed(request) for request in link.sent] == [PROBE_2, PROBE_2]
     assert hand.bus.timeout == 0.2

@@ -61,11 +61,18 @@ class Line:
         for number in range(len(data) // 9):
             request = data[9 * number : 9 * number + 9]
             assert request[:2] == b"\xeb\x90"
-            assert request[4:7] == b"\x30\xfc\x03", "only flag 30 at 1020 is a probe: 31 and 32 move an exo"
-            if request[7] == 2:
+            assert request[4] == 0x30, "31 and 32 move an exo"
+            address = request[5] + 256 * request[6]
+            if address != 1020:
+                assert (address, request[7]) in ((1024, 2), (1026, 2))
+                quiet = not {0x03, 0x0D, 0xFF} & set(request)
+                assert quiet or request[2] in (0x03, 0x0D), "only what a BarrettHand does not act upon goes to anybody"
                 self.asked.append(request[2])
+            else:
+                assert request[2] in self.ids, "its angles are asked of a wrist that has answered"
             if request[2] in self.ids:
-                body = bytes([request[2], request[7] + 3]) + request[4:7] + (PITCH * 2)[: request[7]]
+                value = (PITCH * 2)[: request[7]] if address == 1020 else b"\x6f\x00"
+                body = bytes([request[2], request[7] + 3]) + request[4:7] + value
                 moment = (number + 1) * 90 / 115200 + 0.002
                 replies.append((moment, b"\x90\xeb" + body + bytes([sum(body) % 256])))
         return replies
@@ -93,7 +100,7 @@ def test_one_by_one_never_sends_two_probes_at_once() -> None:
     assert all(len(request) == 9 for request in line.link.sent)
     moments = line.link.sent_at
     assert all(later - earlier >= 90 / 115200 for earlier, later in pairwise(moments))
-    assert hexed(line.link.sent[0]) == "EB 90 01 04 30 FC 03 02 36"
+    assert hexed(line.link.sent[0]) == "EB 90 01 04 30 00 04 02 3B"
 
 
 @pytest.mark.parametrize("window", [1, 8])

@@ -159,6 +159,7 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
         (
             "errors",
             "files",
+            "foreign",
             "gate",
             "guide",
             "latency",

@@ -64,7 +64,7 @@ def test_each_family_is_named(link: str, family: str, baud: int | None, device_i
 def test_evidence_is_what_the_device_said() -> None:
     evidence = {kind: looked(f"fake://{kind}?clock=virtual").rows[0]["evidence"] for kind in PROBES}
     assert evidence["exo"] == "system_voltage reads 558, asked twice"
-    assert evidence["wrist"] == "current_1024 reads 111, asked twice"
+    assert evidence["wrist"] == "pitch_raw reads -345, asked twice"
     assert evidence["barrett"].startswith("prompt, serial number ")
     assert evidence["ekso"].endswith("CRC and msgID fit")
     assert evidence["aidin"] == "streams current_state, joint_pos, motor_pos, sensor_state, task_space_pos"

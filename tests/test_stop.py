@@ -207,10 +207,13 @@ def test_the_one_that_is_there_is_stopped(typed: str, there: str, stand: MakeSta
 
 def test_a_hand_that_does_not_answer_is_sent_its_stop(stand: MakeStand) -> None:
     place = stand("exo", "--fault", "silent")
-    place.how = place.how._replace(stop=(HOW["exo"].stop[0], bytes.fromhex("EB90010D12CE05FFFF")))
+    place.how = place.how._replace(stop=(HOW["exo"].stop[0],))
     result, _ = place.stop()
     assert result.code == 4, result
-    assert "sent" in result.error["text"] or "commanded" in result.error["text"]
+    assert "commanded, which nothing answered" in result.error["text"]
+    assert [row["bytes"] for row in result.rows] == [
+        "EB 90 01 04 30 00 04 02 3B", HOW["exo"].stop[0].hex(" ").upper(),
+    ], "who is there, the forces, and nothing that holds FF"  # fmt: skip
 
 
 # -- bad places --------------------------------------------------------------------------------------------------------

@@ -78,3 +78,9 @@ SIGNS: dict[str, str] = {
     "wrist": "handctl.devices.inspire.eb90:sign",
 }
 """Family -> module:function that says what in bytes that came shows its protocol, "" = nothing."""
+
+TRIGGERS: dict[str, tuple[int, bytes]] = {"barrett": (38400, b"\x03\r\xff")}
+"""Family -> fastest speed at which its device listens, and the bytes on which it acts wherever they stand.
+
+^C ends a movement, CR carries out a line, FF makes the boot monitor take what follows for firmware (barrett §1, §8).
+"""

@@ -1,11 +1,14 @@
-"""Bytes that answer nothing of ours: whose protocol are they? Knows no bytes itself, asks each family's own code."""
+"""Other devices than the one that is meant: whose bytes came, and upon which of ours one of them acts.
+
+Knows no bytes itself: each family's own code says what it recognises, the registry what it acts upon.
+"""
 
 from __future__ import annotations
 
 import importlib
 
 from handctl.errors import DeviceRefused, HandctlError
-from handctl.families import SIGNS
+from handctl.families import SIGNS, TRIGGERS
 
 
 def renamed(error: HandctlError, own: str) -> HandctlError:
@@ -34,3 +37,11 @@ def pointed(error: HandctlError, link: str) -> HandctlError:
 def _sign(family: str, came: bytes) -> str:
     module, _, function = SIGNS[family].partition(":")
     return str(getattr(importlib.import_module(module), function)(came))
+
+
+def harmless(data: bytes, baud: int | None) -> bool:
+    """Whether no device acts upon these bytes that is not meant; None = they reach whoever is there as they are.
+
+    At a speed that is too fast for it, a device hears none of them as they are.
+    """
+    return not any(set(data) & set(bytes_) for most, bytes_ in TRIGGERS.values() if baud is None or baud <= most)

@@ -178,6 +178,7 @@ def restore(
         run.need_answer(f"{_restoring(params, changes)}, as far as they differ")
     device: MapDevice = run.device()
     device.find_for_restore(values)
+    device.identify()
     live = take(device, kept_of(params, setpoints=setpoints, further=values))
     differing = [(element, value) for element, value in changes if live.get(element.full_name) != value]
     for text in device.not_covered:

@@ -70,6 +70,9 @@ class BarrettHand:
     def find_for_restore(self, values: dict[str, Number]) -> None:
         """Nothing to do: the hand has no address, and its speed is found at connect."""
 
+    def identify(self) -> None:
+        """Nothing to do: the connect, before anything is read, is the look at who is there."""
+
     def checked(self, answer: Answer) -> Answer:
         """The same answer, or DeviceRefused with the manual's wording of its status."""
         if answer.status:

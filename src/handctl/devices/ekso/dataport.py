@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from handctl.devices.ekso.fields import SETTINGS
 from handctl.devices.ekso.frames import ANSWER_SIZES, OVERHEAD, Command, Decoder, Frame, encode, name_of
 from handctl.errors import HandctlError, NoAnswer, ProtocolError
+from handctl.foreign import harmless
 from handctl.gate import Gate
 from handctl.link import ByteLink, Deadline
 from handctl.result import Journal, hex_bytes
@@ -166,6 +167,11 @@ class DataPort:
             self.resynchronise()
         self._take_waiting()
         self.refuse_late(name_of(command))
+        if (
+            command not in WRITING and not self.counts.answered
+        ):  # a stranger on this line must not act upon what is asked: the msgID is free
+            while not harmless(self.request(command, body), self.link.baud if self.link.can_set_baud else None):
+                self._next_id = (self._next_id + 1) & 0xFFFF
         request = self.request(command, body)
         self._next_id = (self._next_id + 1) & 0xFFFF
         seconds = self._wire_seconds(len(request) + max(ANSWER_SIZES[command]) + OVERHEAD) + self.timeout

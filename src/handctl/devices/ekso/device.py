@@ -92,6 +92,9 @@ class Ekso:
     def find_for_restore(self, values: dict[str, Number]) -> None:
         """Nothing to do: the device has no address."""
 
+    def identify(self) -> None:
+        """Nothing to do: whatever is read from it tells who it is, by its CRC and our msgID."""
+
     # -- reading -------------------------------------------------------------------------------------------------
 
     def words(self, message: str) -> tuple[int, ...]:

@@ -61,7 +61,9 @@ class BlockReader:
         """Read `registers` into `memory`. Groups that fail are in its `errors`; raises when nothing at all could be read."""
         memory = Memory() if memory is None else memory
         first: HandctlError | None = None
-        for block in plan(registers, self._bus.max_count):
+        blocks = plan(registers, self._bus.max_count)
+        # What a stranger would act upon is not asked first.
+        for block in sorted(blocks, key=lambda block: not self._bus.quiet(block.address, block.size)):
             try:
                 if len(block.groups) > 1 and self._across_gaps and self._whole(block, memory):
                     continue

@@ -14,7 +14,9 @@ from typing import TYPE_CHECKING, ClassVar, Self
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.eb90 import Decoder, Frame
 from handctl.devices.inspire.mishaps import SILENCE_HINT, explain, hint_for, shorten
+from handctl.devices.inspire.quiet import question
 from handctl.errors import DeviceRefused, HandctlError, Interrupted, LinkError, NoAnswer, ProtocolError
+from handctl.foreign import harmless
 from handctl.link import ByteLink, CanFrame, Deadline, Link
 from handctl.param import Step
 from handctl.result import Journal, hex_bytes
@@ -100,10 +102,15 @@ class RegisterBus(ABC):
         self.timeout = timeout
         self.retries = retries
         self.bound = bound
+        self._met: set[int] = set()  # ids that have answered a read, also through `at`
 
     @abstractmethod
     def read(self, address: int, count: int, *, retries: int | None = None) -> bytes:
         """`count` bytes from `address`. Raises UsageError, NoAnswer, ProtocolError, LinkError."""
+
+    def quiet(self, address: int, count: int) -> bool:
+        """Whether this read may be sent now: somebody has answered, or no stranger on the line would act upon it."""
+        return True
 
     @abstractmethod
     def write(self, address: int, data: bytes) -> None:
@@ -221,16 +228,34 @@ class Bus(RegisterBus):
         request = eb90.read_request(target, address, count, self.read_flag)
         prefix = eb90.read_reply_prefix(target, address, count, self.read_flag)
         attempts = 1 + (self.retries if retries is None else retries)
+        if not self._met and not self._quiet(request):
+            self._ask_quietly(target, attempts - 1)
         for attempt in range(attempts):
             if attempt:
                 self.journal.counters.retries += 1
             try:
-                return self.exchange(request, [prefix], reply_size=count + 8).data
+                answer = self.exchange(request, [prefix], reply_size=count + 8)
+                self._met.add(target)
+                return answer.data
             except (NoAnswer, ProtocolError) as exc:
                 error = self.journal.blame(exc)
             if self.bound is not None and self.bound.expired:
                 break
         raise error
+
+    def quiet(self, address: int, count: int) -> bool:
+        return bool(self._met) or self._quiet(eb90.read_request(self.id, address, count, self.read_flag))
+
+    def _quiet(self, request: bytes) -> bool:
+        """Whether a stranger on this line would not act upon it. What a recording plays is no stranger."""
+        link = self.link
+        return link.replayed or harmless(request, link.baud if link.can_set_baud else None)
+
+    def _ask_quietly(self, device_id: int, retries: int) -> None:
+        """Before a question upon which a stranger would act: one upon which none does. Raises as `read` does."""
+        span = question(device_id, self.read_flag)
+        if self._quiet(eb90.read_request(device_id, *span, self.read_flag)):
+            self.read(*span, device_id=device_id, retries=retries)
 
     def write(self, address: int, data: bytes, *, acknowledged_by: Sequence[int] = ()) -> None:
         """Write `data` once (exo §2.2.4). Never repeated.

@@ -63,6 +63,10 @@ class RegisterDevice(ABC):
     def find_for_restore(self, values: dict[str, Number]) -> None:  # noqa: B027 - most have nothing to do
         """Make the bus address the device that a restore is for; nothing to do unless its id is a setting."""
 
+    def identify(self) -> None:
+        """Look who is there before anything is read for a plan: a stranger is named, not called silent. Raises NotIdentified."""
+        self.bus.identify()
+
     # -- reading -------------------------------------------------------------------------------------------------
 
     def read(self, elements: Sequence[Element]) -> list[Reading]:

@@ -135,11 +135,13 @@ def move(hand: ExoHand, values: list[int], guide: Guide, *, wait: float) -> Tabl
 def _last_shots(hand: ExoHand, places: list[Number | None]) -> list[Shot]:
     """The stop of a movement that nobody watches any more: forces 0, each finger held where it was seen last.
 
-    Where that is not known, or no legal position, it is told not to move (-1, exo §2.3.7).
+    One that is at no legal position is told not to move (-1, exo §2.3.7). Before the first reading, forces 0 alone.
     """
     bus = hand.bus
-    held = [int(place) if place is not None and 0 <= place <= 1000 else -1 for place in (*places, *[None] * 5)][:5]
     release = hand.command_step("force", [0] * 5).data
+    if not places:
+        return [Shot(release, ANSWER_SECONDS + 2 * bus.wire_seconds(len(release)))] * STOPS
+    held = [int(place) if place is not None and 0 <= place <= 1000 else -1 for place in places[:5]]
     hold = bus.write_step(EXO["position_set"].address, eb90.pack_s16(held), "hold").data
     pause = ANSWER_SECONDS + 2 * bus.wire_seconds(len(hold))
     return [Shot(release, pause), Shot(hold, pause)] * STOPS

@@ -112,6 +112,7 @@ def change_id(hand: ExoHand, new: int) -> Table:
         hand.journal.info("already", f"nobody answers to id {old}; a hand already answers to id {new}")
         return _id_row(hand, old)
     if not old_there:
+        hand.identify()  # somebody else's answers name him
         bus.read(PROBE_ADDRESS, PROBE_COUNT)  # says what comes instead: silence, or only our own bytes
     if new_taken:
         raise CheckFailed(
@@ -186,6 +187,7 @@ def change_baud(hand: ExoHand, rate: int) -> Table:
     register, code = EXO["baud_code"], code_of(rate)
     assert code is not None
     element = Element(register, 0)
+    hand.identify()
     before = hand.bus.read(register.address, 1)[0]
     if before == code:
         hand.journal.info("already", f"baud_code is already {code} ({rate} baud)")

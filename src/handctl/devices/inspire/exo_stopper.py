@@ -1,7 +1,8 @@
 """The stop of an EH55BF1: all forces to 0, then every finger is commanded to stay where it is. The manual has no stop command.
 
-The answer to the force command tells where the fingers are (exo §2.2.1). The same bytes would be a write to a wrist, so
-one quick read tells which of the two is there; without an answer the forces are released all the same.
+The answer to the force command tells where the fingers are (exo §2.2.1), and that a hand is there at all. The same bytes
+would be a write to a wrist, so one quick read tells which of the two is there; without an answer the forces are released
+all the same, and that is all.
 """
 
 from __future__ import annotations
@@ -26,9 +27,8 @@ POWER = "switch the power off if the hand still pushes or moves"
 def stopping(aim: Aim) -> Talk:
     """The stop of what answers: the hand, or a wrist that was taken for one."""
     number = aim.settings.id if aim.settings.id is not None else 1
-    angles = yield from wrist_stopper.where(number, False, wrist_stopper.QUICK)
-    if angles is not None:
-        stopped = yield from wrist_stopper.hold(number, False, *angles)
+    if (yield from wrist_stopper.answers(number, wrist_stopper.QUICK)):  # fmt: skip
+        stopped = yield from wrist_stopper.stay(number, False, aim.settings.timeout)
         return stopped._replace(text=f"no exoskeleton hand but a wrist answers here: {stopped.text}")
     return (yield from release(number, aim.settings.timeout))
 
@@ -42,13 +42,20 @@ def answers(number: int) -> Generator[Say, Pieces, bool]:
 
 
 def release(number: int, timeout: float | None) -> Talk:
-    """Forces to 0, then hold: at the positions that came back, or where each finger is when none came."""
+    """Forces to 0, then hold at the positions that came back.
+
+    Where nothing came back, nothing more is sent: the frame that holds every finger where it is has FF in it, and that is
+    the trigger of a BarrettHand's boot monitor, if one should be there instead.
+    """
     seconds = timeout or PATIENCE
     prefix = eb90.command_reply_prefix(number, eb90.FORCE_COMMAND)
     step = Step("all forces to 0", eb90.command_request(number, eb90.FORCE_COMMAND, [0] * FINGERS), moves=True)
     pieces = yield Say(step, seconds, lambda pieces: answer(pieces, prefix))
     told = answer(pieces, prefix)
-    places = eb90.unpack_s16(told.payload)[:FINGERS] if told is not None else []
+    if told is None:
+        text = "all forces to 0 were commanded, which nothing answered"
+        return Stopped(text, f"{POWER}; `handctl exo scan` looks for id and speed", NoAnswer)
+    places = eb90.unpack_s16(told.payload)[:FINGERS]
     known = len(places) == FINGERS and all(0 <= place <= 1000 for place in places)
     if known:
         prefix = eb90.command_reply_prefix(number, eb90.POSITION_COMMAND)
@@ -60,10 +67,6 @@ def release(number: int, timeout: float | None) -> Talk:
         step = Step(meaning, eb90.write_request(number, POSITION_SET, eb90.pack_s16([STAY] * FINGERS)), moves=True)
     pieces = yield Say(step, seconds, lambda pieces: answer(pieces, prefix))
     held = answer(pieces, prefix)
-    if told is None and held is None:
-        text = "all forces to 0 and no movement were commanded; nothing answered"
-        return Stopped(text, f"{POWER}; `handctl exo scan` looks for id and speed", NoAnswer)
-    if told is None or held is None:
-        done, open_ = (meaning, "all forces to 0") if told is None else ("all forces to 0", meaning)
-        return Stopped(f"{done}: answered; {open_}: sent, not answered", POWER, NoAnswer)
+    if held is None:
+        return Stopped(f"all forces to 0: answered; {meaning}: sent, not answered", POWER, NoAnswer)
     return Stopped(f"all forces to 0, then {meaning}: the hand answered both; the manual has no stop command")

@@ -12,12 +12,11 @@ from typing import NamedTuple
 
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.bus import RegisterBus
+from handctl.devices.inspire.quiet import READS, Span
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError
 from handctl.gate import Gate
 from handctl.result import hex_bytes
 
-Span = tuple[int, int]
-"""Address and count of bytes."""
 At = Callable[[int, int], bytes | None]
 """(address, count) -> the bytes there, None where they were not read."""
 
@@ -41,9 +40,13 @@ WARM = frozenset((*range(5, 111), 255))
 """Temperatures in °C that an actuator can have, and the mark of one that is not measured (rh56 §1.1)."""
 
 
+ITS_CURRENT = READS[eb90.WRIST_READ][0]
+"""A current of a wrist. Its angles lie at 1020: FC 03, and 03 ends a movement of a BarrettHand (`quiet`)."""
+
+
 def is_wrist(at: At) -> str:
     """Only a wrist module has registers behind flag 30 (wrist §2.2)."""
-    return "the wrist's flag (30, on CAN 4) is answered" if at(1020, 2) is not None else ""
+    return "the wrist's flag (30, on CAN 4) is answered" if at(*ITS_CURRENT) is not None else ""
 
 
 def is_six_wide(at: At) -> str:
@@ -115,7 +118,7 @@ def kind_of(family: str) -> Kind:
 
 
 TABLE = (
-    Sign("wrist", ((1020, 2),), is_wrist, WRIST),
+    Sign("wrist", (ITS_CURRENT,), is_wrist, WRIST),
     Sign("hand", (STATES,), is_six_wide, BYTE_HAND),
     Sign("hand", (STATES,), is_five_wide, EXO),
     Sign("hand", ((1618, 5),), is_five_wide, EXO),  # a device that is silent where a read touches undocumented bytes

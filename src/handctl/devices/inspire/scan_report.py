@@ -9,8 +9,9 @@ from handctl.devices.inspire import eb90
 from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.identity import SIX_HINT, Kind
 from handctl.devices.inspire.mishaps import hint_for
+from handctl.devices.inspire.quiet import Span
 from handctl.devices.inspire.registers import BAUD_RATES
-from handctl.devices.inspire.scanner import Findings, Scanner, Span
+from handctl.devices.inspire.scanner import Findings, Scanner
 from handctl.errors import DeviceRefused, NoAnswer, ProtocolError, UsageError
 from handctl.guide import Guide
 from handctl.param import ids_in
@@ -18,7 +19,7 @@ from handctl.result import Column, Row, Table
 
 
 class Target(NamedTuple):
-    """What is looked for: its kind, the probed register, a jittering one for the twin test, the probed one's name."""
+    """What is looked for: its kind, the register that confirms a hit, a jittering one for the twin test, the former's name."""
 
     own: Kind
     probe: Span

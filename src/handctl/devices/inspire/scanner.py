@@ -1,9 +1,10 @@
 """Looking for devices on a serial line: ids and speeds, read-only, never mistaking an echo or noise for a device.
 
-A probe reads two bytes of a register: its reply is longer than the request and names its id. Sequential: one
+A probe reads two bytes of a register that the id may be asked for on any line (`quiet`): its reply is longer than the
+request and names its id. Sequential: one
 probe, one reply window. Windowed: the probes of k ids back to back, then one window; a late reply still names its id
 and counts in any later window, so the shorter wait loses nothing. A window that holds bytes of no frame is asked
-again in halves, down to single ids. Every hit counts after a second, equal answer.
+again in halves, down to single ids. Every hit counts after a second answer, to the question whose value is shown.
 
 Windowing needs a full-duplex line (RS-232, Bluetooth): on RS-485 a reply collides with the probes still being sent.
 """
@@ -17,6 +18,7 @@ from handctl.devices.inspire import eb90
 from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.eb90 import Decoder
 from handctl.devices.inspire.identity import WRIST, Kind, Look
+from handctl.devices.inspire.quiet import READS, Span, question
 from handctl.errors import NoAnswer, ProtocolError
 from handctl.guide import Guide
 
@@ -24,10 +26,6 @@ DRAIN_SECONDS = 0.05
 TRICKLE_SECONDS = 0.2
 """A reply that comes in pieces may outlast its window by this much."""
 TWIN_READS = 20
-
-
-Span = tuple[int, int]
-"""Address and count."""
 
 
 @dataclass(slots=True)
@@ -64,6 +62,7 @@ class Scanner:
         self._wait = wait
         self._find_all = find_all
         self._decoder = Decoder()
+        self._address: int | None = None  # of the reply that is waited for, None = any first question
         self.found = Findings()
 
     def run(self, ids: Sequence[int], speeds: Sequence[int | None]) -> Findings:
@@ -93,7 +92,9 @@ class Scanner:
         if speed is not None and bus.link.can_set_baud:
             bus.link.set_baud(speed)
         bus.drain()
-        self._decoder = Decoder([eb90.read_reply_prefix(i, *self._probe, bus.read_flag) for i in range(1, 255)])
+        spans = dict.fromkeys((*READS[bus.read_flag], self._probe))
+        prefixes = [eb90.read_reply_prefix(i, *span, bus.read_flag) for i in range(1, 255) for span in spans]
+        self._decoder = Decoder(prefixes)
         answered: dict[int, int] = {}
         # The first probe goes twice: a frame cut by wrong-speed garbage may swallow one.
         groups = [ids[:1]] + [ids[i : i + self._window] for i in range(0, len(ids), self._window)]
@@ -107,6 +108,7 @@ class Scanner:
             self._confirm(speed, answered, group)
             if (self.found.hits and not self._find_all) or (number < len(groups) - 1 and self._cut()):
                 return
+        self._address = None
         self._collect(answered, DRAIN_SECONDS)
         self._confirm(speed, answered, group)
 
@@ -122,10 +124,14 @@ class Scanner:
             if half and not self._group(half, answered) and len(half) > 1:
                 self._split(half, answered)
 
-    def _group(self, group: list[int], answered: dict[int, int]) -> bool:
-        """Probe `group` in one window. False when bytes came that belong to no valid reply."""
-        bus = self._bus
-        probes = b"".join(eb90.read_request(i, *self._probe, bus.read_flag) for i in group)
+    def _group(self, group: list[int], answered: dict[int, int], span: Span | None = None) -> bool:
+        """Probe `group` in one window, each id by its first question or by `span`, which alone counts as answered then.
+
+        False when bytes came that belong to no valid reply.
+        """
+        bus, flag = self._bus, self._bus.read_flag
+        self._address = span[0] if span is not None else None
+        probes = b"".join(eb90.read_request(i, *(span or question(i, flag)), flag) for i in group)
         wire = bus.wire_seconds(len(probes))
         bus.link.write(probes, bus.link.deadline(self._wait + wire + 1.0).earlier(bus.bound))
         bus.journal.counters.sent += len(group)
@@ -176,7 +182,8 @@ class Scanner:
                 continue
             if frame is None:
                 break
-            answered[frame.id] = int.from_bytes(frame.data, "little", signed=True)
+            if self._address in (None, frame.address):
+                answered[frame.id] = int.from_bytes(frame.data, "little", signed=True)
             bus.journal.counters.received += 1
         garbage = decoder.skipped - before
         self.found.garbage += garbage
@@ -191,7 +198,7 @@ class Scanner:
                 continue
             again: dict[int, int] = {}
             for _ in range(2):
-                self._group([device_id], again)
+                self._group([device_id], again, self._probe)
                 if device_id in again:
                     break
             if device_id not in again:

@@ -1,4 +1,4 @@
-"""Is there a wrist module? Two bytes of a current are read, on CAN two of pitch_actual (wrist §2.1). Read-only.
+"""Is there a wrist module? Two bytes of a current are read, and of pitch_actual where it is answered (wrist §2.1). Read-only.
 
 On a serial line nobody knows yet who listens, and at a BarrettHand's own speed 03 is ^C, which ends a movement: pitch_actual
 lies at 1020, FC 03 on the line, the current at 1024, 00 04.
@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from handctl.devices.inspire import eb90, probing
 from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.canbus import CanBus
+from handctl.devices.inspire.identity import ITS_CURRENT
 from handctl.devices.inspire.scan_report import scan
 from handctl.devices.inspire.wrist import Wrist
 from handctl.devices.inspire.wrist_scan import TARGET, scan_wrist
@@ -23,7 +24,6 @@ WIRES = ("serial", "tcp", "can")
 SPEEDS = probing.SPEEDS
 PING = "current_1024"
 ECHOES = False
-HARMLESS = TARGET._replace(probe=(1024, 2), value=PING)
 
 
 def probe(
@@ -49,13 +49,13 @@ def probe(
         write_flag=eb90.WRIST_WRITE,
         family=FAMILY,
     )
-    table = scan(line, HARMLESS, Guide(), ids, [link.baud or 0], 1, wait, False)
-    return probing.found(table, HARMLESS.value)
+    table = scan(line, TARGET, Guide(), ids, [link.baud or 0], 1, wait, False)
+    return probing.found(table, TARGET.value)
 
 
 def ping(device: Wrist) -> None:
     """One short read, asked once. Raises what the bus raises."""
-    device.bus.read(*HARMLESS.probe, retries=0)
+    device.bus.read(*ITS_CURRENT, retries=0)
 
 
 def identify(device: Wrist) -> tuple[str, str, str]:

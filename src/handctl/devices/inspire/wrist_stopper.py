@@ -1,6 +1,7 @@
 """The stop of a wrist module: both axes are commanded to stay where they are, since its manual has no stop command.
 
-That needs their angles, so they are asked for first: its answer to flag 30 also tells that it is a wrist (wrist §2.2).
+That needs their angles, so they are asked for first, on a serial line once its answer to flag 30 has told that it is a
+wrist (wrist §2.2).
 """
 
 from __future__ import annotations
@@ -8,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Generator
 
 from handctl.devices.inspire import canreg, eb90
+from handctl.devices.inspire.quiet import question
 from handctl.errors import CheckFailed, DeviceRefused, NoAnswer
 from handctl.param import Step
 from handctl.stopping import Aim, Pieces, Say, Stopped, Talk
@@ -35,12 +37,33 @@ def stopping(aim: Aim) -> Talk:
     settings, can = aim.settings, aim.can
     number = settings.id if settings.id is not None else 1
     for count in range(ASKS):
-        angles = yield from where(number, can, QUICK if count == 0 else settings.timeout or PATIENCE / 2)
-        if angles is not None:
-            return (yield from hold(number, can, *angles))
-    if not can and (yield from exo_stopper.answers(number)):
+        if can or (yield from answers(number, QUICK if count == 0 else settings.timeout or PATIENCE / 2)):
+            return (yield from stay(number, can, settings.timeout))
+    if (yield from exo_stopper.answers(number)):  # fmt: skip
         stopped = yield from exo_stopper.release(number, settings.timeout)
         return stopped._replace(text=f"no wrist answers here, but an exoskeleton hand does: {stopped.text}")
+    return Stopped(
+        "no wrist answers, so nothing could be commanded",
+        f"{POWER}; check id, wire and power with `handctl wrist scan`",
+        NoAnswer,
+    )
+
+
+def answers(number: int, seconds: float) -> Generator[Say, Pieces, bool]:
+    """Whether a wrist answers on a serial line, asked for what no BarrettHand takes for ^C, as it would the angles' FC 03."""
+    span = question(number, READ)
+    prefix = eb90.read_reply_prefix(number, *span, READ)
+    step = Step("is a wrist there?", eb90.read_request(number, *span, READ))
+    pieces = yield Say(step, seconds, lambda pieces: answer(pieces, prefix), reads=True)
+    return answer(pieces, prefix) is not None
+
+
+def stay(number: int, can: bool, timeout: float | None) -> Talk:
+    """Ask for the angles, up to three times, and command both axes to stay there."""
+    for count in range(ASKS):
+        angles = yield from where(number, can, QUICK if count == 0 else timeout or PATIENCE / 2)
+        if angles is not None:
+            return (yield from hold(number, can, *angles))
     return Stopped(
         "the wrist does not tell its angles, so nothing could be commanded",
         f"{POWER}; check id, wire and power with `handctl wrist scan`",
