@@ -22,9 +22,10 @@ from handctl.link import lock
 from handctl.link.ear import STOP_SECONDS
 from handctl.options import Settings
 from handctl.sim.serve import send_control
-from handctl.stopping import Aim, talk_of, unheard
+from handctl.stopping import Aim, Sent, drive, talk_of, unheard
 from tests.cli_support import run, wait_until
-from tests.stop_support import HOW, Stand
+from tests.stop_support import HOW, RELEASE, Stand
+from tests.support import ScriptedLink
 
 HOLDER, STUCK = 0.1, 0.5
 """Seconds that asking a holder, and one that does not answer, may add to the command's own time."""
@@ -99,6 +100,8 @@ def test_stop_with_and_without_a_holder_and_past_one_that_sleeps(family: str, st
         result, seconds = place.stop()
         assert result.code == 0, result
         assert [row["bytes"] for row in result.rows if not row["reads"]], result
+        states = {row["state"] for row in result.json["writes"]}
+        assert "confirmed" in states or family == "aidin", "no current flowed that could vanish"
         alone.append(seconds)
         holder = place.hold()
         if not asked:  # what is said of a holder that reads is true
@@ -108,6 +111,9 @@ def test_stop_with_and_without_a_holder_and_past_one_that_sleeps(family: str, st
         asked.append(seconds)
         assert (result.code, holder.wait(10)) == (0, 130), result
         assert "asked" in result.codes() and str(holder.pid) in result.out
+        writes = result.json["writes"]
+        assert writes and [row["bytes"] for row in writes] == [row["bytes"] for row in result.rows if not row["reads"]]
+        assert {row["state"] for row in writes} == states, "as when it is sent from here"
         assert holder.stderr is not None and b"as another handctl asked for it" in holder.stderr.read()
 
         holder = place.hold()
@@ -139,6 +145,7 @@ def test_stop_goes_ahead_of_what_drives(family: str, words: tuple[str, ...], fir
     told = holder.wait(10), holder.stderr and holder.stderr.read()
     assert (result.code, told[0]) == (4 if silent else 0, 130), (result, told)
     assert "asked" in result.codes(), result
+    assert len(result.json["writes"]) == sum(not row["reads"] for row in result.rows), result
     assert place.heard() == [], "nothing behind it"
 
 
@@ -205,6 +212,59 @@ def test_the_one_that_is_there_is_stopped(typed: str, there: str, stand: MakeSta
         assert not any(data[4:5] == b"\x31" and len(data) == 16 for data in heard), "no force frame"
 
 
+ANGLES = bytes.fromhex("90EB010730FC036400C800")
+"""pitch 1.00, yaw 2.00 degrees (wrist §2.2), without the sum of its bytes."""
+
+
+def late_wrist(latency: float, acknowledges: bool = True) -> ScriptedLink:
+    """A wrist behind a slow adapter: it knows flags 30 and 31 and answers nothing else."""
+
+    def answer(request: bytes) -> list[tuple[float, bytes]]:
+        if request[4] == 0x30:
+            reply = ANGLES if request[5:7] == b"\xfc\x03" else bytes.fromhex("90EB010530") + request[5:7] + b"\x07\x00"
+        elif request[4:7] == bytes.fromhex("310E04") and acknowledges:
+            reply = bytes.fromhex("90EB0104310E0401")
+        else:
+            return []
+        return [(latency, reply + bytes([sum(reply[2:]) % 256]))]
+
+    return ScriptedLink(answer)
+
+
+@pytest.mark.parametrize("latency", [0.03, 0.062, 0.12, 0.2, 0.3, 0.4, 0.5])
+@pytest.mark.parametrize("typed", ["exo", "wrist"])
+def test_a_late_wrist_gets_its_stop_as_well(typed: str, latency: float) -> None:
+    """To `exo stop` a hand that is silent for 50 ms is a hand; who then answers as a wrist is stopped as one."""
+    link = late_wrist(latency)
+    stopped = drive(link, talk_of(typed, Aim(Settings())), [])
+    assert stopped.error is None and "the wrist was commanded to stay at pitch 1.00°, yaw 2.00°" in stopped.text, (
+        stopped
+    )
+    assert link.sent[-1].hex() == "eb900107310e04c800640077"
+    forces = [at for at, data in zip(link.sent_at, link.sent, strict=True) if data == RELEASE]
+    held_up = (
+        typed == "exo" and latency > 0.06
+    )  # 50 ms and the time on the wire: not longer, and never to a known wrist
+    assert len(forces) == held_up and all(0.05 <= at < 0.06 for at in forces), forces
+    assert ("later than 0.05 s" in stopped.text) == bool(forces)
+
+
+@pytest.mark.parametrize("typed", ["exo", "wrist"])
+def test_a_silent_wrist_is_said_plainly(typed: str) -> None:
+    sent: list[Sent] = []
+    stopped = drive(ScriptedLink(), talk_of(typed, Aim(Settings())), sent)
+    words = (
+        "A wrist, if one is here, was not stopped"
+        if typed == "exo"
+        else "the wrist is silent: without its angles nothing"
+    )
+    assert words in stopped.text and stopped.error is not None and stopped.error.exit_code == 4
+    assert "switch the power off" in stopped.hint
+    assert [one.reads for one in sent] == ([True, False, True] if typed == "exo" else [True] * 5)
+    unacknowledged = drive(late_wrist(0.01, acknowledges=False), talk_of(typed, Aim(Settings())), [])
+    assert "did not acknowledge" in unacknowledged.text and unacknowledged.error is not None
+
+
 def test_a_hand_that_does_not_answer_is_sent_its_stop(stand: MakeStand) -> None:
     place = stand("exo", "--fault", "silent")
     place.how = place.how._replace(stop=(HOW["exo"].stop[0],))
@@ -212,8 +272,8 @@ def test_a_hand_that_does_not_answer_is_sent_its_stop(stand: MakeStand) -> None:
     assert result.code == 4, result
     assert "commanded, which nothing answered" in result.error["text"]
     assert [row["bytes"] for row in result.rows] == [
-        "EB 90 01 04 30 00 04 02 3B", HOW["exo"].stop[0].hex(" ").upper(),
-    ], "who is there, the forces, and nothing that holds FF"  # fmt: skip
+        "EB 90 01 04 30 00 04 02 3B", HOW["exo"].stop[0].hex(" ").upper(), "EB 90 01 04 30 00 04 02 3B",
+    ], "who is there, the forces, whether a wrist is late, and nothing that holds FF"  # fmt: skip
 
 
 # -- bad places --------------------------------------------------------------------------------------------------------

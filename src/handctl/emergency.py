@@ -45,6 +45,8 @@ def stop(run: Run, talk: Callable[[Aim], Talk] | None = None, otherwise: Callabl
     lock, told, ended = _ask_holder(run, name)
     if told is None or not (told["open"] or told["refused"]):
         told = _from_here(run, lock, talk, patient=ended, otherwise=otherwise)
+    else:
+        _take_over(run, told)
     table = Table(rows=told["rows"], columns=COLUMNS, plain=("bytes",))
     where = "" if name in told["text"] else f"{name}: "
     if told["refused"]:
@@ -106,6 +108,20 @@ def _ask_holder(run: Run, name: str) -> tuple[Lock | None, dict[str, Any] | None
             time.sleep(TRY_SECONDS)
     _end(run, who)
     return None, None, True
+
+
+def _take_over(run: Run, told: dict[str, Any]) -> None:
+    """Note in the ledger of this command what another one has sent for it, from the report of that one."""
+    from handctl.param import Step
+
+    for one in told.get("wire", ()):
+        step = Step(one["meaning"], bytes.fromhex(one["data"]), moves=True, can_id=one["can_id"])
+        run.ledger.plan([step])
+        for _ in range(one["times"]):
+            run.ledger.passed(0.0, ">", step.data, step.can_id)
+        run.ledger.passed(0.0, "<", bytes.fromhex(one["came"]), step.can_id)
+        if told["evidence"]:
+            run.ledger.confirm(told["evidence"], step)
 
 
 def _end(run: Run, who: Holder | None) -> None:

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 MOST = 24
 """Bytes of an answer that are shown."""
+MOST_CAME = 256
+"""Bytes of an answer that an acknowledgement is looked for in."""
 LONG = 60
 """Characters of sent bytes that fit into a message."""
 
@@ -134,6 +136,8 @@ def report(stopped: Stopped | None, sent: Sequence[Sent], *, refused: bool = Fal
     """How a stop ended, as JSON: what `stop` shows, whoever sent it."""
     return {
         "rows": rows(sent),
+        "wire": wire(sent),
+        "evidence": stopped.evidence if stopped is not None else "",
         "text": stopped.text if stopped is not None else "",
         "hint": stopped.hint if stopped is not None else "",
         "error": stopped.error.__name__ if stopped is not None and stopped.error is not None else "",
@@ -155,6 +159,22 @@ def rows(sent: Sequence[Sent]) -> list[dict[str, Any]]:
         last = one.step
         step = {"step": len(found) + 1, "bytes": one.step.wire, "meaning": one.step.meaning}
         found.append({**step, "reads": one.reads, "times": 1, "answer": came})
+    return found
+
+
+def wire(sent: Sequence[Sent]) -> list[dict[str, Any]]:
+    """What passed on the wire, for the ledger of who asked: a step as often as it went out, and what came back last."""
+    found: list[dict[str, Any]] = []
+    last = None
+    for one in sent:
+        came = one.came[:MOST_CAME].hex()
+        if one.step == last:
+            found[-1]["times"] += 1
+            found[-1]["came"] = came or found[-1]["came"]
+        elif not one.reads:
+            step = {"data": one.step.data.hex(), "can_id": one.step.can_id, "meaning": one.step.meaning}
+            found.append({**step, "times": 1, "came": came})
+        last = None if one.reads else one.step
     return found
 
 

@@ -21,6 +21,8 @@ FINGERS, MEASURED = 5, 6
 STAY = -1
 """In `position_set`: this finger is not moved (exo §2.3.7)."""
 PATIENCE = 0.3
+LISTEN_ON = 0.3
+"""Seconds more for a wrist that is late, once the stop of a hand has gone out and nothing has answered it."""
 POWER = "switch the power off if the hand still pushes or moves"
 
 
@@ -30,19 +32,29 @@ def stopping(aim: Aim) -> Talk:
     if (yield from wrist_stopper.answers(number, wrist_stopper.QUICK)):  # fmt: skip
         stopped = yield from wrist_stopper.stay(number, False, aim.settings.timeout)
         return stopped._replace(text=f"no exoskeleton hand but a wrist answers here: {stopped.text}")
-    return (yield from release(number, aim.settings.timeout))
+    heard: Pieces = []
+    stopped = yield from release(number, aim.settings.timeout, heard)
+    late = wrist_stopper.told_of(number, heard)
+    if not late and stopped.error is not None:
+        late = yield from wrist_stopper.answers(number, LISTEN_ON)
+    if not late:
+        return stopped
+    held = yield from wrist_stopper.stay(number, False, aim.settings.timeout, late=True)
+    text = f"all forces to 0 were commanded, then a wrist answered, later than {wrist_stopper.QUICK:g} s"
+    return held._replace(text=f"{text}: {held.text}")
 
 
-def answers(number: int) -> Generator[Say, Pieces, bool]:
-    """Whether the positions of a hand can be read here (flag 11)."""
+def answers(number: int, heard: Pieces) -> Generator[Say, Pieces, bool]:
+    """Whether the positions of a hand can be read here (flag 11). Everything that came is added to `heard`."""
     prefix = eb90.read_reply_prefix(number, POSITION_ACTUAL, 2 * MEASURED)
     step = Step("is an exoskeleton hand there?", eb90.read_request(number, POSITION_ACTUAL, 2 * MEASURED))
     pieces = yield Say(step, wrist_stopper.QUICK, lambda pieces: answer(pieces, prefix), reads=True)
+    heard += pieces
     return answer(pieces, prefix) is not None
 
 
-def release(number: int, timeout: float | None) -> Talk:
-    """Forces to 0, then hold at the positions that came back.
+def release(number: int, timeout: float | None, heard: Pieces) -> Talk:
+    """Forces to 0, then hold at the positions that came back. Everything that came is added to `heard`.
 
     Where nothing came back, nothing more is sent: the frame that holds every finger where it is has FF in it, and that is
     the trigger of a BarrettHand's boot monitor, if one should be there instead.
@@ -51,9 +63,10 @@ def release(number: int, timeout: float | None) -> Talk:
     prefix = eb90.command_reply_prefix(number, eb90.FORCE_COMMAND)
     step = Step("all forces to 0", eb90.command_request(number, eb90.FORCE_COMMAND, [0] * FINGERS), moves=True)
     pieces = yield Say(step, seconds, lambda pieces: answer(pieces, prefix))
+    heard += pieces
     told = answer(pieces, prefix)
     if told is None:
-        text = "all forces to 0 were commanded, which nothing answered"
+        text = "all forces to 0 were commanded, which nothing answered. A wrist, if one is here, was not stopped"
         return Stopped(text, f"{POWER}; `handctl exo scan` looks for id and speed", NoAnswer)
     places = eb90.unpack_s16(told.payload)[:FINGERS]
     known = len(places) == FINGERS and all(0 <= place <= 1000 for place in places)
@@ -66,6 +79,7 @@ def release(number: int, timeout: float | None) -> Talk:
         meaning = f"no finger is to move (position_set {STAY})"
         step = Step(meaning, eb90.write_request(number, POSITION_SET, eb90.pack_s16([STAY] * FINGERS)), moves=True)
     pieces = yield Say(step, seconds, lambda pieces: answer(pieces, prefix))
+    heard += pieces
     held = answer(pieces, prefix)
     if held is None:
         return Stopped(f"all forces to 0: answered; {meaning}: sent, not answered", POWER, NoAnswer)

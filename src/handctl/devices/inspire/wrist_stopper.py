@@ -22,6 +22,8 @@ PITCH, YAW = (-2266, 2212), (-2550, 2550)
 QUICK = 0.05
 """Seconds for the answer that tells a wrist from an exoskeleton hand: it must not hold up a stop."""
 PATIENCE = 0.3
+LATE = 0.7
+"""Seconds for the acknowledgement of a wrist that was late before."""
 ASKS = 3
 POWER = "switch the power off if it still moves"
 
@@ -38,12 +40,15 @@ def stopping(aim: Aim) -> Talk:
     number = settings.id if settings.id is not None else 1
     for count in range(ASKS):
         if can or (yield from answers(number, QUICK if count == 0 else settings.timeout or PATIENCE / 2)):
-            return (yield from stay(number, can, settings.timeout))
-    if (yield from exo_stopper.answers(number)):  # fmt: skip
-        stopped = yield from exo_stopper.release(number, settings.timeout)
+            return (yield from stay(number, can, settings.timeout, late=count > 0))
+    heard: Pieces = []
+    if (yield from exo_stopper.answers(number, heard)):  # fmt: skip
+        stopped = yield from exo_stopper.release(number, settings.timeout, heard)
         return stopped._replace(text=f"no wrist answers here, but an exoskeleton hand does: {stopped.text}")
+    if told_of(number, heard) or (yield from answers(number, PATIENCE)):
+        return (yield from stay(number, can, settings.timeout, late=True))
     return Stopped(
-        "no wrist answers, so nothing could be commanded",
+        "the wrist is silent: without its angles nothing could be commanded, and if it moves it moves on to its target",
         f"{POWER}; check id, wire and power with `handctl wrist scan`",
         NoAnswer,
     )
@@ -51,21 +56,24 @@ def stopping(aim: Aim) -> Talk:
 
 def answers(number: int, seconds: float) -> Generator[Say, Pieces, bool]:
     """Whether a wrist answers on a serial line, asked for what no BarrettHand takes for ^C, as it would the angles' FC 03."""
-    span = question(number, READ)
-    prefix = eb90.read_reply_prefix(number, *span, READ)
-    step = Step("is a wrist there?", eb90.read_request(number, *span, READ))
-    pieces = yield Say(step, seconds, lambda pieces: answer(pieces, prefix), reads=True)
-    return answer(pieces, prefix) is not None
+    step = Step("is a wrist there?", eb90.read_request(number, *question(number, READ), READ))
+    pieces = yield Say(step, seconds, lambda pieces: told_of(number, pieces), reads=True)
+    return told_of(number, pieces)
 
 
-def stay(number: int, can: bool, timeout: float | None) -> Talk:
-    """Ask for the angles, up to three times, and command both axes to stay there."""
+def told_of(number: int, pieces: Pieces) -> bool:
+    """Whether a wrist's answer is in what came, perhaps late, to a question before."""
+    return answer(pieces, eb90.read_reply_prefix(number, *question(number, READ), READ)) is not None
+
+
+def stay(number: int, can: bool, timeout: float | None, *, late: bool = False) -> Talk:
+    """Ask for the angles, up to three times, and command both axes to stay there. One that was late is waited for."""
     for count in range(ASKS):
-        angles = yield from where(number, can, QUICK if count == 0 else timeout or PATIENCE / 2)
+        angles = yield from where(number, can, timeout or PATIENCE if late or count else QUICK)
         if angles is not None:
-            return (yield from hold(number, can, *angles))
+            return (yield from hold(number, can, *angles, seconds=LATE if late or count else PATIENCE))
     return Stopped(
-        "the wrist does not tell its angles, so nothing could be commanded",
+        "the wrist does not tell its angles: nothing could be commanded, and if it moves it moves on to its target",
         f"{POWER}; check id, wire and power with `handctl wrist scan`",
         NoAnswer,
     )
@@ -91,8 +99,8 @@ def where(number: int, can: bool, seconds: float) -> Generator[Say, Pieces, tupl
     return pitch, yaw
 
 
-def hold(number: int, can: bool, pitch: int, yaw: int) -> Talk:
-    """Command both axes to where they are."""
+def hold(number: int, can: bool, pitch: int, yaw: int, seconds: float) -> Talk:
+    """Command both axes to where they are; the acknowledgement is waited for that long."""
     at = f"pitch {pitch / 100:.2f}°, yaw {yaw / 100:.2f}°"
     if not (PITCH[0] <= pitch <= PITCH[1] and YAW[0] <= yaw <= YAW[1]):
         text = f"its angles ({at}) are outside the documented range, nothing was commanded"
@@ -101,12 +109,12 @@ def hold(number: int, can: bool, pitch: int, yaw: int) -> Talk:
     meaning = f"stay at {at}"
     if can:
         identifier, payload = canreg.write_request(number, ANGLES_SET, data)
-        pieces = yield Say(Step(meaning, payload, moves=True, can_id=identifier), PATIENCE)
+        pieces = yield Say(Step(meaning, payload, moves=True, can_id=identifier), seconds)
         refused = bool(pieces) and pieces[0] not in (b"", bytes([len(data)]))
     else:
         prefix = eb90.write_ack_prefix(number, ANGLES_SET, WRITE)
         step = Step(meaning, eb90.write_request(number, ANGLES_SET, data, WRITE), moves=True)
-        pieces = yield Say(step, PATIENCE, lambda pieces: answer(pieces, prefix))
+        pieces = yield Say(step, seconds, lambda pieces: answer(pieces, prefix))
         frame = answer(pieces, prefix)
         pieces = [frame.data] if frame is not None else []
         refused = frame is not None and frame.data != bytes([eb90.ACCEPTED])
