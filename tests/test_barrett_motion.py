@@ -124,6 +124,7 @@ def test_goals_are_reached(name: str, argument: int | None, finger: int, spread:
         assert abs(row["value"] - goal) <= 50
         assert row["ended"] == "reached"
         assert row["unit"] == "cts"
+        assert (row["strain"] is None) == (motor == "SPREAD"), "255 is no gauge, and no strain"
 
 
 @pytest.mark.parametrize(("argument", "goal"), [(None, 3300), (400, 4600)])

@@ -32,6 +32,8 @@ VELOCITIES = {"O": ("MOV",), "IO": ("MOV",), "TO": ("MOV",), "HOME": ("MOV",), "
 ABORTED = 16384
 """Status of what ^C has ended (barrett §5.1.3, T3)."""
 USUAL = {"finger": 17800, "spread": 3150}
+NO_GAUGE = 255
+"""SG of a motor without a strain gauge: never a strain (barrett §5.3.2)."""
 COLUMNS = (
     Column("motor", "Motor"),
     Column("value", "Position", right=True),
@@ -177,7 +179,7 @@ def _result(
                 "value": numbers.get("P"),
                 "unit": "cts",
                 "target": goals.get(index),
-                "strain": numbers.get("SG"),
+                "strain": numbers.get("SG") if numbers.get("SG") != NO_GAUGE else None,
                 "status": numbers.get("S"),
                 "ended": how_it_ended(name, numbers, goals.get(index), answer.status),
                 "doubt": NOT_HOMED if numbers.get("S", 0) & 4 else None,
@@ -202,7 +204,7 @@ def how_it_ended(name: str, now: dict[str, int], goal: int | None, status: int) 
     if "P" not in now:
         return "unknown: its position could not be read"
     strain, high, low = now.get("SG", 255), now.get("HSG", 256), now.get("LSG", 256)
-    if strain != 255 and ((high < 255 and strain > high) or (low < 255 and strain < low)):
+    if strain != NO_GAUGE and ((high < 255 and strain > high) or (low < 255 and strain < low)):
         over = high < 255 and strain > high
         return f"strain limit: {strain} is {f'above HSG {high}' if over else f'below LSG {low}'}"
     if goal is not None and name not in ("TC", "TO") and abs(now["P"] - goal) <= now.get("MPE", 50):
