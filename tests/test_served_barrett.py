@@ -6,10 +6,12 @@ import json
 import re
 import signal
 import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import pexpect
 import pytest
 import serial
 
@@ -248,3 +250,34 @@ def test_live_control_through_a_pipe(start: Start, tmp_path: Path) -> None:
     assert sent()[sent().index("03", 3) - 1] == "63 00" and "31 54 0D" in sent()  # velocity 0, ^C, 1T
     moving = [block for block in sent() if block.startswith("43")]
     assert list(dict.fromkeys(moving)) == ["43 14", "43 E2", "43 00", "43 0A"]
+
+
+# -- a terminal program ---------------------------------------------------------------------------------------------------
+
+
+def test_a_terminal_program_talks_to_the_hand(start: Start) -> None:
+    """No client of the BarrettHand is in a registry: pyserial's miniterm, which knows nothing of GCL, reads, sets, moves, stops."""
+    simulator = start("pty", *READY)
+    terminal = pexpect.spawn(
+        sys.executable, ["-m", "serial.tools.miniterm", "--raw", "--eol", "CR", simulator.link, "9600"], timeout=20, echo=False,
+        env={**clean_environment(), "TERM": "dumb"},
+    )  # fmt: skip
+    try:
+        terminal.expect_exact("Quit:")
+        for typed, answer in (
+            ("\r", b"\n\r=> "),
+            ("FGET DP\r", b"FGET DP\n\r8500 8500 8500 1575\n\r=> "),
+            ("1FSET DP 77 MCV 16\r", b"1FSET DP 77 MCV 16\n\r=> "),
+            ("1FGET DP MCV\r", b"1FGET DP MCV\n\r77\n\r16\n\r=> "),
+            ("VERS\r", b"VERS\n\r4.33\n\r=> "),
+            ("1C\r", b"1C"),
+            ("\x03", b"\n\rERR 16384\n\r=> "),
+        ):
+            terminal.send(typed)
+            terminal.expect_exact(answer.replace(b"\n", b"\r\n"))  # by its own terminal
+    finally:
+        terminal.close(force=True)
+    rows = do(simulator.link, "get", "P", "DP").rows
+    moved = {(row["parameter"], row["motor"]): row["value"] for row in rows}
+    assert moved["DP", "F1"] == 77
+    assert moved["P", "F1"] < 17000, "^C ended it before its target"
