@@ -55,11 +55,6 @@ class Line:
         """Whose command it is; "" for the tools, which are nobody's."""
         return self.path[0] if self.path[0] in families.FAMILIES else ""
 
-    @property
-    def named(self) -> str:
-        """The family that whoever typed it said the device is of."""
-        return self.words[self.words.index("--family") + 1] if "--family" in self.words else self.family
-
     def __str__(self) -> str:
         return " ".join(self.words)
 

@@ -42,11 +42,6 @@ class State:
     wire: Wire = "serial"
 
     @property
-    def moves(self) -> bool:
-        """Whether a BarrettHand is in a movement that ^C ends."""
-        return self.name.split(",")[0] in ("closing", "initializing")
-
-    @property
     def looping(self) -> bool:
         """Whether a BarrettHand is in RealTime mode."""
         return self.name.startswith("in LOOP")
