@@ -43,7 +43,7 @@ KERNEL = (
         "live",
     ),
     *("sampling", "snapshot", "stopping", "holding", "stopkey", "emergency", "stored", "verbs"),
-    *("config", "options", "console", "run", "clikit", "mapverbs"),
+    *("config", "options", "console", "premises", "cause", "envelope", "run", "clikit", "mapverbs"),
     *("report", "report.facts", "report.html", "report.private", "report.svg", "report.transcript"),
 )
 
@@ -85,11 +85,17 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
     ("config", ("errors", "families", "files")),
     ("options", ("config", "errors", "filetypes")),
     ("console", ("ending", "filter", "guide")),
+    ("premises", ("errors", "family", "files", "filetypes", "link", "options", "run")),
+    ("cause", ("errors", "foreign", "run")),
+    ("envelope", ("", "errors", "result", "run")),
     (
         "run",
         (
             "",
+            "cause",
             "console",
+            "envelope",
+            "premises",
             "ending",
             "errors",
             "families",
@@ -121,7 +127,7 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
     ("report.private", ("param", "result")),
     ("report.svg", ("result",)),
     ("report.transcript", ("families", "family", "link.tap", "piece", "report.private")),
-    ("clikit", ("", "console", "errors", "families", "family", "options", "run", "streams")),
+    ("clikit", ("", "console", "envelope", "errors", "families", "family", "options", "run", "streams")),
     ("cli", ("", "clikit", "ending", "errors", "streams")),
     ("__main__", ("cli",)),
     ("docgen.tree", ("clikit", "families", "options", "param")),

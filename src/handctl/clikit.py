@@ -16,11 +16,12 @@ import click
 
 from handctl import __version__
 from handctl.console import print_message, print_stderr
+from handctl.envelope import make_envelope
 from handctl.errors import HandctlError, Interrupted, OutputError, UsageError
 from handctl.families import COMMANDS
 from handctl.family import Family
 from handctl.options import COMMAND_LINE, Hertz, Seconds, config_path, from_click, read_config, resolve, shared_options
-from handctl.run import Run, make_envelope
+from handctl.run import Run
 from handctl.streams import utf8_stdout
 
 MOST = 1000

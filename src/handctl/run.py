@@ -7,22 +7,23 @@ decides where output goes. What a run does not need is not imported.
 from __future__ import annotations
 
 import sys
-import time
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from handctl import __version__
+from handctl.cause import explained, judged
 from handctl.console import TerminalGuide, print_message, print_stderr
 from handctl.ending import end_on_signals, finish_on_signals, gave_up
-from handctl.errors import HandctlError, Interrupted, NotConfirmed, OutputError, UsageError
-from handctl.family import Family, load, refuse_missing, refuse_serial
-from handctl.files import why_unwritable
-from handctl.filetypes import Named, files_of, refuse_clashes
+from handctl.envelope import device_row, make_envelope
+from handctl.errors import HandctlError, Interrupted, NotConfirmed
+from handctl.family import Family, load
+from handctl.filetypes import files_of
 from handctl.filter import shown, text_shown
 from handctl.ledger import honest
-from handctl.options import COMMAND_LINE, ENVIRONMENT, FILE, SOURCES, Settings, Source, config_path, from_click
+from handctl.options import COMMAND_LINE, FILE, SOURCES, Settings, Source, from_click
+from handctl.premises import check_before, link_name, refuse_other_family
 
 if TYPE_CHECKING:
     from contextlib import AbstractContextManager
@@ -58,23 +59,23 @@ class Run:
         self.writes = bool(getattr(ctx.command, "writes", False))
         self.stops = bool(getattr(ctx.command, "stops", False))
         self._held: list[Message] = []
-        self._link: Link | None = None
+        self.link: Link | None = None
         self.hold: Hold | None = None
         self._trace: TraceFile | None = None
-        self._end: float | None = None
+        self.end: float | None = None
         """When --deadline is over, by the clock of the link."""
-        self._device: Any = None
-        self._inputs, self._outputs = files_of(ctx)
+        self.opened: Any = None
+        self.inputs, self.outputs = files_of(ctx)
 
     # -- what bodies ask for --
 
     def device(self) -> Any:
         """The device behind the link; opens it on first use. Raises UsageError, LinkError."""
-        if self._device is None:
+        if self.opened is None:
             assert self.family is not None
             settings = self.settings._replace(interrupt=self.settings.interrupt or self.writes)
-            self._device = self.family.open(self.open_link(), settings, self.journal)
-        return self._device
+            self.opened = self.family.open(self.open_link(), settings, self.journal)
+        return self.opened
 
     def only_reads(self) -> None:
         """This form of a command that may write or move does neither: it may do what reading commands may."""
@@ -85,17 +86,17 @@ class Run:
         from handctl.link import NoFrames, NoLink, is_can
 
         assert self.family is not None
-        self._refuse_other_family()
+        refuse_other_family(self)
         port = self.settings.port
         can = self.settings.wire == "can" if port is None else is_can(port)
         return self.family.open(NoFrames() if can else NoLink(), self.settings, self.journal)
 
     def open_link(self, *, again: bool = False, baud: int | None = None) -> Link:
         """The link the user asked for, tapped when --trace or -v is given; `again` where it was lost."""
-        if again and self._link is not None:
-            self._link.close()
-            self._link = None
-        if self._link is None:
+        if again and self.link is not None:
+            self.link.close()
+            self.link = None
+        if self.link is None:
             from handctl.link import open_link
 
             assert self.family is not None
@@ -111,9 +112,9 @@ class Run:
                 from handctl.link.tap import observed
 
                 link = observed(link, self.ledger)
-            self._link = self.hold.around(link)
-            self._end = link.now() + settings.deadline if (settings := self.settings).deadline is not None else None
-        return self._link
+            self.link = self.hold.around(link)
+            self.end = link.now() + settings.deadline if (settings := self.settings).deadline is not None else None
+        return self.link
 
     def stop_key(self) -> AbstractContextManager[bool]:
         """While it lasts a key on the terminal stops the device; whether there is one."""
@@ -123,32 +124,7 @@ class Run:
 
     def link_name(self) -> str:
         """The LINK: --port, or the simulator for --fake. Raises UsageError when neither is given; never picks one."""
-        from handctl.link import is_can
-
-        self._refuse_other_family()
-        port, wire = self.settings.port, self.settings.wire
-        kind = self.family.kind if self.family is not None else ""
-        if port and not port.startswith("replay:"):
-            if is_can(port) and (self.family is None or "can" not in self.family.wires):
-                raise UsageError(
-                    f"{port}: this device has no CAN wire", hint="give a serial port, usb:VID:PID or tcp://HOST:PORT"
-                )
-            if wire is not None and is_can(port) != (wire == "can"):
-                raise UsageError(f"--{wire} does not fit {port}", hint="leave it out: the LINK says which wire it is")
-            if self.family is not None:
-                refuse_serial(self.family, port)
-        if port:
-            return port
-        if self.settings.fake:
-            return f"fake://{kind}?bus=can" if wire == "can" else f"fake://{kind}"
-        where = "-p /dev/ttyUSB0 (see `ls /dev/serial/by-id`), -p tcp://HOST:PORT"
-        if self.family is not None and self.family.tcp_port is not None:
-            where = f"-p tcp://HOST (port {self.family.tcp_port} when not given)"
-        raise UsageError(
-            "no device: where is it?",
-            hint=f"{where}, -d NAME (see `handctl devices list`), or --fake for the simulated {kind}",
-            code="no-link",
-        )
+        return link_name(self)
 
     @property
     def place(self) -> str:
@@ -205,7 +181,7 @@ class Run:
         source = self.sources["yes"]
         if source == COMMAND_LINE:
             return
-        device = self._device if self._device is not None else self.planner()
+        device = self.opened if self.opened is not None else self.planner()
         moves = not steps or any(step.moves for step in steps)  # a question without steps tells of them by itself
         if getattr(device, "worn", False) and moves:
             text = f"a device that may be worn moves unasked, by {source.where}: {question}"
@@ -252,16 +228,12 @@ class Run:
         table: Table | None = None
         end_on_signals(suspend=self.writes)
         try:
-            self._check_named_device()
-            self._check_files()
-            self._check_output()
-            if self.family is not None:
-                self._check_protocol(self.family)
+            check_before(self)
             table = body()
             if table is not None and table.samples is not None:
                 failure = self._stream(table)
         except HandctlError as exc:
-            failure = self._explained(exc)
+            failure = explained(self, exc)
         except click.UsageError as exc:
             failure = from_click(exc)
         except KeyboardInterrupt:
@@ -281,9 +253,9 @@ class Run:
     def _wind_up(self, table: Table | None, failure: HandctlError | None) -> HandctlError | None:
         """Close, then show; a Ctrl-C meanwhile changes neither the result nor the exit code, unless its reader sleeps."""
         finish_on_signals()
-        failure = self._judged(failure)
+        failure = judged(self, failure)
         if table is not None:
-            table.failure = self._judged(table.failure)
+            table.failure = judged(self, table.failure)
         if self.hold is not None:
             self.hold.finish()
             failure = self.hold.stopped or failure
@@ -301,60 +273,6 @@ class Run:
         if gave_up():
             failure = failure or Interrupted("interrupted while the result was written: nobody read it")
         return failure
-
-    def _check_files(self) -> None:
-        """Raise UsageError when an output of this run would replace an input, the configuration file or another output."""
-        settings = self.settings
-        outputs = [
-            Named(label, path) for label, path in (("--output", settings.output), ("--trace", settings.trace)) if path
-        ]
-        replayed = (settings.port or "").partition("replay:")
-        inputs = [Named("--port", replayed[2])] if replayed[1] and not replayed[0] else []
-        own = Named("the configuration file", config_path())
-        try:
-            refuse_clashes([*self._inputs, *inputs, own], [*outputs, *self._outputs])
-        except UsageError:
-            self.settings = settings._replace(
-                output=None, trace=None
-            )  # the envelope of the error must not go there either
-            raise
-
-    def _check_output(self) -> None:
-        """Raise OutputError now when -o cannot be written, not when the device has been served."""
-        path = self.settings.output
-        if path and not self.stops and (why := why_unwritable(path)):
-            raise OutputError(f"{path}: cannot be written: {why}", hint="nothing was sent; name another place for -o")
-
-    def _check_named_device(self) -> None:
-        """Whether the device that -d names is meant; a default device is judged when its link is needed."""
-        if self.sources.get("device") == COMMAND_LINE:
-            self._refuse_other_family()
-        source = self.sources.get("port") or self.sources.get("fake")
-        if self.settings.kind is None or source is None or source.level != ENVIRONMENT:
-            return
-        text = f"{source.where} takes the place of the port of {self.settings.device}"
-        if self.writes and not self.settings.dry_run:
-            raise UsageError(
-                f"{text}: which device is meant?", hint=f"unset {source.where}, or leave out -d", code="two-devices"
-            )
-        self.journal.warn("other-port", text, f"unset {source.where} to reach {self.settings.device}")
-
-    def _check_protocol(self, family: Family) -> None:
-        """Refuse what was asked for on the command line and this protocol does not have."""
-        refuse_missing(family, [key for key, source in self.sources.items() if source == COMMAND_LINE])
-        if family.check is not None:
-            family.check(self.settings)
-
-    def _refuse_other_family(self) -> None:
-        kind = self.settings.kind
-        if kind is None or self.family is None or kind == self.family.kind:
-            return
-        name = self.settings.device
-        raise UsageError(
-            f"{name} is of family {kind} ({self.sources['kind'].where}), not {self.family.kind}",
-            hint=f"`handctl {kind} …` reaches it; `handctl devices list` shows the others",
-            code="wrong-family",
-        )
 
     def _stream(self, table: Table) -> HandctlError | None:
         from handctl import render
@@ -393,48 +311,10 @@ class Run:
         error.shown = True
         return error
 
-    def _explained(self, error: HandctlError) -> HandctlError:
-        error = self._renamed(error)
-        explain = self.family.explain if self.family is not None else None
-        silent = error.exit_code in (4, 5) and self.journal.counters.received == 0
-        if self._device is None or explain is None or not silent or self.settings.baud is not None:
-            return error
-        try:
-            return explain(self._device, error)
-        except (HandctlError, KeyboardInterrupt):
-            return error
-
-    def _renamed(self, error: HandctlError) -> HandctlError:
-        """The error, or whose bytes came instead of an answer, or the command that finds out who is there."""
-        if self.family is None or error.exit_code not in (4, 5):
-            return error
-        from handctl.foreign import pointed, renamed
-
-        error = renamed(error, self.family.kind)
-        nobody = error.code in ("no-answer", "garbage") and not self.journal.counters.received and self.family.baud
-        port = self.settings.port or ""
-        return pointed(error, port) if nobody and port and not port.startswith(("fake:", "replay:")) else error
-
-    def _judged(self, error: HandctlError | None) -> HandctlError | None:
-        """What is shown of an error: whose bytes came, and what held a command up that --deadline ended."""
-        return None if error is None else self._renamed(self._with_cause(error))
-
-    def _with_cause(self, error: HandctlError) -> HandctlError:
-        """The error; where --deadline was over, why it had not got on: bytes that came tell more than the end of the time."""
-        late = self._end is not None and self._link is not None and self._link.now() >= self._end - 1e-6
-        if not late or error.exit_code not in (4, 5):
-            return error
-        cause = self.journal.blamed if error.exit_code == 4 else error
-        if cause is None:
-            return error
-        if "--deadline" not in cause.text:
-            cause.text += "; --deadline was over before a valid answer came"
-        return cause
-
     def _close(self, failure: HandctlError | None) -> HandctlError | None:
         try:
-            if self._link is not None:
-                self._link.close()
+            if self.link is not None:
+                self.link.close()
         except HandctlError as exc:
             failure = failure or exc
         finally:
@@ -472,28 +352,13 @@ class Run:
         failure = stopped or failure or self._trace_failure
         more = {**(extra or {}), **({"writes": self.ledger.rows()} if self.writes and self.family is not None else {})}
         return make_envelope(
-            self.command, failure, self._device_row(), self.journal.messages, self.journal.counters.as_row(), more
+            self.command, failure, device_row(self), self.journal.messages, self.journal.counters.as_row(), more
         )
-
-    def _device_row(self) -> dict[str, Any] | None:
-        if self.family is None:
-            return None
-        link = self._link
-        name = (
-            link.name
-            if link is not None
-            else (self.settings.port or (f"fake://{self.family.kind}" if self.settings.fake else None))
-        )
-        fake = link.fake if link is not None else bool(name and name.startswith("fake://"))
-        bus = getattr(self._device, "bus", None)
-        number = getattr(bus, "id", self.settings.id) if self.family.ids else None
-        row = {"kind": self.family.kind, "link": name, "fake": fake, "id": number}
-        return {**row, "identity": "assumed"} if self.settings.assume_identity else row
 
     @property
     def simulated(self) -> bool:
         """Whether a simulator answered."""
-        return self._link is not None and self._link.fake
+        return self.link is not None and self.link.fake
 
     def _show_message(self, message: Message) -> None:
         if self.live:
@@ -513,31 +378,3 @@ def _in_words(kind: str, data: bytes, can_id: int | None) -> str:
     from handctl.piece import HOST
 
     return "; ".join(piece.meaning for piece in load(EXPLAINERS[kind])().decode(data, HOST, can_id))
-
-
-def make_envelope(
-    command: str,
-    failure: HandctlError | None,
-    device: dict[str, Any] | None,
-    messages: Sequence[Message],
-    counters: dict[str, Any] | None,
-    extra: dict[str, Any] | None,
-) -> dict[str, Any]:
-    """The JSON envelope without rows."""
-    from handctl.result import SCHEMA, Counters
-
-    rows = [message.as_row() for message in messages]
-    if failure is not None:
-        rows.append({"level": "error", "code": failure.code, "text": failure.text, "hint": failure.hint})
-    return {
-        "schema": SCHEMA,
-        "version": __version__,
-        "time": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
-        "command": command,
-        "device": device,
-        "ok": failure is None,
-        "exit_code": failure.exit_code if failure is not None else 0,
-        **(extra or {}),
-        "messages": rows,
-        "counters": counters if counters is not None else Counters().as_row(),
-    }
