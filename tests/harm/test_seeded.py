@@ -11,10 +11,12 @@ from unittest import mock
 import pytest
 
 from handctl.devices.barrett import meet
-from handctl.devices.inspire import exo_probe
+from handctl.devices.inspire import bus, exo_probe
 from handctl.gate import Gate
 from tests.harm import lines, states
 from tests.harm.cell import Cell, cells, try_cell
+
+pytestmark = pytest.mark.harm
 
 CLEAR_ERRORS = bytes.fromhex("EB 90 01 04 12 EC 03 01 07")
 
@@ -53,8 +55,18 @@ def writing_scan() -> AbstractContextManager[Any]:
 @contextmanager
 def triggering() -> Iterator[None]:
     """The first question to a BarrettHand is ^C, at a speed at which its boot monitor hears that as FF, the trigger."""
-    with mock.patch.object(meet, "SPEEDS", (38400, 9600)), mock.patch.object(meet.table, "QUESTION", b"\x03"):
+    ask = meet.Meeting._ask
+
+    def careless(meeting: Any, early: bytes, seconds: float, _question: bytes = b"") -> bytes:
+        return ask(meeting, early, seconds, b"\x03")
+
+    with mock.patch.object(meet, "SPEEDS", (38400, 9600)), mock.patch.object(meet.Meeting, "_ask", careless):
         yield
+
+
+def loud() -> AbstractContextManager[Any]:
+    """What a stranger may act upon is asked at once."""
+    return mock.patch.object(bus, "harmless", lambda *_: True)
 
 
 @pytest.mark.parametrize(
@@ -67,6 +79,7 @@ def triggering() -> Iterator[None]:
         (writing_scan, "wrist with hand, has errors", "scan"),
         (triggering, "BarrettHand, blank", "barrett status"),
         (triggering, "BarrettHand, booting", "barrett version"),
+        (loud, "BarrettHand, closing, tcp", "exo id"),
     ],
 )
 def test_a_mistake_is_found(
