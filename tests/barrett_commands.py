@@ -6,10 +6,13 @@ nothing is computed by handctl.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import zlib
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+import pytest
 
 from handctl import snapshot
 from tests.cli_support import Result, Spy
@@ -191,6 +194,15 @@ MOVING = (
 WRITING = (*SETTING, *MOVING)
 COMMANDS = (*READING, *WRITING)
 QUERIES = ("FGET", "PGET", "VERS", "?", "A?", "ERR", "FLIST", "PLIST")
+
+
+def taken(config: pytest.Config, names: Sequence[str], each: int) -> list[str]:
+    """The cells of a fault matrix: one in `each` in an ordinary run of the whole suite, always the same ones; all of them
+    with `-m faults`, and for whoever names the file.
+    """
+    given = config.option
+    whole = given.file_or_dir in ([], ["tests"]) and "faults" not in given.markexpr
+    return [name for name in names if not whole or zlib.crc32(name.encode()) % each == 0]
 
 
 def fake(**options: object) -> str:

@@ -53,9 +53,10 @@ def commands_of(loop: Run) -> list[int]:
 
 def test_a_stalled_finger_is_released_after_tstop() -> None:
     """It was driven into its stop as long as it was told: 6 s (§5.5 case 1 does not act in the loop)."""
-    loop = driven(100, line="1FSET CT 60000").go(None, duration=6.0)
+    near = "position F1 16000"
+    loop = driven(100, line="1FSET CT 60000", first=near).go(None, duration=0.5)
     assert loop.error is None
-    loop = driven(100, guards=set(GUARDS) - {"window"}).go(None, duration=2.0)
+    loop = driven(100, guards=set(GUARDS) - {"window"}, first=near).go(None, duration=0.5)
     (event,) = events(loop)
     assert (event["guard"], event["motor"]) == ("stall", "F1") and 17700 < event["value"] < 17900
     assert 30 < event["after_ms"] < 45
@@ -69,7 +70,7 @@ def test_a_stalled_finger_is_released_after_tstop() -> None:
 
 
 def test_an_obstacle_is_a_stall() -> None:
-    loop = driven(60, first="obstacle F1 3000").go(None, duration=1.5)
+    loop = driven(60, first="obstacle F1 3000").go(None, duration=0.5)
     (event,) = events(loop)
     assert event["guard"] == "stall" and 3000 < event["value"] < 3500 and event["after_ms"] < 45
     assert commands_of(loop)[-1] == 0
@@ -78,7 +79,7 @@ def test_an_obstacle_is_a_stall() -> None:
 @pytest.mark.parametrize(("velocity", "start", "limit"), [(127, 9000, 17000), (-127, 9000, 0), (20, 16000, 17000)])
 def test_a_motor_stays_in_its_window(velocity: int, start: int, limit: int) -> None:
     """0..CT: velocity 0 before the edge, not behind it."""
-    loop = driven(velocity, first=f"position F1 {start}").go(None, duration=2.0)
+    loop = driven(velocity, first=f"position F1 {start}").go(None, duration=0.6)
     (event,) = events(loop)
     assert (event["guard"], event["limit"]) == ("window", limit)
     last = loop.values("position", "F1")[-1]
@@ -171,7 +172,9 @@ def test_a_position_that_cannot_be_ends_the_loop() -> None:
 def test_every_guard_can_be_switched_off_by_name() -> None:
     """With all off nothing is added to the blocks and nothing held: the hand as it was."""
     assert tuple(GUARDS) == realtime_cli.GUARDS
-    loop = driven(100, guards=(), receive={0: ("delta",)}, delta_unit=1).go(None, duration=3.0)
+    loop = driven(100, guards=(), receive={0: ("delta",)}, delta_unit=1, first="position F1 16000").go(
+        None, duration=0.5
+    )
     assert events(loop) == [] and set(commands_of(loop)) == {100}
     assert loop.loop.layout.feedback_size == 2
     result = run("barrett", "realtime", "--motors", "1", "--velocity", "100", "--no-guard", "all", "--count", "2",
