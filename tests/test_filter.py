@@ -65,7 +65,7 @@ def context(how: str, **more: Any) -> Any:
     settings = Settings(format=how, **more)
     return SimpleNamespace(
         settings=settings, simulated=False, command="exo dump", streams=False,
-        journal=SimpleNamespace(counters=Counters()), envelope=lambda failure, extra=None: {"messages": [], "counters": {}},
+        journal=SimpleNamespace(counters=Counters()), envelope=lambda failure, extra=None: {"messages": [], "counters": {}}, judged=lambda failure: failure,
     )  # fmt: skip
 
 

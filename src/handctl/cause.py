@@ -30,8 +30,7 @@ def _renamed(run: Run, error: HandctlError) -> HandctlError:
     from handctl.foreign import pointed, renamed
 
     error = renamed(error, run.family.kind)
-    # an echo too: a BarrettHand repeats what it hears
-    nobody = error.code in ("no-answer", "garbage", "echo") and not run.journal.counters.received and run.family.baud
+    nobody = error.code in ("no-answer", "garbage") and not run.journal.counters.received and run.family.baud
     port = run.settings.port or ""
     return pointed(error, port) if nobody and port and not port.startswith(("fake:", "replay:")) else error
 

@@ -28,6 +28,28 @@ MOST = 1000
 """Characters of a first sentence: all of it."""
 
 
+def _show_help(ctx: click.Context, _param: click.Parameter, value: bool) -> None:
+    if value and not ctx.resilient_parsing:
+        sys.stdout.write(ctx.get_help() + "\n")
+        ctx.exit()
+
+
+def _plain_help(command: click.Command) -> None:
+    """Help of a command that is not one of ours, and of those below it, goes to stdout as ours does."""
+    if "get_help_option" not in vars(command):
+        made = command.get_help_option
+        command.get_help_option = lambda ctx: _written_plainly(made(ctx))  # type: ignore[method-assign]
+    for below in command.commands.values() if isinstance(command, click.Group) else ():
+        _plain_help(below)
+
+
+def _written_plainly(option: click.Option | None) -> click.Option | None:
+    """Help goes to stdout as it is: click would make a stream in ASCII UTF-8, and leave nothing to a substitute."""
+    if option is not None:
+        option.callback = _show_help
+    return option
+
+
 class _SharedOptions(click.Command):
     """Accepts the shared options, and lists them by section after the command's own.
 
@@ -47,6 +69,9 @@ class _SharedOptions(click.Command):
 
     _shared: list[click.Parameter] | None = None
     family: Family | None = None
+
+    def get_help_option(self, ctx: click.Context) -> click.Option | None:
+        return _written_plainly(super().get_help_option(ctx))
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         sections: dict[str, list[tuple[str, str]]] = {}
@@ -185,6 +210,8 @@ class Root(Group):
             return None
         command = importlib.import_module(COMMANDS[cmd_name][0]).cli
         assert isinstance(command, click.Command)
+        if not isinstance(command, _SharedOptions):
+            _plain_help(command)
         return command
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
@@ -274,7 +301,7 @@ def run_root(args: Sequence[str]) -> int:
     if debug or _in_file("debug"):
         import traceback
 
-        traceback.print_exception(error)
+        print_stderr("".join(traceback.format_exception(error)).rstrip())
     if not error.shown:
         _late_envelope(args, error, streams, command, extra)
     if error.text != "interrupted":  # who pressed Ctrl-C knows; what it left behind is told

@@ -214,10 +214,11 @@ TOKENS = (
 def statements(text: str) -> Iterator[Statement]:
     """The statements of a valid TOML text in order; blank and comment lines are none."""
     import re
+    from itertools import chain
 
     table: tuple[str, ...] = ()
     start = code_end = depth = 0
-    for found in [*re.finditer(TOKENS, text), None]:
+    for found in chain(re.finditer(TOKENS, text), (None,)):
         token = found[0] if found is not None else "\n"
         if token == "\n" and depth == 0:
             end = found.end() if found is not None else len(text)
@@ -249,8 +250,10 @@ def _key(body: str) -> Iterator[str]:
 def lines_of(text: str) -> dict[tuple[str, ...], int]:
     """Key -> number of the line where it, or the first thing below it, stands."""
     lines: dict[tuple[str, ...], int] = {}
+    line, counted = 1, 0
     for statement in statements(text):
-        line = text.count("\n", 0, statement.start) + 1
+        line += text.count("\n", counted, statement.start)
+        counted = statement.start
         for length in range(1, len(statement.path) + 1):
             lines.setdefault(statement.path[:length], line)
     return lines

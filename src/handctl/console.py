@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from handctl import ending
-from handctl.filter import shown
+from handctl.filter import short, shown
 from handctl.guide import Guide, Presses
 
 if TYPE_CHECKING:
@@ -110,7 +110,7 @@ def print_message(level: str, text: str, hint: str) -> None:
 
 def print_stderr(text: str) -> None:
     """One message, wrapped at words on a terminal; a closed stderr is not worth a second error."""
-    text = shown(text, keep="\n")
+    text = "\n".join(map(short, shown(text, keep="\n").split("\n")))
     _unless_asked_to_end()
     try:
         if is_terminal(sys.stderr):

@@ -14,6 +14,8 @@ _SUBSTITUTES = {
     **dict.fromkeys("█▉▊▋▌", "#"), **dict.fromkeys("▍▎▏▕│┃", "|"), **dict.fromkeys("─━", "-"),
     **dict(zip("▁▂▃▄▅▆▇", "__..--=", strict=True)),
 }  # fmt: skip
+LONGEST = 3000
+"""Characters of a line of a message: what came may be of any length, and a screen is not. JSON has all of it."""
 FORMULA = ("=", "+", "-", "@")
 """A spreadsheet takes a cell that begins so for a formula."""
 
@@ -26,6 +28,11 @@ def shown(text: str, keep: str = "") -> str:
     if text.isprintable():
         return text
     return "".join(letter if letter.isprintable() or letter in keep else _spelled(letter) for letter in text)
+
+
+def short(line: str) -> str:
+    """A line for people, of at most LONGEST characters and what is said of the rest."""
+    return line if len(line) <= LONGEST else f"{line[: LONGEST - 200]} … ({len(line)} characters) … {line[-100:]}"
 
 
 def text_shown(text: str) -> str:

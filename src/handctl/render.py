@@ -38,6 +38,7 @@ if TYPE_CHECKING:
         @property
         def streams(self) -> bool: ...
         def stop_key(self) -> contextlib.AbstractContextManager[bool]: ...
+        def judged(self, error: HandctlError | None) -> HandctlError | None: ...
         def envelope(self, failure: HandctlError | None, extra: dict[str, Any] | None = None) -> dict[str, Any]: ...
 
 
@@ -196,7 +197,7 @@ def stream(table: Table, sink: Sink, context: Context) -> HandctlError | None:
     ending.finish_on_signals()  # the device has been left: only its reader can hold up the rest
     if isinstance(failure, OutputError) and failure.code == "reader":
         sink.abandon()
-    failure = failure or table.failure
+    failure = context.judged(failure or table.failure)
     summary = table.summary() if table.summary is not None else {}
     if "stream" in summary:
         summary["stream"]["samples"] = sink.samples

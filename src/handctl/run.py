@@ -250,12 +250,16 @@ class Run:
             failure.shown = True
             raise failure
 
+    def judged(self, error: HandctlError | None) -> HandctlError | None:
+        """What is shown of an error, and what its exit code is."""
+        return judged(self, error)
+
     def _wind_up(self, table: Table | None, failure: HandctlError | None) -> HandctlError | None:
         """Close, then show; a Ctrl-C meanwhile changes neither the result nor the exit code, unless its reader sleeps."""
         finish_on_signals()
-        failure = judged(self, failure)
+        failure = self.judged(failure)
         if table is not None:
-            table.failure = judged(self, table.failure)
+            table.failure = self.judged(table.failure)
         if self.hold is not None:
             self.hold.finish()
             failure = self.hold.stopped or failure

@@ -115,7 +115,7 @@ def ask(lock: str, until: float) -> tuple[bool, dict[str, Any] | None]:
         return False, None
     try:
         report = json.loads(came.partition(b"\n")[2])
-    except ValueError:
+    except (ValueError, RecursionError):
         report = None
     return True, report if isinstance(report, dict) else None
 

@@ -175,13 +175,15 @@ class Decoder:
         mistake; then the next one is still in the buffer.
         """
         before = bytes(self._buffer[max(0, place - 64) : place]).rstrip()
-        if self._depth and (not before.endswith((b":", b",", b"[")) or self._depth >= DEEPEST):
+        if self._depth >= DEEPEST:
+            raise self._drop("objects within objects", place)
+        if self._depth and not before.endswith((b":", b",", b"[")):
             raise self._drop("an object that was cut off")
         self._depth += 1
 
-    def _drop(self, what: str) -> MalformedObject:
-        """Drop the header only, so that an object that begins within the rest is still found."""
-        place = self._buffer.find(b"{", 1)
+    def _drop(self, what: str, place: int = 0) -> MalformedObject:
+        """Drop the header only, or up to `place`, so that an object that begins within the rest is still found."""
+        place = place or self._buffer.find(b"{", 1)
         data = bytes(self._buffer if place < 0 else self._buffer[:place])
         del self._buffer[: len(data)]
         self._restart()

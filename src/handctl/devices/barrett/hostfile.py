@@ -23,7 +23,7 @@ def load(path: Path, what: str, whole: Callable[[object], bool]) -> dict[str, An
         content = json.loads(files.read_text(path, f"the {what}", MOST_BYTES, hint=hint))
     except files.NoFile:
         return {}
-    except ValueError as exc:
+    except (ValueError, RecursionError) as exc:
         raise UsageError(f"{path}: the {what} cannot be read: {exc}", hint=hint) from exc
     if not isinstance(content, dict) or not all(whole(entry) for entry in content.values()):
         raise UsageError(f"{path}: not a {what}", hint=hint)

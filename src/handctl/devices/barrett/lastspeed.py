@@ -55,6 +55,6 @@ def _counts(link: ByteLink) -> bool:
 def _all() -> dict[str, object]:
     try:
         content = json.loads(state_path(NAME).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         return {}
     return content if isinstance(content, dict) else {}

@@ -74,7 +74,7 @@ class AuditLog:
         except OutputError:
             return None  # no log, or none that can be read: `check` tells
         for line in reversed(lines):
-            with suppress(ValueError):  # half a line of a killed writer: its frame never went out
+            with suppress(ValueError, RecursionError):  # half a line of a killed writer: its frame never went out
                 entry = json.loads(line)
                 if isinstance(entry, dict) and entry.get("event") in ("intent", "result"):
                     return entry if entry["event"] == "intent" else None

@@ -78,7 +78,7 @@ def told(checked: Checked) -> Iterator[str]:
         try:
             entry = json.loads(finding.line)
             words = f"{entry['utc']}, {entry['event']} {entry.get('name', '')}".rstrip()
-        except (ValueError, TypeError, KeyError):
+        except (ValueError, TypeError, KeyError, RecursionError):
             words = "no entry"
         yield f"line {finding.number} ({words}) {finding.text}"
 

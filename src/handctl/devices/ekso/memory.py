@@ -74,7 +74,7 @@ def _entries(audit: AuditLog) -> Iterator[dict[str, Any]]:
                 raise TypeError(line)
             if not isinstance(entry["name"], str) or any(moment != moment for moment in moments):
                 raise TypeError(line)
-        except (ValueError, TypeError, KeyError):
+        except (ValueError, TypeError, KeyError, RecursionError):
             _refuse_damage(audit)
             continue
         yield entry

@@ -8,7 +8,7 @@ from handctl.devices.inspire import eb90
 from handctl.devices.inspire.bus import Bus, telling
 from handctl.devices.inspire.device import RegisterDevice
 from handctl.devices.inspire.exo import check_command
-from handctl.devices.inspire.mishaps import explain, hint_for
+from handctl.devices.inspire.mishaps import explain, hint_for, shorten
 from handctl.devices.inspire.registers import EXO, Register
 from handctl.devices.inspire.spans import describe, element_at, stretches
 from handctl.errors import CheckFailed, DeviceRefused, NoAnswer, ProtocolError, UsageError
@@ -284,7 +284,7 @@ def exchange(hand: RegisterDevice, data: bytes, wait: float) -> Table:
     if not any(frame.id == data[2] for frame in replies if len(data) > 2) and not _changes_id(data):
         code, text = explain(data, received)
         table.failure = ProtocolError(
-            f"{bus.where}: {text}: {hex_bytes(received)}", hint=hint_for(code, bus.family), code=code
+            f"{bus.where}: {text}: {shorten(received)}", hint=hint_for(code, bus.family), code=code
         )
     elif refusal:
         table.failure = DeviceRefused(f"{bus.where}: {refusal}")

@@ -12,7 +12,7 @@ SILENCE_HINT = (
     "`handctl exo scan`, power (7..9 V), TX/RX and RS-232 wiring; plugging power and data in again is worth a try"
 )
 HINTS = {
-    "echo": "an echo, a TX-RX short, or a device of another kind that repeats what it hears. Check the wiring",
+    "echo": "only our own bytes come back: an echo or a TX-RX short, no device answers. Check the wiring",
     "wrong-id": "another id answers: use the --id it shows, or look with `handctl exo scan`",
     "bad-checksum": "bytes were damaged on the way: check cable and ground, the speed, and that one device only has this id",
     "cut-short": "the reply was cut off: check cable and adapter, and that no other program reads the port",
