@@ -9,6 +9,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from tests.harm.table import Table
+from tests.hostile.table import table as hostile_table
 from tests.matrix_report import (
     pytest_runtest_call,
     pytest_runtest_logreport,
@@ -36,8 +37,9 @@ def own_state(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.Monk
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """The table of the harm matrix is a plugin of its own."""
+    """The tables of the harm matrix and of the hostile suite are plugins of their own."""
     config.pluginmanager.register(Table())
+    config.pluginmanager.register(hostile_table())
 
 
 settings.register_profile("any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])

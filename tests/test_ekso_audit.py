@@ -263,10 +263,3 @@ def test_a_set_warns_of_an_edited_log_and_refuses_while_it_is_fresh(tmp_path: Pa
     for _ in range(2):  # the second is told by the first that the edit is old
         done = set_("2")
         assert done.code == 0 and "audit-edited" in done.codes(), done
-
-
-def test_a_name_that_is_no_text_is_kept_as_it_came(tmp_path: Path) -> None:
-    """An operator typed where the locale has no such letter: bytes without a meaning, which JSON can hold."""
-    path = tmp_path / "log.jsonl"
-    AuditLog(path, {"operator": "Jos\udcc3\udca9"}).record("intent", 0.0)
-    assert lines(path)[0]["operator"] == "Jos\udcc3\udca9" and told_by(path) == []

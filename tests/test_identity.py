@@ -490,7 +490,7 @@ def test_nothing_but_the_buses_and_the_scanners_touches_the_link() -> None:
 
 
 @pytest.mark.parametrize("family", ["exo", "wrist", "ekso", "barrett"])
-@pytest.mark.parametrize("device", ["silence", "garbage", "json", "echo"])
+@pytest.mark.parametrize("device", ["silence", "garbage", "json"])
 def test_what_a_family_cannot_name_is_left_to_scan(family: str, device: str) -> None:
     """Only what was not understood: JSON is named by itself. A simulation is no port to look at."""
     port = "/dev/ttyUSB0"
