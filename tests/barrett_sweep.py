@@ -184,11 +184,16 @@ def main() -> None:
     commands = given.command or [leaf for leaf in [*leaves(), *TOOLS] if leaf not in LOADS]
     with tempfile.TemporaryDirectory() as folder:
         scratch = files(Path(folder))
-        states = [state for state in STATES if state != "boot"]
-        rows = [(state, leaf, outcome(state, leaf, scratch)) for state in states for leaf in commands]
-        rows += sweep(given.window, given.step, scratch, commands)
-    for text in lines(rows):
-        print(text)
+        for state in STATES:
+            if state != "boot":
+                show([(state, leaf, outcome(state, leaf, scratch)) for leaf in commands])
+        for window in given.window:
+            show(list(sweep([window], given.step, scratch, commands)))
+
+
+def show(rows: Sequence[Row]) -> None:
+    """Part of the table."""
+    print("\n".join(lines(rows)), flush=True)
 
 
 if __name__ == "__main__":
