@@ -167,9 +167,8 @@ class DataPort:
             self.resynchronise()
         self._take_waiting()
         self.refuse_late(name_of(command))
-        if (
-            command not in WRITING and not self.counts.answered
-        ):  # a stranger on this line must not act upon what is asked: the msgID is free
+        if command not in WRITING and not self.counts.answered and not self.link.replayed:
+            # A stranger on this line must not act upon what is asked, and the msgID is free.
             while not harmless(self.request(command, body), self.link.baud if self.link.can_set_baud else None):
                 self._next_id = (self._next_id + 1) & 0xFFFF
         request = self.request(command, body)
