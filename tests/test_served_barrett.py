@@ -15,6 +15,7 @@ import pexpect
 import pytest
 import serial
 
+from tests import forks
 from tests.barrett_commands import names, power_on, sent_lines, values_of, written_lines
 from tests.cli_support import Result, Simulator, clean_environment, program, run, run_program, wait_until
 
@@ -130,10 +131,12 @@ def test_interrupt_in_the_middle_of_a_movement(start: Start, tmp_path: Path, pla
     """^C stops every motor (§5.5 case 4): exit 130, positions told, and there they stay."""
     link, trace = start(place, *READY).link, tmp_path / "t.txt"
     do(link, "set", "MCV=20", "--force")  # 17,000 counts in 3.5 s
-    process = subprocess.Popen(
-        program("barrett", "close", "-p", link, "--json", "--trace", trace),
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=clean_environment(),
-    )  # fmt: skip
+    process = forks.start(
+        ["barrett", "close", "-p", link, "--json", "--trace", trace],
+        clean_environment(),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
     wait_until(lambda: trace.exists() and "C" in sent_lines(trace))
     time.sleep(0.5)
     process.send_signal(number)
@@ -153,10 +156,12 @@ def test_a_hand_that_ignores_the_abort(start: Start, tmp_path: Path) -> None:
     """What could not be stopped is said, with what to do."""
     link, trace = start("pty", *READY, "--fault", "no-abort").link, tmp_path / "t.txt"
     do(link, "set", "MCV=16", "--force")
-    process = subprocess.Popen(
-        program("barrett", "close", "-p", link, "--json", "--trace", trace),
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=clean_environment(),
-    )  # fmt: skip
+    process = forks.start(
+        ["barrett", "close", "-p", link, "--json", "--trace", trace],
+        clean_environment(),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
     wait_until(lambda: trace.exists() and "C" in sent_lines(trace))
     time.sleep(0.2)
     process.send_signal(signal.SIGINT)
@@ -171,10 +176,12 @@ def test_a_hand_that_ignores_the_abort(start: Start, tmp_path: Path) -> None:
 def test_a_second_opener_is_told(start: Start, tmp_path: Path) -> None:
     link = start("pty", *READY).link
     do(link, "set", "MCV=40")  # 17,000 counts in 1.8 s
-    process = subprocess.Popen(
-        program("barrett", "close", "--motors", "1", "-p", link, "--trace", tmp_path / "trace"),
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=clean_environment(),
-    )  # fmt: skip
+    process = forks.start(
+        ["barrett", "close", "--motors", "1", "-p", link, "--trace", tmp_path / "trace"],
+        clean_environment(),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
     wait_until(lambda: (tmp_path / "trace").exists() and "> 31 43 0D" in (tmp_path / "trace").read_text(), 20.0)
     second = run("barrett", "get", "SN", "-p", link, "--json")
     _, err = process.communicate(timeout=10)
@@ -185,10 +192,12 @@ def test_a_second_opener_is_told(start: Start, tmp_path: Path) -> None:
 @places
 def test_a_server_that_is_killed(start: Start, tmp_path: Path, place: str) -> None:
     simulator, trace = start(place, *READY), tmp_path / "t.txt"
-    process = subprocess.Popen(
-        program("barrett", "watch", "P", "--rate", "50", "-p", simulator.link, "--json", "--trace", trace),
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=clean_environment(),
-    )  # fmt: skip
+    process = forks.start(
+        ["barrett", "watch", "P", "--rate", "50", "-p", simulator.link, "--json", "--trace", trace],
+        clean_environment(),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
     wait_until(lambda: trace.exists() and len(trace.read_text().splitlines()) > 12)
     simulator.stop(signal.SIGKILL)
     out, err = process.communicate(timeout=10)

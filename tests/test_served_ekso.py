@@ -15,7 +15,8 @@ from typing import Any
 import pytest
 import serial
 
-from tests.cli_support import Result, Simulator, clean_environment, program, run, run_program, wait_until
+from tests import forks
+from tests.cli_support import Result, Simulator, clean_environment, run, run_program, wait_until
 from tests.ekso_commands import DATA_WORDS, ME, SETTING_WORDS
 
 Start = Callable[..., Simulator]
@@ -115,10 +116,12 @@ def test_the_same_as_in_process(start: Start, place: str, tmp_path: Path) -> Non
 
 def test_a_log_killed_with_9_loses_at_most_a_second(start: Start, tmp_path: Path) -> None:
     link, file = start("pty").link, tmp_path / "gait.csv"
-    process = subprocess.Popen(
-        program("ekso", "log", file, "-p", link, "--rate", "100", "--mark", "start"),
-        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=clean_environment(),
-    )  # fmt: skip
+    process = forks.start(
+        ["ekso", "log", file, "-p", link, "--rate", "100", "--mark", "start"],
+        clean_environment(),
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
     wait_until(lambda: file.exists() and file.read_bytes().count(b"\n") > 40)
     killed = time.time()
     process.send_signal(signal.SIGKILL)
@@ -141,10 +144,12 @@ def test_the_audit_log_survives_kill_9_and_the_next_set_tells(start: Start, tmp_
     """Killed between SetValue and its answer: the intent is on the disk, and the next `set` says that nobody knows."""
     panel = tmp_path / "panel"
     link = start("pty", "--control", panel, "--fault", "set-unanswered").link
-    process = subprocess.Popen(
-        program("ekso", "set", "step_length=15.5", *ME, "-p", link, "--timeout", "5"),
-        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=clean_environment(),
-    )  # fmt: skip
+    process = forks.start(
+        ["ekso", "set", "step_length=15.5", *ME, "-p", link, "--timeout", "5"],
+        clean_environment(),
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
     wait_until(lambda: "set 1 " in run("sim", "control", panel, "counts").out)
     process.send_signal(signal.SIGKILL)
     process.wait(timeout=10)
@@ -168,10 +173,12 @@ def test_the_audit_log_survives_kill_9_and_the_next_set_tells(start: Start, tmp_
 def test_a_power_cycle_in_a_log_is_a_new_segment(start: Start, tmp_path: Path) -> None:
     panel, file = tmp_path / "panel", tmp_path / "gait.csv"
     link = start("pty", "--control", panel, "--set", "startup=0.2").link
-    process = subprocess.Popen(
-        program("ekso", "log", file, "-p", link, "--rate", "100", "--timeout", "0.2", "--json"),
-        stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=clean_environment(),
-    )  # fmt: skip
+    process = forks.start(
+        ["ekso", "log", file, "-p", link, "--rate", "100", "--timeout", "0.2", "--json"],
+        clean_environment(),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+    )
     wait_until(lambda: file.exists() and file.read_bytes().count(b"\n") > 20)
     assert run("sim", "control", panel, "reboot").code == 0
 

@@ -17,6 +17,7 @@ import pytest
 import serial
 from rh56_sdk import RH56Driver
 
+from tests import forks
 from tests.cli_support import (
     POWER_ON,
     Result,
@@ -24,7 +25,6 @@ from tests.cli_support import (
     clean_environment,
     frame,
     pairs,
-    program,
     run,
     run_program,
     sent,
@@ -149,8 +149,12 @@ def test_an_explicit_wrong_speed_stays_a_plain_silence(start: Start) -> None:
 
 def test_the_second_opener_is_told_that_the_port_is_busy(start: Start) -> None:
     link = start("--pty").link
-    first = subprocess.Popen(program("exo", "watch", "id", "-p", link, "--json"), stdout=subprocess.PIPE,
-                             stderr=subprocess.PIPE, env=clean_environment())  # fmt: skip
+    first = forks.start(
+        ["exo", "watch", "id", "-p", link, "--json"],
+        clean_environment(),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
     assert first.stdout is not None
     first.stdout.readline()
     try:
@@ -168,8 +172,12 @@ def test_the_second_opener_is_told_that_the_port_is_busy(start: Start) -> None:
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
 def test_a_server_that_goes_away_is_exit_3(start: Start, where: tuple[str, ...], number: signal.Signals) -> None:
     simulator = start(*where)
-    process = subprocess.Popen(program("exo", "watch", "id", "--rate", "100", "-p", simulator.link, "--json"),
-                               stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=clean_environment(), bufsize=0)  # fmt: skip
+    process = forks.start(
+        ["exo", "watch", "id", "--rate", "100", "-p", simulator.link, "--json"],
+        clean_environment(),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
     assert process.stdout is not None
     first = process.stdout.readline()
     simulator.process.send_signal(number)
@@ -217,8 +225,12 @@ def test_speed_change_save_power_cycle(start: Start, tmp_path: Path) -> None:
 def test_verify_waits_for_the_operator(start: Start, tmp_path: Path) -> None:
     panel = tmp_path / "panel"
     link = start("--pty", "--control", panel).link
-    process = subprocess.Popen(program("exo", "baud", "57600", "--save", "--verify", "-y", "-p", link, "--json"),
-                               stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=clean_environment())  # fmt: skip
+    process = forks.start(
+        ["exo", "baud", "57600", "--save", "--verify", "-y", "-p", link, "--json"],
+        clean_environment(),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
     time.sleep(1.6)
     control(panel, "power-cycle")
     out, err = process.communicate(timeout=20)

@@ -15,7 +15,8 @@ import can
 import pytest
 import serial
 
-from tests.cli_support import Result, Simulator, clean_environment, frame, program, run, run_program, s16, wait_until
+from tests import forks
+from tests.cli_support import Result, Simulator, clean_environment, frame, run, run_program, s16, wait_until
 from tests.wrist_commands import POWER_ON, SETTINGS, prepare, sent_frames, written_frames
 
 Start = Callable[..., Simulator]
@@ -76,7 +77,8 @@ def test_dump_is_the_same_as_in_process(links: dict[str, str], place: str) -> No
     assert (served.code, served.err) == (0, "")
     assert served.rows == run("wrist", "dump", "--fake", "--json").rows
     assert served.json["device"] == {"kind": "wrist", "link": links[place], "fake": False, "id": 1}
-    assert served.json["counters"]["sent"] == (3 if place in SLCAN else 1)
+    counters = served.json["counters"]
+    assert counters["sent"] - counters["retries"] == (3 if place in SLCAN else 1)  # a busy machine may answer late
 
 
 @places
@@ -143,8 +145,12 @@ def test_a_wrong_serial_speed(start: Start) -> None:
 @pytest.mark.parametrize("place", ["pty", "slcan-pty"])
 def test_the_second_opener_is_told_that_the_port_is_busy(start: Start, place: str) -> None:
     link = start(place).link
-    first = subprocess.Popen(program("wrist", "watch", "yaw_set", "-p", link, "--json"), stdout=subprocess.PIPE,
-                             stderr=subprocess.PIPE, env=clean_environment())  # fmt: skip
+    first = forks.start(
+        ["wrist", "watch", "yaw_set", "-p", link, "--json"],
+        clean_environment(),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
     assert first.stdout is not None
     first.stdout.readline()
     try:
@@ -162,8 +168,12 @@ def test_the_second_opener_is_told_that_the_port_is_busy(start: Start, place: st
 @places
 def test_a_server_that_goes_away_is_exit_3(start: Start, place: str) -> None:
     simulator = start(place)
-    process = subprocess.Popen(program("wrist", "watch", "yaw_set", "--rate", "100", "-p", simulator.link, "--json"),
-                               stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=clean_environment(), bufsize=0)  # fmt: skip
+    process = forks.start(
+        ["wrist", "watch", "yaw_set", "--rate", "100", "-p", simulator.link, "--json"],
+        clean_environment(),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
     assert process.stdout is not None
     first = process.stdout.readline()
     simulator.process.send_signal(signal.SIGKILL)

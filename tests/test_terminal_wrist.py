@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli_support import Simulator, clean_environment, program, run, s16, wait_until
+from tests import forks
+from tests.cli_support import Simulator, clean_environment, run, s16, wait_until
 from tests.test_terminal import Terminal
 from tests.wrist_commands import LIVE, ON, POWER_ON, WIRES, written_frames
 
@@ -170,10 +171,12 @@ def test_ctrl_c_in_the_middle_holds_the_wrist(sim: Simulator, tmp_path: Path, ke
 def test_interrupt_without_a_terminal(sim: Simulator, tmp_path: Path) -> None:
     """A script's background job is stopped the same way; JSON says so."""
     trace = tmp_path / "t.txt"
-    process = subprocess.Popen(
-        program("wrist", "center", "--time", "5000", "-p", sim.link, "--json", "--trace", trace),
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=clean_environment(),
-    )  # fmt: skip
+    process = forks.start(
+        ["wrist", "center", "--time", "5000", "-p", sim.link, "--json", "--trace", trace],
+        clean_environment(),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
     wait_until(lambda: trace.exists() and len(trace.read_text().splitlines()) > 12)
     process.send_signal(signal.SIGINT)
     out, _ = process.communicate(timeout=10)
