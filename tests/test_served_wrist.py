@@ -78,7 +78,10 @@ def test_dump_is_the_same_as_in_process(links: dict[str, str], place: str) -> No
     assert served.rows == run("wrist", "dump", "--fake", "--json").rows
     assert served.json["device"] == {"kind": "wrist", "link": links[place], "fake": False, "id": 1}
     counters = served.json["counters"]
-    assert counters["sent"] - counters["retries"] == (3 if place in SLCAN else 1)  # a busy machine may answer late
+    asked = (
+        3 if place in SLCAN else 2 if place == "tcp" else 1
+    )  # behind TCP may be any speed: a harmless question comes first
+    assert counters["sent"] - counters["retries"] == asked  # a busy machine may answer late
 
 
 @places
