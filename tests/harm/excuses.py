@@ -30,7 +30,8 @@ def _no_velocity(changed: list[str], _text: str) -> bool:
 
 def _own(state: State, line: Line) -> bool:
     """A line of the device's own family that looks for it at all speeds, or at its own."""
-    return line.family == state.owner and "--baud" not in line.words
+    own_speed = state.options.get("baud", "9600")
+    return line.family == state.owner and ("--baud" not in line.words or own_speed in line.words)
 
 
 def _hears(state: State) -> bool:
@@ -49,8 +50,8 @@ def _scans_ids(state: State, line: Line) -> bool:
 
 EXCUSES = (
     Excuse(
-        "in a control block that somebody left half sent, the next bytes are velocities, whoever sends them",
-        lambda state, _line: state.in_block,
+        "in a control block that somebody left half sent, bytes at a wrong speed, which was typed, are velocities",
+        lambda state, line: state.in_block and not _own(state, line),
     ),
     Excuse(
         "a reading command of the hand met LOOP and ended it, which it says: no byte is harmless there",
