@@ -233,7 +233,7 @@ CAUSES: dict[str, set[str]] = {
     **{name: {"not-reached"} for name in ("blocked", "foreign", "weak", "frozen", "swapped")},
     **{f"{name} wrist": {"not-arrived"} for name in ("blocked", "foreign")},
     # EksoNR
-    "acknowledge": {"acknowledged", "echo"}, "short-body": {"bad-length", "acknowledged"},
+    "acknowledge": {"acknowledged", "echo"}, "short-body": {"bad-length", "acknowledged", "bad-checksum"},
     "wrong-command": {"wrong-command"}, "not-taken": {"read-back"}, "neighbour": {"read-back"},
     "pendant": {"changed-meanwhile"},
     **{name: {"not-still"} for name in ("fidget", "unknown-state", "frozen-clock", "clock-jump")},

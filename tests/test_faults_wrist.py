@@ -80,11 +80,10 @@ DEVICE_FAULTS: dict[str, dict[str, int]] = {
     "strict": {}, "block-silent": {}, "save-fails": {},
     "blocked": MOVES,
     "foreign": {**UNHEALTHY, "move-pitch": 7, "move": 7, "center": 7},
-    # a hand without a wrist is read in its own space only; what is to be written meets the look at who is there, unless
-    # the wrist is read before, which is silent
+    # a hand without a wrist is read in its own space only; what is to be written meets the look at who is there
     "no-wrist": {
         **{command.name: 0 if command.kind == "hand" else 4 for command in READING},
-        **{command.name: 4 if command.name == "restore" else 6 for command in WRITING},
+        **{command.name: 6 for command in WRITING},
     },
     "unknown-bits": UNHEALTHY, "faults": UNHEALTHY, "hot": UNHEALTHY, "locked-rotor": UNHEALTHY,
     "over-temperature": UNHEALTHY, "over-current": UNHEALTHY, "motor-abnormal": UNHEALTHY, "communication": UNHEALTHY,

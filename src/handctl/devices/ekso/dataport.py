@@ -375,7 +375,8 @@ class _Attempt:
             frame = self.foreign
             behind = (self.key[1] - frame.msg_id) & 0xFFFF
             code = "wrong-id" if frame.command in tuple(Command) else "unsolicited"
-            code = "late" if code == "wrong-id" and 0 < behind <= self.sent_before else code
+            if code == "wrong-id":
+                code = "wrong-command" if behind == 0 else "late" if behind <= self.sent_before else code
             return code, f"{name_of(frame.command)} with msgID {frame.msg_id} came, not {name} with msgID {self.key[1]}"
         for at in _places(self.received[2:], self.request[2:4]):
             command = self.received[at]
