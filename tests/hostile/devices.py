@@ -1,7 +1,7 @@
 """Devices that mean no good. Each is the real simulator of a family with somebody between it and the host.
 
 What that one does to an answer knows no protocol, so that a new family is in the suite by itself: it is text or JSON where it
-reads as such, and bytes otherwise. What comes unasked comes at the pace of a fast serial line, on virtual time.
+reads as such, and bytes otherwise. What comes unasked comes at the pace of a serial line, on virtual time.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ CONTROLS = (
 ESCAPES = "".join(CONTROLS)
 RAW = ESCAPES.encode("utf-8") + b"\x9b2J\xff\xfe"
 DEEP, LONG, MANY = 100_000, 100_000, 50_000
-PACE = 0.02
+PACE = 0.1
 """Seconds between two pieces of what comes unasked."""
 CHUNK = 256
 
@@ -361,6 +361,8 @@ class Place:
         line = create(self.kind, options)
         line.advance(0.0)
         line.advance(1.0)
+        if not isinstance(line, CanLine):
+            line.take()
         return Hostile(line, KINDS[self.hostility](line.device.HEADER))
 
     def __str__(self) -> str:
