@@ -86,6 +86,8 @@ class Statement(NamedTuple):
 
 
 MOST_BYTES = 1_000_000
+DEEPEST = 4
+"""Parts of a key whose line is known: one more than any key has. A key of 20,000 parts must not cost their square."""
 
 
 def is_name(text: object) -> bool:
@@ -254,6 +256,6 @@ def lines_of(text: str) -> dict[tuple[str, ...], int]:
     for statement in statements(text):
         line += text.count("\n", counted, statement.start)
         counted = statement.start
-        for length in range(1, len(statement.path) + 1):
+        for length in range(1, min(len(statement.path), DEEPEST) + 1):
             lines.setdefault(statement.path[:length], line)
     return lines

@@ -91,7 +91,7 @@ def test_a_variable_of_nonsense(name: str, folder: Folder, request: pytest.Fixtu
                 continue
             how = _how(name, kind, words)
             env = {f"HANDCTL_{name.upper()}": text}
-            code, failure = attempt([*words, *FORMATS[how]], how, folder, env)
+            code, failure = attempt([*words, *FORMATS[how]], "json" if how == "json" else "any", folder, env)
             tried.append(
                 Cell(words[0], f"variable: {kind}", f"HANDCTL_{name.upper()} {' '.join(words)} --{how}", code, failure)
             )
@@ -115,7 +115,12 @@ def test_a_key_of_nonsense(name: str, folder: Folder, request: pytest.FixtureReq
                 folder.keep()
                 how = _how(name, kind, words)
                 more = ("-d", "left") if where == "device" and "-p" not in words and words[0] in FAMILIES else ()
-                code, failure = attempt([*words, *more, *FORMATS[how]], how, folder, {"HANDCTL_CONFIG": str(config)})
+                code, failure = attempt(
+                    [*words, *more, *FORMATS[how]],
+                    "json" if how == "json" else "any",
+                    folder,
+                    {"HANDCTL_CONFIG": str(config)},
+                )
                 line = f"{name} ({where}) {' '.join(words)} --{how}"
                 tried.append(Cell(words[0], f"key: {kind}", line, code, failure))
     note(request, tried)
