@@ -124,7 +124,7 @@ def test_another_command_with_our_msgid_is_not_late() -> None:
     unit.on = {TIME: lambda msg_id, _body: [(0.001, frame(DATE, msg_id, bytes([26, 11, 20, 0])))]}
     with pytest.raises(ProtocolError) as caught:
         port_on(unit, retries=0).read(Command.GET_TIME)
-    assert caught.value.code == "wrong-id"
+    assert caught.value.code == "wrong-command"
     assert "GetDate with msgID 1 came, not GetTime with msgID 1" in caught.value.text
 
 

@@ -5,6 +5,7 @@ Generated over the registry: a family without a stop that its simulator hears fa
 
 from __future__ import annotations
 
+import fcntl
 import json
 import os
 import resource
@@ -182,6 +183,7 @@ def test_a_holder_whose_reader_sleeps_is_stopped(stand: MakeStand) -> None:
     place = stand("aidin")
     reader, writer = os.pipe()
     os.set_blocking(writer, True)
+    fcntl.fcntl(writer, fcntl.F_SETPIPE_SZ, 4096)
     holder = subprocess.Popen(
         [sys.executable, "-m", "handctl", "aidin", "watch", "--rate", "0", "--json", "-p", place.link],
         env={**os.environ, **place.environment}, stdin=subprocess.DEVNULL, stdout=writer, stderr=subprocess.DEVNULL,
@@ -190,7 +192,7 @@ def test_a_holder_whose_reader_sleeps_is_stopped(stand: MakeStand) -> None:
     import select
 
     assert select.select([reader], [], [], 10)[0]
-    wait_until(lambda: Path(f"/proc/{holder.pid}/wchan").read_text() in ("pipe_write", "anon_pipe_write", "0"))
+    wait_until(lambda: Path(f"/proc/{holder.pid}/wchan").read_text() in ("pipe_write", "anon_pipe_write", "0"), 30.0)
     result, _ = place.stop()
     assert result.code == 0, result
     os.close(reader)

@@ -175,6 +175,9 @@ class _Replayed(Link):
     def sleep(self, seconds: float) -> None:
         self._clock += max(0.0, seconds)
 
+    def recorded_next(self, request: bytes) -> bool:
+        return self._recording.find((None, request), self._cursor) == self._cursor
+
     def _ask(self, key: Key, text: str) -> None:
         index = found = self._recording.find(key, self._cursor)
         if found is None or index is None:

@@ -160,6 +160,9 @@ class _Tapped(Link):
     def event(self, text: str) -> None:
         self._tap.event(self.now(), text)
 
+    def recorded_next(self, request: bytes) -> bool:
+        return self._inner.recorded_next(request)
+
     def outlet(self) -> Outlet | None:
         return self._inner.outlet()
 

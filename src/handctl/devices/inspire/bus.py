@@ -244,7 +244,10 @@ class Bus(RegisterBus):
         raise error
 
     def quiet(self, address: int, count: int) -> bool:
-        return bool(self._met) or self._quiet(eb90.read_request(self.id, address, count, self.read_flag))
+        request = eb90.read_request(self.id, address, count, self.read_flag)
+        if self.link.replayed:
+            return self.link.recorded_next(request)
+        return bool(self._met) or self._quiet(request)
 
     def _quiet(self, request: bytes) -> bool:
         """Whether a stranger on this line would not act upon it. What a recording plays is no stranger."""
