@@ -83,8 +83,6 @@ GOES_ON = "no stop was sent, the hand is expected to go on"
     ],
 )
 def test_an_error_says_what_the_hand_has_got(act: Act, end: float, told: str, silent: bool) -> None:
-    if silent and act is max_torque:
-        return  # 0.2 s are no silence
     link = Closing(end, silent=silent)
     with pytest.raises((LinkError, NoAnswer)) as caught:
         act(hand_on(link))
@@ -100,6 +98,26 @@ def test_homing_that_ends_unseen_says_what_the_hand_was_left_in(silent: bool) ->
         homing.home(hand_on(link), Guide())
     assert len(link.sent) == len(whole.sent)
     assert "the hand was left in homing mode, no stop was sent" in caught.value.hint
+
+
+def test_homing_that_was_not_begun_stops_nobody() -> None:
+    """The hand falls silent, or tells no encoders, before the first object: what it holds is not let fall."""
+    for content in (feedback(motor_pos={"a": 1}), feedback(motor_pos=[0] * 14)):
+        link = streamer(content)
+        with pytest.raises(ProtocolError, match="motor_pos"):
+            homing.home(hand_on(link), Guide())
+        assert link.sent == []
+
+
+@pytest.mark.parametrize("instead", [b"null\n", b"[1,2,3]\n", b'{"error":"motor fault"}\n', b'{"motor_pos":[0,0'])
+@pytest.mark.parametrize("act", [initial, move, max_torque, adjust.bias])
+def test_what_comes_instead_of_feedback_is_no_silence(act: Act, instead: bytes) -> None:
+    end = 0.45 if act is adjust.bias else 0.1
+    link = Streamer(lambda t: line(CLOSED) if t < end else instead)
+    with pytest.raises(ProtocolError) as caught:
+        act(hand_on(link))
+    first = instead[:4].hex(" ").upper()
+    assert first in caught.value.text or "damaged" in caught.value.text, caught.value.text
 
 
 @pytest.mark.parametrize(("act", "bound"), [(initial, 0.3), (max_torque, 0.1), (adjust.bias, 0.4)])

@@ -12,9 +12,10 @@ from handctl.console import TerminalGuide
 from handctl.devices.ekso import recording as recording_module
 from handctl.devices.ekso.audit import AuditLog
 from handctl.devices.ekso.device import Ekso, one_setting
-from handctl.devices.ekso.frames import Command
+from handctl.devices.ekso.frames import Command, cancel_body, encode
 from handctl.devices.ekso.recording import Limits, Recording
 from handctl.devices.ekso.settings import Writer
+from handctl.devices.ekso.writes import EksoWrites
 from handctl.errors import NoAnswer, OutputError, ProtocolError, UsageError
 from tests.ekso_support import DATE, TIME, Unit, codes, ekso_on, frame, port_on
 from tests.test_ekso_recording import Device, recorded, steady
@@ -168,3 +169,12 @@ def test_a_link_that_leads_nowhere_is_a_file_that_is_there(tmp_path: Path, name:
     (tmp_path / name).symlink_to(tmp_path / "gone")
     with pytest.raises(UsageError, match=f"{name} exists"):
         recording_module.open_new(str(tmp_path / "a.csv"), False)
+
+
+def test_an_echo_of_cancel_action_confirms_nothing() -> None:
+    """The answer has the length of the request, and its low status byte reads 0: only the bytes tell an echo."""
+    words = EksoWrites()
+    request = encode(Command.CANCEL_ACTION, 0xF000, cancel_body(), "body")
+    assert len(words.sent(request, None)) == 1 and list(words.came(request, None)) == []
+    answer = encode(Command.CANCEL_ACTION, 0xF000, bytes(2), "body")
+    assert [accepted for _, accepted in words.came(answer, None)] == [True], "after its echo, too"

@@ -267,6 +267,33 @@ def test_a_silent_wrist_is_said_plainly(typed: str) -> None:
     assert "did not acknowledge" in unacknowledged.text and unacknowledged.error is not None
 
 
+@pytest.mark.parametrize("latency", [0.06, 0.2, 0.35, 0.45])
+def test_a_late_hand_is_stopped_and_believed(latency: float) -> None:
+    """Its answer to the forces may come while a late wrist is listened for: it is an answer, and the fingers are held."""
+
+    def answer(request: bytes) -> list[tuple[float, bytes]]:
+        if request == RELEASE:
+            reply = bytes.fromhex("90EB010D3184038E039803A203AC03F401")
+        elif request[4] == 0x32:
+            reply = bytes.fromhex("90EB010B3200000000000000000000")
+        else:
+            return []
+        return [(latency, reply + bytes([sum(reply[2:]) % 256]))]
+
+    link = ScriptedLink(answer)
+    stopped = drive(link, talk_of("exo", Aim(Settings())), [])
+    assert stopped.error is None and "hold at 900 910 920 930 940: the hand answered both" in stopped.text, stopped
+    assert link.sent[-1].hex() == "eb90010b3284038e039803a203ac0345" and link.sent.count(RELEASE) == 1
+
+
+@pytest.mark.parametrize("typed", ["exo", "wrist"])
+def test_an_echo_or_other_bytes_are_not_silence(typed: str) -> None:
+    echo = drive(ScriptedLink(lambda request: [(0.001, request)]), talk_of(typed, Aim(Settings())), [])
+    other = drive(ScriptedLink(lambda _: [(0.001, b"=> ")]), talk_of(typed, Aim(Settings())), [])
+    assert echo.error is not None and other.error is not None and {echo.error.exit_code, other.error.exit_code} == {5}
+    assert "only our own bytes came back" in echo.text and "3D 3E 20" in other.text, (echo, other)
+
+
 def test_a_hand_that_does_not_answer_is_sent_its_stop(stand: MakeStand) -> None:
     place = stand("exo", "--fault", "silent")
     place.how = place.how._replace(stop=(HOW["exo"].stop[0],))

@@ -88,7 +88,7 @@ def _compared(hand: AidinHand, before: Wire, earlier: Wire) -> tuple[Table, list
 
 
 def max_torque(hand: AidinHand, value: int) -> Table:
-    """Mode 5 with `maxtorque`, for 0.2 s. No feedback shows it. Raises NoAnswer when the hand says nothing at all."""
+    """Mode 5 with `maxtorque`, for 0.2 s. No feedback shows it. Raises NoAnswer when the hand says nothing afterwards."""
     blind = connect_or_command(hand)
     data, end = object_of(Mode.MAXTORQUE, maxtorque=value), hand.talk.deadline(SHORT)
     with announced(
@@ -96,6 +96,8 @@ def max_torque(hand: AidinHand, value: int) -> Table:
     ):
         while not end.expired:
             hand.talk.tick(data, blind=blind)
+        if not blind:
+            hand.talk.check_answered()
         hand.talk.check_bound()
     hand.journal.info("left", left_in(Mode.MAXTORQUE), LEFT_HINT)
     if blind and not hand.talk.feedback.seen:

@@ -73,6 +73,7 @@ class Conversation:
         self._fresh = False  # what `connect` heard has not lain in the input
         self._silence = timeout or SILENCE  # of a stream, longer for a slow one
         self._strange = b""  # the first object that is neither feedback nor ours
+        self._since = b""  # what has come since the last feedback and is none
         self._decoder = Decoder()
         self._bad_in_a_row = 0
         self._junk = b""
@@ -200,10 +201,12 @@ class Conversation:
                 self._echoes += 1
             else:
                 self._strange = self._strange or self._decoder.taken[:64]
+                self._since = (self._since + self._decoder.taken)[:64]
                 self._note_unknown(content)
             return False
         self.journal.counters.received += 1
         self._bad_in_a_row = self._unanswered = 0
+        self._since = b""
         self._last = self.link.now()
         self._good.update({key: self._last for key in content if key in ALL and key not in self.feedback.errors})
         self._note_unknown(content)
@@ -222,6 +225,7 @@ class Conversation:
     def _note_bad(self, exc: MalformedObject) -> None:
         counters = self.journal.counters
         self._junk = (self._junk + exc.data)[:64]
+        self._since = (self._since + exc.data)[:64]
         if exc.stray:
             counters.stray_bytes += len(exc.data)
             return
@@ -382,6 +386,11 @@ class Conversation:
             wrong = self.feedback.errors.get(key)
             self.usable(param, wrong or ProtocolError("no longer in what the hand sends", code="missing-key"))
 
+    def check_answered(self) -> None:
+        """Look again where the last object was not answered within its period. Raises as `refresh` does."""
+        if self._unanswered:
+            self.refresh()
+
     # -- what went wrong -------------------------------------------------------------------------------------------
 
     def nothing_came(self) -> HandctlError:
@@ -392,9 +401,12 @@ class Conversation:
             else self._silent()
         )
 
-    def _silent(self, *, asked: bool = True, moving: bool = False) -> NoAnswer:
+    def _silent(self, *, asked: bool = True, moving: bool = False) -> HandctlError:
         known = moving or self.exchange is not Exchange.UNKNOWN
         stopped = bool(self.journal.counters.received) and known
+        instead = self._since or self._decoder.pending[:64]
+        if stopped and instead:
+            return trouble.no_feedback(self.link.name, instead, whole=False, more="more ")
         return trouble.silent(self.link.name, self.way, self.timeout or SILENCE, asked=asked, stopped=stopped)
 
     def _closed(self, exc: LinkError) -> HandctlError:

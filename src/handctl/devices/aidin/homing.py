@@ -65,14 +65,14 @@ def home(hand: AidinHand, guide: Guide) -> Table:
             f"homing takes {HOLD:g} s, --deadline leaves less", hint="a longer --deadline. Nothing was sent."
         )
     blind = connect_or_command(hand)
+    seen = _Travel()
+    if not blind:  # before the guard: a hand that has not been driven yet is not stopped
+        seen.note(tuple(int(number) for number in hand.talk.need(MOTOR_POS)[0]))
     guide.say(f"homing: all fingers open for {HOLD:g} s; keep clear")
     data = object_of(Mode.HOMING)
-    seen = _Travel()
     mark = hand.journal.ledger.mark
     with stopping(hand, guide, "homing failed, the hand is not homed; "):
         try:
-            if not blind:
-                seen.note(tuple(int(number) for number in hand.talk.need(MOTOR_POS)[0]))
             _hold(hand, data, guide, seen, blind=blind)
         except HandctlError as exc:
             raise stopped(hand, exc) from exc

@@ -37,8 +37,11 @@ def silent(name: str, way: Way, patience: float, *, asked: bool, stopped: bool) 
     )
 
 
-def no_feedback(name: str, seen: bytes, *, whole: bool) -> HandctlError:
-    """What came, `seen`, is no feedback; b"": only our own object came back. `whole`: it is an object with other keys."""
+def no_feedback(name: str, seen: bytes, *, whole: bool, more: str = "") -> HandctlError:
+    """What came, `seen`, is no feedback; b"": only our own object came back. `whole`: it is an object with other keys.
+
+    `more`: "more " where feedback had come before.
+    """
     if not seen:
         return ProtocolError(
             f"{name}: only our own object came back, no feedback",
@@ -50,7 +53,7 @@ def no_feedback(name: str, seen: bytes, *, whole: bool) -> HandctlError:
     if whole:
         hint = f"a JSON object without any key of the manual: what the hand reports in its own words, or {hint}"
     error = ProtocolError(
-        f"{name}: no feedback of the hand came, but {hex_bytes(seen)} ({text})", hint=hint, code="garbage"
+        f"{name}: no {more}feedback of the hand came, but {hex_bytes(seen)} ({text})", hint=hint, code="garbage"
     )
     error.came = seen
     return error

@@ -22,12 +22,14 @@ class EksoWrites:
     def __init__(self) -> None:
         self._decoder = Decoder()
         self._key: Hashable = None
+        self._sent = b""
 
     def sent(self, data: bytes, can_id: int | None) -> Sequence[Frame]:
         """See WriteWords."""
         if not data or data[0] in READS:
             return ()
         self._key = data[:1] + data[2:4]
+        self._sent = data  # CancelAction and its answer are of one length: what equals it is an echo
         self._decoder = Decoder()
         self._decoder.expect(data)
         return (Frame(data, self._key, self.planned(data, None)),)
@@ -44,7 +46,7 @@ class EksoWrites:
             if frame is None:
                 return found
             key = bytes([frame.command]) + frame.msg_id.to_bytes(2, "big")
-            if key == self._key and len(frame.body) == 2:
+            if key == self._key and len(frame.body) == 2 and frame.data != self._sent:
                 found.append((key, frame.words[0] & 0xFF == 0))
 
     def planned(self, data: bytes, can_id: int | None) -> Hashable:

@@ -11,7 +11,7 @@ from collections.abc import Generator
 
 from handctl.devices.inspire import eb90, wrist_stopper
 from handctl.devices.inspire.wrist_stopper import answer
-from handctl.errors import NoAnswer
+from handctl.errors import NoAnswer, ProtocolError
 from handctl.param import Step
 from handctl.stopping import Aim, Pieces, Say, Stopped, Talk
 
@@ -29,14 +29,20 @@ POWER = "switch the power off if the hand still pushes or moves"
 def stopping(aim: Aim) -> Talk:
     """The stop of what answers: the hand, or a wrist that was taken for one."""
     number = aim.settings.id if aim.settings.id is not None else 1
-    if (yield from wrist_stopper.answers(number, wrist_stopper.QUICK)):  # fmt: skip
+    heard: Pieces = []
+    if (yield from wrist_stopper.answers(number, wrist_stopper.QUICK, heard)):  # fmt: skip
         stopped = yield from wrist_stopper.stay(number, False, aim.settings.timeout)
         return stopped._replace(text=f"no exoskeleton hand but a wrist answers here: {stopped.text}")
-    heard: Pieces = []
     stopped = yield from release(number, aim.settings.timeout, heard)
     late = wrist_stopper.told_of(number, heard)
     if not late and stopped.error is not None:
-        late = yield from wrist_stopper.answers(number, LISTEN_ON)
+        released = answer(heard, _released(number))
+        late = yield from wrist_stopper.answers(number, LISTEN_ON, heard, b"" if released else _released(number))
+        told = answer(heard, _released(number))
+        if told is not None and not released and not late:
+            return (yield from _keep(number, told, wrist_stopper.LATE, heard))
+        if told is None and not late:
+            stopped = _unanswered(heard)
     if not late:
         return stopped
     held = yield from wrist_stopper.stay(number, False, aim.settings.timeout, late=True)
@@ -60,14 +66,32 @@ def release(number: int, timeout: float | None, heard: Pieces) -> Talk:
     the trigger of a BarrettHand's boot monitor, if one should be there instead.
     """
     seconds = timeout or PATIENCE
-    prefix = eb90.command_reply_prefix(number, eb90.FORCE_COMMAND)
+    prefix = _released(number)
     step = Step("all forces to 0", eb90.command_request(number, eb90.FORCE_COMMAND, [0] * FINGERS), moves=True)
     pieces = yield Say(step, seconds, lambda pieces: answer(pieces, prefix))
     heard += pieces
     told = answer(pieces, prefix)
-    if told is None:
-        text = "all forces to 0 were commanded, which nothing answered. A wrist, if one is here, was not stopped"
-        return Stopped(text, f"{POWER}; `handctl exo scan` looks for id and speed", NoAnswer)
+    if told is not None:
+        return (yield from _keep(number, told, seconds, heard))
+    return _unanswered(heard)
+
+
+def _unanswered(heard: Pieces) -> Stopped:
+    """Forces to 0 went out, and no hand answered."""
+    came = wrist_stopper.instead(heard)
+    seen = f"no valid answer came, {came}" if came else "which nothing answered"
+    text = f"all forces to 0 were commanded, {seen}. A wrist, if one is here, was not stopped"
+    hint = f"{POWER}; `handctl exo scan` looks for id and speed"
+    return Stopped(text, hint, ProtocolError if came else NoAnswer)
+
+
+def _released(number: int) -> bytes:
+    """How the answer to the force command begins."""
+    return eb90.command_reply_prefix(number, eb90.FORCE_COMMAND)
+
+
+def _keep(number: int, told: eb90.Frame, seconds: float, heard: Pieces) -> Talk:
+    """Hold every finger at the positions that the force command was answered with. What came is added to `heard`."""
     places = eb90.unpack_s16(told.payload)[:FINGERS]
     known = len(places) == FINGERS and all(0 <= place <= 1000 for place in places)
     if known:

@@ -10,7 +10,7 @@ from collections.abc import Generator
 
 from handctl.devices.inspire import canreg, eb90
 from handctl.devices.inspire.quiet import question
-from handctl.errors import CheckFailed, DeviceRefused, NoAnswer
+from handctl.errors import CheckFailed, DeviceRefused, NoAnswer, ProtocolError
 from handctl.param import Step
 from handctl.stopping import Aim, Pieces, Say, Stopped, Talk
 
@@ -25,6 +25,8 @@ PATIENCE = 0.3
 LATE = 0.7
 """Seconds for the acknowledgement of a wrist that was late before."""
 ASKS = 3
+SHOWN = 16
+"""Bytes of what came instead of an answer that a sentence holds."""
 POWER = "switch the power off if it still moves"
 
 
@@ -38,27 +40,48 @@ def stopping(aim: Aim) -> Talk:
 
     settings, can = aim.settings, aim.can
     number = settings.id if settings.id is not None else 1
-    for count in range(ASKS):
-        if can or (yield from answers(number, QUICK if count == 0 else settings.timeout or PATIENCE / 2)):
-            return (yield from stay(number, can, settings.timeout, late=count > 0))
     heard: Pieces = []
+    for count in range(ASKS):
+        if can or (yield from answers(number, QUICK if count == 0 else settings.timeout or PATIENCE / 2, heard)):
+            return (yield from stay(number, can, settings.timeout, late=count > 0))
     if (yield from exo_stopper.answers(number, heard)):  # fmt: skip
         stopped = yield from exo_stopper.release(number, settings.timeout, heard)
         return stopped._replace(text=f"no wrist answers here, but an exoskeleton hand does: {stopped.text}")
-    if told_of(number, heard) or (yield from answers(number, PATIENCE)):
+    if told_of(number, heard) or (yield from answers(number, PATIENCE, heard)):
         return (yield from stay(number, can, settings.timeout, late=True))
+    came = instead(heard)
     return Stopped(
-        "the wrist is silent: without its angles nothing could be commanded, and if it moves it moves on to its target",
+        f"{f'no wrist answers, {came}' if came else 'the wrist is silent'}: without its angles nothing could be commanded, "
+        "and if it moves it moves on to its target",
         f"{POWER}; check id, wire and power with `handctl wrist scan`",
-        NoAnswer,
+        ProtocolError if came else NoAnswer,
     )
 
 
-def answers(number: int, seconds: float) -> Generator[Say, Pieces, bool]:
-    """Whether a wrist answers on a serial line, asked for what no BarrettHand takes for ^C, as it would the angles' FC 03."""
+def answers(number: int, seconds: float, heard: Pieces, until: bytes = b"") -> Generator[Say, Pieces, bool]:
+    """Whether a wrist answers on a serial line, asked for what no BarrettHand takes for ^C, as it would the angles' FC 03.
+
+    Everything that came is added to `heard`; a frame that begins with `until` ends the wait, too.
+    """
     step = Step("is a wrist there?", eb90.read_request(number, *question(number, READ), READ))
-    pieces = yield Say(step, seconds, lambda pieces: told_of(number, pieces), reads=True)
+
+    def enough(pieces: Pieces) -> bool:
+        return told_of(number, pieces) or (bool(until) and answer(pieces, until) is not None)
+
+    pieces = yield Say(step, seconds, enough, reads=True)
+    heard += pieces
     return told_of(number, pieces)
+
+
+def instead(heard: Pieces) -> str:
+    """What came where no answer did, in words: our own frames, which an echo brings back, or others; "" for silence."""
+    came = b"".join(heard)
+    if not came:
+        return ""
+    rest = came
+    while rest.startswith(eb90.HOST) and len(rest) >= eb90.OVERHEAD:
+        rest = rest[rest[3] + eb90.OVERHEAD :]  # byte 3 is the length
+    return f"but {came[:SHOWN].hex(' ').upper()} came" if rest else "only our own bytes came back"
 
 
 def told_of(number: int, pieces: Pieces) -> bool:
