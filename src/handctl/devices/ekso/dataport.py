@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from handctl.devices.ekso.attempt import HINTS, Attempt, key_of, shorten
 from handctl.devices.ekso.fields import SETTINGS
 from handctl.devices.ekso.frames import ANSWER_SIZES, OVERHEAD, Command, Decoder, Frame, encode, name_of
 from handctl.errors import HandctlError, NoAnswer, ProtocolError
@@ -134,12 +135,12 @@ class DataPort:
             request, deadline = ahead[0], ahead[1]
         else:
             if ahead is not None:
-                self._given_up = _key(ahead[0]), ahead[1]
+                self._given_up = key_of(ahead[0]), ahead[1]
             request, deadline = self._send(command, body)
         try:
             return self._wait(request, deadline)
         except KeyboardInterrupt:
-            self._given_up = _key(request), deadline
+            self._given_up = key_of(request), deadline
             raise
 
     def identify(self) -> None:
@@ -187,7 +188,7 @@ class DataPort:
         return encode(command, self._next_id, body, self.mode)
 
     def _wait(self, request: bytes, deadline: Deadline) -> Frame:
-        attempt = _Attempt(request, self.journal.counters.sent - 1)
+        attempt = Attempt(request, self.journal.counters.sent - 1)
         over = False
         while True:
             try:
@@ -210,7 +211,7 @@ class DataPort:
             elif self._judge(frame, attempt):
                 return self._accept(frame)
 
-    def _judge(self, frame: Frame, attempt: _Attempt) -> bool:
+    def _judge(self, frame: Frame, attempt: Attempt) -> bool:
         """Whether `frame` is the answer; what is none is counted."""
         if (frame.command, frame.msg_id) != attempt.key:
             attempt.foreign = frame
@@ -326,7 +327,7 @@ class DataPort:
     def _wire_seconds(self, count: int) -> float:
         return count * 10 / self.link.baud if self.link.baud else 0.0
 
-    def _failure(self, attempt: _Attempt) -> HandctlError:
+    def _failure(self, attempt: Attempt) -> HandctlError:
         self.counts.timeouts += 1
         self._count_stray()
         name = name_of(attempt.request[0])
@@ -340,82 +341,7 @@ class DataPort:
             )
         code, text = attempt.explain()
         error = ProtocolError(
-            f"{self.where}: {text}; {sent}, got {_shorten(bytes(attempt.received))}", hint=HINTS[code], code=code
+            f"{self.where}: {text}; {sent}, got {shorten(bytes(attempt.received))}", hint=HINTS[code], code=code
         )
         error.came = bytes(attempt.received)
         return error
-
-
-class _Attempt:
-    """What came while one answer was waited for; `sent_before` requests of ours went before it."""
-
-    def __init__(self, request: bytes, sent_before: int) -> None:
-        self.request = request
-        self.sent_before = sent_before
-        self.key = _key(request)
-        self.received = bytearray()
-        self.broken: ProtocolError | None = None
-        self.foreign: Frame | None = None
-        self.empty: Frame | None = None
-
-    def explain(self) -> tuple[str, str]:
-        """(code, text) of why there is no answer; the codes are keys of HINTS."""
-        name = name_of(self.request[0])
-        if self.broken is not None:
-            return self.broken.code, f"the answer to {name} is broken: {self.broken.text}"
-        if self.empty is not None and self.empty.data == self.request:
-            reads = len(self.request) == OVERHEAD
-            return (
-                "echo",
-                f"{name}: {'acknowledged without data (or the line echoes)' if reads else 'only our own bytes came back'}",
-            )
-        if self.empty is not None:
-            return "acknowledged", f"{name}: acknowledged without data"
-        if self.foreign is not None:
-            frame = self.foreign
-            behind = (self.key[1] - frame.msg_id) & 0xFFFF
-            code = "wrong-id" if frame.command in tuple(Command) else "unsolicited"
-            if code == "wrong-id":
-                code = "wrong-command" if behind == 0 else "late" if behind <= self.sent_before else code
-            return code, f"{name_of(frame.command)} with msgID {frame.msg_id} came, not {name} with msgID {self.key[1]}"
-        for at in _places(self.received[2:], self.request[2:4]):
-            command = self.received[at]
-            if command == self.request[0]:
-                return "cut-short", f"the answer to {name} was cut off after {len(self.received)} bytes"
-            if command in tuple(Command):
-                return "wrong-command", f"an answer to {name_of(command)} came instead of {name}"
-        return "garbage", f"{len(self.received)} bytes came that form no frame"
-
-
-def _key(request: bytes) -> tuple[int, int]:
-    """Command and msgID, which the answer repeats."""
-    return request[0], int.from_bytes(request[2:4], "big")
-
-
-def _places(data: bytes | bytearray, part: bytes) -> Iterator[int]:
-    at = data.find(part)
-    while at >= 0:
-        yield at
-        at = data.find(part, at + 1)
-
-
-def _shorten(data: bytes, limit: int = 40) -> str:
-    text = hex_bytes(data[:limit])
-    return text if len(data) <= limit else f"{text} … ({len(data)} bytes)"
-
-
-HINTS = {
-    "silence": "check that the device is on, the USB cable, and that no other program holds the port; if it is on, "
-    "another --length-mode may be needed (auto tries them with GetTime)",
-    "echo": "our own bytes come back: a loop in the cable or another kind of device. If the device answers elsewhere, "
-    "it acknowledges without data: please report it",
-    "acknowledged": "an acknowledgement without a status is no success: read the value back",
-    "bad-checksum": "bytes were damaged on the way: check cable and hub, and that no other program reads the port",
-    "bad-length": "another protocol version or damaged bytes: please report the hex",
-    "wrong-id": "an answer to another request: a second program may use this port",
-    "late": "answers take longer than the time allowed: a longer --timeout",
-    "unsolicited": "the device sent something by itself and did not answer; try again",
-    "wrong-command": "another protocol version or a second program on this port: please report the hex",
-    "cut-short": "the answer was cut off: check the cable, and that no other program reads the port",
-    "garbage": "no frame in it: another kind of device, or a wrong speed (115200 is the usual one)",
-}

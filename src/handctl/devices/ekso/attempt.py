@@ -1,0 +1,84 @@
+"""What came instead of an answer of the DataPort, in words: which of the ways to go wrong it was, and what to do (dossier ekso)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from handctl.devices.ekso.frames import OVERHEAD, Command, Frame, name_of
+from handctl.errors import ProtocolError
+from handctl.result import hex_bytes
+
+
+class Attempt:
+    """What came while one answer was waited for; `sent_before` requests of ours went before it."""
+
+    def __init__(self, request: bytes, sent_before: int) -> None:
+        self.request = request
+        self.sent_before = sent_before
+        self.key = key_of(request)
+        self.received = bytearray()
+        self.broken: ProtocolError | None = None
+        self.foreign: Frame | None = None
+        self.empty: Frame | None = None
+
+    def explain(self) -> tuple[str, str]:
+        """(code, text) of why there is no answer; the codes are keys of HINTS."""
+        name = name_of(self.request[0])
+        if self.broken is not None:
+            return self.broken.code, f"the answer to {name} is broken: {self.broken.text}"
+        if self.empty is not None and self.empty.data == self.request:
+            reads = len(self.request) == OVERHEAD
+            return (
+                "echo",
+                f"{name}: {'acknowledged without data (or the line echoes)' if reads else 'only our own bytes came back'}",
+            )
+        if self.empty is not None:
+            return "acknowledged", f"{name}: acknowledged without data"
+        if self.foreign is not None:
+            frame = self.foreign
+            behind = (self.key[1] - frame.msg_id) & 0xFFFF
+            code = "wrong-id" if frame.command in tuple(Command) else "unsolicited"
+            if code == "wrong-id":
+                code = "wrong-command" if behind == 0 else "late" if behind <= self.sent_before else code
+            return code, f"{name_of(frame.command)} with msgID {frame.msg_id} came, not {name} with msgID {self.key[1]}"
+        for at in _places(self.received[2:], self.request[2:4]):
+            command = self.received[at]
+            if command == self.request[0]:
+                return "cut-short", f"the answer to {name} was cut off after {len(self.received)} bytes"
+            if command in tuple(Command):
+                return "wrong-command", f"an answer to {name_of(command)} came instead of {name}"
+        return "garbage", f"{len(self.received)} bytes came that form no frame"
+
+
+def key_of(request: bytes) -> tuple[int, int]:
+    """Command and msgID, which the answer repeats."""
+    return request[0], int.from_bytes(request[2:4], "big")
+
+
+def _places(data: bytes | bytearray, part: bytes) -> Iterator[int]:
+    at = data.find(part)
+    while at >= 0:
+        yield at
+        at = data.find(part, at + 1)
+
+
+def shorten(data: bytes, limit: int = 40) -> str:
+    text = hex_bytes(data[:limit])
+    return text if len(data) <= limit else f"{text} … ({len(data)} bytes)"
+
+
+HINTS = {
+    "silence": "check that the device is on, the USB cable, and that no other program holds the port; if it is on, "
+    "another --length-mode may be needed (auto tries them with GetTime)",
+    "echo": "our own bytes come back: a loop in the cable or another kind of device. If the device answers elsewhere, "
+    "it acknowledges without data: please report it",
+    "acknowledged": "an acknowledgement without a status is no success: read the value back",
+    "bad-checksum": "bytes were damaged on the way: check cable and hub, and that no other program reads the port",
+    "bad-length": "another protocol version or damaged bytes: please report the hex",
+    "wrong-id": "an answer to another request: a second program may use this port",
+    "late": "answers take longer than the time allowed: a longer --timeout",
+    "unsolicited": "the device sent something by itself and did not answer; try again",
+    "wrong-command": "another protocol version or a second program on this port: please report the hex",
+    "cut-short": "the answer was cut off: check the cable, and that no other program reads the port",
+    "garbage": "no frame in it: another kind of device, or a wrong speed (115200 is the usual one)",
+}
