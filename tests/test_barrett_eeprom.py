@@ -11,6 +11,7 @@ import pytest
 from handctl.cli import main
 from handctl.devices.barrett import eeprom
 from handctl.devices.barrett.hand import BarrettHand
+from handctl.devices.barrett.line import Restarted
 from handctl.errors import DeviceRefused, HandctlError, OutputError, ProtocolError, UsageError
 from tests.barrett_support import Simulated, changes, codes, simulated
 
@@ -193,6 +194,22 @@ def test_a_save_with_a_spoiled_answer_is_no_success(state: Path) -> None:
     assert caught.value.code == "bad-line" and "FSAVE" in caught.value.text
     assert saves(link) == ["FSAVE"]
     assert kept(state)["1042"] == {"saves": 1, "values": {}}
+
+
+def test_a_save_that_was_kept_back_is_neither_counted_nor_claimed(state: Path) -> None:
+    """The hand restarted after the values were read: FSAVE does not go out, and nobody says that it did."""
+    hand, link = simulated("")
+    ask = hand.line.ask
+
+    def restart(command: str, **more: float):  # type: ignore[no-untyped-def]
+        if command == "FSAVE":
+            raise Restarted("the hand restarted; FSAVE was not sent")
+        return ask(command, **more)
+
+    hand.line.ask = restart  # type: ignore[method-assign]
+    with pytest.raises(Restarted) as caught:
+        save(hand)
+    assert "was sent" not in caught.value.text and saves(link) == [] and not state.exists()
 
 
 def test_a_refused_save_is_not_counted(state: Path) -> None:

@@ -254,6 +254,19 @@ def test_a_movement_that_does_not_end_is_stopped(command: str) -> None:
     assert ABORT in link.sent[1:]
 
 
+@pytest.mark.parametrize("dead", [True, False])
+def test_that_the_motors_stand_is_said_where_the_prompt_came(dead: bool) -> None:
+    hand, link = scripted({"C": b"C"})
+    link.on_abort = b"\n\rERR 16384" + PROMPT
+    hand.line.connect()
+    if dead:
+        link.answer = lambda request: [(0.0, b"C")] if request == b"C\r" else []
+    with pytest.raises(ProtocolError) as caught:
+        hand.line.ask("C")
+    assert ("the motors should stand" in caught.value.hint) != dead
+    assert ("^C was sent and not answered: switch the supply off" in caught.value.hint) == dead
+
+
 @pytest.mark.parametrize("command", ["FGET", "PGET", "12FGET"])
 def test_a_get_of_nothing_may_answer_nothing(command: str) -> None:
     hand, _ = scripted({command: ""})

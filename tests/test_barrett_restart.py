@@ -61,6 +61,12 @@ def test_the_version_and_help_texts_are_no_restart() -> None:
     assert hand.line.read("?HI").lines == ("HI: Hand Initialize",)
 
 
+def test_a_banner_before_the_echo_of_the_version_is_a_restart() -> None:
+    hand, _ = scripted({"VERS": [BANNER, "V4.33"]})
+    assert hand.line.read("VERS").lines == ("V4.33",)
+    assert codes(hand) == ["restarted"]
+
+
 @pytest.mark.parametrize("off", [0.1, 0.5, 2.0])
 @pytest.mark.parametrize("chunk", ["apart", "together"])
 def test_watch_over_a_power_cycle(off: float, chunk: str) -> None:

@@ -13,7 +13,7 @@ from handctl.devices.barrett import hostfile
 from handctl.devices.barrett.hand import BarrettHand
 from handctl.devices.barrett.language import motors_of
 from handctl.devices.barrett.parameters import BARRETT, all_elements, standard
-from handctl.errors import DeviceRefused, HandctlError, Interrupted, UsageError
+from handctl.errors import DeviceRefused, HandctlError, Interrupted, NotIdentified, UsageError
 from handctl.files import state_path
 from handctl.result import Column, Row, Table
 
@@ -88,6 +88,7 @@ def save(hand: BarrettHand, *, force: bool, simulated: bool, prefix: str = "") -
         )
     done: list[str] = []
     for verb in verbs:
+        sent = hand.journal.counters.sent
         try:
             hand.do(verb)
         except DeviceRefused:
@@ -95,7 +96,11 @@ def save(hand: BarrettHand, *, force: bool, simulated: bool, prefix: str = "") -
                 _count(hand, journal, key, {})
             raise
         except (HandctlError, KeyboardInterrupt) as exc:
-            _count(hand, journal, key, {})  # it may have been written: the next save writes everything
+            unsent = isinstance(exc, NotIdentified) or hand.journal.counters.sent == sent
+            if done or not unsent:
+                _count(hand, journal, key, {})  # it may have been written: the next save writes everything
+            if unsent:
+                raise
             raise _unsure(exc, verb) from exc
         done.append(verb)
     _count(hand, journal, key, saved | now)

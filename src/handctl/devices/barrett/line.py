@@ -147,15 +147,16 @@ class GclLine:
                     else NoAnswer(text, hint="a longer --deadline", code="deadline")
                 )
             if kind in ("motion", "init"):  # whatever still moves must not go on
-                self._stop_motors()
-                error.hint = f"^C was sent, the motors should stand; {error.hint}"
+                stands = self._stop_motors()
+                told = "^C was sent, the motors should stand" if stands else f"^C was sent and not answered: {OFF}"
+                error.hint = f"{told}; {error.hint}"
             raise error from (exc if error is not exc else None)
 
-    def _stop_motors(self) -> None:
-        """^C and what belongs to it, whatever --deadline says."""
+    def _stop_motors(self) -> bool:
+        """^C and what belongs to it, whatever --deadline says; whether the prompt came."""
         bound, self.bound = self.bound, None
         try:
-            self.resynchronise(stop=True)
+            return self.resynchronise(stop=True)
         finally:
             self.bound = bound
 
@@ -364,8 +365,9 @@ class Restarted(ProtocolError):
 
 
 def restarted_in(data: bytes, command: str) -> bool:
-    """Whether a banner stands in what came; in the answer to VERS the same words may be the version."""
-    return BANNER in data.upper() and not command.upper().startswith("VERS")
+    """Whether a banner stands in what came; in the answer to VERS the same words may be the version, behind its echo."""
+    before, banner, _ = data.upper().partition(BANNER)
+    return bool(banner) and not (command.upper().startswith("VERS") and b"VERS" in before)
 
 
 def _speaks_of_restart(data: bytes, command: str) -> bool:
@@ -375,6 +377,7 @@ def _speaks_of_restart(data: bytes, command: str) -> bool:
 
 RESTART_HINT = "`handctl barrett init` before any movement; values that were not saved are gone"
 COLON_ALONE = 0.05
+OFF = "switch the supply off if anything still moves"
 DISTURBED = "a disturbed line: run it again, check the cable"
 SILENCE = (
     "check in this order: the hand's power supply, the serial cable (straight-through, 9 pins), the port; a hand without "
