@@ -12,6 +12,7 @@ import os
 import re
 import signal
 import sys
+import threading
 import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -28,6 +29,7 @@ from handctl import cli
 
 HANG_SECONDS = 20.0
 """A command that has not ended by then is stopped and counted as a hang; the tests' own bounds are tighter."""
+AGAIN = 5.0
 PROPERTY = "handctl-cells"
 DEVICES = ("exo", "wrist", "barrett", "ekso", "aidin")
 CODES = (0, 2, 3, 4, 5, 6, 7, 8)
@@ -85,19 +87,32 @@ def wire_of(link: str) -> str:
 
 
 @contextmanager
-def bounded(seconds: float) -> Iterator[None]:
-    """Raise Hang in this process when the block takes longer."""
+def bounded(seconds: float, what: str = "") -> Iterator[None]:
+    """Raise Hang in this process when the block takes longer, and again every `AGAIN` s: something may have caught it.
+
+    A thread calls, not SIGALRM: handctl uses the system's one alarm itself and switches it off.
+    """
+    over, caller = threading.Event(), threading.get_ident()
 
     def stop(number: int, frame: FrameType | None) -> None:
-        raise Hang(f"no end within {seconds:g} s")
+        if not over.is_set():
+            raise Hang(f"no end within {seconds:g} s{what and f': {what}'}")
 
-    old = signal.signal(signal.SIGALRM, stop)
-    signal.setitimer(signal.ITIMER_REAL, seconds)
+    def watch() -> None:
+        wait = seconds
+        while not over.wait(wait):
+            signal.pthread_kill(caller, signal.SIGUSR2)
+            wait = AGAIN
+
+    old = signal.signal(signal.SIGUSR2, stop)
+    watcher = threading.Thread(target=watch, name="bound", daemon=True)
+    watcher.start()
     try:
         yield
     finally:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
-        signal.signal(signal.SIGALRM, old)
+        over.set()
+        watcher.join()
+        signal.signal(signal.SIGUSR2, old)
 
 
 @contextmanager

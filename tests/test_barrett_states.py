@@ -7,9 +7,12 @@ from the command tree, so a new one is in here by itself.
 
 from __future__ import annotations
 
+import contextlib
 import json
+import random
 import re
 from collections.abc import Iterable
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -18,7 +21,7 @@ from handctl.devices.barrett import connecting as table
 from handctl.devices.barrett import lastspeed
 from handctl.devices.barrett.connecting import FILL, QUESTION, SAFE_ABORT
 from handctl.devices.barrett.language import ABORT
-from handctl.errors import HandctlError, ProtocolError
+from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError
 from handctl.files import state_path
 from handctl.foreign import renamed
 from handctl.link import Deadline
@@ -210,6 +213,39 @@ def test_the_table_is_whole() -> None:
         *table.STATES,
         *table.ENDS,
     }
+
+
+PIECES = (b"", b"\n\r=> ", b"\r\n ERR 2048\r\n=> ", b"BarrettHand Firmware\n\rVersion 4.33\n\r=> ",
+          b"BarrettHand Firmware\n\rVersion 4.33\n\r=> \0", b":", QUESTION, b"\xff\x80", b"!\0\r ERR 32\r\n=> ")  # fmt: skip
+
+
+def test_a_banner_without_a_prompt_is_asked_once_more() -> None:
+    """Its prompt may have been disturbed; a hand that goes on so is given up, however often the banner comes."""
+    banner = PIECES[4]
+    replies = iter([banner, b"!\0\r\n\r ERR 32\n\r=> "])
+    link = ScriptedLink(lambda request: [(0.0, next(replies))], 9600)
+    hand = hand_on(link)
+    hand.line.connect()
+    assert (link.sent, codes(hand)) == ([QUESTION, QUESTION], ["restarted"])
+    link = ScriptedLink(lambda request: [(0.0, banner)], 9600)
+    with pytest.raises(ProtocolError) as caught:
+        hand_on(link).line.connect()
+    assert (caught.value.code, link.sent, link.clock < 15.0) == ("garbage", [QUESTION, QUESTION, QUESTION], True)
+
+
+def test_every_walk_ends() -> None:
+    """Whatever comes, in whatever order: no device leads a connect round in a circle."""
+    for seed in range(150):
+        dice = random.Random(seed)
+        link = ScriptedLink(partial(some, dice, dice.sample(PIECES, 3)), 9600)
+        with contextlib.suppress(ProtocolError, NoAnswer, DeviceRefused):
+            hand_on(link).line.connect()
+        assert link.clock < 60.0, seed
+
+
+def some(dice: random.Random, pieces: list[bytes], _request: bytes) -> list[tuple[float, bytes]]:
+    """Three of these pieces, at once and later."""
+    return [(dice.choice((0.0, 0.2, 3.0, 7.0)), dice.choice(pieces)) for _ in range(3)]
 
 
 def test_a_connect_at_the_remembered_speed_is_one_round_trip() -> None:

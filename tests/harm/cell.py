@@ -233,7 +233,7 @@ def words_of(line: CommandLine, state: State, mode: str, scratch: Path) -> list[
 def try_cell(state: State, line: CommandLine, mode: str, scratch: Path) -> Cell:
     """Run one line against one device and judge it."""
     with connected(state) as port:
-        with bounded(SECONDS):
+        with bounded(SECONDS, f"{line} ({state}, {mode})"):
             done = run(
                 *words_of(line, state, mode, scratch),
                 env={"XDG_STATE_HOME": str(scratch / "state"), "XDG_RUNTIME_DIR": str(scratch)},

@@ -12,6 +12,7 @@ import os
 import re
 import resource
 import shutil
+import signal
 import stat
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -245,9 +246,10 @@ def attempt(
         "HOME": str(folder.path),
     }
     try:
-        with memory() as grown, bounded(SECONDS):
+        with memory() as grown, bounded(SECONDS, f"handctl {' '.join(words)[:200]}"):
             done = run(*words, env={**place, **(env or {})}, stdin=stdin)
     except Hang as exc:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)  # an alarm of the command must not ring in the next one
         folder.tidy()
         return None, str(exc)
     except Exception as exc:  # noqa: BLE001 - that it got out of handctl is what is told

@@ -14,6 +14,8 @@ from tests.hostile.cell import Cell
 SHARE = 80
 """An ordinary run of the whole suite takes one cell in so many."""
 PROPERTY = "handctl-hostile"
+HANGS = 3
+"""So many commands that do not end are enough for one test: each costs its whole bound."""
 
 
 def table() -> Table:
@@ -27,6 +29,20 @@ def share(config: pytest.Config, name: str, each: int = SHARE) -> bool:
     if not whole_suite or "hostile" in config.option.markexpr.replace("not hostile", ""):
         each = int(os.environ.get("HANDCTL_HOSTILE_EACH", "1"))
     return zlib.crc32(name.encode("utf-8", "surrogateescape")) % each == 0
+
+
+class Tried(list[Cell]):
+    """The cells of one test; `note` tells them. It ends when too many of them hang."""
+
+    def __init__(self, request: pytest.FixtureRequest) -> None:
+        super().__init__()
+        self._request = request
+
+    def append(self, one: Cell) -> None:
+        """One more."""
+        super().append(one)
+        if one.code is None and sum(cell.code is None for cell in self) == HANGS:
+            note(self._request, self)
 
 
 def note(request: pytest.FixtureRequest, tried: Sequence[Cell]) -> None:

@@ -12,7 +12,7 @@ from tests.harm import lines
 from tests.harm.cell import connected, link_of
 from tests.hostile.cell import FORMATS, Cell, Folder, attempt
 from tests.hostile.devices import KINDS, Place, places
-from tests.hostile.table import note, share
+from tests.hostile.table import Tried, note, share
 
 pytestmark = pytest.mark.hostile
 
@@ -60,7 +60,7 @@ def try_cell(place: Place, line: lines.Line, how: str, folder: Folder) -> Cell:
 
 @pytest.mark.parametrize("place", list(places()), ids=str)
 def test_a_device_that_means_no_good(place: Place, folder: Folder, request: pytest.FixtureRequest) -> None:
-    tried: list[Cell] = []
+    tried = Tried(request)
     for line in lines_for(place):
         if share(request.config, f"{place}|{line}"):
             tried.append(try_cell(place, line, HOWS[zlib.crc32(f"{line}{place}".encode()) % len(HOWS)], folder))

@@ -21,7 +21,7 @@ from handctl.filetypes import InFile, OutFile
 from tests.harm import lines
 from tests.hostile.cell import DOCUMENTED, FORMATS, Cell, Folder, attempt
 from tests.hostile.devices import KINDS, READY
-from tests.hostile.table import note, share
+from tests.hostile.table import Tried, note, share
 from tests.test_file_gate import LEAVES, Leaf, command_line, own
 
 pytestmark = pytest.mark.hostile
@@ -217,7 +217,7 @@ def try_cell(place: Place, kind: str, make: Callable[[Path], str], how: str, fol
 
 @pytest.mark.parametrize("place", PLACES, ids=lambda place: place.name.replace(" ", "-"))
 def test_a_file_that_is_none(place: Place, folder: Folder, request: pytest.FixtureRequest) -> None:
-    tried = []
+    tried = Tried(request)
     for kind, make in kinds(place).items():
         how = ("json", "table", "csv", "plain", "always")[zlib.crc32(f"{place.name}{kind}".encode()) % 5]
         if share(request.config, f"{place.name}|{kind}"):
@@ -238,7 +238,7 @@ READING = [
 @pytest.mark.parametrize("line", READING, ids=str)
 def test_a_file_that_means_no_good(line: lines.Line, folder: Folder, request: pytest.FixtureRequest) -> None:
     """Snapshots, logs and images that were good, with escapes, bombs and other encodings in them."""
-    tried = []
+    tried = Tried(request)
     for kind, made in KINDS.items():
         for how in ("json", "table"):
             if not share(request.config, f"{line}|{kind}|{how}"):

@@ -16,7 +16,7 @@ from handctl.families import FAMILIES
 from tests.cli_support import Result, clean_environment, program
 from tests.harm.lines import leaves
 from tests.hostile.cell import FORMATS, Cell, harmless, judge_json
-from tests.hostile.table import note, share
+from tests.hostile.table import Tried, note, share
 from tests.hostile.test_settings import LINK
 
 pytestmark = pytest.mark.hostile
@@ -77,7 +77,7 @@ def judge(code: int, out: bytes, err: bytes, encoding: str, how: str) -> str:
 
 @pytest.mark.parametrize("encoding", ENCODINGS)
 def test_a_place_that_lacks_characters(encoding: str, tmp_path: Path, request: pytest.FixtureRequest) -> None:
-    tried = []
+    tried = Tried(request)
     for words in lines():
         hows = ("table", "always", "csv", "json") if "-h" not in words else ("table",)
         for how in hows:
@@ -107,7 +107,7 @@ PROGRAMS = (
 @pytest.mark.parametrize("place", PLACES, ids=lambda place: " ".join(place.values()))
 def test_the_same_as_a_program(place: dict[str, str], tmp_path: Path, request: pytest.FixtureRequest) -> None:
     """The locale of the system, and bytes in an argument."""
-    tried = []
+    tried = Tried(request)
     encoding = place.get("PYTHONIOENCODING", "ascii").partition(":")[0]
     env = clean_environment({**place, "XDG_STATE_HOME": str(tmp_path)})
     for words in PROGRAMS:

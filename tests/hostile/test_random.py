@@ -28,7 +28,7 @@ from tests.harm import lines as examples
 from tests.harm.lines import leaves
 from tests.hostile.cell import Cell, Folder, attempt
 from tests.hostile.devices import READY
-from tests.hostile.table import note, share
+from tests.hostile.table import Tried, note, share
 from tests.hostile.test_settings import TEXTS
 
 pytestmark = pytest.mark.hostile
@@ -176,7 +176,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Folder:
 
 @pytest.mark.parametrize("seed", range(TESTS))
 def test_random_lines(seed: int, folder: Folder, request: pytest.FixtureRequest) -> None:
-    source, tried = Lines(seed, folder.path), []
+    source, tried = Lines(seed, folder.path), Tried(request)
     with no_devices():
         for number in range(LINES):
             words = source.one()

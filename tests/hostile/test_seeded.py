@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+import signal
+import time
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 from unittest import mock
@@ -12,10 +14,12 @@ from unittest import mock
 import pytest
 
 from handctl import console, files, render
+from tests import matrix_report
 from tests.harm import lines
 from tests.hostile import cell, test_devices, test_files
 from tests.hostile.cell import Cell, Folder
 from tests.hostile.devices import Place
+from tests.hostile.table import Tried
 
 
 @pytest.fixture(scope="module")
@@ -118,3 +122,29 @@ def test_a_temporary_file_and_a_changed_input_are_found(tmp_path: Path) -> None:
     (tmp_path / "x.part").unlink()
     (tmp_path / "input").write_text("b", encoding="utf-8")
     assert place.tidy()[0] == "input: an input was changed"
+
+
+def endless(*_: Any) -> None:
+    """A command that switches off every alarm, catches the first that ends it, and goes on."""
+    signal.setitimer(signal.ITIMER_REAL, 0.0)
+    with suppress(matrix_report.Hang):
+        time.sleep(60)
+    time.sleep(60)
+
+
+def test_a_command_that_does_not_end_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
+) -> None:
+    """Whatever it does to alarms, and if it catches what ends it; the third ends the test it is in."""
+    monkeypatch.setattr(cell, "SECONDS", 0.05)
+    monkeypatch.setattr(matrix_report, "AGAIN", 0.05)
+    monkeypatch.setattr("handctl.cli.main", endless)
+    code, failure = cell.attempt(["exo", "status"], "table", Folder(tmp_path))
+    assert (code, failure) == (None, "no end within 0.05 s: handctl exo status")
+    tried = Tried(request)
+    tried.append(Cell("exo", "", "exo status", code, failure))
+    tried.append(Cell("exo", "", "exo status", 0))
+    tried.append(Cell("exo", "", "exo status", code, failure))
+    with pytest.raises(AssertionError, match="handctl exo status"):
+        tried.append(Cell("exo", "", "exo status", code, failure))
+    request.node.user_properties.clear()

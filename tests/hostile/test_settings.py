@@ -12,7 +12,7 @@ from handctl.options import lasting_options
 from tests.harm import lines
 from tests.hostile.cell import FORMATS, Cell, Folder, attempt
 from tests.hostile.devices import CONTROLS, ESCAPES
-from tests.hostile.table import note, share
+from tests.hostile.table import Tried, note, share
 
 pytestmark = pytest.mark.hostile
 
@@ -84,7 +84,7 @@ def _how(*of: object) -> str:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_variable_of_nonsense(name: str, folder: Folder, request: pytest.FixtureRequest) -> None:
-    tried = []
+    tried = Tried(request)
     for kind, text in TEXTS.items():
         for words in chosen(name, kind):
             if not share(request.config, f"{name}|{kind}|{words}"):
@@ -101,7 +101,7 @@ def test_a_variable_of_nonsense(name: str, folder: Folder, request: pytest.Fixtu
 @pytest.mark.parametrize("name", [*NAMES, "devices", "unknown"])
 def test_a_key_of_nonsense(name: str, folder: Folder, request: pytest.FixtureRequest) -> None:
     """At the top of the file, and in a named device."""
-    tried = []
+    tried = Tried(request)
     for kind, text in TOML.items():
         for where, body in (
             ("top", f"{name} = {text}\n"),

@@ -54,11 +54,11 @@ STATES = {
     SILENT: "no answer at 9600: off, no cable, busy, starting, or another speed; listen until the port is open for 3 s",
     BOOTING: "boot window, or no firmware: send nothing for 6 s",
     CONFIRMED: "asked once more at 9600: a ':' may have been noise",
-    RESTARTED: "the banner is there: its prompt must follow",
+    RESTARTED: "the banner is there: its prompt must follow, or is asked for",
     LEAVING: "noise, a wrong speed, or RealTime in the middle of a control block",
     ECHOED: "our bytes came back: a wire does that at 115200 too, the monitor cannot hear it",
     ELSEWHERE: "asked at one of the other speeds",
-    AGAIN: "no speed answered: asked once more at the first one",
+    AGAIN: "no speed answered, or a banner without a prompt: asked once more, at the first speed or at that of the banner",
 }
 FILLING = (FILLED_FIRST, FILLED, LEAVING)
 """What is seen there was asked with FILL."""
@@ -176,12 +176,15 @@ TABLE: tuple[Row, ...] = (
         (BYTES, GARBAGE, SEND_NOTHING, ""),
         (NOTHING, MONITOR, SEND_NOTHING, MONITOR_TEXT),
     ),
-    *_rows(
-        RESTARTED,
-        (COLON, BOOTING, SEND_NOTHING, ""),
-        (ECHO, ASKED, ASK, ""),
-        (BYTES, ASKED, ASK, ""),
-        (NOTHING, ASKED, ASK, ""),
+    *(
+        row._replace(next=AGAIN, send=ASK) if row.seen == BANNER_ONLY else row
+        for row in _rows(
+            RESTARTED,
+            (COLON, BOOTING, SEND_NOTHING, ""),
+            (ECHO, ASKED, ASK, ""),
+            (BYTES, ASKED, ASK, ""),
+            (NOTHING, ASKED, ASK, ""),
+        )
     ),
     *_rows(
         LEAVING,
@@ -210,7 +213,8 @@ TABLE: tuple[Row, ...] = (
         )
     ),
 )
-"""Behind the last of the other speeds ELSEWHERE is AGAIN; NOBODY is GARBAGE when bytes came before."""
+"""Behind the last of the other speeds ELSEWHERE is AGAIN; NOBODY is GARBAGE when bytes came before. Any other state that would
+be entered a third time is GARBAGE: every walk ends."""
 
 ANSWER = re.compile(rb"\0*\s*(ERR \d+\s+)?=>\s*")
 """What stands behind the question's echo; anything more is noise, or the answer to something before."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import TYPE_CHECKING
 
 from handctl.devices.barrett import connecting as table
@@ -31,6 +32,9 @@ REMEDY = (
 )
 BUSY_HINT = "it says nothing while it moves or saves: `handctl barrett stop`, or --interrupt, ends a movement"
 
+MOST = 2
+"""A state is entered so often: a device that says what is never an answer must not lead round in a circle."""
+
 
 class Meeting:
     """One connect. `told` are the meanings of the rows that were taken, for whoever asks what was found."""
@@ -47,6 +51,7 @@ class Meeting:
         self._remembered = not fixed and self._first != table.MONITOR_SPEED
         self._garbage = b""
         self._asked = b""
+        self._entered: Counter[str] = Counter()
 
     def run(self) -> None:
         """Until READY; the line keeps what was tried. Raises DeviceRefused for a boot monitor, NoAnswer, ProtocolError."""
@@ -60,6 +65,8 @@ class Meeting:
             if seen in (table.BYTES, table.ECHO):
                 self._garbage += came
             state = self._next(state, row.next)
+            if self._entered[state] == MOST:
+                self._garbage, state = self._garbage or came, table.GARBAGE
             if state in table.ENDS:
                 break
             if self.line.bound is not None and self.line.bound.expired:
@@ -86,6 +93,7 @@ class Meeting:
     def _look(self, state: str, send: str, came: bytes) -> bytes:
         """Send what the row allows, wait as long as the state says; all bytes since the last question."""
         line = self.line
+        self._entered[state] += state != table.ELSEWHERE  # which is left when no speed is left
         if state in PROGRESS:
             line.journal.progress(f"{self.link.name}: {PROGRESS[state]}")
         self._set_speed(state)
@@ -111,6 +119,8 @@ class Meeting:
             table.LEAVING,
         ):
             return
+        if state == table.AGAIN and self._entered[table.RESTARTED]:
+            return  # a banner could be read at this speed
         speed = {table.ASKED: self.line.only or SPEEDS[0], table.ELSEWHERE: (self._others or [0])[0]}.get(
             state, self._first
         )
@@ -187,7 +197,7 @@ class Meeting:
         lastspeed.remember(link)
         if table.RESTARTED_TEXT in self.told:
             line.journal.warn("restarted", f"{link.name}: {table.RESTARTED_TEXT}", hint="`handctl barrett init`")
-        if table.BUSY in self.told:
+        elif table.BUSY in self.told:
             line.journal.info("busy", f"{link.name}: {table.BUSY}")
         if link.can_set_baud and link.baud != self._first:
             line.journal.info(
