@@ -49,6 +49,14 @@ def test_stop_is_sent_three_times_though_feedback_is_damaged() -> None:
     assert ended.error is ProtocolError and "is not confirmed" in ended.text
 
 
+@pytest.mark.parametrize("instead", [b"", b"[1,2]\n"])
+def test_a_hand_that_falls_silent_at_the_stop_is_told_as_such(instead: bytes) -> None:
+    """It told its currents once, perhaps before the stop: neither a confirmation nor "no currents"."""
+    ended = stopped(Streamer(lambda t: line(CLOSED) if t < 0.04 else instead))
+    assert ended.error is (ProtocolError if instead else NoAnswer), ended
+    assert ("what came since tells no currents" if instead else "has said nothing since") in ended.text
+
+
 # -- what stays in force -----------------------------------------------------------------------------------------------
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 import pytest
@@ -835,3 +836,14 @@ def test_bad_command(text: str) -> None:
     with pytest.raises(ValueError, match=r"\S") as caught:
         Bench().line.command(text)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("what", ["a pipe", "a device", "a folder", "too large"])
+def test_a_state_that_may_be_without_end_is_not_read(what: str, tmp_path: Path) -> None:
+    path = {"a device": "/dev/zero", "a folder": str(tmp_path)}.get(what, str(tmp_path / "state"))
+    if what == "a pipe":
+        os.mkfifo(path)
+    elif what == "too large":
+        os.truncate(os.open(path, os.O_CREAT | os.O_WRONLY), 1 << 32)
+    with pytest.raises(ValueError, match="cannot be read: (it is|larger than 4 MB)"):
+        Bench(state=Path(path))

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import json
 import os
+import stat
 
 from handctl.sim.model import Model
 
 FORMAT = "handctl-sim/1"
+MOST = 4_000_000
+"""Bytes of a state file: more than ten times the largest, that of a BarrettHand with its firmware."""
 
 
 def load(path: str, device: Model) -> None:
@@ -16,8 +19,13 @@ def load(path: str, device: Model) -> None:
     if not os.path.isdir(folder):
         raise ValueError(f"state file {path}: there is no directory {folder}")
     try:
-        with open(path, encoding="utf-8") as file:
-            text = file.read()
+        if not stat.S_ISREG(os.stat(path).st_mode):  # it could be without end, or never begin
+            raise ValueError(f"state file {path} cannot be read: it is a folder, a device or a pipe")
+        with open(path, "rb") as file:
+            content = file.read(MOST + 1)
+        if len(content) > MOST:
+            raise ValueError(f"state file {path} cannot be read: larger than {MOST // 1_000_000} MB")
+        text = content.decode("utf-8")
     except FileNotFoundError:
         return
     except (OSError, UnicodeDecodeError) as exc:

@@ -28,7 +28,7 @@ def stopping(aim: Aim) -> Talk:
     data = encode({"hand_mode": STOP})
     say = Say(Step(f"motor power off: {data.decode()}", data + end, moves=True), PERIOD, lambda _pieces: False)
     told: tuple[int, ...] | None = None
-    flowed = heard = False
+    flowed = heard = spoke = False
     decoder = Decoder()
     for count in range(TIMES + CONFIRM):
         pieces = yield say
@@ -37,13 +37,16 @@ def stopping(aim: Aim) -> Talk:
             told = currents
             flowed = flowed or _flow(currents)
         if count == TIMES - 1:
-            told = None  # what it said until now may be older than the stop
+            spoke, heard, told = told is not None, False, None  # what it said until now may be older than the stop
         elif count >= TIMES and told is not None and not _flow(told):
             break
     falls = "the fingers move freely, a held object falls"
     if told is None:
         text = "stop was sent again and again and is not confirmed: "
-        text += "what came tells no currents" if heard else "the hand says nothing"
+        since = (
+            ("what came since", "the hand has said nothing since") if spoke else ("what came", "the hand says nothing")
+        )
+        text += f"{since[0]} tells no currents" if heard else since[1]
         return Stopped(text, HINT, ProtocolError if heard else NoAnswer)
     if _flow(told):
         return Stopped(f"stop was sent, but currents up to {max(map(abs, told))} flow", HINT, CheckFailed)
