@@ -144,3 +144,11 @@ def test_a_quantity_that_cannot_be_read_does_not_end_with_0() -> None:
     rows, end = done.stream
     assert done.code == 5 and end["stream"]["samples"] == 2 and len(rows) > 10
     assert end["counters"]["keys"]["motor_pos"]["bad"] > 0
+
+
+def test_a_hand_whose_every_object_is_damaged_is_told_what_is_wrong_with_it() -> None:
+    twice = line(feedback()).replace(b'{"motor_pos"', b'{"motor_pos":[1],"motor_pos"', 1)
+    with pytest.raises(
+        ProtocolError, match=r"no feedback of the hand came, but 7B 22 .*: an object in which 'motor_pos' stands twice$"
+    ):
+        hand_on(ScriptedLink(lambda _: [(0.01, twice)])).dump()

@@ -845,5 +845,5 @@ def test_a_state_that_may_be_without_end_is_not_read(what: str, tmp_path: Path) 
         os.mkfifo(path)
     elif what == "too large":
         os.truncate(os.open(path, os.O_CREAT | os.O_WRONLY), 1 << 32)
-    with pytest.raises(ValueError, match="cannot be read: (it is|larger than 4 MB)"):
+    with pytest.raises(ValueError, match=r"cannot be read: (it is|larger than 4 MB)"):
         Bench(state=Path(path))

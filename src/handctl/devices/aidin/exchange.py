@@ -77,6 +77,7 @@ class Conversation:
         self._decoder = Decoder()
         self._bad_in_a_row = 0
         self._junk = b""
+        self._why = ""  # what is wrong with the first object that was damaged
         self._echoes = 0
         self._heard = 0.0  # when anything came last
         self._last = 0.0  # when feedback came last
@@ -230,6 +231,7 @@ class Conversation:
             counters.stray_bytes += len(exc.data)
             return
         counters.bad_frames += 1
+        self._why = self._why or exc.text.partition(": b")[0]  # its bytes are told beside it
         self._bad_in_a_row += 1
         if self._bad_in_a_row >= BAD_IN_A_ROW:
             raise ProtocolError(
@@ -421,4 +423,4 @@ class Conversation:
     def _no_feedback(self) -> HandctlError:
         strange = b"" if self._junk else self._strange
         seen = self._junk or strange or self._decoder.pending[:64]
-        return trouble.no_feedback(self.link.name, seen, whole=bool(strange))
+        return trouble.no_feedback(self.link.name, seen, whole=bool(strange), why=self._why if self._junk else "")

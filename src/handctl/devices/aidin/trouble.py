@@ -37,10 +37,10 @@ def silent(name: str, way: Way, patience: float, *, asked: bool, stopped: bool) 
     )
 
 
-def no_feedback(name: str, seen: bytes, *, whole: bool, more: str = "") -> HandctlError:
+def no_feedback(name: str, seen: bytes, *, whole: bool, more: str = "", why: str = "") -> HandctlError:
     """What came, `seen`, is no feedback; b"": only our own object came back. `whole`: it is an object with other keys.
 
-    `more`: "more " where feedback had come before.
+    `more`: "more " where feedback had come before; `why`: what is wrong with an object that was damaged.
     """
     if not seen:
         return ProtocolError(
@@ -53,7 +53,9 @@ def no_feedback(name: str, seen: bytes, *, whole: bool, more: str = "") -> Handc
     if whole:
         hint = f"a JSON object without any key of the manual: what the hand reports in its own words, or {hint}"
     error = ProtocolError(
-        f"{name}: no {more}feedback of the hand came, but {hex_bytes(seen)} ({text})", hint=hint, code="garbage"
+        f"{name}: no {more}feedback of the hand came, but {hex_bytes(seen)} ({text}){f': {why}' if why else ''}",
+        hint=hint,
+        code="garbage",
     )
     error.came = seen
     return error
