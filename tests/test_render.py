@@ -214,6 +214,17 @@ def test_full_disk_is_one_line_and_not_0(args: tuple[str, ...]) -> None:
     assert "Traceback" not in done.stderr and "Exception" not in done.stderr
 
 
+@pytest.mark.parametrize("form", ["table", "json"])
+def test_what_was_written_is_told_though_stdout_takes_nothing(form: str) -> None:
+    args = ("exo", "force", "1", "2", "3", "4", "5", "-y", "--format", form, "-p", "fake://exo?clock=virtual")
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(program(*args), stdout=full, stderr=subprocess.PIPE, stdin=subprocess.DEVNULL,
+                              env=clean_environment(), timeout=20, check=False, text=True)  # fmt: skip
+    assert done.returncode == 1, done
+    assert "handctl: note: the force stays until another is commanded" in done.stderr
+    assert "handctl: note: writes: 1 confirmed" in done.stderr and "stdout: cannot be written" in done.stderr
+
+
 @pytest.mark.parametrize("args", [
     *(("exo", "dump", "--fake", "--format", form) for form in FORMATS), ("exo", "describe"), ("-h",),
     ("exo", "watch", "--fake", "--json", "--rate", "0"), ("exo", "watch", "--fake", "--csv", "--rate", "50"),

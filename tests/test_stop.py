@@ -322,6 +322,9 @@ def test_neither_disk_nor_lock_hold_up_a_stop(family: str, stand: MakeStand) -> 
     with open("/dev/full", "wb") as full:
         result, _ = place.stop(stdout=full)
     assert result.code == 1 and "cannot be written" in result.err, "sent first, then told"
+    assert "handctl: note: writes: " in result.err or "handctl: warning: writes: " in result.err, (
+        "and what was sent, too"
+    )
     shutil.rmtree(place.runtime / "handctl")
     (place.runtime / "handctl").write_text("squatted")
     result, _ = place.stop()

@@ -17,7 +17,7 @@ from handctl.cause import explained, judged
 from handctl.console import TerminalGuide, print_message, print_stderr
 from handctl.ending import end_on_signals, finish_on_signals, gave_up
 from handctl.envelope import device_row, make_envelope
-from handctl.errors import HandctlError, Interrupted, NotConfirmed
+from handctl.errors import HandctlError, Interrupted, NotConfirmed, OutputError
 from handctl.family import Family, load
 from handctl.filetypes import files_of
 from handctl.filter import shown, text_shown
@@ -267,12 +267,17 @@ class Run:
             failure = self._close(failure)
         except KeyboardInterrupt:
             failure = self._close(failure or Interrupted("interrupted"))
-        shown = failure or (table.failure if table is not None else None)
-        if shown is not None and self.journal.ledger.began:
-            shown.text, shown.hint = honest(shown.text), honest(shown.hint)
+        told = failure or (table.failure if table is not None else None)
+        if told is not None and self.journal.ledger.began:
+            told.text, told.hint = honest(told.text), honest(told.hint)
         if table is None or table.samples is None:
-            self._show(table, failure)
-            failure = failure or (table.failure if table is not None else None)
+            try:
+                self._show(table, failure)
+                failure = told
+            except OutputError as exc:
+                if not self.journal.ledger.began:
+                    raise
+                failure = self._tell_lost(exc, told)
         self._show_writes(failure)
         if gave_up():
             failure = failure or Interrupted("interrupted while the result was written: nobody read it")
@@ -294,10 +299,20 @@ class Run:
                 render.show(table, failure, sink, self)
         self._tell_held()
 
+    def _tell_lost(self, exc: OutputError, failure: HandctlError | None) -> OutputError:
+        """No result can be shown, but something was written to a device: what is known of it goes to stderr, as JSON too."""
+        for message in () if self.settings.quiet else self._held:
+            print_message("note" if message.level == "info" else message.level, message.text, message.hint)
+        self._held.clear()
+        if failure is not None:
+            exc.text, exc.hint = f"{failure.text}; and {exc.text}", "; ".join(filter(None, (failure.hint, exc.hint)))
+        return exc
+
     def _show_writes(self, failure: HandctlError | None) -> None:
         """The ledger, for people; with -q only where nobody knows what came of a write."""
         ledger, settings = self.journal.ledger, self.settings
-        if settings.format in ("json", "ndjson") or settings.dry_run or (settings.quiet and not ledger.unconfirmed):
+        in_json = settings.format in ("json", "ndjson") and not isinstance(failure, OutputError)
+        if in_json or settings.dry_run or (settings.quiet and not ledger.unconfirmed):
             return
         said = failure is not None and honest(failure.hint) != failure.hint
         if lines := ([] if said and not ledger.began else ledger.text()):
