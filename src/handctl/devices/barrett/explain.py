@@ -45,6 +45,8 @@ class BarrettExplainer:
         self._typed = bytearray()
         self._came = bytearray()
         self._asked: deque[Asked] = deque(maxlen=WAITING)
+        self._decoders: dict[str, Decoder] = {}
+        """By key of what was asked: each has read all of `_came`."""
         self._flags = Flags()
         self._loop: LoopWords | None = None
         self._monitor: MonitorWords | None = None
@@ -79,6 +81,7 @@ class BarrettExplainer:
                 what = "a command without its CR" if direction == HOST else "an answer without its prompt"
                 pieces.append(stray(direction, raw, f"{what}: {gclwords.shown(raw)}", "cut-short"))
         self._asked.clear()
+        self._decoders.clear()
         return pieces
 
     def decode(self, data: bytes, side: str = "", can_id: int | None = None) -> list[Piece]:
@@ -192,6 +195,7 @@ class BarrettExplainer:
         if len(self._came) > LONGEST_ANSWER:
             pieces.append(stray(DEVICE, bytes(self._came)))
             self._came.clear()
+            self._decoders.clear()
         return pieces
 
     def _next(self) -> list[Piece]:
@@ -199,14 +203,16 @@ class BarrettExplainer:
         came = bytes(self._came)
         if came[:1] == b":" and (self._offered or bytes(self._typed) in OFFERS):
             return self._handed_over()
+        known = self._decoders
+        self._decoders = {asked.key: known.get(asked.key) or Decoder(asked.command) for asked in self._asked}
         for place, asked in enumerate(self._asked):
             kind = split(asked.command)[1]
             if kind is not None and kind.kind == "loop":
                 entered = self._entered(came, asked, place)
                 if entered:
                     return entered
-            decoder = Decoder(asked.command)
-            decoder.feed(came)
+            decoder = self._decoders[asked.key]
+            decoder.feed(came[decoder.size :])
             answer = decoder.next()
             if answer is None:
                 continue
@@ -219,6 +225,7 @@ class BarrettExplainer:
         return [] if unasked is None else [unasked]
 
     def _take(self, piece: Piece) -> Piece:
+        self._decoders.clear()
         del self._came[: len(piece.raw)]
         return piece
 

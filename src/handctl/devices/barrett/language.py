@@ -123,31 +123,45 @@ class Decoder:
         self._command = command
         self._sent = command.encode("ascii", "replace").upper()
         self._buffer = bytearray()
+        self._folded = bytearray()
+        self._seek = self._prompts = 0  # no echo before the one place, no prompt before the other: noise is read once
+        self._lead = Lead()
         self.skipped = 0
         self.echoed = False
 
     def feed(self, data: bytes) -> None:
         """Add received bytes."""
         self._buffer += data
+        self._folded += data.upper()
 
     @property
     def received(self) -> bytes:
         """Everything so far."""
         return bytes(self._buffer)
 
+    @property
+    def size(self) -> int:
+        """How much that is."""
+        return len(self._buffer)
+
+    def last(self, size: int) -> bytes:
+        """The last bytes of it."""
+        return bytes(self._buffer[-size:])
+
     def next(self) -> Answer | None:
         """The answer, or None until its prompt has come."""
-        buffer = bytes(self._buffer)
-        start = self._echo_at(buffer)
+        buffer = self._buffer
+        start = self._echo_at()
         if start is None:
             return None
         self.echoed = True
         size = start + len(self._sent)
-        end = _prompt_at(buffer, size)
+        end = _prompt_at(buffer, size, self._prompts)
         if end is None:
+            self._prompts = max(size, len(buffer) - 1)
             return None
         self.skipped = start
-        lines = [_text(part) for part in _parts(buffer[size:end]) if part.strip()]
+        lines = [_text(part) for part in _parts(bytes(buffer[size:end])) if part.strip()]
         if lines and lines[0].upper().encode("ascii", "replace") == self._sent:
             del lines[0]  # the echo once more: a line that echoes too; "ERR 3" must not become a status
         status = 0
@@ -158,30 +172,53 @@ class Decoder:
                 status |= int(words[1])
             else:
                 data.append(line)
-        return Answer(self._command, tuple(data), status, buffer[: end + 3])
+        return Answer(self._command, tuple(data), status, bytes(buffer[: end + 3]))
 
     def drop_prompt(self) -> None:
         """Take out the first prompt behind the echo: it belonged to something earlier."""
-        start = self._echo_at(bytes(self._buffer))
+        start = self._echo_at()
         if start is not None:
-            end = _prompt_at(bytes(self._buffer), start + len(self._sent))
+            end = _prompt_at(self._buffer, start + len(self._sent), 0)
             if end is not None:
-                del self._buffer[end : end + 3]
+                del self._buffer[end : end + 3], self._folded[end : end + 3]
+                self._prompts = 0
 
-    def _echo_at(self, buffer: bytes) -> int | None:
+    def _echo_at(self) -> int | None:
         """Where the echo of this command stands: behind a line, a prompt or noise, before a line end (or nothing yet).
 
         Not behind a character that a command can have: that is the end of another, longer command's echo.
         """
-        folded = buffer.upper()
-        place = folded.find(self._sent)
+        folded, sent = self._folded, self._sent
+        place = folded.find(sent, self._seek)
         while place >= 0:
-            behind = folded[place + len(self._sent) : place + len(self._sent) + 1]
-            lead = folded[:place].replace(b"\r", b"\n").rpartition(b"\n")[2].replace(PROMPT, b"").strip(b" ")
-            if behind in (b"", b"\n", b"\r") and (not lead or not 32 <= lead[-1] < 127):
+            behind = folded[place + len(sent) : place + len(sent) + 1]
+            if bytes(behind) in (b"", b"\n", b"\r") and not 32 <= self._lead.at(folded, place) < 127:
+                self._seek = place
                 return place
-            place = folded.find(self._sent, place + 1)
+            place = folded.find(sent, place + 1)
+        self._seek = max(self._seek, len(folded) - len(sent) + 1)
         return None
+
+
+class Lead:
+    """What stands before a place on its line, blanks and prompts apart. Asked for ever later places: each byte counts once."""
+
+    def __init__(self) -> None:
+        self._place = 0
+        self._last = self._before = self._byte = -1
+
+    def at(self, data: bytearray, place: int) -> int:
+        """The last such byte before `place`, -1 = none."""
+        for byte in data[self._place : place]:
+            if byte in b"\r\n":
+                self._last = -1
+            elif byte == PROMPT[1] and self._byte == PROMPT[0]:
+                self._last = self._before
+            elif byte != 0x20:
+                self._before, self._last = self._last, byte
+            self._byte = byte
+        self._place = max(self._place, place)
+        return self._last
 
 
 def _parts(data: bytes) -> list[bytes]:
@@ -193,11 +230,11 @@ def _text(part: bytes) -> str:
     return part.decode("ascii", "replace")
 
 
-def _prompt_at(buffer: bytes, start: int) -> int | None:
-    """Where the prompt stands at the start of a line, from `start` on."""
-    place = buffer.find(PROMPT, start)
+def _prompt_at(buffer: bytearray, start: int, known: int) -> int | None:
+    """Where the prompt stands at the start of a line, from `start` on; before `known` there is none."""
+    place = buffer.find(PROMPT, max(start, known))
     while place >= 0:
-        if place > start and buffer[place - 1 : place] in (b"\n", b"\r"):
+        if place > start and buffer[place - 1] in b"\r\n":
             return place
         place = buffer.find(PROMPT, place + 1)
     return None
@@ -209,10 +246,11 @@ def has_colon(data: bytes) -> bool:
     return text.endswith(b":") and not text[:-1].rstrip().endswith(b'"')
 
 
-def has_prompt(data: bytes) -> bool:
+def has_prompt(data: bytes | bytearray) -> bool:
     """Whether `data` ends with a prompt on a line of its own."""
     tail = data[-5:].strip()
-    return tail.endswith(PROMPT) and (len(data.rstrip()) == 2 or data.rstrip()[-3:-2] in (b"\n", b"\r"))
+    end = data[-6:].rstrip()  # a tail that ends with a prompt has lost three bytes at the most
+    return tail.endswith(PROMPT) and (len(end) == 2 or end[-3:-2] in (b"\n", b"\r"))
 
 
 def values(answer: Answer, names: int, motors: int) -> list[list[int]]:

@@ -221,20 +221,20 @@ class GclLine:
             whole.renew()
             echo.renew()
             decoder.feed(chunk)
-            self._judge_restart(command, decoder)
+            self._judge_restart(command, decoder, chunk, whole)
 
-    def _judge_restart(self, command: str, decoder: Decoder) -> None:
-        """Raise Restarted at the banner, or at a ':' that stands alone: the boot monitor's."""
-        received = decoder.received
-        if received.endswith(b":"):  # a help text goes on behind it
-            more = self.link.read(self.link.deadline(COLON_ALONE + self.wire_seconds(2)))
-            decoder.feed(more)
-            if more:
-                self._judge_restart(command, decoder)
-                return
-        elif not restarted_in(received, command):
-            return
-        raise self.restarted(received, f"{command} has no answer")
+    def _judge_restart(self, command: str, decoder: Decoder, chunk: bytes, whole: Patience) -> None:
+        """Raise Restarted at the banner, or at a ':' that stands alone: the boot monitor's. `chunk` came last."""
+        size, more = len(chunk), True
+        while chunk.endswith(b":") and more:  # a help text goes on behind it
+            chunk = self.link.read(self.link.deadline(COLON_ALONE + self.wire_seconds(2)))
+            decoder.feed(chunk)
+            size += len(chunk)
+            if not chunk:
+                raise self.restarted(decoder.received, f"{command} has no answer")
+            more = not whole.deadline.expired
+        if restarted_in(decoder.last(size + len(BANNER)), command):
+            raise self.restarted(decoder.received, f"{command} has no answer")
 
     def restarted(self, received: bytes, what: str) -> Restarted:
         """The error of a restart that shows in `received`; the next connect goes on from there."""
@@ -314,7 +314,7 @@ class GclLine:
     def until_prompt(self, seconds: float) -> bytes:
         """What comes within `seconds`, up to a prompt."""
         deadline = self.link.deadline(seconds).earlier(self.bound)
-        came = b""
+        came = bytearray()
         while not deadline.expired or not came:
             chunk = self.link.read(deadline)
             if not chunk:
@@ -324,7 +324,7 @@ class GclLine:
                 came += self.link.read(self.link.deadline(0.005 + self.wire_seconds(2)), 1)
             if has_prompt(came) or len(came) > 65536:
                 break
-        return came
+        return bytes(came)
 
     def drain(self) -> bytes:
         """Drop what has arrived, counted as stray bytes; returns it."""

@@ -14,6 +14,7 @@ The CRC is CRC-CCITT: x^16 + x^12 + x^5 + 1, start FFFF, not reflected, no final
 
 from __future__ import annotations
 
+import re
 import struct
 from collections.abc import Callable, Iterator
 from enum import IntEnum
@@ -149,6 +150,7 @@ ORDERS = {
     met: sorted(LENGTH_MODES.items(), key=lambda item: (item[0] != met, -item[1])) for met in (None, *LENGTH_MODES)
 }
 """Conventions in the order they are tried, by the one met before."""
+_BEGIN = re.compile(b"[%s]" % re.escape(bytes(ANSWER_SIZES)))
 
 
 class Decoder:
@@ -191,8 +193,9 @@ class Decoder:
 
     def next(self) -> Frame | None:
         """The next frame, or None until more bytes come. Raises ProtocolError for a broken answer."""
-        keep = len(self._buffer)
-        for at in range(len(self._buffer)):
+        keep, at = len(self._buffer), -1
+        while place := _BEGIN.search(self._buffer, at + 1):
+            at = place.start()
             found = self._look(at)
             if isinstance(found, Frame):
                 self._drop(at + len(found.data), stray=at)
@@ -232,9 +235,7 @@ class Decoder:
 
     def _look(self, at: int) -> Frame | ProtocolError | bool:
         """What stands at `at`: a frame, a broken answer, something that may still become one (True), nothing (False)."""
-        sizes = ANSWER_SIZES.get(self._buffer[at])
-        if sizes is None:
-            return False
+        sizes = ANSWER_SIZES[self._buffer[at]]
         view = bytes(self._buffer[at : at + OVERHEAD + max(sizes) + 6])
         if len(view) < 4:
             return True

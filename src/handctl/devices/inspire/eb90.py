@@ -16,6 +16,7 @@ little-endian. The sum is the low byte of the sum of everything between header a
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
@@ -34,6 +35,8 @@ MIN_LENGTH = 1
 READ_SIZE = 9
 """Bytes of a read request."""
 OVERHEAD = 5
+LONGEST_PREFIX = 7
+_HEAD = re.compile(rb"\xeb(?:\x90|\Z)|\x90(?:\xeb|\Z)")
 
 
 class Frame(NamedTuple):
@@ -222,24 +225,27 @@ class Decoder:
         return len(self._buffer)
 
     def _candidate(self) -> int:
-        """Offset of the first place where a frame may begin; len(buffer) if there is none."""
+        """Offset of the first place where a frame may begin; len(buffer) if there is none.
+
+        One pass, however many prefixes there are: a scan waits for the answers of 254 ids at once.
+        """
+        buffer, place = self._buffer, 0
+        while found := _HEAD.search(buffer, place):
+            place = found.start()
+            if self._may_begin(place):
+                return place
+            place += 1
+        return len(buffer)
+
+    def _may_begin(self, place: int) -> bool:
+        """Whether one of the prefixes stands at `place`, or the beginning of one at the end of the buffer."""
         buffer = self._buffer
-        start = min(_find_prefix(buffer, prefix) for prefix in self._prefixes)
-        while start + 3 < len(buffer) and buffer[start + 3] < MIN_LENGTH:
-            rest = buffer[start + 1 :]
-            start += 1 + min(_find_prefix(rest, prefix) for prefix in self._prefixes)
-        return start
-
-
-def _find_prefix(buffer: bytearray, prefix: bytes) -> int:
-    """Offset of `prefix`, or of a beginning of it at the very end of the buffer, or len(buffer)."""
-    found = buffer.find(prefix)
-    if found >= 0:
-        return found
-    for size in range(min(len(prefix) - 1, len(buffer)), 0, -1):
-        if buffer.endswith(prefix[:size]):
-            return len(buffer) - size
-    return len(buffer)
+        if place + 3 < len(buffer) and buffer[place + 3] < MIN_LENGTH:
+            return False
+        if buffer.startswith(self._prefixes, place):
+            return True
+        tail = bytes(buffer[place : place + LONGEST_PREFIX])
+        return place + len(tail) == len(buffer) and any(prefix.startswith(tail) for prefix in self._prefixes)
 
 
 # -- whose bytes are these ------------------------------------------------------------------------------------------
