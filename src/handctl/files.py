@@ -7,12 +7,15 @@ fails means is its callers' to say. `clash` tells two names of one file. Knows n
 from __future__ import annotations
 
 import contextlib
+import io
 import os
 import stat
-from collections.abc import Iterator
-from typing import IO, TYPE_CHECKING, Any, BinaryIO
+from collections.abc import Callable, Iterator
+from typing import IO, TYPE_CHECKING, Any, BinaryIO, TypeVar
 
 from handctl.errors import UsageError
+
+T = TypeVar("T")
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -36,7 +39,7 @@ NOT_FILES = (
 def opened(path: str | os.PathLike[str], what: str, *, hint: str = "", code: str = "") -> BinaryIO:
     """FILE for reading, where `what` names the kind of file, such as "a snapshot".
 
-    Raises NoFile, or UsageError for what is not a regular file (it could be without end) or cannot be read.
+    Raises NoFile, or UsageError for what is not a regular file (it could be without end) or cannot be read, at once or later.
     """
     try:
         descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
@@ -50,16 +53,34 @@ def opened(path: str | os.PathLike[str], what: str, *, hint: str = "", code: str
         os.close(descriptor)
         kind = next((text for fits, text in NOT_FILES if fits(mode)), "something else")
         raise UsageError(f"{path}: cannot be read: it is {kind}, not {what}", hint=hint, code=code)
-    return open(descriptor, "rb")
+    return io.BufferedReader(_Source(descriptor, str(path), hint, code))
+
+
+class _Source(io.FileIO):
+    """A file whose every read that fails is a UsageError: who reads line by line need not know."""
+
+    def __init__(self, descriptor: int, path: str, hint: str, code: str) -> None:
+        super().__init__(descriptor)
+        self._said = (path, hint, code)
+
+    def readinto(self, buffer: Any) -> int:
+        return self._read(lambda: super(_Source, self).readinto(buffer))
+
+    def readall(self) -> bytes:
+        return self._read(super().readall)
+
+    def _read(self, how: Callable[[], T]) -> T:
+        try:
+            return how()
+        except OSError as exc:
+            path, hint, code = self._said
+            raise UsageError(f"{path}: cannot be read: {exc.strerror or exc}", hint=hint, code=code) from exc
 
 
 def read(path: str | os.PathLike[str], what: str, most: int, *, hint: str = "", code: str = "") -> bytes:
     """All of FILE, `most` bytes at the most. Raises as `opened`, and UsageError for a larger file."""
     with opened(path, what, hint=hint, code=code) as file:
-        try:
-            content = file.read(most + 1)
-        except OSError as exc:
-            raise UsageError(f"{path}: cannot be read: {exc.strerror or exc}", hint=hint, code=code) from exc
+        content = file.read(most + 1)
     if len(content) > most:
         raise UsageError(f"{path}: larger than {most // 1_000_000} MB: not {what}", hint=hint, code=code)
     return content

@@ -1,15 +1,17 @@
 """Every FILE of every command, led to what is no such file, or to one that means no good.
 
-Which parameter takes a file is asked of the tree, as in `test_file_gate`; beside them stand -o, --trace, `replay:` and the
-configuration file.
+Which parameter takes a file is asked of the tree, as in `test_file_gate`; beside them stand -o, --trace, `replay:`, the
+configuration file and the state file of a simulator. The one pipe that is read has writers that mean no good.
 """
 
 from __future__ import annotations
 
 import os
 import socket
+import threading
 import zlib
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
@@ -18,9 +20,10 @@ import pytest
 
 from handctl.families import FAMILIES
 from handctl.filetypes import InFile, OutFile
+from handctl.sim import KINDS as KINDS_OF_SIM
 from tests.harm import lines
 from tests.hostile.cell import DOCUMENTED, FORMATS, Cell, Folder, attempt
-from tests.hostile.devices import KINDS, READY
+from tests.hostile.devices import KINDS, RAW, READY
 from tests.hostile.table import Tried, note, share
 from tests.test_file_gate import LEAVES, Leaf, command_line, own
 
@@ -62,6 +65,9 @@ def _places() -> Iterator[Place]:
         yield Place(
             f"{' '.join(words[:2])}, configuration", words[0], words, "add" not in words, {"HANDCTL_CONFIG": "{}"}
         )
+    for kind in KINDS_OF_SIM:
+        words = ("sim", kind, "--tcp", "127.0.0.1:0", "--duration", "0", "--state", "{}")
+        yield Place(f"sim {kind} --state", "sim", words, True, {})
 
 
 def _label(param: click.Parameter) -> str:
@@ -178,7 +184,8 @@ def _short(place: Place, kind: str, code: int | None) -> str:
     if (
         place.reads
         and not place.env
-        and kind in ("no file", "/dev/zero", "a folder", "unreadable", "a link to itself")
+        and kind
+        in (*(("no file",) if place.family != "sim" else ()), "/dev/zero", "a folder", "unreadable", "a link to itself")
         and code != 2
     ):
         return f"exit {code}, not 2"
@@ -209,7 +216,11 @@ def try_cell(place: Place, kind: str, make: Callable[[Path], str], how: str, fol
             return word.replace("{}", named).replace("{folder}", str(path)).replace("{link}", link)
 
         env = {name: put(text) for name, text in place.env.items()}
-        words = [*map(put, place.words), "--yes", *FORMATS[how]]
+        words = [*map(put, place.words)]
+        if place.family == "sim":
+            how = "plain"  # it has one format, and asks nothing
+        else:
+            words += ["--yes", *FORMATS[how]]
         codes = DOCUMENTED if place.reads else (*DOCUMENTED, 1)  # "or the output could not be written"
         code, failure = attempt(words, how, folder, env, codes=codes)
         return Cell(place.family, f"file: {kind}", f"{place.name} --{how}", code, failure or _short(place, kind, code))
@@ -259,4 +270,81 @@ def test_a_file_that_means_no_good(line: lines.Line, folder: Folder, request: py
                 asked = ("--yes",) if line.asks else ()
                 code, failure = attempt([*words, "-p", link, *asked, *FORMATS[how]], how, folder)
             tried.append(Cell(line.family, f"content: {kind}", f"{line} --{how}", code, failure))
+    note(request, tried)
+
+
+# -- a pipe with somebody at its other end ------------------------------------------------------------------------
+
+ROW = b"t,velocity.F1,gain.F1\n0,0,0\n"
+LIVE = b"velocity.F1,gain.F1\n0,0\n"
+WRITERS: dict[str, tuple[bytes, bytes]] = {
+    "escapes": (RAW + b"\n", b""),
+    "escapes behind a header": (LIVE + RAW + b"\n", b""),
+    "one endless line": (b"", b"7" * 60_000),
+    "an endless line behind a header": (LIVE, b"7" * 60_000),
+    "NUL without end": (b"", bytes(60_000)),
+    "times without end": (ROW, b"1,0,0\n" * 10_000),
+    "rows without end": (LIVE, b"0,0\n" * 10_000),
+    "nesting": (b'{"velocity.F1": 0, "gain.F1": 0}\n{"velocity.F1": ' + b"[" * 50_000 + b"\n", b""),
+    "digits": (b'{"velocity.F1": ' + b"9" * 50_000 + b"}\n", b""),
+    "no number": (b'{"t": NaN, "velocity.F1": 0, "gain.F1": 0}\n', b""),
+    "past all bounds": (b"velocity.F1,gain.F1\n1e999,0\n", b""),
+    "UTF-16": ("velocity.F1,gain.F1\n0,0\n".encode("utf-16"), b""),
+    "a thousand columns": (b",".join([b"velocity.F1"] * 5_000) + b"\n0,0\n", b""),
+    "nothing": (b"", b""),
+}
+"""Kind -> what is written at once, and then again and again until nobody reads."""
+
+
+def pour(path: Path, begin: bytes, endless: bytes, over: threading.Event) -> None:
+    """The writer: a pipe that nobody opens is given up with `over`."""
+    descriptor = -1
+    while descriptor < 0 and not over.is_set():
+        try:
+            descriptor = os.open(path, os.O_WRONLY | os.O_NONBLOCK)
+        except OSError:  # nobody reads yet
+            over.wait(0.005)
+    try:
+        while descriptor >= 0 and (begin or endless) and not over.is_set():
+            begin = begin or endless
+            with suppress(BlockingIOError):
+                begin = begin[os.write(descriptor, begin) :]
+                continue
+            over.wait(0.001)
+    except BrokenPipeError:
+        pass
+    finally:
+        if descriptor >= 0:
+            os.close(descriptor)
+
+
+@pytest.mark.parametrize("kind", WRITERS)
+def test_a_pipe_whose_writer_means_no_good(kind: str, folder: Folder, request: pytest.FixtureRequest) -> None:
+    tried = Tried(request)
+    for how in ("json", "table"):
+        if not share(request.config, f"pipe|{kind}|{how}"):
+            continue
+        with folder.scratch() as path:
+            pipe, over = path / "pipe", threading.Event()
+            os.mkfifo(pipe)
+            folder.keep()
+            writer = threading.Thread(target=pour, args=(pipe, *WRITERS[kind], over))
+            writer.start()
+            try:
+                words = [
+                    "barrett",
+                    "realtime",
+                    "--count",
+                    "3",
+                    "--control",
+                    str(pipe),
+                    "-p",
+                    "fake://barrett?clock=virtual&initialized=1",
+                    "--yes",
+                ]
+                code, failure = attempt([*words, *FORMATS[how]], how, folder)
+            finally:
+                over.set()
+                writer.join()
+        tried.append(Cell("barrett", f"writer: {kind}", f"barrett realtime --control PIPE --{how}", code, failure))
     note(request, tried)

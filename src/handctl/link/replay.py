@@ -101,18 +101,17 @@ class Recording:
                 raise UsageError(f"{self._source}: cannot be read: {why}") from exc
             if self._file.tell() == place:
                 return
-            place = self._file.tell()
+            start, place = place, self._file.tell()
             if line and not line.startswith("#"):
-                yield place, self._parsed(line)
+                yield place, self._parsed(line, start)
 
-    def _parsed(self, line: str) -> Entry:
+    def _parsed(self, line: str, start: int) -> Entry:
         try:
             return parse_line(line, 0)
         except ValueError as exc:
             self._file.seek(0)
-            number = next(
-                (n for n, raw in enumerate(self._file, 1) if raw.decode("utf-8", "replace").strip() == line), 0
-            )
+            ends = (self._file.read(min(LONGEST_LINE, start - at)).count(b"\n") for at in range(0, start, LONGEST_LINE))
+            number = 1 + sum(ends)
             raise UsageError(f"{self._source}, line {number}: {exc}", hint="a line is: [SECONDS] > HEX BYTES") from exc
 
     def close(self) -> None:

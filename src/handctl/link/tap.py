@@ -53,9 +53,9 @@ def parse_line(line: str, number: int) -> Entry:
         try:
             time = float(words[0])
         except ValueError:
-            raise ValueError(f"expected a time or one of > < !, found {words[0]!r}") from None
+            raise ValueError(f"expected a time or one of > < !, found {words[0][:40]!r}") from None
         if not 0 <= time < float("inf"):
-            raise ValueError(f"{words[0]} is not a time in seconds since the start")
+            raise ValueError(f"{words[0][:40]} is not a time in seconds since the start")
         words = words[1:]
     if not words or words[0] not in (">", "<", "!"):
         raise ValueError("expected > < or !")

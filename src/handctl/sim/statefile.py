@@ -41,16 +41,17 @@ def load(path: str, device: Model) -> None:
 
 
 def save(path: str, device: Model) -> None:
-    """Whole or not at all: a temporary file beside it, synced, then renamed."""
+    """Whole or not at all: a temporary file beside it, synced, then renamed. A symbolic link stays one."""
     state = {"format": FORMAT, "kind": device.KIND, "simulated": True, **device.snapshot()}
-    temporary = f"{path}.{os.getpid()}.tmp"
+    target = os.path.realpath(path)
+    temporary = f"{target}.{os.getpid()}.tmp"
     try:
         with open(temporary, "w", encoding="utf-8") as file:
             json.dump(state, file, indent=1)
             file.write("\n")
             file.flush()
             os.fsync(file.fileno())
-        os.replace(temporary, path)
+        os.replace(temporary, target)
     except BaseException as exc:
         if os.path.exists(temporary):
             os.unlink(temporary)

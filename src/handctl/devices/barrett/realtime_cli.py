@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import csv
+import io
 import os
 import sys
 from collections.abc import Iterator
@@ -31,6 +31,8 @@ COLUMNS = (
     Column("guard", "Guard"),
     Column("doubt", "Doubt"),
 )
+LONGEST_LINE = 65_536
+"""Bytes of one line of control values, as they come from a pipe or stdin."""
 GUARDS = ("stall", "window", "strain", "opening", "heat")
 """Names of `guards.GUARDS`, here so that help needs no more: a test holds them together."""
 
@@ -227,11 +229,8 @@ def _from_file(path: str, motors: list[int], start: dict[tuple[int, str], int]) 
 
             threading.Thread(target=source.listen, daemon=True).start()
         return source
-    lines = read_text(path, "a control file", 64_000_000).removeprefix("\ufeff").splitlines(keepends=True)
-    try:
-        source = schedule.read(lines, path, motors, start)
-    except csv.Error as exc:
-        raise UsageError(f"{path}: not a control file: {exc}") from exc
+    lines = io.StringIO(read_text(path, "a control file", 16_000_000).removeprefix("\ufeff"), newline="")
+    source = schedule.read(lines, path, motors, start)
     if source.live:
         raise UsageError(
             f"{path}: no column t", hint="a file needs times; without them give the lines on stdin: --control -"
@@ -247,10 +246,18 @@ def _lines_as_they_come(path: str) -> Iterator[str]:
         yield from sys.stdin
         return
     rest = b""
-    while chunk := os.read(descriptor, 65536):
-        *whole, rest = (rest + chunk).split(b"\n")
-        for line in whole:
-            yield line.decode("utf-8", "replace")
+    try:
+        while chunk := os.read(descriptor, 65536):
+            *whole, rest = (rest + chunk).split(b"\n")
+            for line in whole:
+                yield line.decode("utf-8", "replace")
+            if len(rest) > LONGEST_LINE:
+                raise UsageError(
+                    f"{path}: more than {LONGEST_LINE} bytes without an end of the line: no control values"
+                )
+    finally:
+        if path != "-":
+            os.close(descriptor)
     if rest:
         yield rest.decode("utf-8", "replace")
 

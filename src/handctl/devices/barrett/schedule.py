@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from itertools import chain
+from itertools import chain, islice
 from typing import Any
 
 from handctl.devices.barrett.language import MOTORS, motor_prefix
@@ -22,6 +22,8 @@ from handctl.errors import UsageError
 
 Values = dict[int, dict[str, int]]
 Change = dict[tuple[int, str], int]
+MOST_ROWS = 100_000
+"""With times: they are all kept, and a pipe may have more without end. At 50 a second it is half an hour."""
 ALIASES = {"F1": 0, "F2": 1, "F3": 2, "SPREAD": 3, "1": 0, "2": 1, "3": 2, "4": 3, "S": 3}
 
 
@@ -166,7 +168,12 @@ def read(lines: Iterable[str], where: str, motors: Sequence[int], start: Change)
     rows = _steady(rows, carried, timed=time is not None, where=where)
     if time is None:
         return Live(carried, rows, start)
-    return Schedule(carried, [(t or 0.0, change) for t, change in rows], start)
+    timed = [(t or 0.0, change) for t, change in islice(rows, MOST_ROWS + 1)]
+    if len(timed) > MOST_ROWS:
+        raise UsageError(
+            f"{where}: more than {MOST_ROWS} rows", hint="leave t out and give each line when it is due: --control -"
+        )
+    return Schedule(carried, timed, start)
 
 
 def _first(rows: Iterator[tuple[float | None, Change]], where: str) -> tuple[float | None, Change]:
@@ -201,19 +208,26 @@ def _steady(
 def _csv_rows(
     header: tuple[int, str], lines: Iterable[tuple[int, str]], where: str, motors: Sequence[int]
 ) -> Iterator[tuple[float | None, Change]]:
-    import csv
-
-    names = [name.strip() for name in next(csv.reader([header[1]]))]
+    names = [name.strip() for name in _fields(header[1], f"{where}: line {header[0]}")]
     for name in names:
         _targets(name, motors, f"{where}: line {header[0]}")
     for number, line in lines:
-        fields = next(csv.reader([line]))
+        fields = _fields(line, f"{where}: line {number}")
         if len(fields) != len(names):
             raise UsageError(f"{where}: line {number}: {len(fields)} fields, the header has {len(names)}")
         yield _row(
             {name: field.strip() for name, field in zip(names, fields, strict=True) if field.strip()},
             motors, f"{where}: line {number}",
         )  # fmt: skip
+
+
+def _fields(line: str, where: str) -> list[str]:
+    import csv
+
+    try:
+        return next(csv.reader([line]))
+    except csv.Error as exc:
+        raise UsageError(f"{where} is not CSV: {exc}") from exc
 
 
 def _json_rows(

@@ -46,6 +46,10 @@ def held(lines: Iterable[bytes]) -> str:
     return ""
 
 
+ENTRY = 8192
+"""Bytes kept of a line that is no entry of the chain: no entry of ours is longer."""
+
+
 def check(lines: Iterable[bytes], *, whole: bool = True) -> Checked:
     """Look through a log; without `whole` the lines begin somewhere in it, and the first is taken as it is."""
     before = "" if whole else None
@@ -60,14 +64,16 @@ def check(lines: Iterable[bytes], *, whole: bool = True) -> Checked:
             counts["chained"] += 1
             if before is not None and _digest(before.encode() + line[: found.start()] + b"}") != link:
                 findings.append(
-                    Finding(number, line, "was edited, or an entry before it is missing or stands elsewhere")
+                    Finding(number, line[:ENTRY], "was edited, or an entry before it is missing or stands elsewhere")
                 )
         elif link is not None and not counts["chained"]:
             counts["unchained"] += 1  # of a handctl that knew no chain
         elif link is None and line.startswith(b'{"event"'):
             counts["torn"] += 1  # half a line of a killed writer
         else:
-            findings.append(Finding(number, line, "has no hash: an older handctl wrote it, or it was put in by hand"))
+            findings.append(
+                Finding(number, line[:ENTRY], "has no hash: an older handctl wrote it, or it was put in by hand")
+            )
         before = link if link is not None else before
     return Checked(**counts, findings=tuple(findings))
 
