@@ -80,7 +80,7 @@ def test_text_is_no_answer_of_the_eksonr_at_the_cost_of_one_search() -> None:
 
 EQUAL = {
     "barrett": ("> 50 0D", ("< 50", "< 4C 4F 4F 50", "< 20", "> 50 0D")),
-    "exo": ("< 90 EB 01 10", ("< EB 90", "< 55", "< 90 EB 01 FF", "> EB 90 01 04 11 E8 03 0A 0B")),
+    "exo": ("< 90 EB 01 10", ("< EB 90 01 04", "< 55", "< 90 EB 01 10", "> EB 90 01 04 11 E8 03 0A 0B")),
     "ekso": ("> 01", ("< 55", "< 01")),
     "aidin": ("< 7B", ("< 22", "< 7B 7D", "< 2C")),
 }
