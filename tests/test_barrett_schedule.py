@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import chain, count
 
 import pytest
 from hypothesis import example, given
@@ -255,7 +256,14 @@ def test_a_live_line_is_taken_over_by_the_next_block() -> None:
 
 
 @pytest.mark.parametrize(
-    ("line", "word"), [("1,2,3\n", "line 3"), ("x,1\n", "line 3"), ("128,1\n", "line 3"), (OSError(5, "lost"), "read")]
+    ("line", "word"),
+    [
+        ("1,2,3\n", "line 3"),
+        ("x,1\n", "line 3"),
+        ("128,1\n", "line 3"),
+        ("1,\r2\n", "line 3 is not CSV"),
+        (OSError(5, "lost"), "read"),
+    ],
 )
 def test_a_bad_live_line_ends_it(line: str | BaseException, word: str) -> None:
     source = live("velocity.F1,velocity.F2\n", "20,30\n", line, "9,9\n")
@@ -276,3 +284,11 @@ def test_live_lines_without_a_first_one_are_refused() -> None:
     for lines in ([], ["velocity\n"], ["velocity\n", "x\n"]):
         with pytest.raises(UsageError):
             read(lines, "stdin", BOTH, {})
+
+
+def test_rows_with_times_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A pipe may have more of them without end."""
+    monkeypatch.setattr("handctl.devices.barrett.schedule.MOST_ROWS", 3)
+    endless = ("1,20\n" for _ in count())
+    with pytest.raises(UsageError, match="more than 3 rows"):
+        read(chain(["t,velocity\n"], endless), "in.csv", BOTH, {})

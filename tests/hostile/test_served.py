@@ -1,0 +1,87 @@
+"""A few of the devices that mean no good on real wires and in real time: served by a process of its own over TCP or a pty."""
+
+from __future__ import annotations
+
+import multiprocessing
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from multiprocessing.connection import Connection
+from pathlib import Path
+
+import pytest
+
+from handctl.sim import serve
+from tests.harm.cell import Port
+from tests.hostile.cell import FORMATS, Cell, Folder, attempt
+from tests.hostile.devices import Place
+from tests.hostile.table import Tried, note, share
+
+pytestmark = pytest.mark.hostile
+
+EACH = 4
+"""An ordinary run takes one in so many: each costs a process."""
+PLACES = (
+    (Place("exo", "escapes before", "tcp"), "tcp", ("exo", "dump")),
+    (Place("exo", "a byte a second", "serial"), "pty", ("exo", "status")),
+    (Place("wrist", "noise without end", "serial"), "pty", ("wrist", "status")),
+    (Place("barrett", "escapes behind words", "serial"), "pty", ("barrett", "help", "HI")),
+    (Place("barrett", "nesting", "tcp"), "tcp", ("barrett", "status")),
+    (Place("aidin", "escapes inside", "tcp"), "tcp", ("aidin", "status")),
+    (Place("aidin", "nesting", "tcp"), "tcp", ("aidin", "watch", "motor_pos", "--count", "2")),
+    (Place("aidin", "a string without end", "tcp"), "tcp", ("aidin", "status")),
+    (Place("ekso", "escapes without end", "serial"), "pty", ("ekso", "status")),
+    (Place("ekso", "junk behind", "tcp"), "tcp", ("ekso", "dump")),
+)
+"""The device, the wire, a command."""
+
+
+class Wired(Port):
+    """The cable, whose time is that of the clock."""
+
+    def opened(self) -> Wired:
+        self._start = self.line._present() - time.monotonic()
+        return self
+
+
+def _serve(place: Place, wire: str, told: Connection) -> None:
+    def tell(link: str) -> str:
+        told.send(link)
+        return link
+
+    port = Wired(place.make())
+    if wire == "tcp":
+        serve.serve_tcp(port, "127.0.0.1", 0, duration=60.0, link=tell)  # type: ignore[arg-type]
+    else:
+        serve.serve_pty(port, port.line.device.speed, duration=60.0, link=tell)  # type: ignore[arg-type]
+
+
+@contextmanager
+def served(place: Place, wire: str) -> Iterator[str]:
+    """What is given as --port."""
+    context = multiprocessing.get_context("fork")
+    hear, tell = context.Pipe(duplex=False)
+    process = context.Process(target=_serve, args=(place, wire, tell), daemon=True)
+    process.start()
+    try:
+        assert hear.poll(20.0), "the device does not begin"
+        yield hear.recv()
+    finally:
+        process.kill()
+        process.join()
+
+
+@pytest.mark.parametrize(("place", "wire", "words"), PLACES, ids=str)
+def test_a_wire_that_means_no_good(
+    place: Place, wire: str, words: tuple[str, ...], tmp_path: Path, request: pytest.FixtureRequest
+) -> None:
+    tried = Tried(request)
+    if share(request.config, f"served|{place}|{words}", EACH):
+        with served(place, wire) as link:
+            for how in ("table", "json"):
+                more = ("-p", link, "--deadline", "2", *FORMATS[how])
+                code, failure = attempt([*words, *more], how, Folder(tmp_path))
+                tried.append(
+                    Cell(place.kind, f"{wire}: {place.hostility}", f"{' '.join(words)} --{how}", code, failure)
+                )
+    note(request, tried)
