@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from functools import cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
@@ -149,7 +150,13 @@ class SharedOption(click.Option):
 def shared_options(
     wires: Sequence[str] = (), exchange: bool = False, interrupts: bool = False
 ) -> list[click.Parameter]:
-    """A fresh set of the options that every command, group and the root accept.
+    """The options that every command, group and the root accept. They hold nothing of a run, so they are made once."""
+    return list(_shared(tuple(wires), exchange, interrupts))
+
+
+@cache
+def _shared(wires: tuple[str, ...], exchange: bool, interrupts: bool) -> list[click.Parameter]:
+    """See shared_options.
 
     `wires` of a family that has several; with `exchange` those of a family whose manual does not say who speaks first,
     with `interrupts` that of a family whose device says nothing while it moves.
