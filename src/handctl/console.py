@@ -59,6 +59,8 @@ class TerminalGuide(Guide):
 
         def press(_number: int, _frame: Any) -> None:
             presses.count += 1
+            if presses.most is not None and presses.count > presses.most:
+                raise KeyboardInterrupt
 
         with ending.on_interrupt(press):
             yield presses

@@ -14,9 +14,10 @@ if TYPE_CHECKING:
 
 
 class Presses:
-    """How often the user asked to stop since it was made."""
+    """How often the user asked to stop since it was made; one more than `most` is a KeyboardInterrupt."""
 
     count = 0
+    most: int | None = None
 
 
 class Guide:

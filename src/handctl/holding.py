@@ -11,7 +11,7 @@ import contextlib
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
-from handctl.errors import HandctlError, Interrupted
+from handctl.errors import HandctlError, Interrupted, LinkError
 
 if TYPE_CHECKING:
     from handctl.link import Link
@@ -24,6 +24,8 @@ MOST = 24
 """Bytes of an answer that are shown."""
 MOST_CAME = 256
 """Bytes of an answer that an acknowledgement is looked for in."""
+RECONNECT_SECONDS = 1.0
+"""How long a connection that was lost is opened again for a stop."""
 LONG = 60
 """Characters of sent bytes that fit into a message."""
 
@@ -96,6 +98,11 @@ class Hold:
             return self._report
         sent: list[Sent] = []
         stopped = carry_out(self._run, self.link, sent)
+        if stopped.error is LinkError:
+            with contextlib.suppress(LinkError):
+                if self.link.reconnect(RECONNECT_SECONDS):
+                    stopped = carry_out(self._run, self.link, sent)
+                    stopped = stopped._replace(text=f"the connection was lost; connected again: {stopped.text}")
         self.link.fall_silent()
         wire = shown(sent)
         text = f"{who}; sent {wire}: {stopped.text}" if 0 < len(wire) <= LONG else f"{who}: {stopped.text}"

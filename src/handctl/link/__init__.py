@@ -105,6 +105,13 @@ class Link(ABC):
         """The way out for a second process; None where there is none: inside this process, or inside a library."""
         return None
 
+    def reconnect(self, seconds: float) -> bool:
+        """Open a connection that was lost again, once; what it had not delivered is dropped. False where there is none.
+
+        Raises LinkError where it cannot be opened within `seconds`.
+        """
+        return False
+
     def power_cycle(self) -> bool:
         """Switch the device off and on. Only simulators can: False means the operator must."""
         return False

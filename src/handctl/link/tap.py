@@ -166,6 +166,13 @@ class _Tapped(Link):
     def outlet(self) -> Outlet | None:
         return self._inner.outlet()
 
+    def reconnect(self, seconds: float) -> bool:
+        done = self._inner.reconnect(seconds)
+        if done:
+            self._lost = False
+            self.event("reconnect")
+        return done
+
     def power_cycle(self) -> bool:
         done = self._inner.power_cycle()
         if done:

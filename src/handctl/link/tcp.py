@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import select
 import socket
+import struct
 
 from handctl.errors import LinkError, UsageError
 from handctl.link import ByteLink, Deadline, Outlet
@@ -62,6 +63,12 @@ class TcpLink(ByteLink):
             ) from exc
         except OSError as exc:
             raise LinkError(f"{link}: cannot connect: {exc.strerror or exc}", code="cannot-open") from exc
+        self._peer: tuple[object, ...] = (host, port)
+        with contextlib.suppress(OSError):
+            self._peer = self._socket.getpeername()  # to look a name up may take seconds
+        self._set_up()
+
+    def _set_up(self) -> None:
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
         self._socket.setblocking(False)
@@ -79,6 +86,20 @@ class TcpLink(ByteLink):
             except OSError as exc:
                 raise self._lost(exc) from exc
         self._outlet.owes(b"")
+
+    def reconnect(self, seconds: float) -> bool:
+        """See Link. What is still on its way there must not come behind what is sent then."""
+        with contextlib.suppress(OSError):
+            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+        self._socket.close()
+        self._socket = socket.socket(self._socket.family)
+        try:
+            self._socket.settimeout(max(seconds, 0.001))
+            self._socket.connect(self._peer)
+            self._set_up()
+        except OSError as exc:
+            raise LinkError(f"{self.name}: cannot connect again: {exc.strerror or exc}", code="cannot-open") from exc
+        return True
 
     def outlet(self) -> Outlet:
         return self._outlet

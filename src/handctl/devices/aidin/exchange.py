@@ -167,6 +167,13 @@ class Conversation:
         if self.bound is not None and self.bound.expired:
             raise NoAnswer(f"{self.link.name}: --deadline is over", hint="a longer --deadline", code="deadline")
 
+    def reconnect(self, seconds: float) -> bool:
+        """See Link: what the old connection left half said is no part of the new one. Raises LinkError."""
+        done = self.link.reconnect(seconds)
+        if done:
+            self._decoder = Decoder()
+        return done
+
     # -- bytes ---------------------------------------------------------------------------------------------------
 
     def send(self, data: bytes) -> None:

@@ -20,6 +20,14 @@ from handctl.guide import Guide
 from handctl.link.deadman import Shot, guarding
 from handctl.param import Step
 
+AGAIN = 1.0
+"""Seconds in which a connection that was lost is opened again, all tries together."""
+TRY = 0.05
+"""Seconds from one try to the next."""
+UNSENT = "stop could not be sent"
+UNTOLD = "the connection is lost, stop cannot be sent: switch the hand's power off if it still moves"
+MENDS = "the connection was lost; this command is opening it again and sends the stop itself"
+MENDED = f"the connection was lost; connected again and sent the stop mode {STOPS} times"
 CURRENT_STATE = AIDIN["current_state"]
 
 
@@ -58,9 +66,14 @@ def halt(hand: AidinHand) -> str:
     try:
         send_stop(hand)
     except HandctlError as exc:
-        return f"stop could not be sent ({exc.text}): switch the hand's power off if it still moves"
+        return f"{UNSENT} ({exc.text}): switch the hand's power off if it still moves"
     except KeyboardInterrupt:
         return "interrupted again while stop was sent: switch the hand's power off if it still moves"
+    return _seen(hand, f"stop was sent {STOPS} times")
+
+
+def _seen(hand: AidinHand, sent: str) -> str:
+    """What was sent, and what the hand has told since."""
     told = told_currents(hand.talk.feedback)
     if told is None:
         seen = "the hand did not confirm it: watch it"
@@ -68,13 +81,15 @@ def halt(hand: AidinHand) -> str:
         seen = f"currents up to {max(map(abs, told))} still flowed: watch it"
     else:
         seen = "no current flows"
-    return f"stop was sent {STOPS} times, {seen}; without power the fingers move freely and a held object falls"
+    return f"{sent}, {seen}; without power the fingers move freely and a held object falls"
 
 
 def stopped(hand: AidinHand, exc: HandctlError) -> HandctlError:
-    """The error of something that was driving the fingers, with what became of them: stop is sent."""
-    lost = "the connection is lost, stop cannot be sent: switch the hand's power off if it still moves"
-    told = lost if isinstance(exc, LinkError) else halt(hand)
+    """The error of something that was driving the fingers, with what became of them: stop is sent.
+
+    Of a link that is lost `stopping` tells.
+    """
+    told = "" if isinstance(exc, LinkError) else halt(hand)
     return exc.retold(exc.text, hint="; ".join(filter(None, (exc.hint, told))))
 
 
@@ -102,11 +117,51 @@ def announced(what: str) -> Iterator[None]:
 def stopping(hand: AidinHand, guide: Guide, what: str = "") -> Iterator[None]:
     """Around whatever moves: Ctrl-C, and anything that nobody expected, stops the hand before a word is said.
 
-    The death of this process stops it, too. An object that was half sent is completed first.
+    The death of this process stops it, too. An object that was half sent is completed first. Where the link was lost it
+    is opened again for that, whatever was to be kept up: nobody sees the hand any more.
     """
-    shot = Shot(object_of(Mode.STOP) + hand.talk.way.end, PERIOD)
-    with guarding(hand.link, [shot] * STOPS, hand.journal.warn), _halting(hand, guide, what):
-        yield
+    shot, driven = Shot(object_of(Mode.STOP) + hand.talk.way.end, PERIOD), False
+    try:
+        with guarding(hand.link, [shot] * STOPS, hand.journal.warn), _halting(hand, guide, what):
+            driven = True
+            yield
+    except HandctlError as exc:  # the child that guarded the old connection has gone, and with it the last to hold that
+        lost = isinstance(exc, LinkError)
+        if not driven or not (lost or UNSENT in exc.text + exc.hint):
+            raise
+        done, told = _stop_again(hand, guide, presses=0 if isinstance(exc, Interrupted) else 1)
+        text, _, unsent = exc.text.partition(UNSENT) if done else (exc.text, "", "")
+        if unsent:
+            raise exc.retold(text + told) from exc
+        if done:  # what was said before it was stopped is no longer so
+            raise exc.retold(text, hint=told) from exc
+        raise exc.retold(text, hint="; ".join(filter(None, (exc.hint, UNTOLD if lost else "", told)))) from exc
+
+
+def _stop_again(hand: AidinHand, guide: Guide, presses: int) -> tuple[bool, str]:
+    """Open a lost connection again and send the stop: whether it went out, and what is known of it.
+
+    So many `presses` of Ctrl-C are passed over, for they ask for what is being done; one more ends it.
+    """
+    end, before = hand.link.deadline(AGAIN), guide.unstoppable
+    guide.unstoppable = MENDS
+    try:
+        with guide.counting() as counted:
+            counted.most = presses
+            while True:
+                try:
+                    if not hand.talk.reconnect(end.remaining):
+                        return False, ""
+                    send_stop(hand)
+                    return True, _seen(hand, MENDED)
+                except LinkError as exc:
+                    if end.expired:
+                        return False, f"tried to connect again for {AGAIN:g} s ({exc.text})"
+                    hand.link.sleep(min(TRY, end.remaining))
+    except KeyboardInterrupt:
+        return False, "interrupted while it was connecting again to send the stop"
+    finally:
+        guide.unstoppable = before
 
 
 @contextmanager
