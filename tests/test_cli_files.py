@@ -168,6 +168,7 @@ def test_restore_changes_the_id_last(tmp_path: Path) -> None:
     assert [data[5] + 256 * data[6] for data in writes(trace)] == [1504, 1001, 1000]
 
 
+@pytest.mark.faults
 @pytest.mark.parametrize("fault", ["disconnect", "silent", "deaf", "bad-checksum", "truncate"])
 @pytest.mark.parametrize("requests", range(24))
 def test_restore_interrupted_anywhere_can_be_run_again(tmp_path: Path, fault: str, requests: int) -> None:

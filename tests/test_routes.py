@@ -123,6 +123,7 @@ def words(route: Route, kind: str, folder: Path) -> list[str]:
     return [kind, *(word.format(path) for word in route.words), *force]
 
 
+@pytest.mark.faults
 @pytest.mark.parametrize(("kind", "route", "element", "value"), CASES)
 def test_every_route_to_a_quantity_asks_as_set_does(
     tmp_path: Path, kind: str, route: Route, element: Element, value: float

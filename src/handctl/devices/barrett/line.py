@@ -233,7 +233,8 @@ class GclLine:
             if not chunk:
                 raise self.restarted(decoder.received, f"{command} has no answer")
             more = not whole.deadline.expired
-        if restarted_in(decoder.last(size + len(BANNER)), command):
+        banner = BANNER in decoder.last(size + len(BANNER)).upper()
+        if banner and restarted_in(decoder.received, command):
             raise self.restarted(decoder.received, f"{command} has no answer")
 
     def restarted(self, received: bytes, what: str) -> Restarted:
