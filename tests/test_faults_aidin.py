@@ -44,7 +44,7 @@ FAULTS: dict[str, Allowed] = {
     "deaf": {**NOT_CARRIED_OUT}, "refuse": {**NOT_CARRIED_OUT},
     "truncate": every(5), "bad-checksum": every(5), "not-json": every(5), "braces": every(5), "loopback": every(5),
     # a whole object takes seconds: enough to read, too old to move by
-    "dribble": {**every(0), **dict.fromkeys(MOVING, {4, 5}), "stop": {0, 5}, "bias": {0, 7}},
+    "dribble": {**every(0), **{name: {4, 5} for name in MOVING}, "stop": {0, 5}, "bias": {0, 7}},
     "missing-key": every(0, status=5, stop=5, currents=5),
     "wrong-length": every(5, get=0, stop=0, max_torque=0, currents=0),
     "nan": every(0, status=5, get=5, bias=5, joints=5),
