@@ -228,6 +228,8 @@ CAUSES: dict[str, set[str]] = {
     "truncate": {"cut-short", "garbage", "bad-checksum"}, "truncate aidin": {"bad-json"},
     "twin-id": {"bad-checksum"}, "twin-id can": {"no-answer"},
     **{name: {"echo-differs"} for name in ("duplicate", "no-echo")},
+    "duplicate barrett": {"echo-differs", "garbage"},  # the answer to the first question, twice, is none that fits
+    "hang barrett": {"no-answer", "echo", "garbage"},  # it repeats what it hears, alone or behind what came before
     "noise": {"echo-differs", "garbage", "cut-short", "bad-line"},  # before, in or behind an answer, as chance has it
     "refuse": {"refused"}, "refuse can": {"read-back"}, "refuse aidin": {"not-reached"},
     **{name: {"not-reached"} for name in ("blocked", "foreign", "weak", "frozen", "swapped")},
