@@ -45,8 +45,8 @@ def pytest_configure(config: pytest.Config) -> None:
 settings.register_profile("any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("any machine")
 
-SHARE = 7
-"""Of the cells of the fault matrices an ordinary run of the whole suite takes one in 7, always the same ones."""
+SHARE = 10
+"""Of the cells of the fault matrices an ordinary run of the whole suite takes one in 10, always the same ones."""
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

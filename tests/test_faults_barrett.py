@@ -265,7 +265,7 @@ FAULTS = [*LINE_FAULTS, *DEVICE_FAULTS, "hang", "erratic"]
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    """The cells of the matrix; the ordinary suite takes one in 4."""
+    """The cells of the matrix; the ordinary suite takes a share."""
     if metafunc.function is test_fault:
         cells = {f"{fault}-{command.name}": (fault, command) for fault in FAULTS for command in COMMANDS}
         names = taken(metafunc.config, list(cells), 4)

@@ -13,6 +13,8 @@ import shutil
 import signal
 import subprocess
 import sys
+import termios
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -192,7 +194,16 @@ def test_a_holder_whose_reader_sleeps_is_stopped(stand: MakeStand) -> None:
     import select
 
     assert select.select([reader], [], [], 10)[0]
-    wait_until(lambda: Path(f"/proc/{holder.pid}/wchan").read_text() in ("pipe_write", "anon_pipe_write", "0"), 30.0)
+
+    def waiting() -> int:
+        return int.from_bytes(fcntl.ioctl(reader, termios.FIONREAD, bytes(4)), sys.byteorder)
+
+    def full() -> bool:
+        before = waiting()
+        time.sleep(0.2)
+        return 0 < before == waiting()
+
+    wait_until(full, 30.0)
     result, _ = place.stop()
     assert result.code == 0, result
     os.close(reader)
