@@ -334,6 +334,7 @@ def test_a_trace_replays(scratch: Path, name: str) -> None:
     assert (first.code, again.code, again.rows) == (0, 0, first.rows)
 
 
+@pytest.mark.faults
 @pytest.mark.parametrize("command", COMMANDS, ids=ids)
 @pytest.mark.parametrize("fault", ["healthy", "silent", "disconnect", "over-temperature"])
 def test_every_command_is_valid(scratch: Path, command: Command, fault: str) -> None:

@@ -258,6 +258,7 @@ def test_a_request_that_was_never_recorded_is_a_clear_error(tmp_path: Path, wire
 # -- JSON -------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.faults
 @both
 @pytest.mark.parametrize("command", COMMANDS, ids=ids)
 def test_every_command_is_valid(scratch: Path, command: Command, wire: str) -> None:

@@ -96,6 +96,7 @@ def test_hands_are_found_at_every_speed(window: int, echo: bool) -> None:
     assert bench.link.baud == 115200
 
 
+@pytest.mark.faults
 @pytest.mark.parametrize("window", [1, 8])
 @pytest.mark.parametrize("device_id", [1, 2, 8, 9, 100, 144, 180, 235, 254])
 @pytest.mark.parametrize("fault", ["", "&fault=echo", "&fault=noise", "&fault=dribble", "&fault=split"])
