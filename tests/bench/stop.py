@@ -89,6 +89,11 @@ def _held(place: Stand, words: tuple[str, ...], first: bytes, *, stuck: bool) ->
     raise AssertionError(f"{words} always ends before the stop")
 
 
+def full_disk() -> None:
+    """No file grows any more."""
+    resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
+
+
 def _bad_places(place: Stand, alone: float, times: int) -> Iterator[Figure]:
     """Nobody has the device, and something else is wrong."""
     broken = place.folder / "config.toml"
@@ -100,7 +105,7 @@ def _bad_places(place: Stand, alone: float, times: int) -> Iterator[Figure]:
         locks.write_text("squatted")
 
     cases: list[tuple[str, Callable[[], object], dict[str, Any]]] = [
-        ("full disk", lambda: None, {"preexec_fn": lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))}),
+        ("full disk", lambda: None, {"preexec_fn": full_disk}),
         ("unreadable configuration", lambda: None, {"env": {"HANDCTL_CONFIG": str(broken)}}),
         ("squatted runtime folder", squat, {}),
     ]
