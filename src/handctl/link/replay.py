@@ -76,6 +76,10 @@ class Recording:
                 return self._hashes.index(wanted, first, last)
         return None
 
+    def stands_at(self, index: int, request: Key) -> bool:
+        """Whether the request with this index is this one; looks at no other."""
+        return index < len(self) and self._hashes[index] == hash(request)
+
     def pause(self, index: int) -> float:
         """Seconds from the request before to this one."""
         return max(0.0, self._times[index] - (self._times[index - 1] if index else 0.0))
@@ -175,7 +179,7 @@ class _Replayed(Link):
         self._clock += max(0.0, seconds)
 
     def recorded_next(self, request: bytes) -> bool:
-        return self._recording.find((None, request), self._cursor) == self._cursor
+        return self._recording.stands_at(self._cursor, (None, request))
 
     def _ask(self, key: Key, text: str) -> None:
         index = found = self._recording.find(key, self._cursor)

@@ -219,8 +219,9 @@ class Meeting:
         if end in (table.WIRE, table.GARBAGE):
             echo = end == table.WIRE or not came.strip(ABORT + CR + b"!\0")
             monitor = " or the boot monitor of a hand without firmware;" if echo and not link.can_set_baud else ""
+            lacking = "no prompt" if b"=>" not in came else "no answer to the question"
             error = ProtocolError(
-                f"{link.name}: no prompt {tried}, but {len(came)} bytes came: {shown}",
+                f"{link.name}: {lacking} {tried}, but {len(came)} bytes came: {shown}",
                 hint=f"an echo (TX and RX joined),{monitor} check the wiring; unplug the hand: what comes back then is a wire"
                 if echo
                 else "another device or a disturbed line: check port and cable; power-cycle the hand",
