@@ -50,16 +50,21 @@ BACKLOG = 65536  # bytes on the wire to the device that are kept; a client canno
 
 
 class _Segment:
-    """Bytes on the wire: byte k is complete at start + (k + 1) * step (at start when step is 0)."""
+    """Bytes on the wire: byte k is complete at start + (k + 1) * step (at start when step is 0). `put` are those that were
+    sent at `speed`; `data` is what is heard of them."""
 
-    __slots__ = ("data", "hang", "sent", "start", "step")
+    __slots__ = ("data", "hang", "put", "sent", "speed", "start", "step")
 
-    def __init__(self, start: float, step: float, data: bytes, hang: bool = False) -> None:
+    def __init__(
+        self, start: float, step: float, data: bytes, hang: bool = False, put: bytes = b"", speed: int | None = None
+    ) -> None:
         self.start = start
         self.step = step
         self.data = data
         self.sent = 0
         self.hang = hang
+        self.put = put
+        self.speed = speed
 
     def end_of(self, count: int) -> float:
         return self.start + self.step * count
@@ -82,7 +87,7 @@ class Line(Cable):
     def __init__(self, model: type[Model], raw: dict[str, str]) -> None:
         super().__init__(model, raw, LINE_OPTIONS, LINE_FAULTS)
         self._wire = 0 if self._options.text("wire") == "auto" else self._options.whole("wire", -1, 50, 20000000)
-        self.client_baud: int | None = None
+        self._client_baud: int | None = None
         self._rx: list[_Segment] = []
         self._rx_free = 0.0
         self._out: list[tuple[float, int, list[tuple[float, float, bytes]], bool, int | None, int | None]] = []
@@ -94,6 +99,22 @@ class Line(Cable):
     def reconnect(self) -> None:
         super().reconnect()
         self.device.reconnected()
+
+    @property
+    def client_baud(self) -> int | None:
+        """The speed at which the client hears and speaks; None: any. What is on its way when it changes is heard anew."""
+        return self._client_baud
+
+    @client_baud.setter
+    def client_baud(self, baud: int | None) -> None:
+        if baud == self._client_baud:
+            return
+        self._client_baud = baud
+        for segment in self._tx:
+            done = segment.complete(self._present())
+            if done < len(segment.data) and segment.speed is not None and baud is not None:
+                rest = segment.put[len(segment.put) * done // len(segment.data) :]
+                segment.data = segment.data[:done] + self._heard(rest, segment.speed, baud)
 
     # -- time and bytes -------------------------------------------------------------------------------------------
 
@@ -276,16 +297,20 @@ class Line(Cable):
             for gap, step, sent in pieces:
                 start += gap
                 data = sent
-                if None not in (speed, self.client_baud) and speed != self.client_baud:
-                    heard = self.device.mishear(sent, speed or 0, self.client_baud or 0)
-                    # Not simulated: a client that has changed its speed meanwhile makes no byte of it.
-                    passed = sent if listener == self.client_baud else b""
-                    data = passed if heard is None else heard
-                self._tx.append(_Segment(start, step, data))
+                if speed is not None and self.client_baud is not None and listener != self.client_baud:
+                    data = self._heard(sent, speed, self.client_baud)
+                elif speed is not None and self.client_baud not in (None, speed):
+                    heard = self.device.mishear(sent, speed, self.client_baud or 0)
+                    data = sent if heard is None else heard
+                self._tx.append(_Segment(start, step, data, put=sent, speed=speed))
                 start += step * len(data)
             self._tx_free = start
             if hang:
                 self._tx.append(_Segment(start, 0.0, b"", hang=True))
+
+    def _heard(self, data: bytes, speed: int, baud: int) -> bytes:
+        """What a client makes of bytes that were sent at `speed` when it has just changed to `baud`."""
+        return data if speed == baud else self.device.mishear(data, speed, baud) or b""
 
     def _drop(self) -> None:
         self._rx.clear()

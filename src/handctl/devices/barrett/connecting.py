@@ -208,13 +208,14 @@ TABLE: tuple[Row, ...] = (
             AGAIN,
             (COLON, BOOTING, SEND_NOTHING, ""),
             (ECHO, GARBAGE, SEND_NOTHING, ""),
-            (BYTES, GARBAGE, SEND_NOTHING, ""),
-            (NOTHING, NOBODY, SEND_NOTHING, ""),
+            (BYTES, ASKED, ASK, ""),
+            (NOTHING, ASKED, ASK, ""),
         )
     ),
 )
-"""Behind the last of the other speeds ELSEWHERE is AGAIN; NOBODY is GARBAGE when bytes came before. Any other state that would
-be entered a third time is GARBAGE: every walk ends."""
+"""Behind the last of the other speeds ELSEWHERE is AGAIN; NOBODY is GARBAGE when bytes came before. ASKED behind AGAIN is only for
+a firmware that may have started meanwhile, once: 9600 was silent for 3 s and bytes came only then; else it is NOBODY. Any other
+state that would be entered a third time is GARBAGE: every walk ends."""
 
 ANSWER = re.compile(rb"\0*\s*(ERR \d+\s+)?=>\s*")
 """What stands behind the question's echo; anything more is noise, or the answer to something before."""
@@ -229,6 +230,8 @@ PAGE = (
     "The boot monitor hears at 9600, and FF is its trigger: it would overwrite good firmware. So nothing that it could "
     "hear as FF is sent before 9600 was asked and the port was open for 3 s. `handctl scan` may send one after that: a "
     "monitor that neither speaks nor echoes for longer cannot be told from a port with nothing on it.",
+    "A port that was silent for 3 s and then gives bytes may be a hand whose firmware started on the way: all speeds are "
+    "asked once more.",
     "A hand says nothing while it moves or saves. When it does not answer at any speed, it may be in the middle of a long "
     "movement, which `handctl barrett stop` ends.",
     "A banner, or the monitor's : alone, also ends every later wait for an answer: the hand restarted, its power or its "

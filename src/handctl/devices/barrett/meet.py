@@ -47,9 +47,12 @@ class Meeting:
         known = lastspeed.recall(self.link) if line.only is None else None
         self._first = line.only or known or self.link.baud or SPEEDS[0]
         fixed = line.only is not None or not self.link.can_set_baud
-        self._others = [] if fixed else [speed for speed in SPEEDS if speed not in (self._first, SPEEDS[0])]
+        self._others = self._all_others = (
+            () if fixed else tuple(speed for speed in SPEEDS if speed not in (self._first, SPEEDS[0]))
+        )
         self._remembered = not fixed and self._first != table.MONITOR_SPEED
         self._garbage = b""
+        self._woke = self._repeated = False
         self._asked = b""
         self._entered: Counter[str] = Counter()
 
@@ -64,6 +67,7 @@ class Meeting:
                 self.told.append(row.said)
             if seen in (table.BYTES, table.ECHO):
                 self._garbage += came
+                self._woke = self._woke or bool(self._entered[table.SILENT] and state in (table.ELSEWHERE, table.AGAIN))
             state = self._next(state, row.next)
             if self._entered[state] == MOST:
                 self._garbage, state = self._garbage or came, table.GARBAGE
@@ -78,6 +82,11 @@ class Meeting:
 
     def _next(self, state: str, wanted: str) -> str:
         """The state that `wanted` means here: remembered speed, speeds that are left, an echo that cannot be told."""
+        if wanted == table.ASKED and state == table.AGAIN:
+            if self._woke and not self._repeated:
+                self._repeated, self._others = True, self._all_others
+                return table.ASKED
+            wanted = table.NOBODY
         if wanted == table.ASKED and state == table.OPENED and self._remembered:
             return table.REMEMBERED
         if wanted == table.ELSEWHERE and not self._others:
@@ -125,7 +134,7 @@ class Meeting:
             state, self._first
         )
         if state == table.ELSEWHERE:
-            del self._others[0]
+            self._others = self._others[1:]
         if state != table.ECHOED and self.link.baud != speed:
             self.link.set_baud(speed)
 
