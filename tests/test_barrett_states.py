@@ -32,6 +32,7 @@ from tests.barrett_support import Simulated, codes, hand_on
 from tests.barrett_sweep import LOADS, TOOLS, WINDOWS, Row, begin, files, leaves, lines, outcome, reads, words
 from tests.barrett_sweep import sweep as commands_begun
 from tests.cli_support import run
+from tests.fuzz_support import long_seconds
 from tests.support import ScriptedLink
 
 SPEEDS = (9600, 38400, 19200, 4800, 2400, 1200, 600)
@@ -153,7 +154,7 @@ def test_a_share_of_commands_in_the_boot_window(scratch: Path) -> None:
 def test_every_command_at_every_20_ms_of_the_boot_window(window: float, scratch: Path) -> None:
     """The table of it: `python -m tests.barrett_sweep --step 0.02`."""
     commands = [leaf for leaf in [*leaves(), *TOOLS] if leaf not in LOADS]
-    assert harmed(commands_begun([window], 0.02, scratch, commands)) == []
+    assert harmed(commands_begun([window], 0.02, scratch, commands, long_seconds())) == []
 
 
 def test_the_table_tells_what_was_sent_and_changed(scratch: Path) -> None:
