@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, settings
 
 from tests.harm.table import Table
 from tests.hostile.table import table as hostile_table
-from tests.matrix_report import (
+from tests.matrix.report import (
     pytest_runtest_call,
     pytest_runtest_logreport,
     pytest_runtest_makereport,

@@ -18,8 +18,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     _occupy_streams()
     if args in (["--version"], ["-V"]):
         return _finish(0, f"handctl {__version__}\n")
-    from handctl.clikit import run_root
-    from handctl.streams import substitute_what_is_missing
+    from handctl.frame.clikit import run_root
+    from handctl.screen.streams import substitute_what_is_missing
 
     substitute_what_is_missing()
 

@@ -5,8 +5,8 @@ Each module has a click command named `cli`.
 """
 
 FAMILIES: dict[str, tuple[str, str]] = {
-    "exo": ("handctl.devices.inspire.exo_cli", "Inspire EH55BF1 exoskeleton hand (RS-232, Bluetooth serial)"),
-    "wrist": ("handctl.devices.inspire.wrist_cli", "Inspire wrist module of the dexterous hand (RS-232, RS-485, CAN)"),
+    "exo": ("handctl.devices.inspire.exo.cli", "Inspire EH55BF1 exoskeleton hand (RS-232, Bluetooth serial)"),
+    "wrist": ("handctl.devices.inspire.wrist.cli", "Inspire wrist module of the dexterous hand (RS-232, RS-485, CAN)"),
     "barrett": ("handctl.devices.barrett.cli", "BarrettHand BH8 series (RS-232)"),
     "ekso": ("handctl.devices.ekso.cli", "EksoNR DataPort (serial over USB)"),
     "aidin": ("handctl.devices.aidin.cli", "AIDIN-hand (TCP, JSON)"),
@@ -44,7 +44,7 @@ WRITES: dict[str, str] = {
 }
 """Family -> module:function that tells which of its bytes write and what acknowledges them (`ledger.WriteWords`)."""
 
-SECTIONS: dict[str, str] = {"barrett": "handctl.devices.barrett.connecting:section"}
+SECTIONS: dict[str, str] = {"barrett": "handctl.devices.barrett.gcl.connecting:section"}
 """Family -> module:function that gives a section of its manual page: title, paragraphs, and (term, text, lines) items."""
 
 FAMILY_KEYS: dict[str, tuple[str, ...]] = {"aidin": ("exchange", "poll_json", "tx_terminator")}
@@ -54,16 +54,16 @@ COMMANDS: dict[str, tuple[str, str]] = {**FAMILIES, **TOOLS}
 
 PROBES: dict[str, str] = {
     "ekso": "handctl.devices.ekso.probe",
-    "wrist": "handctl.devices.inspire.wrist_probe",
-    "exo": "handctl.devices.inspire.exo_probe",
+    "wrist": "handctl.devices.inspire.wrist.probe",
+    "exo": "handctl.devices.inspire.exo.probe",
     "barrett": "handctl.devices.barrett.probe",
     "aidin": "handctl.devices.aidin.probe",
 }
 """Family -> module that looks for its device and pings it; what it offers stands in `tools.probes`."""
 
 STOPPERS: dict[str, str] = {
-    "exo": "handctl.devices.inspire.exo_stopper",
-    "wrist": "handctl.devices.inspire.wrist_stopper",
+    "exo": "handctl.devices.inspire.exo.stopper",
+    "wrist": "handctl.devices.inspire.wrist.stopper",
     "barrett": "handctl.devices.barrett.stopper",
     "ekso": "handctl.devices.ekso.stopper",
     "aidin": "handctl.devices.aidin.stopper",
@@ -71,7 +71,7 @@ STOPPERS: dict[str, str] = {
 """Family -> module that knows the bytes of its stop; what it offers stands in `stopping`."""
 
 SIGNS: dict[str, str] = {
-    "barrett": "handctl.devices.barrett.language:sign",
+    "barrett": "handctl.devices.barrett.gcl.language:sign",
     "aidin": "handctl.devices.aidin.messages:sign",
     "ekso": "handctl.devices.ekso.frames:sign",
     "exo": "handctl.devices.inspire.eb90:sign",

@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from handctl.devices.aidin.exchange import Conversation
 from handctl.devices.aidin.way import Exchange, Way
 from handctl.link.tcp import TcpLink
-from handctl.result import Journal
+from handctl.model.result import Journal
 from tests.bench.measure import Figure, handctl, served
 
 ASKED = b"{}\n"

@@ -33,7 +33,7 @@ def bare(link: str, count: int) -> float:
     """Samples a second of the port alone, in this process."""
     from handctl.devices.ekso.dataport import DataPort
     from handctl.link import open_link
-    from handctl.result import Journal
+    from handctl.model.result import Journal
 
     opened = open_link(link, baud=115200)
     try:

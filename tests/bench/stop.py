@@ -16,10 +16,10 @@ from pathlib import Path
 from typing import Any
 
 from handctl.link.lock import sleeps
-from handctl.sim.serve import send_control
+from handctl.sim.engine.serve import send_control
 from tests.bench.measure import Figure
-from tests.cli_support import wait_until
-from tests.stop_support import Stand
+from tests.support.cli import wait_until
+from tests.support.stop import Stand
 
 ALLOWED, ALLOWED_STUCK = 0.1, 0.5
 MOST = 5

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from tests.bench.measure import Figure
-from tests.shell_support import PROMPT, Terminal
+from tests.support.shell import PROMPT, Terminal
 
 GOAL_MS = 5.0
 LINES = {

@@ -17,12 +17,12 @@ from unittest import mock
 
 import handctl.sim
 from handctl.link import fake, tcp
-from handctl.sim.barrett_uart import resample
-from tests.cli_support import run
+from handctl.sim.barrett.uart import resample
 from tests.harm.excuses import EXCUSES
 from tests.harm.lines import Line as CommandLine
 from tests.harm.states import State
-from tests.matrix_report import bounded
+from tests.matrix.report import bounded
+from tests.support.cli import run
 
 SETTLE = 0.3
 """Seconds after the end of a command: what it set off has begun."""

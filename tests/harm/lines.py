@@ -17,7 +17,9 @@ import click
 
 from handctl import families
 from handctl.tools.probes import family_of, probe_of
-from tests import barrett_commands, cli_commands, ekso_commands, wrist_commands
+from tests.barrett import commands as barrett_commands
+from tests.ekso import commands as ekso_commands
+from tests.inspire import exo_commands, wrist_commands
 
 Path_ = tuple[str, ...]
 YES = ("--yes", "-y")
@@ -110,7 +112,7 @@ def tree() -> dict[Path_, click.Command]:
 def _listed() -> dict[str, Sequence[Any]]:
     """Family -> the rows of its own list of commands."""
     return {
-        "exo": cli_commands.COMMANDS,
+        "exo": exo_commands.COMMANDS,
         "wrist": wrist_commands.COMMANDS,
         "barrett": (*barrett_commands.COMMANDS, *barrett_commands.OFFLINE),
         "ekso": ekso_commands.COMMANDS,
@@ -183,7 +185,7 @@ def lines_of(family: str) -> list[Line]:
 def prepare(scratch: Path) -> None:
     """The input files that lines name."""
     preparing: Mapping[str, Callable[[Path], None]] = {
-        "exo": cli_commands.prepare, "wrist": wrist_commands.prepare, "barrett": barrett_commands.prepare,
+        "exo": exo_commands.prepare, "wrist": wrist_commands.prepare, "barrett": barrett_commands.prepare,
         "ekso": ekso_commands.prepare,
     }  # fmt: skip
     for family in families.FAMILIES:

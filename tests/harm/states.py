@@ -13,9 +13,9 @@ from typing import Any
 
 from handctl.families import FAMILIES
 from handctl.sim import KINDS, create
-from handctl.sim.canline import CanLine
-from handctl.sim.line import Line
-from tests.rh56_hand import GENERATIONS, rh56_line
+from handctl.sim.engine.canline import CanLine
+from handctl.sim.engine.line import Line
+from tests.support.rh56_hand import GENERATIONS, rh56_line
 
 Wire = str
 """serial: bytes at a speed, heard wrongly at another one; tcp: bytes as they are; can: frames."""

@@ -10,9 +10,10 @@ from unittest import mock
 
 import pytest
 
-from handctl.devices.barrett import meet
-from handctl.devices.inspire import bus, exo_probe
-from handctl.gate import Gate
+from handctl.devices.barrett.gcl import meet
+from handctl.devices.inspire import bus
+from handctl.devices.inspire.exo import probe as exo_probe
+from handctl.model.gate import Gate
 from tests.harm import lines, states
 from tests.harm.cell import Cell, cells, try_cell
 

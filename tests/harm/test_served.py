@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from tests.cli_support import Simulator, run
 from tests.harm import lines
+from tests.support.cli import Simulator, run
 
 pytestmark = [pytest.mark.harm, pytest.mark.long]  # half a minute: `-m harm` runs it, the ordinary suite does not
 

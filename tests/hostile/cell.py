@@ -20,8 +20,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from tests.cli_support import Result, check_schema, run
-from tests.matrix_report import Hang, bounded
+from tests.matrix.report import Hang, bounded
+from tests.support.cli import Result, check_schema, run
 
 SECONDS = 20.0
 """Of real time: a command that takes longer hangs."""

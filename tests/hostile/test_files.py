@@ -19,13 +19,13 @@ import click
 import pytest
 
 from handctl.families import FAMILIES
-from handctl.filetypes import InFile, OutFile
+from handctl.frame.filetypes import InFile, OutFile
 from handctl.sim import KINDS as KINDS_OF_SIM
 from tests.harm import lines
 from tests.hostile.cell import DOCUMENTED, FORMATS, Cell, Folder, attempt
 from tests.hostile.devices import KINDS, RAW, READY
 from tests.hostile.table import Tried, note, share
-from tests.test_file_gate import LEAVES, Leaf, command_line, own
+from tests.kernel.test_file_gate import LEAVES, Leaf, command_line, own
 
 pytestmark = pytest.mark.hostile
 

@@ -18,11 +18,11 @@ import pytest
 import handctl.link.can
 import handctl.link.serial
 import handctl.link.tcp
-from handctl.clikit import root
 from handctl.errors import LinkError
 from handctl.families import FAMILIES
-from handctl.filetypes import InFile, OutFile
-from handctl.options import SharedOption
+from handctl.frame.clikit import root
+from handctl.frame.filetypes import InFile, OutFile
+from handctl.frame.options import SharedOption
 from handctl.sim import KINDS
 from tests.harm import lines as examples
 from tests.harm.lines import leaves
@@ -105,7 +105,7 @@ class Lines:
         dice = self.random.random()
         if path[0] not in FAMILIES and dice < 0.7:
             return more
-        kind = path[0] if path[0] in FAMILIES and dice < 0.9 else self.random.choice(KINDS)
+        kind = path[0] if path[0] in FAMILIES and dice < 0.9 else self.random.choice(tuple(KINDS))
         link = f"fake://{kind}?clock=virtual" + "".join(f"&{key}={value}" for key, value in READY.get(kind, {}).items())
         if self.random.random() < 0.3:
             link += "&fault=" + self.random.choice(

@@ -13,13 +13,15 @@ from unittest import mock
 
 import pytest
 
-from handctl import console, files, render
-from tests import matrix_report
+from handctl import files
+from handctl.frame import console
+from handctl.screen import render
 from tests.harm import lines
 from tests.hostile import cell, test_devices, test_files
 from tests.hostile.cell import Cell, Folder
 from tests.hostile.devices import Place
 from tests.hostile.table import Tried
+from tests.matrix import report
 
 
 @pytest.fixture(scope="module")
@@ -127,7 +129,7 @@ def test_a_temporary_file_and_a_changed_input_are_found(tmp_path: Path) -> None:
 def endless(*_: Any) -> None:
     """A command that switches off every alarm, catches the first that ends it, and goes on."""
     signal.setitimer(signal.ITIMER_REAL, 0.0)
-    with suppress(matrix_report.Hang):
+    with suppress(report.Hang):
         time.sleep(60)
     time.sleep(60)
 
@@ -137,7 +139,7 @@ def test_a_command_that_does_not_end_is_named(
 ) -> None:
     """Whatever it does to alarms, and if it catches what ends it; the third ends the test it is in."""
     monkeypatch.setattr(cell, "SECONDS", 0.05)
-    monkeypatch.setattr(matrix_report, "AGAIN", 0.05)
+    monkeypatch.setattr(report, "AGAIN", 0.05)
     monkeypatch.setattr("handctl.cli.main", endless)
     code, failure = cell.attempt(["exo", "status"], "table", Folder(tmp_path))
     assert (code, failure) == (None, "no end within 0.05 s: handctl exo status")

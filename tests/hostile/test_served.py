@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from handctl.sim import serve
+from handctl.sim.engine import serve
 from tests.harm.cell import Port
 from tests.hostile.cell import FORMATS, Cell, Folder, attempt
 from tests.hostile.devices import Place

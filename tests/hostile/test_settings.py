@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from handctl.families import FAMILIES
-from handctl.options import lasting_options
+from handctl.frame.options import lasting_options
 from tests.harm import lines
 from tests.hostile.cell import FORMATS, Cell, Folder, attempt
 from tests.hostile.devices import CONTROLS, ESCAPES

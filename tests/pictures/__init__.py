@@ -18,9 +18,9 @@ from xml.etree import ElementTree
 from rich.console import Console
 from rich.terminal_theme import TerminalTheme
 
-from handctl import live
-from handctl.result import Sample, Table
-from tests.screen_support import screen
+from handctl.model.result import Sample, Table
+from handctl.screen import live
+from tests.support.screen import screen
 
 HERE = Path(__file__).parent
 PICTURES: dict[str, tuple[int, int, tuple[str, ...]]] = {
@@ -87,8 +87,8 @@ def draw(name: str) -> str:
 
     with (
         tempfile.TemporaryDirectory() as folder,
-        mock.patch("handctl.terminal.console_for", lambda _sink: recorder),
-        mock.patch("handctl.live.show_live", draw_last),
+        mock.patch("handctl.screen.terminal.console_for", lambda _sink: recorder),
+        mock.patch("handctl.screen.live.show_live", draw_last),
     ):
         link = f"fake://exo?seed=7&clock=virtual&jitter=1&state={folder}/state.json"
         if "@" in command:

@@ -16,7 +16,7 @@ from handctl.docgen.tables import common, mnemonic
 from handctl.docgen.tree import Node, Option
 from handctl.errors import HandctlError
 from handctl.families import FAMILIES, SECTIONS
-from handctl.param import MEASURED, Param
+from handctl.model.param import MEASURED, Param
 
 EDITION = "2026-11-21"
 """Date of the pages: of their wording, not of the day they are generated."""

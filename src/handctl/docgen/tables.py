@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from handctl.docgen.tree import Node, Option
-from handctl.param import Param
+from handctl.model.param import Param
 
 MARK = "completion of handctl, generated from its command tree"
 """Stands in the first lines of every script: how an installed one is recognised as ours."""

@@ -16,10 +16,10 @@ from typing import Any, NamedTuple
 
 import click
 
-from handctl.clikit import root
 from handctl.families import COMMANDS, FAMILIES
-from handctl.options import SharedOption
-from handctl.param import Param, ParamMap
+from handctl.frame.clikit import root
+from handctl.frame.options import SharedOption
+from handctl.model.param import Param, ParamMap
 
 
 class Value(NamedTuple):

@@ -7,7 +7,7 @@ from shlex import quote
 from handctl.docgen.tables import INTERFACES, MARK, PORTS, PREFIXES, SLCAN, common, fill, names_of, own, plain
 from handctl.docgen.tree import Node, Option
 from handctl.families import FAMILIES
-from handctl.param import Param
+from handctl.model.param import Param
 
 
 def script(tree: Node) -> str:

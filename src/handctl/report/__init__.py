@@ -14,21 +14,22 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from handctl import __version__, verbs
+from handctl import __version__
 from handctl.errors import CheckFailed, HandctlError, LinkError, NoAnswer, OutputError, ProtocolError, UsageError
 from handctl.files import whole
+from handctl.frame import verbs
 from handctl.link.tap import Tap
-from handctl.param import ParamMap
-from handctl.render import default_view
+from handctl.model.param import ParamMap
+from handctl.model.result import Cell, Column, Grid, Sample, Table
 from handctl.report.facts import environment, port
 from handctl.report.html import Report, page
 from handctl.report.private import REDACTED, Privacy
 from handctl.report.svg import curves
 from handctl.report.transcript import explained, shortened
-from handctl.result import Cell, Column, Grid, Sample, Table
+from handctl.screen.render import default_view
 
 if TYPE_CHECKING:
-    from handctl.run import Run
+    from handctl.frame.run import Run
 
 RATE_HZ = 10.0
 COLUMNS = (Column("file", "File"), Column("size", "Size", right=True, unit="B"), Column("sha256", "SHA-256"))

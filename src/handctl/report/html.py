@@ -9,8 +9,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 from handctl.errors import HandctlError
+from handctl.model.result import Cell, Grid, Message
 from handctl.report.svg import Curve, draw, escape
-from handctl.result import Cell, Grid, Message
 
 
 @dataclass(slots=True)

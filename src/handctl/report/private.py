@@ -12,8 +12,8 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from handctl.param import ParamMap
-from handctl.result import Message, Row, Table
+from handctl.model.param import ParamMap
+from handctl.model.result import Message, Row, Table
 
 REDACTED = "redacted"
 LEFT_OUT = "(left out)"

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from html import escape as escape_markup
 from typing import Any
 
-from handctl.result import Row, Sample
+from handctl.model.result import Row, Sample
 
 WIDTH, HEIGHT, MARGIN = 180, 48, 4
 FINEST = 8

@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 from handctl.families import EXPLAINERS
-from handctl.family import load
+from handctl.frame.family import load
 from handctl.link.tap import parse
-from handctl.piece import DEVICE, HOST, Explainer, Piece
+from handctl.model.piece import DEVICE, HOST, Explainer, Piece
 from handctl.report.private import Privacy
 
 LONGEST = 120_000

@@ -13,18 +13,26 @@ TYPE_CHECKING = False  # the typing module is not worth its import time here
 if TYPE_CHECKING:
     from typing import Any
 
-    from handctl.sim.line import Line
-    from handctl.sim.model import Model
+    from handctl.sim.engine.line import Line
+    from handctl.sim.engine.model import Model
 
-KINDS = ("exo", "wrist", "barrett", "ekso", "aidin")
-"""Each has a module of its name here, with a class `Device`."""
+KINDS = {
+    "exo": "inspire.exo.device",
+    "wrist": "inspire.wrist.device",
+    "barrett": "barrett.device",
+    "ekso": "ekso.device",
+    "aidin": "aidin.device",
+}
+"""Kind -> its module below this package, with a class `Device`."""
+CAN = {"wrist": "inspire.wrist.can"}
+"""The same for a device on a CAN bus."""
 
 
 def model_class(kind: str, bus: str = "serial") -> type[Model]:
     """The model of one kind of device on one kind of wire; imported here so that no other model is."""
     if kind not in KINDS:
         raise ValueError(f"no simulated device {kind!r}; known: {', '.join(KINDS)}")
-    module = f"{kind}_can" if kind == "wrist" and bus == "can" else kind
+    module = CAN[kind] if kind in CAN and bus == "can" else KINDS[kind]
     found: type[Model] = importlib.import_module(f"handctl.sim.{module}").Device
     return found
 
@@ -38,10 +46,10 @@ def create(kind: str, options: dict[str, str]) -> Line | Any:
     Raises ValueError with one line of text (what is wrong, what is known) for an unknown kind, option or fault, for a
     bad value, and for a state file that cannot be used.
     """
-    if kind == "wrist" and options.get("bus") == "can":
-        from handctl.sim.canline import CanLine
+    if kind in CAN and options.get("bus") == "can":
+        from handctl.sim.engine.canline import CanLine
 
         return CanLine(model_class(kind, "can"), options)
-    from handctl.sim.line import Line
+    from handctl.sim.engine.line import Line
 
     return Line(model_class(kind), options)

@@ -29,7 +29,7 @@ class _ServerCommand(click.Command):
     """Shows the faults and the further options of the device in its help; imports the model only then."""
 
     def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        from handctl.sim.line import LINE_FAULTS, LINE_OPTIONS
+        from handctl.sim.engine.line import LINE_FAULTS, LINE_OPTIONS
 
         model = model_class(str(self.name))
         flags = {option.lstrip("-") for param in self.params for option in param.opts} | {"clock", "power-cycle"}
@@ -42,7 +42,7 @@ class _ServerCommand(click.Command):
             with formatter.section(title):
                 formatter.write_dl(list(rows.items()))
         if "--slcan-pty" in {option for param in self.params for option in param.opts}:
-            from handctl.sim.canline import CAN_FAULTS, CAN_OPTIONS
+            from handctl.sim.engine.canline import CAN_FAULTS, CAN_OPTIONS
 
             new = {name: text for name, text in CAN_OPTIONS.items() if LINE_OPTIONS.get(name) != text}
             on_can = {**new, **model_class(str(self.name), "can").OPTIONS}
@@ -159,7 +159,7 @@ def _server(kind: str, summary: str, *, can: bool = False, serial: bool = True) 
             line: Any = create(kind, raw)  # a Line or a CanLine
         except ValueError as exc:
             raise click.UsageError(str(exc)) from exc
-        from handctl.sim import serve, slcan
+        from handctl.sim.engine import serve, slcan
 
         place = slcan_tcp if on_can else tcp
         served: serve.Served = slcan.Adapter(line) if on_can else line
@@ -195,7 +195,7 @@ def control(path: str, command: tuple[str, ...]) -> None:
     heard                  what clients sent since the last time, with the moment (monotonic clock)
     help                   these and the commands of the device
     """
-    from handctl.sim import serve
+    from handctl.sim.engine import serve
 
     try:
         answer = serve.send_control(path, " ".join(command))

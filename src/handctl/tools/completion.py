@@ -10,11 +10,11 @@ from pathlib import Path
 
 import click
 
-from handctl.clikit import Command
 from handctl.errors import OutputError, UsageError
 from handctl.files import whole
-from handctl.result import Column, Table
-from handctl.run import Run
+from handctl.frame.clikit import Command
+from handctl.frame.run import Run
+from handctl.model.result import Column, Table
 
 SHELLS = ("bash", "zsh", "fish")
 """Those that `docgen` writes for; a test compares."""

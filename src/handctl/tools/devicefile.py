@@ -10,9 +10,9 @@ import contextlib
 import os
 from collections.abc import Callable, Iterator, Mapping
 
-from handctl.config import Check, Config, Statement, load, parse, statements
 from handctl.errors import OutputError, UsageError
 from handctl.files import whole
+from handctl.frame.config import Check, Config, Statement, load, parse, statements
 
 WAIT_SECONDS = 5.0
 """For another handctl that is editing the same file."""

@@ -10,17 +10,17 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from handctl.clikit import Group
 from handctl.errors import UsageError
 from handctl.families import FAMILIES
 from handctl.files import read_text
-from handctl.filetypes import InFile
-from handctl.options import COMMAND_LINE, SOURCES, Settings, Source, checks, config_path, read_config, resolve
-from handctl.result import Column, Row, Table
-from handctl.run import Run
+from handctl.frame.clikit import Group
+from handctl.frame.filetypes import InFile
+from handctl.frame.options import COMMAND_LINE, SOURCES, Settings, Source, checks, config_path, read_config, resolve
+from handctl.frame.run import Run
+from handctl.model.result import Column, Row, Table
 
 if TYPE_CHECKING:
-    from handctl.config import Config, Device
+    from handctl.frame.config import Config, Device
 
 cli = Group(
     "devices",
@@ -69,7 +69,7 @@ def add(run: Run, name: str, family: str | None, scanned: str | None, force: boo
 
     `handctl devices add left exo -p /dev/serial/by-id/…`; the device is not asked. Writes the configuration file.
     """
-    from handctl.config import NAME_HELP, is_name
+    from handctl.frame.config import NAME_HELP, is_name
     from handctl.tools import devicefile, naming
 
     if not is_name(name):
@@ -161,7 +161,7 @@ def _setting(key: str, value: Any, source: Source | None) -> Row:
 
 def _given(run: Run) -> dict[str, Any]:
     """What the command line itself says about the device; what comes from elsewhere is not copied into it."""
-    from handctl.config import DEVICE_KEYS
+    from handctl.frame.config import DEVICE_KEYS
 
     if run.sources.get("device") == COMMAND_LINE:
         raise UsageError("-d names a device that is known: what is the new one?", hint="leave out -d")

@@ -10,20 +10,20 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from handctl.clikit import Command
 from handctl.errors import CheckFailed, Interrupted, LinkError, UsageError
 from handctl.families import FAMILIES
-from handctl.family import Family
-from handctl.result import Cell, Column, Grid, Row, Table
-from handctl.run import Run
+from handctl.frame.clikit import Command
+from handctl.frame.family import Family
+from handctl.frame.run import Run
+from handctl.model.result import Cell, Column, Grid, Row, Table
 from handctl.tools.machine import Machine
 from handctl.tools.machine_checks import Check, machine_checks
 from handctl.tools.probes import family_of, probe_of
 
 if TYPE_CHECKING:
+    from handctl.frame.options import Settings
     from handctl.link import Link
-    from handctl.options import Settings
-    from handctl.result import Journal
+    from handctl.model.result import Journal
 
 LINK_SECONDS = 8.0
 PING_TIMEOUT = 0.5

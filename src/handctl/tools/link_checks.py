@@ -11,9 +11,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer, ProtocolError
-from handctl.latency import RoundTrips
 from handctl.link import ByteLink, CanFrame, Deadline, FrameLink, Link
-from handctl.result import Counters, Journal, hex_bytes
+from handctl.model.latency import RoundTrips
+from handctl.model.result import Counters, Journal, hex_bytes
 from handctl.tools import ports as port_tool
 from handctl.tools.machine import Machine, Port
 from handctl.tools.machine_checks import Check

@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from handctl.result import Row
+from handctl.model.result import Row
 from handctl.tools import ports as port_tool
 from handctl.tools.machine import Machine, Port
 

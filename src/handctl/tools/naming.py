@@ -12,8 +12,8 @@ from typing import Any
 
 from handctl.errors import UsageError
 from handctl.families import FAMILIES
-from handctl.family import Family, refuse_missing, refuse_serial
-from handctl.run import Run
+from handctl.frame.family import Family, refuse_missing, refuse_serial
+from handctl.frame.run import Run
 
 URLS = ("socket", "rfc2217", "spy", "loop", "hwgrep", "alt", "cp2110")
 """Schemes of pyserial."""

@@ -9,10 +9,10 @@ from typing import NamedTuple
 
 import click
 
-from handctl.clikit import Command
+from handctl.frame.clikit import Command
+from handctl.frame.run import Run
 from handctl.link.owners import Process, group_remedy
-from handctl.result import Cell, Column, Grid, Journal, Row, Table
-from handctl.run import Run
+from handctl.model.result import Cell, Column, Grid, Journal, Row, Table
 from handctl.tools.chips import Chip
 from handctl.tools.machine import CanInterface, Machine, Port
 

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any, Protocol, cast
 
 from handctl.families import FAMILIES, PROBES
 from handctl.link import Deadline, Link
-from handctl.result import Journal, Row
+from handctl.model.result import Journal, Row
 
 if TYPE_CHECKING:
-    from handctl.family import Family
+    from handctl.frame.family import Family
 
 
 class FamilyProbe(Protocol):

@@ -24,17 +24,17 @@ from typing import Any, NamedTuple
 import click
 
 from handctl import __version__
-from handctl.clikit import Command
 from handctl.errors import HandctlError, Interrupted, LinkError, NoAnswer, ProtocolError, UsageError
 from handctl.families import FAMILIES, PROBES
+from handctl.frame.clikit import Command
+from handctl.frame.options import SharedOption
+from handctl.frame.run import Run
 from handctl.link import ByteLink, Link, open_link
 from handctl.link.lock import Lock, hold
 from handctl.link.tap import Tap
 from handctl.link.tracefile import TraceFile
-from handctl.options import SharedOption
-from handctl.param import ids_in
-from handctl.result import Column, Journal, Row, Table, hex_bytes
-from handctl.run import Run
+from handctl.model.param import ids_in
+from handctl.model.result import Column, Journal, Row, Table, hex_bytes
 from handctl.tools.machine import Machine
 from handctl.tools.probes import FamilyProbe, family_of, has_speed, probe_of, wire_of
 from handctl.tools.trace_read import FAMILY_EVENT

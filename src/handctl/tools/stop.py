@@ -6,11 +6,11 @@ import importlib
 
 import click
 
-from handctl.clikit import Command
 from handctl.errors import UsageError
 from handctl.families import FAMILIES
-from handctl.result import Table
-from handctl.run import Run
+from handctl.frame.clikit import Command
+from handctl.frame.run import Run
+from handctl.model.result import Table
 
 
 @click.command("stop", cls=Command, writes=True, stops=True)
@@ -21,11 +21,11 @@ def cli(run: Run) -> Table:
     Which family it is of is told by its name, or by the lock of the handctl that has it or had it last and was killed.
     Elsewhere `handctl FAMILY stop` stops it. Exit 130 in the other handctl.
     """
-    from handctl import emergency
+    from handctl.stop import command
 
     kind = _kind(run)
     run.family = importlib.import_module(FAMILIES[kind][0]).cli.family
-    return emergency.stop(run)
+    return command.stop(run)
 
 
 def _kind(run: Run) -> str:

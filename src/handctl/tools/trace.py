@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from handctl.clikit import Group
 from handctl.errors import CheckFailed, HandctlError, UsageError
 from handctl.families import FAMILIES
-from handctl.filetypes import InFile
-from handctl.run import Run
+from handctl.frame.clikit import Group
+from handctl.frame.filetypes import InFile
+from handctl.frame.run import Run
 
 if TYPE_CHECKING:
-    from handctl.piece import Piece
-    from handctl.result import Grid, Row, Table
+    from handctl.model.piece import Piece
+    from handctl.model.result import Grid, Row, Table
     from handctl.tools.trace_diff import Difference
     from handctl.tools.trace_read import Told
 
@@ -70,7 +70,7 @@ def diff(run: Run, a: str, b: str, family: str | None) -> Table:
 
     A and B are files, or - for stdin. An exchange is a request with its answer. Message numbers do not count.
     """
-    from handctl.result import Column, Table
+    from handctl.model.result import Column, Table
     from handctl.tools.trace_diff import compare, exchanges
 
     if a == b == "-":
@@ -110,7 +110,7 @@ def decode(run: Run, family: str, hex_bytes: tuple[str, ...], side: str | None) 
     Any usual notation: EB 90, 0xEB,0x90, \\xEB\\x90, xxd, a line of a transcript, a CAN frame as 11000001#04. A wrong
     checksum is shown with the right one. Exit 7 when nothing in it is a valid frame.
     """
-    from handctl.result import Column, Table
+    from handctl.model.result import Column, Table
     from handctl.tools.probes import probe_of
     from handctl.tools.trace_bytes import parse_given
     from handctl.tools.trace_read import explainer_of
@@ -185,7 +185,7 @@ def _matcher(only: str | None, pattern: str | None) -> Callable[[Told], bool]:
 
 
 def _collected(run: Run, told: _Telling, matches: Callable[[Told], bool]) -> Table:
-    from handctl.result import Table
+    from handctl.model.result import Table
 
     rows: list[Row] = []
     failure: HandctlError | None = None
@@ -197,7 +197,7 @@ def _collected(run: Run, told: _Telling, matches: Callable[[Told], bool]) -> Tab
 
 
 def _streamed(run: Run, told: _Telling, matches: Callable[[Told], bool]) -> Table:
-    from handctl.result import Column, Sample, Table
+    from handctl.model.result import Column, Sample, Table
 
     def samples() -> Iterator[Sample]:
         for row in told.rows(run):
@@ -209,7 +209,7 @@ def _streamed(run: Run, told: _Telling, matches: Callable[[Told], bool]) -> Tabl
 
 
 def _write_text(run: Run, told: _Telling, matches: Callable[[Told], bool]) -> None:
-    from handctl.render import Sink
+    from handctl.screen.render import Sink
     from handctl.tools.trace_text import row_text, statistics_text
 
     with Sink(run.settings) as sink:
@@ -262,7 +262,7 @@ def _difference_text(rows: list[Row]) -> str:
 
 
 def _piece_row(piece: Piece) -> Row:
-    from handctl.result import hex_bytes
+    from handctl.model.result import hex_bytes
     from handctl.tools.trace_read import Stamp, Told
 
     nowhere = Stamp(None, 0)
@@ -273,7 +273,7 @@ def _piece_row(piece: Piece) -> Row:
 
 
 def _decoded_view(rows: list[Row]) -> list[Grid]:
-    from handctl.result import Cell, Grid
+    from handctl.model.result import Cell, Grid
     from handctl.tools.trace_read import printable
 
     grids = []

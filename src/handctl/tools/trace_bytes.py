@@ -6,7 +6,7 @@ import re
 from typing import NamedTuple
 
 from handctl.errors import UsageError
-from handctl.piece import DEVICE, HOST
+from handctl.model.piece import DEVICE, HOST
 
 _CAN = re.compile(r"^(?:can\s+)?(?:0x)?([0-9A-Fa-f]{1,8})\s*(?:#|\[(\d)\])\s*(.*)$", re.IGNORECASE)
 _MARK = re.compile(r"^\s*(?:\d+(?:\.\d+)?\s+)?([<>])\s*(.*)$", re.DOTALL)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from itertools import islice
 from typing import NamedTuple
 
-from handctl.piece import HOST, Piece, Value
+from handctl.model.piece import HOST, Piece, Value
 from handctl.tools.trace_read import FAMILY_EVENT, Told
 
 WINDOW = 200

@@ -17,11 +17,11 @@ from typing import IO, Any, NamedTuple
 from handctl import files
 from handctl.errors import UsageError
 from handctl.families import EXPLAINERS, FAMILIES
-from handctl.family import load
-from handctl.latency import RoundTrips
+from handctl.frame.family import load
 from handctl.link.tap import Entry, parse_line
-from handctl.piece import DEVICE, HOST, SIDES, Explainer, Piece
-from handctl.result import Row
+from handctl.model.latency import RoundTrips
+from handctl.model.piece import DEVICE, HOST, SIDES, Explainer, Piece
+from handctl.model.result import Row
 
 LONGEST_LINE = 1 << 20
 OPEN_REQUESTS = 64

@@ -6,7 +6,7 @@ import textwrap
 from collections.abc import Iterator
 from typing import Any
 
-from handctl.piece import HOST, SIDES
+from handctl.model.piece import HOST, SIDES
 from handctl.tools.trace_read import Stamp, Statistics, Told, wire
 
 NARROW = 72

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+from handctl.devices.aidin.device import AidinHand
 from handctl.devices.aidin.feedback import Wire
-from handctl.devices.aidin.fields import AIDIN, Mode
-from handctl.devices.aidin.hand import AidinHand
 from handctl.devices.aidin.homing import MOTOR_POS, connect_or_command, moving, named
+from handctl.devices.aidin.map import AIDIN, Mode
 from handctl.devices.aidin.stop import announced, object_of
 from handctl.errors import CheckFailed, NoAnswer
-from handctl.param import elements_of
-from handctl.result import Column, Row, Table
+from handctl.model.param import elements_of
+from handctl.model.result import Column, Row, Table
 
 BIAS = 0.5
 SHORT = 0.2

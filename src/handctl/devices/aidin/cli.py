@@ -7,26 +7,26 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from handctl import verbs
-from handctl.clikit import Group, stream_options
+from handctl.devices.aidin.device import AidinHand
 from handctl.devices.aidin.exchange import DEFAULT_RETRIES, Conversation
-from handctl.devices.aidin.fields import AIDIN, ANGLES, CURRENTS, ENCODERS, TIPS, Mode, Target
-from handctl.devices.aidin.hand import AidinHand
+from handctl.devices.aidin.map import AIDIN, ANGLES, CURRENTS, ENCODERS, TIPS, Mode, Target
 from handctl.devices.aidin.way import way_of
 from handctl.errors import UsageError
-from handctl.family import Family
-from handctl.gate import Gate
-from handctl.mapverbs import add_map_verbs
-from handctl.options import Number
-from handctl.param import Step
-from handctl.result import Table
-from handctl.run import Run
+from handctl.frame import verbs
+from handctl.frame.clikit import Group, stream_options
+from handctl.frame.family import Family
+from handctl.frame.mapverbs import add_map_verbs
+from handctl.frame.options import Number
+from handctl.frame.run import Run
+from handctl.model.gate import Gate
+from handctl.model.param import Step
+from handctl.model.result import Table
 
 if TYPE_CHECKING:
     from handctl.devices.aidin.targets import Goal
+    from handctl.frame.options import Settings
     from handctl.link import ByteLink
-    from handctl.options import Settings
-    from handctl.result import Journal
+    from handctl.model.result import Journal
 
 PORT = 8000
 RECOMMENDED = 700

@@ -6,18 +6,18 @@ There is no position limit: however it ends, the currents go to 0 and the stop m
 from __future__ import annotations
 
 from handctl.devices.aidin.adjust import SHORT
+from handctl.devices.aidin.device import AidinHand, reading
 from handctl.devices.aidin.exchange import PERIOD
 from handctl.devices.aidin.feedback import Wire
-from handctl.devices.aidin.fields import Mode
-from handctl.devices.aidin.hand import AidinHand, reading
 from handctl.devices.aidin.homing import connect_or_command
+from handctl.devices.aidin.map import Mode
 from handctl.devices.aidin.motion import last_step, mark, measured, target_object
 from handctl.devices.aidin.stop import flow, object_of, send_stop, stopped, stopping, told_currents
 from handctl.devices.aidin.targets import Goal, ramp
 from handctl.errors import CheckFailed, HandctlError, NoAnswer
-from handctl.guide import Guide, Presses
-from handctl.param import elements_of
-from handctl.result import Table
+from handctl.model.guide import Guide, Presses
+from handctl.model.param import elements_of
+from handctl.model.result import Table
 
 
 def currents(hand: AidinHand, goal: Goal, guide: Guide, *, seconds: float, cap: float) -> Table:

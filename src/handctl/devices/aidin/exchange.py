@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from handctl.devices.aidin import trouble
 from handctl.devices.aidin.feedback import ALL, Feedback, Quality, Wire
-from handctl.devices.aidin.fields import FEEDBACK, AidinParam
+from handctl.devices.aidin.map import FEEDBACK, AidinParam
 from handctl.devices.aidin.messages import Decoder, MalformedObject
 from handctl.devices.aidin.way import FIND_OUT, Exchange, Way
 from handctl.errors import HandctlError, LinkError, NoAnswer, ProtocolError, UsageError
-from handctl.gate import Gate
 from handctl.link import ByteLink, Deadline
-from handctl.result import Journal, hex_bytes
+from handctl.model.gate import Gate
+from handctl.model.result import Journal, hex_bytes
 
 LISTEN = 0.3
 LISTEN_MORE = 1.0

@@ -5,10 +5,10 @@ Bytes in, pieces out; knows no link. The hand streams by itself; only the neutra
 
 from __future__ import annotations
 
-from handctl.devices.aidin.fields import AIDIN, FEEDBACK, FINGERS, MODES, AidinParam
+from handctl.devices.aidin.map import AIDIN, FEEDBACK, FINGERS, MODES, AidinParam
 from handctl.devices.aidin.messages import BETWEEN, Decoder, MalformedObject, numbers
 from handctl.errors import ProtocolError
-from handctl.piece import DEVICE, HOST, Part, Piece, Value, stray
+from handctl.model.piece import DEVICE, HOST, Part, Piece, Value, stray
 
 KEYS = {param.key: param for param in AIDIN}
 FEEDBACK_KEYS = {param.key for param in FEEDBACK}

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from handctl.devices.aidin.fields import FEEDBACK, AidinParam
+from handctl.devices.aidin.map import FEEDBACK, AidinParam
 from handctl.devices.aidin.messages import numbers
 from handctl.errors import ProtocolError
-from handctl.param import Number
+from handctl.model.param import Number
 
 Wire = tuple[int, ...] | tuple[float, ...]
 ALL = tuple(param.key for param in FEEDBACK)

@@ -6,15 +6,15 @@ tell whether it is homed.
 
 from __future__ import annotations
 
+from handctl.devices.aidin.device import AidinHand, outside, reading
 from handctl.devices.aidin.feedback import Feedback
-from handctl.devices.aidin.fields import AIDIN, AidinParam, Mode
-from handctl.devices.aidin.hand import AidinHand, outside, reading
+from handctl.devices.aidin.map import AIDIN, AidinParam, Mode
 from handctl.devices.aidin.stop import object_of, stopped, stopping, telling
 from handctl.devices.aidin.way import Exchange
 from handctl.errors import CheckFailed, HandctlError, NoAnswer, UsageError
-from handctl.guide import Guide
-from handctl.param import Number, elements_of
-from handctl.result import Table
+from handctl.model.guide import Guide
+from handctl.model.param import Number, elements_of
+from handctl.model.result import Table
 
 HOLD = 3.5
 """Seconds of homing: the documented 3 and a reserve."""

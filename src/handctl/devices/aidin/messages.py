@@ -1,4 +1,4 @@
-"""JSON objects <-> bytes of the AIDIN-hand (aidin, TCP/IP information). Knows JSON and the framing, no key and no mode.
+"""JSON objects <-> bytes of the AIDIN-hand (aidin, TCP/IP information). Sans I/O: knows JSON and the framing, no key and no mode.
 
 Out: one compact object, with its terminator at most 2047 bytes. In: flat objects, glued or cut anywhere, with blanks, line
 ends or NUL between them. The manual has no delimiter and no length, so only a closed object counts.

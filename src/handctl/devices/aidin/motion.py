@@ -8,17 +8,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import degrees
 
+from handctl.devices.aidin.device import LARGEST_RADIAN, NO_ANGLE, AidinHand, outside
 from handctl.devices.aidin.exchange import PERIOD
 from handctl.devices.aidin.feedback import Feedback, values_of
-from handctl.devices.aidin.fields import Target
-from handctl.devices.aidin.hand import LARGEST_RADIAN, NO_ANGLE, AidinHand, outside
 from handctl.devices.aidin.homing import check_homed, named
+from handctl.devices.aidin.map import Target
 from handctl.devices.aidin.stop import object_of, step_of, stopping, telling
 from handctl.devices.aidin.targets import Goal, missed, ramp
 from handctl.errors import CheckFailed, NoAnswer
-from handctl.guide import Guide
-from handctl.param import Number, Step, elements_of
-from handctl.result import Column, Table
+from handctl.model.guide import Guide
+from handctl.model.param import Number, Step, elements_of
+from handctl.model.result import Column, Table
 
 ARRIVE = 3.0
 """Seconds after the ramp's end until a target counts as not reached."""

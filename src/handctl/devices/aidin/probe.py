@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from handctl.devices.aidin.device import AidinHand
 from handctl.devices.aidin.exchange import Conversation
-from handctl.devices.aidin.hand import AidinHand
 from handctl.devices.aidin.way import Exchange
 from handctl.link import ByteLink, Deadline
-from handctl.result import Journal, Row
+from handctl.model.result import Journal, Row
 
 FAMILY = "aidin"
 WIRES = ("tcp",)

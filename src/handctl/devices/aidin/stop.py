@@ -8,17 +8,17 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
+from handctl.devices.aidin.device import AidinHand
 from handctl.devices.aidin.exchange import PERIOD
 from handctl.devices.aidin.feedback import Feedback, Wire
-from handctl.devices.aidin.fields import AIDIN, Mode
-from handctl.devices.aidin.hand import AidinHand
+from handctl.devices.aidin.map import AIDIN, Mode
 from handctl.devices.aidin.messages import Out, encode
 from handctl.devices.aidin.stopper import NO_CURRENT
 from handctl.devices.aidin.stopper import TIMES as STOPS
 from handctl.errors import HandctlError, Interrupted, LinkError
-from handctl.guide import Guide
 from handctl.link.deadman import Shot, guarding
-from handctl.param import Step
+from handctl.model.guide import Guide
+from handctl.model.param import Step
 
 AGAIN = 1.0
 """Seconds in which a connection that was lost is opened again, all tries together."""

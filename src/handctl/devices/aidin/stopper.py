@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from handctl.devices.aidin.messages import TERMINATORS, Decoder, encode, numbers
 from handctl.errors import CheckFailed, NoAnswer, ProtocolError
-from handctl.param import Step
-from handctl.stopping import Aim, Pieces, Say, Stopped, Talk
+from handctl.model.param import Step
+from handctl.stop.talk import Aim, Pieces, Say, Stopped, Talk
 
 STOP = 3
 """hand_mode: motor power off, the fingers move freely."""

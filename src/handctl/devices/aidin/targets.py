@@ -9,9 +9,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import ceil, degrees, isfinite, radians
 
-from handctl.devices.aidin.fields import CURRENTS, FINGERS, AidinParam, Target, both_ranges
+from handctl.devices.aidin.map import CURRENTS, FINGERS, AidinParam, Target, both_ranges
 from handctl.errors import CheckFailed, UsageError
-from handctl.param import Number
+from handctl.model.param import Number
 
 SLACK = 0.01
 """Share of a range by which a measured value that is kept may be outside: it is held at the limit then."""

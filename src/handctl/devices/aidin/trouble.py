@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from handctl.devices.aidin.feedback import Wire
-from handctl.devices.aidin.fields import AidinParam
+from handctl.devices.aidin.map import AidinParam
 from handctl.devices.aidin.messages import WrongNumbers
 from handctl.devices.aidin.way import FIND_OUT, Exchange, Way
 from handctl.errors import HandctlError, NoAnswer, ProtocolError
-from handctl.param import Element, Number
-from handctl.result import hex_bytes
+from handctl.model.param import Element, Number
+from handctl.model.result import hex_bytes
 
 
 def silent(name: str, way: Way, patience: float, *, asked: bool, stopped: bool) -> NoAnswer:

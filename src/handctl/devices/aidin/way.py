@@ -9,12 +9,12 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import TYPE_CHECKING
 
-from handctl.devices.aidin.fields import AIDIN
+from handctl.devices.aidin.map import AIDIN
 from handctl.devices.aidin.messages import LARGEST_OUT, LONGEST_END, NOTHING, TERMINATORS
 from handctl.errors import UsageError
 
 if TYPE_CHECKING:
-    from handctl.options import Settings
+    from handctl.frame.options import Settings
 
 DEEPEST = 8
 COMMANDS = frozenset(param.key.lower() for param in AIDIN if not param.readable)

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Iterable, Sequence
 
-from handctl.devices.aidin.fields import Mode
-from handctl.ledger import Frame
+from handctl.devices.aidin.map import Mode
+from handctl.model.ledger import Frame
 
 MODE = b'"hand_mode"'
 BLANKS = b" \t\r\n\0"

@@ -7,27 +7,27 @@ from typing import TYPE_CHECKING
 
 import click
 
-from handctl import verbs
-from handctl.clikit import Group
-from handctl.devices.barrett.care_cli import add_care_commands
-from handctl.devices.barrett.firmware_cli import add_firmware
-from handctl.devices.barrett.hand import BarrettHand
-from handctl.devices.barrett.language import MOTORS, motor_prefix
-from handctl.devices.barrett.line import DEFAULT_RETRIES, GclLine
+from handctl.devices.barrett.care.cli import add_care_commands
+from handctl.devices.barrett.device import BarrettHand
+from handctl.devices.barrett.firmware.cli import add_firmware
+from handctl.devices.barrett.gcl.language import MOTORS, motor_prefix
+from handctl.devices.barrett.gcl.line import DEFAULT_RETRIES, GclLine
+from handctl.devices.barrett.map import BARRETT, check_careful
 from handctl.devices.barrett.motion_cli import FORCE, MOTORS_OPTION, SPEED, add_movements, ask, step_of
-from handctl.devices.barrett.parameters import BARRETT, check_careful
-from handctl.devices.barrett.realtime_cli import add_realtime
+from handctl.devices.barrett.realtime.cli import add_realtime
 from handctl.devices.barrett.store_cli import add_store_commands
 from handctl.errors import UsageError
-from handctl.family import Family
-from handctl.mapverbs import add_map_verbs
-from handctl.result import Column, Table
-from handctl.run import Run
+from handctl.frame import verbs
+from handctl.frame.clikit import Group
+from handctl.frame.family import Family
+from handctl.frame.mapverbs import add_map_verbs
+from handctl.frame.run import Run
+from handctl.model.result import Column, Table
 
 if TYPE_CHECKING:
+    from handctl.frame.options import Settings
     from handctl.link import ByteLink
-    from handctl.options import Settings
-    from handctl.result import Journal
+    from handctl.model.result import Journal
 
 
 def open_barrett(link: ByteLink, settings: Settings, journal: Journal) -> BarrettHand:
@@ -46,7 +46,7 @@ def open_barrett(link: ByteLink, settings: Settings, journal: Journal) -> Barret
 
 
 def _recall(name: str) -> int | None:
-    from handctl.devices.barrett import lastspeed
+    from handctl.devices.barrett.gcl import lastspeed
 
     return lastspeed.speed_of(name)
 
@@ -60,8 +60,8 @@ cli = Group(
 
 def _report_checks(run: Run) -> Table:
     """The read-only checks of `diagnose`, for a report."""
-    from handctl.devices.barrett import diagnose
-    from handctl.devices.barrett.checks import Patient
+    from handctl.devices.barrett.care import diagnose
+    from handctl.devices.barrett.care.checks import Patient
 
     hand: BarrettHand = run.device()
     patient = Patient(hand, simulated=lambda: run.simulated, name="")
@@ -119,7 +119,7 @@ def version(run: Run) -> Table:
 @click.argument("code", required=False, type=click.IntRange(0, 1 << 32))
 def errors(run: Run, code: int | None) -> Table:
     """Status codes in the manual's wording; CODE may be a sum. Needs no device."""
-    from handctl.devices.barrett.language import ERRORS, explain_status, hint_for, split_status
+    from handctl.devices.barrett.gcl.language import ERRORS, explain_status, hint_for, split_status
 
     codes = sorted(ERRORS) if code is None else split_status(code)
     rows = [{"code": bit, "meaning": explain_status(bit), "next": hint_for(bit)} for bit in codes] or [
@@ -135,8 +135,8 @@ def errors(run: Run, code: int | None) -> Table:
 @click.argument("command", required=False)
 def help_(run: Run, command: str | None) -> Table:
     """The hand's own help for COMMAND or a parameter beside the manual's."""
-    from handctl.devices.barrett import gcl
-    from handctl.devices.barrett.commands import COMMANDS
+    from handctl.devices.barrett.gcl import passthrough
+    from handctl.devices.barrett.gcl.commands import COMMANDS
 
     name = command.upper() if command is not None else ""
     if name and name not in COMMANDS:
@@ -148,12 +148,12 @@ def help_(run: Run, command: str | None) -> Table:
                 hint=f"commands are {' '.join(COMMANDS)}; `handctl barrett describe` lists the parameters",
             ) from exc
     text = f"?{name}"
-    row = gcl.row_of(run.device().line.read(text))
-    row["manual"] = gcl.explain_help(text)
+    row = passthrough.row_of(run.device().line.read(text))
+    row["manual"] = passthrough.explain_help(text)
     return Table(
         rows=[row],
-        columns=(*gcl.COLUMNS, Column("manual", "By the manual")),
-        text=lambda rows: f"{gcl.as_text(rows)}by the manual:\n{rows[0]['manual']}\n",
+        columns=(*passthrough.COLUMNS, Column("manual", "By the manual")),
+        text=lambda rows: f"{passthrough.as_text(rows)}by the manual:\n{rows[0]['manual']}\n",
         plain=("text",),
     )
 
@@ -185,7 +185,8 @@ def set_(run: Run, assignments: tuple[str, ...], motors: str | None, force: bool
 @click.option("--save", "save_too", is_flag=True, help="Save it to EEPROM: the hand starts at this speed from then on.")
 def baud(run: Run, rate: int | None, save_too: bool) -> Table:
     """Show the speed, or change it: the hand and the port switch over together, then it is verified."""
-    from handctl.devices.barrett import eeprom, speed
+    from handctl.devices.barrett import eeprom
+    from handctl.devices.barrett.gcl import speed
 
     if rate is None:
         if run.settings.dry_run:
@@ -215,7 +216,7 @@ def reset(run: Run) -> Table:
 
     The hand then speaks the speed that is saved, which is looked for: asks first.
     """
-    from handctl.devices.barrett import speed
+    from handctl.devices.barrett.gcl import speed
 
     if (plan := run.planned([step_of("RESET")])) is not None:
         return plan
@@ -238,32 +239,33 @@ def gcl_(run: Run, commands: tuple[str, ...], keep_going: bool) -> Table:
 
     The prompt has history, completion of commands and parameters, and ?NAME for help.
     """
-    from handctl.devices.barrett import eeprom, gcl
+    from handctl.devices.barrett import eeprom
+    from handctl.devices.barrett.gcl import passthrough
 
     if not commands and sys.stdin.isatty():
         return _prompt(run)
-    wanted = list(commands) if commands else gcl.script(sys.stdin)
+    wanted = list(commands) if commands else passthrough.script(sys.stdin)
     if not wanted:
         raise UsageError("no command", hint='e.g. handctl barrett gcl "HI" "GC" "FGET P", or a script on stdin')
     for text in wanted:
-        gcl.refuse(text)
+        passthrough.refuse(text)
         step_of(text)
-        for note in gcl.notes(text):
+        for note in passthrough.notes(text):
             run.journal.warn("careful", f"{text}: {note}")
     if (plan := run.planned([step_of(text) for text in wanted])) is not None:
         return plan
     ask(run, wanted)
-    ledger = eeprom.Ledger(run.device(), simulated=run.simulated) if gcl.saves(wanted) else None
+    ledger = eeprom.Ledger(run.device(), simulated=run.simulated) if passthrough.saves(wanted) else None
     hand = run.device()
-    hand.line.interrupt = run.settings.interrupt or not gcl.only_asks(wanted)
-    table = gcl.run_all(hand, wanted, keep_going=keep_going)
-    if ledger is not None and gcl.saves(row["command"] for row in table.rows if not row["status"]):
+    hand.line.interrupt = run.settings.interrupt or not passthrough.only_asks(wanted)
+    table = passthrough.run_all(hand, wanted, keep_going=keep_going)
+    if ledger is not None and passthrough.saves(row["command"] for row in table.rows if not row["status"]):
         ledger.count_unknown()
     return table
 
 
 def _prompt(run: Run) -> Table:
-    from handctl.devices.barrett import gcl, prompt
+    from handctl.devices.barrett.gcl import passthrough, prompt
 
     if run.settings.dry_run:
         raise UsageError("a prompt sends what is typed", hint="give the commands as arguments for a dry run")
@@ -275,7 +277,7 @@ def _prompt(run: Run) -> Table:
         )
     history = prompt.line_reader()
     try:
-        return gcl.interactive(run, run.device(), input, lambda text: ask(run, [text]))
+        return passthrough.interactive(run, run.device(), input, lambda text: ask(run, [text]))
     finally:
         prompt.leave(history)
 

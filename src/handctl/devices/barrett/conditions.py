@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from handctl.devices.barrett.parameters import BARRETT
-from handctl.result import Journal, Row
+from handctl.devices.barrett.map import BARRETT
+from handctl.model.result import Journal, Row
 
 NOT_HOMED = "not initialized: P counts from where it was switched on, and means nothing before HI (barrett §5.2.1)"
 NO_GAUGE = "no gauge (barrett §5.3.2)"

@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import Any
 
 from handctl.devices.barrett import hostfile
-from handctl.devices.barrett.hand import BarrettHand
-from handctl.devices.barrett.language import motors_of
-from handctl.devices.barrett.parameters import BARRETT, all_elements, standard
+from handctl.devices.barrett.device import BarrettHand
+from handctl.devices.barrett.gcl.language import motors_of
+from handctl.devices.barrett.map import BARRETT, all_elements, standard
 from handctl.errors import DeviceRefused, HandctlError, Interrupted, NotIdentified, UsageError
 from handctl.files import state_path
-from handctl.result import Column, Row, Table
+from handctl.model.result import Column, Row, Table
 
 MOST_SAVES = 5000
 WHAT = "journal of saves"

@@ -10,12 +10,13 @@ from __future__ import annotations
 from collections import deque
 from typing import NamedTuple
 
-from handctl.devices.barrett import gclwords, loopwords
-from handctl.devices.barrett.commands import split
-from handctl.devices.barrett.language import Answer, Decoder, explain_status
-from handctl.devices.barrett.loopwords import Flags, LoopWords
-from handctl.devices.barrett.monitorwords import MonitorWords, records
-from handctl.piece import DEVICE, HOST, Later, Part, Piece, stray
+from handctl.devices.barrett.firmware.words import MonitorWords, records
+from handctl.devices.barrett.gcl import words as gclwords
+from handctl.devices.barrett.gcl.commands import split
+from handctl.devices.barrett.gcl.language import Answer, Decoder, explain_status
+from handctl.devices.barrett.realtime import words as loopwords
+from handctl.devices.barrett.realtime.words import Flags, LoopWords
+from handctl.model.piece import DEVICE, HOST, Later, Part, Piece, stray
 
 CR, ABORT = 0x0D, 0x03
 OFFERS = (b"X", b"XX")

@@ -6,13 +6,13 @@ A supervisory movement blocks the line: no position can be read while it runs. ^
 from __future__ import annotations
 
 from handctl.devices.barrett.conditions import NOT_HOMED
-from handctl.devices.barrett.hand import BarrettHand
-from handctl.devices.barrett.language import MOTORS, Answer, encode, explain_status
-from handctl.devices.barrett.parameters import BARRETT, GclParam
+from handctl.devices.barrett.device import BarrettHand
+from handctl.devices.barrett.gcl.language import MOTORS, Answer, encode, explain_status
+from handctl.devices.barrett.map import BARRETT, GclParam
 from handctl.errors import HandctlError, Interrupted, NoAnswer, ProtocolError, UsageError
-from handctl.guide import Guide
-from handctl.param import Element, Step
-from handctl.result import Column, Row, Table
+from handctl.model.guide import Guide
+from handctl.model.param import Element, Step
+from handctl.model.result import Column, Row, Table
 
 GOALS = {"C": "CT", "O": "OT", "M": "DP"}
 """Where a movement without argument goes."""

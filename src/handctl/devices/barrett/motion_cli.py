@@ -7,11 +7,11 @@ from typing import Any
 
 import click
 
-from handctl.clikit import Group
-from handctl.devices.barrett.language import motor_prefix
-from handctl.param import Step
-from handctl.result import Table
-from handctl.run import Run
+from handctl.devices.barrett.gcl.language import motor_prefix
+from handctl.frame.clikit import Group
+from handctl.frame.run import Run
+from handctl.model.param import Step
+from handctl.model.result import Table
 
 MOTORS_OPTION = click.option(
     "--motors", metavar="12S", help="Which motors: digits, G = fingers, S = spread (default: all)."
@@ -39,8 +39,8 @@ def prefix_of(text: str | None) -> str:
 
 def step_of(text: str) -> Step:
     """A GCL line as a step of a plan."""
-    from handctl.devices.barrett.commands import kind_of
-    from handctl.devices.barrett.language import encode
+    from handctl.devices.barrett.gcl.commands import kind_of
+    from handctl.devices.barrett.gcl.language import encode
 
     kind = kind_of(text)
     return Step(text, encode(text), moves=kind in ("motion", "init"), strands=kind in QUESTIONS)
@@ -51,7 +51,7 @@ def ask(run: Run, texts: Sequence[str], question: str = "") -> None:
 
     `question` says it more exactly. Raises NotConfirmed.
     """
-    from handctl.devices.barrett.commands import kind_of
+    from handctl.devices.barrett.gcl.commands import kind_of
 
     asked = [step for text in texts if (step := step_of(text)).strands]
     if asked:
@@ -71,9 +71,9 @@ def add_movements(group: Group) -> None:
 
         Asks nothing. ^C stops all motors; --motors chooses whose power is taken.
         """
-        from handctl import emergency
         from handctl.devices.barrett import motion
         from handctl.devices.barrett.stopper import power_off
+        from handctl.stop import command as emergency
 
         prefix = prefix_of(motors)
         return emergency.stop(

@@ -8,15 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from handctl.devices.barrett import connecting
-from handctl.devices.barrett.connecting import MONITOR_SPEED, MONITOR_TEXT, QUESTION, seen_in
-from handctl.devices.barrett.hand import BarrettHand
-from handctl.devices.barrett.language import has_prompt, values
-from handctl.devices.barrett.line import GclLine
-from handctl.devices.barrett.meet import comes_back
+from handctl.devices.barrett.device import BarrettHand
+from handctl.devices.barrett.gcl import connecting
+from handctl.devices.barrett.gcl.connecting import MONITOR_SPEED, MONITOR_TEXT, QUESTION, seen_in
+from handctl.devices.barrett.gcl.language import has_prompt, values
+from handctl.devices.barrett.gcl.line import GclLine
+from handctl.devices.barrett.gcl.meet import comes_back
 from handctl.errors import NoAnswer, ProtocolError
 from handctl.link import ByteLink, Deadline
-from handctl.result import Journal, Row, hex_bytes
+from handctl.model.result import Journal, Row, hex_bytes
 
 FAMILY = "barrett"
 WIRES = ("serial", "tcp")

@@ -13,12 +13,12 @@ from collections.abc import Generator, Sequence
 from functools import partial
 from typing import NamedTuple
 
-from handctl.devices.barrett.connecting import MONITOR_SPEED, SAFE_ABORT
-from handctl.devices.barrett.language import ABORT, Answer, Decoder, encode, explain_status, has_prompt
-from handctl.devices.barrett.parameters import SPEEDS
+from handctl.devices.barrett.gcl.connecting import MONITOR_SPEED, SAFE_ABORT
+from handctl.devices.barrett.gcl.language import ABORT, Answer, Decoder, encode, explain_status, has_prompt
+from handctl.devices.barrett.map import SPEEDS
 from handctl.errors import DeviceRefused, NoAnswer, ProtocolError
-from handctl.param import Step
-from handctl.stopping import Aim, Pieces, Say, Stopped, Talk
+from handctl.model.param import Step
+from handctl.stop.talk import Aim, Pieces, Say, Stopped, Talk
 
 FIRST, BETWEEN, LAST = 0.15, 0.02, 0.5
 """Seconds for the prompt behind the first ^C, behind the next ones, and behind the last: a movement needs time to end."""

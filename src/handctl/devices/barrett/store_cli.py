@@ -6,15 +6,15 @@ from collections.abc import Sequence
 
 import click
 
-from handctl import stored
-from handctl.clikit import Group
+from handctl.devices.barrett.map import BARRETT, check_careful
 from handctl.devices.barrett.motion_cli import FORCE, MOTORS_OPTION, ask, prefix_of, step_of
-from handctl.devices.barrett.parameters import BARRETT, check_careful
 from handctl.errors import UsageError
-from handctl.filetypes import InFile
-from handctl.param import Element, Number, Step
-from handctl.result import Table
-from handctl.run import Run
+from handctl.frame import stored
+from handctl.frame.clikit import Group
+from handctl.frame.filetypes import InFile
+from handctl.frame.run import Run
+from handctl.model.param import Element, Number, Step
+from handctl.model.result import Table
 
 
 def add_store_commands(group: Group) -> None:
@@ -47,7 +47,7 @@ def add_store_commands(group: Group) -> None:
         With --motors those motors only (123FSAVE): the hand's own settings stay as they were saved.
         """
         from handctl.devices.barrett import eeprom
-        from handctl.devices.barrett.hand import BarrettHand
+        from handctl.devices.barrett.device import BarrettHand
 
         prefix = prefix_of(motors)
         steps = save_steps(motors)
@@ -102,12 +102,12 @@ def save_steps(motors: str | None) -> list[Step]:
 
 
 def _plain_commands(run: Run, commands: list[str]) -> Table:
-    from handctl.devices.barrett import gcl
+    from handctl.devices.barrett.gcl import passthrough
 
     if (plan := run.planned([step_of(text) for text in commands])) is not None:
         return plan
     ask(run, commands)
-    return gcl.run_all(run.device(), commands, keep_going=False)
+    return passthrough.run_all(run.device(), commands, keep_going=False)
 
 
 def _refuse_to_keep(code: int, force: bool) -> None:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from handctl.devices.barrett.health import LIMIT_TENTHS
-from handctl.devices.barrett.language import MOTORS, explain_status
-from handctl.devices.barrett.parameters import BARRETT, TENTHS, GclParam, careful
-from handctl.param import Element, Number
-from handctl.result import Cell, Grid, Row
+from handctl.devices.barrett.care.health import LIMIT_TENTHS
+from handctl.devices.barrett.gcl.language import MOTORS, explain_status
+from handctl.devices.barrett.map import BARRETT, TENTHS, GclParam, careful
+from handctl.model.param import Element, Number
+from handctl.model.result import Cell, Grid, Row
 
 STROKE = (17500, 3100)
 """Counts of one stroke of a finger and of the spread (barrett §7.3)."""

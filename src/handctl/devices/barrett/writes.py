@@ -9,11 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Iterable, Sequence
 
-from handctl.devices.barrett.commands import split
-from handctl.devices.barrett.connecting import FILL, LOOPED, QUESTION, SAFE_ABORT
-from handctl.devices.barrett.language import ABORT, CR, Decoder, has_prompt
-from handctl.devices.barrett.realtime import ACKNOWLEDGE, FEEDBACK_ONLY, NEITHER
-from handctl.ledger import Frame
+from handctl.devices.barrett.gcl.commands import split
+from handctl.devices.barrett.gcl.connecting import FILL, LOOPED, QUESTION, SAFE_ABORT
+from handctl.devices.barrett.gcl.language import ABORT, CR, Decoder, has_prompt
+from handctl.devices.barrett.realtime.blocks import ACKNOWLEDGE, FEEDBACK_ONLY, NEITHER
+from handctl.model.ledger import Frame
 
 NEXT = {
     "motion": "`handctl barrett get P S`",

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from handctl.devices.ekso.frames import OVERHEAD, Command, Frame, name_of
 from handctl.errors import ProtocolError
-from handctl.result import hex_bytes
+from handctl.model.result import hex_bytes
 
 
 class Attempt:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from handctl.devices.ekso.fields import ASSIST, NOTHING_SENT, PERCENT_CODES, Word
+from handctl.devices.ekso.map import ASSIST, NOTHING_SENT, PERCENT_CODES, Word
 from handctl.errors import UsageError
 
 

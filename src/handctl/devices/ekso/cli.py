@@ -8,27 +8,28 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from handctl import __version__, stored, verbs
-from handctl.clikit import Command, Group
+from handctl import __version__
 from handctl.devices.ekso.dataport import DEFAULT_RETRIES, DataPort
 from handctl.devices.ekso.device import Ekso, one_setting, written_table
-from handctl.devices.ekso.fields import EKSO
 from handctl.devices.ekso.frames import LENGTH_MODE
 from handctl.devices.ekso.lengthmode import check_mode
-from handctl.devices.ekso.log_cli import add_log_commands
+from handctl.devices.ekso.log.cli import add_log_commands
+from handctl.devices.ekso.map import EKSO
 from handctl.errors import UsageError
-from handctl.family import Family
-from handctl.filetypes import InFile, OutFile
-from handctl.gate import Gate
-from handctl.mapverbs import NAMES, add_map_verbs
-from handctl.result import Column, Table
-from handctl.run import Run
+from handctl.frame import stored, verbs
+from handctl.frame.clikit import Command, Group
+from handctl.frame.family import Family
+from handctl.frame.filetypes import InFile, OutFile
+from handctl.frame.mapverbs import NAMES, add_map_verbs
+from handctl.frame.run import Run
+from handctl.model.gate import Gate
+from handctl.model.result import Column, Table
 
 if TYPE_CHECKING:
     from handctl.devices.ekso.audit import AuditLog
+    from handctl.frame.options import Settings
     from handctl.link import ByteLink
-    from handctl.options import Settings
-    from handctl.result import Journal
+    from handctl.model.result import Journal
 
 NOT_MEDICAL = "handctl is no medical device; who changes a setting answers for it"
 

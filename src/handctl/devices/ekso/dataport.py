@@ -10,13 +10,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from handctl.devices.ekso.attempt import HINTS, Attempt, key_of, shorten
-from handctl.devices.ekso.fields import SETTINGS
 from handctl.devices.ekso.frames import ANSWER_SIZES, OVERHEAD, Command, Decoder, Frame, encode, name_of
+from handctl.devices.ekso.map import SETTINGS
 from handctl.errors import HandctlError, NoAnswer, ProtocolError
-from handctl.foreign import harmless
-from handctl.gate import Gate
 from handctl.link import ByteLink, Deadline
-from handctl.result import Journal, hex_bytes
+from handctl.model.foreign import harmless
+from handctl.model.gate import Gate
+from handctl.model.result import Journal, hex_bytes
 
 DEFAULT_TIMEOUT = 0.5
 """Seconds for the whole answer; the manual names none."""

@@ -9,14 +9,14 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Protocol
 
 from handctl.devices.ekso.dataport import DataPort
-from handctl.devices.ekso.fields import DATA, EKSO, MESSAGES, NOTHING_SENT, Word
 from handctl.devices.ekso.frames import Command, Frame, cancel_body, set_value_body, status_text
 from handctl.devices.ekso.lengthmode import find_mode
+from handctl.devices.ekso.map import DATA, EKSO, MESSAGES, NOTHING_SENT, Word
 from handctl.devices.ekso.views import dump_view, words_view, written_view
 from handctl.errors import DeviceRefused, HandctlError, Interrupted, LinkError, NoAnswer, ProtocolError, UsageError
 from handctl.link import Link
-from handctl.param import Element, Number, Reading, Step, elements_of
-from handctl.result import Column, Journal, Row, Table
+from handctl.model.param import Element, Number, Reading, Step, elements_of
+from handctl.model.result import Column, Journal, Row, Table
 
 if TYPE_CHECKING:
     from handctl.devices.ekso.change import Change

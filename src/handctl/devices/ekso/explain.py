@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
-from handctl.devices.ekso.fields import EKSO, MESSAGES, Word, boot_ms, boot_text
 from handctl.devices.ekso.frames import (
     ANSWER_SIZES,
     LENGTH_MODES,
@@ -22,7 +21,8 @@ from handctl.devices.ekso.frames import (
     status_text,
     unpack,
 )
-from handctl.piece import DEVICE, HOST, Later, Part, Piece, Value, stray
+from handctl.devices.ekso.map import EKSO, MESSAGES, Word, boot_ms, boot_text
+from handctl.model.piece import DEVICE, HOST, Later, Part, Piece, Value, stray
 
 LONGEST = max(size for sizes in ANSWER_SIZES.values() for size in sizes) + OVERHEAD + max(LENGTH_MODES.values())
 ORDER = ("body", "n-4", "n-2", "frame")

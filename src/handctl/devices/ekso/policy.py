@@ -7,12 +7,12 @@ from __future__ import annotations
 
 from handctl.devices.ekso.audit import AuditLog
 from handctl.devices.ekso.chain import told
-from handctl.devices.ekso.fields import SETTINGS, Word
+from handctl.devices.ekso.map import SETTINGS, Word
 from handctl.devices.ekso.memory import WINDOW
 from handctl.devices.ekso.settings import BETWEEN_WRITES
 from handctl.devices.ekso.stillness import APART, BOOT_TOLERANCE_MS, MOST_SPEED
 from handctl.errors import CheckFailed, UsageError
-from handctl.result import Column, Journal, Row, Table
+from handctl.model.result import Column, Journal, Row, Table
 
 COLUMNS = (
     Column("name", "Setting"),

@@ -8,7 +8,7 @@ from handctl.devices.ekso.dataport import DataPort
 from handctl.devices.ekso.device import Ekso
 from handctl.devices.ekso.frames import Command
 from handctl.link import ByteLink, Deadline
-from handctl.result import Journal, Row
+from handctl.model.result import Journal, Row
 
 FAMILY = "ekso"
 WIRES = ("serial", "tcp")

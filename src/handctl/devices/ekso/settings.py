@@ -12,8 +12,8 @@ from collections.abc import Callable, Sequence
 from handctl.devices.ekso.audit import AuditLog
 from handctl.devices.ekso.change import Change, check_change, check_code, limit_of, most, needs_second_answer, way
 from handctl.devices.ekso.dataport import DataPort
-from handctl.devices.ekso.fields import NOTHING_SENT, SETTINGS, Word
 from handctl.devices.ekso.frames import Command, Frame, set_value_body, status_text
+from handctl.devices.ekso.map import NOTHING_SENT, SETTINGS, Word
 from handctl.devices.ekso.memory import NOT_SENT, WINDOW, recent
 from handctl.devices.ekso.stillness import require_stillness
 from handctl.errors import (
@@ -28,9 +28,9 @@ from handctl.errors import (
     ProtocolError,
     UsageError,
 )
-from handctl.guide import Guide
-from handctl.param import Step
-from handctl.result import hex_bytes
+from handctl.model.guide import Guide
+from handctl.model.param import Step
+from handctl.model.result import hex_bytes
 
 BETWEEN_WRITES = 1.0
 """Seconds from one SetValue to the next."""

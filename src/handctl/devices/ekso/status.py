@@ -8,12 +8,12 @@ from __future__ import annotations
 from datetime import datetime
 from typing import TYPE_CHECKING
 
-from handctl.devices.ekso.fields import DATA, FEEDBACK, LEGS, POSTURES, SETTINGS, Word, boot_ms, boot_text
 from handctl.devices.ekso.kinematics import MOST_X, MOST_Y, residuals
+from handctl.devices.ekso.map import DATA, FEEDBACK, LEGS, POSTURES, SETTINGS, Word, boot_ms, boot_text
 from handctl.devices.ekso.stillness import APART, BOOT_TOLERANCE_MS
 from handctl.errors import CheckFailed, HandctlError, LinkError
-from handctl.param import Reading
-from handctl.result import Cell, Grid, Row, Table
+from handctl.model.param import Reading
+from handctl.model.result import Cell, Grid, Row, Table
 
 if TYPE_CHECKING:
     from handctl.devices.ekso.device import Ekso

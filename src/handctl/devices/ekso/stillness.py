@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from handctl.devices.ekso.dataport import DataPort
-from handctl.devices.ekso.fields import DATA, DRIVEN, SITTING, STANDING, Word, boot_ms, state_text
 from handctl.devices.ekso.frames import Command
+from handctl.devices.ekso.map import DATA, DRIVEN, SITTING, STANDING, Word, boot_ms, state_text
 from handctl.errors import CheckFailed
 
 APART = 0.1

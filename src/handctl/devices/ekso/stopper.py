@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from handctl.devices.ekso.frames import LENGTH_MODE, Command, Decoder, Frame, cancel_body, encode, status_text
 from handctl.errors import DeviceRefused, NoAnswer, ProtocolError
-from handctl.param import Step
-from handctl.stopping import Aim, Pieces, Say, Stopped, Talk
+from handctl.model.param import Step
+from handctl.stop.talk import Aim, Pieces, Say, Stopped, Talk
 
 MSG_ID = 0xF000
 """Far from those that count up from 1: a late answer to somebody's read is not taken for ours. And no frame with it holds a

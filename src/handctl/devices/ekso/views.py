@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from handctl.devices.ekso.fields import EKSO, FEEDBACK, MESSAGES, Word, boot_ms, boot_text
-from handctl.result import Cell, Grid, Row
+from handctl.devices.ekso.map import EKSO, FEEDBACK, MESSAGES, Word, boot_ms, boot_text
+from handctl.model.result import Cell, Grid, Row
 
 
 def words_view(rows: list[Row]) -> list[Grid]:

@@ -10,7 +10,7 @@ from collections.abc import Hashable, Iterable, Sequence
 
 from handctl.devices.ekso.frames import Command, Decoder
 from handctl.errors import ProtocolError
-from handctl.ledger import Frame
+from handctl.model.ledger import Frame
 
 READS = range(Command.GET_TIME, Command.SET_VALUE)
 CRC_BYTES = 2

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from handctl.devices.inspire.bus import RegisterBus
 from handctl.devices.inspire.eb90 import MAX_COUNT
-from handctl.devices.inspire.registers import Register
+from handctl.devices.inspire.map import Register
 from handctl.errors import HandctlError, NoAnswer, ProtocolError
 
 

@@ -16,10 +16,10 @@ from handctl.devices.inspire.eb90 import Decoder, Frame
 from handctl.devices.inspire.mishaps import SILENCE_HINT, explain, hint_for, shorten
 from handctl.devices.inspire.quiet import question
 from handctl.errors import DeviceRefused, HandctlError, Interrupted, LinkError, NoAnswer, ProtocolError
-from handctl.foreign import harmless
 from handctl.link import ByteLink, CanFrame, Deadline, Link
-from handctl.param import Step
-from handctl.result import Journal, hex_bytes
+from handctl.model.foreign import harmless
+from handctl.model.param import Step
+from handctl.model.result import Journal, hex_bytes
 
 if TYPE_CHECKING:
     from handctl.devices.inspire.identity import FamilyGate

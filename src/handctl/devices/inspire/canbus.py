@@ -12,8 +12,8 @@ from handctl.devices.inspire import canreg
 from handctl.devices.inspire.bus import DEFAULT_RETRIES, DEFAULT_TIMEOUT, RegisterBus
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError
 from handctl.link import CanFrame, Deadline, FrameLink
-from handctl.param import Step
-from handctl.result import Journal, hex_bytes
+from handctl.model.param import Step
+from handctl.model.result import Journal, hex_bytes
 
 
 class CanBus(RegisterBus):

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from handctl.devices.inspire import canreg
-from handctl.devices.inspire.registers import WRIST, Register
+from handctl.devices.inspire.map import WRIST, Register
 from handctl.devices.inspire.spans import describe, span_name, span_parts, span_values
-from handctl.param import ParamMap
-from handctl.piece import DEVICE, HOST, Part, Piece
+from handctl.model.param import ParamMap
+from handctl.model.piece import DEVICE, HOST, Part, Piece
 
 KINDS = {0: "read hand", 1: "write hand", 4: "read wrist", 5: "write wrist"}
 LARGEST = 256

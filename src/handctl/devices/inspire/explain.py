@@ -12,11 +12,11 @@ from dataclasses import replace
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.canwords import CanWords
 from handctl.devices.inspire.eb90 import FORCE_COMMAND, POSITION_COMMAND, READ, WRIST_READ, WRIST_WRITE, WRITE, Frame
-from handctl.devices.inspire.registers import EXO, FINGERS, WRIST, Register
+from handctl.devices.inspire.map import EXO, FINGERS, WRIST, Register
 from handctl.devices.inspire.spans import describe, span_name, span_parts, span_values
-from handctl.devices.inspire.wrist_raw import CAN_MISPRINTS, MISPRINTS
-from handctl.param import ParamMap
-from handctl.piece import DEVICE, HOST, Later, Part, Piece, Value, stray
+from handctl.devices.inspire.wrist.raw import CAN_MISPRINTS, MISPRINTS
+from handctl.model.param import ParamMap
+from handctl.model.piece import DEVICE, HOST, Later, Part, Piece, Value, stray
 
 CALIBRATION_END = 2
 """Address field of the frame that ends a calibration (RH56 ch. 3 ex. 5)."""

@@ -14,8 +14,8 @@ from handctl.devices.inspire import eb90
 from handctl.devices.inspire.bus import RegisterBus
 from handctl.devices.inspire.quiet import READS, Span
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError
-from handctl.gate import Gate
-from handctl.result import hex_bytes
+from handctl.model.gate import Gate
+from handctl.model.result import hex_bytes
 
 At = Callable[[int, int], bytes | None]
 """(address, count) -> the bytes there, None where they were not read."""

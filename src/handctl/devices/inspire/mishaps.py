@@ -5,7 +5,7 @@ from __future__ import annotations
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.eb90 import Decoder, Frame
 from handctl.errors import ProtocolError
-from handctl.result import hex_bytes
+from handctl.model.result import hex_bytes
 
 SILENCE_HINT = (
     "silence means a wrong id, a wrong speed, no power or no cable alike. Check in this order: --id 1 at 115200, "

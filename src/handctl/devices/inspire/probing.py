@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from handctl.devices.inspire.device import RegisterDevice
+from handctl.devices.inspire.base import RegisterDevice
 from handctl.devices.inspire.identity import SIX_HINT, Kind, Look
 from handctl.errors import NoAnswer
-from handctl.result import Journal, Row, Table
+from handctl.model.result import Journal, Row, Table
 
 SPEEDS = (115200, 57600, 19200)
 """exo §2.3.2; the wrist's manual has 115200 only, its hand's the others too."""

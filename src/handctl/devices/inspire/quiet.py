@@ -7,7 +7,7 @@ quiet, but for 3 and 13, which are such bytes themselves.
 from __future__ import annotations
 
 from handctl.devices.inspire import eb90
-from handctl.foreign import harmless
+from handctl.model.foreign import harmless
 
 Span = tuple[int, int]
 """Address and count of bytes."""

@@ -8,14 +8,14 @@ from typing import NamedTuple
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.identity import SIX_HINT, Kind
+from handctl.devices.inspire.map import BAUD_RATES
 from handctl.devices.inspire.mishaps import hint_for
 from handctl.devices.inspire.quiet import Span
-from handctl.devices.inspire.registers import BAUD_RATES
 from handctl.devices.inspire.scanner import Findings, Scanner
 from handctl.errors import DeviceRefused, NoAnswer, ProtocolError, UsageError
-from handctl.guide import Guide
-from handctl.param import ids_in
-from handctl.result import Column, Row, Table
+from handctl.model.guide import Guide
+from handctl.model.param import ids_in
+from handctl.model.result import Column, Row, Table
 
 
 class Target(NamedTuple):

@@ -20,7 +20,7 @@ from handctl.devices.inspire.eb90 import Decoder
 from handctl.devices.inspire.identity import WRIST, Kind, Look
 from handctl.devices.inspire.quiet import READS, Span, question
 from handctl.errors import NoAnswer, ProtocolError
-from handctl.guide import Guide
+from handctl.model.guide import Guide
 
 DRAIN_SECONDS = 0.05
 TRICKLE_SECONDS = 0.2

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from functools import cache, lru_cache
 from itertools import groupby
 
-from handctl.devices.inspire.registers import Register
-from handctl.param import Element, ParamMap
-from handctl.piece import Part, Value
+from handctl.devices.inspire.map import Register
+from handctl.model.param import Element, ParamMap
+from handctl.model.piece import Part, Value
 
 
 def element_at(params: ParamMap[Register], address: int) -> tuple[Register, int] | None:

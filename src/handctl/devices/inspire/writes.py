@@ -10,10 +10,10 @@ from __future__ import annotations
 from collections.abc import Hashable, Iterable, Sequence
 
 from handctl.devices.inspire import canreg, eb90
-from handctl.devices.inspire.registers import EXO, WRIST, Register
+from handctl.devices.inspire.map import EXO, WRIST, Register
 from handctl.errors import ProtocolError
-from handctl.ledger import Frame
-from handctl.param import ParamMap
+from handctl.model.ledger import Frame
+from handctl.model.param import ParamMap
 
 READ_WRIST, WRITE_WRIST = 0x30, 0x31
 COMMANDS = {eb90.FORCE_COMMAND: "force_set", eb90.POSITION_COMMAND: "position_set"}

@@ -1,0 +1,197 @@
+"""The AIDIN-hand: its feedback as readings and rows, its status. Satisfies what `verbs` needs of a device.
+
+There is no acknowledge and no error message: feedback is the only proof of anything (dossier 3).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from handctl.devices.aidin.exchange import Conversation
+from handctl.devices.aidin.feedback import Wire
+from handctl.devices.aidin.map import AIDIN, FEEDBACK, FINGERS, AidinParam
+from handctl.devices.aidin.trouble import number_of
+from handctl.devices.aidin.way import Exchange
+from handctl.errors import CheckFailed, ProtocolError
+from handctl.link import Link
+from handctl.model.param import Element, Reading, elements_of
+from handctl.model.result import Cell, Column, Grid, Journal, Row, Table
+
+SLACK = 0.01
+"""Share of a range by which a value may be outside: encoders and angles jitter at the stops."""
+LARGEST_RADIAN = 6.3
+MOST_ERRORS = 5
+"""As many as there are keys: more of them are counted."""
+NO_ANGLE = "is no angle in radians: degrees on the wire?"
+SHORT = {"current_state": "current"}
+
+
+class AidinHand:
+    """One hand on a connection."""
+
+    kind = "aidin"
+    map = AIDIN
+    worn = False
+    live = tuple(param.name for param in FEEDBACK if param.name != "task_space_pos")
+    columns = (
+        Column("name", "Name"),
+        Column("finger", "Finger"),
+        Column("element", "Element"),
+        Column("value", "Value", right=True),
+        Column("unit", "Unit"),
+    )
+
+    def __init__(self, talk: Conversation) -> None:
+        self.talk = talk
+
+    @property
+    def link(self) -> Link:
+        """Where it is, and its clock."""
+        return self.talk.link
+
+    @property
+    def journal(self) -> Journal:
+        """Where messages and counters go."""
+        return self.talk.journal
+
+    # -- reading -------------------------------------------------------------------------------------------------
+
+    def read(self, elements: Sequence[Element]) -> list[Reading]:
+        """Readings of one moment: what the hand sends from now on. A key that is wrong is an error of its elements."""
+        params = {element.param.name: param_of(element) for element in elements}
+        found = self.talk.refresh(tuple(params.values()))
+        return [reading(self.link.name, element, found[param_of(element).key]) for element in elements]
+
+    def row(self, taken: Reading) -> Row:
+        """The data row of one reading; angles in degrees, and in `rad` as they stand on the wire."""
+        param, index = param_of(taken.element), taken.element.index
+        row: Row = {
+            "name": param.name,
+            "key": param.key,
+            "finger": param.finger_of(index),
+            "element": param.label_of(index),
+        }
+        if taken.error is not None or taken.value is None:
+            return {**row, "error": taken.error.text if taken.error is not None else "not read", "unit": param.unit}
+        row |= {"value": taken.value, "unit": param.unit}
+        return {**row, "rad": float(taken.raw)} if param.angles else row
+
+    def table(self, readings: Sequence[Reading], title: str = "") -> Table:
+        """Readings as a Table; for people one line per element, fingers side by side."""
+        failed = {taken.error.text: taken.error for taken in readings if isinstance(taken.error, ProtocolError)}
+        failure = None
+        if failed:
+            first = next(iter(failed.values()))
+            more = f"; and {len(failed) - MOST_ERRORS} more" if len(failed) > MOST_ERRORS else ""
+            text = "; ".join(list(failed)[:MOST_ERRORS]) + more
+            failure = ProtocolError(text, hint=first.hint, code=first.code)
+        return Table(
+            rows=[self.row(taken) for taken in readings],
+            columns=self.columns,
+            title=title,
+            view=by_finger,
+            plain=("name", "finger", "element", "value"),
+            failure=failure,
+        )
+
+    def dump(self) -> Table:
+        """Every key the hand sends: 15 motors, 20 joints, 15 coordinates, 15 currents, 30 sensor values."""
+        return self.table(self.read([element for param in FEEDBACK for element in elements_of(param)]))
+
+    def status(self, check: bool) -> Table:
+        """The same, looked at: values out of their range, how the hand speaks. With `check`, unhealthy is exit 7."""
+        table = self.dump()
+        self.talk.look_again()
+        how = "streams by itself" if self.talk.exchange is Exchange.STREAM else "answers when it is asked"
+        self.journal.info("exchange", f"the hand {how}")
+        findings = unhealthy(table.rows)
+        for finding in findings:
+            self.journal.warn("unhealthy", finding)
+        if check and findings and table.failure is None:
+            table.failure = CheckFailed(
+                f"{self.link.name}: {len(findings)} findings: {'; '.join(findings)}",
+                hint="look at its bytes with --trace FILE; until then move with `encoders` only"
+                if all(NO_ANGLE in finding for finding in findings)
+                else "`handctl aidin home` sets the origin of the encoders",
+                code="unhealthy",
+            )
+        return table
+
+
+def param_of(element: Element) -> AidinParam:
+    """The element's parameter, as one of this family."""
+    assert isinstance(element.param, AidinParam)
+    return element.param
+
+
+def reading(where: str, element: Element, found: Wire | ProtocolError) -> Reading:
+    """One element of what came for its key, on the link `where`."""
+    number = number_of(where, element, param_of(element), found)
+    if isinstance(number, ProtocolError):
+        return Reading(element, None, b"", number)
+    return Reading(element, param_of(element).from_wire(number), repr(number).encode("ascii"))
+
+
+def outside(param: AidinParam, index: int, value: float, share: float = SLACK) -> bool:
+    """Whether a value is out of its documented range by more than `share` of it, by default the jitter at a stop."""
+    limit = param.limit(index)
+    if limit is None:
+        return False
+    slack = (limit[1] - limit[0]) * share
+    return not limit[0] - slack <= value <= limit[1] + slack
+
+
+def unhealthy(rows: Sequence[Row]) -> list[str]:
+    """What a technician must look at: elements out of their range, by quantity."""
+    found = []
+    for param in FEEDBACK:
+        mine = [row for row in rows if row["name"] == param.name and "value" in row]
+        wrong = [
+            f"{row['finger']}.{row['element']} {row['value']:g}"
+            for row in mine
+            if outside(param, param.elements.index(f"{row['finger']}.{row['element']}"), row["value"])
+        ]
+        if param.angles and any(abs(row["rad"]) > LARGEST_RADIAN for row in mine):
+            found.append(f"{param.name} {NO_ANGLE}")
+        elif wrong:
+            more = f" and {len(wrong) - 4} more" if len(wrong) > 4 else ""
+            found.append(f"{param.name} out of range: {', '.join(wrong[:4])}{more}; not homed since power-on?")
+    return found
+
+
+# -- how people see it -------------------------------------------------------------------------------------------
+
+
+def by_finger(rows: list[Row]) -> list[Grid]:
+    """One line per element, the fingers side by side; values out of their range are marked."""
+    fingers = [finger for finger in FINGERS if any(row["finger"] == finger for row in rows)]
+    lines: list[tuple[str | Cell, ...]] = []
+    notes: list[str] = []
+    for name in dict.fromkeys(row["name"] for row in rows):
+        param = AIDIN[name]
+        mine = [row for row in rows if row["name"] == name]
+        for label in dict.fromkeys(row["element"] for row in mine):
+            at = {row["finger"]: row for row in mine if row["element"] == label}
+            head = SHORT.get(name, "") + (" " if name in SHORT else "") + label
+            lines.append((head, *(cell(param, at.get(finger)) for finger in fingers), param.unit or "raw"))
+        errors = list(dict.fromkeys(str(row["error"]) for row in mine if "error" in row))
+        notes += errors[:MOST_ERRORS]
+    if any(isinstance(single, Cell) and single.tone == "warn" for line in lines for single in line):
+        notes.append("* out of its documented range")
+    if any(row.get("reached") is False for row in rows):
+        notes.append("≠ target that was not reached")
+    headings = ("", *(finger.capitalize() for finger in fingers), "Unit")
+    return [Grid(headings, tuple(lines), right=frozenset(range(1, len(headings) - 1)), notes=tuple(notes))]
+
+
+def cell(param: AidinParam, row: Row | None) -> str | Cell:
+    """One value: ``?`` for an error, ``*`` out of range, ``≠ target`` where a target was missed."""
+    if row is None:
+        return ""
+    if "error" in row:
+        return Cell("?", "bad")
+    text = f"{row['value']:.{param.places}f}"
+    if row.get("reached") is False:
+        return Cell(f"{text} ≠ {row['target']:.{param.places}f}", "bad")
+    index = param.elements.index(f"{row['finger']}.{row['element']}")
+    return Cell(f"{text}*", "warn") if outside(param, index, row["value"]) else text

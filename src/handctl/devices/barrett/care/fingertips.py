@@ -1,0 +1,204 @@
+"""Where the fingertips are: positions of a hand, or given ones, through the kinematics (barrett §9.5, §9.6).
+
+Knows which parameters to read and how to show the result; the geometry is in `kinematics`. Reading moves nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+
+from handctl.devices.barrett import kinematics
+from handctl.devices.barrett.care.sampling import moments
+from handctl.devices.barrett.conditions import NOT_HOMED
+from handctl.devices.barrett.device import BarrettHand
+from handctl.devices.barrett.map import BARRETT, MOTORS, all_elements
+from handctl.errors import HandctlError, ProtocolError, UsageError
+from handctl.model.result import Cell, Column, Grid, Row, Table
+from handctl.model.sampling import Sampler
+
+FINGERS = MOTORS[:3]
+HIGHEST = 20000
+"""Largest position that a GCL command takes (§5.2.1)."""
+BEFORE, AFTER, ASSUMED = "before breakaway", "after breakaway", "before breakaway assumed"
+COLUMNS = (
+    Column("name", "Name"),
+    Column("motor", "Motor"),
+    Column("value", "Value", right=True),
+    Column("unit", "Unit"),
+    Column("limit", "Limit", right=True),
+    Column("state", "Breakaway"),
+    Column("doubt", "Doubt"),
+)
+JOINTS = ("joint_spread", "joint_inner", "joint_outer")
+AXES = ("tip_x", "tip_y", "tip_z")
+REACH = 320.0
+"""No tip gets farther from the palm's centre, in mm: the ends of the live view's bars."""
+
+
+def breakaways(texts: Sequence[str]) -> dict[str, int]:
+    """``["F1=6000"]`` -> {"F1": 6000}. Raises UsageError."""
+    found = {}
+    for text in texts:
+        name, equals, value = text.upper().partition("=")
+        finger = name if name in FINGERS else f"F{name}"
+        if not equals or finger not in FINGERS or not value.isdecimal() or int(value) > HIGHEST:
+            raise UsageError(
+                f"{text!r} is not FINGER=COUNTS", hint=f"e.g. --breakaway F1=6000, 0 to {HIGHEST}. Nothing was sent."
+            )
+        found[finger] = int(value)
+    return found
+
+
+def rows_of(
+    positions: Mapping[str, int], broken: Mapping[str, int | None], *, known: bool, lost: Collection[str] = ()
+) -> list[Row]:
+    """Rows of all fingers whose motors are known: position, three joints, three coordinates.
+
+    `broken` holds for each finger where its clutch let go, None = not; `known` = the firmware tells it. Of the motors
+    in `lost`, not initialized, a position means nothing, and nothing that follows from it: its rows say so.
+    """
+    rows: list[Row] = []
+    for finger in FINGERS:
+        place = broken.get(finger)
+        state = AFTER if place is not None else BEFORE if known else ASSUMED
+        angles = kinematics.joints(finger, positions[finger], positions["SPREAD"], place)
+        point = kinematics.tip(finger, angles)
+        own = [finger] if finger in lost else []
+        turned = ["SPREAD"] if "SPREAD" in lost and finger != "F3" else []  # the spread turns F1 and F2
+        outside = kinematics.beyond(angles, broken_away=place is not None)
+        rows.append(_row("position", finger, positions[finger], "cts", state, own) | {"parameter": "P"})
+        for number, (name, angle) in enumerate(zip(JOINTS, angles, strict=True), 1):
+            more = {"limit": kinematics.LIMITS[number - 1], "beyond_limit": number in outside}
+            rows.append(_row(name, finger, round(angle, 4), "°", state, own if number > 1 else turned) | more)
+        # + 0.0: there is no minus zero
+        rows += [
+            _row(name, finger, round(at, 4) + 0.0, "mm", state, [*own, *turned])
+            for name, at in zip(AXES, point, strict=True)
+        ]
+    return rows
+
+
+def _row(name: str, finger: str, value: float, unit: str, state: str, lost: Sequence[str]) -> Row:
+    doubt = f"{', '.join(lost)}: {NOT_HOMED}" if lost else None
+    row: Row = {"name": name, "parameter": None, "motor": finger, "value": value, "unit": unit, "state": state}
+    return {**row, "doubt": doubt}
+
+
+def table_of(rows: list[Row]) -> Table:
+    """The rows, for people one line per finger."""
+    return Table(rows=rows, columns=COLUMNS, view=_view, plain=("motor", "name", "value"))
+
+
+def offline(positions: Sequence[int], broken: Mapping[str, int]) -> Table:
+    """Fingertips for given counts of F1, F2, F3 and the spread; needs no hand."""
+    by_motor = dict(zip(MOTORS, positions, strict=True))
+    return table_of(rows_of(by_motor, broken, known=bool(broken)))
+
+
+class Tips:
+    """Reads the positions of a hand, whether they mean anything, and where its clutches let go when its firmware tells.
+
+    Whether the motors are initialized changes with a restart only: it is asked for once a second, not for each moment.
+    """
+
+    def __init__(self, hand: BarrettHand) -> None:
+        self.hand = hand
+        self._tells: bool | None = None
+        self._lost: tuple[str, ...] = ()
+        self._asked: float | None = None
+
+    def rows(self) -> list[Row]:
+        """Rows of this moment. Raises the hand's error when a position could not be read."""
+        names = ["P"] if self._tells is False else ["P", "BD", "BP"]
+        now = self.hand.link.now()
+        if self._asked is None or now - self._asked >= 1.0:
+            names.insert(1, "S")
+        at: dict[str, dict[str, int]] = {name: {} for name in names}
+        for reading in self.hand.read(all_elements([BARRETT.by_mnemonic(name) for name in names])):
+            name, motor = self.hand.row(reading)["parameter"], str(reading.element.part)
+            if reading.error is not None or reading.value is None:
+                if name in ("P", "S") or not _absent(reading.error):
+                    raise reading.error or ProtocolError(f"{name} was not read")
+                continue
+            at[name][motor] = int(reading.value)
+        if "S" in at:
+            self._asked = now
+            self._tell_lost(tuple(motor for motor, status in at["S"].items() if status & 4))
+        if self._tells is None:
+            self._tells = bool(at.get("BD"))
+            if not self._tells:
+                self.hand.journal.info(
+                    "breakaway-unknown",
+                    "this firmware does not tell whether a clutch has let go: before breakaway is assumed",
+                    hint="after a finger has met an object its tip is not known until it was opened (barrett §9.5)",
+                )
+        broken = {
+            finger: at["BP"][finger] if at["BD"].get(finger) and finger in at["BP"] else None
+            for finger in FINGERS
+            if self._tells
+        }
+        return rows_of(at["P"], broken, known=bool(self._tells), lost=self._lost)
+
+    def _tell_lost(self, lost: tuple[str, ...]) -> None:
+        self._lost = lost
+        if lost:
+            self.hand.journal.warn(
+                "not-initialized",
+                f"{', '.join(lost)} {NOT_HOMED}: what follows from it is no place of a fingertip",
+                hint="`handctl barrett init` first; the fingers open fully",
+            )
+
+
+def _absent(error: HandctlError | None) -> bool:
+    return error is not None and error.code == "err-64"
+
+
+def now(hand: BarrettHand) -> Table:
+    """The fingertips of a hand at this moment."""
+    return table_of(Tips(hand).rows())
+
+
+def stream(hand: BarrettHand, *, rate: float, count: int | None, duration: float | None) -> Table:
+    """Fingertips again and again."""
+    sampler = Sampler(hand.link, moments(Tips(hand).rows), rate=rate, count=count, duration=duration)
+    ranges = dict(zip(JOINTS, ((0.0, limit) for limit in kinematics.LIMITS), strict=True))
+    return Table(
+        columns=COLUMNS,
+        samples=sampler.samples(),
+        summary=sampler.summary,
+        ranges=ranges | {"tip_x": (-REACH, REACH), "tip_y": (-REACH, REACH), "tip_z": (0.0, REACH)},
+        decimals=dict.fromkeys((*JOINTS, *AXES), 1),
+    )
+
+
+def _view(rows: list[Row]) -> list[Grid]:
+    """One line per finger: counts, joint angles, coordinates of the tip."""
+    lines = []
+    for finger in FINGERS:
+        mine = {row["name"]: row for row in rows if row["motor"] == finger}
+        angles = [_angle(mine[name]) for name in JOINTS]
+        point = [_marked(mine[name], f"{mine[name]['value']:.1f}") for name in AXES]
+        lines.append((finger, _marked(mine["position"], str(mine["position"]["value"])), *angles, *point))
+    states = {finger: next(row["state"] for row in rows if row["motor"] == finger) for finger in FINGERS}
+    notes = [
+        f"{', '.join(f for f in FINGERS if states[f] == state)}: {state}" for state in dict.fromkeys(states.values())
+    ]
+    if any(row["doubt"] for row in rows):
+        notes.append(f"? {NOT_HOMED}")
+    if AFTER in states.values():
+        notes.append("after breakaway a tip is only right while its finger moves; open it to reset the clutch (§9.5)")
+    outside = [f"{row['motor']} {row['name']}" for row in rows if row.get("beyond_limit")]
+    if outside:
+        notes.append(f"! beyond the joint's limit (§9.6): {', '.join(outside)}")
+    notes.append("limits: spread 180°, inner 140°, outer 48°; frame: centre of the palm, z out of it (§9.5, §9.6)")
+    headings = ("Finger", "Counts", "Spread °", "Inner °", "Outer °", "x mm", "y mm", "z mm")
+    return [Grid(headings, tuple(lines), right=frozenset(range(1, 8)), notes=tuple(notes))]
+
+
+def _angle(row: Row) -> str | Cell:
+    text = f"{row['value']:.2f}"
+    return Cell(f"{text}!", "warn") if row["beyond_limit"] and not row["doubt"] else _marked(row, text)
+
+
+def _marked(row: Row, text: str) -> str | Cell:
+    return Cell(f"{text}?", "dim") if row["doubt"] else text

@@ -1,0 +1,173 @@
+"""What counts as healthy: limits of the manual as verdicts (barrett §2, §5.3, §5.4, §7.3, §7.4). Pure; sends nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+from handctl.devices.barrett.gcl.language import explain_status, hint_for
+from handctl.devices.barrett.map import BARRETT, MOTORS, GclParam
+from handctl.model.result import Row
+
+OK, WARNING, FAIL, SKIPPED = "ok", "warning", "fail", "skipped"
+TONES = {OK: "good", WARNING: "warn", FAIL: "bad", SKIPPED: "dim"}
+
+WARM_TENTHS, LIMIT_TENTHS = 600, 650
+"""Normal up to 60 °C, never above 65 °C (§2)."""
+NO_LOAD = (100, 140)
+"""Strain reading without load (§7.4)."""
+NO_GAUGE = 255
+NOT_INITIALIZED = 4
+LEAST_VELOCITY = 40
+"""Below it a motor may not overcome its friction (§8)."""
+LUBRICATION = 5000
+"""Strokes between two greasings (Table 6)."""
+SOON = 0.8
+"""Share of an interval from which on the work is announced."""
+HARD = ("IVEL", "IHIT", "IOFF", "TSTOP", "FIP", "SAMPLE", "SGFLIP")
+"""Parameters whose value beyond the recommended limit harms: a fail (§5.3.4)."""
+
+
+class Finding(NamedTuple):
+    """The outcome of one check: what was seen, and what to do with which section of the manual."""
+
+    check: str
+    status: str
+    evidence: str
+    remedy: str = ""
+    source: str = ""
+
+    @property
+    def bad(self) -> bool:
+        """Whether a technician must act: a warning or a fail."""
+        return self.status in (WARNING, FAIL)
+
+    def row(self) -> Row:
+        """The row of this finding."""
+        return {**self._asdict(), "remedy": self.remedy or None, "source": self.source or None}
+
+
+def temperature(tenths: int) -> Finding:
+    """The CPU board's temperature now."""
+    text, cool = f"{tenths / 10:.1f} °C", "let it rest; free the spread: `handctl barrett stop --motors S`"
+    if tenths > LIMIT_TENTHS:
+        return Finding("temperature", FAIL, f"{text}: above 65 °C, the limit", cool, "barrett §2")
+    if tenths > WARM_TENTHS:
+        return Finding("temperature", WARNING, f"{text}: normal is 40 to 60 °C, the limit is 65 °C", cool, "barrett §2")
+    return Finding("temperature", OK, f"{text}, limit 65 °C", source="barrett §2")
+
+
+def peak(tenths: int) -> Finding:
+    """The highest temperature of its life."""
+    if tenths >= LIMIT_TENTHS:
+        remedy = "set OTEMP to 600 to 650, TSTOP to at most 30, let the spread idle"
+        return Finding(
+            "peak_temperature", WARNING, f"{tenths / 10:.1f} °C once: 65 °C is the limit", remedy, "barrett §2"
+        )
+    return Finding("peak_temperature", OK, f"{tenths / 10:.1f} °C, limit 65 °C", source="barrett §5.4.2")
+
+
+def over_temperature_limit(tenths: int) -> Finding:
+    """OTEMP: tenths of a degree, 0 = off, which is the factory's value."""
+    check, source = "over_temperature_limit", "barrett §5.4.1"
+    if tenths == 0:
+        remedy = "`handctl barrett set OTEMP=650` stops movements at 65 °C"
+        return Finding(check, OK, "OTEMP is 0, as from the factory: the hand does not protect itself", remedy, source)
+    if tenths < 300:
+        meant = f"; did you mean {tenths}.0 °C ({tenths * 10})?" if tenths * 10 <= 1250 else ""
+        remedy = "`handctl barrett set OTEMP=650`: the unit is 0.1 °C"
+        return Finding(check, FAIL, f"OTEMP {tenths} is {tenths / 10:.1f} °C: movements fail{meant}", remedy, source)
+    if tenths > LIMIT_TENTHS:
+        evidence = f"OTEMP {tenths / 10:.1f} °C is above the hand's limit of 65 °C"
+        return Finding(check, WARNING, evidence, "`handctl barrett set OTEMP=650`", source)
+    return Finding(check, OK, f"OTEMP {tenths / 10:.1f} °C", source=source)
+
+
+def motor_status(motor: str, code: int) -> Finding:
+    """The status of one motor: 4 is usual after power-on."""
+    check, source = f"status.{motor}", "barrett §5.1.3"
+    if code == 0:
+        return Finding(check, OK, "ready", source=source)
+    if code & ~(4 | 16 | 16384):
+        worst = code & ~(4 | 16 | 16384)
+        return Finding(check, FAIL, explain_status(code), hint_for(worst), source)
+    return Finding(check, WARNING, explain_status(code), hint_for(code), source)
+
+
+def no_load(readings: Mapping[str, Sequence[int]], *, check: str = "strain") -> list[Finding]:
+    """Strain readings per finger against 100 to 140. 255 everywhere is a hand without gauges, which is no defect."""
+    if all(value == NO_GAUGE for values in readings.values() for value in values):
+        return [Finding(check, SKIPPED, "no strain gauges: every reading is 255", source="barrett §5.3.2")]
+    found = []
+    for finger, values in readings.items():
+        name, source = f"{check}.{finger}", "barrett §7.4"
+        mean = sum(values) / len(values)
+        shown = f"mean {mean:.1f}, {min(values)} to {max(values)} in {len(values)} readings"
+        adjust = "zero it: `handctl barrett strain --live`, balancing potentiometer"
+        if max(values) >= NO_GAUGE or min(values) <= 0:
+            remedy = "gauge, its wires or contact pins: look at the finger's seat; then ask the vendor"
+            found.append(Finding(name, FAIL, f"{shown}: at the end of the scale", remedy, "barrett §7.3, §9.4"))
+        elif not NO_LOAD[0] <= mean <= NO_LOAD[1]:
+            found.append(Finding(name, WARNING, f"{shown}: not within 100 to 140", adjust, source))
+        else:
+            found.append(Finding(name, OK, shown, source=source))
+    return found
+
+
+def due(strokes: float) -> str:
+    """Status of a greasing point that has made `strokes` since its last greasing."""
+    share = strokes / LUBRICATION
+    return FAIL if share > 1 else WARNING if share >= SOON else OK
+
+
+def settings(values: Mapping[tuple[str, str | None], int]) -> list[Finding]:
+    """All settings by (mnemonic, motor): ranges, recommended limits, velocities, switches. One finding per objection."""
+    found = []
+    for (name, motor), value in values.items():
+        param = BARRETT.by_mnemonic(name)
+        if not param.writable or name == "OTEMP":
+            continue
+        index = MOTORS.index(motor) if motor else 0
+        finding = _setting(param, motor, index, value)
+        if finding is not None:
+            found.append(finding)
+    for motor in MOTORS:
+        high, alias = values.get(("HSG", motor)), values.get(("MSG", motor))
+        if high is not None and alias is not None and high != alias:
+            evidence = f"HSG {high} and MSG {alias} differ: they are one value, so RAM contents are doubtful"
+            found.append(Finding(f"HSG.{motor}", FAIL, evidence, "reload the firmware", "barrett §5.3.1, §3.7"))
+    return found
+
+
+def _setting(param: GclParam, motor: str | None, index: int, value: int) -> Finding | None:
+    name = f"{param.mnemonic}.{motor}" if motor else param.mnemonic
+    default = param.default_of(index)
+    back = f"`handctl barrett set {name}={default}`"
+    if param.mnemonic == "BAUD":
+        back = "`handctl barrett baud 9600`, with --save when it was saved"
+    source = param.source
+    if not param.allowed(value):
+        evidence = f"{name} = {value} is outside its range {param.range_text}: RAM contents are doubtful"
+        return Finding(name, FAIL, evidence, f"{back}; if it comes again, reload the firmware (§3.7)", source)
+    objection = param.objection(index, value)
+    if objection is not None:
+        harms = param.mnemonic in HARD or (param.mnemonic == "MOV" and value > LEAST_VELOCITY)
+        return Finding(name, FAIL if harms else WARNING, objection, back, source)
+    advice = _advice(param.mnemonic, motor, value, default)
+    return None if advice is None else Finding(name, WARNING, advice, back, source)
+
+
+def _advice(mnemonic: str, motor: str | None, value: int, default: int | None) -> str | None:
+    """What is allowed and harmless, but explains a complaint."""
+    match mnemonic:
+        case "EN" if value == 0:
+            return "disabled: it does not move without a prefix"
+        case "HOLD" if value == 1 and motor != "SPREAD":
+            return "HOLD 1: a finger cannot be driven back, holding only heats it"
+        case "FDZ" if value != 0:
+            return f"FDZ {value}: other than 0 is noisy"
+        case "BAUD" if value != 96:
+            return f"{value * 100} bit/s: not the factory's 9600; programs that expect it find no hand"
+        case "IVEL" | "IHIT" | "IOFF" | "TSTOP" if value != default:
+            return f"{mnemonic} {value}: within its limit, but changed from {default}"
+    return None

@@ -1,0 +1,222 @@
+"""Strain gauges without load: statistics against 100 to 140, and the view for turning the potentiometer (barrett §7.4, §9.4).
+
+A reading is without load only when the fingers stand open at their stops; `prepare` moves them there.
+"""
+
+from __future__ import annotations
+
+from handctl.devices.barrett import motion
+from handctl.devices.barrett.care import health, procedures
+from handctl.devices.barrett.care.sampling import moments
+from handctl.devices.barrett.device import BarrettHand
+from handctl.devices.barrett.gcl.language import MOTORS
+from handctl.devices.barrett.map import BARRETT
+from handctl.errors import CheckFailed
+from handctl.model.guide import Guide
+from handctl.model.param import Element, Step
+from handctl.model.result import Cell, Column, Grid, Row, Table
+from handctl.model.sampling import Sampler
+
+FINGERS = MOTORS[:3]
+READINGS = 20
+OPEN_WITHIN = 250
+"""Counts from the open target that count as open: two degrees of the inner link."""
+PREPARATION = (
+    ("HI", "initialize: the fingers open fully"),
+    ("4T", "free the spread"),
+    ("123O", "open the fingers against their stops"),
+)
+"""What §7.4 steps 1 and 2 and §9.4 ask for (HI, ST, GO)."""
+COLUMNS = (
+    Column("name", "Name"),
+    Column("motor", "Finger"),
+    Column("value", "Mean", right=True),
+    Column("min", "Min", right=True),
+    Column("max", "Max", right=True),
+    Column("status", "Status"),
+    Column("evidence", "Seen"),
+)
+
+
+def preparation_steps() -> list[Step]:
+    """The exact bytes of the preparatory movements."""
+    return [Step(meaning, f"{text}\r".encode("ascii"), moves=text != "4T") for text, meaning in PREPARATION]
+
+
+def prepare(hand: BarrettHand, guide: Guide) -> None:
+    """Initialize, free the spread, open the fingers. Raises what the hand refuses, Interrupted after Ctrl-C."""
+    _raise_failure(motion.move(hand, "", "HI", None, guide))
+    motion.power_off(hand, "4")
+    _raise_failure(motion.move(hand, "123", "O", None, guide))
+
+
+def _raise_failure(table: Table) -> None:
+    if table.failure is not None:
+        raise table.failure
+
+
+def _read(hand: BarrettHand, *names: str) -> dict[tuple[str, str], int]:
+    at = {}
+    elements = [Element(BARRETT.by_mnemonic(name), index) for name in names for index in range(3)]
+    for reading in hand.read(elements):
+        if reading.error is not None:
+            raise reading.error
+        at[(str(hand.row(reading)["parameter"]), str(reading.element.part))] = int(reading.value or 0)
+    return at
+
+
+def measure(hand: BarrettHand, count: int = READINGS) -> dict[str, list[int]]:
+    """`count` readings of SG per finger, one line each."""
+    readings: dict[str, list[int]] = {finger: [] for finger in FINGERS}
+    for _ in range(count):
+        for (_, finger), value in _read(hand, "SG").items():
+            readings[finger].append(value)
+    return readings
+
+
+def loaded_fingers(hand: BarrettHand) -> list[str]:
+    """Why each finger's reading may not be without load: not initialized, or not open. Also warns of SGFLIP."""
+    at = _read(hand, "P", "S", "OT", "SGFLIP")
+    flipped = [finger for finger in FINGERS if at["SGFLIP", finger]]
+    if flipped:
+        hand.journal.warn(
+            "strain-flip",
+            f"SGFLIP is 1 for {', '.join(flipped)}: its readings are turned around",
+            hint="`handctl barrett set SGFLIP=0` before anything is adjusted (barrett §5.3.4)",
+        )
+    found = []
+    for finger in FINGERS:
+        if at["S", finger] & 4:
+            found.append(f"{finger} is not initialized")
+        elif abs(at["P", finger] - at["OT", finger]) > OPEN_WITHIN:
+            found.append(f"{finger} stands at {at['P', finger]}")
+    return found
+
+
+def warn_if_loaded(hand: BarrettHand) -> list[str]:
+    """Which fingers do not stand open, with the reason; a message says so."""
+    loaded = loaded_fingers(hand)
+    if loaded:
+        hand.journal.warn(
+            "not-open",
+            f"no load is only sure with open fingers: {', '.join(loaded)}",
+            hint="`handctl barrett strain --open` opens them first",
+        )
+    return loaded
+
+
+def table(hand: BarrettHand, *, check: bool) -> Table:
+    """Statistics and verdict; with `check`, a reading outside is exit 7."""
+    loaded = {text.partition(" ")[0]: text for text in warn_if_loaded(hand)}
+    readings = measure(hand)
+    verdicts = health.no_load(readings)
+    rows = []
+    for number, finger in enumerate(FINGERS):
+        verdict = verdicts[number if len(verdicts) > 1 else 0]
+        values = readings[finger]
+        none = verdict.status == health.SKIPPED
+        rows.append(
+            {
+                "name": "strain_no_load",
+                "parameter": "SG",
+                "motor": finger,
+                "value": None if none else round(sum(values) / len(values), 2),
+                "unit": None,
+                "min": min(values),
+                "max": max(values),
+                "readings": len(values),
+                "low": health.NO_LOAD[0],
+                "high": health.NO_LOAD[1],
+                "fingers_open": not loaded,
+                "doubt": "no gauge" if none else f"may be loaded: {loaded[finger]}" if finger in loaded else None,
+                "status": verdict.status,
+                "evidence": verdict.evidence,
+                "remedy": verdict.remedy or None,
+                "source": verdict.source,
+            }
+        )
+    result = Table(rows=rows, columns=COLUMNS, view=view)
+    bad = [finding for finding in verdicts if finding.bad]
+    if check and bad:
+        text = "; ".join(f"{finding.check}: {finding.evidence}" for finding in bad)
+        result.failure = CheckFailed(f"{hand.link.name}: {text}", code="strain")
+    return result
+
+
+def view(rows: list[Row]) -> list[Grid]:
+    """One line per finger; the adjusting procedure below when a reading is outside."""
+    lines = tuple(
+        (
+            row["motor"],
+            "none" if row["value"] is None else f"{row['value']:.1f}",
+            str(row["min"]),
+            str(row["max"]),
+            f"{row['low']}-{row['high']}",
+            Cell(row["status"], health.TONES[row["status"]]),
+        )
+        for row in rows
+    )
+    notes = []
+    if any(row["status"] == health.SKIPPED for row in rows):
+        notes.append(f"{rows[0]['evidence']} ({rows[0]['source']})")
+    notes += [f"{row['motor']}: {row['remedy']} ({row['source']})" for row in rows if row["remedy"]]
+    if any(row["status"] == health.WARNING for row in rows):
+        notes += procedures.lines("strain")
+    headings = ("Finger", "Mean", "Min", "Max", "No load", "Status")
+    return [Grid(headings, lines, right=frozenset({1, 2, 3}), notes=tuple(notes))]
+
+
+# -- adjusting ----------------------------------------------------------------------------------------------------
+
+
+class _Adjusting:
+    """Rows of each moment: the reading, and how far it is outside the window."""
+
+    def __init__(self, hand: BarrettHand) -> None:
+        self._hand = hand
+
+    def rows(self) -> list[Row]:
+        at = _read(self._hand, "SG")
+        rows: list[Row] = [
+            {
+                "name": "strain",
+                "parameter": "SG",
+                "motor": finger,
+                "value": at["SG", finger],
+                "unit": None,
+                "doubt": "no gauge" if at["SG", finger] == health.NO_GAUGE else None,
+            }
+            for finger in FINGERS
+        ]
+        for finger in FINGERS:
+            outside, label = beside(at["SG", finger])
+            rows.append(
+                {"name": "beside_window", "parameter": "SG", "motor": finger, "value": outside, "unit": None, "label": label}
+            )  # fmt: skip
+        return rows
+
+
+def beside(value: int) -> tuple[int | None, str]:
+    """How far a reading is outside 100 to 140, signed, and in words; None without a gauge."""
+    low, high = health.NO_LOAD
+    if value == health.NO_GAUGE:
+        return None, "no gauge"
+    if value > high:
+        return value - high, f"{value - high} above 140"
+    if value < low:
+        return value - low, f"{low - value} below 100"
+    return 0, "ok"
+
+
+def stream(hand: BarrettHand, *, rate: float, count: int | None, duration: float | None) -> Table:
+    """Readings again and again: the bar's ends are 100 and 140, half full is the middle of the window."""
+    warn_if_loaded(hand)
+    sampler = Sampler(hand.link, moments(_Adjusting(hand).rows), rate=rate, count=count, duration=duration)
+    low, high = health.NO_LOAD
+    return Table(
+        columns=(*hand.columns[:5], Column("label", "Window")),
+        samples=sampler.samples(),
+        summary=sampler.summary,
+        ranges={"strain": (float(low), float(high))},
+        flags=frozenset({"beside_window"}),
+    )

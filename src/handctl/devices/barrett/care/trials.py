@@ -1,0 +1,221 @@
+"""Checks of the troubleshooting that move the hand (barrett §8): short movements, and what came of them.
+
+Every trial tells its command lines beforehand, so that a dry run shows the bytes. Ctrl-C stops the hand by ^C. After a
+trial that the hand did not carry out the rest is skipped.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+from handctl.devices.barrett import motion
+from handctl.devices.barrett.care import health
+from handctl.devices.barrett.care.checks import Patient
+from handctl.devices.barrett.care.health import FAIL, OK, SKIPPED, WARNING, Finding
+from handctl.devices.barrett.gcl.language import motors_of
+from handctl.errors import HandctlError, Interrupted
+from handctl.model.guide import Guide
+from handctl.model.param import Step
+from handctl.model.result import Row
+
+STEP_COUNTS, STEPS = 850, 20
+"""The slow close of the strain curve: 20 steps of a twentieth of 17,000 counts."""
+DIRECTION_COUNTS = 200
+UNEVEN = 1.25
+"""Fastest against slowest finger under torque control; ours, the manual gives none."""
+
+
+class Trial(NamedTuple):
+    """One movement check.
+
+    commands   digits of the fingers -> the GCL lines that it sends
+    run        (patient, digits, guide) -> what came of it
+    """
+
+    title: str
+    commands: Callable[[str], list[str]]
+    run: Callable[[Patient, str, Guide], list[Finding]]
+
+
+def _moved(patient: Patient, digits: str, name: str, argument: int | None, guide: Guide) -> list[Row]:
+    """Rows per motor after a movement; what the hand refuses is raised, except that a place was not reached (16)."""
+    table = motion.move(patient.hand, digits, name, argument, guide)
+    if table.failure is not None and table.failure.code != "err-16":
+        raise table.failure
+    return table.rows
+
+
+def _timed(patient: Patient, text: str) -> float:
+    """Seconds from sending a movement to its prompt. Raises what the hand refuses, Interrupted after Ctrl-C."""
+    link = patient.hand.link
+    begin = link.now()
+    try:
+        patient.hand.do(text)
+    except KeyboardInterrupt as exc:
+        raise Interrupted(f"interrupted in {text}: {motion.halt(patient.hand)}") from exc
+    return link.now() - begin
+
+
+def initialize(patient: Patient, digits: str, guide: Guide) -> list[Finding]:
+    """HI: every motor must be ready afterwards."""
+    table = motion.move(patient.hand, digits, "HI", None, guide)
+    if table.failure is not None and all(row["status"] == 0 for row in table.rows):
+        raise table.failure
+    found = []
+    for row in table.rows:
+        check, code = f"initialize.{row['motor']}", row["status"]
+        if code == 0:
+            found.append(Finding(check, OK, f"ready at {row['value']}", source="barrett §5.2.1"))
+        else:
+            found.append(health.motor_status(row["motor"], code or 0)._replace(check=check, status=FAIL))
+    return found
+
+
+def _to_target(check: str, name: str, blocked: str) -> Callable[[Patient, str, Guide], list[Finding]]:
+    def run(patient: Patient, digits: str, guide: Guide) -> list[Finding]:
+        found = []
+        for row in _moved(patient, digits, name, None, guide):
+            evidence = f"at {row['value']} of {row['target']}: {row['ended']}"
+            if row["ended"] == "reached":
+                found.append(Finding(f"{check}.{row['motor']}", OK, evidence, source="barrett §5.5"))
+            else:
+                found.append(Finding(f"{check}.{row['motor']}", FAIL, evidence, blocked, "barrett §8, §5.5"))
+        return found
+
+    return run
+
+
+def direction(patient: Patient, digits: str, guide: Guide) -> list[Finding]:
+    """A small step to close, one to open: the position must grow, then fall. At a stop only one of them can move."""
+    places = [patient.read("P")]
+    for name in ("IC", "IO"):
+        _moved(patient, digits, name, DIRECTION_COUNTS, guide)
+        places.append(patient.read("P"))
+    found = []
+    for motor in motors_of(digits):
+        start, closed, opened = (place["P", motor] for place in places)
+        check, source = f"direction.{motor}", "barrett §8"
+        evidence = f"closing {closed - start:+d}, opening {opened - closed:+d} of {DIRECTION_COUNTS}"
+        if closed < start or opened > closed:
+            remedy = "encoder feedback: `handctl barrett init`; if it comes again, service"
+            found.append(Finding(check, FAIL, f"{evidence}: the wrong way", remedy, source))
+        elif closed == start and opened == closed:
+            found.append(Finding(check, WARNING, f"{evidence}: it stands", "is something in its way?", source))
+        else:
+            found.append(Finding(check, OK, evidence, source=source))
+    return found
+
+
+def strain_curve(patient: Patient, digits: str, guide: Guide) -> list[Finding]:
+    """A slow close in free air: strain must stay near its no-load value all the way (§9.4)."""
+    seen: dict[str, list[int]] = {motor: [] for motor in motors_of(digits)}
+    _moved(patient, digits, "O", None, guide)
+    for _ in range(STEPS):
+        for row in _moved(patient, digits, "IC", STEP_COUNTS, guide):
+            if row["strain"] is not None:
+                seen[row["motor"]].append(row["strain"])
+    _moved(patient, digits, "O", None, guide)
+    found = []
+    width = health.NO_LOAD[1] - health.NO_LOAD[0]
+    for motor, values in seen.items():
+        check, source = f"strain_curve.{motor}", "barrett §8, §9.4"
+        if not values or set(values) == {health.NO_GAUGE}:
+            found.append(Finding(check, SKIPPED, "no strain gauge", source=source))
+            continue
+        evidence = f"{min(values)} to {max(values)} in {len(values)} steps of {STEP_COUNTS} counts"
+        if max(values) - min(values) > width:
+            remedy = "nothing touched it? Then pretension (§7.1), potentiometer (§7.4), idler pulley (Figure 18)"
+            found.append(Finding(check, WARNING, f"{evidence}: more than {width} in free air", remedy, source))
+        else:
+            found.append(Finding(check, OK, evidence, source=source))
+    return found
+
+
+def torque_speed(patient: Patient, digits: str, guide: Guide) -> list[Finding]:
+    """Counts per second of each finger alone under torque control."""
+    speeds = {}
+    for digit, motor in zip(digits, motors_of(digits), strict=True):
+        _moved(patient, digit, "O", None, guide)
+        before = patient.read("P")["P", motor]
+        seconds = _timed(patient, f"{digit}TC")
+        speeds[motor] = abs(patient.read("P")["P", motor] - before) / seconds
+        _moved(patient, digit, "O", None, guide)
+    evidence = ", ".join(f"{motor} {speed:.0f}" for motor, speed in speeds.items()) + " counts a second"
+    if max(speeds.values()) > UNEVEN * min(speeds.values()):
+        remedy = "grease the slow finger (§7.3), or compensate with MCV or FPG"
+        return [Finding("torque_speed", WARNING, evidence, remedy, "barrett §8")]
+    return [Finding("torque_speed", OK, evidence, source="barrett §8")]
+
+
+def spread_time(patient: Patient, digits: str, guide: Guide) -> list[Finding]:
+    """The spread over its whole way and back, fingers open, against the time its velocities ask for."""
+    _moved(patient, "123", "O", None, guide)
+    _timed(patient, "4O")
+    found = []
+    for text, velocity in (("4C", "MCV"), ("4O", "MOV")):
+        seconds = _timed(patient, text)
+        # 1/16 count a sample of 16 (SAMPLE + 1) / 2 MHz (dossier 13)
+        sample = 16 * (patient.values["SAMPLE", "SPREAD"] + 1) / 2e6
+        usual = motion.USUAL["spread"] * 16 / max(1, patient.values[velocity, "SPREAD"]) * sample
+        evidence = f"{text}: {seconds:.2f} s, about {usual:.2f} s at {velocity} {patient.values[velocity, 'SPREAD']}"
+        if seconds > 2 * usual + 0.4:
+            found.append(Finding("spread_time", WARNING, evidence, "grease the spread's gears", "barrett §7.3, §8"))
+        else:
+            found.append(Finding("spread_time", OK, evidence, source="barrett §8"))
+    return found
+
+
+def _one(name: str) -> Callable[[str], list[str]]:
+    return lambda digits: [f"{digits}{name}"]
+
+
+TRIALS: dict[str, Trial] = {
+    "initialize": Trial("initialize, fingers open fully", _one("HI"), initialize),
+    "open": Trial("open", _one("O"), _to_target("open", "O", "object, other finger, strain limit, or MOV below 40")),
+    "close": Trial("close", _one("C"), _to_target("close", "C", "object, other finger, strain limit, or MCV below 40")),
+    "direction": Trial(
+        "close and open a little",
+        lambda digits: [f"{digits}{name} {DIRECTION_COUNTS}" for name in ("IC", "IO")],
+        direction,
+    ),
+    "strain_curve": Trial(
+        "open, close in small steps, open",
+        lambda digits: [f"{digits}O", *[f"{digits}IC {STEP_COUNTS}"] * STEPS, f"{digits}O"],
+        strain_curve,
+    ),
+    "torque_speed": Trial(
+        "open, close and open each finger",
+        lambda digits: [f"{digit}{name}" for digit in digits for name in ("O", "TC", "O")],
+        torque_speed,
+    ),
+    "spread_time": Trial("open, then the spread to and fro", lambda _: ["123O", "4O", "4C", "4O"], spread_time),
+}
+
+
+def steps(names: Sequence[str], digits: str) -> list[Step]:
+    """The exact bytes of several trials."""
+    return [
+        Step(f"{name}: {TRIALS[name].title}", f"{text}\r".encode("ascii"), moves=True)
+        for name in names
+        for text in TRIALS[name].commands(digits)
+    ]
+
+
+def run_all(patient: Patient, names: Sequence[str], digits: str, guide: Guide) -> list[Finding]:
+    """The trials one after the other; what the hand does not carry out ends them. Raises Interrupted."""
+    found: list[Finding] = []
+    for place, name in enumerate(names):
+        try:
+            found += TRIALS[name].run(patient, digits, guide)
+        except Interrupted:
+            raise
+        except HandctlError as exc:
+            found.append(Finding(name, FAIL, exc.text, exc.hint, "barrett §5.5"))
+            return found + [Finding(rest, SKIPPED, f"{name} failed") for rest in names[place + 1 :]]
+    return found
+
+
+def not_run(names: Sequence[str], why: str) -> list[Finding]:
+    """Rows of trials that were not made."""
+    return [Finding(name, SKIPPED, why, TRIALS[name].title) for name in dict.fromkeys(names)]

@@ -1,0 +1,394 @@
+"""The BarrettHand in supervisory mode: reading and writing its parameters, its status. Satisfies `verbs.MapDevice`.
+
+GCL has no checksum: an answer is believed when its echo, its number of lines and its number of values fit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from handctl.devices.barrett.conditions import NO_GAUGE, later_settings, mark_not_homed
+from handctl.devices.barrett.gcl.language import Answer, batches, encode, explain_status, hint_for, values
+from handctl.devices.barrett.gcl.line import GclLine
+from handctl.devices.barrett.map import BARRETT, GclParam, all_elements, standard
+from handctl.devices.barrett.views import audit, heat_hint, meaning, parameters_view, status_view, unhealthy
+from handctl.errors import CheckFailed, DeviceRefused, HandctlError, NoAnswer, ProtocolError
+from handctl.link import Link
+from handctl.model.param import Element, Number, Reading, Step
+from handctl.model.result import Column, Journal, Row, Table
+
+SPLITTABLE = 32 | 64 | 1024
+"""Statuses that a long line may cause: it is asked again in halves (dossier 1.4)."""
+
+
+class BarrettHand:
+    """One hand on a line."""
+
+    kind = "barrett"
+    map = BARRETT
+    worn = False
+    live = ("position", "strain", "status", "temperature")
+    columns = (
+        Column("name", "Name"),
+        Column("parameter", "GCL"),
+        Column("motor", "Motor"),
+        Column("value", "Value", right=True),
+        Column("unit", "Unit"),
+        Column("label", "Meaning"),
+    )
+    not_covered = (
+        "the EEPROM: restored values are in RAM until `--save` or `handctl barrett save` keeps them",
+        "read-only values (odometer, temperatures, serial number)",
+    )
+
+    def __init__(self, line: GclLine) -> None:
+        self.line = line
+
+    @property
+    def link(self) -> Link:
+        """Where it is, and its clock."""
+        return self.line.link
+
+    @property
+    def journal(self) -> Journal:
+        """Where messages and counters go."""
+        return self.line.journal
+
+    def identity(self) -> dict[str, object]:
+        """Serial number (0 on hands upgraded in the field) and firmware as the hand says it."""
+        (serial,) = self.read(all_elements([BARRETT.by_mnemonic("SN")]))
+        return {"kind": self.kind, "serial_number": serial.value, "firmware": self.version()}
+
+    def version(self) -> str:
+        """The firmware's own text (its format is not documented)."""
+        return " ".join(self.checked(self.line.read("VERS")).lines)
+
+    def further(self, identity: dict[str, object]) -> list[str]:
+        """Settings of later firmware that this hand has, by what it says of itself."""
+        return later_settings(str(identity.get("firmware")), self.journal)
+
+    def find_for_restore(self, values: dict[str, Number]) -> None:
+        """Nothing to do: the hand has no address, and its speed is found at connect."""
+
+    def identify(self) -> None:
+        """Nothing to do: the connect, before anything is read, is the look at who is there."""
+
+    def checked(self, answer: Answer) -> Answer:
+        """The same answer, or DeviceRefused with the manual's wording of its status."""
+        if answer.status:
+            raise self.refusal(answer)
+        return answer
+
+    def do(self, command: str) -> None:
+        """Send a command that answers with its prompt alone. Raises what speaks against it."""
+        error = self.objection(self.line.ask(command))
+        if error is not None:
+            raise self.name_heat(error)
+
+    def objection(self, answer: Answer) -> HandctlError | None:
+        """What speaks against such a command: a status, or a line, which may be a spoiled ERR."""
+        if answer.status:
+            return self.refusal(answer)
+        if answer.lines:
+            came = answer.raw[-48:].hex(" ").upper()
+            return ProtocolError(
+                f"{self.link.name}: {answer.command}: expected a prompt or ERR, got {answer.lines[0]!r}; came {came}",
+                hint="whether it was carried out is not known: `handctl barrett status`, then the cable",
+                code="bad-line",
+            )
+        return None
+
+    def refusal(self, answer: Answer) -> DeviceRefused:
+        """The error of an answer with a status: link, command, sum and the manual's wording."""
+        return DeviceRefused(
+            f"{self.link.name}: {answer.command}: ERR {answer.status}: {explain_status(answer.status)}",
+            hint=hint_for(answer.status),
+            code=f"err-{answer.status}",
+        )
+
+    def name_heat(self, error: HandctlError) -> HandctlError:
+        """The same error; of an over-temperature the hint says whether it is the heat or the setting.
+
+        Only at the prompt: it asks TEMP and OTEMP, which answer also when every motor command fails.
+        """
+        if not error.code.startswith("err-") or not int(error.code[4:]) & 8192:
+            return error
+        try:
+            now, limit = self.read([Element(BARRETT.by_mnemonic(name), 0) for name in ("TEMP", "OTEMP")])
+        except HandctlError:
+            return error
+        if now.value is not None and limit.value is not None:
+            error.hint = heat_hint(int(now.value), int(limit.value))
+        return error
+
+    # -- reading -------------------------------------------------------------------------------------------------
+
+    def read(self, elements: Sequence[Element]) -> list[Reading]:
+        """Read elements in as few lines as fit; all motors that are wanted share a prefix (barrett §5.2.2, §5.2.3)."""
+        by_mnemonic: dict[str, dict[int, int] | HandctlError] = {}
+        try:
+            self._read(elements, by_mnemonic)
+        except (HandctlError, KeyboardInterrupt):
+            if any(isinstance(found, dict) for found in by_mnemonic.values()):
+                rest = HandctlError("not read")
+                self.journal.leave(self.table([_reading(e, by_mnemonic.get(_gcl(e), rest)) for e in elements]))
+            raise
+        return [_reading(element, by_mnemonic[_gcl(element)]) for element in elements]
+
+    def _read(self, elements: Sequence[Element], by_mnemonic: dict[str, dict[int, int] | HandctlError]) -> None:
+        motors = sorted({element.index for element in elements if element.param.elements})
+        prefix = "" if len(motors) in (0, 4) else "".join(str(motor + 1) for motor in motors)
+        names = list(dict.fromkeys(_gcl(element) for element in elements))
+        for chosen, verb, count in (
+            ([name for name in names if not BARRETT.by_mnemonic(name).is_global], f"{prefix}FGET", len(motors)),
+            ([name for name in names if BARRETT.by_mnemonic(name).is_global], "PGET", 1),
+        ):
+            for group in _by_firmware(chosen):
+                for _, items in batches("", verb, [(name,) for name in group]):
+                    try:
+                        self._get(
+                            verb, [item[0] for item in items], motors if verb != "PGET" else [0], count, by_mnemonic
+                        )
+                    except (NoAnswer, ProtocolError) as exc:
+                        if not any(isinstance(found, dict) for found in by_mnemonic.values()):
+                            raise
+                        by_mnemonic.update({item[0]: exc for item in items})
+        refused = [found for found in by_mnemonic.values() if isinstance(found, HandctlError)]
+        for error in refused[:1]:
+            self.name_heat(error)
+        for error in refused[1:]:
+            error.hint = refused[0].hint if error.code == refused[0].code else error.hint
+
+    def _get(
+        self, verb: str, names: list[str], motors: list[int], count: int, into: dict[str, dict[int, int] | HandctlError]
+    ) -> None:
+        answer = self.line.read(
+            " ".join([verb, *names]), lambda answer: answer.status or values(answer, len(names), count)
+        )
+        if answer.status and answer.status & ~SPLITTABLE == 0 and len(names) > 1:
+            middle = len(names) // 2
+            for half in (names[:middle], names[middle:]):
+                self._get(verb, half, motors, count, into)
+            return
+        if answer.status:
+            into.update(dict.fromkeys(names, self.refusal(answer)))
+            return
+        for name, numbers in zip(names, values(answer, len(names), count), strict=True):
+            into[name] = dict(zip(motors, numbers, strict=True))
+
+    def row(self, reading: Reading) -> Row:
+        """The data row of one reading (cli contract, row keys of barrett)."""
+        param = reading.element.param
+        assert isinstance(param, GclParam)
+        row: Row = {"name": param.name, "parameter": param.mnemonic, "motor": reading.element.part}
+        if reading.error is not None or reading.value is None:
+            return {**row, "error": reading.error.text if reading.error is not None else "not read", "unit": param.unit}
+        row |= {
+            "value": reading.value,
+            "unit": param.unit,
+            "label": meaning(param, reading.value, reading.element.index),
+            "default": param.default_of(reading.element.index),
+        }
+        if param.scale is not None:
+            factor, row["scaled_unit"] = param.scale
+            row["scaled"] = reading.value / factor if factor > 1 else reading.value * round(1 / factor)
+        if param.mnemonic == "SG":
+            row["doubt"] = NO_GAUGE if reading.value == 255 else None
+        return row
+
+    # -- writing -------------------------------------------------------------------------------------------------
+
+    def plan(self, changes: Sequence[tuple[Element, Number]]) -> list[Step]:
+        """FSET and PSET lines for checked changes: motors that get the same value share a prefix; the speed goes last."""
+        calm, speed = self._speed_last(changes)
+        commands = [command for group in (calm, speed) for command, _ in self._commands(group)]
+        return [_step(text) for text in commands]
+
+    @staticmethod
+    def _speed_last(
+        changes: Sequence[tuple[Element, Number]],
+    ) -> tuple[list[tuple[Element, Number]], list[tuple[Element, Number]]]:
+        calm = [change for change in changes if _gcl(change[0]) != "BAUD"]
+        return calm, [change for change in changes if _gcl(change[0]) == "BAUD"]
+
+    def _commands(self, changes: Sequence[tuple[Element, Number]]) -> list[tuple[str, list[tuple[Element, Number]]]]:
+        """The lines that write `changes`, each with those that stand in it, in their order."""
+        motors: dict[tuple[str, Number], list[int]] = {}
+        for element, value in changes:
+            motors.setdefault((_gcl(element), value), []).append(element.index)
+        pairs: dict[str, list[tuple[str, ...]]] = {}
+        for (mnemonic, value), indices in motors.items():
+            if BARRETT.by_mnemonic(mnemonic).is_global:
+                verb = "PSET"
+            else:
+                digits = "".join(str(index + 1) for index in sorted(indices))
+                verb = f"{'' if digits == '1234' else digits}FSET"
+            pairs.setdefault(verb, []).append((mnemonic, str(value)))
+        found = []
+        for verb, words in pairs.items():
+            digits = verb.removesuffix("FSET")
+            for line, items in batches("", verb, words):
+                found.append((line, [
+                    change
+                    for mnemonic, value in items
+                    for change in changes
+                    if (_gcl(change[0]), str(change[1])) == (mnemonic, value)
+                    and (verb == "PSET" or not digits or str(change[0].index + 1) in digits)
+                ]))  # fmt: skip
+        return found
+
+    def write(self, changes: Sequence[tuple[Element, Number]]) -> list[Reading]:
+        """Set values in RAM, each line once, and read them all back; a change of BAUD goes last, with the port.
+
+        Raises DeviceRefused with the hand's status; CheckFailed when the read-back differs.
+        """
+        calm, speed = self._speed_last(changes)
+        readings = self._write_calm(calm) if calm else []
+        for element, value in speed:
+            self.change_speed(int(value))
+            readings += self.read([element])
+        return readings
+
+    def _write_calm(self, changes: Sequence[tuple[Element, Number]]) -> list[Reading]:
+        self.line.connect()
+        done: list[str] = []
+        commands = self._commands(changes)
+        for number, (command, mine) in enumerate(commands, 1):
+            try:
+                self._write_line(command, mine, last=number == len(commands))
+            except HandctlError as exc:
+                exc.hint += f"; already set: {'; '.join(done)}" if done else ""
+                raise
+            done.append(command)
+        return self._read_back(changes, commands)
+
+    def _write_line(self, command: str, changes: Sequence[tuple[Element, Number]], *, last: bool) -> None:
+        """One line. Where its answer is lost, nothing follows it before it reads back."""
+        sent = self.journal.counters.sent
+        try:
+            answer = self.line.ask(command)
+        except (NoAnswer, ProtocolError) as exc:
+            if self.journal.counters.sent == sent:
+                raise
+            self.journal.warn("answer-lost", f"no valid answer to {command} ({exc.text}); reading it back")
+            self.line.resynchronise()
+            if not last:
+                self._read_back(changes, [(command, changes)])
+            return
+        if answer.status:
+            error = self.name_heat(self.refusal(answer))
+            names = list(dict.fromkeys(_gcl(element) for element, _ in changes))
+            if len(names) > 1:  # the first wrong pair ends the line, those before it stay
+                error.hint += f"; perhaps set too: {', '.join(names[:-1])}: `handctl barrett get` tells"
+            raise error
+
+    def _read_back(
+        self,
+        changes: Sequence[tuple[Element, Number]],
+        commands: Sequence[tuple[str, Sequence[tuple[Element, Number]]]],
+    ) -> list[Reading]:
+        """What the hand holds now. Raises CheckFailed where it is not what `commands` wrote."""
+        readings = self.read([element for element, _ in changes])
+        now = {reading.element.full_name: reading.value for reading in readings}
+        for command, mine in commands:
+            step = _step(command)
+            if all(now[element.full_name] == value for element, value in mine):
+                self.journal.ledger.confirm("read back", step)
+            elif all(now[element.full_name] is not None for element, _ in mine):
+                self.journal.ledger.doubt("reads back otherwise", step)
+        wrong = [
+            f"{element.full_name} reads {now[element.full_name]} after {value} was written"
+            for element, value in changes
+            if now[element.full_name] != value
+        ]
+        if wrong:
+            raise CheckFailed(
+                f"{self.link.name}: {'; '.join(wrong)}",
+                hint="look with `handctl barrett get` before writing again",
+                code="read-back",
+            )
+        return readings
+
+    def change_speed(self, code: int) -> None:
+        """Set BAUD and follow with the port (barrett §5.4.1; dossier 1.2). Raises NoAnswer when the hand is not found."""
+        from handctl.devices.barrett.gcl.speed import change
+
+        change(self.line, code)
+
+    # -- tables --------------------------------------------------------------------------------------------------
+
+    def table(self, readings: Sequence[Reading], title: str = "") -> Table:
+        """Readings as a Table; for people one line per parameter, motors side by side."""
+        failed = [reading for reading in readings if reading.error is not None]
+        failure = None
+        if failed and failed[0].error is not None:
+            exc = failed[0].error
+            names = ", ".join(dict.fromkeys(_gcl(reading.element) for reading in failed))
+            said = exc.text.removeprefix(self.link.name).lstrip(": ")
+            failure = exc.retold(f"{self.link.name}: {names}: {said}")
+        rows = [self.row(reading) for reading in readings]
+        mark_not_homed(rows)
+        return Table(rows=rows, columns=self.columns, title=title, view=parameters_view, failure=failure)
+
+    def dump(self) -> Table:
+        """Every parameter of §5.3 and §5.4 against its default, in four lines.
+
+        What only later firmware has is not asked for: whether a hand has it costs two lines more.
+        """
+        table = self.table(self.read(all_elements(standard())))
+        for finding in audit(table.rows):
+            self.journal.warn("audit", finding)
+        later = " ".join(param.mnemonic for param in BARRETT if param.since)
+        self.journal.info(
+            "later-firmware",
+            f"not in a dump: {later}, which firmware 4.34 and 4.4 have",
+            hint=f"`handctl barrett get {later}` asks for them; a snapshot holds the settings among them",
+        )
+        return table
+
+    def status(self, check: bool) -> Table:
+        """Position, strain, status, way, temperature against its limit, firmware. With `check`, unhealthy is exit 7."""
+        names = ("P", "SG", "S", "OD", "EN", "TEMP", "OTEMP", "PTEMP", "UPSECS", "SN", "BAUD")
+        table = self.table(self.read(all_elements([BARRETT.by_mnemonic(name) for name in names])))
+        try:
+            firmware = self.version()
+        except HandctlError as exc:
+            firmware = f"? ({exc.text})"
+        table.rows.append(
+            {"name": "firmware", "parameter": "VERS", "motor": None, "value": firmware, "unit": None, "label": None}
+        )
+        table.view = status_view
+        findings = unhealthy(table.rows)
+        if check:  # S says nothing of it: a hand that was left in RealTime is "ready" while it runs
+            from handctl.devices.barrett.gcl.meet import look_for_motion
+
+            findings += [f"it moves: {motor}" for motor in look_for_motion(self.line)]
+        for finding in findings:
+            self.journal.warn("unhealthy", finding)
+        if check and findings and table.failure is None:
+            table.failure = CheckFailed(
+                f"{self.link.name}: {len(findings)} findings: {'; '.join(findings)}", code="unhealthy"
+            )
+        return table
+
+
+def _step(text: str) -> Step:
+    return Step(text, encode(text), strands="BAUD" in text.split())
+
+
+def _gcl(element: Element) -> str:
+    assert isinstance(element.param, GclParam)
+    return element.param.mnemonic
+
+
+def _by_firmware(names: list[str]) -> list[list[str]]:
+    """Names of all firmware together, those of later firmware apart: one that is absent must not spoil the others."""
+    usual = [name for name in names if not BARRETT.by_mnemonic(name).since]
+    later = [name for name in names if BARRETT.by_mnemonic(name).since]
+    return [group for group in (usual, later) if group]
+
+
+def _reading(element: Element, found: dict[int, int] | HandctlError) -> Reading:
+    if isinstance(found, dict):
+        return Reading(element, found[element.index if element.param.elements else 0])
+    return Reading(element, None, b"", found)

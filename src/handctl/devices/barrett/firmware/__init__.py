@@ -1,0 +1,1 @@
+"""Loading firmware through the boot monitor (barrett §3.7)."""

@@ -1,0 +1,181 @@
+"""`handctl barrett firmware …`: check a firmware file, load it into the hand."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from handctl.errors import CheckFailed, UsageError
+from handctl.files import read
+from handctl.frame.clikit import Group
+from handctl.frame.filetypes import InFile
+from handctl.frame.run import Run
+from handctl.model.result import Cell, Column, Grid, Row, Table
+
+if TYPE_CHECKING:
+    from handctl.devices.barrett.firmware.srecord import Firmware
+
+POWER_SECONDS = 20.0
+"""For the power switch and the hand's return, beside the download itself."""
+TONES = {"ok": "good", "warning": "warn", "force": "warn", "fail": "bad"}
+
+
+def add_firmware(group: Group) -> None:
+    """Add the command group to the family's group."""
+    firmware = Group(
+        "firmware", family=group.family, help="Firmware files: check one, load one into the hand (barrett §3.7)."
+    )
+    group.add_command(firmware)
+
+    @firmware.verb("check")
+    @click.argument("file", type=InFile())
+    @click.option("--force", is_flag=True, help="Let a missing end record pass.")
+    def check(run: Run, file: str, force: bool) -> Table:
+        """Check an S-record FILE: records, checksums, ranges, overlaps, counts, end record. Needs no device.
+
+        Exit 7 when it must not be loaded.
+        """
+        found = _load(file)
+        table = _table(found)
+        problem = _problem(found, force)
+        if problem is not None:
+            table.failure = CheckFailed(f"{file}: {problem[0]}", hint=problem[1], code="firmware-file")
+        return table
+
+    @firmware.verb("download", writes=True)
+    @click.argument("file", type=InFile())
+    @click.option("--force", is_flag=True, help="Load a file without an end record.")
+    @click.option("--expect", metavar="VERSION", help="Exit 7 unless the hand then says this version, e.g. 4.34.")
+    @click.option(
+        "--window",
+        type=click.IntRange(1, 4),
+        default=1,
+        show_default=True,
+        metavar="N",
+        help="Bytes sent ahead of their echo, 1 to 4: 2 halves the time, above 2 is unproven on hardware.",
+    )
+    def download(run: Run, file: str, force: bool, expect: str | None, window: int) -> Table:
+        """Load FILE into the hand; the power supply must be switched off and on when asked.
+
+        The file is checked first, every byte's echo is compared, and the hand must answer afterwards. Only RAM is
+        written: parameters stay. Ctrl-C asks once, the second one stops.
+        """
+        from handctl.devices.barrett.firmware.download import Loader, version_in
+
+        found = _load(file)
+        problem = _problem(found, force)
+        if problem is not None:
+            raise UsageError(f"{file}: {problem[0]}", hint=f"{problem[1]}. Nothing was sent.", code="firmware-file")
+        if expect is not None and version_in(expect) is None:
+            raise UsageError(f"--expect {expect!r} is no version", hint="e.g. --expect 4.34")
+        needed = found.seconds + POWER_SECONDS
+        if run.settings.deadline is not None and run.settings.deadline < needed:
+            raise UsageError(
+                f"--deadline {run.settings.deadline:g} is too short: this download takes about {needed:.0f} s",
+                hint="a longer one, or none: a download that is cut off leaves the hand without firmware. Nothing was sent.",
+            )
+        if run.settings.dry_run:
+            return _plan(run, found)
+        run.confirm(
+            f"{_summary(found)}. This replaces the hand's firmware; a download that is cut off leaves it without any"
+        )
+        run.guide.say(f"Firmware file ok: {_summary(found)}")
+        loader = Loader(run.device(), run.guide, found, window=window, expect=version_in(expect) if expect else None)
+        done = loader.run()
+        return Table(
+            rows=done.rows,
+            columns=(
+                Column("name", "Name"),
+                Column("motor", "Motor"),
+                Column("value", "Value"),
+                Column("label", "Meaning"),
+            ),
+            failure=done.mismatch,
+            extra={"firmware": _facts(found)},
+        )
+
+
+def _load(path: str) -> Firmware:
+    from handctl.devices.barrett.firmware.srecord import parse
+
+    content = read(path, "a firmware file", 4_000_000, hint="give the vendor's .S19 file: 64 KiB are below 300 kB")
+    return parse(path.replace("\\", "/").rpartition("/")[2], content)
+
+
+def _problem(firmware: Firmware, force: bool) -> tuple[str, str] | None:
+    """Why the file must not be loaded: text and next step; None when it may."""
+    for status in ("fail", *(() if force else ("force",))):
+        for finding in firmware.findings:
+            if finding.status == status:
+                hint = f"{finding.remedy}; --force loads it all the same" if status == "force" else finding.remedy
+                return f"{finding.check}: {finding.evidence}", hint
+    return None
+
+
+def _summary(firmware: Firmware) -> str:
+    return (
+        f"{len(firmware.records)} records, {firmware.size} bytes, {firmware.range_text}, "
+        f"about {max(1, round(firmware.seconds))} s"
+    )
+
+
+def _facts(firmware: Firmware) -> dict[str, Any]:
+    return {
+        "file": firmware.name,
+        "sha256": firmware.sha256,
+        "image_sha256": firmware.image_sha256,
+        "header": firmware.header or None,
+        "records": len(firmware.records),
+        "data_bytes": firmware.size,
+        "ranges": [[first, last] for first, last in firmware.ranges],
+        "seconds_at_9600": round(firmware.seconds, 1),
+    }
+
+
+def _table(firmware: Firmware) -> Table:
+    rows: list[Row] = [
+        {
+            "check": finding.check,
+            "status": "warning" if finding.status == "force" else finding.status,
+            "evidence": finding.evidence,
+            "remedy": finding.remedy,
+        }
+        for finding in firmware.findings
+    ]
+
+    def view(rows: list[Row]) -> list[Grid]:
+        lines = tuple((row["check"], Cell(row["status"], TONES[row["status"]]), row["evidence"]) for row in rows)
+        notes = (
+            *((f"header: {firmware.header}",) if firmware.header else ()),
+            _summary(firmware),
+            f"sha256 {firmware.sha256}",
+        )
+        return [Grid(("Check", "Status", "Evidence"), lines, firmware.name, notes=notes)]
+
+    columns = (
+        Column("check", "Check"),
+        Column("status", "Status"),
+        Column("evidence", "Evidence"),
+        Column("remedy", "Remedy"),
+    )
+    return Table(rows=rows, columns=columns, view=view, extra={"firmware": _facts(firmware)})
+
+
+def _plan(run: Run, firmware: Firmware) -> Table:
+    """The bytes of the opening and of every record."""
+    from handctl.devices.barrett.firmware.records import SELECT, TRIGGER, Transfer
+    from handctl.model.param import Step
+
+    steps = [Step("with the hand's power off", SELECT, strands=True), Step("when the hand says : (3A)", TRIGGER)]
+    for record in firmware.records:
+        transfer = Transfer(record, window=1)
+        sent = bytearray()
+        while not transfer.done:
+            out = transfer.take()
+            sent += out
+            transfer.feed(out[-1:])
+        steps.append(
+            Step(f"line {record.line}: {len(record.data)} bytes to {record.address:04X}h", bytes(sent), strands=True)
+        )
+    return run.dry_run(steps)

@@ -1,0 +1,281 @@
+"""How a hand is met, as one table: the state, what is seen, the next state, what may be sent on the way, what it means.
+
+No I/O: `line` carries it out, the manual page prints it, the tests walk it. Passive first: listen, then a question that
+no state of the hand takes for a command. Nothing that the boot monitor at 9600 could hear as FF, its trigger, is sent
+at another speed: a wrong-speed byte may be one, and good firmware would be overwritten (dossier 1.5, 7.2).
+"""
+
+from __future__ import annotations
+
+import re
+from typing import NamedTuple
+
+from handctl.devices.barrett.gcl.language import ABORT, BANNER, CR, has_colon, has_prompt
+
+MONITOR_SPEED = 9600
+QUESTION = b"!\0" + CR
+"""The empty line with a mark: a half-typed command becomes an unknown one (ERR 32) instead of being carried out. In a
+control block of RealTime that was cut off no motor begins to move by it: 21h as a velocity has the gain 0 behind it, and
+0Dh as a gain the velocity 0 before it."""
+BLOCK_REST = 8
+"""Bytes that a control block of RealTime can still want: velocity and gain, or a torque, of four motors (barrett §6.2.1)."""
+FILL = bytes(BLOCK_REST) + QUESTION
+"""Ends RealTime in the middle of a control block that somebody left half sent: what is missing of it becomes 0, by which no
+motor moves, and the next 0 is no header: ERR 2048. The question behind it is for a hand at its prompt."""
+SAFE_ABORT = b"\x00" + ABORT
+"""^C at a speed above 9600: alone it is FF to a monitor; behind 00, which no motor moves by, it is the end of one byte."""
+LOOPED = b"\x7f"
+"""At LOOP_SPEED too short a pulse for any receiver at 9600: it comes back from a wire and from nothing else."""
+LOOP_SPEED = 115200
+
+NOTHING, PROMPT, LATE, LOOP = "nothing", "prompt", "late prompt", "ERR 2048"
+RESTART, BANNER_ONLY, COLON, ECHO, BYTES = "banner and prompt", "banner", "':'", "echo", "other bytes"
+SEEN = {
+    NOTHING: "silence until the end of the wait",
+    PROMPT: "a prompt that answers the question, or one that lay waiting",
+    LATE: "a prompt without the echo of the question: something before it has ended",
+    LOOP: "ERR 2048 and a prompt: the question was no header of RealTime",
+    RESTART: "the banner, then a prompt",
+    BANNER_ONLY: "the banner, no prompt yet",
+    COLON: "':' of the boot monitor, nothing behind it",
+    ECHO: "the question itself, its CR too: a hand with firmware never echoes CR",
+    BYTES: "anything else",
+}
+
+OPENED, REMEMBERED, ASKED, SILENT, BOOTING = "opened", "remembered", "asked", "silent", "booting"
+RESTARTED, LEAVING, ECHOED, ELSEWHERE, AGAIN = "restarted", "leaving", "echoed", "elsewhere", "again"
+CONFIRMED, FILLED_FIRST, FILLED = "confirmed", "filled first", "filled"
+STATES = {
+    OPENED: "the port is open: look at what has arrived by itself",
+    REMEMBERED: "asked at the last known speed, which is not 9600",
+    FILLED_FIRST: "no prompt at the last known speed: RealTime may want the rest of a control block",
+    ASKED: "asked at 9600, or at the only speed of the link",
+    FILLED: "no answer there either: the same at 9600, or at the only speed",
+    SILENT: "no answer at 9600: off, no cable, busy, starting, or another speed; listen until the port is open for 3 s",
+    BOOTING: "boot window, or no firmware: send nothing for 6 s",
+    CONFIRMED: "asked once more at 9600: a ':' may have been noise",
+    RESTARTED: "the banner is there: its prompt must follow, or is asked for",
+    LEAVING: "noise, a wrong speed, or RealTime in the middle of a control block",
+    ECHOED: "our bytes came back: a wire does that at 115200 too, the monitor cannot hear it",
+    ELSEWHERE: "asked at one of the other speeds",
+    AGAIN: "no speed answered, or a banner without a prompt: asked once more, at the first speed or at that of the banner",
+}
+FILLING = (FILLED_FIRST, FILLED, LEAVING)
+"""What is seen there was asked with FILL."""
+READY, MONITOR, WIRE, NOBODY, GARBAGE = "ready", "monitor", "wire", "nobody", "garbage"
+ENDS = {
+    READY: "go on",
+    MONITOR: "exit 6: boot monitor, no firmware, or just switched on",
+    WIRE: "exit 5: TX and RX are joined",
+    NOBODY: "exit 4: nothing answers",
+    GARBAGE: "exit 5: bytes, no prompt",
+}
+SECONDS = {OPENED: 0.0, REMEMBERED: 0.4, FILLED_FIRST: 0.1, ASKED: 0.4, FILLED: 0.1, SILENT: 3.0, BOOTING: 6.0, CONFIRMED: 0.5, RESTARTED: 5.0, LEAVING: 0.2,
+           ECHOED: 0.05, ELSEWHERE: 0.3, AGAIN: 0.5}  # fmt: skip
+"""Longest wait in each state, beyond wire time; of SILENT the time since the port was opened."""
+
+SEND_NOTHING, ASK, REST, ABORTS, LOOP_TEST = (
+    "",
+    "! 00 CR",
+    f"{BLOCK_REST} x 00 ! 00 CR",
+    f"{BLOCK_REST} x 00 ! 00 CR; with --interrupt ^C, up to 9 times",
+    "7F at 115200",
+)
+
+
+class Row(NamedTuple):
+    """One line of the table."""
+
+    state: str
+    seen: str
+    next: str
+    send: str = SEND_NOTHING
+    said: str = ""
+
+
+BUSY = "it was in the middle of a command, which has ended"
+IN_LOOP = "it was in RealTime and has left it by the question; the motors may still run"
+IN_BLOCK = (
+    "it was in RealTime, in a control block that was cut off; the rest of it was sent as 0, and it has left RealTime; "
+    "the motors may still run"
+)
+RESTARTED_TEXT = "the hand restarted: power or cable; HI is needed"
+MONITOR_TEXT = "boot monitor: no firmware, or just switched on"
+
+_ANSWERED = (
+    (PROMPT, READY, SEND_NOTHING, ""),
+    (LATE, READY, SEND_NOTHING, BUSY),
+    (LOOP, READY, SEND_NOTHING, IN_LOOP),
+    (RESTART, READY, SEND_NOTHING, RESTARTED_TEXT),
+    (BANNER_ONLY, RESTARTED, SEND_NOTHING, RESTARTED_TEXT),
+)
+
+
+def _rows(state: str, *rest: tuple[str, str, str, str]) -> tuple[Row, ...]:
+    """The rows of a state in which a prompt is an answer."""
+    rows = tuple(Row(state, *row) for row in (*_ANSWERED, *rest))
+    return tuple(row._replace(said=IN_BLOCK) if row.seen == LOOP and state in FILLING else row for row in rows)
+
+
+TABLE: tuple[Row, ...] = (
+    Row(OPENED, NOTHING, ASKED, ASK),
+    Row(OPENED, PROMPT, ASKED, ASK),
+    Row(OPENED, LATE, ASKED, ASK),
+    Row(OPENED, LOOP, ASKED, ASK),
+    Row(OPENED, RESTART, ASKED, ASK, RESTARTED_TEXT),
+    Row(OPENED, BANNER_ONLY, RESTARTED, SEND_NOTHING, RESTARTED_TEXT),
+    Row(OPENED, COLON, BOOTING),
+    Row(OPENED, ECHO, ASKED, ASK),
+    Row(OPENED, BYTES, ASKED, ASK),
+    *_rows(
+        REMEMBERED,
+        (COLON, ASKED, ASK, ""),
+        (ECHO, ASKED, ASK, ""),
+        (BYTES, FILLED_FIRST, REST, ""),
+        (NOTHING, FILLED_FIRST, REST, ""),
+    ),
+    *_rows(
+        FILLED_FIRST,
+        (COLON, ASKED, ASK, ""),
+        (ECHO, ASKED, ASK, ""),
+        (BYTES, ASKED, ASK, ""),
+        (NOTHING, ASKED, ASK, ""),
+    ),
+    *_rows(
+        ASKED,
+        (COLON, BOOTING, SEND_NOTHING, ""),
+        (ECHO, ECHOED, LOOP_TEST, ""),
+        (BYTES, LEAVING, ABORTS, ""),
+        (NOTHING, FILLED, REST, ""),
+    ),
+    *_rows(
+        FILLED,
+        (COLON, BOOTING, SEND_NOTHING, ""),
+        (ECHO, ECHOED, LOOP_TEST, ""),
+        (BYTES, LEAVING, ABORTS, ""),
+        (NOTHING, SILENT, SEND_NOTHING, ""),
+    ),
+    *_rows(
+        SILENT,
+        (COLON, BOOTING, SEND_NOTHING, ""),
+        (ECHO, ECHOED, LOOP_TEST, ""),
+        (BYTES, ELSEWHERE, ASK, ""),
+        (NOTHING, ELSEWHERE, ASK, ""),
+    ),
+    *_rows(
+        BOOTING,
+        (COLON, CONFIRMED, ASK, ""),
+        (ECHO, MONITOR, SEND_NOTHING, MONITOR_TEXT),
+        (BYTES, ELSEWHERE, ASK, "its firmware has started at another speed"),
+        (NOTHING, CONFIRMED, ASK, ""),
+    ),
+    *_rows(
+        CONFIRMED,
+        (COLON, MONITOR, SEND_NOTHING, MONITOR_TEXT),
+        (ECHO, MONITOR, SEND_NOTHING, MONITOR_TEXT),
+        (BYTES, GARBAGE, SEND_NOTHING, ""),
+        (NOTHING, MONITOR, SEND_NOTHING, MONITOR_TEXT),
+    ),
+    *(
+        row._replace(next=AGAIN, send=ASK) if row.seen == BANNER_ONLY else row
+        for row in _rows(
+            RESTARTED,
+            (COLON, BOOTING, SEND_NOTHING, ""),
+            (ECHO, ASKED, ASK, ""),
+            (BYTES, ASKED, ASK, ""),
+            (NOTHING, ASKED, ASK, ""),
+        )
+    ),
+    *_rows(
+        LEAVING,
+        (COLON, BOOTING, SEND_NOTHING, ""),
+        (ECHO, ECHOED, LOOP_TEST, ""),
+        (BYTES, ELSEWHERE, ASK, ""),
+        (NOTHING, ELSEWHERE, ASK, ""),
+    ),
+    Row(ECHOED, ECHO, WIRE),
+    Row(ECHOED, NOTHING, MONITOR, SEND_NOTHING, MONITOR_TEXT),
+    *_rows(
+        ELSEWHERE,
+        (COLON, ELSEWHERE, ASK, ""),
+        (ECHO, ELSEWHERE, ASK, ""),
+        (BYTES, ELSEWHERE, ASK, ""),
+        (NOTHING, ELSEWHERE, ASK, ""),
+    ),
+    *(
+        row._replace(said=BUSY) if row.seen == PROMPT else row
+        for row in _rows(
+            AGAIN,
+            (COLON, BOOTING, SEND_NOTHING, ""),
+            (ECHO, GARBAGE, SEND_NOTHING, ""),
+            (BYTES, ASKED, ASK, ""),
+            (NOTHING, ASKED, ASK, ""),
+        )
+    ),
+)
+"""Behind the last of the other speeds ELSEWHERE is AGAIN; NOBODY is GARBAGE when bytes came before. ASKED behind AGAIN is only for
+a firmware that may have started meanwhile, once: 9600 was silent for 3 s and bytes came only then; else it is NOBODY. Any other
+state that would be entered a third time is GARBAGE: every walk ends."""
+
+ANSWER = re.compile(rb"\0*\s*(ERR \d+\s+)?=>\s*")
+"""What stands behind the question's echo; anything more is noise, or the answer to something before."""
+RULES = {(row.state, row.seen): row for row in TABLE}
+
+
+PAGE = (
+    "How a hand is met. Each line below is what is seen, the next state, and what is sent on the way. The question is the "
+    "mark !, 00 and CR: a half-typed command becomes an unknown one, no movement is ended, and in a control block of "
+    "RealTime that was cut off no motor begins to move. Behind silence 0 is sent for the rest of such a block. What moves, "
+    "writes or stops, and `--interrupt`, sends ^C first.",
+    "The boot monitor hears at 9600, and FF is its trigger: it would overwrite good firmware. So nothing that it could "
+    "hear as FF is sent before 9600 was asked and the port was open for 3 s. `handctl scan` may send one after that: a "
+    "monitor that neither speaks nor echoes for longer cannot be told from a port with nothing on it.",
+    "A port that was silent for 3 s and then gives bytes may be a hand whose firmware started on the way: all speeds are "
+    "asked once more.",
+    "A hand says nothing while it moves or saves. When it does not answer at any speed, it may be in the middle of a long "
+    "movement, which `handctl barrett stop` ends.",
+    "A banner, or the monitor's : alone, also ends every later wait for an answer: the hand restarted, its power or its "
+    "cable, and it needs `init`.",
+)
+
+
+def section() -> tuple[str, tuple[str, ...], list[tuple[str, str, list[str]]]]:
+    """The section of the manual page: title, paragraphs, and for each state its text and its lines of the table."""
+    items = []
+    for state, text in STATES.items():
+        lines = []
+        for row in TABLE:
+            if row.state == state:
+                lines.append(f"{row.seen:<18}{row.next:<12}{f'sends {row.send}' if row.send else ''}".rstrip())
+                lines += [f"    {row.said}"] if row.said else []
+        items.append((state, f"{text}.", lines))
+    seen: list[tuple[str, str, list[str]]] = [(name, f"{text}.", []) for name, text in SEEN.items()]
+    return "CONNECTING", PAGE, [*items, *((end, f"{text}.", []) for end, text in ENDS.items()), *seen]
+
+
+def is_answer(data: bytes) -> bool:
+    """Whether a prompt came that answers the question: an unknown command; another one is of something before."""
+    return has_prompt(data) and b"ERR" in data and question_in(data)
+
+
+def question_in(data: bytes) -> bool:
+    """Whether the question's echo is there."""
+    return QUESTION[:1] in data
+
+
+def seen_in(data: bytes, question: bytes = QUESTION) -> str:
+    """Which of SEEN the bytes are; `question` is what was sent, b"" when nothing was."""
+    prompt = has_prompt(data)
+    if BANNER in data.upper():
+        return RESTART if prompt else BANNER_ONLY
+    if prompt:
+        if b"ERR 2048" in data:
+            return LOOP
+        if question[:1] not in data:
+            return LATE
+        return PROMPT if not question or ANSWER.fullmatch(data.rpartition(question[:1])[2]) else BYTES
+    if question and data.strip(b"\0" + ABORT) == question:
+        return ECHO
+    if has_colon(data):
+        return COLON
+    return BYTES if data else NOTHING

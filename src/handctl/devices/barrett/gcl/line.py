@@ -1,0 +1,391 @@
+"""One conversation with a BarrettHand: find its speed, send a command, wait for its prompt, stop what moves.
+
+The table of `connecting` says how the hand is met. One command at a time; nothing but ^C is sent before the prompt.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from handctl.devices.barrett.gcl.commands import SECONDS, split
+from handctl.devices.barrett.gcl.connecting import MONITOR_SPEED, QUESTION, RESTARTED_TEXT, SAFE_ABORT, is_answer
+from handctl.devices.barrett.gcl.language import ABORT, BANNER, PROMPT, Answer, Decoder, encode, has_colon, has_prompt
+from handctl.errors import HandctlError, LinkError, NoAnswer, ProtocolError
+from handctl.link import ByteLink, Deadline
+from handctl.model.result import Journal
+
+ECHO_SECONDS = 1.0
+PROMPT_WAIT = 0.5
+QUIET = 0.2
+LOOP_EXITS = 9
+LONGEST = 4
+DEFAULT_RETRIES = 2
+
+
+class GclLine:
+    """The supervisory line of one hand.
+
+    timeout   seconds for the prompt of a query, None = the command's own (dossier 1.3)
+    speed     the only speed to try at connect, None = find it
+    interrupt whether a movement that is met may be ended by ^C: for what stops, moves or writes
+    """
+
+    def __init__(
+        self,
+        link: ByteLink,
+        journal: Journal,
+        *,
+        timeout: float | None = None,
+        retries: int = DEFAULT_RETRIES,
+        bound: Deadline | None = None,
+        speed: int | None = None,
+        interrupt: bool = False,
+    ) -> None:
+        self.link = link
+        self.journal = journal
+        self.timeout = timeout
+        self.retries = retries
+        self.bound = bound
+        self.only = speed
+        self.interrupt = interrupt
+        self.opened = link.now()
+        self._connected = False
+        self._unread = b""
+        self.tried: list[tuple[int | None, bytes]] = []
+        """Of the last connect: the speeds at which it was asked, and what came."""
+
+    # -- connect -------------------------------------------------------------------------------------------------
+
+    def connect(self) -> None:
+        """Meet the hand: its speed and its prompt. Raises DeviceRefused (boot monitor), NoAnswer, ProtocolError."""
+        if not self._connected:
+            from handctl.devices.barrett.gcl.meet import Meeting
+
+            Meeting(self).run()
+
+    def found(self) -> None:
+        """The hand is at its prompt."""
+        self._connected = True
+
+    def waiting(self) -> bytes:
+        """What has come and was taken for no answer: it tells the next connect in which state the hand is."""
+        came, self._unread = self._unread + self.drain(), b""
+        return came
+
+    @property
+    def abort_bytes(self) -> bytes:
+        """^C for a hand that may be a boot monitor at 9600 by now."""
+        return SAFE_ABORT if self.risky else ABORT
+
+    @property
+    def risky(self) -> bool:
+        """Whether bytes of ours could be a trigger to a boot monitor, which hears at 9600."""
+        return self.link.can_set_baud and (self.link.baud or 0) > MONITOR_SPEED
+
+    def leave_loop(self) -> bytes | None:
+        """Bytes but no prompt: the hand may sit in its RealTime loop and take ^C for data (dossier 1.5, step 4).
+
+        None once the prompt has come, otherwise what came instead.
+        """
+        link = self.link
+        came = b""
+        for count in range(LOOP_EXITS):
+            link.write(self.abort_bytes, link.deadline(1.0))
+            came += self.until_prompt(0.02 + self.wire_seconds(8))
+            if has_prompt(came):
+                self.journal.warn(
+                    "loop",
+                    f"the prompt came after {count + 1} ^C: the hand was in its RealTime loop (each but the last then was a "
+                    "small velocity), or the line is disturbed",
+                )
+                return None
+        return came
+
+    # -- commands ------------------------------------------------------------------------------------------------
+
+    def ask(self, command: str, *, at_least: float = 0.0) -> Answer:
+        """Send one command once; its answer, whatever its status. Raises NoAnswer, ProtocolError, LinkError.
+
+        `at_least` seconds are allowed, for a movement that is known to be slow.
+        """
+        self.connect()
+        if self.bound is not None and self.bound.expired:
+            raise NoAnswer(
+                f"{self.link.name}: --deadline is over; {command} was not sent",
+                hint="a longer --deadline",
+                code="deadline",
+            )
+        data = encode(command)
+        _, known, _ = split(command)
+        kind = known.kind if known is not None else "query"
+        seconds = (
+            self.timeout if self.timeout is not None and kind in ("query", "set") else max(SECONDS[kind], at_least)
+        )
+        self._judge_stale(command, kind)
+        link = self.link
+        answer = Patience(link, seconds + 2 * self.wire_seconds(len(data) + 512), self.bound)
+        echo = Patience(link, (self.timeout or ECHO_SECONDS) + 2 * self.wire_seconds(len(data)), self.bound)
+        self.journal.counters.sent += 1
+        link.write(data, answer.deadline)
+        try:
+            return self._answer(command, answer, echo)
+        except LinkError as exc:
+            if kind in ("motion", "init"):
+                exc.hint = f"{command} may go on to its end: switch the hand's power off if it must not; {exc.hint}"
+            raise
+        except Restarted:
+            raise
+        except (NoAnswer, ProtocolError) as exc:
+            error: HandctlError = exc
+            if self.bound is None or not self.bound.expired:
+                self.journal.blame(exc)
+            else:  # an answer that the deadline cut short is not to blame
+                text = f"{link.name}: --deadline is over, {command} was not answered by then"
+                error = (
+                    ProtocolError(f"{text}: {exc.text}", hint=exc.hint, code=exc.code)
+                    if exc.code == "echo-differs"
+                    else NoAnswer(text, hint="a longer --deadline", code="deadline")
+                )
+            if kind in ("motion", "init"):  # whatever still moves must not go on
+                stands = self._stop_motors()
+                told = "^C was sent, the motors should stand" if stands else f"^C was sent and not answered: {OFF}"
+                error.hint = f"{told}; {error.hint}"
+            raise error from (exc if error is not exc else None)
+
+    def _stop_motors(self) -> bool:
+        """^C and what belongs to it, whatever --deadline says; whether the prompt came."""
+        bound, self.bound = self.bound, None
+        try:
+            return self.resynchronise(stop=True)
+        finally:
+            self.bound = bound
+
+    def read(self, command: str, check: Callable[[Answer], object] = lambda answer: None) -> Answer:
+        """A query, repeated after a resynchronisation when no valid answer came; anything else is `ask`ed once.
+
+        `check` raises ProtocolError for an answer that has not the form it must have.
+        """
+        self.connect()  # a hand that is nowhere is looked for once, not once a repetition
+        error: HandctlError | None = None
+        for attempt in range(1 + self.retries):
+            if attempt:
+                self.journal.counters.retries += 1
+                if not isinstance(error, Restarted) and not self.resynchronise() and self.risky:
+                    self._connected = False  # it may have restarted at 9600, where our bytes could be a trigger
+            try:
+                answer = self.ask(command)
+                self._judge(answer, check)
+                return answer
+            except (NoAnswer, ProtocolError) as exc:
+                error = exc
+            if self.bound is not None and self.bound.expired:
+                break
+        assert error is not None
+        raise error
+
+    def _judge_stale(self, command: str, kind: str) -> None:
+        """What lies waiting before a command: a sign of a restart is followed up first, and ends what is no question."""
+        stale = self.drain()
+        if not (_speaks_of_restart(stale, command) or (stale and self.risky)):
+            return
+        self._unread, self._connected = stale, False
+        self.connect()
+        if restarted_in(stale, command) and kind != "query":
+            raise Restarted(f"{self.link.name}: {RESTARTED_TEXT}; {command} was not sent", hint=RESTART_HINT)
+
+    def _judge(self, answer: Answer, check: Callable[[Answer], object]) -> None:
+        try:
+            check(answer)
+        except ProtocolError as exc:
+            self.journal.counters.bad_frames += 1
+            raise ProtocolError(f"{self.link.name}: {exc.text}", hint=DISTURBED, code=exc.code) from exc
+
+    def _answer(self, command: str, whole: Patience, echo: Patience) -> Answer:
+        """The answer within `whole`; without an echo within `echo` nobody is there, and waiting longer is useless."""
+        decoder = Decoder(command)
+        while True:
+            answer = decoder.next()
+            if answer is not None and not answer.lines and not answer.status and _must_have_lines(command):
+                decoder.drop_prompt()  # a late prompt of something before: a get always has lines or an error
+                answer = decoder.next()
+            if answer is not None:
+                self.journal.counters.received += 1
+                self.journal.counters.stray_bytes += decoder.skipped
+                if answer.raw.endswith(PROMPT):  # the space behind the prompt, if there is one, is part of it
+                    self.link.read(self.link.deadline(0.005 + self.wire_seconds(2)), 1)
+                return answer
+            until = (whole if decoder.echoed else echo).deadline
+            chunk = b"" if until.expired else self.link.read(until)
+            if not chunk:
+                raise self._failure(command, decoder)
+            whole.renew()
+            echo.renew()
+            decoder.feed(chunk)
+            self._judge_restart(command, decoder, chunk, whole)
+
+    def _judge_restart(self, command: str, decoder: Decoder, chunk: bytes, whole: Patience) -> None:
+        """Raise Restarted at the banner, or at a ':' that stands alone: the boot monitor's. `chunk` came last."""
+        size, more = len(chunk), True
+        while chunk.endswith(b":") and more:  # a help text goes on behind it
+            chunk = self.link.read(self.link.deadline(COLON_ALONE + self.wire_seconds(2)))
+            decoder.feed(chunk)
+            size += len(chunk)
+            if not chunk:
+                raise self.restarted(decoder.received, f"{command} has no answer")
+            more = not whole.deadline.expired
+        banner = BANNER in decoder.last(size + len(BANNER)).upper()
+        if banner and restarted_in(decoder.received, command):
+            raise self.restarted(decoder.received, f"{command} has no answer")
+
+    def restarted(self, received: bytes, what: str) -> Restarted:
+        """The error of a restart that shows in `received`; the next connect goes on from there."""
+        place = received.upper().find(BANNER)
+        self._unread, self._connected = received[place:] if place >= 0 else b":", False
+        self.journal.counters.bad_frames += 1
+        return Restarted(f"{self.link.name}: {RESTARTED_TEXT}; {what}", hint=RESTART_HINT)
+
+    def _failure(self, command: str, decoder: Decoder) -> HandctlError:
+        received = decoder.received
+        where = f"{self.link.name} at {self.link.baud} bit/s" if self.link.can_set_baud else self.link.name
+        if not received:
+            return NoAnswer(f"{where}: no answer to {command}", hint=SILENCE)
+        self.journal.counters.bad_frames += 1
+        shown = received[:48].hex(" ").upper()
+        if decoder.echoed:
+            code, text = "cut-short", "the answer has no prompt"
+        else:
+            code, text = "echo-differs", f"the echo differs from {encode(command).hex(' ').upper()}"
+        return ProtocolError(
+            f"{where}: {text}; came {shown}",
+            hint="a disturbed line or a wrong speed: run it again, check the cable",
+            code=code,
+        )
+
+    def abort(self) -> Answer | None:
+        """^C: stop all motors (barrett §5.5 case 4). The answer of the command that ran, None when no prompt comes."""
+        link = self.link
+        link.write(ABORT, link.deadline(1.0))
+        came = self.until_prompt(1.5 + self.wire_seconds(32))
+        if not has_prompt(came):
+            return None
+        decoder = Decoder("")
+        decoder.feed(b"\n" + came)
+        return decoder.next()
+
+    def resynchronise(self, *, stop: bool = False) -> bool:
+        """After a timeout: silence, then the question; whether the prompt came. ^C before it only where it may `stop`."""
+        link = self.link
+        if stop or self.interrupt:
+            link.write(self.abort_bytes, link.deadline(1.0))
+        quiet = link.deadline(QUIET)
+        end = link.deadline(2.0)
+        stale = b""
+        while not end.expired and (chunk := link.read(quiet)):
+            stale = (stale + chunk)[-256:]
+            quiet = link.deadline(QUIET)
+        if _speaks_of_restart(stale, ""):
+            self._unread, self._connected = stale, False
+            return False
+        link.write(QUESTION, link.deadline(1.0))
+        came, end = b"", link.deadline(PROMPT_WAIT + self.wire_seconds(16))
+        while not end.expired and not is_answer(came):  # the answer to something before may come first
+            chunk = self.until_prompt(end.remaining)
+            if not chunk:
+                break
+            came += chunk
+        if _speaks_of_restart(came, ""):
+            self._unread, self._connected = came, False
+        return has_prompt(came)
+
+    def reconnect(self) -> None:
+        """Look for the hand again, perhaps at another speed (after RESET, PDEF, PLOAD)."""
+        self._connected = False
+        self.connect()
+
+    def prompt_comes(self) -> bool:
+        """Whether a prompt comes within the usual time."""
+        return has_prompt(self.until_prompt(PROMPT_WAIT + self.wire_seconds(8)))
+
+    def collect(self, seconds: float) -> bytes:
+        """What the hand says by itself within `seconds`, up to a prompt: a banner."""
+        return self.until_prompt(seconds)
+
+    # -- bytes ---------------------------------------------------------------------------------------------------
+
+    def until_prompt(self, seconds: float) -> bytes:
+        """What comes within `seconds`, up to a prompt."""
+        deadline = self.link.deadline(seconds).earlier(self.bound)
+        came = bytearray()
+        while not deadline.expired or not came:
+            chunk = self.link.read(deadline)
+            if not chunk:
+                break
+            came += chunk
+            if has_prompt(came) and not came.endswith(b" "):
+                came += self.link.read(self.link.deadline(0.005 + self.wire_seconds(2)), 1)
+            if has_prompt(came) or len(came) > 65536:
+                break
+        return bytes(came)
+
+    def drain(self) -> bytes:
+        """Drop what has arrived, counted as stray bytes; returns it."""
+        now = self.link.deadline(0)
+        stale = b""
+        while len(stale) < 65536:
+            chunk = self.link.read(now)
+            if not chunk:
+                break
+            stale += chunk
+        self.journal.counters.stray_bytes += len(stale)
+        return stale
+
+    def wire_seconds(self, count: int) -> float:
+        """Transmission time of `count` bytes, 10 bits each; 0 where the link has no speed."""
+        return count * 10 / self.link.baud if self.link.baud else 0.0
+
+
+class Patience:
+    """A wait that ends after `seconds` of silence: bytes renew it, up to LONGEST times as long and never beyond `bound`."""
+
+    def __init__(self, link: ByteLink, seconds: float, bound: Deadline | None) -> None:
+        self._link = link
+        self._seconds = seconds
+        self._last = link.deadline(LONGEST * seconds).earlier(bound)
+        self.deadline = self._last
+        self.renew()
+
+    def renew(self) -> None:
+        """Something came."""
+        self.deadline = self._link.deadline(self._seconds).earlier(self._last)
+
+
+class Restarted(ProtocolError):
+    """The hand restarted while something was asked of it."""
+
+    default_code = "restarted"
+
+
+def restarted_in(data: bytes, command: str) -> bool:
+    """Whether a banner stands in what came; in the answer to VERS the same words may be the version, behind its echo."""
+    before, banner, _ = data.upper().partition(BANNER)
+    return bool(banner) and not (command.upper().startswith("VERS") and b"VERS" in before)
+
+
+def _speaks_of_restart(data: bytes, command: str) -> bool:
+    """A banner, or the boot monitor's ':' as the last thing said."""
+    return restarted_in(data, command) or has_colon(data)
+
+
+RESTART_HINT = "`handctl barrett init` before any movement; values that were not saved are gone"
+COLON_ALONE = 0.05
+OFF = "switch the supply off if anything still moves"
+DISTURBED = "a disturbed line: run it again, check the cable"
+SILENCE = (
+    "check in this order: the hand's power supply, the serial cable (straight-through, 9 pins), the port; a hand without "
+    "firmware (off for more than a day or two) does not answer: load it again"
+)
+
+
+def _must_have_lines(command: str) -> bool:
+    _, known, words = split(command)
+    return known is not None and known.name in ("FGET", "PGET") and bool(words)

@@ -1,0 +1,283 @@
+"""Carries out the table of `connecting` on one line: sends what a row allows, waits, looks, goes on to the next state."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import TYPE_CHECKING
+
+from handctl.devices.barrett.gcl import connecting as table
+from handctl.devices.barrett.gcl import lastspeed
+from handctl.devices.barrett.gcl.language import ABORT, CR, MOTORS, has_prompt, values
+from handctl.devices.barrett.map import SPEEDS
+from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer, ProtocolError
+
+if TYPE_CHECKING:
+    from handctl.devices.barrett.gcl.line import GclLine
+    from handctl.link import ByteLink
+
+ABORT_COLLECT = 0.15
+LATE_PROMPT = 0.25
+PAUSE, MIDDLE = 0.1, 0.3
+"""Seconds of silence that end a text, and the longest that is waited for it beyond the wire time of a banner."""
+APART = 0.1
+"""Seconds between two reads of P that show whether the hand moves."""
+PROGRESS = {
+    table.SILENT: "no answer yet: listening for a hand that starts or is busy, then other speeds",
+    table.BOOTING: "the hand has just been switched on: waiting for its firmware, nothing is sent",
+    table.RESTARTED: "the firmware has started: waiting for its prompt",
+}
+REMEDY = (
+    "just switched on: run it again in a few seconds; no firmware (off for more than a day or two): "
+    "`handctl barrett firmware download FILE` (barrett §3.7, §8)"
+)
+BUSY_HINT = "it says nothing while it moves or saves: `handctl barrett stop`, or --interrupt, ends a movement"
+
+MOST = 2
+"""A state is entered so often: a device that says what is never an answer must not lead round in a circle."""
+
+
+class Meeting:
+    """One connect. `told` are the meanings of the rows that were taken, for whoever asks what was found."""
+
+    def __init__(self, line: GclLine) -> None:
+        self.line = line
+        self.link = line.link
+        self.told: list[str] = []
+        self.tried: list[tuple[int | None, bytes]] = []
+        known = lastspeed.recall(self.link) if line.only is None else None
+        self._first = line.only or known or self.link.baud or SPEEDS[0]
+        fixed = line.only is not None or not self.link.can_set_baud
+        self._others = self._all_others = (
+            () if fixed else tuple(speed for speed in SPEEDS if speed not in (self._first, SPEEDS[0]))
+        )
+        self._remembered = not fixed and self._first != table.MONITOR_SPEED
+        self._garbage = b""
+        self._woke = self._repeated = False
+        self._asked = b""
+        self._entered: Counter[str] = Counter()
+
+    def run(self) -> None:
+        """Until READY; the line keeps what was tried. Raises DeviceRefused for a boot monitor, NoAnswer, ProtocolError."""
+        self.line.tried = self.tried
+        state, came = table.OPENED, self.line.waiting()
+        while True:
+            seen = table.seen_in(came, self._asked)
+            row = table.RULES[state, seen]
+            if row.said:
+                self.told.append(row.said)
+            if seen in (table.BYTES, table.ECHO):
+                self._garbage += came
+                self._woke = self._woke or bool(self._entered[table.SILENT] and state in (table.ELSEWHERE, table.AGAIN))
+            state = self._next(state, row.next)
+            if self._entered[state] == MOST:
+                self._garbage, state = self._garbage or came, table.GARBAGE
+            if state in table.ENDS:
+                break
+            if self.line.bound is not None and self.line.bound.expired:
+                raise self._failure(table.GARBAGE if self._garbage else table.NOBODY)
+            came = self._look(state, row.send, came)
+        if state != table.READY:
+            raise self._failure(state)
+        self._ready(came)
+
+    def _next(self, state: str, wanted: str) -> str:
+        """The state that `wanted` means here: remembered speed, speeds that are left, an echo that cannot be told."""
+        if wanted == table.ASKED and state == table.AGAIN:
+            if self._woke and not self._repeated:
+                self._repeated, self._others = True, self._all_others
+                return table.ASKED
+            wanted = table.NOBODY
+        if wanted == table.ASKED and state == table.OPENED and self._remembered:
+            return table.REMEMBERED
+        if wanted == table.ELSEWHERE and not self._others:
+            return table.AGAIN
+        if wanted == table.ECHOED and not self.link.can_set_baud:
+            return table.WIRE
+        if wanted == table.MONITOR and self.link.can_set_baud and self.line.only not in (None, table.MONITOR_SPEED):
+            return table.GARBAGE
+        return table.GARBAGE if wanted == table.NOBODY and self._garbage else wanted
+
+    # -- one state ---------------------------------------------------------------------------------------------------
+
+    def _look(self, state: str, send: str, came: bytes) -> bytes:
+        """Send what the row allows, wait as long as the state says; all bytes since the last question."""
+        line = self.line
+        self._entered[state] += state != table.ELSEWHERE  # which is left when no speed is left
+        if state in PROGRESS:
+            line.journal.progress(f"{self.link.name}: {PROGRESS[state]}")
+        self._set_speed(state)
+        if send == table.SEND_NOTHING:
+            return came + self._hear(self._seconds(state))
+        if send == table.LOOP_TEST:
+            return self._test_wire()
+        if send == table.ABORTS:
+            return self._leave(state)
+        if send == table.REST:
+            return self._ask(b"", self._seconds(state), table.FILL)
+        early = self._abort() if line.interrupt else b""
+        return self._ask(early, self._seconds(state))
+
+    def _set_speed(self, state: str) -> None:
+        if not self.link.can_set_baud or state in (
+            table.FILLED_FIRST,
+            table.FILLED,
+            table.SILENT,
+            table.BOOTING,
+            table.CONFIRMED,
+            table.RESTARTED,
+            table.LEAVING,
+        ):
+            return
+        if state == table.AGAIN and self._entered[table.RESTARTED]:
+            return  # a banner could be read at this speed
+        speed = {table.ASKED: self.line.only or SPEEDS[0], table.ELSEWHERE: (self._others or [0])[0]}.get(
+            state, self._first
+        )
+        if state == table.ELSEWHERE:
+            self._others = self._others[1:]
+        if state != table.ECHOED and self.link.baud != speed:
+            self.link.set_baud(speed)
+
+    def _seconds(self, state: str) -> float:
+        line = self.line
+        if state == table.SILENT:
+            return max(0.0, table.SECONDS[state] - (self.link.now() - line.opened))
+        slow = line.timeout or 0.0  # a line that is slower than ours
+        return max(table.SECONDS[state], slow) + line.wire_seconds(16)
+
+    def _ask(self, early: bytes, seconds: float, question: bytes = table.QUESTION) -> bytes:
+        link = self.link
+        self._asked = table.QUESTION
+        try:
+            link.write(question, link.deadline(1.0))
+        except LinkError:
+            if not link.replayed:
+                raise
+            if question != table.QUESTION:
+                return b""  # of an older recording: it was not sent
+            self._asked = b""  # an older recording: it was asked with an empty line
+            link.write(CR, link.deadline(1.0))
+        came = self._hear(seconds)
+        self.tried.append((link.baud, came))
+        if early and has_prompt(early) and has_prompt(came) and table.LOOP not in came.decode("latin-1"):
+            return came
+        return early + came
+
+    def _hear(self, seconds: float) -> bytes:
+        """What comes within `seconds`; what has begun by then is heard to its end: it may be the banner."""
+        came = self.line.until_prompt(seconds)
+        end = self.link.deadline(MIDDLE + self.line.wire_seconds(64))
+        while came and not has_prompt(came) and not end.expired:
+            more = self.line.until_prompt(PAUSE)
+            if not more:
+                break
+            came += more
+        return came
+
+    def _abort(self) -> bytes:
+        """^C first, for those who may end what runs; its prompt, when one comes."""
+        link = self.link
+        link.write(self.line.abort_bytes, link.deadline(1.0))
+        early = self.line.until_prompt(max(ABORT_COLLECT, self.line.timeout or 0.0) + self.line.wire_seconds(32))
+        if b"ERR 16384" in early:
+            self.line.journal.info("stopped", "^C ended the movement that the hand was in")
+        return early
+
+    def _leave(self, state: str) -> bytes:
+        """Bytes but no prompt: noise, or a control block of RealTime that wants its rest (dossier 1.5, step 4)."""
+        if self.line.interrupt:
+            self._asked = b""
+            rest = self.line.leave_loop()
+            return b"\n\r=> " if rest is None else rest
+        return self._ask(b"", self._seconds(state), table.FILL)
+
+    def _test_wire(self) -> bytes:
+        """The test, as bytes for the table."""
+        self._asked = table.LOOPED
+        return table.LOOPED if comes_back(self.link) else b""
+
+    # -- the end -----------------------------------------------------------------------------------------------------
+
+    def _ready(self, came: bytes) -> None:
+        line, link = self.line, self.link
+        line.found()
+        if not table.is_answer(came):  # what it answers to the question may still come, and would pass for an answer
+            line.until_prompt(LATE_PROMPT + line.wire_seconds(8))
+        lastspeed.remember(link)
+        if table.RESTARTED_TEXT in self.told:
+            line.journal.warn("restarted", f"{link.name}: {table.RESTARTED_TEXT}", hint="`handctl barrett init`")
+        elif table.BUSY in self.told:
+            line.journal.info("busy", f"{link.name}: {table.BUSY}")
+        if link.can_set_baud and link.baud != self._first:
+            line.journal.info(
+                "speed", f"the hand answers at {link.baud} bit/s", hint=f"--baud {link.baud} finds it at once"
+            )
+        for text in (table.IN_LOOP, table.IN_BLOCK):
+            if text in self.told:
+                line.journal.warn("loop", f"{link.name}: {text}", hint="`handctl barrett stop` ends what moves")
+                look_for_motion(line)
+
+    def _failure(self, end: str) -> HandctlError:
+        link, came = self.link, self._garbage
+        speeds = ", ".join(str(speed) for speed in dict.fromkeys(speed for speed, _ in self.tried) if speed)
+        tried = f"at {speeds} bit/s" if speeds and link.can_set_baud else "on this link"
+        shown = came[:24].hex(" ").upper()
+        if end == table.MONITOR:
+            text = f"{link.name}: {table.MONITOR_TEXT}; nothing more was sent"
+            return DeviceRefused(text, hint=REMEDY, code="boot-monitor")
+        if end in (table.WIRE, table.GARBAGE):
+            echo = end == table.WIRE or not came.strip(ABORT + CR + b"!\0")
+            monitor = " or the boot monitor of a hand without firmware;" if echo and not link.can_set_baud else ""
+            lacking = "no prompt" if b"=>" not in came else "no answer to the question"
+            error = ProtocolError(
+                f"{link.name}: {lacking} {tried}, but {len(came)} bytes came: {shown}",
+                hint=f"an echo (TX and RX joined),{monitor} check the wiring; unplug the hand: what comes back then is a wire"
+                if echo
+                else "another device or a disturbed line: check port and cable; power-cycle the hand",
+                code="echo" if echo else "garbage",
+            )
+            error.came = came
+            return error
+        from handctl.devices.barrett.gcl.line import SILENCE
+
+        return NoAnswer(f"{link.name}: no answer {tried}", hint=f"{SILENCE}; {BUSY_HINT}")
+
+
+def comes_back(link: ByteLink) -> bool:
+    """Whether a byte comes back that only a wire can give back; the port's speed is as before then."""
+    speed = link.baud
+    link.set_baud(table.LOOP_SPEED)
+    try:
+        link.write(table.LOOPED, link.deadline(1.0))
+        return link.read(link.deadline(table.SECONDS[table.ECHOED])) == table.LOOPED
+    finally:
+        link.set_baud(speed or SPEEDS[0])
+
+
+def look_for_motion(line: GclLine) -> list[str]:
+    """Two reads of P: the motors whose position differs, told as a warning; [] when they stand or cannot be read."""
+    try:
+        first, second = _places(line), _places(line, APART)
+    except HandctlError:
+        return []
+    moving = [
+        f"{motor} {before} to {after}"
+        for motor, before, after in zip(MOTORS, first, second, strict=True)
+        if before != after
+    ]
+    if moving:
+        line.journal.warn(
+            "moving",
+            f"{line.link.name}: the hand moves: {', '.join(moving)} counts in {APART:g} s",
+            hint="`handctl barrett stop` ends it",
+        )
+    return moving
+
+
+def _places(line: GclLine, after: float = 0.0) -> list[int]:
+    line.link.sleep(after)
+    answer = line.ask("FGET P")
+    if answer.status:
+        raise ProtocolError(f"{line.link.name}: no positions: ERR {answer.status}")
+    (places,) = values(answer, 1, 4)
+    return places

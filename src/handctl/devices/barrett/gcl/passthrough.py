@@ -1,0 +1,227 @@
+"""Any GCL: as arguments, as a script, or at an interactive prompt. The hand's own text, its errors in words."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING
+
+from handctl.devices.barrett import eeprom, motion
+from handctl.devices.barrett.device import BarrettHand
+from handctl.devices.barrett.gcl.commands import COMMANDS, split
+from handctl.devices.barrett.gcl.language import Answer, encode, explain_status, motor_prefix, motors_of
+from handctl.devices.barrett.map import BARRETT, careful
+from handctl.errors import DeviceRefused, HandctlError, Interrupted, NoAnswer, ProtocolError, UsageError
+from handctl.model.param import Step
+from handctl.model.result import Column, Row, Table
+
+if TYPE_CHECKING:
+    from handctl.frame.run import Run
+
+EEPROM = ("FSAVE", "PSAVE")
+COLUMNS = (Column("command", "Command"), Column("text", "Answer"), Column("status", "Status", right=True))
+
+
+def refuse(text: str) -> None:
+    """What the passthrough does not carry: it would lose the line. Raises UsageError."""
+    _, command, arguments = split(text)
+    if command is None:
+        return
+    if command.kind == "loop":
+        raise UsageError("LOOP leaves the text protocol", hint="the realtime loop has a command of its own")
+    if command.name == "RESET":
+        raise UsageError("RESET may change the speed", hint="use `handctl barrett reset`: it finds the hand again")
+    if command.name == "PSET" and "BAUD" in arguments:
+        raise UsageError(
+            "PSET BAUD changes the speed at once", hint="use `handctl barrett baud RATE`: the port follows"
+        )
+
+
+def notes(text: str) -> list[str]:
+    """What speaks against the values of an FSET or PSET: carried out all the same, as it was typed, but not in silence."""
+    prefix, command, words = split(text)
+    if command is None or command.name not in ("FSET", "PSET"):
+        return []
+    digits = motors_of(motor_prefix(prefix) if prefix else "")
+    found: list[str | None] = []
+    for name, value in zip(words[::2], words[1::2], strict=False):
+        try:
+            param, elements = BARRETT.find(name)
+        except UsageError:
+            continue
+        if value.isdecimal():
+            found += [careful(each, int(value)) for each in elements if param.is_global or each.part in digits]
+    return list(dict.fromkeys(note for note in found if note is not None))
+
+
+def only_asks(commands: Iterable[str]) -> bool:
+    """Whether none of the commands writes or moves."""
+    kinds = [known.kind if known is not None else "set" for _, known, _ in map(split, commands)]
+    return all(kind == "query" for kind in kinds)
+
+
+def saves(texts: Iterable[str]) -> list[str]:
+    """Those commands that write the EEPROM."""
+    return [text for text in texts if (found := split(text)[1]) is not None and found.name in EEPROM]
+
+
+def script(lines: Iterable[str]) -> list[str]:
+    """Commands of a script: one a line, empty lines and `#` comments left out."""
+    return [text for line in lines if (text := line.partition("#")[0].strip())]
+
+
+def run_all(hand: BarrettHand, commands: Iterable[str], *, keep_going: bool) -> Table:
+    """Send commands one after the other; stops at the first error unless `keep_going`.
+
+    An answer that did not come, and Ctrl-C, end it in any case: what was carried out before is told all the same.
+    """
+    rows: list[Row] = []
+    failure: HandctlError | None = None
+    for text in commands:
+        lost: HandctlError | None = None
+        try:
+            answer = ask(hand, text)
+        except KeyboardInterrupt:
+            lost = Interrupted(f"interrupted in {text}: {motion.halt(hand, tell_positions=False)}")
+        except HandctlError as exc:
+            lost = exc
+        if lost is not None:
+            rows.append({"command": text, "lines": [], "text": "", "status": None, "error": lost.text})
+            failure = lost
+            break
+        rows.append(row_of(answer))
+        if answer.status:
+            failure = failure or hand.name_heat(hand.refusal(answer))
+            if not keep_going:
+                break
+    return Table(rows=rows, columns=COLUMNS, text=as_text, plain=("text",), failure=failure)
+
+
+def ask(hand: BarrettHand, text: str) -> Answer:
+    """One command once; the hand is looked for again after one that may have changed its speed.
+
+    When it has, the rest of the answer is unusable (dossier 1.2): the status is then taken for 0 once a prompt is found.
+    """
+    _, command, _ = split(text)
+    if command is None or command.kind != "speed":
+        return hand.line.ask(text)
+    hand.line.connect()
+    before = hand.line.link.baud
+    try:
+        answer = hand.line.ask(text)
+    except (NoAnswer, ProtocolError):
+        hand.line.reconnect()
+        if hand.line.link.baud == before:
+            raise
+        hand.journal.ledger.confirm(f"answers at {hand.line.link.baud} bit/s now", Step(text, encode(text)))
+        hand.journal.info(
+            "speed-changed", f"{text} changed the speed to {hand.line.link.baud} bit/s; its answer was lost by that"
+        )
+        return Answer(text, (), 0, b"")
+    hand.line.reconnect()
+    return answer
+
+
+def row_of(answer: Answer) -> Row:
+    """A command with the lines of its answer, its status, and the error in words."""
+    row: Row = {
+        "command": answer.command,
+        "lines": list(answer.lines),
+        "text": "\n".join(answer.lines),
+        "status": answer.status,
+    }
+    if answer.status:
+        row["error"] = f"ERR {answer.status}: {explain_status(answer.status)}"
+    return row
+
+
+def as_text(rows: list[Row]) -> str:
+    """What a terminal at the hand would show."""
+    parts = []
+    for row in rows:
+        parts.append(f"=> {row['command']}\n")
+        parts += [f"{line}\n" for line in row["lines"]]
+        if "error" in row:
+            parts.append(f"{row['error']}\n")
+    return "".join(parts)
+
+
+# -- the interactive prompt -----------------------------------------------------------------------------------------
+
+
+def candidates(line: str, word: str) -> list[str]:
+    """Completions of `word` in `line`: commands first (a motor prefix is kept), then parameters."""
+    first = not line.strip() or (not line[: len(line) - len(word)].strip())
+    if first:
+        size = len(word) - len(word.lstrip("1234GSgs"))
+        prefix, rest = word[:size].upper(), word[size:].upper()
+        return [
+            prefix + name + " "
+            for name, command in COMMANDS.items()
+            if name.startswith(rest) and (command.prefix or not prefix)
+        ]
+    return [param.mnemonic + " " for param in BARRETT if param.mnemonic.startswith(word.upper())]
+
+
+def explain_help(text: str) -> str:
+    """What the manual says, beside the hand's own help."""
+    _, _, arguments = split(text)
+    if not arguments:
+        return "\n".join(f"  {name:<8} {command.doc}" for name, command in COMMANDS.items())
+    name = arguments[0]
+    command = COMMANDS.get(name)
+    if command is not None:
+        span = f" [{command.argument[0]}..{command.argument[1]}]" if command.argument else ""
+        return f"  {name}{span}: {command.doc} ({command.source})"
+    try:
+        param = BARRETT.find(name)[0]
+    except UsageError:
+        return ""
+    return f"  {param.mnemonic}: {param.doc}; {param.range_text} ({param.source})"
+
+
+def interactive(run: Run, hand: BarrettHand, read_line: Callable[[str], str], before: Callable[[str], None]) -> Table:
+    """A prompt like the hand's own: history, completion, ? for help, Ctrl-C stops a movement, Ctrl-D ends.
+
+    `before` asks, where a line needs it, and raises NotConfirmed.
+    """
+    hand.line.connect()
+    run.guide.say("GCL prompt; ?NAME explains, Ctrl-C stops a movement, Ctrl-D ends.")
+    while True:
+        try:
+            text = read_line("=> ").strip()
+        except EOFError:
+            return Table()
+        except KeyboardInterrupt:
+            run.guide.say("^C")
+            continue
+        if text:
+            _one(run, hand, text, before)
+
+
+def _one(run: Run, hand: BarrettHand, text: str, before: Callable[[str], None]) -> None:
+    try:
+        refuse(text)
+        for note in notes(text):
+            run.guide.say(f"careful: {note}")
+        before(text)
+        ledger = eeprom.Ledger(hand, simulated=run.simulated) if saves([text]) else None
+        answer = ask(hand, text)
+        if ledger is not None and not answer.status:
+            ledger.count_unknown()
+        for line in answer.lines:
+            run.out(line)
+        if answer.status:
+            error = hand.name_heat(hand.refusal(answer))
+            run.out(f"ERR {answer.status}: {explain_status(answer.status)}")
+            if answer.status & 8192:
+                run.guide.say(f"  next: {error.hint}")
+        if text.startswith("?") or text.upper().startswith("A?"):
+            run.out(explain_help(text))
+    except KeyboardInterrupt:
+        run.guide.say(motion.halt(hand, tell_positions=False))
+    except DeviceRefused as exc:
+        run.guide.say(exc.text)
+    except HandctlError as exc:
+        if exc.exit_code == 3:
+            raise
+        run.guide.say(f"{exc.text}\n  next: {exc.hint}" if exc.hint else exc.text)

@@ -1,0 +1,283 @@
+"""RealTime blocks <-> bytes (barrett §6). Sans I/O: knows no link, no clock, no parameter map.
+
+    control   43 | 63 | 41 | 61     C data, feedback; c data, acknowledgement; A, a the same without data
+              then, if C or c, per motor in order: [LCV s8] [LCPG u8]
+    feedback  2A    then per motor in order: [LFV s8] [LFS u8] [LFAP u16] [LFDP s8] {4.4: [LFBP u16] [LFAIN u8]}
+              then [LFT: 4.3x s16 in 0.1 °C, 4.4 u8 in °C]
+    instead   0A 0D "ERR n" 0A 0D "=> "    the hand is back in supervisory mode
+
+Words have their high byte first (dossier 6.2; the manual does not say). 2A is also a data value: an answer is found by its
+place in the stream only, never searched for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
+
+from handctl.devices.barrett.gcl.language import PROMPT
+from handctl.errors import ProtocolError, UsageError
+
+ACKNOWLEDGE = 0x2A
+DATA_FEEDBACK, DATA_ONLY, FEEDBACK_ONLY, NEITHER = b"C", b"c", b"A", b"a"
+ERROR_TEXT = 64
+"""Longest error answer that is waited for, in bytes."""
+
+CONTROL = {"velocity": "LCV", "gain": "LCPG"}
+"""What a control block may carry: name -> flag (barrett §6.2.1)."""
+FEEDBACK = {
+    "velocity": "LFV",
+    "strain": "LFS",
+    "position": "LFAP",
+    "delta": "LFDP",
+    "breakaway_position": "LFBP",
+    "analog": "LFAIN",
+}
+"""What a feedback block may carry per motor, in wire order: name -> flag (barrett §6.2.2; the last two from 4.4 on)."""
+_SIZE = {"velocity": 1, "strain": 1, "position": 2, "delta": 1, "breakaway_position": 2, "analog": 1}
+_SIGNED = ("velocity", "delta")
+LIMITS = {"velocity": (-127, 127), "gain": (0, 255)}
+"""What is sent: the vendor sends -127 to 127 although a signed byte reaches -128 (dossier 6.3)."""
+
+
+class Selection(NamedTuple):
+    """One motor's flags and coefficients: the names of CONTROL and FEEDBACK that its blocks carry."""
+
+    control: tuple[str, ...]
+    feedback: tuple[str, ...]
+    velocity_factor: int = 1
+    velocity_divisor: int = 1
+    delta_divisor: int = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """The structure of the blocks, frozen when the loop is entered.
+
+    motors       index (0..2 fingers, 3 spread) -> what its blocks carry; ascending
+    temperature  bytes of the temperature at the end of the feedback: 0, 1 (firmware 4.4) or 2 (4.3x)
+    """
+
+    motors: Mapping[int, Selection]
+    temperature: int = 0
+
+    @property
+    def control_size(self) -> int:
+        """Bytes of a control block with data, header included."""
+        return 1 + sum(len(motor.control) for motor in self.motors.values())
+
+    @property
+    def feedback_size(self) -> int:
+        """Bytes of a feedback block, `*` included."""
+        return 1 + sum(_SIZE[name] for motor in self.motors.values() for name in motor.feedback) + self.temperature
+
+    def control(self, values: Mapping[int, Mapping[str, int]], *, feedback: bool = True) -> bytes:
+        """A control block with data: motor index -> {"velocity": -127..127, "gain": 0..255}. Raises UsageError."""
+        block = bytearray(DATA_FEEDBACK if feedback else DATA_ONLY)
+        for index, motor in self.motors.items():
+            for name in motor.control:
+                value = check_control(name, values[index][name])
+                block.append(value & 0xFF)
+        return bytes(block)
+
+    def decode(self, block: bytes) -> Feedback:
+        """The values of a whole feedback block."""
+        place = 1
+        motors: dict[int, dict[str, int]] = {}
+        for index, motor in self.motors.items():
+            found = motors[index] = {}
+            for name in motor.feedback:
+                size = _SIZE[name]
+                found[name] = int.from_bytes(block[place : place + size], "big", signed=name in _SIGNED)
+                place += size
+        temperature = None
+        if self.temperature == 2:
+            temperature = int.from_bytes(block[place : place + 2], "big", signed=True)
+        elif self.temperature == 1:
+            temperature = block[place] * 10
+        return Feedback(motors, temperature)
+
+
+class Feedback(NamedTuple):
+    """One feedback block: raw numbers per motor index, and the temperature in 0.1 °C if it carries one."""
+
+    motors: dict[int, dict[str, int]]
+    temperature: int | None
+
+
+class LoopError(NamedTuple):
+    """`ERR n` in place of an acknowledgement, 0 for a bare prompt: the hand is back in supervisory mode."""
+
+    status: int
+
+
+def check_control(name: str, value: int) -> int:
+    """The value, or UsageError when a control byte cannot carry it; never clamped."""
+    low, high = LIMITS[name]
+    if not low <= value <= high:
+        raise UsageError(
+            f"{name} {value} is out of range",
+            hint=f"{low} to {high}, one byte (barrett §6.2.1){'; LCVC multiplies it' if name == 'velocity' else ''}",
+            code="out-of-range",
+        )
+    return value
+
+
+class Decoder:
+    """Splits the hand's bytes into answers, in the order of the blocks that asked for them.
+
+    `expect` is called for each block sent; `next` gives one answer: a Feedback, True for a bare acknowledgement, or a
+    LoopError; None until it is complete.
+    """
+
+    def __init__(self, layout: Layout) -> None:
+        self._layout = layout
+        self._buffer = bytearray()
+        self._expected: list[bool] = []
+
+    def expect(self, feedback: bool) -> None:
+        """A block was sent that asks for feedback, or for an acknowledgement only."""
+        self._expected.append(feedback)
+
+    @property
+    def outstanding(self) -> int:
+        """Blocks whose answer is not complete."""
+        return len(self._expected)
+
+    @property
+    def acknowledged(self) -> bool:
+        """Whether the first byte of the oldest outstanding answer is the acknowledgement."""
+        return bool(self._buffer) and self._buffer[0] == ACKNOWLEDGE
+
+    @property
+    def complete(self) -> bool:
+        """Whether the whole answer to the oldest outstanding block has come."""
+        size = self._layout.feedback_size if self._expected and self._expected[0] else 1
+        return len(self._buffer) >= size
+
+    @property
+    def received(self) -> bytes:
+        """Bytes of answers that are not complete."""
+        return bytes(self._buffer)
+
+    def feed(self, data: bytes) -> None:
+        """Add received bytes."""
+        self._buffer += data
+
+    def next(self) -> Feedback | LoopError | bool | None:
+        """One complete answer. Raises ProtocolError when the bytes can be none."""
+        if not self._buffer:
+            return None
+        if self._buffer[0] in (0x0A, 0x0D):
+            return self._error()
+        if not self._expected:
+            raise ProtocolError(f"RealTime: bytes that no block asked for: {self._shown()}", code="unasked")
+        if self._buffer[0] != ACKNOWLEDGE:
+            raise ProtocolError(
+                f"RealTime: expected 2A (*) or an error, got {self._shown()}",
+                hint="bytes were lost or changed on the line; which, cannot be told: the loop must end",
+                code="bad-block",
+            )
+        size = self._layout.feedback_size if self._expected[0] else 1
+        if len(self._buffer) < size:
+            return None
+        block = bytes(self._buffer[:size])
+        del self._buffer[:size]
+        return self._layout.decode(block) if self._expected.pop(0) else True
+
+    def _error(self) -> LoopError | None:
+        text = bytes(self._buffer)
+        end = text.find(PROMPT)
+        if end < 0:
+            if len(text) > ERROR_TEXT:
+                raise ProtocolError(f"RealTime: expected ERR and a prompt, got {self._shown()}", code="bad-block")
+            return None
+        words = text[:end].split()
+        del self._buffer[:]
+        self._expected.clear()
+        if not words:
+            return LoopError(0)
+        if len(words) == 2 and words[0] == b"ERR" and words[1].isdigit() and len(words[1]) <= 10:
+            return LoopError(int(words[1]))
+        raise ProtocolError(f"RealTime: expected ERR and a number, got {text[:48].hex(' ').upper()}", code="bad-block")
+
+    def _shown(self) -> str:
+        return bytes(self._buffer[:48]).hex(" ").upper()
+
+
+class DeltaPosition:
+    """The host's side of LFDP (barrett §6.2.3): adds up deltas, starting from what `FGET P` said.
+
+    `saturated` counts deltas of +127 or -128: the position lags then, or with LFDPD is wrong from there on.
+    """
+
+    def __init__(self, position: int, divisor: int) -> None:
+        self.position = position
+        self.saturated = 0
+        self._divisor = divisor
+
+    def add(self, delta: int) -> int:
+        """The position after this delta, in counts."""
+        self.position += delta * self._divisor
+        self.saturated += delta in (127, -128)
+        return self.position
+
+
+def cycles(control: int, feedback: int, baud: int) -> dict[str, float]:
+    """Shortest cycle in seconds for blocks of these sizes at `baud`, 10 bits a byte (dossier 12).
+
+    sequential   the whole control block, then the whole feedback
+    overlapped   feedback begins at the header, the next block is sent when it is complete
+    pipelined    the next block is sent as soon as the acknowledgement is seen (barrett §6.1 allows it)
+    """
+    byte = 10 / baud
+    return {
+        "sequential": (control + feedback) * byte,
+        "overlapped": (1 + max(feedback, control - 1)) * byte,
+        "pipelined": max(control, feedback, 2) * byte,
+    }
+
+
+def selections(
+    texts: Sequence[str], known: Mapping[str, str], motors: Sequence[int], option: str
+) -> dict[int, tuple[str, ...]]:
+    """``["strain@12", "delta"]`` -> what each of `motors` carries, in wire order. Raises UsageError.
+
+    A name without ``@MOTORS`` is for every motor; ``none`` for nothing at all.
+    """
+    chosen: dict[int, set[str]] = {index: set() for index in motors}
+    for text in texts:
+        name, at, which = text.partition("@")
+        name = name.strip().lower()
+        if name == "none" and not at:
+            continue
+        if name not in known:
+            raise UsageError(
+                f"{option}: {name!r} is not one of {', '.join(known)}",
+                hint=f"e.g. {option} {next(iter(known))}, for some motors only {next(iter(known))}@12",
+            )
+        digits = which.upper().replace("S", "4").replace("G", "123") if at else ""
+        if at and (not digits or not set(digits) <= set("1234")):
+            raise UsageError(f"{option}: {text!r} does not name motors", hint=f"e.g. {name}@12S")
+        wanted = {int(digit) - 1 for digit in digits} if at else set(motors)
+        if not wanted <= set(motors):
+            raise UsageError(f"{option}: {text!r} names a motor that --motors leaves out", hint="add it to --motors")
+        for index in wanted:
+            chosen[index].add(name)
+    return {index: tuple(name for name in known if name in names) for index, names in chosen.items()}
+
+
+def velocity_unit(points: list[tuple[float, int, int]]) -> float | None:
+    """Counts per second for one unit of LFV, fitted to position over time; None without enough motion.
+
+    The manual gives LFV no unit (dossier 6.3): this is how to find it on a hand.
+    """
+    pairs = [
+        (velocity, (later - earlier) / (end - begin))
+        for (begin, earlier, _), (end, later, velocity) in pairwise(points)
+        if end > begin and velocity
+    ]
+    weight = sum(velocity * velocity for velocity, _ in pairs)
+    return sum(velocity * speed for velocity, speed in pairs) / weight if len(pairs) >= 10 and weight else None

@@ -1,0 +1,298 @@
+"""`handctl barrett realtime`: the RealTime loop as a live view, a stream, or a measurement."""
+
+from __future__ import annotations
+
+import io
+import os
+import sys
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from handctl.errors import UsageError
+from handctl.files import is_pipe, read_text
+from handctl.frame.clikit import Group, streaming
+from handctl.frame.filetypes import InFile
+from handctl.frame.run import Run
+from handctl.model.result import Column, Table
+
+if TYPE_CHECKING:
+    from handctl.devices.barrett.realtime.flags import Wish
+    from handctl.devices.barrett.realtime.loop import RealtimeLoop
+    from handctl.devices.barrett.realtime.schedule import Source
+    from handctl.model.param import Step
+
+COLUMNS = (
+    Column("name", "Name"),
+    Column("motor", "Motor"),
+    Column("value", "Value", right=True),
+    Column("unit", "Unit"),
+    Column("guard", "Guard"),
+    Column("doubt", "Doubt"),
+)
+LONGEST_LINE = 65_536
+"""Bytes of one line of control values, as they come from a pipe or stdin."""
+GUARDS = ("stall", "window", "strain", "opening", "heat")
+"""Names of `guards.GUARDS`, here so that help needs no more: a test holds them together."""
+
+
+def add_realtime(group: Group) -> None:
+    """Add the command to the family's group."""
+
+    @group.verb("realtime", writes=True, streams=True)
+    @click.option("--motors", metavar="12S", help="Motors of the loop: digits, G = fingers, S = spread (default: all).")
+    @click.option(
+        "--send", metavar="NAMES", help="What control blocks carry: velocity, gain; `velocity@12` for some motors."
+    )
+    @click.option(
+        "--receive",
+        metavar="NAMES",
+        help="What feedback carries: velocity, strain, position, delta, temperature, none; `strain@12` for some motors "
+        "(default: as the hand's flags are).",
+    )
+    @click.option("--velocity", metavar="V", help="Constant control velocity, -127 to 127: 20, or 20,5, or F1=20,F2=5.")
+    @click.option("--gain", metavar="K", help="Constant proportional gain, 0 to 255, in the same way.")
+    @click.option(
+        "--control",
+        "path",
+        metavar="FILE",
+        type=InFile(),
+        help="Control values as CSV or JSON lines (t, velocity.F1 …); - is stdin. Live lines (without t) count for 1 s, then velocity is 0.",
+    )
+    @click.option(
+        "--measure", type=click.IntRange(min=2), metavar="N", help="Exchange N blocks and show only the timing."
+    )
+    @click.option(
+        "--sequential/--overlapped",
+        default=None,
+        help="Wait for the whole feedback before the next block, or only for its *. Default: sequential when driving, overlapped when watching. Driving overlapped begins with a self-test that drives nothing.",
+    )
+    @click.option(
+        "--no-guard",
+        "unguarded",
+        multiple=True,
+        metavar="NAME",
+        type=click.Choice([*GUARDS, "all"]),
+        help=f"Switch a guard off: {', '.join(GUARDS)}, all. See GUARDS below.",
+    )
+    @click.option("--force", is_flag=True, help="The same as --no-guard opening: it may deform the clutch for good.")
+    @click.option(
+        "--delta-unit",
+        type=click.IntRange(1, 255),
+        metavar="N",
+        help="Counts of one unit of delta (LFDPC). Default: as the hand has it, more when velocity and rate need it.",
+    )
+    @click.option(
+        "--init", "initialize", is_flag=True, help="Initialize the motors first (HI): the fingers open fully."
+    )
+    @click.option("--hold", is_flag=True, help="Leave the motors powered at the end.")
+    @streaming(0.0)
+    def realtime(
+        run: Run,
+        motors: str | None,
+        send: str | None,
+        receive: str | None,
+        velocity: str | None,
+        gain: str | None,
+        path: str | None,
+        measure: int | None,
+        sequential: bool | None,
+        unguarded: tuple[str, ...],
+        force: bool,
+        delta_unit: int | None,
+        initialize: bool,
+        hold: bool,
+        rate: float,
+        count: int | None,
+        duration: float | None,
+    ) -> Table:
+        """Exchange RealTime blocks (LOOP) as fast as the line allows: live view, NDJSON or CSV.
+
+        Without control values nothing moves: the hand is only watched. With them the motors keep their last velocity
+        until the next block; whatever ends the loop commands velocity 0, leaves it, and switches the motors off unless
+        --hold is given. Flags are put back as they were.
+
+        GUARDS, all on while motors are driven: stall (velocity 0 for a motor that stands still longer than TSTOP), window
+        (velocity 0 where it would leave 0..CT), strain (the same beyond HSG and LSG), opening (none faster than IVEL may
+        be), heat (the loop ends above 65 °C or OTEMP). Feedback that a guard needs is taken in and not shown.
+
+        A row's `doubt` says why its value may be wrong: a delta that did not fit its byte, a block whose place in the
+        stream was not proved by what came behind it.
+        """
+        from handctl.devices.barrett.realtime.flags import Wish, refuse_disabled
+        from handctl.devices.barrett.realtime.loop import RealtimeLoop
+        from handctl.devices.barrett.realtime.measure import measured
+        from handctl.devices.barrett.realtime.schedule import loop_motors
+
+        if measure is not None and (count is not None or duration is not None):
+            raise UsageError("--measure N says how many blocks", hint="leave --count and --duration out")
+        indices = loop_motors(motors)
+        received, temperature = _received(receive, indices)
+        source = _source(send, velocity, gain, path, indices)
+        off = set(GUARDS) if "all" in unguarded else {*unguarded, *(["opening"] if force else [])}
+        wish = Wish(tuple(indices), received, temperature, hold, frozenset(GUARDS) - off, delta_unit)
+        first = _initialization(wish) if initialize else []
+        steps = _steps(run, wish, source)
+        if run.settings.dry_run:
+            return run.dry_run([*first, *steps])
+        run.ledger.plan([*first, *(step for step in steps if step.meaning.startswith(wish.prefix + "LOOP"))])
+        if motors is None and (initialize or source is not None):
+            refuse_disabled(run.device())
+        if initialize:
+            _initialize(run, wish)
+        if sequential is None:
+            sequential = source is not None
+        loop = RealtimeLoop(run.device(), run.guide, wish, source, sequential=sequential, measuring=measure is not None)
+        if measure is not None:
+            return measured(run, loop, measure, rate)
+        table = Table(
+            columns=COLUMNS,
+            plain=("name", "motor", "value", "unit"),
+            summary=loop.summary,
+            ranges={"strain": (0, 255), "position": (0, 17800)},
+        )
+        table.samples = _guarded(loop, table, rate, count, duration)
+        return table
+
+
+def _initialization(wish: Wish) -> list[Step]:
+    from handctl.devices.barrett.gcl.language import encode
+    from handctl.model.param import Step
+
+    text = f"{wish.prefix}HI"
+    return [Step(f"{text}: initialize", encode(text), moves=True)]
+
+
+def _initialize(run: Run, wish: Wish) -> None:
+    from handctl.devices.barrett import motion
+
+    failure = motion.move(run.device(), wish.prefix, "HI", None, run.guide).failure
+    if failure is not None:
+        raise failure
+
+
+def _guarded(loop: RealtimeLoop, table: Table, rate: float, count: int | None, duration: float | None) -> Iterator[Any]:
+    """The loop's samples; what failed while leaving becomes the table's failure."""
+    try:
+        yield from loop.run(rate=rate, count=count, duration=duration)
+    finally:
+        table.failure = loop.failure
+
+
+def _received(text: str | None, motors: list[int]) -> tuple[dict[int, tuple[str, ...]] | None, bool | None]:
+    """What --receive asks for: per motor, and whether with the temperature."""
+    from handctl.devices.barrett.realtime.blocks import FEEDBACK, selections
+
+    if text is None:
+        return None, None
+    names = [part.strip() for part in text.split(",") if part.strip()]
+    temperature = any(name.lower() == "temperature" for name in names)
+    rest = [name for name in names if name.lower() != "temperature"]
+    return selections(rest, FEEDBACK, motors, "--receive"), temperature
+
+
+def _source(
+    send: str | None, velocity: str | None, gain: str | None, path: str | None, motors: list[int]
+) -> Source | None:
+    """Where control values come from, None when nothing is to be sent. Raises UsageError."""
+    from handctl.devices.barrett.realtime import schedule
+    from handctl.devices.barrett.realtime.blocks import CONTROL, selections
+
+    carried = selections(send.split(","), CONTROL, motors, "--send") if send is not None else None
+    start: schedule.Change = {}
+    for name, text in (("velocity", velocity), ("gain", gain)):
+        if text is not None:
+            given = motors if carried is None else [index for index in motors if name in carried[index]]
+            if not given:
+                raise UsageError(f"--{name} without {name} in --send {send}", hint="leave --send out, or name it there")
+            start.update(schedule.constant(text, name, given))
+    if path is not None:
+        source = _from_file(path, motors, start)
+        if carried is not None and carried != source.carries:
+            raise UsageError(
+                f"--send {send} does not fit the columns of {path}", hint="leave --send out: the columns say it"
+            )
+        return source
+    if carried is None:
+        carried = {index: tuple(name for name in CONTROL if (index, name) in start) for index in motors}
+    return schedule.Source(carried, start) if any(carried.values()) else None
+
+
+def _from_file(path: str, motors: list[int], start: dict[tuple[int, str], int]) -> Source:
+    from handctl.devices.barrett.realtime import schedule
+
+    if path == "-" or is_pipe(path):
+        source = schedule.read(_lines_as_they_come(path), "stdin" if path == "-" else path, motors, start)
+        if isinstance(source, schedule.Live):
+            import threading
+
+            threading.Thread(target=source.listen, daemon=True).start()
+        return source
+    lines = io.StringIO(read_text(path, "a control file", 16_000_000).removeprefix("\ufeff"), newline="")
+    source = schedule.read(lines, path, motors, start)
+    if source.live:
+        raise UsageError(
+            f"{path}: no column t", hint="a file needs times; without them give the lines on stdin: --control -"
+        )
+    return source
+
+
+def _lines_as_they_come(path: str) -> Iterator[str]:
+    """Lines of stdin ("-") or of a named pipe, without the buffering that would hold them back."""
+    try:
+        descriptor = sys.stdin.fileno() if path == "-" else os.open(path, os.O_RDONLY)
+    except (OSError, ValueError, AttributeError):
+        yield from sys.stdin
+        return
+    rest = b""
+    try:
+        while chunk := os.read(descriptor, 65536):
+            *whole, rest = (rest + chunk).split(b"\n")
+            for line in whole:
+                yield line.decode("utf-8", "replace")
+            if len(rest) > LONGEST_LINE:
+                raise UsageError(
+                    f"{path}: more than {LONGEST_LINE} bytes without an end of the line: no control values"
+                )
+    finally:
+        if path != "-":
+            os.close(descriptor)
+    if rest:
+        yield rest.decode("utf-8", "replace")
+
+
+# -- dry run ------------------------------------------------------------------------------------------------------
+
+
+def _steps(run: Run, wish: Wish, source: Source | None) -> list[Step]:
+    """The exact bytes as far as they do not depend on what the hand holds."""
+    from handctl.devices.barrett.gcl.language import ABORT, encode
+    from handctl.devices.barrett.map import BARRETT
+    from handctl.devices.barrett.realtime.blocks import Layout, Selection
+    from handctl.devices.barrett.realtime.flags import asked_flags
+    from handctl.model.param import Element, Step
+
+    changes = [
+        (Element(BARRETT.by_mnemonic(name), index), value)
+        for (name, index), value in asked_flags(wish, source).items()
+        if value or not BARRETT.by_mnemonic(name).since  # a hand that does not know the flag has it off
+    ]
+    steps = [
+        Step(f"{step.meaning}  (what differs from the hand's own flags)", step.data)
+        for step in run.planner().plan(changes)
+    ]
+    entry = f"{wish.prefix}LOOP"
+    steps.append(Step(f"{entry}: enter RealTime", encode(entry)))
+    values = source.first if source is not None else None
+    if source is None or values is None:
+        steps.append(Step("ask for feedback, again and again", b"A"))
+    else:
+        layout = Layout({index: Selection(source.carries[index], ()) for index in wish.motors})
+        zero = {index: {**names, **({"velocity": 0} if "velocity" in names else {})} for index, names in values.items()}
+        steps.append(Step("first control block", layout.control(values), moves=True))
+        steps.append(Step("last control block: stand", layout.control(zero, feedback=False)))
+    steps.append(Step("leave RealTime", ABORT))
+    if source is not None and not wish.hold:
+        steps.append(Step(f"{wish.prefix}T: motor power off", encode(f"{wish.prefix}T")))
+    return steps

@@ -1,0 +1,292 @@
+"""The flags that shape RealTime blocks (barrett §5.3.3, §6.3): read them, set what the user asked, freeze the structure."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import ceil
+from typing import NamedTuple
+
+from handctl.devices.barrett.care.health import LIMIT_TENTHS
+from handctl.devices.barrett.device import BarrettHand
+from handctl.devices.barrett.gcl.language import MOTORS
+from handctl.devices.barrett.map import BARRETT, GclParam
+from handctl.devices.barrett.realtime.blocks import CONTROL, FEEDBACK, Layout, Selection
+from handctl.devices.barrett.realtime.guards import GUARDS, TRAVEL, Limits, check_opening
+from handctl.devices.barrett.realtime.schedule import Source
+from handctl.errors import CheckFailed, DeviceRefused, UsageError
+from handctl.model.param import Element, Number
+
+COEFFICIENTS = ("LCVC", "LFVC", "LFDPC")
+LIMITING = ("TSTOP", "CT", "HSG", "LSG", "IVEL", "SAMPLE")
+"""What the guards go by."""
+OFF = 255
+"""From here on a strain limit is off (§5.3.1)."""
+HCTL_HERTZ = 2e6
+"""Clock of the motor controllers; a sample lasts 16 (SAMPLE + 1) of its ticks (§5.3.4)."""
+LATER = {"breakaway_position", "analog"}
+"""Feedback of firmware 4.4 (dossier 6.5)."""
+
+
+class Wish(NamedTuple):
+    """What the user asked for.
+
+    motors       indices, ascending
+    receive      motor index -> names of FEEDBACK; None = as the hand's flags are
+    temperature  whether feedback carries it; None = as the hand's flag is
+    hold         leave the motors powered
+    guards       names of GUARDS that are on
+    delta_unit   LFDPC as the user wants it; None = as velocity and rate need it
+    """
+
+    motors: tuple[int, ...]
+    receive: Mapping[int, tuple[str, ...]] | None = None
+    temperature: bool | None = None
+    hold: bool = False
+    guards: frozenset[str] = frozenset(GUARDS)
+    delta_unit: int | None = None
+
+    @property
+    def prefix(self) -> str:
+        """The GCL prefix of the motors."""
+        return "".join(str(index + 1) for index in self.motors)
+
+
+def asked_flags(wish: Wish, source: Source | None) -> dict[tuple[str, int], int]:
+    """Flags by (mnemonic, motor) as the user wants them; what was not asked for is left out."""
+    wanted: dict[tuple[str, int], int] = {}
+    for index in wish.motors:
+        if source is not None:
+            carried = source.carries.get(index, ())
+            wanted.update({(flag, index): int(name in carried) for name, flag in CONTROL.items()})
+        if wish.receive is not None:
+            names = wish.receive.get(index, ())
+            wanted.update({(flag, index): int(name in names) for name, flag in FEEDBACK.items()})
+    if wish.temperature is not None:
+        wanted[("LFT", 0)] = int(wish.temperature)
+    return wanted
+
+
+class Prepared(NamedTuple):
+    """How the loop will be.
+
+    shown        motor index -> feedback that was asked for; guards may have added to the blocks
+    temperature  whether it was asked for
+    limits       of the motors that are driven
+    heat         0.1 °C above which the loop ends
+    discards     LFDPD is 1
+    """
+
+    layout: Layout
+    shown: dict[int, tuple[str, ...]]
+    temperature: bool
+    limits: dict[int, Limits]
+    heat: int
+    discards: bool
+
+
+def prepare(
+    hand: BarrettHand, wish: Wish, source: Source | None, undo: list[tuple[Element, Number]], cycle: float
+) -> Prepared:
+    """Read the flags, set what was asked and differs, and say how the blocks look then.
+
+    `undo` is filled with the values before, ahead of the first write. `cycle` is the longest time of a block in s.
+    Raises DeviceRefused, CheckFailed, NoAnswer; UsageError for too fast an opening.
+    """
+    later = _is_later(hand, wish.motors[0])
+    driven = [index for index in wish.motors if source is not None and "velocity" in source.carries.get(index, ())]
+    now = _read(hand, wish.motors, later, driving=bool(driven))
+    fitted = _fitted(hand, wish, source, later)
+    wanted = fitted | now | fitted  # what was asked for goes first
+    shown = {index: _selection(wanted, index).feedback for index in wish.motors}
+    temperature = bool(wanted["LFT", 0])
+    _refuse_zero(wanted, wish.motors, sends=source is not None)
+    for index in driven:
+        wanted.update(_for_guards(wish, wanted, index))
+        if wanted["LFDP", index]:
+            wanted["LFDPC", index] = _delta_unit(hand, wish, source, wanted, index, cycle)
+    limits = {index: _limits(wanted, index) for index in driven}
+    if source is not None and "opening" in wish.guards and not source.live:
+        for index in driven:
+            check_opening(index, source.extremes(index)[0], limits[index])
+    heat = _heat(hand, wish, now) if driven else LIMIT_TENTHS
+    _write(hand, now, wanted, undo)
+    size = 0 if not wanted["LFT", 0] else 1 if later else 2
+    layout = Layout({index: _selection(wanted, index) for index in wish.motors}, size)
+    discards = bool(wanted["LFDPD", 0])
+    if discards and any("delta" in motor.feedback for motor in layout.motors.values()):
+        hand.journal.warn(
+            "discard", "LFDPD is 1: a change too large for a byte is dropped, positions from deltas may be wrong"
+        )
+    return Prepared(layout, shown, temperature, limits, heat, discards)
+
+
+def _write(
+    hand: BarrettHand,
+    now: Mapping[tuple[str, int], int],
+    wanted: Mapping[tuple[str, int], int],
+    undo: list[tuple[Element, Number]],
+) -> None:
+    changes: list[tuple[Element, Number]] = [
+        (Element(BARRETT.by_mnemonic(name), index), value)
+        for (name, index), value in wanted.items()
+        if now[(name, index)] != value
+    ]
+    if changes:
+        undo += [(element, now[(mnemonic(element), element.index)]) for element, _ in changes]
+        hand.write(changes)
+
+
+# -- what the guards need -------------------------------------------------------------------------------------------
+
+
+def _for_guards(wish: Wish, wanted: Mapping[tuple[str, int], int], index: int) -> dict[tuple[str, int], int]:
+    """Feedback without which a guard of a driven motor would see nothing: it is taken in, and not shown."""
+    more: dict[tuple[str, int], int] = {}
+    if wish.guards & {"stall", "window"} and not (wanted["LFAP", index] or wanted["LFDP", index]):
+        more["LFAP", index] = 1
+    if "strain" in wish.guards and min(wanted["HSG", index], wanted["LSG", index]) < OFF:
+        more["LFS", index] = 1
+    if "heat" in wish.guards:
+        more["LFT", 0] = 1
+    return more
+
+
+def _limits(now: Mapping[tuple[str, int], int], index: int) -> Limits:
+    factor, divisor = now["LCVC", index], now["LFDPC", index]
+    sample = 16 * (now["SAMPLE", index] + 1) / HCTL_HERTZ
+    return Limits(
+        speed=factor / 16 / sample,
+        factor=factor,
+        stall=now["TSTOP", index] / 1000,
+        window=(0, min(now["CT", index], TRAVEL[index == 3])),
+        strain=(now["LSG", index], now["HSG", index]),
+        opening=min(now["IVEL", index], BARRETT.by_mnemonic("IVEL").default_of(index) or 0),
+        quantum=1 if now["LFAP", index] else divisor,
+    )
+
+
+def _delta_unit(
+    hand: BarrettHand,
+    wish: Wish,
+    source: Source | None,
+    now: Mapping[tuple[str, int], int],
+    index: int,
+    cycle: float,
+) -> int:
+    """LFDPC: what was asked for; else as much as keeps the fastest command within a byte, twice over (§6.2.3)."""
+    if wish.delta_unit is not None or source is None:
+        return wish.delta_unit or now["LFDPC", index]
+    fastest = max(map(abs, source.extremes(index))) * _limits(now, index).speed * cycle
+    needed = ceil(2 * fastest / 127)
+    if needed > 255:
+        hand.journal.warn(
+            "delta-too-small",
+            f"{MOTORS[index]}: {fastest:.0f} counts a block do not fit a delta, also with LFDPC 255",
+            hint="position in --receive tells where it is; or a higher --rate",
+        )
+    return max(now["LFDPC", index], min(needed, 255))
+
+
+def _heat(hand: BarrettHand, wish: Wish, now: Mapping[tuple[str, int], int]) -> int:
+    """The limit in 0.1 °C. Raises CheckFailed when the board is above it before anything moves."""
+    limit = now["OTEMP", 0] if 0 < now["OTEMP", 0] < LIMIT_TENTHS else LIMIT_TENTHS
+    if "heat" in wish.guards and now["TEMP", 0] > limit:
+        raise CheckFailed(
+            f"{hand.link.name}: {now['TEMP', 0] / 10:.1f} °C: above {limit / 10:.1f} °C nothing is driven (guard heat)",
+            hint="`handctl barrett status` shows TEMP and OTEMP; let it cool, or correct OTEMP",
+            code="guard-heat",
+        )
+    return limit
+
+
+def refuse_disabled(hand: BarrettHand) -> None:
+    """Motors that nobody named are not to move when they are disabled (barrett §5.3.4 EN). Raises UsageError."""
+    readings = hand.read([Element(BARRETT.by_mnemonic("EN"), index) for index in range(len(MOTORS))])
+    for reading in readings:
+        if reading.error is not None:
+            raise reading.error
+    off = [MOTORS[reading.element.index] for reading in readings if reading.value == 0]
+    if off:
+        others = "".join(str(reading.element.index + 1) for reading in readings if reading.value)
+        raise UsageError(
+            f"{', '.join(off)} disabled (EN 0): whether to move without being named is not guessed",
+            hint=f"--motors 1234 takes all{f', --motors {others} the enabled ones' if others else ''}. Nothing moved.",
+            code="disabled",
+        )
+
+
+def _is_later(hand: BarrettHand, motor: int) -> bool:
+    """Whether the firmware is 4.4: it knows LCT (dossier 6.5)."""
+    (reading,) = hand.read([Element(BARRETT.by_mnemonic("LCT"), motor)])
+    if reading.error is not None and not isinstance(reading.error, DeviceRefused):
+        raise reading.error
+    return reading.error is None
+
+
+def _read(hand: BarrettHand, motors: tuple[int, ...], later: bool, *, driving: bool) -> dict[tuple[str, int], int]:
+    names = [
+        *CONTROL.values(),
+        *(flag for name, flag in FEEDBACK.items() if later or name not in LATER),
+        *COEFFICIENTS,
+        *(["LCT"] if later else []),
+        *(LIMITING if driving else ()),
+    ]
+    common = ("LFT", "LFDPD", *(("OTEMP", "TEMP") if driving else ()))
+    elements = [Element(BARRETT.by_mnemonic(name), index) for name in names for index in motors]
+    elements += [Element(BARRETT.by_mnemonic(name), 0) for name in common]
+    now: dict[tuple[str, int], int] = {}
+    for reading in hand.read(elements):
+        if reading.error is not None:
+            raise reading.error
+        now[(mnemonic(reading.element), reading.element.index)] = int(reading.value or 0)
+    return now
+
+
+def _fitted(hand: BarrettHand, wish: Wish, source: Source | None, later: bool) -> dict[tuple[str, int], int]:
+    """What was asked for, fitted to the firmware."""
+    wanted = asked_flags(wish, source)
+    if later:
+        if source is not None:
+            wanted.update({("LCT", index): 0 for index in wish.motors})  # excludes velocity and gain
+        return wanted
+    for name in LATER:
+        flag = FEEDBACK[name]
+        asked = [wanted.pop((flag, index), 0) for index in wish.motors]
+        if any(asked):
+            raise DeviceRefused(
+                f"{hand.link.name}: this firmware has no {flag}",
+                hint=f"leave {name} out: it came with 4.4",
+                code="no-flag",
+            )
+    return wanted
+
+
+def _selection(now: Mapping[tuple[str, int], int], index: int) -> Selection:
+    return Selection(
+        tuple(name for name, flag in CONTROL.items() if now[(flag, index)]),
+        tuple(name for name, flag in FEEDBACK.items() if now.get((flag, index))),
+        *(now[(name, index)] for name in COEFFICIENTS),
+    )
+
+
+def _refuse_zero(now: Mapping[tuple[str, int], int], motors: tuple[int, ...], *, sends: bool) -> None:
+    """A coefficient of 0 divides by zero or always stops the motor (dossier 3.1)."""
+    for index in motors:
+        for name, used in (
+            ("LCVC", sends and now["LCV", index]),
+            ("LFVC", now["LFV", index]),
+            ("LFDPC", now["LFDP", index]),
+        ):
+            if used and not now[name, index]:
+                does = "stop the motor" if name == "LCVC" else "divide by zero"
+                raise CheckFailed(
+                    f"{name} of {MOTORS[index]} is 0: that would {does}",
+                    hint=f"handctl barrett set {name}.{MOTORS[index]}=1",
+                    code="coefficient",
+                )
+
+
+def mnemonic(element: Element) -> str:
+    """The GCL name of an element's parameter."""
+    assert isinstance(element.param, GclParam)
+    return element.param.mnemonic

@@ -1,0 +1,181 @@
+"""The way out of the RealTime loop: velocity 0, ^C, prompt, T, flags as before (barrett §6.1; dossier 6.6).
+
+No watchdog is documented, so whatever ends the loop goes this way, and one step that fails keeps no other from stopping
+the motors.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from handctl.devices.barrett.device import BarrettHand
+from handctl.devices.barrett.gcl.language import ABORT, encode
+from handctl.devices.barrett.realtime.blocks import Decoder, Layout, LoopError
+from handctl.devices.barrett.realtime.flags import Wish
+from handctl.devices.barrett.realtime.schedule import Values
+from handctl.errors import HandctlError, NoAnswer, ProtocolError
+from handctl.link import Deadline
+from handctl.link.deadman import Guard, Shot
+from handctl.model.param import Element, Number
+
+BLOCK_SECONDS = 0.1
+WATCH_SECONDS = 0.5
+"""The same where no control is sent: a machine or an adapter that stumbles is then no reason to end."""
+ANSWER_SECONDS = 0.01
+"""What the hand needs to answer, beside the time on the wire, where nobody can wait for the answer."""
+NOT_INITIALIZED = 4
+"""T says so of such a motor and cuts its power all the same (barrett §5.2.1)."""
+
+
+class Session:
+    """Where one loop stands with its hand, and how it is left.
+
+    drives      control values are sent
+    layout      of the blocks, and the decoder of their answers
+    inside      the hand may be in the loop: every byte counts as a header
+    thrown_out  the hand has left it by itself
+    asked       LOOP was sent
+    stood       a block of velocity 0 was acknowledged, and none was sent since
+    last        the control values sent last
+    undo        flags as they were
+    mark        where the loop begins in the ledger of writes
+    failure     what went wrong while leaving
+    dead_man    stops the hand when this process dies
+    """
+
+    def __init__(self, hand: BarrettHand, wish: Wish, *, drives: bool) -> None:
+        self.hand, self.wish, self.drives = hand, wish, drives
+        self.layout = Layout({})
+        self.decoder = Decoder(self.layout)
+        self.inside = self.thrown_out = self.asked = self.stood = False
+        self.last: Values = {}
+        self.undo: list[tuple[Element, Number]] = []
+        self.failure: HandctlError | None = None
+        self.dead_man = Guard(None)
+        self.mark = 0
+        self._still = b""
+
+    def block_deadline(self, sent_at: float) -> Deadline:
+        """How long the answer to a block may take."""
+        line = self.hand.line
+        size = self.layout.control_size + self.layout.feedback_size
+        patience = BLOCK_SECONDS if self.drives else WATCH_SECONDS
+        seconds = line.timeout if line.timeout is not None else max(patience, 10 * line.wire_seconds(size))
+        return self.hand.link.deadline(max(0.0, sent_at + seconds - self.hand.link.now()))
+
+    def give_up(self) -> None:
+        """The link is lost: no byte can reach the hand, nothing is to be put back."""
+        self.inside = self.drives = False
+        self.undo.clear()
+
+    def leave(self) -> None:
+        """Never raises: what fails is told and sets `failure`."""
+        self.dead_man.update(self.power_off_shots())  # at the prompt a control block would be text, perhaps a command
+        self.hand.line.bound = None  # stopping has deadlines of its own
+        moved = bool(self.last) or (self.asked and self.drives)
+        stands = False
+        try:
+            stands = self._go_out(moved)
+        except Exception as exc:  # noqa: BLE001 - one step that fails must not keep the next from stopping the motors
+            self._blame(exc, "switch the hand's power off if anything moves" if moved else "power-cycle the hand")
+        try:
+            if moved and self.wish.hold and stands:
+                self.hand.journal.info("held", "velocity 0 was commanded; the motors stay powered (--hold)")
+            elif moved:
+                self._power_off()
+        except Exception as exc:  # noqa: BLE001 - the same
+            self._blame(exc, "switch the hand's power off if anything moves")
+        if self.failure is not None:
+            self.undo = []
+        try:
+            if self.undo:
+                self.hand.write(self.undo)
+        except Exception as exc:  # noqa: BLE001 - the same
+            flags = ", ".join(f"{element.full_name}={value}" for element, value in self.undo)
+            self._blame(exc, f"the flags before were {flags}; a power cycle brings the saved ones back")
+        self.last, self.undo = {}, []
+        self.thrown_out = self.asked = self.stood = False  # once is enough
+
+    def _power_off(self) -> None:
+        answer = self.hand.line.ask(f"{self.wish.prefix}T")
+        if answer.status & ~NOT_INITIALIZED:
+            raise self.hand.refusal(answer)
+        why = "; --hold is not kept: velocity 0 was not acknowledged" if self.wish.hold else ""
+        self.hand.journal.info("stopped", f"{self.wish.prefix}T was acknowledged: the motors are switched off{why}")
+
+    def _go_out(self, moved: bool) -> bool:
+        """Back to the prompt; whether the hand acknowledged velocity 0 on the way. Raises NoAnswer."""
+        line = self.hand.line
+        stands = False
+        if self.inside:
+            self.inside = False
+            stands = self.stand()
+            if stands:
+                self.hand.journal.ledger.confirm("each block was acknowledged", since=self.mark)
+            if not (stands and line.abort() is not None) and line.leave_loop() is not None:
+                raise NoAnswer("no prompt after ^C: the hand may still be in its loop", code="loop")
+        elif self.thrown_out and moved:
+            # The rest of the refused block stands at the prompt as if typed, and may even be a command: ^C, CR,
+            # and ^C again for what that CR may have begun.
+            line.resynchronise(stop=True)
+            line.abort()
+        return stands
+
+    def stand(self) -> bool:
+        """Whether the hand took a last block of velocity 0 (or needs none) and now awaits a header."""
+        if self.stood:
+            return True
+        line, decoder = self.hand.line, self.decoder
+        try:
+            for block in (None, self._zero()):
+                if block is not None:
+                    decoder.expect(False)
+                    line.link.write(block, self.hand.link.deadline(1.0 + line.wire_seconds(len(block))))
+                while decoder.outstanding:
+                    if isinstance(decoder.next(), LoopError):
+                        return False
+                    if decoder.outstanding:
+                        chunk = line.link.read(self.block_deadline(self.hand.link.now()))
+                        if not chunk:
+                            return False
+                        decoder.feed(chunk)
+        except ProtocolError:
+            return False
+        self.stood = True
+        return True
+
+    def _zero(self) -> bytes | None:
+        if not self.drives or not self.last:
+            return None
+        return self.layout.control(still(self.last), feedback=False)
+
+    def tell_dead_man(self) -> None:
+        """Let a sudden death stop the motors as `leave` does, block for block: the gains are kept."""
+        zero = self._zero()
+        if zero is None or zero == self._still:
+            return
+        self._still = zero
+        wire = self.hand.line.wire_seconds
+        answered = ANSWER_SECONDS + wire(self.layout.control_size + self.layout.feedback_size)  # of the block before
+        stand = [Shot(b"", answered), Shot(zero, ANSWER_SECONDS + wire(len(zero) + 1))]
+        self.dead_man.update([*stand, *self.power_off_shots()])
+
+    def power_off_shots(self) -> list[Shot]:
+        """^C and T, three times: if a block was cut off, the first ^C may be data (dossier 1.2)."""
+        pause = ANSWER_SECONDS + self.hand.line.wire_seconds(16)
+        return [Shot(ABORT, pause), Shot(encode(f"{self.wish.prefix}T"), pause)] * 3
+
+    def _blame(self, exc: Exception, hint: str) -> None:
+        text = f"while leaving the loop: {exc.text if isinstance(exc, HandctlError) else repr(exc)}"
+        self.hand.journal.note("error", "leaving", text, hint)
+        kind: Any = type(exc) if isinstance(exc, HandctlError) else HandctlError
+        code = exc.code if isinstance(exc, HandctlError) else "internal"
+        self.failure = self.failure or kind(text, hint=hint, code=code)
+
+
+def still(values: Values) -> Values:
+    """The same with velocity 0; gains stay."""
+    return {
+        index: {name: 0 if name == "velocity" else value for name, value in names.items()}
+        for index, names in values.items()
+    }

@@ -1,0 +1,409 @@
+"""The RealTime loop of one hand (barrett §6): enter, exchange blocks under guard, hand out what is proved, leave.
+
+Watching, the next block goes out as soon as the acknowledgement of the last one is seen, as §6.1 allows; never earlier.
+While anything is driven the whole feedback is awaited first, unless overlapping was asked for: the only practice known
+on hardware, and its data are half as old. A block has no checksum: its place is proved by the `*` behind it, or by
+silence, and only then is it handed out.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+from typing import Any
+
+from handctl.devices.barrett.device import BarrettHand
+from handctl.devices.barrett.gcl.language import CR, Answer, has_prompt, status_in
+from handctl.devices.barrett.gcl.line import COLON_ALONE, DISTURBED, restarted_in
+from handctl.devices.barrett.map import BARRETT
+from handctl.devices.barrett.realtime.blocks import (
+    ACKNOWLEDGE,
+    FEEDBACK_ONLY,
+    NEITHER,
+    Decoder,
+    Feedback,
+    Layout,
+    LoopError,
+)
+from handctl.devices.barrett.realtime.flags import Wish, prepare
+from handctl.devices.barrett.realtime.guards import Guards
+from handctl.devices.barrett.realtime.leaving import Session, still
+from handctl.devices.barrett.realtime.rows import Intake, Sent, Taken
+from handctl.devices.barrett.realtime.schedule import Source, Values
+from handctl.errors import (
+    CheckFailed,
+    DeviceRefused,
+    HandctlError,
+    LinkError,
+    NoAnswer,
+    OutputError,
+    ProtocolError,
+    UsageError,
+)
+from handctl.link.deadman import guarding
+from handctl.model.guide import Guide
+from handctl.model.param import Element
+from handctl.model.result import Sample
+
+ENTER_SECONDS = 1.5
+READER_SECONDS = 0.5
+PROOF_SECONDS = 0.025
+"""Silence behind a block that proves its end where no other block follows: an adapter hands bytes over within 16 ms."""
+SELF_TEST_BLOCKS = 16
+UNPROVED = "no answer came behind it: its place in the stream is not proved"
+
+
+class RealtimeLoop:
+    """One run of the loop. `source` gives the control values; None sends none: the hand is only watched.
+
+    `measuring` keeps what the unit of velocity is fitted to; a loop of hours keeps nothing.
+    """
+
+    def __init__(
+        self, hand: BarrettHand, guide: Guide, wish: Wish, source: Source | None, *, sequential: bool,
+        measuring: bool = False,
+    ) -> None:  # fmt: skip
+        self.hand = hand
+        self.wish = wish
+        self.source = source
+        self.session = Session(hand, wish, drives=source is not None)
+        self._guide = guide
+        self._sequential = sequential
+        self._intake = Intake(hand, wish, measuring=measuring)
+
+    # -- the whole run -------------------------------------------------------------------------------------------
+
+    @property
+    def layout(self) -> Layout:
+        """The structure of the blocks."""
+        return self.session.layout
+
+    @property
+    def velocity_points(self) -> dict[int, list[tuple[float, int, int]]]:
+        """Time, position and velocity per motor, of a loop that measures."""
+        return self._intake.velocity_points
+
+    def summary(self) -> dict[str, Any]:
+        """Rate, latencies, floors and what the guards did, for the closing envelope."""
+        return self._intake.summary(drives=self.source is not None, overlapped=not self._sequential)
+
+    @property
+    def failure(self) -> HandctlError | None:
+        """What went wrong while leaving."""
+        return self.session.failure
+
+    def run(self, *, rate: float, count: int | None, duration: float | None) -> Iterator[Sample]:
+        """Samples, one a block, until `count`, `duration`, the end of the source or Ctrl-C; always leaves the loop."""
+        session = self.session
+        if self.source is None:
+            yield from self._run(rate, count, duration)
+            return
+        with guarding(self.hand.link, session.power_off_shots(), self.hand.journal.warn) as session.dead_man:
+            yield from self._run(rate, count, duration)
+
+    def _run(self, rate: float, count: int | None, duration: float | None) -> Iterator[Sample]:
+        session = self.session
+        try:
+            self._prepare(rate)
+            self._enter()
+            if self.source is not None and not self._sequential:
+                self._self_test()
+            for sample in self._exchange(self.source, rate, count, duration):
+                if self.source is None:
+                    yield sample
+                    continue
+                with self._guide.impatient(READER_SECONDS, self._stop_for_reader):
+                    yield sample
+        except DeviceRefused as exc:
+            self._leave()
+            if self.failure is None:
+                self.hand.name_heat(exc)
+            raise
+        except LinkError as exc:
+            if session.inside and self.source is not None:
+                exc.hint = f"the motors keep their last velocity: switch the hand's power off now; {exc.hint}"
+            session.give_up()
+            if exc.code == "lost":  # no T can reach the hand either
+                session.last = {}
+            raise
+        finally:
+            self._leave()
+
+    def _leave(self) -> None:
+        with self._guide.undisturbed():
+            self.session.leave()
+
+    def _prepare(self, rate: float) -> None:
+        """Flags and guards. A block takes as long as its bytes, or as the rate says."""
+        line = self.hand.line
+        longest = max(1 / rate if rate else 0.0, line.wire_seconds(9 + 23) or 0.035)
+        prepared = prepare(self.hand, self.wish, self.source, self.session.undo, longest)
+        self.session.layout = prepared.layout
+        self._intake.prepared = prepared
+        self.session.decoder = Decoder(self.session.layout)
+
+    def _stop_for_reader(self) -> HandctlError:
+        """Nobody takes the rows, so no block would go out and the motors would keep their last velocity."""
+        self._leave()
+        stopped = "the motors were stopped" if self.failure is None else f"stopping failed: {self.failure.text}"
+        return OutputError(
+            f"the rows were not taken for {READER_SECONDS:g} s: no further block could be sent, {stopped}",
+            hint="a reader that keeps up, a lower --rate, or -o FILE",
+            code="reader",
+        )
+
+    # -- in and out ----------------------------------------------------------------------------------------------
+
+    def _enter(self) -> None:
+        """`FGET P` (the reference of the deltas, and where the guards begin), then LOOP and its acknowledgement."""
+        hand, link, session = self.hand, self.hand.link, self.session
+        prepared = self._intake.prepared
+        start: dict[int, int] = {}
+        if prepared.limits or any("delta" in motor.feedback for motor in session.layout.motors.values()):
+            for reading in hand.read([Element(BARRETT.by_mnemonic("P"), index) for index in self.wish.motors]):
+                if reading.error is not None:
+                    raise reading.error
+                start[reading.element.index] = int(reading.value or 0)
+        self._intake.begin(start)
+        command = f"{self.wish.prefix}LOOP"
+        sent = command.encode("ascii")
+        line = hand.line
+        deadline = link.deadline(ENTER_SECONDS + 2 * line.wire_seconds(len(sent) + 2)).earlier(line.bound)
+        line.drain()
+        # From here on it may be in the loop, where every byte counts as a header: it is left by ^C and nothing else.
+        session.inside = session.asked = True
+        session.mark = hand.journal.ledger.mark
+        line.link.write(sent + CR, deadline)
+        hand.journal.counters.sent += 1
+        came = b""
+        while not deadline.expired:
+            if len(came) > len(sent) and came[len(sent)] == ACKNOWLEDGE and came[: len(sent)].upper() == sent:
+                hand.journal.counters.received += 1
+                session.decoder.feed(came[len(sent) + 1 :])
+                return
+            if has_prompt(came):
+                if status := status_in(came):
+                    session.inside = session.asked = False
+                    raise hand.refusal(Answer(command, (), status, came))
+                break
+            chunk = line.link.read(deadline)
+            if not chunk:
+                break
+            came = (came + chunk).lstrip(b" ")  # the space behind the prompt before may come late
+        if line.bound is not None and line.bound.expired:
+            raise NoAnswer(f"{link.name}: --deadline is over", hint="a longer --deadline", code="deadline")
+        if not came:
+            raise NoAnswer(
+                f"{link.name}: no answer to {command}", hint="`handctl barrett status` tells whether it is there"
+            )
+        raise ProtocolError(
+            f"{link.name}: expected {command} and *, or ERR, got {came[:48].hex(' ').upper()}",
+            hint=DISTURBED,
+            code="echo-differs",
+        )
+
+    def _self_test(self) -> None:
+        """Overlapped blocks that drive nothing: a hand that does not keep up with them must not be driven so."""
+        assert self.source is not None
+        values = self.source.first
+        idle = Source(self.source.carries, {(i, n): v for i, names in still(values).items() for n, v in names.items()})
+        try:
+            for _ in self._exchange(idle, 0.0, SELF_TEST_BLOCKS, None):
+                pass
+        except (NoAnswer, ProtocolError) as exc:
+            exc.text = f"{exc.text} (self-test of overlapped blocks; nothing was driven)"
+            exc.hint = f"leave --overlapped out; {exc.hint}"
+            raise
+        self._intake.forget()
+        self.session.stood = False
+
+    # -- blocks --------------------------------------------------------------------------------------------------
+
+    def _exchange(
+        self, source: Source | None, rate: float, count: int | None, duration: float | None
+    ) -> Iterator[Sample]:
+        link, bound, decoder, intake = self.hand.link, self.hand.line.bound, self.session.decoder, self._intake
+        sent: deque[Sent] = deque()
+        proved: deque[Taken] = deque()
+        last: Taken | None = None  # has come, but nothing behind it yet
+        intake.start = due = link.now()
+        intake.rate = rate
+        asked = 0
+        going = True
+        try:
+            while going or sent or proved or last is not None:
+                while going and (not sent or (len(sent) == 1 and decoder.acknowledged and not self._sequential)):
+                    now = link.now()
+                    if rate and now < due:
+                        if sent:
+                            break
+                        if last is not None and due - now > PROOF_SECONDS:
+                            self._prove_by_silence()
+                            proved.append(last)
+                            last = None
+                            break
+                        link.sleep(due - now)
+                        now = link.now()
+                    values = self._values(source, now - intake.start)
+                    over = (count is not None and asked >= count) or (
+                        duration is not None and now - intake.start >= duration
+                    )
+                    if values is None or over or (bound is not None and bound.expired):
+                        going = False
+                        break
+                    if rate:
+                        intake.late += now > due + 1 / rate
+                        due = max(due + 1 / rate, now)
+                    sent.append(self._send(source, values, now))
+                    asked += 1
+                if not sent and not going and last is not None:
+                    self._prove_last()
+                    proved.append(last)
+                    last = None
+                while proved:
+                    yield intake.sample(proved.popleft())
+                if not sent:
+                    continue
+                answer = self._answer(sent)
+                if last is not None:
+                    proved.append(last)
+                    last = None
+                if answer is not None:
+                    last = intake.take(answer, sent.popleft())
+                    if intake.end is not None:
+                        self._prove_last()  # what a lost byte has shifted is no reason that could be told
+                        raise intake.end
+        except (NoAnswer, ProtocolError, DeviceRefused, CheckFailed) as exc:
+            if last is not None:
+                self._leave()  # before anything else: the motors
+                text = exc.text if isinstance(exc, ProtocolError) else UNPROVED if isinstance(exc, NoAnswer) else ""
+                yield intake.sample(last, text)
+            raise
+        if bound is not None and bound.expired:
+            raise NoAnswer(f"{link.name}: --deadline is over", hint="a longer --deadline", code="deadline")
+
+    def _prove_by_silence(self) -> None:
+        """Nothing more comes where nothing was asked for: the block ended where it should. Raises ProtocolError."""
+        decoder, line = self.session.decoder, self.hand.line
+        decoder.feed(line.link.read(self.hand.link.deadline(PROOF_SECONDS)))
+        if decoder.received:
+            self._next_answer()
+
+    def _prove_last(self) -> None:
+        """The last block: driving, velocity 0 is sent at once and its acknowledgement proves it. Raises ProtocolError."""
+        if not self.session.drives or not self.session.last:
+            self._prove_by_silence()
+            return
+        with self._guide.undisturbed():
+            stands = self.session.stand()
+        if not stands:
+            raise ProtocolError(
+                f"{self.hand.link.name}: velocity 0 was not acknowledged at the end", hint=DISTURBED, code="bad-block"
+            )
+
+    def _values(self, source: Source | None, seconds: float) -> Values | None:
+        """What to send now; None when the source is over. Raises CheckFailed for a line that came bad while motors ran."""
+        if source is None:
+            return {}
+        try:
+            return source.at(seconds)
+        except UsageError as exc:
+            raise CheckFailed(f"{exc.text}; the loop was left", hint=exc.hint, code="control") from exc
+
+    def _send(self, source: Source | None, values: Values, now: float) -> Sent:
+        """One block, as the guards allow. A Ctrl-C meanwhile waits until it is sent: leaving must know what is on the wire."""
+        session = self.session
+        feedback = session.layout.feedback_size > 1
+        if not session.decoder.outstanding and session.decoder.received:
+            self._next_answer()  # bytes that nobody asked for: what comes now could not be told apart
+        held: dict[int, str] = {}
+        if source is None:
+            block = FEEDBACK_ONLY if feedback else NEITHER
+        else:
+            if self._intake.guards is not None:
+                values, held = self._allowed(self._intake.guards, values, now)
+            values = {index: dict(names) for index, names in values.items()}
+            block = session.layout.control(values, feedback=feedback)
+        with self._guide.counting() as presses:
+            if source is not None:
+                session.last, session.stood = values, False
+                session.tell_dead_man()
+            session.decoder.expect(feedback)
+            deadline = self.hand.link.deadline(1.0 + self.hand.line.wire_seconds(len(block)))
+            self.hand.line.link.write(block, deadline)
+            self.hand.journal.counters.sent += 1
+        if presses.count:
+            raise KeyboardInterrupt
+        return Sent(now, values, held)
+
+    def _allowed(self, guards: Guards, values: Values, now: float) -> tuple[Values, dict[int, str]]:
+        try:
+            return guards.allow(values, now, self._intake.cycle)
+        except UsageError as exc:
+            raise CheckFailed(f"{exc.text}; the loop was left", hint=exc.hint, code=exc.code) from exc
+
+    def _answer(self, sent: deque[Sent]) -> Feedback | None:
+        """The answer to the oldest block; None once when its acknowledgement has come."""
+        decoder, line = self.session.decoder, self.hand.line
+        deadline = self.session.block_deadline(sent[0].at)
+        while True:
+            answer = self._next_answer()
+            if isinstance(answer, LoopError):
+                self.session.inside, self.session.thrown_out = False, True
+                raise self._refused(answer)
+            if answer is not None:
+                self.hand.journal.counters.received += 1
+                return answer if isinstance(answer, Feedback) else Feedback({}, None)
+            had = decoder.acknowledged
+            chunk = line.link.read(deadline)
+            if not chunk:
+                raise self._silence()
+            decoder.feed(chunk)
+            if decoder.acknowledged and not had and len(sent) == 1 and not decoder.complete:
+                return None
+
+    def _next_answer(self) -> Feedback | LoopError | bool | None:
+        try:
+            return self.session.decoder.next()
+        except ProtocolError as exc:
+            self._look_for_restart()
+            self.hand.journal.counters.bad_frames += 1
+            hint = exc.hint or DISTURBED
+            raise ProtocolError(f"{self.hand.link.name}: {exc.text}", hint=hint, code=exc.code) from exc
+
+    def _look_for_restart(self) -> None:
+        """Raise Restarted when the boot monitor's ':' stands where '*' must, or a banner came: no motor has power then."""
+        line, came = self.hand.line, self.session.decoder.received
+        if came.startswith(b":"):
+            came += line.collect(COLON_ALONE)
+        if came.strip(b"\r\n ") == b":" or restarted_in(came, "LOOP"):
+            self.session.give_up()
+            self.session.last = {}
+            raise line.restarted(came, "RealTime is over, no motor has power")
+
+    def _silence(self) -> HandctlError:
+        self._look_for_restart()
+        name = self.hand.link.name
+        decoder = self.session.decoder
+        if decoder.received:
+            self.hand.journal.counters.bad_frames += 1
+            return ProtocolError(
+                f"{name}: a feedback block of {self.layout.feedback_size} bytes stopped after "
+                f"{decoder.received.hex(' ').upper()}",
+                hint="bytes were lost on the line, or the flags changed: check the cable, run it again",
+                code="cut-short",
+            )
+        return NoAnswer(
+            f"{name}: block {self._intake.answers + 1} was not acknowledged",
+            hint="the cable, or the hand's power; --timeout allows a slow link more time",
+        )
+
+    def _refused(self, error: LoopError) -> HandctlError:
+        answer = Answer(f"RealTime block {self._intake.answers + 1}", (), error.status, b"")
+        if error.status:
+            return self.hand.refusal(answer)
+        return DeviceRefused(
+            f"{self.hand.link.name}: {answer.command}: the hand left RealTime by itself",
+            hint="run it again",
+            code="left",
+        )

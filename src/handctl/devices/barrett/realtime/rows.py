@@ -1,0 +1,255 @@
+"""What comes back in the RealTime loop: positions, what the guards make of them, rows with what speaks against them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
+
+from handctl.devices.barrett.device import BarrettHand
+from handctl.devices.barrett.gcl.language import MOTORS
+from handctl.devices.barrett.realtime.blocks import FEEDBACK, DeltaPosition, Feedback, Layout, cycles
+from handctl.devices.barrett.realtime.flags import Prepared, Wish
+from handctl.devices.barrett.realtime.guards import Event, Guards, implausible
+from handctl.devices.barrett.realtime.schedule import Values
+from handctl.errors import CheckFailed
+from handctl.model.latency import RoundTrips
+from handctl.model.param import Number
+from handctl.model.result import Row, Sample
+
+UNITS = {
+    "strain": None,
+    "position": "cts",
+    "delta": "cts",
+    "velocity": None,
+    "breakaway_position": "cts",
+    "analog": None,
+}
+NO_GAUGE = 255
+
+
+class Sent(NamedTuple):
+    """A block that went out: when, with which values, and which guard made a motor's velocity 0."""
+
+    at: float
+    values: Values
+    held: Mapping[int, str]
+
+
+class Taken(NamedTuple):
+    """One feedback block that has come: with which values it was asked for, and when.
+
+    values     what was sent with it; held = which guard made a motor's velocity 0
+    positions  motor index -> counts, from LFAP or the sum of LFDP
+    saturated  motor index -> why a position that was added up is behind, "" when it is not
+    """
+
+    feedback: Feedback
+    values: Values
+    held: Mapping[int, str]
+    positions: Mapping[int, int]
+    saturated: Mapping[int, str]
+    at: float
+
+
+class Positions:
+    """Where the motors are by their feedback: told, or added up from what `FGET P` said (barrett §6.2.3)."""
+
+    def __init__(self, layout: Layout, start: Mapping[int, int], *, discards: bool) -> None:
+        self._deltas = {
+            index: DeltaPosition(start[index], motor.delta_divisor)
+            for index, motor in layout.motors.items()
+            if "delta" in motor.feedback
+        }
+        self._discards = discards
+        self._lost: set[int] = set()
+
+    @property
+    def saturated(self) -> int:
+        """Deltas that a byte could not hold."""
+        return sum(delta.saturated for delta in self._deltas.values())
+
+    def take(self, feedback: Feedback) -> tuple[dict[int, int], dict[int, str]]:
+        """Positions after this block, and which of them cannot be believed, with the reason."""
+        places: dict[int, int] = {}
+        doubts: dict[int, str] = {}
+        for index, found in feedback.motors.items():
+            if "delta" in found:
+                places[index] = self._deltas[index].add(found["delta"])
+                if found["delta"] in (127, -128):
+                    doubts[index] = "saturated: the change did not fit a byte, the position lags"
+                    if self._discards:
+                        self._lost.add(index)
+                elif index in self._lost:
+                    doubts[index] = "an earlier change did not fit a byte and LFDPD dropped the rest"
+            if "position" in found:
+                places[index] = found["position"]
+        return places, doubts
+
+
+class Intake:
+    """Takes the answers of one loop: times, positions, guards, samples.
+
+    prepared  how the loop is, once that is known
+    start     of the blocks; rate = blocks a second that were asked for, 0 = as many as go; late = blocks behind it
+    cycle     s that pass from one chance to act to the next, as seen lately
+    end       why a guard ends the loop
+    """
+
+    def __init__(self, hand: BarrettHand, wish: Wish, *, measuring: bool) -> None:
+        self._hand, self._wish, self._measuring = hand, wish, measuring
+        self.prepared = Prepared(Layout({}), {}, False, {}, 0, False)
+        self.guards: Guards | None = None
+        self.end: CheckFailed | None = None
+        self.velocity_points: dict[int, list[tuple[float, int, int]]] = {index: [] for index in wish.motors}
+        self.start = self.rate = 0.0
+        self._positions = Positions(self.prepared.layout, {}, discards=False)
+        self._in_force: Values = {}
+        self._told = 0
+        self.forget()
+
+    def begin(self, positions: Mapping[int, int]) -> None:
+        """The motors stand here, and LOOP is to follow."""
+        prepared = self.prepared
+        self._positions = Positions(prepared.layout, positions, discards=prepared.discards)
+        if prepared.limits:
+            now = self._hand.link.now()
+            self.guards = Guards(prepared.limits, positions, self._wish.guards, prepared.heat, now)
+
+    def forget(self) -> None:
+        """Times and counts begin anew; positions and guards stay."""
+        self.trips = RoundTrips()
+        self.answers = self.samples = self.late = 0
+        self._first = self._last = self.cycle = 0.0
+
+    def take(self, feedback: Feedback, sent: Sent) -> Taken:
+        """A block has come: its time, its positions, what the guards make of it."""
+        now = self._hand.link.now()
+        self.trips.add(now - sent.at)
+        self.answers += 1
+        self.cycle = max(now - (self._last if self.answers > 1 else sent.at), 0.8 * self.cycle)
+        self._first, self._last = (now if self.answers == 1 else self._first), now
+        places, saturated = self._positions.take(feedback)
+        if self.guards is not None:
+            for index, names in self._in_force.items():
+                strain = feedback.motors.get(index, {}).get("strain")
+                self.guards.see(index, places.get(index), strain, names.get("velocity", 0), sent.at, now)
+            if feedback.temperature is not None:
+                self.guards.heat(feedback.temperature)
+            self._tell(self.guards.events)
+        self._in_force = sent.values
+        return Taken(feedback, sent.values, sent.held, places, saturated, now)
+
+    def _tell(self, events: list[Event]) -> None:
+        """What the guards did since the last time."""
+        while self._told < len(events):
+            event = events[self._told]
+            self._told += 1
+            where = f"{MOTORS[event.motor]}: " if event.motor is not None else ""
+            text = f"{where}{event.text} (guard {event.guard}, {event.at - self.start:.3f} s)"
+            if event.ends:
+                self.end = CheckFailed(
+                    f"{self._hand.link.name}: {text}; the loop was left",
+                    hint=f"--no-guard {event.guard} goes on all the same",
+                    code=f"guard-{event.guard}",
+                )
+            else:
+                self._hand.journal.warn(f"guard-{event.guard}", text)
+
+    def sample(self, taken: Taken, doubt: str = "") -> Sample:
+        """The rows of a block; `doubt` speaks against all of them."""
+        self.samples += 1
+        layout = self.prepared.layout
+        if self._measuring:
+            for index, found in taken.feedback.motors.items():
+                if "velocity" in found and "position" in found:
+                    velocity = found["velocity"] * layout.motors[index].velocity_divisor
+                    self.velocity_points[index].append((taken.at, found["position"], velocity))
+        if any(taken.saturated.values()):
+            self._hand.journal.warn(
+                "saturated",
+                "a delta did not fit its byte: the position that is added up from deltas lags (its rows say so)",
+                hint="more counts in --delta-unit, position in --receive, or a higher --rate (barrett §6.2.3)",
+            )
+        rows = rows_of(taken, layout, self.prepared.shown, self.prepared.temperature, doubt)
+        return Sample(taken.at - self.start, tuple(rows))
+
+    def summary(self, *, drives: bool, overlapped: bool) -> dict[str, Any]:
+        """Rate, latencies, floors and what the guards did."""
+        seconds = self._last - self._first
+        rate = (self.answers - 1) / seconds if self.answers > 1 and seconds > 0 else None
+        baud, layout = self._hand.line.link.baud, self.prepared.layout
+        size = (layout.control_size if drives else 1, layout.feedback_size)
+        floors = {name: round(1 / cycle, 1) for name, cycle in cycles(*size, baud).items()} if baud else None
+        return {
+            "stream": {
+                "samples": self.samples,
+                "failed": 0,
+                "late": self.late,
+                "seconds": round(seconds, 3),
+                "rate_hz": round(rate, 2) if rate is not None else None,
+                "asked_hz": self.rate or None,
+            },
+            "loop": {
+                "control_bytes": size[0],
+                "feedback_bytes": size[1],
+                "latency": self.trips.as_row(),
+                "line_limit_hz": floors,
+                "overlapped": overlapped,
+                "saturated_deltas": self._positions.saturated,
+                "guards": sorted(self._wish.guards) if self.guards is not None else [],
+                "guard_events": [self._event_row(event) for event in (self.guards.events if self.guards else ())],
+            },
+        }
+
+    def _event_row(self, event: Event) -> dict[str, Any]:
+        return {
+            "guard": event.guard,
+            "motor": MOTORS[event.motor] if event.motor is not None else None,
+            "t": round(event.at - self.start, 4),
+            "value": event.value,
+            "limit": event.limit,
+            "after_ms": round(event.after * 1000, 1),
+        }
+
+
+def rows_of(
+    taken: Taken, layout: Layout, shown: Mapping[int, tuple[str, ...]], temperature: bool, doubt: str
+) -> Iterator[Row]:
+    """Rows of one moment: per motor what was sent and what came, of the feedback only what is `shown`.
+
+    `doubt` is what speaks against the whole block, "" when nothing does.
+    """
+    for index in layout.motors:
+        yield from _motor_rows(taken, layout, index, shown[index], doubt)
+    if temperature and taken.feedback.temperature is not None:
+        yield _row("temperature", "LFT", None, taken.feedback.temperature / 10, "°C", doubt)
+
+
+def _motor_rows(taken: Taken, layout: Layout, index: int, shown: tuple[str, ...], doubt: str) -> Iterator[Row]:
+    motor = layout.motors[index]
+    name = MOTORS[index]
+    for control, value in taken.values.get(index, {}).items():
+        if control == "velocity":
+            # In the unit of MOV and MCV: 1/16 count a sample (dossier 6.3).
+            row = _row("velocity_command", "LCV", name, value * motor.velocity_factor, "1/16 cts/sample")
+            yield {**row, "guard": taken.held.get(index)}
+        else:
+            yield _row("gain_command", "LCPG", name, value, None)
+    found = taken.feedback.motors.get(index, {})
+    saturated = taken.saturated.get(index, "")
+    for key, value in found.items():
+        if key not in shown:
+            continue
+        scaled = value * {"velocity": motor.velocity_divisor, "delta": motor.delta_divisor}.get(key, 1)
+        why = doubt or (saturated if key == "delta" and value in (127, -128) else "")
+        if key == "position" and implausible(index, value):
+            why = why or "beyond the joint's travel"
+        row = _row(key, FEEDBACK[key], name, scaled, UNITS[key], why)
+        yield {**row, "label": "no gauge"} if key == "strain" and value == NO_GAUGE else row
+    if "delta" in found and "delta" in shown and "position" not in found:
+        why = doubt or saturated or ("beyond the joint's travel" if implausible(index, taken.positions[index]) else "")
+        yield _row("position", "LFDP", name, taken.positions[index], "cts", why)
+
+
+def _row(name: str, parameter: str, motor: str | None, value: Number, unit: str | None, doubt: str = "") -> Row:
+    return {"name": name, "parameter": parameter, "motor": motor, "value": value, "unit": unit, "doubt": doubt or None}

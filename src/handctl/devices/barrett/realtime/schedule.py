@@ -1,0 +1,310 @@
+"""Where control values of the RealTime loop come from: constant, a schedule with times, or live lines. Sans I/O.
+
+    t,velocity.F1,velocity.F2        CSV, or one JSON object a line with the same keys
+    0.0,20,20
+    1.5,0,-20
+
+A value holds until the next one; a name without a motor is for every motor that carries it. With a `t` column (seconds
+since the start) everything is read and checked before the hand is touched, and the loop ends with the last row.
+Without one each line counts when it comes, and the end of the input ends the loop. Knows no wire and no clock.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import chain, islice
+from typing import Any
+
+from handctl.devices.barrett.gcl.language import MOTORS, motor_prefix
+from handctl.devices.barrett.realtime.blocks import CONTROL, LIMITS, check_control
+from handctl.errors import UsageError
+
+Values = dict[int, dict[str, int]]
+Change = dict[tuple[int, str], int]
+MOST_ROWS = 100_000
+"""With times: they are all kept, and a pipe may have more without end. At 50 a second it is half an hour."""
+ALIASES = {"F1": 0, "F2": 1, "F3": 2, "SPREAD": 3, "1": 0, "2": 1, "3": 2, "4": 3, "S": 3}
+
+
+class Source:
+    """Control values over time; this one never changes and never ends."""
+
+    live = False
+
+    def __init__(self, carries: Mapping[int, Sequence[str]], start: Change) -> None:
+        self.carries = {index: tuple(names) for index, names in carries.items()}
+        self._state: Values = {index: dict.fromkeys(names, 0) for index, names in self.carries.items()}
+        for index, names in self.carries.items():
+            for name in names:
+                if (index, name) in start:
+                    self._state[index][name] = start[(index, name)]
+                elif name == "gain":
+                    raise UsageError(
+                        f"no gain for {MOTORS[index]} to start with", hint="--gain G, or leave gain out of --send"
+                    )
+
+    @property
+    def first(self) -> Values:
+        """What is sent first, as far as it is known now; asking takes nothing from the input."""
+        return self._state
+
+    def at(self, seconds: float) -> Values | None:
+        """The values to send `seconds` after the start; None when it is over. Raises UsageError for a bad live line."""
+        return self._state
+
+    def extremes(self, index: int) -> tuple[int, int]:
+        """Lowest and highest velocity that a motor can be sent."""
+        velocity = self._state[index]["velocity"]
+        return velocity, velocity
+
+    def _take(self, change: Change) -> None:
+        for (index, name), value in change.items():
+            self._state[index][name] = value
+
+
+class Schedule(Source):
+    """Rows with times, all checked beforehand."""
+
+    def __init__(
+        self, carries: Mapping[int, Sequence[str]], rows: Sequence[tuple[float, Change]], start: Change
+    ) -> None:
+        super().__init__(carries, {**start, **rows[0][1]})
+        self._rows = deque(rows)
+
+    def extremes(self, index: int) -> tuple[int, int]:
+        sent = [change[index, "velocity"] for _, change in self._rows if (index, "velocity") in change]
+        sent.append(super().extremes(index)[0])
+        return min(sent), max(sent)
+
+    def at(self, seconds: float) -> Values | None:
+        if not self._rows:
+            return None
+        while self._rows and self._rows[0][0] <= seconds:
+            self._take(self._rows.popleft()[1])
+        return self._state
+
+
+class Live(Source):
+    """Lines that count when they come. Somebody else runs `listen`, in a thread: the loop never waits for a line.
+
+    When none has come for `stale` seconds, velocities are 0 until one does: nothing else stops a hand whose controlling
+    program hangs (dossier 6.6).
+    """
+
+    live = True
+    stale = 1.0
+
+    def __init__(
+        self, carries: Mapping[int, Sequence[str]], rows: Iterator[tuple[float | None, Change]], start: Change
+    ) -> None:
+        super().__init__(carries, {**start, **next(rows)[1]})
+        self._rows = rows
+        self._arrived: deque[Change | UsageError | None] = deque()
+        self._heard = 0.0
+
+    def extremes(self, index: int) -> tuple[int, int]:
+        return LIMITS["velocity"]
+
+    def listen(self) -> None:
+        """Take every line as it comes, until the input ends or a line is bad; `at` tells the loop."""
+        try:
+            for _, change in self._rows:
+                self._arrived.append(change)
+            self._arrived.append(None)
+        except UsageError as exc:
+            self._arrived.append(exc)
+        except (OSError, ValueError) as exc:
+            self._arrived.append(UsageError(f"the control input cannot be read: {exc}"))
+
+    def at(self, seconds: float) -> Values | None:
+        while self._arrived:
+            change = self._arrived[0]  # its end, good or bad, stays: whoever asks next is told as well
+            if isinstance(change, UsageError):
+                raise change
+            if change is None:
+                return None
+            self._take(change)
+            self._arrived.popleft()
+            self._heard = seconds
+        if seconds - self._heard <= self.stale:
+            return self._state
+        return {
+            index: {name: 0 if name == "velocity" else value for name, value in names.items()}
+            for index, names in self._state.items()
+        }
+
+
+def constant(text: str, name: str, motors: Sequence[int]) -> Change:
+    """``20`` for all of `motors`, ``20,127`` in their order, ``F1=20,F3=5`` -> values. Raises UsageError."""
+    parts = [part.strip() for part in text.split(",")]
+    named = [part.partition("=") for part in parts]
+    if all(equals for _, equals, _ in named):
+        return {(_motor(who, motors, f"--{name}"), name): _whole(value, name, f"--{name}") for who, _, value in named}
+    values = [_whole(part, name, f"--{name}") for part in parts]
+    if len(values) == 1:
+        values *= len(motors)
+    if len(values) != len(motors):
+        raise UsageError(
+            f"--{name} {text}: {len(values)} values for {len(motors)} motors",
+            hint=f"one for all, one each in the order {', '.join(MOTORS[index] for index in motors)}, or F1=20,F3=5",
+        )
+    return {(index, name): value for index, value in zip(motors, values, strict=True)}
+
+
+def read(lines: Iterable[str], where: str, motors: Sequence[int], start: Change) -> Source:
+    """A schedule or a live source from CSV or JSON lines. Raises UsageError with the line number."""
+    numbered = ((number, line) for number, line in enumerate(lines, 1) if line.strip() and not line.startswith("#"))
+    first = next(numbered, None)
+    if first is None:
+        raise UsageError(f"{where}: no rows", hint="a header such as t,velocity.F1 and rows of numbers")
+    if first[1].lstrip().startswith("{"):
+        rows = _json_rows(chain([first], numbered), where, motors)
+    else:
+        rows = _csv_rows(first, numbered, where, motors)
+    time, change = head = _first(rows, where)
+    rows = chain([head], rows)
+    carried = {index: tuple(n for n in CONTROL if (index, n) in {**start, **change}) for index in motors}
+    rows = _steady(rows, carried, timed=time is not None, where=where)
+    if time is None:
+        return Live(carried, rows, start)
+    timed = [(t or 0.0, change) for t, change in islice(rows, MOST_ROWS + 1)]
+    if len(timed) > MOST_ROWS:
+        raise UsageError(
+            f"{where}: more than {MOST_ROWS} rows", hint="leave t out and give each line when it is due: --control -"
+        )
+    return Schedule(carried, timed, start)
+
+
+def _first(rows: Iterator[tuple[float | None, Change]], where: str) -> tuple[float | None, Change]:
+    for row in rows:
+        return row
+    raise UsageError(f"{where}: a header, but no rows")
+
+
+def _steady(
+    rows: Iterator[tuple[float | None, Change]], carried: Mapping[int, Sequence[str]], *, timed: bool, where: str
+) -> Iterator[tuple[float | None, Change]]:
+    """The same rows, checked against the first: times rise, and nothing new appears."""
+    last = 0.0
+    for number, (time, change) in enumerate(rows, 1):
+        if (time is not None) != timed:
+            raise UsageError(
+                f"{where}: row {number} has {'no ' if timed else 'a '}time, the first has {'one' if timed else 'none'}"
+            )
+        if time is not None:
+            if time < last:
+                raise UsageError(f"{where}: row {number}: time {time:g} s is before {last:g} s", hint="times must rise")
+            last = time
+        for index, name in change:
+            if name not in carried[index]:
+                raise UsageError(
+                    f"{where}: row {number}: {name}.{MOTORS[index]} was not in the first row",
+                    hint="the blocks' structure is fixed when the loop is entered: name everything in the first row",
+                )
+        yield time, change
+
+
+def _csv_rows(
+    header: tuple[int, str], lines: Iterable[tuple[int, str]], where: str, motors: Sequence[int]
+) -> Iterator[tuple[float | None, Change]]:
+    names = [name.strip() for name in _fields(header[1], f"{where}: line {header[0]}")]
+    for name in names:
+        _targets(name, motors, f"{where}: line {header[0]}")
+    for number, line in lines:
+        fields = _fields(line, f"{where}: line {number}")
+        if len(fields) != len(names):
+            raise UsageError(f"{where}: line {number}: {len(fields)} fields, the header has {len(names)}")
+        yield _row(
+            {name: field.strip() for name, field in zip(names, fields, strict=True) if field.strip()},
+            motors, f"{where}: line {number}",
+        )  # fmt: skip
+
+
+def _fields(line: str, where: str) -> list[str]:
+    import csv
+
+    try:
+        return next(csv.reader([line]))
+    except csv.Error as exc:
+        raise UsageError(f"{where} is not CSV: {exc}") from exc
+
+
+def _json_rows(
+    lines: Iterable[tuple[int, str]], where: str, motors: Sequence[int]
+) -> Iterator[tuple[float | None, Change]]:
+    import json
+
+    for number, line in lines:
+        try:
+            found = json.loads(line)
+        except (ValueError, RecursionError) as exc:
+            raise UsageError(f"{where}: line {number} is not JSON: {exc}") from exc
+        if not isinstance(found, dict):
+            raise UsageError(f"{where}: line {number} is not a JSON object")
+        yield _row({str(name): value for name, value in found.items()}, motors, f"{where}: line {number}")
+
+
+def _row(fields: Mapping[str, Any], motors: Sequence[int], where: str) -> tuple[float | None, Change]:
+    time: float | None = None
+    change: Change = {}
+    for key, value in fields.items():
+        if key == "t":
+            time = _seconds(value, where)
+            continue
+        name, targets = _targets(key, motors, where)
+        for index in targets:
+            change[(index, name)] = _whole(value, name, where)
+    return time, change
+
+
+def _targets(key: str, motors: Sequence[int], where: str) -> tuple[str, list[int]]:
+    """``velocity.F1`` -> ("velocity", [0]); ``velocity`` -> all of `motors`; ``t`` -> ("t", [])."""
+    name, dot, who = key.partition(".")
+    if key == "t":
+        return key, []
+    if name not in CONTROL:
+        raise UsageError(
+            f"{where}: {key!r} is no control value",
+            hint=f"t, {', '.join(f'{name}.MOTOR' for name in CONTROL)} (motors {', '.join(MOTORS[i] for i in motors)})",
+        )
+    return name, [_motor(who, motors, where)] if dot else list(motors)
+
+
+def _motor(text: str, motors: Sequence[int], where: str) -> int:
+    index = ALIASES.get(text.strip().upper())
+    if index is None or index not in motors:
+        raise UsageError(
+            f"{where}: {text!r} is not one of the loop's motors", hint=", ".join(MOTORS[i] for i in motors)
+        )
+    return index
+
+
+def _whole(value: Any, name: str, where: str) -> int:
+    if isinstance(value, str):
+        text = value.strip()
+        digits = text.removeprefix("-").removeprefix("+")
+        if not (digits.isascii() and digits.isdecimal()):
+            raise UsageError(f"{where}: {name} {value!r} is not a whole number")
+        value = int(text) if len(digits) < 10 else 10**9
+    if isinstance(value, bool) or not isinstance(value, int):
+        raise UsageError(f"{where}: {name} {value!r} is not a whole number")
+    try:
+        return check_control(name, value)
+    except UsageError as exc:
+        raise UsageError(f"{where}: {exc.text}", hint=exc.hint, code=exc.code) from None
+
+
+def _seconds(value: Any, where: str) -> float:
+    try:
+        seconds = float(value)
+    except (TypeError, ValueError):
+        seconds = -1.0
+    if isinstance(value, bool) or not 0 <= seconds < 1e6:
+        raise UsageError(f"{where}: t {value!r} is not a time in seconds from 0 on")
+    return seconds
+
+
+def loop_motors(text: str | None) -> list[int]:
+    """``124`` -> [0, 1, 3]; None = all four. Raises UsageError."""
+    return [int(digit) - 1 for digit in (motor_prefix(text) if text is not None else "1234")]

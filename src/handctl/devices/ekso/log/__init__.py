@@ -1,0 +1,1 @@
+"""Logs of GetData: recording, reading back, export."""

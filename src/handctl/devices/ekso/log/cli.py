@@ -1,0 +1,366 @@
+"""`handctl ekso log FILE` and `handctl ekso export LOG`: recordings of GetData, and what other programs take of them."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+from functools import partial, update_wrapper
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import click
+
+from handctl import __version__
+from handctl.errors import HandctlError, LinkError, NoAnswer, OutputError, ProtocolError, UsageError
+from handctl.frame.clikit import Command, Group, streaming
+from handctl.frame.filetypes import InFile, OutFile
+from handctl.frame.options import Number, Seconds, SharedOption
+from handctl.frame.run import Run
+from handctl.model.result import Column, Table
+
+if TYPE_CHECKING:
+    from handctl.devices.ekso.dataport import DataPort
+    from handctl.devices.ekso.device import Ekso
+    from handctl.devices.ekso.log.export import Exported
+    from handctl.devices.ekso.log.recording import Recording
+
+SUMMARY = (
+    Column("file", "File"),
+    Column("rows", "Rows", right=True),
+    Column("duration", "Duration", right=True, unit="s"),
+    Column("rate", "Rate", right=True, unit="Hz"),
+    Column("lost", "Lost", right=True),
+    Column("gaps", "Gaps", right=True),
+    Column("segments", "Segments", right=True),
+    Column("marks", "Marks", right=True),
+)
+
+
+def add_log_commands(group: Group) -> None:
+    """Add `log` and `export` to the family's group."""
+    group.verb("log")(log)
+    group.add_command(_own_format(group, "export", export))
+
+
+# -- log ------------------------------------------------------------------------------------------------------------
+
+
+class _Sample(NamedTuple):
+    sent: float
+    received: float
+    words: tuple[int, ...]
+
+
+def _sample(port: DataPort) -> _Sample:
+    _, words = next(port.samples())
+    return _Sample(port.sent_at, port.answered_at, words)
+
+
+@click.argument("file", type=OutFile(beside=(".json",)))
+@streaming(0.0)
+@click.option("--raw", is_flag=True, help="Append the 27 words as they came.")
+@click.option("--mark", metavar="TEXT", default="", help="Mark the first row.")
+@click.option(
+    "--silence",
+    type=Seconds(),
+    default=60.0,
+    show_default=True,
+    metavar="S",
+    help="End after S seconds without a valid answer; a restart of the device takes less.",
+)
+@click.option("--include-pilot-id", is_flag=True, help="Keep the wearer's number in the sidecar.")
+@click.option("--force", is_flag=True, help="Overwrite FILE.")
+def log(
+    run: Run,
+    file: str,
+    duration: float | None,
+    count: int | None,
+    rate: float,
+    raw: bool,
+    mark: str,
+    silence: float,
+    include_pilot_id: bool,
+    force: bool,
+) -> Table:
+    """Record GetData into FILE (CSV) with a sidecar FILE.json; FILE may be a directory. Ctrl-C ends it.
+
+    On a terminal any letter or space sets a mark.
+    """
+    from handctl.devices.ekso.log import recording as files
+
+    path = files.file_name(file)
+    files.refuse_existing(path, force)
+    ekso: Ekso = run.device()
+    port = ekso.port
+    read = partial(settings, port, include_pilot_id)
+    before = read()
+    about = {
+        **_about(run, ekso),
+        "asked": {"rate_hz": rate or None, "rows": count, "duration_s": duration},
+        "settings_before": before,
+    }
+    recording = files.Recording(path, port.link, about, raw=raw, rate=rate, force=force)
+
+    def rebooted() -> None:
+        with suppress(NoAnswer, ProtocolError):  # it has just started: the settings may come late
+            recording.timeline.segments[-1].settings_changed = files.changed(before, read())
+
+    try:
+        with Keys(run.guide.interactive) as keys:
+            run.guide.say(f"recording into {path}; {'a key sets a mark, ' if keys.heard else ''}Ctrl-C ends")
+            failure = files.record(
+                recording,
+                partial(_sample, port),
+                port.link,
+                files.Limits(rate, count, duration, silence),
+                mark=_first(mark, keys.pressed),
+                on_reboot=rebooted,
+                guide=run.guide,
+            )
+        failure = _finish(run, port, recording, before, read, failure)
+    finally:
+        recording.close()
+    _tell(run, recording)
+    return Table(rows=[recording.as_row()], columns=SUMMARY, plain=("rows", "rate"), failure=failure)
+
+
+def _about(run: Run, ekso: Ekso) -> dict[str, Any]:
+    """What the sidecar says of tool and device."""
+    link = ekso.port.link
+    return {
+        "tool": {"name": "handctl", "version": __version__},
+        "command": run.command,
+        "simulated": run.simulated,
+        "link": {"port": link.name, "baud": link.baud, "length_mode": ekso.port.mode},
+        "device_time": _device_time(ekso),
+    }
+
+
+def settings(port: DataPort, personal: bool) -> dict[str, Any]:
+    """The settings as the sidecar has them."""
+    from handctl.devices.ekso.log.recording import settings_row
+
+    return settings_row(port.settings_raw(), personal=personal)
+
+
+def _device_time(ekso: Ekso) -> dict[str, Any] | None:
+    """The device's clock beside the host's own time of day; None when it does not tell."""
+    from datetime import datetime
+
+    with suppress(NoAnswer, ProtocolError, ValueError):
+        date, time = ekso.now()
+        device, host = datetime.fromisoformat(f"{date['value']}T{time['value']}"), datetime.now()  # noqa: DTZ005 - the device tells no zone
+        return {"device": device.isoformat(), "host_local": host.isoformat(timespec="seconds"), "offset_s": round((device - host).total_seconds(), 1)}  # fmt: skip
+    return None
+
+
+def _first(text: str, pressed: Callable[[], str]) -> Callable[[], str]:
+    """Marks: `text` for the first row, then the keys."""
+    waiting = [text]
+    return lambda: "; ".join(filter(None, [waiting.pop() if waiting else "", pressed()]))
+
+
+def _finish(
+    run: Run,
+    port: DataPort,
+    recording: Recording,
+    before: dict[str, Any],
+    read: Callable[[], dict[str, Any]],
+    failure: HandctlError | None,
+) -> HandctlError | None:
+    """Read the settings again, close the file, write the sidecar; returns what went wrong first."""
+    from handctl.devices.ekso.log.recording import changed, undisturbed
+
+    after = None
+    if not isinstance(failure, LinkError):
+        try:
+            after = read()
+        except (HandctlError, KeyboardInterrupt) as exc:
+            run.journal.warn("settings-unread", f"the settings after the log are not known: {exc or 'interrupted'}")
+    differing = changed(before, after) if after is not None else None
+    if differing:
+        run.journal.warn("settings-changed", f"settings changed meanwhile: {', '.join(differing)}")
+    with undisturbed():
+        try:
+            recording.close()
+            recording.write_sidecar(
+                complete=True,
+                ended=failure.code if failure is not None else "limit",
+                settings_after=after,
+                settings_changed=differing,
+                counters={**run.journal.counters.as_row(), **port.counts.as_dict()},
+                answer_length_mode=port.answer_mode,
+            )
+        except OutputError as exc:
+            return failure or exc
+    return failure
+
+
+def _tell(run: Run, recording: Recording) -> None:
+    line = recording.timeline
+    if line.gaps:
+        lengths = [gap.length_ms / 1000 for gap in line.gaps]
+        run.journal.warn("gap", f"{len(lengths)} gaps, {sum(lengths):.3f} s in all, the longest {max(lengths):.3f} s")
+    if len(line.segments) > 1:
+        run.journal.warn("rebooted", f"the device was restarted {len(line.segments) - 1} times: see column segment")
+    if recording.lost:
+        run.journal.warn(
+            "lost", f"{recording.lost} requests stayed without a valid answer: see the holes in column seq"
+        )
+    if line.standstill:
+        run.journal.warn(
+            "boot-time-still",
+            f"BootTime did not advance in {line.standstill} rows",
+            hint="its clock stands, or --rate is needed: it ticks every 2 ms",
+        )
+
+
+class Keys:
+    """Keys pressed on the terminal, without waiting for one. Only while this process is in the foreground."""
+
+    def __init__(self, wanted: bool) -> None:
+        self.heard = False
+        self._wanted = wanted
+        self._saved: list[Any] = []
+        self._count = 0
+
+    def __enter__(self) -> Keys:
+        if self._wanted:
+            self._terminal = sys.stdin.fileno()
+            self._listen()
+        return self
+
+    def _listen(self) -> None:
+        try:
+            import termios
+        except ImportError:
+            return  # no such terminals here: marks come by --mark only
+        if not self._foreground():
+            return
+        self._saved = termios.tcgetattr(self._terminal)
+        mode = termios.tcgetattr(self._terminal)
+        mode[3] &= ~(termios.ICANON | termios.ECHO)
+        mode[6][termios.VMIN] = mode[6][termios.VTIME] = 0
+        termios.tcsetattr(self._terminal, termios.TCSANOW, mode)
+        self.heard = True
+
+    def _foreground(self) -> bool:
+        """Touching the terminal from the background would stop the process."""
+        try:
+            return os.tcgetpgrp(self._terminal) == os.getpgrp()
+        except OSError:
+            return False
+
+    def pressed(self) -> str:
+        """The text of a mark: the keys since the last call, a numbered word for space; "" for none."""
+        if not self.heard or not self._foreground():
+            return ""
+        try:
+            text = os.read(self._terminal, 64).decode("utf-8", "ignore")
+        except OSError:
+            return ""
+        if not text.isprintable() or not text:
+            return ""
+        self._count += 1
+        return text.strip() or f"mark {self._count}"
+
+    def __exit__(self, kind: type[BaseException] | None, exc: BaseException | None, tb: TracebackType | None) -> None:
+        if self._saved and self._foreground():
+            import termios
+
+            with suppress(termios.error):  # it went away
+                termios.tcsetattr(self._terminal, termios.TCSANOW, self._saved)
+
+
+# -- export ---------------------------------------------------------------------------------------------------------
+
+
+class _ExportCommand(Command):
+    """A command with a --format of its own, instead of the shared one."""
+
+    def get_params(self, ctx: click.Context) -> list[click.Parameter]:
+        return [
+            param
+            for param in super().get_params(ctx)
+            if not (isinstance(param, SharedOption) and "--format" in param.opts)
+        ]
+
+
+def _own_format(group: Group, name: str, body: Callable[..., Table]) -> click.Command:
+    def call(*args: Any, **more: Any) -> Any:
+        return body(click.get_current_context().obj, *args, **more)
+
+    made: click.Command = click.command(name, cls=_ExportCommand, family=group.family)(update_wrapper(call, body))
+    return made
+
+
+@click.argument("log", metavar="LOG", type=InFile(beside=(".json",)))
+@click.option(
+    "--format",
+    "kind",
+    type=click.Choice(["mot", "csv"]),
+    help="mot = OpenSim motion file, csv = the log's columns.",
+)
+@click.option("--si", is_flag=True, help="With csv: metres and radians instead of inches and degrees.")
+@click.option(
+    "--segment", type=click.IntRange(min=1), metavar="N", help="Only segment N; a motion file holds just one."
+)
+@click.option(
+    "--knee-sign",
+    type=click.Choice(["1", "-1"]),
+    help="With mot: sign of knee flexion in your model (default 1, as the device has it; gait2392 has -1).",
+)
+@click.option(
+    "--rate",
+    type=Number(min=0, min_open=True, max=1000),
+    metavar="HZ",
+    help="With mot: resample linearly, never across a gap.",
+)
+def export(
+    run: Run, log: str, kind: str | None, si: bool, segment: int | None, knee_sign: str | None, rate: float | None
+) -> Table:
+    """Turn a log into an OpenSim motion file or SI units, on stdout or into -o FILE. Needs no device."""
+    from handctl.devices.ekso.log import export as exports
+    from handctl.devices.ekso.log.file import LogFile
+
+    as_rows = run.settings.format in ("json", "ndjson")
+    kind = kind or ("csv" if run.settings.format == "csv" else None)
+    _check_options(kind, si=si, knee_sign=knee_sign, rate=rate)
+    if run.settings.output and os.path.realpath(run.settings.output) in map(os.path.realpath, (log, f"{log}.json")):
+        raise UsageError("-o would overwrite the log itself", hint="give another name")
+    source = LogFile(log)
+    if kind == "csv":
+        result = exports.table(source, segment=segment, si=si, as_rows=as_rows)
+    else:
+        sign = int(knee_sign or "1")
+        if knee_sign is None:
+            run.journal.warn(
+                "knee-sign",
+                "knee flexion is positive, as the device has it",
+                hint="--knee-sign -1 for models like gait2392",
+            )
+        result = exports.motion(source, segment=segment, knee_sign=sign, rate=rate, tool=f"handctl {__version__}")
+    if source.simulated:
+        run.settings = run.settings._replace(port=None, fake=True)
+        run.journal.info("simulated", f"{log}: a simulator was recorded, no device")
+    return _shown(run, result, as_rows)
+
+
+def _check_options(kind: str | None, *, si: bool, knee_sign: str | None, rate: float | None) -> None:
+    if kind is None:
+        raise UsageError("which format?", hint="--format mot or --format csv")
+    if kind == "csv" and (knee_sign is not None or rate is not None):
+        raise UsageError("--knee-sign and --rate are for --format mot", hint="leave them out")
+    if kind == "mot" and si:
+        raise UsageError("--si is for --format csv", hint="a motion file is in degrees")
+
+
+def _shown(run: Run, result: Exported, as_rows: bool) -> Table:
+    for remark in result.remarks:
+        run.journal.warn("log", remark)
+    run.journal.info("exported", f"{result.length} rows, {result.seconds:.3f} s")
+    if not as_rows:  # --format names the file here; what the environment says of tables means nothing
+        run.settings = run.settings._replace(format="table")
+    return Table(rows=result.rows if as_rows else [], text=lambda _: result.text)

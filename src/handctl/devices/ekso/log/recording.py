@@ -1,0 +1,341 @@
+"""Recording GetData into a CSV file with a sidecar: one whole row per good answer, whatever ends the run.
+
+    gait.csv        header, then a row per answer, handed to the system at once
+    gait.csv.json   written at the start ("complete": false) and at the end; always whole
+
+A row is one write; a row cut short by a full disk is taken back. Reads only: nothing here can set anything.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import json
+import os
+import signal
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any, NamedTuple, Protocol
+
+from handctl.devices.ekso.log.format import SCHEMA, Layout, Stamp, clean
+from handctl.devices.ekso.log.timeline import Timeline
+from handctl.devices.ekso.map import SETTINGS, boot_ms
+from handctl.errors import HandctlError, Interrupted, NoAnswer, OutputError, ProtocolError, UsageError
+from handctl.files import whole
+from handctl.model.guide import Guide
+
+PROGRESS_S = 0.25
+PAUSE_S = 0.05
+"""Between a request without an answer and the next, so that a dead line costs no processor time."""
+PERSONAL = "pilot_id"
+
+
+class RawSample(Protocol):
+    """One answer to GetData: link-clock seconds of request and answer, and its 27 words."""
+
+    @property
+    def sent(self) -> float: ...
+    @property
+    def received(self) -> float: ...
+    @property
+    def words(self) -> Sequence[int]: ...
+
+
+class Clock(Protocol):
+    """The clock of the link."""
+
+    def now(self) -> float: ...
+    def sleep(self, seconds: float) -> None: ...
+
+
+class Limits(NamedTuple):
+    """When a log ends by itself, and how fast it goes.
+
+    rate      requests per second, 0 = as fast as the device answers
+    rows      rows of the file; None = no limit
+    duration  seconds; None = no limit
+    silence   seconds without an answer that end it
+    """
+
+    rate: float = 0.0
+    rows: int | None = None
+    duration: float | None = None
+    silence: float = 60.0
+
+
+@contextlib.contextmanager
+def undisturbed() -> Iterator[None]:
+    """Ctrl-C and its like wait until the body is through, so that file and counts stay in step."""
+    stops = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP}
+    try:
+        signal.pthread_sigmask(signal.SIG_BLOCK, stops)  # raises what had arrived before
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, stops)
+
+
+class Recording:
+    """One log file and its sidecar, being written.
+
+    Raises UsageError when a file of that name exists (unless `force`) or cannot be made.
+    """
+
+    def __init__(self, path: str, clock: Clock, about: dict[str, Any], *, raw: bool, rate: float, force: bool) -> None:
+        from datetime import UTC, datetime
+
+        self.path = path
+        self.layout = Layout(raw=raw)
+        self.timeline = Timeline(1000 / rate if rate else 0.0)
+        self.marks: list[dict[str, Any]] = []
+        self.lost = 0
+        """Requests without a valid answer, after the retries."""
+        self.pending = ""
+        """The mark that the next row gets."""
+        self._utc_offset = datetime.now(UTC).timestamp() - clock.now()
+        self._about = about
+        self._size = 0
+        self._first: Stamp | None = None
+        self._last: Stamp | None = None
+        self._file = open_new(path, force)
+        try:
+            self._append(self.layout.header)
+            self.write_sidecar(complete=False)
+        except HandctlError:
+            with contextlib.suppress(OutputError):
+                self.close()
+            with contextlib.suppress(OSError):
+                os.unlink(path)  # a header alone would only be in the way of the next try
+            raise
+
+    @property
+    def sidecar(self) -> str:
+        """Path of the sidecar."""
+        return f"{self.path}.json"
+
+    @property
+    def rows(self) -> int:
+        """Rows in the file."""
+        return self.timeline.rows
+
+    def add(self, sample: RawSample, seq: int) -> bool:
+        """Write the row of a sample, with the pending mark; True when the device has been rebooted before it. Raises OutputError."""
+        middle, rtt = (sample.sent + sample.received) / 2, (sample.received - sample.sent) * 1000
+        place = self.timeline.place(boot_ms(sample.words), middle, rtt)
+        stamp = Stamp(middle + self._utc_offset, place, seq)
+        notes = ["[reboot]"] * place.rebooted + [f"[gap {place.gap_ms / 1000:.3f} s]"] * bool(place.gap_ms)
+        mark = clean(self.pending)
+        text = self.layout.line(stamp, sample.words, "; ".join([*notes, *([mark] if mark else [])]))
+        with undisturbed():
+            self._append(text)
+            self.timeline.take(place)
+            self._first, self._last = self._first or stamp, stamp
+            self._keep_mark(self.rows)
+        return place.rebooted
+
+    def _keep_mark(self, row: int | None) -> None:
+        mark, self.pending = clean(self.pending), ""
+        if mark:
+            last = self._last.place if self._last else None
+            boot, t_ms = (last.boot_ms, last.t_ms / 1000) if last else (None, None)
+            self.marks.append({"row": row, "boot_ms": boot, "t_s": t_ms, "text": mark})
+
+    def end(self) -> None:
+        """No more rows: a mark that waits for one is kept by the sidecar alone, without a row."""
+        self._keep_mark(None)
+
+    def _append(self, text: str) -> None:
+        data = text.encode()
+        try:
+            written = 0
+            while written < len(data):
+                written += os.write(self._file, data[written:])
+        except OSError as exc:
+            with contextlib.suppress(OSError):
+                os.ftruncate(self._file, self._size)
+            raise OutputError(
+                f"{self.path}: cannot be written: {exc.strerror or exc}",
+                hint="the rows before are whole",
+                code="log-file",
+            ) from exc
+        self._size += len(data)
+
+    def close(self) -> None:
+        """Everything to the disk; the file is over. Raises OutputError."""
+        if self._file < 0:
+            return
+        file, self._file = self._file, -1
+        try:
+            try:
+                os.fsync(file)
+            finally:
+                os.close(file)
+        except OSError as exc:
+            if exc.errno in (errno.EINVAL, errno.ENOTSUP):  # not every file system can sync
+                return
+            raise OutputError(f"{self.path}: cannot be written: {exc.strerror or exc}", code="log-file") from exc
+
+    def write_sidecar(self, *, complete: bool, **more: Any) -> None:
+        """Write the sidecar as things stand, with `more` keys. Raises OutputError."""
+        line = self.timeline
+        content = {
+            "schema": SCHEMA,
+            "complete": complete,
+            "file": os.path.basename(self.path),
+            **self._about,
+            "columns": self.layout.as_rows(),
+            "rows": line.rows if complete else None,
+            "start": _moment(self._first),
+            "end": _moment(self._last),
+            "duration_s": line.t_s,
+            "rate_hz": line.rate_hz(),
+            "interval_ms": line.interval_row(),
+            "lost": self.lost,
+            "standstill": line.standstill,
+            "gaps": [[gap.boot_ms, gap.length_ms] for gap in line.gaps],
+            "segments": [segment.as_row() for segment in line.segments],
+            "marks": self.marks,
+            **more,
+        }
+        write_whole(self.sidecar, json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
+
+    def as_row(self) -> dict[str, Any]:
+        """The closing summary."""
+        line = self.timeline
+        return {
+            "file": self.path,
+            "rows": line.rows,
+            "duration": line.t_s,
+            "rate": line.rate_hz(),
+            "lost": self.lost,
+            "gaps": len(line.gaps),
+            "segments": len(line.segments),
+            "marks": len(self.marks),
+            "sidecar": self.sidecar,
+        }
+
+
+def _moment(stamp: Stamp | None) -> dict[str, Any] | None:
+    from datetime import UTC, datetime
+
+    if stamp is None:
+        return None
+    utc = datetime.fromtimestamp(stamp.utc_s, UTC).isoformat(timespec="milliseconds")
+    return {"utc": utc, "host_mono_s": round(stamp.place.mono_s, 6), "boot_ms": stamp.place.boot_ms}
+
+
+def file_name(text: str) -> str:
+    """The file that is meant: in a directory, one named after the moment (UTC)."""
+    from datetime import UTC, datetime
+
+    return os.path.join(text, f"ekso-{datetime.now(UTC):%Y%m%dT%H%M%SZ}.csv") if os.path.isdir(text) else text
+
+
+def refuse_existing(path: str, force: bool) -> None:
+    """Raise UsageError when the file or its sidecar is there, unless `force`; a device or pipe is never written to."""
+    for taken in (path, f"{path}.json"):
+        if os.path.exists(taken) and not os.path.isfile(taken):
+            raise UsageError(
+                f"{taken} is no file: a log is a file with its sidecar beside it",
+                hint="give the name of a new file, or a directory",
+                code="log-file",
+            )
+        if os.path.lexists(taken) and not force:
+            raise UsageError(
+                f"{taken} exists", hint="give another name, or --force to overwrite it", code="file-exists"
+            )
+
+
+def open_new(path: str, force: bool) -> int:
+    """A new file, descriptor for writing. Never touches an existing one unless `force`. Raises UsageError."""
+    refuse_existing(path, force)
+    try:
+        return os.open(path, os.O_WRONLY | os.O_CREAT | (os.O_TRUNC if force else os.O_EXCL), 0o666)
+    except OSError as exc:
+        raise UsageError(f"{path}: cannot be written: {exc.strerror or exc}", code="log-file") from exc
+
+
+def write_whole(path: str, text: str) -> None:
+    """Write a file so that it is there whole or not at all. Raises OutputError."""
+    try:
+        with whole(path) as file:
+            file.write(text)
+    except OSError as exc:
+        raise OutputError(f"{path}: cannot be written: {exc.strerror or exc}", code="log-file") from exc
+
+
+def settings_row(words: Sequence[int], *, personal: bool) -> dict[str, Any]:
+    """The 22 words of GetSettings for the sidecar, raw and scaled; the wearer's number only when `personal`."""
+    return {
+        param.name: {"raw": param.raw_of(word), "value": param.value_of(word), "unit": param.unit}
+        for param, word in zip(SETTINGS, words, strict=True)
+        if personal or param.name != PERSONAL
+    }
+
+
+def changed(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[str]:
+    """Names of the settings that differ."""
+    return [name for name in before if before[name]["raw"] != after[name]["raw"]]
+
+
+def record(
+    recording: Recording,
+    sample: Callable[[], RawSample],
+    clock: Clock,
+    limits: Limits,
+    *,
+    mark: Callable[[], str],
+    on_reboot: Callable[[], None],
+    guide: Guide,
+) -> HandctlError | None:
+    """Record until a limit is reached; returns what ended it before that. Raises nothing of its own.
+
+    `mark` is asked before each request for the text of a mark, "" for none.
+    """
+    start = due = heard = shown = clock.now()
+    seq = 0
+    try:
+        while (limits.rows is None or recording.rows < limits.rows) and (
+            limits.duration is None or clock.now() - start < limits.duration
+        ):
+            recording.pending = "; ".join(filter(None, [recording.pending, mark()]))
+            seq += 1
+            try:
+                answer = sample()
+            except (NoAnswer, ProtocolError) as exc:
+                if exc.code == "deadline":  # it was not even sent
+                    return exc
+                recording.lost += 1
+                if clock.now() - heard >= limits.silence:
+                    return exc
+                clock.sleep(PAUSE_S)
+                continue
+            heard = clock.now()
+            if recording.add(answer, seq):
+                guide.say(f"reboot: BootTime starts anew; segment {len(recording.timeline.segments)} begins")
+                on_reboot()
+            if heard - shown >= PROGRESS_S:
+                shown = heard
+                with contextlib.suppress(OSError):  # a terminal that went away
+                    guide.progress(_progress(recording, heard - start))
+            if limits.rate:
+                due = max(due + 1 / limits.rate, heard)  # a late answer delays the next request, it does not hurry it
+                end = due if limits.duration is None else min(due, start + limits.duration)
+                if limits.rows is None or recording.rows < limits.rows:
+                    clock.sleep(end - heard)
+    except KeyboardInterrupt:
+        return Interrupted("interrupted")
+    except HandctlError as exc:
+        return exc
+    finally:
+        with contextlib.suppress(OSError):
+            guide.done()
+        recording.end()
+    return None
+
+
+def _progress(recording: Recording, seconds: float) -> str:
+    line = recording.timeline
+    rate = line.rate_hz()
+    text = f"{seconds:.1f} s  {line.rows} rows" + (f"  {rate:.1f} Hz" if rate is not None else "")
+    for name, count in (("gaps", len(line.gaps)), ("lost", recording.lost), ("marks", len(recording.marks))):
+        text += f"  {count} {name}" if count else ""
+    return f"{text}  Ctrl-C ends"

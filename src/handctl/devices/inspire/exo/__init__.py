@@ -1,0 +1,1 @@
+"""The EH55BF1 exoskeleton hand."""

@@ -1,0 +1,408 @@
+"""`handctl exo …`: the commands of the EH55BF1. Each body checks its arguments, asks a device, returns a Table."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from handctl.devices.inspire import eb90
+from handctl.devices.inspire.bus import DEFAULT_RETRIES, DEFAULT_TIMEOUT, Bus
+from handctl.devices.inspire.exo.device import ExoHand, check_command
+from handctl.devices.inspire.identity import FamilyGate, kind_of
+from handctl.devices.inspire.map import BAUD_RATES, EXO, address_in
+from handctl.errors import HandctlError, NoAnswer, UsageError
+from handctl.frame import stored, verbs
+from handctl.frame.clikit import Group
+from handctl.frame.family import Family
+from handctl.frame.filetypes import OutFile
+from handctl.frame.mapverbs import add_map_verbs
+from handctl.frame.options import Number, Seconds
+from handctl.frame.run import Run
+from handctl.model.result import Table
+
+if TYPE_CHECKING:
+    from handctl.frame.options import Settings
+    from handctl.link import ByteLink
+    from handctl.model.result import Journal
+
+
+def open_exo(link: ByteLink, settings: Settings, journal: Journal) -> ExoHand:
+    """An EH55BF1 behind `link` with the options the user gave."""
+    bus = Bus(
+        link,
+        settings.id if settings.id is not None else 1,
+        journal,
+        timeout=settings.timeout if settings.timeout is not None else DEFAULT_TIMEOUT,
+        retries=settings.retries if settings.retries is not None else DEFAULT_RETRIES,
+        bound=link.deadline(settings.deadline) if settings.deadline is not None else None,
+    )
+    bus.gate = FamilyGate(kind_of("exo"), settings.assume_identity)
+    return ExoHand(bus)
+
+
+def explain(device: ExoHand, error: HandctlError) -> HandctlError:
+    """Whether the silent hand is there at another speed."""
+    from handctl.devices.inspire.exo.procedures import explain_silence
+
+    return explain_silence(device, error)
+
+
+cli = Group(
+    "exo",
+    family=Family("exo", open_exo, 115200, explain, ids=True),
+    help="Inspire EH55BF1 exoskeleton hand, over RS-232 or a Bluetooth serial port. A person may be wearing it: "
+    "commands that move it or change it for good ask first.",
+)
+
+
+class _Signed(click.ParamType):  # type: ignore[type-arg,unused-ignore]
+    """A whole number that may be negative; the range is the manual's."""
+
+    name = "integer"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        try:
+            if "_" in str(value):  # Python's grouping, which `set` does not take either
+                raise ValueError(value)
+            return int(value)
+        except (TypeError, ValueError):
+            self.fail(f"{value!r} is not a whole number", param, ctx)
+
+
+NEGATIVE_NUMBERS = {"ignore_unknown_options": True}
+"""Lets `-100` be an argument; a mistyped option then fails as "not a whole number"."""
+
+
+add_map_verbs(
+    cli,
+    EXO,
+    part="FINGER",
+    example="position_actual.index temperature",
+    setting="position_set.index=300 force_set=0,0,0,0,0",
+)
+
+
+# -- reading ------------------------------------------------------------------------------------------------------
+
+
+@cli.verb("read")
+@click.argument("address")
+@click.argument("count", type=int)
+def read(run: Run, address: str, count: int) -> Table:
+    """Read COUNT bytes (1 to 252) from any ADDRESS; documented registers are decoded."""
+    from handctl.devices.inspire.exo import raw as exo_raw
+
+    place = address_in(address)
+    eb90.check_span(place, count)
+    return exo_raw.read(run.device(), place, count)
+
+
+# -- writing ------------------------------------------------------------------------------------------------------
+
+
+@cli.verb("write", writes=True)
+@click.argument("address")
+@click.argument("data", metavar="HEX")
+@click.option("--undocumented", is_flag=True, help="Allow an address that the manual does not document.")
+def write(run: Run, address: str, data: str, undocumented: bool) -> Table:
+    """Write bytes at ADDRESS, low byte first, and read them back. Checked against the manual; asks first."""
+    from handctl.devices.inspire.exo import raw as exo_raw
+
+    place = address_in(address)
+    step = exo_raw.plan_write(run.planner(), place, exo_raw.parse_hex(data), undocumented)
+    if (plan := run.planned([step])) is not None:
+        return plan
+    run.confirm(f"This writes to the hand, which may be worn: {step.meaning}", [step])
+    return exo_raw.write(run.device(), place, exo_raw.parse_hex(data))
+
+
+@cli.verb("raw", writes=True)
+@click.argument("data", nargs=-1, required=True, metavar="HEX...")
+@click.option(
+    "--wait",
+    type=Seconds(),
+    default=0.5,
+    show_default=True,
+    metavar="S",
+    help="Seconds to listen after the last byte.",
+)
+@click.option(
+    "--force-ambiguous",
+    is_flag=True,
+    help="Send what another device of this maker would take for something else, or what is out of range.",
+)
+def raw(run: Run, data: tuple[str, ...], wait: float, force_ambiguous: bool) -> Table:
+    """Send these bytes exactly and show what comes back, decoded. Anything but a read asks first."""
+    from handctl.devices.inspire.exo import raw as exo_raw
+
+    frame = exo_raw.parse_hex(" ".join(data))
+    step = exo_raw.plan_raw(frame, force_ambiguous)
+    if (plan := run.planned([step])) is not None:
+        return plan
+    if step.moves or step.strands:
+        run.confirm(f"This may move or change the hand, which may be worn: {step.meaning}", [step])
+    hand = run.device()
+    with exo_raw.goes_on(hand, step):
+        return exo_raw.exchange(hand, frame, wait)
+
+
+@cli.verb("id", writes=True)
+@click.argument("new", required=False, type=int)
+def id_(run: Run, new: int | None) -> Table:
+    """Show the id, or give the hand a NEW one (1 to 254). Acts at once; `save` keeps it. One hand on the line."""
+    from handctl.devices.inspire.exo import procedures
+
+    if new is None:
+        _only_reads(run, "id")
+        return verbs.get(run, EXO, ["id"])
+    EXO["id"].check(new, "id")
+    steps = run.planner().plan([(EXO.find("id")[1][0], new)])
+    if (plan := run.planned(steps)) is not None:
+        return plan
+    run.confirm(f"This changes the id to {new} at once; every hand on this line with the old id would change", steps)
+    return procedures.change_id(run.device(), new)
+
+
+@cli.verb("baud", writes=True)
+@click.argument("rate", required=False, type=int)
+@click.option(
+    "--save",
+    "save_too",
+    is_flag=True,
+    help="Save to flash afterwards: the speed acts only after that and a power cycle.",
+)
+@click.option(
+    "--verify", is_flag=True, help="Then wait for the power cycle (up to 120 s) and find the hand at the new speed."
+)
+def baud(run: Run, rate: int | None, save_too: bool, verify: bool) -> Table:
+    """Show the speed code, or write a new RATE: 115200, 57600 or 19200. Effective after save and a power cycle."""
+    from handctl.devices.inspire.exo import flash, procedures
+
+    if rate is None:
+        _only_reads(run, "baud")
+        return verbs.get(run, EXO, ["baud_code"])
+    code = procedures.code_of(rate)
+    if code is None:
+        raise UsageError(
+            f"{rate} baud does not exist",
+            hint=f"the hand knows {', '.join(map(str, BAUD_RATES.values()))} (exo §2.3.2). Nothing was sent.",
+        )
+    if verify and not save_too:
+        raise UsageError("--verify needs --save: without it the hand keeps its old speed", hint="add --save")
+    planner = run.planner()
+    steps = planner.plan([(EXO.find("baud_code")[1][0], code)])
+    if save_too:
+        steps.append(planner.trigger_step("save", "save to flash"))
+    if (plan := run.planned(steps)) is not None:
+        return plan
+    run.confirm(
+        f"After save and power cycle the hand speaks {rate} baud only, and a Bluetooth module may be left behind at the "
+        "old speed (have an RS-232 cable ready)",
+        steps,
+    )
+    hand = run.device()
+    table = procedures.change_baud(hand, rate)
+    if save_too or run.offer("Save it to flash now"):
+        hand.check_identity()
+        table.rows += flash.save(hand, run.guide).rows
+        if verify or run.offer("Wait for the power cycle and look for the hand at the new speed"):
+            _verify_speed(run, hand, rate, table)
+        else:
+            run.journal.info(
+                "power-cycle",
+                f"power-cycle the hand, then use --baud {rate}",
+                hint="until then it speaks the old speed",
+            )
+    else:
+        already = any(message.code == "already" for message in run.journal.messages)
+        run.journal.warn(
+            "not-saved",
+            f"whether {rate} baud is saved is not known: if not, the hand keeps its old speed"
+            if already
+            else f"{rate} baud is not saved: the hand keeps its old speed",
+            hint=f"`handctl exo save --id {hand.bus.id}`, then power-cycle",
+        )
+    return table  # fmt: skip
+
+
+def _verify_speed(run: Run, hand: ExoHand, rate: int, table: Table) -> None:
+    from handctl.devices.inspire.exo import procedures
+
+    if procedures.wait_for_speed(hand, rate, run.guide):
+        table.rows.append(
+            {"name": "verified_baud", "finger": None, "address": None, "value": rate, "unit": "baud", "raw": None}
+        )
+        return
+    found = procedures.find_speed(hand.bus)
+    where = f"it answers at {found} baud" if found else "it answers at none of the three speeds"
+    table.failure = NoAnswer(
+        f"{hand.bus.link.name}: no hand at {rate} baud after the power cycle; {where}",
+        hint="a Bluetooth module may still be at the old speed: use the RS-232 cable; `handctl exo scan` looks everywhere",
+    )
+
+
+def _only_reads(run: Run, name: str) -> None:
+    if run.settings.dry_run:
+        raise UsageError(
+            f"`handctl exo {name}` without a value only reads", hint="run it without -n: it changes nothing"
+        )
+
+
+@cli.verb("clear-errors", writes=True)
+def clear_errors(run: Run) -> Table:
+    """Clear actuator errors and show what is left. Over-temperature is not clearable: it goes away by cooling."""
+    from handctl.devices.inspire.exo import flash
+
+    if (plan := run.planned([run.planner().trigger_step("clear_errors", "clear errors")])) is not None:
+        return plan
+    return flash.clear_errors(run.device())
+
+
+SKIP_IDENTITY = click.option(
+    "--skip-identity-check", is_flag=True, help="Do not check first that the registers look like an EH55BF1's."
+)
+
+
+@cli.verb("save", writes=True)
+@SKIP_IDENTITY
+def save(run: Run, skip_identity_check: bool) -> Table:
+    """Keep the present parameters in flash; waits for the hand's result (about 1 s)."""
+    from handctl.devices.inspire.exo import flash
+
+    steps = [run.planner().trigger_step("save", "save to flash")]
+    if (plan := run.planned(steps)) is not None:
+        return plan
+    run.confirm("Save the present parameters to flash (the manual marks id and baud_code as kept)", steps)
+    hand = run.device()
+    if not skip_identity_check:
+        hand.check_identity()
+    return flash.save(hand, run.guide)
+
+
+@cli.verb("factory-reset", writes=True)
+@click.option(
+    "--undocumented-address",
+    is_flag=True,
+    help="Yes, write to address 1006: this manual names none, it is taken from the RH56 hand.",
+)
+@click.option(
+    "--backup",
+    metavar="FILE",
+    type=OutFile(),
+    help="Snapshot to write first (default: exo-before-reset.json); never overwritten.",
+)
+@SKIP_IDENTITY
+def factory_reset(run: Run, undocumented_address: bool, backup: str | None, skip_identity_check: bool) -> Table:
+    """Restore factory defaults. The address is undocumented for this hand; writes a backup first."""
+    import os
+
+    from handctl.devices.inspire.exo import flash
+
+    if not undocumented_address:
+        raise UsageError(
+            "the manual documents a factory reset but no address for it (exo §2.3.5)",
+            hint="--undocumented-address uses 1006, the address of the RH56 hand. Nothing was sent.",
+        )
+    steps = [run.planner().trigger_step("factory_reset", "factory reset at an undocumented address")]
+    if (plan := run.planned(steps)) is not None:
+        return plan
+    path = backup or "exo-before-reset.json"
+    if os.path.exists(path):
+        raise UsageError(f"{path} exists and is not overwritten", hint="choose another file with --backup FILE")
+    run.confirm("This restores factory defaults for good, at an address this manual does not name", steps, word="reset")
+    hand = run.device()
+    if not skip_identity_check:
+        hand.check_identity()
+    stored.snapshot(run, path)
+    return flash.factory_reset(hand)  # fmt: skip
+
+
+@cli.verb("calibrate", writes=True)
+def calibrate(run: Run) -> Table:
+    """Guided calibration of forces and positions. The hand must be worn, and it moves the wearer's fingers."""
+    from handctl.devices.inspire.exo import motion
+
+    steps = [run.planner().trigger_step("calibrate", "calibrate")]
+    if (plan := run.planned(steps)) is not None:
+        return plan
+    for number, (seconds, text) in enumerate(motion.CALIBRATION_STEPS, 1):
+        run.guide.say(f"  step {number}: {text}; holds {seconds} s")
+    run.confirm("The hand must be worn and moves all fingers through the steps above; no command stops it", steps)
+    return motion.calibrate(run.device(), run.guide)
+
+
+@cli.verb("force", writes=True)
+@click.argument("values", nargs=5, type=_Signed(), metavar="LITTLE RING MIDDLE INDEX THUMB")
+def force(run: Run, values: tuple[int, ...]) -> Table:
+    """Command forces, -1000 to 1000: positive opens the hand, negative closes it. Shows the positions it answers.
+
+    The force stays until another is commanded; `force 0 0 0 0 0` releases.
+    """
+    return _command(run, "force", values)
+
+
+@cli.verb("position", writes=True)
+@click.argument("values", nargs=5, type=_Signed(), metavar="LITTLE RING MIDDLE INDEX THUMB")
+@click.option(
+    "--wait",
+    type=Seconds(),
+    metavar="S",
+    help="Watch up to S seconds until the fingers stand still; Ctrl-C holds them where they are.",
+)
+def position(run: Run, values: tuple[int, ...], wait: float | None) -> Table:
+    """Command positions, 0 (bent) to 1000 (open). Shows the forces it answers; --wait shows where the fingers end."""
+    return _command(run, "position", values, wait)  # fmt: skip
+
+
+for _command_with_numbers in (force, position):
+    _command_with_numbers.context_settings.update(NEGATIVE_NUMBERS)
+
+
+def _command(run: Run, which: str, values: tuple[int, ...], wait: float | None = None) -> Table:
+    from handctl.devices.inspire.exo import motion
+
+    check_command(which, values)
+    step = run.planner().command_step(which, list(values))
+    if (plan := run.planned([step])) is not None:
+        return plan
+    run.confirm(f"This moves a hand that may be worn: {step.meaning}", [step])
+    hand = run.device()
+    if wait is not None:
+        return motion.move(hand, list(values), run.guide, wait=wait)
+    table = motion.command(hand, which, list(values), run.guide)
+    if which == "force" and any(values):
+        run.journal.info("stays", "the force stays until another is commanded; `handctl exo force 0 0 0 0 0` releases")
+    return table
+
+
+# -- looking for hands --------------------------------------------------------------------------------------------
+
+
+@cli.verb("scan")
+@click.option("--ids", default="1-254", show_default=True, metavar="FROM-TO", help="Ids to ask.")
+@click.option("--speeds", default="115200,57600,19200", show_default=True, metavar="LIST", help="Speeds to try.")
+@click.option(
+    "--window",
+    type=click.IntRange(1, 254),
+    default=8,
+    show_default=True,
+    metavar="K",
+    help="Ids asked per reply window; 1 = one by one (RS-485).",
+)
+@click.option(
+    "--reply-window",
+    type=Number(min=1, max=1000),
+    metavar="MS",
+    help="Wait per window (default: 20, or 30 with an FTDI adapter whose latency timer is high).",
+)
+@click.option(
+    "--all", "find_all", is_flag=True, help="Go through all ids and speeds instead of ending at the first hand."
+)
+def scan(run: Run, ids: str, speeds: str, window: int, reply_window: float | None, find_all: bool) -> Table:
+    """Look for hands by read-only probes: id 1 at each speed, then all ids. Bounded; confirms each hit twice."""
+    from handctl.devices.inspire import scan_report
+    from handctl.devices.inspire.exo import scan as exo_scan
+
+    wanted, rates = scan_report.parse_ids(ids), scan_report.parse_speeds(speeds)
+    return exo_scan.scan(run.device(), run.guide, wanted, rates, window, reply_window, find_all)

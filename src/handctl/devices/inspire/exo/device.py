@@ -1,0 +1,290 @@
+"""The EH55BF1 exoskeleton hand: reading, writing and judging its registers. Returns readings and Tables.
+
+Someone may be wearing it: everything is checked against the manual before a byte is sent. Longer procedures (id, baud,
+save, calibration …) are in `exo_procedures`, the search for hands in `scan`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+
+from handctl.devices.inspire import eb90
+from handctl.devices.inspire.base import RegisterDevice
+from handctl.devices.inspire.bus import Bus
+from handctl.devices.inspire.map import BAUD_RATES, EXO, FINGERS
+from handctl.errors import CheckFailed, NoAnswer, ProtocolError, UsageError
+from handctl.model.param import Element, Number, Reading, Step, elements_of
+from handctl.model.result import Cell, Grid, Row, Table, hex_bytes
+
+LIVE = ("position_actual", "force_actual", "current", "error", "temperature")
+"""What changes by itself: the default of `watch`."""
+COMMAND_FLAGS = {"force": eb90.FORCE_COMMAND, "position": eb90.POSITION_COMMAND}
+
+
+class ExoHand(RegisterDevice):
+    """One hand on a bus. Satisfies `verbs.MapDevice`."""
+
+    bus: Bus
+    kind = "exo"
+    map = EXO
+    live = LIVE
+    worn = True
+    not_covered = (
+        "what calibration measured (no register holds it)",
+        "the flash: restored values last until power-off unless `handctl exo save` keeps them, "
+        "and the manual marks only id and baud_code as kept",
+        "triggers (clear_errors, save, factory_reset, calibrate)",
+    )
+
+    @staticmethod
+    def view(rows: list[Row]) -> list[Grid]:
+        """One line per register, fingers side by side."""
+        return registers_view(rows)
+
+    def trigger_step(self, name: str, meaning: str) -> Step:
+        """The frame that writes 1 to a trigger register."""
+        register = self.map[name]
+        request = eb90.write_request(self.bus.id, register.address, b"\x01")
+        return Step(f"{meaning} (write 1 to address {register.address})", request, register.moves, register.strands)
+
+    def command_step(self, which: str, values: Sequence[int]) -> Step:
+        """The frame of a force or position command."""
+        request = eb90.command_request(self.bus.id, COMMAND_FLAGS[which], values)
+        return Step(f"{which} command, little to thumb: {' '.join(map(str, values))}", request, moves=True)
+
+    def write(self, changes: Sequence[tuple[Element, Number]]) -> list[Reading]:
+        """As every register device; but the id has a procedure, since the hand answers elsewhere afterwards."""
+        calm = [change for change in changes if change[0].param.name != "id"]
+        readings = super().write(calm) if calm else []
+        for element, value in changes:
+            if element.param.name == "id":
+                from handctl.devices.inspire.exo.procedures import change_id
+
+                change_id(self, int(value))
+                readings += self.read([element])
+        return readings
+
+    def stop(self, names: Collection[str]) -> str:
+        """Hold positions, release forces: the manual has no stop command."""
+        from handctl.devices.inspire.exo.motion import stop
+
+        return stop(self, names)
+
+    def find_for_restore(self, values: dict[str, Number]) -> None:
+        """Make `bus.id` the one that answers: after an interrupted restore that may be the snapshot's id already."""
+        from handctl.devices.inspire.exo.procedures import probe
+
+        stored = values.get("id")
+        if stored is None or stored == self.bus.id or probe(self.bus, self.bus.id):
+            return
+        if probe(self.bus, int(stored)):
+            self.journal.info("found", f"nobody answers to id {self.bus.id}; using the snapshot's id {stored}")
+            self.bus.id = int(stored)
+
+    def command(self, which: str, values: Sequence[int]) -> Table:
+        """Send a force or position command and show its reply: positions after force, forces after position."""
+        replied = EXO["position_actual"] if which == "force" else EXO["force_actual"]
+        before = self.journal.counters.writes
+        try:
+            numbers = self.bus.command(COMMAND_FLAGS[which], values)
+        except (NoAnswer, ProtocolError):
+            if self.journal.counters.writes > before:
+                self.journal.warn(
+                    "ack-lost",
+                    f"the {which} command was not answered: the hand may act on it all the same",
+                    hint=f"look with `handctl exo get {which}_set position_actual` before you repeat it",
+                )
+            raise
+        readings = [
+            Reading(element, number, eb90.pack_s16([number]))
+            for element, number in zip(elements_of(replied), numbers, strict=True)
+        ]
+        return self.table(readings)
+
+    # -- tables --------------------------------------------------------------------------------------------------
+
+    def dump(self) -> Table:
+        """Everything documented, in two transactions where the device allows it (exo §2.3)."""
+        table = self.table(self.read([element for param in EXO if param.readable for element in elements_of(param)]))
+        table.extra = {"blocks": [{"address": start, "raw": hex_bytes(data)} for start, data in self.last_blocks]}
+        self._strangeness()
+        return table
+
+    def _strangeness(self) -> list[str]:
+        """What the bytes just read say against an EH55BF1, told as a warning; reads nothing more."""
+        from handctl.devices.inspire import identity
+
+        at = identity.within(self.last_blocks)
+        told = identity.is_six_wide(at)
+        if told:
+            self.journal.warn("other-device", f"{self.bus.where}: {identity.SIX_FINGERS}: {told}", identity.SIX_HINT)
+        bits = (at(*identity.SIXTH_ERROR) or b"\0")[0]
+        label = EXO["error"].label(bits)
+        sixth = f"thumb rotation, if {identity.SIXTH_ERROR[0]} is its error as on an RH56 hand: {label} (0x{bits:02X})"
+        if bits:
+            self.journal.warn("unhealthy", sixth)
+        return [*([identity.SIX_FINGERS] if told else []), *([sixth] if bits else [])]
+
+    def status(self, check: bool) -> Table:
+        """What a technician looks at first, per finger. With `check`, anything unhealthy is a CheckFailed (exit 7)."""
+        names = ("id", "baud_code", "system_voltage", "position_set", "force_set", *LIVE)
+        readings = self.read([element for name in names for element in elements_of(EXO[name])])
+        table = self.table(readings)
+        table.view = status_view
+        findings = unhealthy(readings)
+        for finding in findings:
+            self.journal.warn("unhealthy", finding)
+        findings = [*self._strangeness(), *findings]
+        if check and table.failure is None and findings:
+            table.failure = CheckFailed(
+                f"{self.bus.where}: {len(findings)} findings: {'; '.join(findings)}",
+                hint="`handctl exo clear-errors` clears all but over_temperature, which goes away by cooling (exo §2.3.3)",
+                code="unhealthy",
+            )
+        return table
+
+    def check_identity(self) -> None:
+        """Refuse to go on when the registers do not look like an EH55BF1's. Raises CheckFailed.
+
+        On another hand of the same maker address 1005 is the factory reset, so save and reset look first.
+        """
+        self.bus.identify()
+        readings = self.read([element for param in EXO if param.readable for element in elements_of(param)])
+        for reading in readings:
+            if reading.error is not None:
+                raise reading.error
+        odd = [f"{reading.element.full_name} = {reading.value}" for reading in readings if not _plausible(reading)]
+        if odd:
+            raise CheckFailed(
+                f"{self.bus.where}: this does not look like an EH55BF1: {', '.join(odd)}",
+                hint="on another hand this address may erase settings. Check the type plate; "
+                "--skip-identity-check overrides. Nothing was written.",
+                code="not-an-exo",
+            )
+
+
+COMMAND_RANGES = {"force": (-1000, 1000, "exo §2.2.1"), "position": (0, 1000, "exo §2.2.2")}
+"""Lowest, highest, section. The position command has no -1, which its register has."""
+
+
+def check_command(which: str, values: Sequence[int]) -> None:
+    """Refuse values that the force or position command does not have. Raises UsageError."""
+    low, high, source = COMMAND_RANGES[which]
+    for finger, value in zip(FINGERS, values, strict=True):
+        if not low <= value <= high:
+            alone = value == -1 and which == "position"
+            other = f"; to leave a finger alone: `handctl exo set position_set.{finger}=-1`" if alone else ""
+            raise UsageError(
+                f"{which} command with {value} for {finger}: out of range",
+                hint=f"allowed: {low}..{high} ({source}){other}. Nothing was sent.",
+                code="out-of-range",
+            )
+
+
+def _plausible(reading: Reading) -> bool:
+    value = reading.value
+    assert value is not None
+    if reading.element.param.name == "system_voltage":
+        return value != 0
+    return reading.element.param.allowed(value)
+
+
+def unhealthy(readings: Sequence[Reading]) -> list[str]:
+    """What a technician must look at: error bits, values outside the documented range, a supply reading of 0."""
+    by_name = {reading.element.full_name: reading.value for reading in readings}
+    found = []
+    for reading in readings:
+        param, value = reading.element.param, reading.value
+        if value is None:
+            continue
+        if param.bits and value:
+            text = f"{reading.element.part}: {param.label(value)} (0x{int(value):02X})"
+            if "over_temperature" in (param.label(value) or ""):
+                text += f", clears by cooling, now {by_name.get(f'temperature.{reading.element.part}')} °C"
+            found.append(text)
+        elif not _plausible(reading):
+            found.append(
+                f"{reading.element.full_name} = {value} is outside {param.range_text or 'the plausible'} ({param.source})"
+            )
+    return found
+
+
+# -- how people see it -------------------------------------------------------------------------------------------
+
+
+def cell(row: Row) -> str | Cell:
+    """One value for people: error bits by name, -1 as "-1", a failed read as "?"."""
+    if "error" in row:
+        return Cell("?", "bad")
+    if row["name"] == "error":
+        return Cell(f"{row['value']:02X}", "bad" if row["value"] else "")
+    return str(row["value"])
+
+
+def registers_view(rows: list[Row]) -> list[Grid]:
+    """One line per register: name, address, unit, then the fingers side by side; remarks below."""
+    names = list(dict.fromkeys(row["name"] for row in rows))
+    fingers = [finger for finger in (*FINGERS, "thumb_rotation") if any(row["finger"] == finger for row in rows)]
+    scalars = any(row["finger"] is None for row in rows)
+    heads = {"thumb_rotation": "rot"}
+    headings = [
+        "Name",
+        "Addr",
+        *(["Value"] if scalars else []),
+        *(heads.get(finger, finger) for finger in fingers),
+        "Unit",
+    ]
+    lines: list[tuple[str | Cell, ...]] = []
+    notes: list[str] = []
+    for name in names:
+        mine = {row["finger"]: row for row in rows if row["name"] == name}
+        first = next(iter(mine.values()))
+        values: list[str | Cell] = [cell(mine[None]) if None in mine else ""] if scalars else []
+        values += [cell(mine[finger]) if finger in mine else "" for finger in fingers]
+        address = min((row["address"] for row in mine.values() if row["address"] is not None), default="")
+        lines.append((name, str(address), *values, first["unit"] or ""))
+        notes += _remarks(name, mine)
+    right = frozenset(range(1, len(headings) - 1))
+    return [Grid(tuple(headings), tuple(lines), right=right, notes=tuple(notes))]
+
+
+def _remarks(name: str, rows: dict[str | None, Row]) -> list[str]:
+    labels: dict[str, list[str]] = {}
+    for finger, row in rows.items():
+        label = row.get("label")
+        if label and not (name == "error" and label == "ok"):
+            labels.setdefault(label, []).append(finger or "")
+    remarks = []
+    for label, fingers in labels.items():
+        who = "" if len(fingers) == len(rows) else f" {', '.join(fingers)}"
+        remarks.append(f"{name}{who}: {label}")
+    failed = next((row["error"] for row in rows.values() if "error" in row), None)
+    return [*remarks, f"{name}: {failed}"] if failed else remarks
+
+
+def status_view(rows: list[Row]) -> list[Grid]:
+    """Per finger: position against set point, force against set point, current, temperature, errors in words."""
+    at = {(row["name"], row["finger"]): row for row in rows}
+
+    def text(name: str, finger: str | None) -> str | Cell:
+        row = at.get((name, finger))
+        if row is None:
+            return ""
+        if name == "error" and "error" not in row:
+            return Cell(row["label"], "bad" if row["value"] else "good")
+        if name == "position_set" and row.get("value") == -1:
+            return Cell("-", "dim")
+        return cell(row)
+
+    columns = ("position_actual", "position_set", "force_actual", "force_set", "current", "temperature", "error")
+    lines = tuple((finger, *(text(name, finger) for name in columns)) for finger in FINGERS)
+    rotation = ("rotation", text("position_actual", "thumb_rotation"), *[""] * 6)
+    code = at[("baud_code", None)].get("value")
+    head = (
+        f"id {at[('id', None)].get('value', '?')}, "
+        f"{BAUD_RATES.get(code, '?') if isinstance(code, int) else '?'} baud (code {code if code is not None else '?'}), "
+        f"supply {at[('system_voltage', None)].get('value', '?')} (raw, scale unknown)"
+    )
+    notes = ("position 0 bent .. 1000 open; force: set + opens the hand, measured + is the user closing it (raw)",)
+    headings = ("Finger", "Position", "Set", "Force", "Set", "mA", "°C", "Errors")
+    return [Grid(headings, (*lines, rotation), title=head, right=frozenset(range(1, 7)), notes=notes)]

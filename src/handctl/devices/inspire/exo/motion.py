@@ -1,0 +1,217 @@
+"""What moves an EH55BF1 over a time: calibration, and a position command until the fingers stand still.
+
+Someone may be wearing the hand: what cannot be stopped is said before and after.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+from handctl.devices.inspire import eb90
+from handctl.devices.inspire.bus import Bus, telling, watching
+from handctl.devices.inspire.exo.device import ExoHand
+from handctl.devices.inspire.exo.flash import outcome
+from handctl.devices.inspire.map import EXO
+from handctl.errors import HandctlError, Interrupted
+from handctl.link.deadman import Guard, Shot, guarding
+from handctl.model.guide import Guide
+from handctl.model.param import Number, Reading, elements_of
+from handctl.model.result import Column, Table
+
+CALIBRATION_SECONDS = 30.0
+"""How long to listen for the end frame; the documented waits add up to 9 s, movements come on top (exo §2.3.6)."""
+STILL_SECONDS, STILL_SAMPLES = 0.5, 3
+"""Fingers stand still when so many readings in a row, over so long a time, are equal."""
+STOPS = 3
+ANSWER_SECONDS = 0.01
+"""What a hand needs to answer a frame before it gets the next, beside the time on the wire."""
+
+CALIBRATION_STEPS = (
+    (1, "relax all fingers: no force on the hand"),
+    (2, "the hand opens yours: adjust until all five fingers are naturally straight"),
+    (2, "the hand closes four fingers: adjust until they are fully clenched"),
+    (2, "four fingers straighten, the thumb bends: adjust until it lies inside the palm, fully bent"),
+    (2, "thumb and index finger touch, the others bend alike"),
+)
+"""Seconds of the documented wait and what the wearer does (exo §2.3.6)."""
+
+
+def calibrate(hand: ExoHand, guide: Guide) -> Table:
+    """Start the calibration of the worn hand and stay silent until it reports, at most 30 s (exo §2.3.6).
+
+    Nothing is sent meanwhile. The end frame (address field 0002) is known from the sibling only; without it the
+    result says so. Raises Interrupted on Ctrl-C: no command stops a calibration.
+    """
+    bus = hand.bus
+    done = [eb90.read_reply_prefix(bus.id, 2, 1)]
+    begun = hand.journal.ledger.mark
+    with telling(
+        hand.bus,
+        "the hand goes on calibrating",
+        "no documented command stops a calibration: let it finish, or switch the power off",
+    ):
+        lost = bus.try_write(EXO["calibrate"].address, b"\x01", "the start", "waiting for the end all the same")
+        started = bus.link.now()
+        guide.say("Calibration runs. The hand leads through the steps above in this order; nothing is sent meanwhile.")
+        try:
+            frame = _wait_with_clock(bus, done, guide, started)
+        finally:
+            guide.done()
+    seconds = bus.link.now() - started
+    if frame is None:
+        bus.out_of_time("the end of the calibration, which goes on")
+    if frame is None and lost is not None:
+        raise lost.retold(
+            f"the calibration may have started: its start was not acknowledged and no end was reported; {lost.text}",
+            hint="keep the hand worn until it stands still, then check with `handctl exo status`",
+        )
+    if frame is None:
+        hand.journal.warn(
+            "no-completion",
+            f"no completion report within {CALIBRATION_SECONDS:.0f} s (undocumented on this device)",
+            hint="check the positions with `handctl exo status`",
+        )
+    else:
+        guide.say(f"The hand reported the end after {seconds:.1f} s.")
+        hand.journal.ledger.confirm("its end was reported", since=begun)
+    hand.journal.info("volatile", "whether a calibration survives power-off without save is not documented")
+    table = hand.read([e for name in ("position_actual", "force_actual") for e in elements_of(EXO[name])])
+    ended = outcome(
+        hand, EXO["calibrate"], "completed" if frame is not None else "not reported", frame.data if frame else None
+    )
+    ended.rows[0]["seconds"] = round(seconds, 1)
+    return Table(rows=[*ended.rows, *(hand.row(reading) for reading in table)], columns=hand.columns)
+
+
+def _wait_with_clock(bus: Bus, prefixes: list[bytes], guide: Guide, started: float) -> eb90.Frame | None:
+    least = sum(seconds for seconds, _ in CALIBRATION_STEPS)
+    end = started + CALIBRATION_SECONDS
+    while bus.link.now() < end and not (bus.bound is not None and bus.bound.expired):
+        elapsed = bus.link.now() - started
+        guide.progress(
+            f"calibrating {elapsed:4.1f} s (documented waits {least} s, movements come on top; at most {end - started:.0f} s)"
+        )
+        frame = bus.listen(prefixes, min(0.25, end - bus.link.now()))
+        if frame is not None:
+            guide.done()
+            return frame
+    guide.done()
+    return None
+
+
+def command(hand: ExoHand, which: str, values: list[int], guide: Guide) -> Table:
+    """Send a force or position command and show its reply. Raises Interrupted on Ctrl-C, after the hand was stopped."""
+    try:
+        with watching("the fingers"):
+            return hand.command(which, values)
+    except KeyboardInterrupt as exc:
+        with guide.undisturbed():
+            raise Interrupted(f"interrupted: {stop(hand, [f'{which}_set'])}") from exc
+
+
+def move(hand: ExoHand, values: list[int], guide: Guide, *, wait: float) -> Table:
+    """Send a position command, then watch until the fingers stand still or `wait` seconds have passed.
+
+    Ctrl-C commands the fingers to the positions they have just then, where these are legal (the manual has no stop
+    command). Returns targets against reached positions; no verdict, since a worn finger may be held back.
+    """
+    hand.bus.identify()
+    with guarding(hand.link, _last_shots(hand, []), hand.journal.warn) as guard:
+        try:
+            with watching("the fingers"):
+                hand.command("position", values)
+                reached = _settle(hand, values, guide, wait, guard)
+        except KeyboardInterrupt as exc:
+            guide.done()
+            with guide.undisturbed():
+                raise Interrupted(f"interrupted: {stop(hand, ['position_set'])}") from exc
+    rows = []
+    for reading in reached:
+        target = values[reading.element.index] if reading.element.index < len(values) else None
+        rows.append({**hand.row(reading), "target": target})
+    return Table(rows=rows, columns=(*hand.columns[:4], Column("target", "Target", right=True), *hand.columns[4:]))
+
+
+def _last_shots(hand: ExoHand, places: list[Number | None]) -> list[Shot]:
+    """The stop of a movement that nobody watches any more: forces 0, each finger held where it was seen last.
+
+    One that is at no legal position is told not to move (-1, exo §2.3.7). Before the first reading, forces 0 alone.
+    """
+    bus = hand.bus
+    release = hand.command_step("force", [0] * 5).data
+    if not places:
+        return [Shot(release, ANSWER_SECONDS + 2 * bus.wire_seconds(len(release)))] * STOPS
+    held = [int(place) if place is not None and 0 <= place <= 1000 else -1 for place in places[:5]]
+    hold = bus.write_step(EXO["position_set"].address, eb90.pack_s16(held), "hold").data
+    pause = ANSWER_SECONDS + 2 * bus.wire_seconds(len(hold))
+    return [Shot(release, pause), Shot(hold, pause)] * STOPS
+
+
+def _settle(hand: ExoHand, values: list[int], guide: Guide, wait: float, guard: Guard) -> list[Reading]:
+    """Read positions until they are the targets, or are equal over STILL_SECONDS, or `wait` is over."""
+    elements = elements_of(EXO["position_actual"])
+    bus = hand.bus
+    end = bus.link.deadline(wait)
+    last = hand.read(elements)
+    still_since, equal = bus.link.now(), 1
+    while True:
+        here = [reading.value for reading in last]
+        guard.update(_last_shots(hand, here))
+        guide.progress(f"positions {' '.join(str(value) for value in here)}, targets {' '.join(map(str, values))}")
+        still = bus.link.now() - still_since
+        if here[: len(values)] == values:
+            break
+        if still >= STILL_SECONDS and equal >= STILL_SAMPLES:
+            hand.journal.warn(
+                "short",
+                "the fingers stand still short of the target",
+                hint="something holds them: see error and current",
+            )
+            break
+        if end.expired:
+            hand.journal.warn("moving", f"not there after {wait:g} s")
+            break
+        bus.pause(0.05)
+        bus.out_of_time("the arrival; the fingers may still move")
+        last = hand.read(elements)
+        if [reading.value for reading in last] != here:
+            still_since, equal = bus.link.now(), 0
+        equal += 1
+    guide.done()
+    return last
+
+
+def stop(hand: ExoHand, names: Collection[str]) -> str:
+    """Stop what a write of `names` set going (the manual has no stop command); what became of it in words.
+
+    Positions are commanded to where the fingers are just then, forces to 0, both also after --deadline.
+    """
+    hand.bus.bound = None
+    done = [_release(hand)] if "force_set" in names else []
+    return "; ".join([*done, _hold(hand)] if "position_set" in names else done)
+
+
+def _release(hand: ExoHand) -> str:
+    try:
+        hand.bus.command(eb90.FORCE_COMMAND, [0, 0, 0, 0, 0])
+    except HandctlError as exc:
+        return (
+            f"all forces were commanded to 0, NOT answered ({exc.text}): switch the power off if the hand still pushes"
+        )
+    except KeyboardInterrupt:
+        return "the forces could NOT be released (interrupted again): switch the power off if the hand still pushes"
+    return "all forces were commanded to 0"
+
+
+def _hold(hand: ExoHand) -> str:
+    try:
+        readings = hand.read(elements_of(EXO["position_actual"]))[:5]
+        values = [int(reading.value) for reading in readings if reading.value is not None]
+        if len(values) == 5 and all(0 <= value <= 1000 for value in values):
+            hand.bus.command(eb90.POSITION_COMMAND, values)
+            return f"the fingers were commanded to hold at {' '.join(map(str, values))}"
+    except HandctlError as exc:
+        return f"the fingers could NOT be stopped ({exc.text}): switch the power off if they still move"
+    except KeyboardInterrupt:
+        return "the fingers could NOT be stopped (interrupted again): switch the power off if they still move"
+    return "the positions are outside 0..1000, nothing was commanded: switch the power off if the fingers still move"

@@ -1,0 +1,45 @@
+"""Is there an EH55BF1? Two bytes of system_voltage are read at the link's present speed (exo §2.3). Read-only.
+
+The hands of the same maker answer it as well: a wrist is looked for first, and what answers both is a wrist.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from handctl.devices.inspire import probing
+from handctl.devices.inspire.bus import Bus
+from handctl.devices.inspire.exo.device import ExoHand
+from handctl.devices.inspire.exo.scan import TARGET, scan
+from handctl.link import ByteLink, Deadline
+from handctl.model.guide import Guide
+from handctl.model.result import Journal, Row
+
+FAMILY = "exo"
+WIRES = ("serial", "tcp")
+SPEEDS = probing.SPEEDS
+PING = "system_voltage"
+ECHOES = False
+WINDOW = 8
+"""Ids asked back to back: RS-232 and Bluetooth have both directions (dossier, windowed scan)."""
+
+
+def probe(
+    link: ByteLink, journal: Journal, deadline: Deadline, ids: Sequence[int] = (1,), timeout: float | None = None
+) -> list[Row]:
+    """Rows family, link, baud, id, evidence. Raises NoAnswer on silence, ProtocolError for what came instead."""
+    bus = Bus(link, ids[0], probing.quiet(journal), retries=0, bound=deadline)
+    at_once = 1 if len(ids) == 1 else WINDOW
+    wait = probing.window_ms(timeout, len(ids))
+    table = scan(ExoHand(bus), Guide(), ids, [link.baud or 0], at_once, wait, False)
+    return probing.found(table, TARGET.value)
+
+
+def ping(device: ExoHand) -> None:
+    """One short read, asked once. Raises what the bus raises."""
+    device.bus.read(*TARGET.probe, retries=0)
+
+
+def identify(device: ExoHand) -> tuple[str, str, str]:
+    """Whether it is one: status, evidence, remedy of a check. Read-only. Raises what the bus raises."""
+    return probing.identified(device, TARGET.own)

@@ -1,0 +1,227 @@
+"""Finding an EH55BF1 and changing where it is found: probes, id, baud.
+
+Each writes once, then finds out by reading what became of it; none repeats a write. The order of steps and the waits
+are those of the manual (cited) and, where it is silent, of the sibling hand; what is unknown on this hardware is said.
+"""
+
+from __future__ import annotations
+
+from handctl.devices.inspire import eb90
+from handctl.devices.inspire.bus import Bus, telling
+from handctl.devices.inspire.exo.device import ExoHand
+from handctl.devices.inspire.map import BAUD_RATES, EXO
+from handctl.errors import CheckFailed, HandctlError, LinkError, NoAnswer, ProtocolError
+from handctl.model.guide import Guide
+from handctl.model.param import Element, Reading
+from handctl.model.result import Column, Table
+
+PROBE_SECONDS = 0.1
+LATE_SECONDS = 0.7
+"""How long to listen for an answer that came too late before looking at other speeds."""
+POWER_CYCLE_SECONDS = 120.0
+PROBE_ADDRESS, PROBE_COUNT = 1472, 2
+"""Two bytes of system_voltage: its reply is longer than the request, so an echo can never pass for it."""
+
+
+def probe(bus: Bus, device_id: int, *, seconds: float | None = None) -> bool:
+    """Whether a hand answers to `device_id` (read-only, asked twice). `seconds` per answer, default the bus timeout.
+
+    Only our own bytes coming back is silence too: on a line with echo that is how a free id looks. Raises
+    ProtocolError when something else comes.
+    """
+    wanted, bus.timeout = bus.timeout, seconds if seconds is not None else bus.timeout
+    try:
+        bus.read(PROBE_ADDRESS, PROBE_COUNT, device_id=device_id, retries=1)
+    except NoAnswer:
+        return False
+    except ProtocolError as exc:
+        if exc.code != "echo":
+            raise
+        return False
+    finally:
+        bus.timeout = wanted
+    return True
+
+
+def find_speed(bus: Bus) -> int | None:
+    """The speed of the three documented ones at which the hand answers, or None. Leaves the port at that speed."""
+    link, first = bus.link, bus.link.baud
+    for rate in sorted(BAUD_RATES.values(), key=lambda rate: rate != first):
+        link.set_baud(rate)
+        try:
+            if probe(bus, bus.id, seconds=PROBE_SECONDS):
+                return rate
+        except ProtocolError:
+            continue  # garbage at a wrong speed is as good as silence here
+    if first is not None:
+        link.set_baud(first)
+    return None
+
+
+def explain_silence(hand: ExoHand, error: HandctlError) -> HandctlError:
+    """A better error for a hand that gave no valid answer at all: is it slow, or there at another speed? Read-only.
+
+    Late answers are waited for first: one that arrives after the speed was changed would name a wrong speed.
+    """
+    bus = hand.bus
+    if bus.link.replayed:
+        return error
+    frame = bus.listen([eb90.DEVICE + bytes([bus.id])], max(LATE_SECONDS, bus.timeout))
+    if frame is not None:
+        longer = f"--timeout {max(1.0, 4 * bus.timeout):g}"
+        written = any(message.code == "ack-lost" for message in bus.journal.messages)
+        return NoAnswer(
+            f"id {bus.id} on {bus.link.name} answers, but later than {bus.timeout:g} s",
+            hint=f"what was written may have been carried out: read it with {longer} before you repeat it"
+            if written
+            else f"run the command again with {longer}",
+            code="late",
+        )
+    if not bus.link.can_set_baud:
+        return error
+    was = bus.link.baud
+    try:
+        found = find_speed(bus)
+    except LinkError:
+        return error
+    if found is None or found == was:
+        return error
+    return ProtocolError(
+        f"id {bus.id} on {bus.link.name} does not answer at {was} baud but does at {found}",
+        hint=f"run the command again with --baud {found}",
+        code="wrong-speed",
+    )
+
+
+# -- id -----------------------------------------------------------------------------------------------------------
+
+
+def change_id(hand: ExoHand, new: int) -> Table:
+    """Give the hand another id (exo §2.3.1). Acts at once; kept over power-off only by a later save.
+
+    The new id must be free on the line. Raises CheckFailed when it is not, or when the hand is not found afterwards.
+    """
+    bus, old = hand.bus, hand.bus.id
+    if new == old:
+        hand.journal.info("already", f"the hand already has id {new}")
+        return _id_row(hand, old)
+    new_taken = probe(bus, new)
+    old_there = probe(bus, old)
+    if not old_there and new_taken:
+        bus.id = new
+        hand.journal.info("already", f"nobody answers to id {old}; a hand already answers to id {new}")
+        return _id_row(hand, old)
+    if not old_there:
+        hand.identify()  # somebody else's answers name him
+        bus.read(PROBE_ADDRESS, PROBE_COUNT)  # says what comes instead: silence, or only our own bytes
+    if new_taken:
+        raise CheckFailed(
+            f"{bus.link.name}: id {new} is taken by another hand on this line",
+            hint="choose a free id: `handctl exo scan --all` lists those in use. Nothing was written.",
+            code="id-taken",
+        )
+    with telling(
+        hand.bus,
+        f"the hand may have id {new} already",
+        "`handctl exo scan` finds it; a power cycle brings back the saved id",
+    ):
+        return _write_id(hand, new)
+
+
+def _write_id(hand: ExoHand, new: int) -> Table:
+    bus, old = hand.bus, hand.bus.id
+    step = bus.write_step(EXO["id"].address, bytes([new]), f"id = {new}")
+    # The acknowledgement comes from the new id on the sibling hand; the manual does not say (RH56 ch. 3 ex. 1).
+    data, ids = bytes([new]), (new,)
+    bus.try_write(EXO["id"].address, data, "the id change", "looking for the hand", acknowledged_by=ids)
+    if probe(bus, new):
+        bus.id = new
+        row = _id_row(hand, old)
+        hand.journal.ledger.confirm(f"answers to id {new}", step)
+        hand.journal.info(
+            "volatile",
+            f"id {new} lasts until power-off",
+            hint=f"keep it with `handctl exo save --id {new}` (exo §2.3.4)",
+        )
+        return row
+    if probe(bus, old):
+        hand.journal.ledger.doubt(f"still answers to id {old}", step)
+        raise CheckFailed(
+            f"{bus.link.name}: the hand still answers to id {old}, not to {new}",
+            hint="the id was not changed; it is safe to run the command again",
+            code="read-back",
+        )
+    try:
+        bus.read(PROBE_ADDRESS, PROBE_COUNT, device_id=new)
+    except (NoAnswer, ProtocolError) as exc:
+        raise exc.retold(
+            f"{bus.link.name}: after the id change nobody answers to {new} or {old}; {exc.text}",
+            hint="`handctl exo scan` looks through all ids; a power cycle brings back the saved id",
+        ) from exc
+    bus.id = new
+    return _id_row(hand, old)
+
+
+def _id_row(hand: ExoHand, before: int) -> Table:
+    register = EXO["id"]
+    value = hand.bus.read(register.address, 1)
+    if value[0] != hand.bus.id:
+        raise CheckFailed(
+            f"{hand.bus.where}: register 1000 reads {value[0]}, but the hand answers to id {hand.bus.id}",
+            code="read-back",
+        )
+    row = hand.row(Reading(Element(register, 0), value[0], value))
+    return Table(rows=[{**row, "before": before}], columns=(*hand.columns, Column("before", "Before", right=True)))
+
+
+# -- baud ---------------------------------------------------------------------------------------------------------
+
+
+def code_of(rate: int) -> int | None:
+    """The register code of a speed in bit/s (exo §2.3.2), None if the manual has none."""
+    return next((code for code, value in BAUD_RATES.items() if value == rate), None)
+
+
+def change_baud(hand: ExoHand, rate: int) -> Table:
+    """Write the speed that counts after save and power cycle (exo §2.3.2), and read it back. The port stays as it is."""
+    register, code = EXO["baud_code"], code_of(rate)
+    assert code is not None
+    element = Element(register, 0)
+    hand.identify()
+    before = hand.bus.read(register.address, 1)[0]
+    if before == code:
+        hand.journal.info("already", f"baud_code is already {code} ({rate} baud)")
+        readings = [Reading(element, before, bytes([before]))]
+    else:
+        try:
+            readings = hand.write([(element, code)])
+        except CheckFailed as exc:
+            exc.hint = (
+                "the speed code lies at 1001 in this manual (exo §2.3), at 1002 on the RH56 hand: this may be another "
+                "hand. Only 1001 was written; `handctl exo read 1001 2` shows both"
+            )
+            raise
+    return hand.table(readings)
+
+
+def wait_for_speed(hand: ExoHand, rate: int, guide: Guide, *, seconds: float = POWER_CYCLE_SECONDS) -> bool:
+    """Wait until the hand answers at `rate` after a power cycle. A simulator's power is switched here."""
+    link = hand.bus.link
+    if link.power_cycle():
+        guide.say("simulated: the simulator's power was switched off and on")
+    else:
+        guide.say(f"Switch the hand's power off and on now; waiting up to {seconds:.0f} s for it at {rate} baud.")
+    link.set_baud(rate)
+    end = link.deadline(seconds)
+    while not end.expired:
+        guide.progress(f"waiting for id {hand.bus.id} at {rate} baud, {end.remaining:.0f} s left")
+        try:
+            if probe(hand.bus, hand.bus.id, seconds=PROBE_SECONDS):
+                guide.done()
+                return True
+        except ProtocolError:
+            pass  # bytes of a hand that starts, or still talks at the old speed
+        hand.bus.out_of_time("the power cycle")
+        hand.bus.pause(0.2)
+    guide.done()
+    return False

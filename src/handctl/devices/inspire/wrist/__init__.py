@@ -1,0 +1,1 @@
+"""The wrist module, over serial and CAN."""

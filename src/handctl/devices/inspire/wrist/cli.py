@@ -1,0 +1,231 @@
+"""`handctl wrist …`: the commands of the wrist module, on its serial wire and on CAN."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from handctl.devices.inspire.bus import DEFAULT_RETRIES, DEFAULT_TIMEOUT, Bus
+from handctl.devices.inspire.identity import FamilyGate, kind_of
+from handctl.devices.inspire.map import WRIST, address_in
+from handctl.devices.inspire.wrist.device import WIRING_HINT, Wrist
+from handctl.frame.clikit import Group
+from handctl.frame.family import Family
+from handctl.frame.mapverbs import add_map_verbs
+from handctl.frame.options import Number, Seconds
+from handctl.frame.run import Run
+from handctl.link import FrameLink
+from handctl.model.result import Table
+
+if TYPE_CHECKING:
+    from handctl.devices.inspire.canbus import CanBus
+    from handctl.frame.options import Settings
+    from handctl.link import ByteLink
+    from handctl.model.result import Journal
+
+
+def open_wrist(link: ByteLink | FrameLink, settings: Settings, journal: Journal) -> Wrist:
+    """A wrist module behind a serial or a CAN link, with the options the user gave."""
+    device_id = settings.id if settings.id is not None else 1
+    more: dict[str, Any] = {
+        "timeout": settings.timeout if settings.timeout is not None else DEFAULT_TIMEOUT,
+        "retries": settings.retries if settings.retries is not None else DEFAULT_RETRIES,
+        "bound": link.deadline(settings.deadline) if settings.deadline is not None else None,
+    }
+    bus: Bus | CanBus
+    if isinstance(link, FrameLink):
+        from handctl.devices.inspire.canbus import CanBus
+
+        bus = CanBus(link, device_id, journal, **more)
+    else:
+        hint = f"`handctl wrist scan` looks; {WIRING_HINT}"
+        bus = Bus(link, device_id, journal, family="wrist", silence_hint=hint, **more).at("wrist")
+    bus.gate = FamilyGate(kind_of("wrist"), settings.assume_identity)
+    return Wrist(bus)
+
+
+cli = Group(
+    "wrist",
+    family=Family("wrist", open_wrist, 115200, wires=("serial", "can"), ids=True),
+    help="Inspire wrist module of the dexterous hand, over RS-232, RS-485 or CAN (-p can:INTERFACE:CHANNEL). "
+    "It moves on its bench without asking.",
+)
+
+FORCE = click.option(
+    "--force-ambiguous", is_flag=True, help="Send what another device or register space would take for something else."
+)
+
+
+add_map_verbs(cli, WRIST, example="pitch_actual yaw_actual", setting="yaw_set=10 pitch_set=-10 move_time=1000")
+
+
+# -- reading ------------------------------------------------------------------------------------------------------
+
+
+@cli.verb("read")
+@click.argument("address")
+@click.argument("count", type=int)
+def read(run: Run, address: str, count: int) -> Table:
+    """Read COUNT bytes from ADDRESS of the wrist's registers; documented ones are decoded."""
+    from handctl.devices.inspire import eb90
+    from handctl.devices.inspire.exo import raw as exo_raw
+
+    place = address_in(address)
+    eb90.check_span(place, count)
+    return exo_raw.read(run.device(), place, count)
+
+
+@cli.verb("hand-read")
+@click.argument("address")
+@click.argument("count", type=int)
+def hand_read(run: Run, address: str, count: int) -> Table:
+    """Read COUNT bytes from ADDRESS of the hand that carries the wrist (flags 11, CAN 0), raw."""
+    from handctl.devices.inspire import eb90
+    from handctl.devices.inspire.wrist import raw as wrist_raw
+
+    place = address_in(address)
+    eb90.check_span(place, count)
+    return wrist_raw.hand_read(run.device(), place, count)
+
+
+# -- moving and writing ---------------------------------------------------------------------------------------------
+
+
+@cli.verb("move", writes=True)
+@click.option("--pitch", metavar="DEG", help="-22.66 to 22.12, two decimals.")
+@click.option("--yaw", metavar="DEG", help="-25.50 to 25.50, two decimals.")
+@click.option("--time", metavar="MS", help="Movement time; without it the one the wrist holds.")
+@click.option("--wait", type=Seconds(), metavar="S", help="Longest wait for the arrival.")
+def move(run: Run, pitch: str | None, yaw: str | None, time: str | None, wait: float | None) -> Table:
+    """Move to angles in degrees and wait until it stands; tells what was reached. Ctrl-C holds it where it is."""
+    wanted = {"yaw_set": yaw, "pitch_set": pitch, "move_time": time}
+    values = {name: WRIST[name].parse(text, name) for name, text in wanted.items() if text is not None}
+    return _move(run, values, wait)
+
+
+@cli.verb("center", writes=True)
+@click.option("--time", metavar="MS", help="Movement time; without it the one the wrist holds.")
+def center(run: Run, time: str | None) -> Table:
+    """Move both axes to 0 degrees and wait until they stand."""
+    values = {"yaw_set": 0.0, "pitch_set": 0.0}
+    if time is not None:
+        values["move_time"] = WRIST["move_time"].parse(time, "move_time")
+    return _move(run, values, None)
+
+
+def _move(run: Run, values: dict[str, Any], wait: float | None) -> Table:
+    planner: Wrist = run.planner()
+    changes = planner.targets(values.get("pitch_set"), values.get("yaw_set"), values.get("move_time"))
+    steps = planner.plan(changes)
+    if (plan := run.planned(steps)) is not None:
+        return plan
+    device: Wrist = run.device()
+    return device.move(changes, run.guide, wait=wait)
+
+
+@cli.verb("write", writes=True)
+@click.argument("address")
+@click.argument("data", metavar="HEX")
+def write(run: Run, address: str, data: str) -> Table:
+    """Write 2, 4 or 6 bytes at 1038..1043, low byte first, and read them back. Moves."""
+    from handctl.devices.inspire.exo import raw as exo_raw
+    from handctl.devices.inspire.wrist import raw as wrist_raw
+
+    place = address_in(address)
+    step = wrist_raw.plan_write(run.planner(), place, exo_raw.parse_hex(data))
+    if (plan := run.planned([step])) is not None:
+        return plan
+    return wrist_raw.write(run.device(), place, exo_raw.parse_hex(data))
+
+
+@cli.verb("hand-write", writes=True)
+@click.argument("address")
+@click.argument("data", metavar="HEX")
+@FORCE
+def hand_write(run: Run, address: str, data: str, force_ambiguous: bool) -> Table:
+    """Write bytes into the register space of the hand that carries the wrist. Undocumented here; asks first."""
+    from handctl.devices.inspire.exo import raw as exo_raw
+    from handctl.devices.inspire.wrist import raw as wrist_raw
+
+    place, payload = address_in(address), exo_raw.parse_hex(data)
+    step = wrist_raw.plan_hand_write(run.planner(), place, payload, force_ambiguous)
+    if (plan := run.planned([step])) is not None:
+        return plan
+    run.confirm(f"This changes the hand, not the wrist: {step.meaning}", [step])
+    return wrist_raw.hand_write(run.device(), place, payload)
+
+
+@cli.verb("raw", writes=True)
+@click.argument("data", nargs=-1, required=True, metavar="HEX...")
+@click.option(
+    "--wait",
+    type=Seconds(),
+    default=0.5,
+    show_default=True,
+    metavar="S",
+    help="Seconds to listen.",
+)
+@FORCE
+def raw(run: Run, data: tuple[str, ...], wait: float, force_ambiguous: bool) -> Table:
+    """Send exactly these bytes (on CAN: IDENTIFIER#DATA) and show what comes back. Anything but a read asks first.
+
+    With -n it only explains the frame, also the examples that the manual misprints.
+    """
+    from handctl.devices.inspire.canbus import CanBus
+    from handctl.devices.inspire.exo import raw as exo_raw
+    from handctl.devices.inspire.wrist import raw as wrist_raw
+
+    can = isinstance(run.planner().bus, CanBus)
+    dry = run.settings.dry_run
+    frame = wrist_raw.parse_can(" ".join(data)) if can else None
+    payload = b"" if can else exo_raw.parse_hex(" ".join(data))
+    step = (
+        wrist_raw.plan_can(frame, force_ambiguous, only_explain=dry)
+        if frame is not None
+        else wrist_raw.plan_raw(payload, force_ambiguous, only_explain=dry)
+    )
+    if (plan := run.planned([step])) is not None:
+        return plan
+    if wrist_raw.explained(step):
+        run.journal.warn("misprint", step.meaning)
+    if step.moves or step.strands:
+        run.confirm(f"This may move or change the device: {step.meaning}", [step])
+    wrist = run.device()
+    with exo_raw.goes_on(wrist, step):
+        if frame is not None:
+            return wrist_raw.exchange_can(wrist, frame, wait)
+        return exo_raw.exchange(wrist, payload, wait)
+
+
+# -- files, scan ----------------------------------------------------------------------------------------------------
+
+
+@cli.verb("scan")
+@click.option(
+    "--ids",
+    default="1-254",
+    show_default=True,
+    metavar="FROM-TO",
+    help="Ids to ask (on CAN up to 16383, 4096 at once).",
+)
+@click.option(
+    "--window",
+    type=click.IntRange(1, 254),
+    default=1,
+    show_default=True,
+    metavar="K",
+    help="Serial: ids asked per reply window; more than 1 needs full duplex (RS-232).",
+)
+@click.option("--reply-window", type=Number(min=1, max=1000), metavar="MS", help="Wait per window (default 20).")
+@click.option("--all", "find_all", is_flag=True, help="Go through all ids instead of ending at the first wrist.")
+def scan(run: Run, ids: str, window: int, reply_window: float | None, find_all: bool) -> Table:
+    """Look for wrist modules by read-only probes, at 115200 (or --baud) or on the CAN bus. Bounded; confirms each hit twice."""
+    from handctl.devices.inspire import scan_report
+    from handctl.devices.inspire.canbus import CanBus
+    from handctl.devices.inspire.wrist import scan as wrist_scan
+
+    can = isinstance(run.planner().bus, CanBus)
+    wanted = wrist_scan.parse_can_ids(ids) if can else scan_report.parse_ids(ids)
+    speeds = [run.settings.baud or 115200]
+    return wrist_scan.scan_wrist(run.device(), run.guide, wanted, speeds, window, reply_window, find_all)

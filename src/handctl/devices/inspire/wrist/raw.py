@@ -1,0 +1,378 @@
+"""The wrist by number: registers, frames of either wire, and what the manual's misprinted examples really do."""
+
+from __future__ import annotations
+
+from handctl.devices.inspire import canreg, eb90
+from handctl.devices.inspire.bus import Bus, telling
+from handctl.devices.inspire.canbus import CanBus, describe_frame
+from handctl.devices.inspire.map import EXO, WRIST, Register
+from handctl.devices.inspire.spans import describe
+from handctl.devices.inspire.wrist.device import Wrist
+from handctl.errors import CheckFailed, DeviceRefused, HandctlError, NoAnswer, ProtocolError, UsageError
+from handctl.link import CanFrame
+from handctl.model.param import Element, Step
+from handctl.model.result import Column, Row, Table, hex_bytes
+
+WRITE_SIZES = (2, 4, 6)
+"""Bytes of a wrist write. Eight would be an exo force command (wrist §2.2.1, exo §2.2.1)."""
+SHARED = range(1020, 1044)
+"""Wrist registers; in the hand's space current limits and power-on speeds lie here (RH56 §2.4.7, §2.4.8)."""
+
+MISPRINTS: dict[bytes, str] = {
+    bytes.fromhex("EB90010430FC030236"): (
+        "wrist §2.2 prints these bytes for reading both currents, but 03FC is 1020: this reads pitch_actual. "
+        "The currents: EB 90 01 04 30 00 04 04 3D"
+    ),
+    bytes.fromhex("EB900107310E0418FCEB034D"): (
+        "wrist §2.2.1 prints these bytes for pitch -10.00, yaw +10.00, but 1038 is yaw and 03EB is 1003: this sets yaw "
+        "-10.00 and pitch +10.03. As the text says: EB 90 01 07 31 0E 04 E8 03 18 FC 4A"
+    ),
+    bytes.fromhex("90EB010530FC030000000035"): (
+        "wrist §2.2 prints this reply, but length 05 means two data bytes: the byte in the place of the sum does not fit, "
+        "and a decoder rejects it"
+    ),
+}
+CAN_MISPRINTS: dict[tuple[int, bytes], str] = {
+    (0x01100001, b"\x04"): (
+        "wrist §2.3.1 prints 28 bits for an identifier of 29: as they stand they read address 1088 of the hand. "
+        "Both currents: 11000001 [1] 04"
+    ),
+    (0x00184001, bytes(4)): (
+        "wrist §2.3.1 prints this identifier for the reply with 28 bits of 29; with the zeros it lost it would be a hand "
+        "read of 1552. A reply has the request's identifier: 11000001 [4]"
+    ),
+    (0x15750001, bytes.fromhex("E80318FC")): (
+        "wrist §2.3.2 says 1492 beside the binary 1038: this writes address 1492. Yaw and pitch: 15038001 [4] E8 03 18 FC"
+    ),
+    (0x15038001, bytes.fromhex("FC1803EB")): (
+        "wrist §2.3.2 prints these data bytes high byte first; the device reads low byte first: yaw +63.96, pitch -53.73, "
+        "out of range. As the text says: 15038001 [4] E8 03 18 FC"
+    ),
+}
+
+
+def misprint(data: bytes) -> str | None:
+    """What a frame that the manual prints wrongly really does; None for any other frame."""
+    return MISPRINTS.get(data)
+
+
+def explained(step: Step) -> bool:
+    """Whether a plan's meaning is the explanation of a misprint."""
+    return step.meaning in MISPRINTS.values() or step.meaning in CAN_MISPRINTS.values()
+
+
+def register_at(address: int) -> Register | None:
+    """The register that begins at `address`."""
+    return next((register for register in WRIST if register.address == address), None)
+
+
+def _touches_shared(address: int, count: int) -> bool:
+    return address < SHARED.stop and SHARED.start < address + count
+
+
+def _refuse_illegal(address: int, data: bytes) -> None:
+    """Refuse a raw write whose values the manual does not allow. Raises UsageError."""
+    explained_as = next((text for (_, known), text in CAN_MISPRINTS.items() if known == data), "")
+    for offset in range(0, len(data) - 1, 2):
+        register = register_at(address + offset)
+        if register is not None and register.writable:
+            try:
+                register.check(register.decode(data[offset : offset + 2]), register.name)
+            except UsageError as exc:
+                raise UsageError(
+                    f"{exc.text}{f'; {explained_as}' if explained_as else ''}",
+                    hint=f"{exc.hint} --force-ambiguous sends it all the same.",
+                    code=exc.code,
+                ) from exc
+
+
+def plan_write(wrist: Wrist, address: int, data: bytes) -> Step:
+    """Check a write: whole settable registers side by side, 2, 4 or 6 bytes, legal values. Raises UsageError."""
+    if len(data) not in WRITE_SIZES:
+        raise UsageError(
+            f"a wrist write of {len(data)} bytes is never sent",
+            hint="2, 4 or 6 bytes; with 8 it would be a force command of an exoskeleton hand. Nothing was sent.",
+        )
+    texts = []
+    for offset in range(0, len(data), 2):
+        register = register_at(address + offset)
+        if register is None or not register.writable:
+            what = f"{register.name}, which is read-only" if register is not None else "no documented register"
+            raise UsageError(
+                f"{address + offset} is {what}",
+                hint="settable: 1038 yaw_set, 1040 pitch_set, 1042 move_time (wrist §2.1)",
+            )
+        value = register.decode(data[offset : offset + 2])
+        register.check(value, register.name)
+        texts.append(f"{register.name} = {register.text(value)}")
+    return wrist.bus.write_step(address, data, f"write {', '.join(texts)} (address {address})")._replace(moves=True)
+
+
+def write(wrist: Wrist, address: int, data: bytes) -> Table:
+    """Write whole registers by address, once, and read them back."""
+    changes = []
+    for offset in range(0, len(data), 2):
+        register = register_at(address + offset)
+        assert register is not None
+        changes.append((Element(register, 0), register.decode(data[offset : offset + 2])))
+    return wrist.table(wrist.write(changes))
+
+
+# -- the hand behind it ---------------------------------------------------------------------------------------------
+
+
+def hand_bus(wrist: Wrist) -> Bus | CanBus:
+    """A bus to the hand's own registers, through flags 11/12 or CAN flags 0/1."""
+    bus = wrist.bus.at("hand")
+    assert isinstance(bus, Bus | CanBus)
+    return bus
+
+
+def hand_read(wrist: Wrist, address: int, count: int) -> Table:
+    """Bytes of the hand's own space, raw: its manual is another one."""
+    return _hand_row(wrist, address, hand_bus(wrist).read(address, count), "hand space")
+
+
+def _hand_row(wrist: Wrist, address: int, data: bytes, label: str) -> Table:
+    row: Row = {"name": None, "finger": None, "address": address, "value": None, "unit": None, "raw": hex_bytes(data)}
+    return Table(rows=[{**row, "label": label}], columns=wrist.columns, plain=("raw",))
+
+
+def plan_hand_write(wrist: Wrist, address: int, data: bytes, force: bool) -> Step:
+    """A write into the hand's space; refused where the wrist's own registers would lie. Raises UsageError."""
+    if _touches_shared(address, len(data)) and not force:
+        raise UsageError(
+            f"{address} in the hand's space holds current limits and power-on speeds, not the wrist",
+            hint="wrist registers: `handctl wrist set` or `write`. --force-ambiguous writes the hand all the same. Nothing was sent.",
+            code="ambiguous",
+        )
+    if EXO["id"].address in range(address, address + len(data)):
+        eb90.check_id(data[EXO["id"].address - address])
+    step = hand_bus(wrist).write_step(
+        address, data, f"write {hex_bytes(data)} at {address} of the hand, undocumented here"
+    )
+    return step._replace(moves=True, strands=True)
+
+
+def hand_write(wrist: Wrist, address: int, data: bytes) -> Table:
+    """Write into the hand's space once, and read back; what starts something there is not read back (RH56 §2.4).
+
+    A new id is looked for under that id. Raises Interrupted on Ctrl-C, which takes nothing back.
+    """
+    with telling(
+        wrist.bus, f"{hex_bytes(data)} may be written at {address} of the hand", "`handctl wrist hand-read` shows it"
+    ):
+        return _hand_write(wrist, hand_bus(wrist), address, data)
+
+
+def _hand_write(wrist: Wrist, bus: Bus | CanBus, address: int, data: bytes) -> Table:
+    bytes_at = dict(enumerate(data, address))
+    starts = [register.name for register in EXO if register.trigger and bytes_at.get(register.address) == 1]
+    new = bytes_at.get(EXO["id"].address, bus.id)
+    more = {"acknowledged_by": (new,)} if isinstance(bus, Bus) else {}
+    then = "it is not read back, as it starts something" if starts else "reading it back"
+    lost = bus.try_write(address, data, "the write", then, **more)
+    if lost is not None and starts:
+        lost.hint = f"it may have started {', '.join(starts)} all the same. {lost.hint}"
+        raise lost
+    if starts:
+        bus.journal.info("not-read-back", f"accepted; not read back, as it starts {', '.join(starts)} on the RH56 hand")
+        return _hand_row(wrist, address, data, "written")
+    now = _read_back(bus, address, len(data), new)
+    table = _hand_row(wrist, address, now, "hand space")
+    step = bus.write_step(address, data, "")
+    if now == data:
+        bus.journal.ledger.confirm("read back", step)
+    else:
+        bus.journal.ledger.doubt(f"reads {hex_bytes(now)}", step)
+        table.failure = CheckFailed(
+            f"{bus.where}: {address} of the hand reads {hex_bytes(now)} after {hex_bytes(data)} was written",
+            code="read-back",
+        )
+    if now == data and bus.id != wrist.bus.id:
+        bus.journal.warn(
+            "new-id",
+            f"the hand and its wrist answer to id {bus.id} now, until power-off",
+            hint=f"go on with --id {bus.id}",
+        )
+    return table
+
+
+def _read_back(bus: Bus | CanBus, address: int, count: int, new: int) -> bytes:
+    """What stands there now, read through the id `new`, or through the old one when nobody has that."""
+    old, bus.id = bus.id, new
+    if new == old:
+        return bus.read(address, count)
+    try:
+        return bus.read(address, count)
+    except (NoAnswer, ProtocolError):
+        bus.id = old
+        return bus.read(address, count)
+
+
+# -- raw frames -----------------------------------------------------------------------------------------------------
+
+
+def plan_raw(data: bytes, force: bool, *, only_explain: bool = False) -> Step:
+    """What a serial frame would do; an explanation where the manual prints it for something else.
+
+    With `only_explain` (a dry run) a misprint is explained also where it would be refused.
+    """
+    explained = misprint(data)
+    if explained is not None and only_explain:
+        return Step(explained, data, moves=True)
+    decoder = eb90.Decoder([eb90.HOST])
+    decoder.feed(data)
+    frames = [frame for frame in decoder.finish() if not frame.from_device]
+    if len(frames) == 1 and frames[0].encode() == data:
+        frame = frames[0]
+        if frame.flag in (eb90.WRIST_READ, eb90.READ) and len(frame.payload) == 3:
+            space = "wrist" if frame.flag == eb90.WRIST_READ else "hand"
+            return Step(
+                explained or f"read {frame.payload[2]} bytes at {frame.address} of the {space}, id {frame.id}", data
+            )
+        if frame.flag == eb90.WRIST_WRITE and len(frame.payload) == 10 and not force:
+            raise UsageError(
+                "8 bytes with flag 31 are a force command of an exoskeleton hand",
+                hint="a wrist write has 2, 4 or 6 bytes; --force-ambiguous sends it all the same. Nothing was sent.",
+                code="ambiguous",
+            )
+        if frame.flag == eb90.WRITE and not _touches_shared(frame.address or 0, len(frame.data)):
+            return Step(f"write {hex_bytes(frame.data)} at {frame.address} of the hand", data, moves=True, strands=True)
+        if frame.flag == eb90.WRIST_WRITE and frame.address is None:
+            address = int.from_bytes(frame.payload[:2], "little")
+            return Step(
+                f"write {hex_bytes(frame.payload[2:])} at {address}, or an exo force command",
+                data,
+                moves=True,
+                strands=True,
+            )
+        if frame.flag == eb90.WRIST_WRITE:
+            if explained is None and not force:
+                _refuse_illegal(frame.address or 0, frame.data)
+            return Step(explained or f"write {hex_bytes(frame.data)} at {frame.address} of the wrist", data, moves=True)
+        if frame.flag == eb90.WRITE and _touches_shared(frame.address or 0, len(frame.data)) and not force:
+            raise UsageError(
+                f"flag 12 at {frame.address} writes current limits or power-on speeds of the hand, not the wrist",
+                hint="wrist registers are written with flag 31; --force-ambiguous sends it all the same. Nothing was sent.",
+                code="ambiguous",
+            )
+    return Step(
+        explained or "not one whole read or write; what the device makes of it is unknown",
+        data,
+        moves=True,
+        strands=True,
+    )
+
+
+def parse_can(text: str) -> CanFrame:
+    """``15038001#E80318FC`` or ``15038001 [4] E8 03 18 FC`` -> a frame. Raises UsageError."""
+    head, _, tail = text.strip().replace("#", " ", 1).partition(" ")
+    words = tail.split()
+    announced = words.pop(0).strip("[]") if words and words[0].startswith("[") else None
+    try:
+        identifier, data = int.from_bytes(bytes.fromhex(head.zfill(8)), "big"), bytes.fromhex("".join(words))
+        if not head or len(head) > 8 or (announced is not None and int(announced) != len(data)):
+            raise ValueError(text)
+    except ValueError as exc:
+        raise UsageError(
+            f"{text!r} is not a CAN frame", hint="IDENTIFIER#DATA, e.g. 11000001#04, or 11000001 [1] 04"
+        ) from exc
+    if not 0 <= identifier < 1 << 29 or len(data) > 8:
+        raise UsageError(f"{text!r}: an identifier has 29 bits and a frame 8 bytes at most", hint="e.g. 11000001#04")
+    return CanFrame(identifier, data)
+
+
+def plan_can(frame: CanFrame, force: bool, *, only_explain: bool = False) -> Step:
+    """What a CAN frame would do; an explanation where the manual prints it for something else."""
+    access = canreg.parse_identifier(frame.can_id)
+    explained = CAN_MISPRINTS.get((frame.can_id, frame.data))
+    if explained is not None and only_explain:
+        return Step(explained, frame.data, moves=True, can_id=frame.can_id)
+    if access.writes and access.hand_id == canreg.ANY_ID and not force:
+        raise UsageError(
+            "id 16383 may mean every hand on the bus",
+            hint="write to one hand; --force-ambiguous sends it all the same. Nothing was sent.",
+        )
+    if access.flag == canreg.WRITE_WRIST and not force:
+        _refuse_illegal(access.address, frame.data)
+    if access.flag == canreg.WRITE_HAND and _touches_shared(access.address, len(frame.data)) and not force:
+        raise UsageError(
+            f"this writes address {access.address} of the hand: current limits or power-on speeds, not the wrist",
+            hint="wrist registers are written with flag 5; --force-ambiguous sends it all the same. Nothing was sent.",
+            code="ambiguous",
+        )
+    reads = access.flag in (canreg.READ_HAND, canreg.READ_WRIST) and len(frame.data) == 1
+    return Step(
+        explained or describe_frame(frame), frame.data, moves=not reads, strands=not reads and access.flag != canreg.WRITE_WRIST,
+        can_id=frame.can_id,
+    )  # fmt: skip
+
+
+def exchange_can(wrist: Wrist, frame: CanFrame, wait: float) -> Table:
+    """Send one frame, listen for `wait` seconds, show what came: the same identifier is the answer, the rest is traffic."""
+    bus = wrist.bus
+    assert isinstance(bus, CanBus)
+    bus.pass_gate(frame)
+    bus.refuse_late(str(frame))
+    bus.drain()
+    deadline = bus.link.deadline(wait).earlier(bus.bound)
+    bus.send(frame, deadline)
+    rows: list[Row] = []
+    while len(rows) < 1000:
+        came = bus.receive(deadline)
+        if came is None:
+            break
+        answer = came.can_id == frame.can_id and came != frame
+        bus.journal.counters.received += answer
+        access = canreg.parse_identifier(came.can_id)
+        rows.append(
+            {
+                "direction": "device" if answer else ("own" if came == frame else "other"),
+                "id": access.hand_id,
+                "address": access.address,
+                "data": hex_bytes(came.data),
+                "meaning": describe_frame(came) + (_values(access, came.data) if answer else ""),
+                "raw": str(came),
+            }
+        )
+    if not any(
+        row["direction"] != "other" or row["address"] == canreg.parse_identifier(frame.can_id).address for row in rows
+    ):
+        raise NoAnswer(f"{bus.where}: no answer to {frame} within {wait:g} s", hint="--wait S listens longer")
+    columns = (
+        Column("direction", "From"),
+        Column("id", "Id", right=True),
+        Column("address", "Address", right=True),
+        Column("data", "Data"),
+        Column("meaning", "Meaning"),
+    )
+    return Table(rows=rows, columns=columns, failure=_judge(bus, frame, rows))
+
+
+def _values(access: canreg.Access, data: bytes) -> str:
+    """The documented values in the answer to a read of the wrist."""
+    return f": {describe(WRIST, access.address, data)}" if access.flag == canreg.READ_WRIST and data else ""
+
+
+def _judge(bus: CanBus, sent: CanFrame, rows: list[Row]) -> HandctlError | None:
+    """Whether the answer is one: as the bus judges it for the named commands."""
+    asked = canreg.parse_identifier(sent.can_id)
+    answers = [row for row in rows if row["direction"] == "device"]
+    if not answers:
+        others = [row for row in rows if row["direction"] == "other" and row["address"] == asked.address]
+        if others:
+            return ProtocolError(
+                f"{bus.where}: id {others[0]['id']} answered instead: {others[0]['raw']}", code="wrong-id"
+            )
+        return ProtocolError(
+            f"{bus.where}: only our own frame came back: {sent}", hint="no device answers", code="echo"
+        )
+    size = len(answers[0]["data"].split())
+    if not asked.writes and len(sent.data) == 1 and size != sent.data[0]:
+        return ProtocolError(
+            f"{bus.where}: {sent.data[0]} bytes asked, {size} came: {answers[0]['raw']}", code="cut-short"
+        )
+    if asked.writes and size == 1 and int(answers[0]["data"], 16) != len(sent.data):
+        return DeviceRefused(f"{bus.where}: {int(answers[0]['data'], 16)} of {len(sent.data)} bytes acknowledged")
+    return None

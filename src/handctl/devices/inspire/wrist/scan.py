@@ -1,0 +1,179 @@
+"""`handctl wrist scan`: serial through the common scanner, CAN by probes back to back. Read-only."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from handctl.devices.inspire import canreg
+from handctl.devices.inspire.bus import Bus
+from handctl.devices.inspire.canbus import DAMAGED_HINT, NO_ACK_HINT, CanBus, said_damaged
+from handctl.devices.inspire.identity import WRIST
+from handctl.devices.inspire.scan_report import Target, scan
+from handctl.devices.inspire.wrist.device import WIRING_HINT, Wrist
+from handctl.errors import NoAnswer, ProtocolError, UsageError
+from handctl.link import CanFrame
+from handctl.model.guide import Guide
+from handctl.model.param import ids_in
+from handctl.model.result import Column, Row, Table
+
+TARGET = Target(WRIST, probe=(1020, 2), twin=(1020, 4), value="pitch_raw", silence_hint=WIRING_HINT)
+CHUNK = 32
+DRAIN_SECONDS = 0.05
+MOST = 4096
+"""Ids in one CAN scan at the most; all 16383 would only be traffic for the others on the bus."""
+
+
+def scan_wrist(
+    wrist: Wrist,
+    guide: Guide,
+    ids: Sequence[int],
+    speeds: Sequence[int],
+    window: int,
+    wait_ms: float | None,
+    find_all: bool,
+) -> Table:
+    """Look for wrist modules on the line or the bus of `wrist`."""
+    if isinstance(wrist.bus, CanBus):
+        return _scan_can(wrist.bus, guide, ids, (wait_ms or 20.0) / 1000, find_all)
+    assert isinstance(wrist.bus, Bus)
+    return scan(wrist.bus, TARGET, guide, ids, speeds, window, wait_ms, find_all)
+
+
+def parse_can_ids(text: str) -> list[int]:
+    """``1-254`` -> ids 0..16383 in that order, at most 4096. Raises UsageError."""
+    ids = ids_in(text, canreg.check_id)
+    if len(ids) > MOST:
+        raise UsageError(
+            f"--ids {text}: {len(ids)} ids; a scan asks 1 to {MOST}", hint="scan in parts, e.g. --ids 1-254"
+        )
+    return ids
+
+
+def _scan_can(bus: CanBus, guide: Guide, ids: Sequence[int], wait: float, find_all: bool) -> Table:
+    link = bus.link
+    started, errors, damaged = link.now(), link.error_frames, link.damaged
+    search = _CanSearch(bus, wait)
+    hits: list[tuple[int, bytes]] = []
+    cut = False
+    for start in range(0, len(ids), CHUNK):
+        chunk = ids[start : start + CHUNK]
+        guide.progress(f"ids {chunk[0]}..{chunk[-1]}, found {len(hits)}")
+        hits += search.confirmed(chunk, last=start + CHUNK >= len(ids))
+        if hits and not find_all:
+            break
+        cut = bus.bound is not None and bus.bound.expired and start + CHUNK < len(ids)
+        if cut:
+            break
+    guide.done()
+    seconds = link.now() - started
+    summary = f"{search.probes} read-only probes of pitch_actual, ids {ids[0]}..{ids[-1]}, {seconds:.2f} s"
+    if cut:
+        summary += "; --deadline ended it before all were asked"
+    bus.journal.info("scanned", summary)
+    rows: list[Row] = [
+        {
+            "family": "wrist",
+            "link": link.name,
+            "baud": None,
+            "id": hand_id,
+            "pitch_raw": int.from_bytes(data, "little", signed=True),
+        }
+        for hand_id, data in hits
+    ]
+    columns = (
+        Column("family", "Family"),
+        Column("link", "Link"),
+        Column("id", "Id", right=True),
+        Column("pitch_raw", "pitch_raw", right=True),
+    )
+    facts = {"probes": search.probes, "seconds": round(seconds, 3), "error_frames": link.error_frames - errors}
+    table = Table(rows=rows, columns=columns, extra={"scan": facts})
+    if not hits:
+        table.failure = search.nothing(summary, link.error_frames > errors, link.damaged - damaged, cut)
+    return table
+
+
+class _CanSearch:
+    """Probes of ids back to back; a late reply names its id and counts in any later window."""
+
+    def __init__(self, bus: CanBus, wait: float) -> None:
+        self._bus = bus
+        self._wait = wait
+        self._wanted: dict[int, int] = {}
+        self._known: set[int] = set()
+        self.probes = 0
+        self._own = self._short = 0
+        self._lone: list[int] = []
+
+    def confirmed(self, ids: Sequence[int], last: bool) -> list[tuple[int, bytes]]:
+        """Those of `ids` (and of earlier ones, late) that answer twice."""
+        answered = self._ask(ids, self._wait + (DRAIN_SECONDS if last else 0.0))
+        hits = []
+        for hand_id in sorted(answered):
+            if hand_id in self._known:
+                continue  # answered twice to an earlier probe
+            self._bus.drain()  # only an answer to this very probe confirms
+            again = self._ask([hand_id], self._wait + DRAIN_SECONDS)
+            if hand_id in again:
+                hits.append((hand_id, again[hand_id]))
+                self._known.add(hand_id)
+            else:
+                self._lone.append(hand_id)
+                self._bus.journal.warn(
+                    "unconfirmed", f"id {hand_id} answered once and not when asked alone: not counted"
+                )
+        return hits
+
+    def _ask(self, ids: Sequence[int], seconds: float) -> dict[int, bytes]:
+        bus = self._bus
+        asked = {canreg.read_request(hand_id, 1020, 2, bus.read_flag)[0]: hand_id for hand_id in ids}
+        self._wanted.update(asked)
+        for identifier in asked:
+            bus.link.send(CanFrame(identifier, b"\x02"), bus.link.deadline(1.0).earlier(bus.bound))
+        bus.journal.counters.sent += len(asked)
+        self.probes += len(asked)
+        answered: dict[int, bytes] = {}
+        deadline = bus.link.deadline(seconds).earlier(bus.bound)
+        while not set(asked.values()) <= set(answered):
+            frame = bus.receive(deadline)
+            if frame is None:
+                break
+            if frame.can_id in self._wanted and len(frame.data) == 2:
+                answered[self._wanted[frame.can_id]] = frame.data
+                bus.journal.counters.received += 1
+            elif frame.can_id in self._wanted and frame.data == b"\x02":
+                self._own += 1
+            elif frame.can_id in self._wanted:
+                self._short += 1
+            else:
+                bus.pass_over(frame)
+            if deadline.expired:
+                break
+        return answered
+
+    def nothing(self, summary: str, errors: bool, damaged: int, cut: bool) -> NoAnswer | ProtocolError:
+        """Why nothing was found."""
+        name = self._bus.link.name
+        if errors:
+            return NoAnswer(f"{name}: nobody acknowledged anything ({summary})", hint=NO_ACK_HINT, code="no-ack")
+        if self._lone:
+            hint = "a hand answers under another id than it is asked: power-cycle it, then scan again"
+            return ProtocolError(
+                f"{name}: answers under id {', '.join(map(str, self._lone))} came, but not when that id was asked ({summary})",
+                hint=hint,
+                code="wrong-id",
+            )
+        if self._short:
+            hint = "another kind of device, or a damaged line"
+            return ProtocolError(
+                f"{name}: answers came with another length than asked ({summary})", hint=hint, code="cut-short"
+            )
+        if self._own:
+            hint = "the adapter is in loopback mode, or hands out what it sends"
+            return ProtocolError(f"{name}: only our own frames came back ({summary})", hint=hint, code="echo")
+        if damaged:
+            text = f"{name}: no wrist; {said_damaged(damaged, self._bus.link.damage)} ({summary})"
+            return ProtocolError(text, hint=DAMAGED_HINT, code="damaged")
+        if cut:
+            return NoAnswer(f"{name}: no wrist so far ({summary})", hint="a longer --deadline", code="deadline")
+        return NoAnswer(f"{name}: no wrist, complete silence ({summary})", hint=NO_ACK_HINT)

@@ -1,0 +1,1 @@
+"""The life of a command: from the command line to its envelope."""

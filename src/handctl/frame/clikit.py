@@ -1,0 +1,360 @@
+"""The command tree: groups and commands that accept the shared options, the root, and errors as exit codes.
+
+Help and completion load click and the data in `families`, no device family.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+import sys
+from collections.abc import Callable, Sequence
+from functools import update_wrapper
+from typing import Any
+
+import click
+
+from handctl import __version__
+from handctl.errors import HandctlError, Interrupted, OutputError, UsageError
+from handctl.families import COMMANDS
+from handctl.frame.console import print_message, print_stderr
+from handctl.frame.envelope import make_envelope
+from handctl.frame.family import Family
+from handctl.frame.options import (
+    COMMAND_LINE,
+    Hertz,
+    Seconds,
+    config_path,
+    from_click,
+    read_config,
+    resolve,
+    shared_options,
+)
+from handctl.frame.run import Run
+from handctl.screen.streams import utf8_stdout
+
+MOST = 1000
+"""Characters of a first sentence: all of it."""
+
+
+def _show_help(ctx: click.Context, _param: click.Parameter, value: bool) -> None:
+    if value and not ctx.resilient_parsing:
+        sys.stdout.write(ctx.get_help() + "\n")
+        ctx.exit()
+
+
+def _plain_help(command: click.Command) -> None:
+    """Help of a command that is not one of ours, and of those below it, goes to stdout as ours does."""
+    if "get_help_option" not in vars(command):
+        made = command.get_help_option
+        command.get_help_option = lambda ctx: _written_plainly(made(ctx))  # type: ignore[method-assign]
+    for below in command.commands.values() if isinstance(command, click.Group) else ():
+        _plain_help(below)
+
+
+def _written_plainly(option: click.Option | None) -> click.Option | None:
+    """Help goes to stdout as it is: click would make a stream in ASCII UTF-8, and leave nothing to a substitute."""
+    if option is not None:
+        option.callback = _show_help
+    return option
+
+
+class _SharedOptions(click.Command):
+    """Accepts the shared options, and lists them by section after the command's own.
+
+    They are made when a command is parsed, not when it is defined: most commands of a family are never used in a run.
+    """
+
+    def get_params(self, ctx: click.Context) -> list[click.Parameter]:
+        if self._shared is None:
+            family = self.family
+            self._shared = (
+                shared_options(family.wires, family.exchange, family.interrupts)
+                if family is not None
+                else shared_options()
+            )
+        own = super().get_params(ctx)
+        return [*own, *self._shared]
+
+    _shared: list[click.Parameter] | None = None
+    family: Family | None = None
+
+    def get_help_option(self, ctx: click.Context) -> click.Option | None:
+        return _written_plainly(super().get_help_option(ctx))
+
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        sections: dict[str, list[tuple[str, str]]] = {}
+        for param in self.get_params(ctx):
+            record = param.get_help_record(ctx) if isinstance(param, click.Option) else None
+            if record is not None:
+                sections.setdefault(getattr(param, "section", "Options"), []).append(record)
+        for title in ("Options", *(name for name in sections if name != "Options")):
+            if title in sections:
+                with formatter.section(title):
+                    formatter.write_dl(sections[title])
+
+
+class Command(_SharedOptions):
+    """A leaf command with the shared options.
+
+    `writes`: --dry-run makes sense for it; `streams`: --json means NDJSON; `stops`: an emergency, which nothing holds up.
+    """
+
+    def __init__(
+        self,
+        *args: Any,
+        writes: bool = False,
+        streams: bool = False,
+        stops: bool = False,
+        family: Family | None = None,
+        **more: Any,
+    ) -> None:
+        super().__init__(*args, **more)
+        self.writes = writes
+        self.stops = stops
+        self.streams = streams
+        self.family = family
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """As click does; its message on the number of values knows neither the command nor what the values are called."""
+        try:
+            return super().parse_args(ctx, args)
+        except click.UsageError as exc:
+            text = exc.message
+            for param in self.params:
+                if isinstance(param, click.Argument) and param.metavar:
+                    text = text.replace(f"Argument '{param.name}' takes", f"{param.metavar} takes")
+            if exc.ctx is not None and text == exc.message:
+                raise
+            raise click.UsageError(text, exc.ctx or ctx) from exc
+
+    def invoke(self, ctx: click.Context) -> Any:
+        wires = self.family.wires if self.family is not None else ()
+        run = Run(ctx, resolve(ctx, wires, urgent=self.stops), self.family)
+        # Said for good in the environment or the file it is a safety catch, and what only reads does not need it.
+        if run.settings.dry_run and not self.writes and run.sources["dry_run"] == COMMAND_LINE:
+            raise run.failed(UsageError(
+                f"`handctl {run.command}` only reads: --dry-run is for commands that write or move",
+                hint="run it without -n: it changes nothing",
+            ))  # fmt: skip
+        if run.settings.assume_identity and not self.writes:
+            raise run.failed(UsageError(
+                f"`handctl {run.command}` only reads: --assume-identity is for commands that write or move",
+                hint="run it without: it looks at whatever is there",
+            ))  # fmt: skip
+        ctx.obj = run
+        return run.execute(lambda: super(Command, self).invoke(ctx))
+
+
+class Group(_SharedOptions, click.Group):
+    """A group with the shared options."""
+
+    command_class = Command
+
+    def __init__(self, *args: Any, family: Family | None = None, **more: Any) -> None:
+        super().__init__(*args, **more)
+        self.family = family
+
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        self.format_commands(ctx, formatter)
+        super().format_options(ctx, formatter)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Each command with its whole first sentence: click cuts it, and what is left may mislead."""
+        found = [(name, self.get_command(ctx, name)) for name in self.list_commands(ctx)]
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, one.get_short_help_str(MOST)) for name, one in found if one and not one.hidden])
+
+    def verb(
+        self, name: str, *, writes: bool = False, streams: bool = False, stops: bool = False
+    ) -> Callable[[Callable[..., Any]], Command]:
+        """Decorator: add a leaf command whose body gets the Run first and returns a Table (or None)."""
+
+        def decorate(body: Callable[..., Any]) -> Command:
+            def call(*args: Any, **more: Any) -> Any:
+                return body(click.get_current_context().obj, *args, **more)
+
+            made: Command = click.command(
+                name, cls=Command, writes=writes, streams=streams, stops=stops, family=self.family
+            )(update_wrapper(call, body))
+            self.add_command(made)
+            return made
+
+        return decorate
+
+
+def streaming(rate: float) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Decorator: the options of a stream, `rate` (with this default), `count` and `duration`."""
+
+    def decorate(body: Callable[..., Any]) -> Callable[..., Any]:
+        for option in (
+            click.option("--duration", type=Seconds(), metavar="S", help="End after S seconds."),
+            click.option("--count", type=click.IntRange(min=1), metavar="N", help="End after N samples."),
+            click.option(
+                "--rate",
+                type=Hertz(),
+                default=rate,
+                show_default=True,
+                metavar="HZ",
+                help="Samples per second; 0 = as fast as the device answers.",
+            ),
+        ):
+            body = option(body)
+        return body
+
+    return decorate
+
+
+stream_options = streaming(10.0)
+
+
+class Root(Group):
+    """The root: lists its commands from `families` and imports the module of the one that is used."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name not in COMMANDS:
+            return None
+        command = importlib.import_module(COMMANDS[cmd_name][0]).cli
+        assert isinstance(command, click.Command)
+        if not isinstance(command, _SharedOptions):
+            _plain_help(command)
+        return command
+
+    def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
+        if args[0] not in COMMANDS and not args[0].startswith("-"):
+            from difflib import get_close_matches
+
+            near = get_close_matches(args[0], list(COMMANDS), cutoff=0.3)
+            meant = f" Did you mean {' or '.join(map(repr, near))}?" if near else ""
+            raise click.UsageError(f"No such command {args[0]!r}.{meant}", ctx)
+        return super().resolve_command(ctx, args)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, text) for name, (_, text) in COMMANDS.items()])
+
+    def shell_complete(self, ctx: click.Context, incomplete: str) -> list[Any]:
+        from click.shell_completion import CompletionItem
+
+        names = [CompletionItem(name, help=text) for name, (_, text) in COMMANDS.items() if name.startswith(incomplete)]
+        return names or click.Command.shell_complete(self, ctx, incomplete)
+
+
+root = Root(
+    "handctl",
+    help="Diagnostics and configuration of hand and exoskeleton devices.",
+    epilog="Options work at any level; the one nearest the verb wins. Each has an environment variable, e.g. "
+    "HANDCTL_PORT. Exit codes: 0 done, 2 usage, 3 link, 4 no answer, 5 no valid answer, 6 refused by the device, "
+    "7 check failed, 8 not confirmed, 130 interrupted.",
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+)
+
+
+def _show_version(ctx: click.Context, _param: click.Parameter, value: bool) -> None:
+    if value:
+        click.echo(f"handctl {__version__}")
+        ctx.exit()
+
+
+root.params.append(
+    click.Option(
+        ["-V", "--version"],
+        is_flag=True,
+        is_eager=True,
+        expose_value=False,
+        callback=_show_version,
+        help="Show the version.",
+    )
+)
+
+
+def run_root(args: Sequence[str]) -> int:
+    """Parse and run; every error becomes one message on stderr and an exit code."""
+    debug = "--debug" in args or bool(os.environ.get("HANDCTL_DEBUG"))
+    streams, command = False, ""
+    extra: dict[str, Any] = {}
+    error: HandctlError
+    try:
+        root.main(args=list(args), prog_name="handctl", standalone_mode=False)
+        return 0
+    except click.exceptions.Exit as exc:
+        return exc.exit_code
+    except (BrokenPipeError, SystemExit):
+        return 0  # a closed pipe is quiet; click ends so when it meets one
+    except OSError as exc:  # help that cannot be written; links and files translate their own
+        error = OutputError(f"stdout cannot be written: {exc.strerror or exc}")
+    except HandctlError as exc:
+        error = exc
+    except (click.Abort, KeyboardInterrupt):
+        error = Interrupted("interrupted")
+    except click.exceptions.NoArgsIsHelpError as exc:
+        print_stderr(exc.format_message())
+        return exc.exit_code
+    except click.UsageError as exc:
+        error = from_click(exc)
+        if exc.ctx is not None:
+            streams = getattr(exc.ctx.command, "streams", False)
+            extra = {"writes": []} if getattr(exc.ctx.command, "writes", False) else {}
+            command = " ".join(exc.ctx.command_path.split()[1:])
+    except click.ClickException as exc:
+        error = HandctlError(exc.format_message())
+        error.exit_code = exc.exit_code
+    except Exception as exc:  # noqa: BLE001 - our own bug becomes exit code 1 and one message
+        error = HandctlError(
+            f"internal error: {type(exc).__name__}: {exc}", hint="this is a bug: --debug shows where", code="internal"
+        )
+        error.__cause__ = exc
+    if debug or _in_file("debug"):
+        import traceback
+
+        print_stderr("".join(traceback.format_exception(error)).rstrip())
+    if not error.shown:
+        _late_envelope(args, error, streams, command, extra)
+    if error.text != "interrupted":  # who pressed Ctrl-C knows; what it left behind is told
+        print_message("error", error.text, error.hint)
+    return error.exit_code
+
+
+def _in_file(key: str) -> Any:
+    """What the configuration file says of an option, for errors before the settings were known; None when it cannot tell."""
+    try:
+        entry = read_config(config_path()).values.get(key)
+    except HandctlError:
+        return None
+    return entry.value if entry is not None else None
+
+
+def _late_envelope(
+    args: Sequence[str], error: HandctlError, streams: bool, command: str, extra: dict[str, Any]
+) -> None:
+    """JSON on stdout also when the command line itself was wrong, if JSON was asked for."""
+    words = list(args)
+    wanted = os.environ.get("HANDCTL_FORMAT", "") or ("json" if os.environ.get("HANDCTL_JSON") else "")
+    for position, word in enumerate(words):
+        if word == "--json":
+            wanted = "json"
+        elif word == "--format" and position + 1 < len(words):
+            wanted = words[position + 1]
+        elif word.startswith("--format="):
+            wanted = word.partition("=")[2]
+    wanted = wanted or str(_in_file("format") or ("json" if _in_file("json") else ""))
+    if wanted not in ("json", "ndjson"):
+        return
+    import json
+
+    if not command:
+        names = [word for word in words if not word.startswith("-")]
+        start = next((position for position, word in enumerate(names) if word in COMMANDS), len(names))
+        command = " ".join(names[start : start + 2])
+    envelope = make_envelope(command, error, None, (), None, extra)
+    utf8_stdout()
+    try:
+        sys.stdout.write(
+            json.dumps({"end": envelope} if streams or wanted == "ndjson" else {**envelope, "rows": []}) + "\n"
+        )
+        sys.stdout.flush()
+    except OSError:
+        return  # the error itself is still told on stderr

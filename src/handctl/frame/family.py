@@ -1,0 +1,64 @@
+"""What the shared machinery knows of one device family. Each family's command group carries its own; `families` names them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from handctl.errors import UsageError
+
+if TYPE_CHECKING:
+    from handctl.errors import HandctlError
+    from handctl.frame.options import Settings
+    from handctl.model.result import Journal
+
+
+class Family(NamedTuple):
+    """How the shared machinery handles one device family.
+
+    kind      command name, and the simulator's name
+    open      (link, settings, journal) -> device
+    baud      speed of a serial port unless --baud says otherwise, None = none
+    wires     the kinds of wire it has, the default first; () = bytes only
+    tcp_port  port of tcp://HOST without one, None = it must be given; a family that has one has no serial wire
+    ids       its protocol has device ids
+    interrupts  what moves or writes may end a movement that it meets; --interrupt lets what reads do so too
+    exchange  takes the options that say how the device speaks, where its manual does not
+    recall    LINK -> the speed at which its device was found last, None = not known; not needed, never an error
+    check     settings -> raises UsageError for what does not fit together
+    explain   (device, error) -> a better error when nothing valid ever came; read-only
+    """
+
+    kind: str
+    open: Callable[[Any, Settings, Journal], Any]
+    baud: int | None = None
+    explain: Callable[[Any, HandctlError], HandctlError] | None = None
+    wires: tuple[str, ...] = ()
+    tcp_port: int | None = None
+    ids: bool = False
+    exchange: bool = False
+    interrupts: bool = False
+    check: Callable[[Settings], object] | None = None
+    recall: Callable[[str], int | None] | None = None
+
+
+def load(where: str) -> Any:
+    """``package.module:name`` of the tables in `families` -> that name of that module."""
+    module, _, name = where.partition(":")
+    return getattr(import_module(module), name)
+
+
+def refuse_missing(family: Family, given: Collection[str]) -> None:
+    """Raise UsageError when an option is `given` for what the protocol of this family does not have."""
+    for key, there, what in (("id", family.ids, "device ids"), ("baud", family.baud is not None, "serial wire")):
+        if key in given and not there:
+            raise UsageError(f"--{key}: {family.kind} has no {what}", hint=f"leave --{key} out")
+
+
+def refuse_serial(family: Family, link: str) -> None:
+    """Raise UsageError for a serial port where this family has TCP only."""
+    serial = link.startswith("spy://") or not ("://" in link or link.startswith(("can:", "replay:")))
+    if serial and family.tcp_port is not None:
+        hint = f"-p tcp://HOST (port {family.tcp_port} when not given)"
+        raise UsageError(f"{link}: {family.kind} has no serial wire", hint=hint)

@@ -1,0 +1,148 @@
+"""The commands that every device with a parameter map has: status, dump, get, set, describe, watch, snapshot, diff, restore,
+report.
+
+Their meaning is in `verbs` and `stored`; here they become click commands of a family's group. A family that needs one of its own
+leaves it out with `without` and defines it itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+from typing import Any
+
+import click
+
+from handctl.frame import stored, verbs
+from handctl.frame.clikit import Group, stream_options
+from handctl.frame.filetypes import InFile, OutFile
+from handctl.frame.options import Number
+from handctl.frame.run import Run
+from handctl.model.param import COMMAND, ParamMap
+from handctl.model.result import Table
+
+NAMES = "[NAME]..."
+SETPOINTS = click.option(
+    "--setpoints",
+    is_flag=True,
+    help="Also what was commanded: positions, and forces, which ask by themselves.",
+)
+"""Offered where a map has quantities whose writing commands something."""
+
+
+def add_map_verbs(
+    group: Group,
+    params: ParamMap[Any],
+    *,
+    part: str = "",
+    example: str = "",
+    setting: str = "",
+    without: Collection[str] = (),
+    checks: Callable[[Run], Table] | None = None,
+) -> None:
+    """Add the verbs for `params`. `part` names an element for help ("FINGER"), `example` and `setting` show how.
+
+    `checks` are further rows for a report's findings, from a family that can look deeper by reading alone.
+    """
+    named = f"NAME[.{part}]" if part else "NAME"
+    shown = f", such as `{example}`" if example else ""
+
+    has_setpoints = any(element.param.kind == COMMAND for element in stored.kept_of(params))
+
+    def with_setpoints(body: Callable[..., Table]) -> Callable[..., Table]:
+        return SETPOINTS(body) if has_setpoints else body
+
+    @click.option("--check", is_flag=True, help="Exit 7 when anything is unhealthy.")
+    def status(run: Run, check: bool) -> Table:
+        """What to look at first, decoded: values per part, errors in words."""
+        return run.device().status(check)  # type: ignore[no-any-return]
+
+    def dump(run: Run) -> Table:
+        """Every readable documented quantity, in as few transactions as the protocol allows."""
+        return run.device().dump()  # type: ignore[no-any-return]
+
+    @click.argument("names", nargs=-1, required=True, metavar=f"{named}...")
+    def get(run: Run, names: tuple[str, ...]) -> Table:
+        return verbs.get(run, params, names)
+
+    get.__doc__ = f"Read quantities by name{shown}."
+
+    @click.argument("assignments", nargs=-1, required=True, metavar=f"{named}=VALUE...")
+    def set_(run: Run, assignments: tuple[str, ...]) -> Table:
+        return verbs.set_values(run, params, assignments)
+
+    set_.__doc__ = f"Write quantities by name and read them back{f', such as `{setting}`' if setting else ''}."
+
+    @click.argument("names", nargs=-1, metavar=NAMES)
+    def describe(run: Run, names: tuple[str, ...]) -> Table:
+        """The map itself: place, type, range, access, manual section. Needs no device."""
+        return verbs.describe(params, names)
+
+    @click.argument("names", nargs=-1, metavar=NAMES)
+    @stream_options
+    def watch(run: Run, names: tuple[str, ...], rate: float, count: int | None, duration: float | None) -> Table:
+        """Live view on a terminal, a stream of rows elsewhere. Without names: what changes by itself."""
+        return verbs.watch(run, params, names, rate=rate, count=count, duration=duration)
+
+    @click.argument("file", type=OutFile())
+    def snapshot(run: Run, file: str) -> Table:
+        """Write settings and set-points to FILE, with device identity, tool version, time and checksum.
+
+        Replaces an older snapshot only. `diff` and `restore` take the settings of it, with --setpoints all.
+        """
+        return stored.snapshot(run, file)
+
+    @click.argument("a", type=InFile())
+    @click.argument("b", required=False, type=InFile())
+    @with_setpoints
+    def diff(run: Run, a: str, b: str | None, setpoints: bool = False) -> Table:
+        """Compare the settings of two snapshots, or of snapshot A with the live device. Exit 7 when they differ."""
+        return stored.diff(run, params, a, b, setpoints=setpoints)
+
+    @click.argument("file", type=InFile())
+    @with_setpoints
+    def restore(run: Run, file: str, setpoints: bool = False) -> Table:
+        """Write the settings that differ from a snapshot, read them back.
+
+        Shows the plan; safe to run again after an interruption.
+        """
+        return stored.restore(run, params, file, setpoints=setpoints)
+
+    @click.argument("file", type=OutFile(), metavar="FILE.html")
+    @click.option(
+        "--watch",
+        type=Number(0, 600),
+        default=3.0,
+        show_default=True,
+        metavar="S",
+        help="Seconds to watch what changes by itself; 0 = not at all.",
+    )
+    @click.option("--include-ids", is_flag=True, help="Keep serial numbers, pilot ids, and the answers that hold them.")
+    @click.option("--force", is_flag=True, help="Replace FILE.html.")
+    def report(run: Run, file: str, watch: float, include_ids: bool, force: bool) -> Table:
+        """One page for a service ticket: status, dump, findings, curves, environment, bytes. Only reads."""
+        from handctl import report as pages
+
+        return pages.report(run, params, file, pages.Wishes(watch, include_ids, force), checks=checks)
+
+    def stop(run: Run) -> Table:
+        """Stop the device at once, also while another handctl has it. Asks nothing; says what went out and what came back."""
+        from handctl.stop import command
+
+        return command.stop(run)
+
+    if "stop" not in without:
+        group.verb("stop", writes=True, stops=True)(stop)
+    for name, body, writes in (
+        ("status", status, False),
+        ("dump", dump, False),
+        ("get", get, False),
+        ("set", set_, True),
+        ("describe", describe, False),
+        ("watch", watch, False),
+        ("snapshot", snapshot, False),
+        ("diff", diff, False),
+        ("restore", restore, True),
+        ("report", report, False),
+    ):
+        if name not in without:
+            group.verb(name, writes=writes, streams=name == "watch")(body)

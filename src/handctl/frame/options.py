@@ -1,0 +1,409 @@
+"""The options that every command, group and the root accept, and how they become settings. Imports click only.
+
+Precedence: command line (the level nearest the verb wins), environment, named device, configuration file, default.
+A device that the environment or the file names stands back when a level above it says where the device is.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from functools import cache
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import click
+
+from handctl.errors import UsageError
+from handctl.frame.filetypes import OutFile
+
+if TYPE_CHECKING:
+    from handctl.frame.config import Check, Config
+
+FORMATS = ("table", "plain", "json", "ndjson", "csv")
+GIVEN = "handctl.given"
+"""Key in click's shared meta: the options given so far; a later (deeper) level overwrites an earlier one."""
+SOURCES = "handctl.sources"
+"""Key in click's shared meta: setting -> Source, for every setting that is not the default."""
+
+
+PASSED_OVER = "handctl.passed-over"
+"""Key in click's shared meta: errors of the environment and the file that did not hold up an urgent command."""
+
+
+class Settings(NamedTuple):
+    """The shared options after precedence. `kind` is the family of the named device, None without one."""
+
+    device: str | None = None
+    kind: str | None = None
+    port: str | None = None
+    fake: bool = False
+    wire: str | None = None
+    id: int | None = None
+    baud: int | None = None
+    timeout: float | None = None
+    deadline: float | None = None
+    retries: int | None = None
+    format: str = "table"
+    output: str | None = None
+    no_formulas: bool = False
+    trace: str | None = None
+    dry_run: bool = False
+    yes: bool = False
+    assume_identity: bool = False
+    quiet: bool = False
+    verbose: bool = False
+    color: str = "auto"
+    debug: bool = False
+    exchange: str | None = None
+    interrupt: bool = False
+    poll_json: str | None = None
+    tx_terminator: str | None = None
+
+
+class Source(NamedTuple):
+    """Where a setting comes from: its level in words, and the variable or the FILE:LINE."""
+
+    level: str
+    where: str = ""
+
+
+COMMAND_LINE = Source("command line")
+ENVIRONMENT, NAMED, FILE = "environment", "named device", "configuration file"
+WITHOUT_FILE = "completion"
+"""Its script must come out whatever the file says, also when that is damaged."""
+WITHOUT_DEVICE = ("devices list", "devices add", "devices remove")
+"""They edit what the named devices are made of, so they must not need one."""
+
+
+LONGEST = 1e6
+"""Seconds, 11 days: more is a slip of the pen, and more than some clocks of an operating system can wait for."""
+
+
+class Number(click.FloatRange):
+    """A number in a range; nan and inf are none."""
+
+    what = "a number that can be used"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        number = super().convert(value, param, ctx)
+        if not float("-inf") < number < float("inf"):
+            self.fail(f"{value} is not {self.what}.", param, ctx)
+        return number
+
+
+class Seconds(Number):
+    """A number above 0 that a clock can wait for."""
+
+    what = "a number of seconds"
+
+    def __init__(self) -> None:
+        super().__init__(min=0, min_open=True, max=LONGEST)
+
+
+class Hertz(Number):
+    """Samples a second: 0 for as fast as it goes, or a rate whose period a clock can wait for."""
+
+    what = "a rate"
+
+    def __init__(self) -> None:
+        super().__init__(min=0)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        rate = super().convert(value, param, ctx)
+        if 0 < rate < 1 / LONGEST:
+            self.fail(f"{value} is one sample in more than {LONGEST:.0f} seconds.", param, ctx)
+        return rate
+
+
+class SharedOption(click.Option):
+    """An option that means the same at root, group and leaf. It writes `settings key = value` into the shared meta.
+
+    One that must be `typed` has neither a variable nor a key in the configuration file.
+    """
+
+    def __init__(
+        self, names: Sequence[str], section: str, key: str = "", fixed: Any = None, typed: bool = False, **more: Any
+    ) -> None:
+        self.section = section
+        self.fixed = fixed
+        self.typed = typed
+        super().__init__(list(names), expose_value=False, callback=self._remember, **more)
+        self.key = key or str(self.name)
+
+    def _remember(self, ctx: click.Context, param: click.Parameter, value: Any) -> None:
+        source = ctx.get_parameter_source(param.name or "")
+        if source is not click.core.ParameterSource.COMMANDLINE or (not value and isinstance(value, bool)):
+            return
+        given: dict[str, Any] = ctx.meta.setdefault(GIVEN, {})
+        level = len(ctx.command_path.split())
+        if self.key in ("port", "fake"):
+            other = "fake" if self.key == "port" else "port"
+            if given.get(f"{other}@") == level:
+                raise UsageError("--port and --fake exclude each other", hint="give one of them")
+            given.pop(other, None)
+        if self.key == "wire" and given.get("wire@") == level and given["wire"] != self.fixed:
+            raise UsageError(f"--{given['wire']} and --{self.fixed} exclude each other", hint="give one of them")
+        given[self.key] = value if self.fixed is None else self.fixed
+        given[f"{self.key}@"] = level
+
+
+def shared_options(
+    wires: Sequence[str] = (), exchange: bool = False, interrupts: bool = False
+) -> list[click.Parameter]:
+    """The options that every command, group and the root accept. They hold nothing of a run, so they are made once."""
+    return list(_shared(tuple(wires), exchange, interrupts))
+
+
+@cache
+def _shared(wires: tuple[str, ...], exchange: bool, interrupts: bool) -> list[click.Parameter]:
+    """See shared_options.
+
+    `wires` of a family that has several; with `exchange` those of a family whose manual does not say who speaks first,
+    with `interrupts` that of a family whose device says nothing while it moves.
+    """
+    connect, output, safety = "Connection", "Output", "Writing"
+    number = Seconds()
+    return [
+        SharedOption(["-p", "--port"], connect, metavar="LINK", help="Where the device is: /dev/ttyUSB0, COM3, usb:VID:PID[:SERIAL], tcp://HOST:PORT, fake://…, replay:FILE, any pyserial URL."),
+        SharedOption(["--fake"], connect, is_flag=True, help="Talk to the built-in simulator of this device."),
+        *(SharedOption([f"--{wire}"], connect, key="wire", fixed=wire, is_flag=True, help=f"With --fake or --dry-run: the {wire} wire (default: {wires[0]}).") for wire in wires),
+        SharedOption(["-d", "--device"], connect, metavar="NAME", help="A device named in the configuration file, see `handctl devices`."),
+        *(exchange_options(connect) if exchange else ()),
+        *([SharedOption(["--interrupt"], connect, is_flag=True, help="A reading command may end a movement that it meets (^C); without it the hand is left to move.")] if interrupts else ()),
+        SharedOption(["--id"], connect, type=int, metavar="N", help="Device id, as the protocol has it."),
+        SharedOption(["--baud"], connect, type=click.IntRange(min=1), metavar="N", help="Speed of the serial port in bit/s."),
+        SharedOption(["--timeout"], connect, type=number, metavar="S", help="Seconds of silence allowed per reply."),
+        SharedOption(["--deadline"], connect, type=number, metavar="S", help="Seconds for the whole command."),
+        SharedOption(["--retries"], connect, type=click.IntRange(min=0, max=100), metavar="N", help="Repetitions of a read without a valid answer (writes are never repeated)."),
+        SharedOption(["--trace"], connect, type=OutFile(), metavar="FILE", help="Record every byte with its time; play it back with -p replay:FILE."),
+        SharedOption(["--format"], output, type=click.Choice(FORMATS), help="How results are written (default: table)."),
+        SharedOption(["--json"], output, key="format", fixed="json", is_flag=True, help="Same as --format json; for a stream one row a line."),
+        SharedOption(["--csv"], output, key="format", fixed="csv", is_flag=True, help="Same as --format csv."),
+        SharedOption(["-o", "--output"], output, type=OutFile(), metavar="FILE", help="Write the data there instead of stdout, whole or not at all."),
+        SharedOption(["--no-formulas"], output, is_flag=True, help="In CSV, put ' before a text that a spreadsheet would calculate."),
+        SharedOption(["--color"], output, type=click.Choice(["auto", "always", "never"]), help="Colour (default: auto; NO_COLOR is honoured)."),
+        SharedOption(["-q", "--quiet"], output, is_flag=True, help="No messages but errors."),
+        SharedOption(["-v", "--verbose"], output, is_flag=True, help="Show every byte on stderr, as --trace records it."),
+        SharedOption(["--debug"], output, is_flag=True, help="Show tracebacks."),
+        SharedOption(["-n", "--dry-run"], safety, is_flag=True, help="Print the exact bytes of a command that writes or moves; send nothing."),
+        SharedOption(["-y", "--yes"], safety, is_flag=True, help="Answer the confirmation."),
+        SharedOption(["--assume-identity"], safety, typed=True, is_flag=True, help="Write without a look at which device is there. Must be typed: no variable and no configuration file has it."),
+    ]  # fmt: skip
+
+
+def exchange_options(section: str) -> list[click.Parameter]:
+    """How a device speaks where its manual is silent."""
+    ends = click.Choice(["newline", "none", "nul", "crlf"])
+    return [
+        SharedOption(["--exchange"], section, type=click.Choice(["auto", "stream", "poll", "command"]), help="Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only."),
+        SharedOption(["--poll-json"], section, metavar="TEXT", help="The JSON object that asks for feedback (default: {}); none that commands."),
+        SharedOption(["--tx-terminator"], section, type=ends, help="What follows each object that is sent (default: newline)."),
+    ]  # fmt: skip
+
+
+def resolve(ctx: click.Context, wires: Sequence[str] = (), device: str = "", *, urgent: bool = False) -> Settings:
+    """The settings of this command; with `device`, as `-d` with that name would have them. Where each comes from is
+    kept in the context's meta under SOURCES.
+
+    Raises UsageError for an environment variable or a configuration file that cannot be understood. With `urgent` they
+    are passed over, each with its error in the meta under PASSED_OVER, where the command line says which device it is.
+    """
+    given: dict[str, Any] = ctx.meta.get(GIVEN, {})
+    chosen = _Chosen()
+    for key in Settings._fields:
+        if key in given:
+            chosen.take(key, given[key], COMMAND_LINE)
+    if device:
+        chosen.values["device"], chosen.sources["device"] = device, COMMAND_LINE
+    options = lasting_options(wires)
+    passed: list[UsageError] = ctx.meta.setdefault(PASSED_OVER, [])
+    _take_environment(ctx, chosen, options, passed if urgent else None)
+    command = " ".join(ctx.command_path.split()[1:])
+    if command != WITHOUT_FILE:
+        try:
+            _from_file(chosen, options, with_device=command not in WITHOUT_DEVICE)
+        except UsageError as exc:
+            if not urgent or not chosen.linked:
+                raise
+            passed.append(exc)
+    if urgent:
+        _no_catch(chosen, passed)
+    ctx.meta[SOURCES] = chosen.sources
+    return Settings(**chosen.values)
+
+
+def _no_catch(chosen: _Chosen, passed: list[UsageError]) -> None:
+    """A dry run that a variable or the file has set is a safety catch: it keeps things from moving, and so does a stop."""
+    source = chosen.sources.get("dry_run", COMMAND_LINE)
+    if source != COMMAND_LINE:
+        del chosen.values["dry_run"], chosen.sources["dry_run"]
+        hint = "give -n on the command line to see the bytes and send nothing"
+        passed.append(UsageError(f"dry_run, set in {source.where}, does not hold up a stop", hint=hint))
+
+
+def _take_environment(
+    ctx: click.Context, chosen: _Chosen, options: Sequence[SharedOption], passed: list[UsageError] | None
+) -> None:
+    """What the environment says where the command line does not; what makes no sense goes to `passed`, if there is one."""
+    linked = chosen.linked
+    found: dict[str, tuple[SharedOption, Any]] = {}
+    for option in options:
+        variable = f"HANDCTL_{str(option.name).upper()}"
+        text = os.environ.get(variable)
+        if not text or option.key in chosen.values or (linked and option.key in ("device", "port", "fake")):
+            continue
+        try:
+            value = _from_environment(ctx, option, text)
+        except UsageError as exc:
+            if passed is None:
+                raise
+            passed.append(exc)
+            continue
+        if option.fixed is None or value:
+            found[variable] = option, value if option.fixed is None else option.fixed
+    _refuse_pairs({name: option.key for name, (option, value) in found.items() if value}, "environment")
+    for variable, (option, value) in found.items():
+        chosen.take(option.key, value, Source(ENVIRONMENT, variable))
+
+
+class _Chosen:
+    """The settings so far, from the highest level down: what is there stays."""
+
+    def __init__(self) -> None:
+        self.values: dict[str, Any] = {}
+        self.sources: dict[str, Source] = {}
+
+    @property
+    def linked(self) -> bool:
+        """Whether it is said where the device is."""
+        return self.values.get("port") is not None or bool(self.values.get("fake"))
+
+    def take(self, key: str, value: Any, source: Source) -> None:
+        """A value of a lower level, where no higher one has said anything."""
+        if key not in self.values and not (key in ("port", "fake") and self.linked):
+            self.values[key] = value
+            self.sources[key] = source
+
+
+def config_path() -> str:
+    """The configuration file: HANDCTL_CONFIG, or handctl/config.toml in the XDG place."""
+    named = os.environ.get("HANDCTL_CONFIG")
+    if named:
+        return named
+    base = os.environ.get("XDG_CONFIG_HOME", "")
+    if not os.path.isabs(base):  # so says the XDG specification
+        base = os.path.join(os.path.expanduser("~"), ".config")
+    return os.path.join(base, "handctl", "config.toml")
+
+
+def read_config(path: str) -> Config:
+    """The configuration file, checked; a missing one is empty. Raises UsageError."""
+    from handctl.frame.config import load
+
+    return load(path, checks())
+
+
+def checks() -> dict[str, Check]:
+    """Key of the configuration file -> what it may hold: every shared option by its name."""
+    from functools import partial
+
+    return {str(option.name): partial(_checked, option) for option in lasting_options(("serial", "can"))}
+
+
+def lasting_options(wires: Sequence[str]) -> list[SharedOption]:
+    """The shared options that a variable and the configuration file may hold."""
+    options = shared_options(wires, exchange=True, interrupts=True)
+    return [option for option in options if isinstance(option, SharedOption) and not option.typed]
+
+
+def _checked(option: click.Parameter, value: Any) -> Any:
+    """A value of the file as the option would have it; texts are not numbers there. Raises ValueError."""
+    kind = option.type
+    if getattr(option, "is_flag", False):
+        if not isinstance(value, bool):
+            raise ValueError("expected true or false")
+        return value
+    if isinstance(kind, click.FloatRange):
+        wanted, text = isinstance(value, int | float), "expected a number"
+    elif kind.name.startswith("integer"):
+        wanted, text = isinstance(value, int), "expected a whole number"
+    else:
+        wanted, text = isinstance(value, str) and bool(value), "expected a text in quotes"
+    if not wanted or isinstance(value, bool):
+        raise ValueError(text)
+    try:
+        return kind.convert(value, option, None)
+    except click.UsageError as exc:
+        raise ValueError(exc.message) from exc
+
+
+def _from_file(chosen: _Chosen, options: Sequence[SharedOption], with_device: bool) -> None:
+    path = config_path()
+    if _missing(path):
+        if os.environ.get("HANDCTL_CONFIG") and with_device:
+            raise UsageError(
+                f"HANDCTL_CONFIG={path}: there is no such file",
+                hint="correct or unset it; `handctl devices add` makes the file",
+                code="config",
+            )
+        if not (with_device and "device" in chosen.values):
+            return
+    config = read_config(path)
+    values = {
+        option: entry
+        for option in options
+        if (entry := config.values.get(str(option.name))) and (option.fixed is None or entry.value)
+    }
+    _refuse_pairs({str(option.name): option.key for option, entry in values.items() if entry.value}, path)
+    if with_device:
+        if "device" in config.values and not chosen.linked:
+            name, line = config.values["device"]
+            chosen.take("device", name, Source(FILE, f"{path}:{line}"))
+        if "device" in chosen.values:
+            device = config.find(chosen.values["device"])
+            chosen.take("kind", device.kind, Source(NAMED, f"{path}:{device.line}"))
+            for key, entry in device.entries.items():
+                chosen.take(key, entry.value, Source(NAMED, f"{path}:{entry.line}"))
+    for option, entry in values.items():
+        if option.key == "device" or (option.key == "wire" and chosen.values.get("port")):
+            continue  # the LINK says which wire it is
+        value = entry.value if option.fixed is None else option.fixed
+        chosen.take(option.key, value, Source(FILE, f"{path}:{entry.line}"))
+
+
+def _missing(path: str) -> bool:
+    """Whether there is no such file; one that may not be looked at is there, and reading it will say so."""
+    try:
+        os.stat(path)
+    except (FileNotFoundError, NotADirectoryError):
+        return True
+    except OSError:
+        return False
+    return False
+
+
+def _refuse_pairs(keys: dict[str, str], where: str) -> None:
+    """Two entries of the file, or two variables, that speak of one setting."""
+    said: dict[str, str] = {}
+    for name, key in keys.items():
+        about = "port" if key == "fake" else key
+        if about in said:
+            raise UsageError(
+                f"{where}: {said[about]} and {name} exclude each other", hint="keep one of them", code="config"
+            )
+        said[about] = name
+
+
+def _from_environment(ctx: click.Context, option: SharedOption, text: str) -> Any:
+    try:
+        return (click.BOOL if option.is_flag else option.type).convert(text, option, ctx)
+    except click.UsageError as exc:
+        raise UsageError(
+            f"environment variable HANDCTL_{str(option.name).upper()}={text}: {exc.message}", hint="correct or unset it"
+        ) from exc
+
+
+def from_click(exc: click.UsageError) -> UsageError:
+    """click's usage error as ours, with the command's own help as the next step."""
+    path = exc.ctx.command_path if exc.ctx is not None else "handctl"
+    return UsageError(exc.format_message(), hint=f"`{path} -h` shows what it takes")

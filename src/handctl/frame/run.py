@@ -1,0 +1,399 @@
+"""The life of one command: open the link, ask, run the body, show its table, close, and tell what went wrong.
+
+A command body gets a `Run`, asks it for a device and returns a `Table`. Nobody else opens links, asks questions or
+decides where output goes. What a run does not need is not imported.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from handctl import __version__
+from handctl.ending import end_on_signals, finish_on_signals, gave_up
+from handctl.errors import HandctlError, Interrupted, NotConfirmed, OutputError
+from handctl.frame.cause import explained, judged
+from handctl.frame.console import TerminalGuide, print_message, print_stderr
+from handctl.frame.envelope import device_row, make_envelope
+from handctl.frame.family import Family, load
+from handctl.frame.filetypes import files_of
+from handctl.frame.options import COMMAND_LINE, FILE, SOURCES, Settings, Source, from_click
+from handctl.frame.premises import check_before, link_name, refuse_other_family
+from handctl.model.ledger import honest
+from handctl.screen.filter import shown, text_shown
+
+if TYPE_CHECKING:
+    from contextlib import AbstractContextManager
+
+    from handctl.link import Link
+    from handctl.link.tracefile import TraceFile
+    from handctl.model.ledger import Ledger
+    from handctl.model.param import Step
+    from handctl.model.result import Message, Table
+    from handctl.stop.holding import Hold
+
+UNASKED = "yes-unasked"
+"""The message that no -q silences."""
+
+UNANSWERED = "add --yes if that is meant; --dry-run shows the bytes. Nothing was sent."
+
+
+class Run:
+    """One run of one command."""
+
+    def __init__(self, ctx: click.Context, settings: Settings, family: Family | None) -> None:
+        from handctl.model.result import Journal
+
+        self.settings = settings
+        self.family = family
+        self.command = " ".join(ctx.command_path.split()[1:])
+        self.guide = TerminalGuide(settings.quiet)
+        self.journal = Journal(self._show_message, self.guide.progress)
+        self.live = False
+        self.streams = bool(getattr(ctx.command, "streams", False))
+        self.sources: dict[str, Source] = ctx.meta.get(SOURCES, {})
+        self.meta = ctx.meta
+        self.writes = bool(getattr(ctx.command, "writes", False))
+        self.stops = bool(getattr(ctx.command, "stops", False))
+        self._held: list[Message] = []
+        self.link: Link | None = None
+        self.hold: Hold | None = None
+        self._trace: TraceFile | None = None
+        self.end: float | None = None
+        """When --deadline is over, by the clock of the link."""
+        self.opened: Any = None
+        self.inputs, self.outputs = files_of(ctx)
+
+    # -- what bodies ask for --
+
+    def device(self) -> Any:
+        """The device behind the link; opens it on first use. Raises UsageError, LinkError."""
+        if self.opened is None:
+            assert self.family is not None
+            settings = self.settings._replace(interrupt=self.settings.interrupt or self.writes)
+            self.opened = self.family.open(self.open_link(), settings, self.journal)
+        return self.opened
+
+    def only_reads(self) -> None:
+        """This form of a command that may write or move does neither: it may do what reading commands may."""
+        self.writes = False
+
+    def planner(self) -> Any:
+        """The device without a link: can check and plan writes, cannot send."""
+        from handctl.link import NoFrames, NoLink, is_can
+
+        assert self.family is not None
+        refuse_other_family(self)
+        port = self.settings.port
+        can = self.settings.wire == "can" if port is None else is_can(port)
+        return self.family.open(NoFrames() if can else NoLink(), self.settings, self.journal)
+
+    def open_link(self, *, again: bool = False, baud: int | None = None) -> Link:
+        """The link the user asked for, tapped when --trace or -v is given; `again` where it was lost."""
+        if again and self.link is not None:
+            self.link.close()
+            self.link = None
+        if self.link is None:
+            from handctl.link import open_link
+
+            assert self.family is not None
+            name = self.link_name()
+            tap = self._tap()
+            baud = self.settings.baud or baud or self.family.baud
+            if self.hold is None:
+                from handctl.stop.holding import Hold, lock_for
+
+                self.hold = Hold(self, lock_for(self, name))
+            link = open_link(name, baud=baud, tap=tap, tcp_port=self.family.tcp_port, exclusive=not self.stops)
+            if self.writes:
+                from handctl.link.tap import observed
+
+                link = observed(link, self.ledger)
+            self.link = self.hold.around(link)
+            self.end = link.now() + settings.deadline if (settings := self.settings).deadline is not None else None
+        return self.link
+
+    def stop_key(self) -> AbstractContextManager[bool]:
+        """While it lasts a key on the terminal stops the device; whether there is one."""
+        from handctl.stop.holding import stop_key
+
+        return stop_key(self.hold)
+
+    def link_name(self) -> str:
+        """The LINK: --port, or the simulator for --fake. Raises UsageError when neither is given; never picks one."""
+        return link_name(self)
+
+    @property
+    def place(self) -> str:
+        """Where the LINK leads, the same for all names of one port."""
+        from handctl.link.lock import canonical
+
+        return canonical(self.link_name(), self.family.tcp_port if self.family is not None else None)
+
+    @property
+    def ledger(self) -> Ledger:
+        """What this command means to write and what came of it."""
+        ledger = self.journal.ledger
+        if self.writes and ledger.words is None and self.family is not None:
+            from functools import partial
+
+            from handctl.families import WRITES
+
+            ledger.words = load(WRITES[self.family.kind])()
+            ledger.explain = partial(_in_words, self.family.kind)
+        return ledger
+
+    def planned(self, steps: Sequence[Step]) -> Table | None:
+        """Note in the ledger what is going to be written; the plan as a Table where --dry-run wants nothing more."""
+        if self.settings.dry_run:
+            return self.dry_run(steps)
+        self.ledger.plan(steps)
+        return None
+
+    def confirm(self, question: str, steps: Sequence[Step] = (), *, word: str = "") -> None:
+        """Ask before something that moves, persists or strands; --yes answers. Raises NotConfirmed.
+
+        With `word` the user must type it. `steps` is what is going to be written.
+        """
+        self.ledger.plan(steps)
+        if self.settings.yes:
+            self._tell_unasked(question, steps)
+            return
+        self.need_answer(question)
+        self._tell_held()  # who is asked must know of it before answering
+        for step in steps:
+            self.guide.say(f"  {step.meaning}: {step.wire}")
+        if not self.guide.ask(question, word):
+            raise NotConfirmed("not confirmed", hint="nothing was sent")
+
+    def need_answer(self, question: str) -> None:
+        """Raise NotConfirmed where nobody could answer a question that only reading the device can put: not a byte is sent."""
+        if not (self.settings.yes or self.settings.dry_run or self.guide.interactive):
+            raise NotConfirmed(f"{question}. Not confirmed: nobody is at a terminal", hint=UNANSWERED)
+
+    def _tell_unasked(self, question: str, steps: Sequence[Step]) -> None:
+        """Say it when a variable or a file answered; where that moves a worn device, at once and whatever -q says."""
+        from handctl.model.result import Message
+
+        source = self.sources["yes"]
+        if source == COMMAND_LINE:
+            return
+        device = self.opened if self.opened is not None else self.planner()
+        moves = not steps or any(step.moves for step in steps)  # a question without steps tells of them by itself
+        if getattr(device, "worn", False) and moves:
+            text = f"a device that may be worn moves unasked, by {source.where}: {question}"
+            if not any(message.code == UNASKED for message in self.journal.messages):
+                self.journal.messages.append(Message("warning", UNASKED, text))
+                print_stderr(shown(f"handctl: warning: {text}"))
+        elif source.level == FILE:
+            self.journal.warn("yes-from-file", f"not asked: yes = true in {source.where}")
+
+    def offer(self, question: str) -> bool:
+        """Ask for an optional further step; no terminal or --yes means no."""
+        return self.guide.interactive and not self.settings.yes and self.guide.ask(question, "")
+
+    def out(self, text: str) -> None:
+        """A line of data of an interactive session, at once."""
+        sys.stdout.write(text_shown(text) + "\n")
+        sys.stdout.flush()
+
+    def dry_run(self, steps: Sequence[Step]) -> Table:
+        """The exact bytes of a plan as a Table; sends nothing."""
+        from handctl.model.result import Column, Table
+
+        self.ledger.plan(steps)
+        rows = [
+            {
+                "step": number,
+                "bytes": step.wire,
+                "meaning": step.meaning,
+                "moves": step.moves,
+                "strands": step.strands,
+            }
+            for number, step in enumerate(steps, 1)
+        ]
+        columns = (Column("step", "Step", right=True), Column("bytes", "Bytes"), Column("meaning", "Meaning"))
+        looks = "" if self.settings.assume_identity else "; before the first of these, reads would show who is there"
+        self.journal.info("dry-run", f"dry run: nothing was sent{looks}")
+        return Table(rows=rows, columns=columns, plain=("bytes",))
+
+    # -- the life of a command --
+
+    def execute(self, body: Callable[[], Table | None]) -> None:
+        """Run the body, show its table while the link is open, close, and raise what went wrong."""
+        failure: HandctlError | None = None
+        table: Table | None = None
+        end_on_signals(suspend=self.writes)
+        try:
+            check_before(self)
+            table = body()
+            if table is not None and table.samples is not None:
+                failure = self._stream(table)
+        except HandctlError as exc:
+            failure = explained(self, exc)
+        except click.UsageError as exc:
+            failure = from_click(exc)
+        except KeyboardInterrupt:
+            failure = Interrupted("interrupted")
+        except BaseException:  # a bug of ours: the link and its lock are let go all the same
+            finish_on_signals()
+            self._close(None)
+            self._show_writes(None)
+            raise
+        if failure is not None and table is None and not self.writes:
+            table = self.journal.left  # what was read before it went wrong
+        failure = self._wind_up(table, failure)
+        if failure is not None:
+            failure.shown = True
+            raise failure
+
+    def judged(self, error: HandctlError | None) -> HandctlError | None:
+        """What is shown of an error, and what its exit code is."""
+        return judged(self, error)
+
+    def _wind_up(self, table: Table | None, failure: HandctlError | None) -> HandctlError | None:
+        """Close, then show; a Ctrl-C meanwhile changes neither the result nor the exit code, unless its reader sleeps."""
+        finish_on_signals()
+        failure = self.judged(failure)
+        if table is not None:
+            table.failure = self.judged(table.failure)
+        if self.hold is not None:
+            self.hold.finish()
+            failure = self.hold.stopped or failure
+        try:
+            failure = self._close(failure)
+        except KeyboardInterrupt:
+            failure = self._close(failure or Interrupted("interrupted"))
+        told = failure or (table.failure if table is not None else None)
+        if told is not None and self.journal.ledger.began:
+            told.text, told.hint = honest(told.text), honest(told.hint)
+        if table is None or table.samples is None:
+            try:
+                self._show(table, failure)
+                failure = told
+            except OutputError as exc:
+                if not self.journal.ledger.began:
+                    raise
+                failure = self._tell_lost(exc, told)
+        self._show_writes(failure)
+        if gave_up():
+            failure = failure or Interrupted("interrupted while the result was written: nobody read it")
+        return failure
+
+    def _stream(self, table: Table) -> HandctlError | None:
+        from handctl.screen import render
+
+        self._tell_held()  # of what was met before the first row
+        self.live = True
+        with render.Sink(self.settings) as sink:
+            return render.stream(table, sink, self)
+
+    def _show(self, table: Table | None, failure: HandctlError | None) -> None:
+        from handctl.screen import render
+
+        if table is not None or self.settings.format in ("json", "ndjson"):
+            with render.Sink(self.settings) as sink:
+                render.show(table, failure, sink, self)
+        self._tell_held()
+
+    def _tell_lost(self, exc: OutputError, failure: HandctlError | None) -> OutputError:
+        """No result can be shown, but something was written to a device: what is known of it goes to stderr, as JSON too."""
+        for message in () if self.settings.quiet else self._held:
+            print_message("note" if message.level == "info" else message.level, message.text, message.hint)
+        self._held.clear()
+        if failure is not None:
+            exc.text, exc.hint = f"{failure.text}; and {exc.text}", "; ".join(filter(None, (failure.hint, exc.hint)))
+        return exc
+
+    def _show_writes(self, failure: HandctlError | None) -> None:
+        """The ledger, for people; with -q only where nobody knows what came of a write."""
+        ledger, settings = self.journal.ledger, self.settings
+        in_json = settings.format in ("json", "ndjson") and not isinstance(failure, OutputError)
+        if in_json or settings.dry_run or (settings.quiet and not ledger.unconfirmed):
+            return
+        said = failure is not None and honest(failure.hint) != failure.hint
+        if lines := ([] if said and not ledger.began else ledger.text()):
+            level = "warning" if ledger.unconfirmed else "note"
+            print_stderr("\n".join((f"handctl: {level}: {lines[0]}", *map(shown, lines[1:]))))
+
+    def _tell_held(self) -> None:
+        for message in self._held:
+            self._print_message(message)
+        self._held.clear()
+
+    def failed(self, error: HandctlError) -> HandctlError:
+        """Show an error that arose before the body could run (as JSON too); returns it to be raised."""
+        self._show(None, error)
+        error.shown = True
+        return error
+
+    def _close(self, failure: HandctlError | None) -> HandctlError | None:
+        try:
+            if self.link is not None:
+                self.link.close()
+        except HandctlError as exc:
+            failure = failure or exc
+        finally:
+            if self._trace is not None:
+                self._trace.close()
+            if self.hold is not None:
+                self.hold.release()
+        return failure or self._trace_failure
+
+    def _tap(self) -> Any:
+        if not self.settings.trace and not self.settings.verbose:
+            return None
+        from handctl.link.tap import Tap
+        from handctl.link.tracefile import TraceFile
+
+        header = f"handctl {__version__} {self.command}, {self.link_name()}"
+        try:
+            self._trace = TraceFile(self.settings.trace, header, self.settings.verbose)
+        except HandctlError as exc:
+            if not self.stops:
+                raise
+            self.journal.warn("trace", exc.text)
+            return None
+        return Tap(self._trace.write)
+
+    @property
+    def _trace_failure(self) -> HandctlError | None:
+        return self._trace.failure if self._trace is not None else None
+
+    # -- envelope and messages --
+
+    def envelope(self, failure: HandctlError | None, extra: dict[str, Any] | None = None) -> dict[str, Any]:
+        """The JSON envelope without rows (cli contract, section 4)."""
+        stopped = self.hold.stopped if self.hold is not None else None
+        failure = stopped or failure or self._trace_failure
+        more = {**(extra or {}), **({"writes": self.ledger.rows()} if self.writes and self.family is not None else {})}
+        return make_envelope(
+            self.command, failure, device_row(self), self.journal.messages, self.journal.counters.as_row(), more
+        )
+
+    @property
+    def simulated(self) -> bool:
+        """Whether a simulator answered."""
+        return self.link is not None and self.link.fake
+
+    def _show_message(self, message: Message) -> None:
+        if self.live:
+            self._print_message(message)
+        else:
+            self._held.append(message)
+
+    def _print_message(self, message: Message) -> None:
+        if not self.settings.quiet and self.settings.format not in ("json", "ndjson"):
+            self.guide.done()
+            print_message("note" if message.level == "info" else message.level, message.text, message.hint)
+
+
+def _in_words(kind: str, data: bytes, can_id: int | None) -> str:
+    """What a frame of the host says, by the family's own explainer."""
+    from handctl.families import EXPLAINERS
+    from handctl.model.piece import HOST
+
+    return "; ".join(piece.meaning for piece in load(EXPLAINERS[kind])().decode(data, HOST, can_id))

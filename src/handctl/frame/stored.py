@@ -1,0 +1,289 @@
+"""snapshot, diff and restore, for every device over its parameter map. The file itself is `snapshot`'s.
+
+A snapshot holds settings and set-points. Settings are what a device is to be; set-points are what it was told to do a
+moment ago, and writing one moves or pushes: `diff` and `restore` leave them alone unless they are asked for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Sequence
+from typing import TYPE_CHECKING, Any
+
+from handctl.errors import CheckFailed, UsageError
+from handctl.model.param import COMMAND, MOVES, PUSHES, SETTING, Element, Number, ParamMap, Step, elements_of
+from handctl.model.result import Column, Row, Table
+
+if TYPE_CHECKING:
+    from handctl.frame.run import Run
+    from handctl.frame.verbs import MapDevice
+
+Change = tuple[Element, Number]
+Check = Callable[[Sequence[Change]], None]
+"""A device's own look at changes before anything is sent; raises UsageError."""
+ACTING = {MOVES: "MOVES the device", PUSHES: "PUSHES with a force until another is commanded"}
+
+
+def kept_of(params: ParamMap[Any], *, setpoints: bool = True, further: Collection[str] = ()) -> list[Element]:
+    """Every element that a snapshot holds: settings, and with `setpoints` what was commanded.
+
+    Of what only some devices have, that which `further` names, by parameter or element.
+    """
+    bases = {name.partition(".")[0] for name in further}
+    return [
+        element
+        for param in params
+        if param.writable and param.readable and (not param.optional or param.name in bases)
+        if param.kind == SETTING or (setpoints and param.kind == COMMAND)
+        for element in elements_of(param)
+    ]
+
+
+def take(device: MapDevice, elements: Sequence[Element]) -> dict[str, Number]:
+    """The present value of each element, by full name. Raises what kept one from being read."""
+    readings = device.read(elements) if elements else []
+    for reading in readings:
+        if reading.error is not None:
+            exc = reading.error
+            raise exc.retold(f"not all settings could be read: {reading.element.full_name}: {exc.text}")
+    return {reading.element.full_name: reading.value for reading in readings if reading.value is not None}
+
+
+def kind_of(params: ParamMap[Any], name: str) -> str:
+    """The kind of a name in a snapshot; one that this map does not know counts as a setting."""
+    try:
+        return str(params.find(name)[0].kind)
+    except UsageError:
+        return SETTING
+
+
+def counted(params: ParamMap[Any], names: Sequence[str]) -> str:
+    """``2 settings and 10 set-points (position_set, force_set)``."""
+    setpoints = [name for name in names if kind_of(params, name) == COMMAND]
+    number = len(names) - len(setpoints)
+    texts = [f"{number} setting{'' if number == 1 else 's'}"] if number or not setpoints else []
+    if setpoints:
+        whose = ", ".join(dict.fromkeys(name.partition(".")[0] for name in setpoints))
+        texts.append(f"{len(setpoints)} set-point{'' if len(setpoints) == 1 else 's'} ({whose})")
+    return " and ".join(texts)
+
+
+def snapshot(run: Run, path: str) -> Table:
+    """Write settings and set-points to a file, atomically; the only file that it replaces is an older snapshot of this kind."""
+    from handctl.frame import snapshot as files
+
+    files.check_target(path, run.family.kind if run.family is not None else "")
+    device: MapDevice = run.device()
+    identity = device.identity()
+    values = take(device, kept_of(device.map, further=_further(device, identity)))
+    content = files.make(device.kind, identity, values, link=run.link_name(), fake=run.simulated)
+    files.write(path, content)
+    for name, value in values.items():
+        try:
+            device.map.find(name)[0].check(value, name)
+        except UsageError as exc:
+            run.journal.warn(
+                "out-of-range",
+                f"the device holds {exc.text}: `restore` will refuse this file",
+                hint=f"`handctl {device.kind} set {name}=…`, then take the snapshot again",
+            )
+    run.journal.info("written", f"{path}: {counted(device.map, list(values))} of {device.kind}")
+    rows = [{"name": name, "kind": kind_of(device.map, name), "value": value} for name, value in values.items()]
+    return Table(
+        rows=rows, columns=(Column("name", "Name"), Column("kind", "Kind"), Column("value", "Value", right=True))
+    )
+
+
+def _further(device: MapDevice, identity: dict[str, object]) -> Collection[str]:
+    """What this very device has beyond what all of its kind have, where its family can tell."""
+    tell = getattr(device, "further", None)
+    return tell(identity) if tell is not None else ()
+
+
+def diff(run: Run, params: ParamMap[Any], a: str, b: str | None, *, setpoints: bool = False) -> Table:
+    """Compare two snapshots, or a snapshot with the live device: settings, and with `setpoints` what was commanded.
+
+    Exit 7 when they differ.
+    """
+    from handctl.frame import snapshot as files
+
+    left = files.load(a, params.kind)["values"]
+    _need_settings(params, setpoints)
+    if b is not None:
+        right = files.load(b, params.kind)["values"]
+    else:
+        device: MapDevice = run.device()
+        device.find_for_restore(left)
+        right = take(device, kept_of(params, setpoints=setpoints, further=left))
+    names = list(dict.fromkeys([*left, *right]))
+    compared = [name for name in names if setpoints or kind_of(params, name) != COMMAND]
+    rows: list[Row] = [
+        {"name": name, "kind": kind_of(params, name), "a": left.get(name), "b": right.get(name)}
+        for name in compared
+        if left.get(name) != right.get(name)
+    ]
+    columns = (Column("name", "Name"), Column("a", a, right=True), Column("b", b or "device", right=True))
+    table = Table(rows=rows, columns=columns)
+    _tell_left_out(run, params, [name for name in names if name not in compared], "compared")
+    if rows:
+        hint = f"`handctl {params.kind} restore {a}{' --setpoints' if setpoints else ''}` writes those of the file"
+        table.failure = CheckFailed(
+            f"{len(rows)} of {len(compared)} values differ", hint=hint if b is None else "", code="differ"
+        )
+    else:
+        run.journal.info("equal", f"equal: {counted(params, compared)}")
+    return table
+
+
+def _need_settings(params: ParamMap[Any], setpoints: bool) -> None:
+    """Refuse what could only be empty: a device that was never asked is not equal to anything. Raises UsageError."""
+    if not kept_of(params, setpoints=setpoints):
+        names = [element.full_name for element in kept_of(params)]
+        raise UsageError(
+            f"{params.kind} has no settings, only {counted(params, names)}",
+            hint="--setpoints takes them. Nothing was sent.",
+            code="no-settings",
+        )
+
+
+def _tell_left_out(run: Run, params: ParamMap[Any], names: Sequence[str], done: str) -> None:
+    if names:
+        run.journal.info("setpoints", f"not {done}: {counted(params, names)}", hint="--setpoints takes them too")
+
+
+# -- restore ------------------------------------------------------------------------------------------------------
+
+
+def restore(
+    run: Run, params: ParamMap[Any], path: str, *, check: Check | None = None, setpoints: bool = False
+) -> Table:
+    """Write what differs from a snapshot, in an order that keeps the device reachable; read back; say what is left out.
+
+    Settings; with `setpoints` also what was commanded, forces after a question of their own. Everything is asked before
+    the first byte is written.
+    """
+    from handctl.frame import snapshot as files
+
+    values: dict[str, Number] = files.load(path, params.kind)["values"]
+    _need_settings(params, setpoints)
+    found = _checked(params, values, path)
+    changes = [change for change in found if setpoints or change[0].param.kind != COMMAND]
+    if check is not None:
+        check(changes)
+    left = [element.full_name for element, _ in found if not setpoints and element.param.kind == COMMAND]
+    _tell_left_out(run, params, left, "written")
+    if run.settings.dry_run:
+        run.journal.info("plan", "all values are listed: which of them already hold is only known with the device")
+        return run.dry_run(_steps(run.planner(), changes))
+    if changes:
+        run.need_answer(f"{_restoring(params, changes)}, as far as they differ")
+    device: MapDevice = run.device()
+    device.find_for_restore(values)
+    device.identify()
+    live = take(device, kept_of(params, setpoints=setpoints, further=values))
+    differing = [(element, value) for element, value in changes if live.get(element.full_name) != value]
+    for text in device.not_covered:
+        run.journal.info("not-covered", f"not covered by a snapshot: {text}")
+    absent = [element.full_name for element in kept_of(params, setpoints=setpoints) if element.full_name not in values]
+    if absent:
+        run.journal.warn("absent", f"{path} does not hold {', '.join(absent)}; left as they are")
+    if not differing:
+        what = counted(params, [element.full_name for element, _ in changes])
+        text = f"the device already holds {what} of the snapshot" if changes else "there is nothing to write"
+        run.journal.info("equal", f"{text}; nothing was written")
+        return _restored([], live, {})
+    _ask(run, params, device, differing, live)
+    after: dict[str, Number] = {}
+    for group in _groups(differing):
+        for reading in device.write(group):
+            if reading.value is not None:
+                after[reading.element.full_name] = reading.value
+    return _restored(differing, live, after)
+
+
+def _checked(params: ParamMap[Any], values: dict[str, Number], path: str) -> list[Change]:
+    changes = []
+    for name, value in values.items():
+        try:
+            param, elements = params.find(name)
+            param.check(value, name)
+        except UsageError as exc:
+            raise UsageError(f"{path}: {exc.text}", hint=f"the file does not fit this device. {exc.hint}") from exc
+        if len(elements) != 1 or not param.writable:
+            raise UsageError(f"{path}: {name} is not a single setting", hint="the file does not fit this device")
+        changes.append((elements[0], value))
+    return sorted(
+        changes,
+        key=lambda change: (change[0].param.strands, -getattr(change[0].param, "address", 0) * change[0].param.strands),
+    )
+
+
+def _groups(changes: Sequence[Change]) -> list[list[Change]]:
+    """What concerns the whole device first, then its parts, then set-points, then forces; then one by one what may strand
+    the device (its id or speed last).
+    """
+    calm = [change for change in changes if not change[0].param.strands]
+    settings = [change for change in calm if change[0].param.kind == SETTING]
+    commands = [change for change in calm if change[0].param.kind == COMMAND]
+    groups = [
+        [change for change in settings if not change[0].param.elements],
+        [change for change in settings if change[0].param.elements],
+        [change for change in commands if change[0].param.acts != PUSHES],
+        [change for change in commands if change[0].param.acts == PUSHES],
+    ]
+    return [group for group in groups if group] + [[change] for change in changes if change[0].param.strands]
+
+
+def _steps(device: MapDevice, changes: Sequence[Change]) -> list[Step]:
+    """The bytes of a plan; what moves or pushes is called that."""
+    steps = []
+    for group in _groups(changes):
+        acting = next((element.param.acts.upper() for element, _ in group if element.param.acts), "")
+        planned = device.plan(group)
+        steps += [step._replace(meaning=f"{acting}: {step.meaning}") for step in planned] if acting else planned
+    return steps
+
+
+def _ask(
+    run: Run, params: ParamMap[Any], device: MapDevice, differing: Sequence[Change], live: dict[str, Number]
+) -> None:
+    """One question for all, a further one for forces; nothing has been written. Raises NotConfirmed."""
+    forces = [change for change in differing if change[0].param.acts == PUSHES]
+    others = [change for change in differing if change not in forces]
+    if others:
+        run.confirm(_restoring(params, others), _steps(device, others))
+    if forces:
+        shown = ", ".join(f"{element.full_name} {live.get(element.full_name)} -> {value}" for element, value in forces)
+        run.confirm(f"This {ACTING[PUSHES]}: {shown}", _steps(device, forces))
+
+
+def _restoring(params: ParamMap[Any], changes: Sequence[Change]) -> str:
+    """What is about to be written, and what of it acts or strands the device."""
+    names = [element.full_name for element, _ in changes]
+    text = f"Restore {counted(params, names)}"
+    for acts, verb in ACTING.items():
+        acting = [element.full_name for element, _ in changes if element.param.acts == acts]
+        text += f"; {verb}: {', '.join(acting)}" if acting else ""
+    stranding = [element.full_name for element, _ in changes if element.param.strands]
+    return text + (f"; may leave it unreachable: {', '.join(stranding)}" if stranding else "")
+
+
+def _restored(differing: Sequence[Change], before: dict[str, Number], after: dict[str, Number]) -> Table:
+    rows: list[Row] = [
+        {
+            "name": element.full_name,
+            "kind": element.param.kind,
+            "before": before.get(element.full_name),
+            "value": after.get(element.full_name),
+            "moves": element.param.moves,
+            "pushes": element.param.acts == PUSHES,
+        }
+        for element, _ in differing
+    ]
+    columns = (
+        Column("name", "Name"),
+        Column("kind", "Kind"),
+        Column("before", "Before", right=True),
+        Column("value", "Now", right=True),
+        Column("moves", "Moves"),
+    )
+    return Table(rows=rows, columns=columns)

@@ -1,0 +1,193 @@
+"""The verbs that mean the same for every device, over its parameter map: one implementation, not five.
+
+snapshot, diff and restore are in `stored`. A device satisfies `MapDevice`; its own peculiarities (an id that answers elsewhere once written) live in its `write`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any, Protocol
+
+from handctl.errors import HandctlError, NoAnswer, ProtocolError, UsageError
+from handctl.model.param import PUSHES, Element, Number, Param, ParamMap, Reading, Step
+from handctl.model.result import Column, Journal, Row, Sample, Table
+
+if TYPE_CHECKING:
+    from handctl.frame.run import Run
+    from handctl.link import Link
+
+    class MapDevice(Protocol):
+        """What the verbs need of a device."""
+
+        @property
+        def kind(self) -> str: ...
+        @property
+        def map(self) -> ParamMap[Any]: ...
+        @property
+        def link(self) -> Link: ...
+        @property
+        def journal(self) -> Journal: ...
+        @property
+        def columns(self) -> tuple[Column, ...]: ...
+        @property
+        def live(self) -> tuple[str, ...]: ...
+        @property
+        def worn(self) -> bool: ...
+        @property
+        def not_covered(self) -> tuple[str, ...]: ...
+        def identity(self) -> dict[str, object]: ...
+        def read(self, elements: Sequence[Element]) -> list[Reading]: ...
+        def row(self, reading: Reading) -> Row: ...
+        def table(self, readings: Sequence[Reading], title: str = "") -> Table: ...
+        def plan(self, changes: Sequence[tuple[Element, Number]]) -> list[Step]: ...
+        def write(self, changes: Sequence[tuple[Element, Number]]) -> list[Reading]: ...
+        def find_for_restore(self, values: dict[str, Number]) -> None: ...
+        def identify(self) -> None: ...
+
+
+def select(params: ParamMap[Any], names: Sequence[str]) -> list[Element]:
+    """Readable elements by name, in the order asked, each once. Raises UsageError."""
+    chosen: dict[tuple[str, int], Element] = {}
+    for name in names:
+        param, elements = params.find(name)
+        if not param.readable:
+            raise UsageError(f"{param.name} can only be written ({param.source})", code="write-only")
+        for element in elements:
+            chosen[(param.name, element.index)] = element
+    return list(chosen.values())
+
+
+def get(run: Run, params: ParamMap[Any], names: Sequence[str]) -> Table:
+    """Read the named quantities in as few transactions as the device allows."""
+    elements = select(params, names)
+    device: MapDevice = run.device()
+    table = device.table(device.read(elements))
+    table.plain = ("value",)
+    return table
+
+
+def set_values(run: Run, params: ParamMap[Any], texts: Sequence[str]) -> Table:
+    """Check, confirm where it moves or strands, write, read back."""
+    changes = params.assignments(texts)
+    planner = run.planner()
+    steps = planner.plan(changes)
+    if (plan := run.planned(steps)) is not None:
+        return plan
+    if any(step.strands or (step.moves and planner.worn) for step in steps):
+        run.confirm(f"{_consequence(steps)}: {', '.join(texts)}", steps)
+    device: MapDevice = run.device()
+    return device.table(device.write(changes))
+
+
+def _consequence(steps: Sequence[Step]) -> str:
+    words = ["moves the device, which may be worn"] if any(step.moves for step in steps) else []
+    words += ["may leave it unreachable"] if any(step.strands for step in steps) else []
+    return f"This {' and '.join(words) or 'writes'}"
+
+
+def describe(params: ParamMap[Any], names: Sequence[str]) -> Table:
+    """The map itself; needs no device."""
+    wanted = (
+        list(dict.fromkeys(params.find(name)[0].name for name in names)) if names else [param.name for param in params]
+    )
+    return Table(rows=[describe_row(params[name]) for name in wanted], columns=DESCRIBE_COLUMNS)
+
+
+DESCRIBE_COLUMNS = (
+    Column("name", "Name"),
+    Column("address", "Address", right=True),
+    Column("type", "Type"),
+    Column("access", "Access"),
+    Column("kind", "Kind"),
+    Column("range", "Range"),
+    Column("unit", "Unit"),
+    Column("persistent", "Kept"),
+    Column("source", "Source"),
+    Column("doc", "What it is"),
+)
+
+
+def describe_row(param: Param) -> Row:
+    """One parameter of a map as data."""
+    return {
+        "name": param.name,
+        "address": getattr(param, "address", None),
+        "type": getattr(param, "type_name", None),
+        "elements": list(param.elements),
+        "access": "trigger" if param.trigger else param.access,
+        "kind": param.kind,
+        "range": param.range_text,
+        "unit": param.unit,
+        "persistent": param.persistent,
+        "moves": param.moves,
+        "pushes": param.acts == PUSHES,
+        "strands": param.strands,
+        "source": param.source,
+        "doc": param.doc + (f"; {param.note}" if param.note else ""),
+    }
+
+
+# -- watch --------------------------------------------------------------------------------------------------------
+
+
+def watch(
+    run: Run, params: ParamMap[Any], names: Sequence[str], *, rate: float, count: int | None, duration: float | None
+) -> Table:
+    """Sample quantities until `count` samples or `duration` seconds, or until Ctrl-C. `rate` 0 = as fast as it goes."""
+    from functools import partial
+
+    from handctl.model.sampling import Sampler
+
+    elements = select(params, names)  # a wrong name is told before the link is opened
+    device: MapDevice = run.device()
+    elements = elements or select(params, device.live)
+    ranges = {
+        element.param.name: (float(element.param.low), float(element.param.high))
+        for element in elements
+        if element.param.low is not None and element.param.high is not None
+    }
+
+    unread: dict[str, HandctlError | None] = dict.fromkeys(
+        one.full_name for one in elements
+    )  # never read so far, and why
+
+    def take() -> tuple[list[Row], HandctlError | None]:
+        try:
+            readings = device.read(elements)
+        except (NoAnswer, ProtocolError) as exc:
+            readings = [Reading(element, None, b"", exc) for element in elements]
+        errors = [reading.error for reading in readings]
+        for reading in readings if unread else ():
+            if reading.error is None:
+                unread.pop(reading.element.full_name, None)
+            elif reading.element.full_name in unread:
+                unread[reading.element.full_name] = reading.error
+        return [device.row(reading) for reading in readings], errors[0] if all(errors) else None
+
+    ask_ahead = getattr(device, "ask_ahead", None)
+    sampler = Sampler(
+        device.link,
+        take,
+        rate=rate,
+        count=count,
+        duration=duration,
+        ahead=partial(ask_ahead, elements) if ask_ahead is not None else None,
+    )
+    return Table(
+        columns=device.columns,
+        samples=_all_read(sampler.samples(), unread),
+        summary=sampler.summary,
+        ranges=ranges,
+        decimals={element.param.name: element.param.decimals for element in elements if element.param.decimals},
+        flags=frozenset(element.param.name for element in elements if element.param.bits),
+    )
+
+
+def _all_read(samples: Iterator[Sample], unread: dict[str, HandctlError | None]) -> Iterator[Sample]:
+    """The samples; then raise what kept quantities from being read in any of them, as `get` would end."""
+    yield from samples
+    errors = {error.text: error for error in unread.values() if error is not None}
+    if errors:
+        first, *more = errors.values()
+        first.text += f"; and {len(more)} more that were never read" if more else ""
+        raise first

@@ -1,0 +1,37 @@
+"""The gate before the first write of a command: a family's look at who is there, once. Knows no protocol."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from handctl.errors import HandctlError, Interrupted, NotIdentified
+from handctl.link import Link
+from handctl.model.result import Journal
+
+
+class Gate:
+    """Open once somebody has looked, or once `--assume-identity` has said that nobody looks."""
+
+    def __init__(self, assumed: bool = False) -> None:
+        self._assumed = assumed
+        self.passed = False
+
+    def check(self, link: Link, journal: Journal, look: Callable[[], object]) -> None:
+        """Look, unless that is done. Raises NotIdentified, Interrupted: nothing was written then.
+
+        `look` raises what speaks against this family. On a transcript without it, it is left out with a note.
+        """
+        if self.passed:
+            return
+        if self._assumed:
+            journal.warn("identity-assumed", "written without a look at who is there: --assume-identity")
+        else:
+            try:
+                look()
+            except KeyboardInterrupt as exc:
+                raise Interrupted("interrupted while handctl looked who is there; nothing was written") from exc
+            except HandctlError as exc:
+                if not link.replayed or exc.code != "replay-miss":
+                    raise NotIdentified(exc) from exc
+                journal.info("not-recorded", "the look at who is there was not recorded: left out in this replay")
+        self.passed = True

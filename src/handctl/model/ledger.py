@@ -1,0 +1,276 @@
+"""The ledger of a command that writes: what it meant to write, what went over the wire, and what came of it.
+
+It watches the link, not the commands: a family's `WriteWords` tell which of the bytes that pass write and what
+acknowledges them. A device adds the evidence that no acknowledgement gives: read back, seen in feedback. Knows no
+protocol and does no I/O.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+
+if TYPE_CHECKING:
+    from handctl.model.param import Step
+
+NOT_SENT, SENT, CONFIRMED, REFUSED = "not-sent", "sent", "confirmed", "refused"
+ACKNOWLEDGED = "acknowledged by the device"
+IN_WORDS = {NOT_SENT: "not sent", SENT: "sent, unconfirmed", CONFIRMED: "confirmed", REFUSED: "refused"}
+SHOWN_BYTES = 24
+"""Bytes of a long frame that the text block shows; JSON has them all."""
+
+CLAIM = r"(?:[,;:.]?\s*)\b(?:and )?nothing (?:was|has been) (?:sent|written)(?: to the device)?\b"
+
+
+class Frame(NamedTuple):
+    """One writing frame among the bytes that went out.
+
+    key       names it in its acknowledgement, None where the protocol has none
+    same      equals that of the planned step that it is: its bytes without a running number
+    group     frames of one group in a row are one step, as the 50 objects a second of a movement; "" = a step of its own
+    unasked   counts only where it was planned, as the ^C that a connection begins with
+    """
+
+    data: bytes
+    key: Hashable = None
+    same: Hashable = None
+    group: str = ""
+    can_id: int | None = None
+    unasked: bool = False
+
+
+class WriteWords(Protocol):
+    """What a family knows of writing: stateful for one connection. Its `next` is pure."""
+
+    def sent(self, data: bytes, can_id: int | None) -> Sequence[Frame]:
+        """The writing frames in bytes that have just gone out."""
+        ...
+
+    def came(self, data: bytes, can_id: int | None) -> Iterable[tuple[Hashable, bool]]:
+        """Keys of the frames that bytes of the device acknowledge (True) or refuse (False)."""
+        ...
+
+    def planned(self, data: bytes, can_id: int | None) -> Hashable:
+        """The `same` of a planned step; None when it does not write."""
+        ...
+
+    def next(self, data: bytes, can_id: int | None) -> str:
+        """What to read when nothing has confirmed this frame."""
+        ...
+
+
+class Write:
+    """One step: planned, or seen on the wire, or both."""
+
+    __slots__ = ("can_id", "count", "evidence", "frame", "last", "meaning", "missed", "state")
+
+    def __init__(self, frame: Frame, meaning: str, state: str) -> None:
+        self.frame = frame
+        self.meaning = meaning
+        self.state = state
+        self.last = frame.data
+        self.count = 1
+        self.missed = 0
+        self.evidence = ""
+
+    def again(self, data: bytes) -> None:
+        """The next frame of the same group."""
+        self.missed += self.state != CONFIRMED
+        self.count += 1
+        self.last = data
+        self.state = SENT
+
+
+class Ledger:
+    """All writes of one command. Without `words` nothing is seen, as in a test of a single part.
+
+    explain   bytes -> what they say, for steps that no plan has: a stop after Ctrl-C, an id
+    """
+
+    def __init__(self) -> None:
+        self.words: WriteWords | None = None
+        self.explain: Any = None
+        self._plan: list[tuple[Hashable, Step]] = []
+        self._writes: list[Write] = []
+        self._waiting: dict[Hashable, Write] = {}
+        self._whole = ""
+        self._asked: set[Hashable] = set()  # what of the plan went out
+
+    # -- what is meant -------------------------------------------------------------------------------------------
+
+    def plan(self, steps: Sequence[Step]) -> None:
+        """What the command is going to write, in order. Steps that it has named before are not counted twice."""
+        known = [same for same, _ in self._plan]
+        for step in steps:
+            same = self.words.planned(step.data, step.can_id) if self.words is not None else step.data
+            if same in known:
+                known.remove(same)
+            elif same is not None:
+                self._plan.append((same, step))
+
+    # -- what passed on the wire ---------------------------------------------------------------------------------
+
+    def opened(self, now: float) -> None:
+        """See link.tap.Observer."""
+
+    def event(self, now: float, text: str) -> None:
+        """See link.tap.Observer."""
+
+    def passed(self, now: float, mark: str, data: bytes, can_id: int | None) -> None:
+        """Bytes as they passed (see link.tap.Observer). Never raises: a stop must reach the wire whatever this finds."""
+        if self.words is None:
+            return
+        try:
+            if mark == ">":
+                frames = self.words.sent(data, can_id) if not self._whole else (Frame(data, group=self._whole),)
+                for frame in frames:
+                    self._note(frame)
+            elif self._waiting:
+                for key, accepted in self.words.came(data, can_id):
+                    self._judge(key, accepted)
+        except Exception:  # noqa: BLE001 - bytes that a family's words do not know, of which nothing is claimed
+            if mark == ">":
+                self._note(Frame(data, can_id=can_id))
+
+    @contextmanager
+    def whole(self, meaning: str) -> Iterator[None]:
+        """Everything that goes out in here is one step, whatever its bytes look like: an image for a boot monitor."""
+        self._whole = meaning
+        try:
+            yield
+        finally:
+            self._whole = ""
+
+    def _note(self, frame: Frame) -> None:
+        planned = self._planned(frame.same)
+        if planned is not None:
+            self._asked.add(frame.same)
+        elif frame.unasked and frame.same not in self._asked:
+            return
+        last = self._writes[-1] if self._writes else None
+        if last is not None and frame.group and last.frame.group == frame.group:
+            last.again(frame.data)
+            last.meaning = last.meaning or (planned.meaning if planned is not None else "")
+        else:
+            last = Write(frame, planned.meaning if planned is not None else self._whole, SENT)
+            self._writes.append(last)
+        if frame.key is not None:
+            self._waiting[frame.key] = last
+
+    def _planned(self, same: Hashable) -> Step | None:
+        """Takes the step out of the plan: it went out."""
+        for place, (known, step) in enumerate(self._plan):
+            if known == same:
+                del self._plan[place]
+                return step
+        return None
+
+    def _judge(self, key: Hashable, accepted: bool) -> None:
+        write = self._waiting.get(key)
+        if write is not None:
+            write.state = CONFIRMED if accepted else REFUSED
+            write.evidence = ACKNOWLEDGED if accepted else "refused by the device"
+
+    # -- what a device adds --------------------------------------------------------------------------------------
+
+    @property
+    def mark(self) -> int:
+        """A place in the ledger: what is written from here on."""
+        return len(self._writes)
+
+    def confirm(self, evidence: str, *steps: Step, since: int = 0) -> None:
+        """`evidence`, as "read back", proves these `steps`; without any, everything that was sent since the mark `since`."""
+        for write in self._chosen(steps, since):
+            if write.state == SENT or steps:
+                write.state, write.evidence, write.missed = CONFIRMED, evidence, 0
+
+    def doubt(self, evidence: str, *steps: Step, since: int = 0) -> None:
+        """`evidence`, as "reads 200", speaks against what these `steps` should have done, acknowledged or not."""
+        for write in self._chosen(steps, since):
+            if write.state != REFUSED:
+                write.state, write.evidence = SENT, evidence
+
+    def _chosen(self, steps: Sequence[Step], since: int) -> list[Write]:
+        if not steps or self.words is None:
+            return self._writes[since:]
+        wanted = [self.words.planned(step.data, step.can_id) for step in steps]
+        return [write for write in self._writes[since:] if write.frame.same in wanted]
+
+    # -- what it says --------------------------------------------------------------------------------------------
+
+    @property
+    def began(self) -> bool:
+        """Whether any byte of a write went out."""
+        return bool(self._writes)
+
+    @property
+    def unconfirmed(self) -> bool:
+        """Whether something went out and nothing shows what became of it."""
+        return any(self._state(write) == SENT for write in self._writes)
+
+    @staticmethod
+    def _state(write: Write) -> str:
+        return SENT if write.missed and write.state == CONFIRMED else write.state
+
+    def rows(self) -> list[dict[str, Any]]:
+        """One object a step (cli contract, section 4): what went out in its order, then what is left of the plan."""
+        rows = [self._row(write) for write in self._writes]
+        rows += [{"bytes": step.wire, "meaning": step.meaning, "state": NOT_SENT, "next": ""} for _, step in self._plan]
+        return [{"step": number, **row} for number, row in enumerate(rows, 1)]
+
+    def _row(self, write: Write) -> dict[str, Any]:
+        state, frame = self._state(write), write.frame
+        row: dict[str, Any] = {
+            "bytes": shown(frame.data, frame.can_id),
+            "meaning": write.meaning or self._meaning(frame),
+            "state": state,
+            "next": self.words.next(frame.data, frame.can_id) if state == SENT and self.words is not None else "",
+        }
+        if write.evidence:
+            row["evidence"] = write.evidence
+        if write.count > 1:
+            row |= {"count": write.count, "last": shown(write.last, frame.can_id)}
+        return row
+
+    def _meaning(self, frame: Frame) -> str:
+        return self.explain(frame.data, frame.can_id) if self.explain is not None else ""
+
+    def text(self) -> list[str]:
+        """The block for people: one line when all is confirmed, else one line a step."""
+        rows = self.rows()
+        if not rows:
+            return []
+        found = {state: sum(row["state"] == state for row in rows) for state in IN_WORDS}
+        if found[NOT_SENT] == len(rows):
+            return [f"writes: none of {len(rows)} {'steps' if len(rows) > 1 else 'step'} was sent"]
+        told = ", ".join(f"{count} {IN_WORDS[state]}" for state, count in found.items() if count)
+        if found[CONFIRMED] == len(rows):
+            return [f"writes: {told}"]
+        lines = [f"writes: {told}", *(line for row in rows for line in _lines(row))]
+        left = [str(row["step"]) for row in rows if row["state"] == NOT_SENT]
+        if left and found[SENT]:
+            lines.append(f"  to go on: read what is unconfirmed, then send what is left (step {', '.join(left)})")
+        return lines
+
+
+def _lines(row: dict[str, Any]) -> list[str]:
+    words = row["bytes"].split(" ")
+    cut = " ".join(words[:SHOWN_BYTES]) + (f" … ({len(words)} bytes)" if len(words) > SHOWN_BYTES else "")
+    times = f", {row['count']} times" if "count" in row else ""
+    why = f" ({row['evidence']})" if row.get("evidence") and row["state"] != CONFIRMED else ""
+    line = f"  {row['step']}  {IN_WORDS[row['state']]}{why}: {row['meaning'] or 'bytes'}{times}: {cut}"
+    return [line, *([f"     next: {row['next']}"] if row["next"] else [])]
+
+
+def shown(data: bytes, can_id: int | None) -> str:
+    """Bytes as a plan shows them (`param.Step.wire`)."""
+    text = data.hex(" ").upper()
+    return text if can_id is None else f"{can_id:08X} [{len(data)}] {text}".rstrip()
+
+
+def honest(text: str) -> str:
+    """The text without a claim that nothing was sent or written: something was."""
+    import re
+
+    return re.sub(CLAIM, "", text, flags=re.IGNORECASE).strip(" ;,:")

@@ -1,0 +1,204 @@
+"""What a command returns: rows with named columns, how people may see them, and what happened on the way.
+
+Knows no terminal, no device and no file; imports only the standard library. Rows are plain dicts of JSON values.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from handctl.model.ledger import Ledger, honest
+
+if TYPE_CHECKING:
+    from handctl.errors import HandctlError
+
+SCHEMA = "handctl/1"
+
+Row = dict[str, Any]
+
+
+class Column(NamedTuple):
+    """One column: `key` into the row, `title` for people, `unit` where all its values share one, alignment."""
+
+    key: str
+    title: str = ""
+    right: bool = False
+    unit: str = ""
+
+    @property
+    def heading(self) -> str:
+        """Title for people, e.g. ``Rate [Hz]``."""
+        title = self.title or self.key
+        return f"{title} [{self.unit}]" if self.unit else title
+
+    @property
+    def csv_name(self) -> str:
+        """Header for CSV with the unit in it, e.g. ``t_s``."""
+        return f"{self.key}_{self.unit}" if self.unit else self.key
+
+
+class Cell(NamedTuple):
+    """A text for people with a meaning: `tone` is one of "", "good", "warn", "bad", "dim"."""
+
+    text: str
+    tone: str = ""
+
+
+class Grid(NamedTuple):
+    """One table for people: finished texts, no numbers. `notes` are printed below it."""
+
+    headings: tuple[str, ...]
+    lines: tuple[tuple[str | Cell, ...], ...]
+    title: str = ""
+    right: frozenset[int] = frozenset()
+    notes: tuple[str, ...] = ()
+
+
+class Sample(NamedTuple):
+    """One moment of a stream: `t` in seconds since its start, and the rows read then."""
+
+    t: float
+    rows: tuple[Row, ...]
+
+
+@dataclass(slots=True)
+class Table:
+    """The result of a command.
+
+    rows      the data, one dict per row; for a stream leave it empty and give `samples`
+    columns   which keys of a row are shown, in which order (CSV, plain, and the human table without `view`)
+    view      rows -> grids for people, where the plain list of rows is not what a person wants to read
+    plain     the keys that `--format plain` prints, when not all columns
+    text      rows -> finished text, where the device's own words are the result
+    failure   what went wrong although there are rows: sets the exit code, the rows are shown all the same
+    samples   a stream; `summary` is called when it ends and goes into the closing envelope
+    ranges    documented (low, high) per quantity name, for the bars of the live view
+    decimals  decimals of a quantity's values, for the live view
+    flags     names of quantities that are bits: the live view shows their words, of all others the numbers
+    extra     further keys of the JSON envelope, e.g. the raw blocks of a dump
+    """
+
+    rows: list[Row] = field(default_factory=list)
+    columns: tuple[Column, ...] = ()
+    title: str = ""
+    view: Callable[[list[Row]], list[Grid]] | None = None
+    plain: tuple[str, ...] = ()
+    text: Callable[[list[Row]], str] | None = None
+    failure: HandctlError | None = None
+    samples: Iterable[Sample] | None = None
+    summary: Callable[[], dict[str, Any]] | None = None
+    ranges: dict[str, tuple[float, float]] = field(default_factory=dict)
+    decimals: dict[str, int] = field(default_factory=dict)
+    flags: frozenset[str] = frozenset()
+    extra: dict[str, Any] = field(default_factory=dict)
+
+
+class Message(NamedTuple):
+    """Something the user should know beside the data. `level` is "info", "warning" or "error"."""
+
+    level: str
+    code: str
+    text: str
+    hint: str = ""
+
+    def as_row(self) -> Row:
+        """The message as it stands in the JSON envelope."""
+        return {"level": self.level, "code": self.code, "text": self.text, "hint": self.hint}
+
+
+@dataclass(slots=True)
+class Counters:
+    """What passed on the wire: frames sent and received, repeated requests, frames rejected, bytes of no frame.
+
+    `writes` counts the writing ones among those sent; what became of them stands in the ledger.
+    `foreign_frames` counts the traffic of others on a CAN bus, None where there is no bus.
+    `keys` has for each key of a device that tells them unasked how often it was bad, missing, or skipped: replaced by a
+    newer value before it was shown. None for a device that is asked.
+    """
+
+    sent: int = 0
+    received: int = 0
+    retries: int = 0
+    bad_frames: int = 0
+    stray_bytes: int = 0
+    writes: int = 0
+    foreign_frames: int | None = None
+    keys: dict[str, dict[str, int]] | None = None
+
+    def as_row(self) -> dict[str, Any]:
+        """The counters as they stand in the JSON envelope."""
+        return {
+            "sent": self.sent,
+            "received": self.received,
+            "retries": self.retries,
+            "bad_frames": self.bad_frames,
+            "stray_bytes": self.stray_bytes,
+            **({} if self.foreign_frames is None else {"foreign_frames": self.foreign_frames}),
+            **self.quality(),
+            **({} if self.keys is None else {"keys": self.keys}),
+        }
+
+    def quality(self) -> dict[str, int]:
+        """`bad`, `missing` and `skipped` of all keys together; {} for a device that is asked."""
+        if self.keys is None:
+            return {}
+        return {word: sum(key[word] for key in self.keys.values()) for word in ("bad", "missing", "skipped")}
+
+
+class Journal:
+    """Collects messages, counters and writes of one command; devices write into it, the renderer reads it."""
+
+    def __init__(
+        self, on_message: Callable[[Message], None] | None = None, progress: Callable[[str], None] | None = None
+    ) -> None:
+        """`progress` shows a line that the next one replaces, while something takes its time."""
+        self.progress = progress or (lambda text: None)
+        self.counters = Counters()
+        self.ledger = Ledger()
+        self.messages: list[Message] = []
+        self.left: Table | None = None
+        self._blamed: tuple[HandctlError, int] | None = None
+        self._on_message = on_message
+
+    def leave(self, table: Table) -> None:
+        """Keep what was read so far: it is shown when the command ends here. Of several the fullest stays."""
+        if self.left is None or len(table.rows) >= len(self.left.rows):
+            self.left = table
+
+    def blame(self, error: HandctlError) -> HandctlError:
+        """Keep why an exchange failed although something came: the next valid frame clears it. Returns the error."""
+        if error.exit_code == 5:
+            self._blamed = error, self.counters.received
+        return error
+
+    @property
+    def blamed(self) -> HandctlError | None:
+        """What came instead of an answer since the last valid frame, None where nothing did."""
+        error, received = self._blamed or (None, 0)
+        return error if received == self.counters.received else None
+
+    def note(self, level: str, code: str, text: str, hint: str = "") -> None:
+        """Record a message once; the same code and text again is dropped (streams repeat themselves)."""
+        if self.ledger.began:
+            text, hint = honest(text), honest(hint)
+        message = Message(level, code, text, hint)
+        if message in self.messages:
+            return
+        self.messages.append(message)
+        if self._on_message is not None:
+            self._on_message(message)
+
+    def info(self, code: str, text: str, hint: str = "") -> None:
+        """Record something worth knowing."""
+        self.note("info", code, text, hint)
+
+    def warn(self, code: str, text: str, hint: str = "") -> None:
+        """Record something to be careful about."""
+        self.note("warning", code, text, hint)
+
+
+def hex_bytes(data: bytes) -> str:
+    """Bytes as the field writes them: ``EB 90 01``."""
+    return data.hex(" ").upper()

@@ -1,0 +1,99 @@
+"""A device asked for the same again and again at a rate: the stream behind every `watch`. Knows no device, no parameter.
+
+Keeps its phase when it is late instead of bursting, tells the true rate, and gives up after three failures in a row.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
+from handctl.errors import HandctlError
+from handctl.model.result import Row, Sample
+
+if TYPE_CHECKING:
+    from handctl.link import Link
+
+FAILURES_IN_A_ROW = 3
+"""A stream gives up after so many samples without a valid answer."""
+ROUNDING = 1e-6
+"""Seconds by which the sum of many periods may miss the duration."""
+
+Take = Callable[[], tuple[Sequence[Row], HandctlError | None]]
+"""Takes one sample: its rows, and the error when none of them holds a value."""
+
+
+class Sampler:
+    """Calls `take` for the rows of each moment, `rate` times a second (0 = as fast as the device answers).
+
+    Ends after `count` samples or `duration` seconds, whichever comes first; None = no such end. `ahead` is called after a
+    sample that another one follows, before it is shown, when nothing is waited for: the line then works meanwhile.
+    """
+
+    def __init__(
+        self,
+        link: Link,
+        take: Take,
+        *,
+        rate: float,
+        count: int | None,
+        duration: float | None,
+        ahead: Callable[[], object] | None = None,
+    ) -> None:
+        self._link, self._take, self._ahead = link, take, ahead if not rate else None
+        self._rate, self._count, self._duration = rate, count, duration
+        self._taken = self._failed = self._late = 0
+        self._first = self._last = 0.0
+
+    def samples(self) -> Iterator[Sample]:
+        """The stream. Raises what the first sample, or three in a row, failed with."""
+        start = due = self._link.now()
+        failures = 0
+        asked = False
+        while asked or self._goes_on(self._link.now() - start):
+            t = self._link.now() - start
+            rows, error = self._take()
+            failures = failures + 1 if error is not None else 0
+            self._failed += error is not None
+            if error is not None and (failures >= FAILURES_IN_A_ROW or self._failed > self._taken):
+                raise error
+            self._taken += 1
+            self._first, self._last = (t if self._taken == 1 else self._first), t
+            asked = self._ahead is not None and self._goes_on(self._link.now() - start)
+            if self._ahead is not None and asked:
+                self._ahead()
+            yield Sample(t, tuple(rows))
+            if self._rate:
+                due = self._next(due)
+                if not self._goes_on(due - start):
+                    return
+                self._link.sleep(max(0.0, due - self._link.now()))
+
+    def _goes_on(self, t: float) -> bool:
+        return (self._count is None or self._taken < self._count) and (
+            self._duration is None or t < self._duration - ROUNDING
+        )
+
+    def _next(self, due: float) -> float:
+        """When the next sample is due. Behind: the phase is kept, no burst makes up for it; a person is told how often."""
+        due += 1 / self._rate
+        missed = int((self._link.now() - due) * self._rate)
+        if self._link.now() < due:
+            return due
+        self._late += missed > 0
+        return due + missed / self._rate
+
+    def summary(self) -> dict[str, Any]:
+        """What goes into the closing envelope: samples, failures, true rate."""
+        seconds = self._last - self._first
+        rate = (self._taken - 1) / seconds if self._taken > 1 and seconds > 0 else None
+        return {
+            "stream": {
+                "samples": self._taken,
+                "failed": self._failed,
+                "late": self._late,
+                "seconds": round(seconds, 3),
+                "rate_hz": round(rate, 2) if rate is not None else None,
+                "asked_hz": self._rate or None,
+            }
+        }

@@ -1,0 +1,1 @@
+"""What reaches a person or a pipe: tables, live views, text with no character that acts on a terminal."""

@@ -1,0 +1,398 @@
+"""Table -> what reaches stdout: rich or aligned table, plain, CSV, JSON envelope, NDJSON.
+
+The only module that knows how results look; rich is imported only for a terminal. Data goes to the sink and nowhere
+else. A stream is written row by row and closed by an envelope without rows.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import sys
+from collections.abc import Callable, Generator, Iterator, Sequence
+from types import TracebackType
+from typing import IO, TYPE_CHECKING, Any, Protocol
+
+from handctl import ending
+from handctl.errors import HandctlError, Interrupted, OutputError
+from handctl.files import whole
+from handctl.model.result import Cell, Column, Grid, Journal, Row, Sample, Table
+from handctl.screen.filter import no_formula, shown, text_shown, value_shown
+from handctl.screen.streams import utf8_stdout
+
+if TYPE_CHECKING:
+    from handctl.frame.options import Settings
+
+    class Context(Protocol):
+        """What rendering needs to know of the running command."""
+
+        @property
+        def settings(self) -> Settings: ...
+        @property
+        def journal(self) -> Journal: ...
+        @property
+        def simulated(self) -> bool: ...
+        @property
+        def command(self) -> str: ...
+        @property
+        def streams(self) -> bool: ...
+        def stop_key(self) -> contextlib.AbstractContextManager[bool]: ...
+        def judged(self, error: HandctlError | None) -> HandctlError | None: ...
+        def envelope(self, failure: HandctlError | None, extra: dict[str, Any] | None = None) -> dict[str, Any]: ...
+
+
+NOTED = ("failed", "late", "bad", "missing", "skipped")
+"""Counts of a stream that a person is told when they are not 0."""
+PIECE = 1024
+"""Characters that a pipe with room takes without waiting, at up to 4 bytes each."""
+MOST = 1 << 16
+"""Characters that are kept until they are handed over."""
+
+
+class Sink:
+    """Where data goes: stdout, or a file that appears whole when everything is written.
+
+    `samples` of a stream have been taken to be written: all their rows, and no row of another one.
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        self._path = settings.output
+        self._whole: contextlib.AbstractContextManager[IO[str]] | None = None
+        self.file: IO[str] = sys.stdout
+        self.color = settings.color
+        self.no_formulas = settings.no_formulas
+        self._json = settings.format in ("json", "ndjson")
+        self.broken = False
+        self.samples = 0
+        self._kept: list[str] = []
+        self._size = 0
+        self._waits = -1
+
+    @property
+    def terminal(self) -> bool:
+        """Whether a person looks at it directly."""
+        return not self._path and self.file.isatty()
+
+    def __enter__(self) -> Sink:
+        if self._path:
+            self._whole = whole(self._path)
+            try:
+                self.file = self._whole.__enter__()
+            except OSError as exc:
+                raise OutputError(f"{self._path}: cannot be written: {exc.strerror or exc}") from exc
+        elif self._json:
+            utf8_stdout()
+        self._waits = ending.watch(self.file, result=True)
+        return self
+
+    def write(self, text: str) -> None:
+        """Write data. A closed pipe makes everything after it silent; a full disk is an OutputError."""
+        if self.broken:
+            return
+        self._kept.append(text)
+        self._size += len(text)
+        if self._size >= MOST:
+            self.flush()
+
+    def write_sample(self, text: str) -> None:
+        """All rows of one sample: written and counted, or neither, whenever a wish to end comes."""
+        with ending.handing_over():
+            self._kept.append(text)
+            self._size += len(text)
+            self.samples += 1
+        self.flush()
+
+    def flush(self) -> None:
+        """Let the reader see what has been written. While it sleeps a wish to end is raised, and nothing is lost or told twice."""
+        try:
+            while self._size and not self.broken:
+                self._hand_over()
+            self.file.flush()
+        except BrokenPipeError:
+            self.broken = True
+        except OSError as exc:
+            raise OutputError(f"{self._path or 'stdout'}: cannot be written: {exc.strerror or exc}") from exc
+
+    def _hand_over(self) -> None:
+        """All that is kept; to a pipe or a terminal the next piece, as soon as there is room for it."""
+        if self._waits >= 0:
+            ending.has_room(self._waits, None)
+        with ending.handing_over(self._waits):
+            text = "".join(self._kept)
+            size = len(text) if self._waits < 0 else 4 * PIECE if text.isascii() else PIECE
+            self._kept, self._size = [text[size:]], len(text) - min(size, len(text))
+            self.file.write(text[:size])
+            self.file.flush()
+
+    def abandon(self) -> None:
+        """Write nothing more, also not what is kept: the reader sleeps, and waiting for it would never end."""
+        self.broken = True
+        self._kept, self._size = [], 0
+        if not self._path:
+            with contextlib.suppress(OSError, ValueError), open(os.devnull, "wb") as nowhere:
+                os.dup2(nowhere.fileno(), self.file.fileno())
+
+    def __exit__(self, kind: type[BaseException] | None, exc: BaseException | None, tb: TracebackType | None) -> None:
+        try:
+            if kind is None or (issubclass(kind, HandctlError) and not issubclass(kind, OutputError)):
+                self.flush()  # what was read before an error is shown
+        finally:
+            try:
+                if self._whole is not None:
+                    self._whole.__exit__(kind, exc, tb)
+            except OSError as error:
+                raise OutputError(f"{self._path}: cannot be written: {error.strerror or error}") from error
+            finally:
+                ending.forget(self._waits)
+
+
+def show(table: Table | None, failure: HandctlError | None, sink: Sink, context: Context) -> None:
+    """Write a finished result, or only what went wrong (JSON says that too)."""
+    how = context.settings.format
+    if how == "json" and context.streams:
+        how = "ndjson"
+    failure = failure or (table.failure if table is not None else None)
+    rows = table.rows if table is not None else []
+    extra = table.extra if table is not None else {}
+    if how == "json":
+        sink.write(_json_envelope(context.envelope(failure, extra), rows))
+    elif how == "ndjson":
+        for row in rows:
+            sink.write(_dumps(row) + "\n")
+        sink.write(_dumps({"end": context.envelope(failure, extra)}) + "\n")
+    elif table is None:
+        return
+    elif how == "csv":
+        rows = [_row_shown(row) for row in rows]
+        guard = no_formula if sink.no_formulas else str
+        sink.write(_csv(table.columns, rows, guard, header=True, with_errors=any("error" in row for row in rows)))
+    elif how == "plain":
+        for row in rows:
+            sink.write(_plain_line(table, _row_shown(row)))
+    elif table.text is not None:
+        sink.write(text_shown(table.text(rows)))
+    else:
+        _grids(table, sink, context)
+
+
+def stream(table: Table, sink: Sink, context: Context) -> HandctlError | None:
+    """Write a stream as it comes; returns what ended it, None for its natural end. A closed pipe ends it quietly."""
+    assert table.samples is not None
+    how = context.settings.format
+    failure: HandctlError | None = None
+    samples = _told(iter(table.samples), how)
+    try:
+        if how == "table" and sink.terminal:
+            from handctl.screen.live import show_live
+
+            show_live(table, samples, sink, context)
+        else:
+            with contextlib.closing(samples):
+                _stream_lines(table, samples, how, sink)
+    except HandctlError as exc:
+        failure = exc
+    except KeyboardInterrupt:
+        failure = Interrupted("interrupted")
+    ending.finish_on_signals()  # the device has been left: only its reader can hold up the rest
+    if isinstance(failure, OutputError) and failure.code == "reader":
+        sink.abandon()
+    failure = context.judged(failure or table.failure)
+    summary = table.summary() if table.summary is not None else {}
+    if "stream" in summary:
+        summary["stream"]["samples"] = sink.samples
+    if how in ("json", "ndjson"):
+        sink.write(_dumps({"end": context.envelope(failure, summary)}) + "\n")
+    elif (
+        "stream" in summary and not context.settings.quiet and not sink.broken and not isinstance(failure, OutputError)
+    ):
+        sink.flush()
+        with contextlib.suppress(OSError):
+            drawn = how == "table" and sink.terminal  # the live view has the mark in its head
+            mark = ", simulated" if context.simulated and not drawn else ""
+            quality = context.journal.counters.quality()
+            sys.stderr.write(f"handctl: note: {_summary_text({**summary['stream'], **quality})}{mark}\n")
+    return failure
+
+
+def _told(samples: Iterator[Sample], how: str) -> Generator[Sample, None, None]:
+    """The samples, for people without what would steer a terminal; closed with them, so that a device is left."""
+    try:
+        for sample in samples:
+            yield sample if how in ("json", "ndjson") else _sample_shown(sample)
+    finally:
+        close = getattr(samples, "close", None)
+        if close is not None:
+            close()
+
+
+def _summary_text(stats: dict[str, Any]) -> str:
+    text = f"{stats['samples']} samples in {stats['seconds']:.1f} s"
+    if stats["rate_hz"] is not None:
+        text += f", true rate {stats['rate_hz']:g} Hz" + (f" of {stats['asked_hz']:g}" if stats["asked_hz"] else "")
+    return text + "".join(f", {stats[key]} {key}" for key in NOTED if stats.get(key))
+
+
+def _stream_lines(table: Table, samples: Iterator[Sample], how: str, sink: Sink) -> None:
+    columns = (Column("t", "Time", right=True, unit="s"), *table.columns)
+    widths = [max(len(column.heading), 9 if column.key == "t" else 6) for column in columns]
+    for sample in samples:
+        lines: list[str] = []
+        for row in sample.rows:
+            timed = {"t": round(sample.t, 6), **row}
+            if how in ("json", "ndjson"):
+                lines.append(_dumps(timed) + "\n")
+            elif how == "plain":
+                lines.append("\t".join(_text(timed.get(column.key)) for column in columns) + "\n")
+            elif how == "csv":
+                values = any(column.key == "value" for column in columns)  # one may not be read: its row has `error`
+                guard = no_formula if sink.no_formulas else str
+                lines.append(_csv(columns, [timed], guard, header=bool(columns and widths), with_errors=values))
+                widths = []
+            else:
+                if widths:
+                    widths = [
+                        max(width, *(len(_text(r.get(column.key))) for r in sample.rows))
+                        for width, column in zip(widths, columns, strict=True)
+                    ]
+                    lines.append(_align([column.heading for column in columns], widths, columns))
+                    fixed, widths = widths, []
+                cells = [f"{sample.t:.3f}", *(_text(row.get(c.key)) for c in table.columns)]
+                lines.append(_align(cells, fixed, columns))
+        sink.write_sample("".join(lines))
+        if sink.broken:
+            return
+
+
+# -- data formats -------------------------------------------------------------------------------------------------
+
+
+def _dumps(value: Any) -> str:
+    """JSON that is UTF-8 whatever it holds: a byte of a path that is not UTF-8 becomes an escape, such as ``\\udcff``."""
+    text = json.dumps(value, ensure_ascii=False, allow_nan=False)
+    if not text.isascii() and any("\ud800" <= letter <= "\udfff" for letter in text):
+        return "".join(f"\\u{ord(c):04x}" if "\ud800" <= c <= "\udfff" else c for c in text)
+    return text
+
+
+def _row_shown(row: Row) -> Row:
+    return {key: value_shown(value) for key, value in row.items()}
+
+
+def _grid_shown(grid: Grid) -> Grid:
+    return grid._replace(
+        headings=tuple(map(shown, grid.headings)),
+        lines=tuple(tuple(map(_cell_shown, line)) for line in grid.lines),
+        title=shown(grid.title),
+        notes=tuple(map(shown, grid.notes)),
+    )
+
+
+def _cell_shown(cell: str | Cell) -> str | Cell:
+    return cell._replace(text=shown(cell.text)) if isinstance(cell, Cell) else shown(cell)
+
+
+def _sample_shown(sample: Sample) -> Sample:
+    return Sample(sample.t, tuple(map(_row_shown, sample.rows)))
+
+
+def _json_envelope(envelope: dict[str, Any], rows: Sequence[Row]) -> str:
+    """One object; a key a line and a row a line, so that people and `grep` can read it too."""
+    lines = [
+        f"  {_dumps(key)}: {_dumps(value)}" for key, value in envelope.items() if key not in ("messages", "counters")
+    ]
+    body = ",\n".join(f"    {_dumps(row)}" for row in rows)
+    lines.append(f'  "rows": [\n{body}\n  ]' if rows else '  "rows": []')
+    lines += [f"  {_dumps(key)}: {_dumps(envelope[key])}" for key in ("messages", "counters")]
+    return "{\n" + ",\n".join(lines) + "\n}\n"
+
+
+def _text(value: Any) -> str:
+    if value is None:
+        return ""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return str(value)
+
+
+def _plain_line(table: Table, row: Row) -> str:
+    keys = table.plain or tuple(column.key for column in table.columns)
+    if "error" in row and "value" in keys:
+        return "\t".join("" if key == "value" else _text(row.get(key)) for key in keys) + "\n"
+    return "\t".join(_text(row.get(key)) for key in keys) + "\n"
+
+
+def _csv(
+    columns: Sequence[Column], rows: Sequence[Row], guard: Callable[[str], str], *, header: bool, with_errors: bool
+) -> str:
+    """With a column of errors behind the others or without: it must be the same for all lines of a stream."""
+    import csv
+    import io
+
+    buffer = io.StringIO()
+    writer = csv.writer(buffer)  # RFC 4180: CRLF, quotes doubled
+    if header:
+        writer.writerow([column.csv_name for column in columns] + (["error"] if with_errors else []))
+    for row in rows:
+        writer.writerow(
+            [guard(_text(row.get(column.key))) for column in columns]
+            + ([guard(_text(row.get("error")))] if with_errors else [])
+        )
+    return buffer.getvalue()
+
+
+# -- tables for people --------------------------------------------------------------------------------------------
+
+
+def default_view(table: Table) -> list[Grid]:
+    """The rows as they are, one column per Column that holds anything."""
+    columns = [c for c in table.columns if any(_text(row.get(c.key)) for row in table.rows)] or list(table.columns)
+    lines = tuple(
+        tuple(
+            Cell("?", "bad") if column.key == "value" and "error" in row else _text(row.get(column.key))
+            for column in columns
+        )
+        for row in table.rows
+    )
+    notes = tuple(f"{row.get('name', '')}: {row['error']}" for row in table.rows if row.get("error"))
+    right = frozenset(position for position, column in enumerate(columns) if column.right)
+    return [Grid(tuple(column.heading for column in columns), lines, table.title, right, notes)]
+
+
+def _grids(table: Table, sink: Sink, context: Context) -> None:
+    if not table.rows:
+        return  # a heading over nothing tells less than the message beside it
+    grids = [_grid_shown(grid) for grid in (table.view(table.rows) if table.view is not None else default_view(table))]
+    mark = "simulated" if context.simulated else ""
+    if sink.terminal or sink.color == "always":
+        from handctl.screen.terminal import print_grids
+
+        print_grids(grids, sink, mark)
+        return
+    for number, grid in enumerate(grids):
+        if number:
+            sink.write("\n")
+        _aligned(grid, sink, mark)
+    if mark and not any(grid.title for grid in grids):
+        sink.write(f"({mark})\n")
+
+
+def _aligned(grid: Grid, sink: Sink, mark: str) -> None:
+    lines = [[cell.text if isinstance(cell, Cell) else cell for cell in line] for line in grid.lines]
+    widths = [max(len(line[i]) for line in [list(grid.headings), *lines]) for i in range(len(grid.headings))]
+    columns = [Column("", right=position in grid.right) for position in range(len(widths))]
+    if grid.title:
+        sink.write(f"{grid.title}{f'  ({mark})' if mark else ''}\n")
+    sink.write(_align(grid.headings, widths, columns))
+    for line in lines:
+        sink.write(_align(line, widths, columns))
+    for note in grid.notes:
+        sink.write(f"{note}\n")
+
+
+def _align(texts: Sequence[str], widths: Sequence[int], columns: Sequence[Column]) -> str:
+    cells = (
+        text.rjust(width) if column.right else text.ljust(width)
+        for text, width, column in zip(texts, widths, columns, strict=True)
+    )
+    return "  ".join(cells).rstrip() + "\n"

@@ -1,0 +1,387 @@
+"""A simulated AIDIN-hand: the TCP server's side of the JSON exchange, the modes, homing, the stream of feedback.
+
+Written from the manual alone. It names keys, modes and ranges; who speaks first, how often, what a refused command
+does and most else is silent, so what is done here is a guess that an option can turn into another one. Nothing seen
+here is evidence about a real hand. There is no id, no check value and no serial speed: of the faults of the line
+wrong-id, twin-id and garble change nothing, bad-checksum makes one byte of the feedback no UTF-8, and refuse means that
+commands are not carried out (there is no error message). A power cut does not close the connection; it goes silent.
+"""
+
+from __future__ import annotations
+
+from handctl.sim.aidin.hand import HOMING, JOINTS, STARTS, STROKES, TIPS, Hand, from_joints, from_tips
+from handctl.sim.aidin.text import RADIANS, TEXT_FAULTS, TEXT_OPTIONS, Reader, Writer
+from handctl.sim.engine.model import NOTHING, Model, Options, Random, Reply
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from typing import Any
+
+HOLD = 3.0  # s that mode 1 must be held (Homing mode)
+GAP = 0.25  # s between two objects of mode 1 that still count as held (our guess)
+FORGET = 1.0  # s of silence after which half an object is forgotten: its client is taken to have left (our guess)
+UNSENT = 100  # feedback objects kept for a client that does not read; older ones are lost (our guess)
+PIECE = 0.0002  # s between the writes of one object in pieces
+STALL = 0.04  # s that Nagle's algorithm holds the second small write back, until the delayed acknowledge
+EXACT = 1e-9  # rounding of a limit that was converted to radians
+MODES = (1, 2, 3, 4, 5, 10, 22, 32, 41)
+
+# Ranges on the wire (the manual's list at the end): counts, radians (none for q4), mm; currents are assumed.
+COUNTS = [(0.0, float(stroke)) for row in STROKES for stroke in row]
+RADIAN = [pair for row in JOINTS for pair in (*((low * RADIANS, high * RADIANS) for low, high in row), (-1e15, 1e15))]
+PLACES = [(float(low), float(high)) for row in TIPS for low, high in row]
+CURRENTS = [(-1000.0, 1000.0)] * 15
+DATA = {  # mode -> key, ranges, whether the values must be whole
+    10: ("hand_TP_cmd", COUNTS, True),
+    22: ("hand_joint_cmd", RADIAN, False),
+    32: ("hand_taskspace_cmd", PLACES, False),
+    41: ("hand_TT_cmd", CURRENTS, True),
+}
+
+_OPTIONS = {
+    "start": "used (default: on for a while, moved by hand, not homed), homed (the same, homed),"
+    " open (homed, at the origin, sensors alike), cold (just switched on: encoders 0, not homed)",
+    "exchange": "who speaks: stream (default), poll (an answer to each object), command (to those with hand_mode), mute",
+    "rate": "feedback objects a second in the stream, 1..1000 (default 100)",
+    "merge": "stream: this many objects in one write, 1..10 (default 1)",
+    "chunk": "bytes of feedback per write (default 0: all in one)",
+    "nagle": "1: with chunk, all but the first write are held back for 40 ms",
+    "limits": "values out of range: ignore (default, the whole object), clamp, obey",
+    "unhomed": "position modes before homing: ignore (default) or obey (false origin)",
+    "homing": "mode 1 is held by repeating it within 0.25 s (repeat, default) or until another mode comes (latched)",
+    "neutral": "an object without hand_mode during homing: ignored (default) or interrupts",
+    "current-maxtorque": "mode 41 needs maxtorque 1000 set before (default), or takes it from the same object (with)",
+    "q4": "q4 as fed back: same (default, equals q3), half (90° + q3/2), zero",
+    "load": "1 (default): holding a position costs current; 0: it costs none",
+    "noise": "1: sensors and currents are never quite still",
+    "drift": "drift of the force channels, thousandths of a unit a minute, 0..10000 (default 0)",
+    **TEXT_OPTIONS,
+}
+_FAULTS = {
+    **TEXT_FAULTS,
+    "blocked": "no motor can move",
+    "dead-motor": "motor 3 of the ring finger has no power",
+    "no-homing": "homing opens the fingers but does not set the origin",
+    "no-bias": "the sensor bias mode does nothing",
+    "weak": "maxtorque is 100 at power-on",
+    "touched": "an object presses on the fingertip of the index finger",
+}
+TOUCH = (1.5, -2.5, 4.5, 0.015, -0.025, 0.035)  # Fx Fy Fz Tx Ty Tz of the fault "touched"
+
+
+class Device(Model):
+    """The hand without its cable."""
+
+    KIND = "aidin"
+    HEADER = b'}]",:0-e\r\n'  # no opening brace: noise beside an object leaves the object whole
+    OPTIONS = _OPTIONS
+    FAULTS = _FAULTS
+
+    def __init__(self, options: Options, random: Random) -> None:
+        super().__init__(options, random)
+        self._exchange = options.choice("exchange", "stream", ("stream", "poll", "command", "mute"))
+        self._period = 1.0 / options.whole("rate", 100, 1, 1000)
+        self._merge = options.whole("merge", 1, 1, 10)
+        self._chunk = options.whole("chunk", 0, 0, 65536)
+        self._nagle = options.choice("nagle", "0", ("0", "1")) == "1"
+        self._limits = options.choice("limits", "ignore", ("ignore", "clamp", "obey"))
+        self._needs_homing = options.choice("unhomed", "ignore", ("ignore", "obey")) == "ignore"
+        self._latched = options.choice("homing", "repeat", ("repeat", "latched")) == "latched"
+        self._neutral = options.choice("neutral", "ignored", ("ignored", "interrupts")) == "ignored"
+        self._torque_with = options.choice("current-maxtorque", "before", ("before", "with")) == "with"
+        self.hand = Hand(
+            options.choice("start", "used", STARTS),
+            random,
+            holding=options.choice("load", "1", ("0", "1")) == "1",
+            noise=options.choice("noise", "0", ("0", "1")) == "1",
+            drift=options.whole("drift", 0, 0, 10000),
+            coupling=options.choice("q4", "same", ("same", "half", "zero")),
+        )
+        # The stream has no requests, so its objects are counted for "after" and "every" on their own.
+        self._after = options.whole("after", 0, 0, 1000000000)
+        self._every = options.whole("every", 1, 1, 1000000000)
+        wire = options.whole("wire", -1, 50, 20000000) if options.text("wire") != "auto" else -1
+        self._wire = 10.0 / wire if wire > 0 else 0.0
+        self.reader = Reader(options)
+        self.writer = Writer(options)
+        self.mode = 0  # the last one carried out; 0: none since power-on
+        self.ignored = 0  # objects that were JSON and yet not carried out
+        self._heard = 0.0
+        self._streamed = 0
+        self._next_feedback = 0.0
+        self._unwritten = b""
+        self._merged = 0
+        self._cold = False
+        self._end_homing()
+
+    # -- power, time, faults -------------------------------------------------------------------------------------------
+
+    def boot(self, now: float) -> None:
+        super().boot(now)
+        self.hand.now = now
+        self._next_feedback = now + self._period
+
+    def reconnected(self) -> None:
+        """Half an object of the last client is no part of what the next one sends."""
+        self.reader.forget()
+
+    def power(self, on: bool) -> None:
+        """Off: the origin, the bias, maxtorque and all commands are gone; the fingers stay where they are."""
+        self.powered = on
+        self._replies.clear()
+        self.reader.forget()
+        self.writer.restart()
+        self._unwritten, self._merged = b"", 0
+        self.mode = 0
+        self._end_homing()
+        if not on:
+            self._cold = True
+            self.hand.release()
+        elif self._cold:
+            self.hand.power_on()
+            self._next_feedback = self.now + self._period
+        if on and "weak" in self.faults:
+            self.hand.torque = 100
+        self.dirty = True
+
+    def set_faults(self, faults: frozenset[str]) -> None:
+        before, self.faults = self.faults, faults
+        motors = self.hand.motors
+        if "blocked" in faults | before:
+            for motor in motors:
+                motor.jammed = "blocked" in faults
+        motors[11].dead = "dead-motor" in faults
+        if "touched" in faults | before:
+            self.hand.touch[6:12] = TOUCH if "touched" in faults else [0.0] * 6
+
+    def advance(self, now: float) -> None:
+        while True:
+            when = self.next_event()
+            if when is None or when > now:
+                break
+            self._pass(when)
+            if self._homing_event() == when:
+                self._judge_homing()
+            else:
+                self._stream(now)
+        self._pass(now)
+        if self.reader.waiting and now - self._heard > FORGET:
+            self.reader.forget()
+
+    def _pass(self, now: float) -> None:
+        self.now = max(self.now, now)
+        self.hand.advance(self.now)
+
+    def next_event(self) -> float | None:
+        if not self.powered:
+            return None
+        times = [self._homing_event()]
+        if self._exchange == "stream" and "loopback" not in self.faults:
+            times.append(self._next_feedback)
+        return min((when for when in times if when is not None), default=None)
+
+    # -- feedback ------------------------------------------------------------------------------------------------------
+
+    def _stream(self, now: float) -> None:
+        """One object of the stream. After a long pause only the last objects are made: nobody can have read more."""
+        due = self._next_feedback
+        late = int((now - due) / self._period) - UNSENT
+        if late > 0:
+            self._next_feedback = due + late * self._period
+            return
+        self._streamed += 1
+        beyond = self._streamed - self._after
+        hits = self.faults if beyond > 0 and beyond % self._every == 0 else NOTHING
+        self._unwritten += self.writer.feedback(self.hand, hits)
+        self._merged += 1
+        self._next_feedback = due + self._period
+        if self._merged >= self._merge:
+            busy = self._write(due, self._unwritten, hits)
+            # A server that waits for its socket sends no faster than the line carries.
+            self._next_feedback = max(self._next_feedback, due + busy)
+            self._unwritten, self._merged = b"", 0
+
+    def _write(self, due: float, data: bytes, hits: frozenset[str]) -> float:
+        """Hands feedback to the line; returns the seconds that the line is busy with it, about."""
+        if not self._chunk or len(data) <= self._chunk or hits:  # a fault befalls an object, not a piece of it
+            self._replies.append(Reply(due, data, hits))
+            slow = {"dribble": 0.003 * len(data), "split": 0.3, "unclosed": 0.1, "noise": 12 * self._wire}
+            copies = 2 if hits & {"duplicate", "stale"} else 1
+            return copies * (max([0.0, *(slow[name] for name in hits & slow.keys())]) + self._wire * len(data))
+        gap = STALL if self._nagle else PIECE
+        self._replies.append(Reply(due, data[: self._chunk], hits))
+        rest, size = data[self._chunk :], len(data) if self._nagle else self._chunk
+        for number, at in enumerate(range(0, len(rest), size)):
+            self._replies.append(Reply(due + (number + 1) * gap, rest[at : at + size], hits))
+        return gap * (1 + (len(rest) - 1) // size) + self._wire * len(data)
+
+    # -- objects in ----------------------------------------------------------------------------------------------------
+
+    def due(self, pending: bytes) -> int | None:
+        return len(pending) or None  # what was written at once is read at once
+
+    def feed(self, data: bytes) -> None:
+        self._heard = self.now
+        for message in self.reader.feed(data):
+            hits = self.judge()
+            if "deaf" in hits:
+                continue
+            if "refuse" in hits:
+                self.ignored += 1
+            else:
+                self._obey(message)
+            if self._exchange == "poll" or (self._exchange == "command" and "hand_mode" in message):
+                self._write(self.now, self.writer.feedback(self.hand, hits), hits)
+
+    def _obey(self, message: dict[str, Any]) -> None:
+        """One object. A mode that is not listed, or whose data are missing or wrong, changes nothing (our guess)."""
+        if "hand_mode" not in message:
+            if not self._neutral:
+                self._end_homing()
+            return
+        number = _finite(message["hand_mode"])
+        if number == 1:
+            self._hold_homing()
+            return
+        self._interrupt_homing()
+        if number in MODES and self._execute(int(number or 0), message):
+            self.mode = int(number or 0)
+            self.dirty = True
+        else:
+            self.ignored += 1
+
+    def _execute(self, mode: int, message: dict[str, Any]) -> bool:
+        """Whether the mode was carried out."""
+        if mode == 2:
+            return self._go([0.0] * 15)
+        if mode == 3:
+            self.hand.release()
+        elif mode == 4:
+            if "no-bias" not in self.faults:
+                self.hand.set_bias()
+        elif mode == 5:
+            values = self._values([message.get("maxtorque")], [(0.0, 1000.0)], True)
+            if values is None:
+                return False
+            self.hand.torque = min(65535, abs(int(values[0])))
+        else:
+            key, ranges, whole = DATA[mode]
+            values = self._values(message.get(key), ranges, whole)
+            if values is None:
+                return False
+            if mode == 41:
+                return self._push(values, message)
+            if mode == 22:
+                values = from_joints([angle / RADIANS for angle in values])
+            elif mode == 32:
+                values = from_tips(values)
+            return self._go(values)
+        return True
+
+    def _go(self, counts: list[float]) -> bool:
+        if self._needs_homing and not self.hand.homed:
+            return False
+        self.hand.go(counts)
+        return True
+
+    def _push(self, currents: list[float], message: dict[str, Any]) -> bool:
+        """Mode 41 needs maxtorque 1000."""
+        if self._torque_with and _finite(message.get("maxtorque")) == 1000.0:
+            self.hand.torque = 1000
+        if self.hand.torque != 1000:
+            return False
+        self.hand.push(currents)
+        return True
+
+    def _values(self, given: object, ranges: list[tuple[float, float]], whole: bool) -> list[float] | None:
+        """The data of a mode, None if the length, a type, or (limits=ignore) a value does not fit."""
+        if not isinstance(given, list) or len(given) != len(ranges):
+            return None
+        values: list[float] = []
+        for item, (low, high) in zip(given, ranges, strict=True):
+            value = _finite(item)
+            if value is None or (whole and value != int(value)):
+                return None
+            if not low - EXACT <= value <= high + EXACT and self._limits != "obey":
+                if self._limits == "ignore":
+                    return None
+                value = min(max(value, low), high)
+            values.append(value)
+        return values
+
+    # -- homing --------------------------------------------------------------------------------------------------------
+
+    def _end_homing(self) -> None:
+        self._homing_since: float | None = None
+        self._held = 0.0
+        self._homing_done = False
+
+    def _interrupt_homing(self) -> None:
+        """The old origin stays; the motors lose their power (our guess)."""
+        if self._homing_since is not None and not self._homing_done:
+            self.hand.release()
+        self._end_homing()
+
+    def _hold_homing(self) -> None:
+        """Mode 1: opens under current control; once the origin is set, holding it longer changes nothing."""
+        if self._homing_since is None:
+            self._homing_since = self.now
+            self.hand.push([HOMING] * 15)
+        self._held = self.now
+        self.mode = 1
+        self.dirty = True
+
+    def _homing_event(self) -> float | None:
+        """When homing is complete, or given up because it was not held."""
+        if self._homing_since is None:
+            return None
+        end = self._homing_since + HOLD
+        if self._latched:
+            return None if self._homing_done else end
+        lapse = self._held + GAP
+        return lapse if self._homing_done else min(end, lapse)
+
+    def _judge_homing(self) -> None:
+        start = self._homing_since
+        if start is None:
+            return
+        if not self._homing_done and self.now >= start + HOLD:
+            if "no-homing" in self.faults:
+                self.hand.release()
+            else:
+                self.hand.zero()
+            self._homing_done = True
+            self.dirty = True
+        else:
+            self._interrupt_homing()
+
+    # -- faults that know the text -------------------------------------------------------------------------------------
+
+    def spoil(self, data: bytes) -> bytes:
+        """There is no check value: one byte is no UTF-8 instead."""
+        place = len(data) // 2
+        return data[:place] + bytes([data[place] | 128]) + data[place + 1 :]
+
+    # -- control and state, loaded on use ------------------------------------------------------------------------------
+
+    def command(self, words: list[str]) -> str:
+        from handctl.sim.aidin import control
+
+        return control.command(self, words)
+
+    def snapshot(self) -> dict[str, Any]:
+        from handctl.sim.aidin import control
+
+        return control.snapshot(self)
+
+    def restore(self, state: dict[str, Any]) -> None:
+        from handctl.sim.aidin import control
+
+        control.restore(self, state)
+
+
+def _finite(value: object) -> float | None:
+    """A number of ordinary size; JSON's true and Python's NaN are none."""
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not -1e15 < value < 1e15:
+        return None
+    return float(value)

@@ -1,0 +1,260 @@
+"""The mechanics of the simulated AIDIN-hand: 15 motors, coupled joints, fingertips, currents, force sensors.
+
+Knows units and time, no keys and no text. Motors count from 0 (open) to their stroke (closed), angles are degrees,
+fingertips mm, currents per mille of the rated current, forces raw numbers. The manual gives ranges only (its list at
+the end); geometry, speeds, currents and forces are invented so that those ranges come out. All of it is computed in
+closed form from the time that passed, so a jump of virtual time gives the same as many small steps.
+"""
+
+from __future__ import annotations
+
+import math
+
+from handctl.sim.engine.model import NOTHING
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from handctl.sim.engine.model import Random
+
+FINGERS = ("thumb", "index", "middle", "ring", "little")
+STROKES = ((280000, 280000, 210000), *((440000, 440000, 170000),) * 4)
+JOINTS = (((-13, 45), (-30, 30), (82, 154)), *(((-45, 45), (-30, 30), (115, 175)),) * 4)  # q1 q2 q3, degrees
+TIPS = (((-51, 51), (45.5, 115.7), (13, 146.7)), *(((-51, 51), (2.6, 100), (0, 149.5)),) * 4)  # x y z, mm
+
+# What a hand reads that has been on for a while: all different, so that a swap is seen.
+READINGS = (
+    70110, 61220, 52330, 110440, 100550, 41660, 150770, 170880, 30990, 220115, 190225, 60335, 201445, 240555, 70665,
+)  # fmt: skip
+ORIGINS = (1010, 2020, 3030, 4040, 5050, 6060, 7070, 8080, 9090, 10110, 11120, 12130, 13140, 14150, 15160)
+RESTING = (3, -4, 5, -6, 7, -8, 9, -10, 11, -12, 13, -14, 15, -16, 17)  # zero errors of the current sensors
+HOLDING = ((12, -8, 30), *((5, -4, 11),) * 4)  # current that holds a position against the weight of the finger
+SENSOR = (0.02, -0.01, 0.35, 0.0004, -0.0002, 0.0001)  # Fx Fy Fz Tx Ty Tz before bias, thumb
+SENSOR_STEP = (0.003, -0.002, 0.04, 0.00005, -0.00003, 0.00002)  # more on each further finger
+
+LAG = 0.05  # s, first-order lag near the target
+RUNNING = 400.0  # per mille for one stroke a second
+HOMING = -200.0  # per mille: opens at half a stroke a second
+STUCK = 0.001  # share of the stroke: a motor held farther than this from its target pushes with all it may
+PRESS = 0.01  # force per per mille against an obstacle
+STARTS = ("used", "homed", "open", "cold")
+
+
+class Motor:
+    """One motor with its incremental encoder; `place` and `goal` are counts from the open stop, unrounded."""
+
+    __slots__ = ("ceiling", "dead", "drive", "goal", "holding", "jammed", "origin", "place", "rest", "stroke")
+
+    def __init__(self, number: int) -> None:
+        self.stroke = STROKES[number // 3][number % 3]
+        self.place = self.origin = 0.0
+        self.ceiling = float(self.stroke)  # an obstacle is lower
+        self.holding, self.rest = 0, 0
+        self.jammed = self.dead = False
+        self.release()
+
+    def release(self) -> None:
+        """Motor power off: the finger moves freely."""
+        self.drive, self.goal = "off", 0.0
+
+    def reading(self) -> int:
+        return round(self.place - self.origin)
+
+    def run(self, seconds: float, torque: int) -> None:
+        """Lets time pass; `torque` is the current limit, which limits the speed as well."""
+        fastest = self.stroke * torque / 1000.0  # counts a second
+        if self.drive == "off" or fastest == 0.0 or self.jammed or self.dead:
+            return
+        if self.drive == "current":
+            speed = min(abs(self.goal) / RUNNING * self.stroke, fastest)
+            wanted = self.place + math.copysign(speed * seconds, self.goal)
+        else:
+            wanted = self._approach(fastest, seconds)
+        self.place = min(max(wanted, 0.0), max(self.ceiling, 0.0))
+
+    def _approach(self, fastest: float, seconds: float) -> float:
+        """At full speed until the lag takes over; the last half count is made at once."""
+        way = abs(self.goal - self.place)
+        cruise = min(seconds, max(0.0, way / fastest - LAG))
+        way = (way - cruise * fastest) * math.exp(-(seconds - cruise) / LAG)
+        return self.goal if way < 0.5 else self.goal - math.copysign(way, self.goal - self.place)
+
+    def stalled(self) -> bool:
+        """Pushing against a stop, an obstacle or a jam."""
+        if self.drive == "off" or self.dead:
+            return False
+        way = self.goal if self.drive == "current" else self.goal - self.place
+        if abs(way) <= (0.0 if self.drive == "current" else STUCK * self.stroke):
+            return False
+        return self.jammed or (self.place >= self.ceiling if way > 0 else self.place <= 0.0)
+
+    def pull(self, torque: int) -> float:
+        """The current in force, never above the limit."""
+        if self.drive == "off" or self.dead:
+            return 0.0
+        if self.drive == "current":
+            wanted = self.goal
+        elif self.stalled():
+            wanted = math.copysign(1000.0, self.goal - self.place)
+        else:
+            speed = (self.goal - self.place) / (LAG * self.stroke)
+            wanted = RUNNING * max(-torque / 1000.0, min(torque / 1000.0, speed)) + self.holding
+        return max(-float(torque), min(float(torque), wanted))
+
+    def current(self, torque: int) -> int:
+        """What the current sensor reads."""
+        pull = self.pull(torque)
+        most = abs(self.rest) if self.drive == "off" or self.dead else torque
+        return round(max(-most, min(most, pull + self.rest)))
+
+
+class Hand:
+    """All five fingers, powered on."""
+
+    def __init__(self, start: str, random: Random, holding: bool, noise: bool, drift: int, coupling: str) -> None:
+        """`start` is one of STARTS; `drift` in thousandths of a force unit a minute; `coupling` is the law of q4."""
+        self.random = random
+        self.now = 0.0
+        self.motors = [Motor(number) for number in range(15)]
+        self.noise, self.drift, self.coupling = noise, drift / 60000.0, coupling
+        self.offsets = [
+            SENSOR[element] + (0 if start == "open" else finger) * SENSOR_STEP[element]
+            for finger in range(5)
+            for element in range(6)
+        ]
+        self.touch = [0.0] * 30
+        self.bias = [0.0] * 30
+        self.warm = 0.0  # s since power-on, for the drift
+        self.torque = 1000
+        self.homed = start in ("homed", "open")
+        self.faults = NOTHING
+        for number, motor in enumerate(self.motors):
+            motor.holding = HOLDING[number // 3][number % 3] if holding else 0
+            motor.rest = 0 if start == "open" else RESTING[number]
+            motor.origin = 0.0 if self.homed else float(ORIGINS[number])
+            motor.place = 0.0 if start == "open" else motor.origin + READINGS[number]
+        if start == "cold":
+            self.power_on()
+
+    def power_on(self) -> None:
+        """The encoders are incremental: they start at 0 wherever the fingers are."""
+        self.torque, self.homed, self.warm = 1000, False, 0.0
+        self.bias = [0.0] * 30
+        for motor in self.motors:
+            motor.release()
+            motor.origin = motor.place
+
+    def advance(self, now: float) -> None:
+        seconds, self.now = now - self.now, now
+        if seconds > 0.0:
+            self.warm += seconds
+            for motor in self.motors:
+                motor.run(seconds, self.torque)
+
+    # -- commands ------------------------------------------------------------------------------------------------------
+
+    def release(self) -> None:
+        for motor in self.motors:
+            motor.release()
+
+    def push(self, currents: list[float]) -> None:
+        """Current control, per mille, positive closes."""
+        for motor, current in zip(self.motors, currents, strict=True):
+            motor.drive, motor.goal = "current", current
+
+    def go(self, counts: list[float]) -> None:
+        """Position control on encoder values; the stops of the mechanics may keep a motor from its target."""
+        for motor, count in zip(self.motors, counts, strict=True):
+            motor.drive, motor.goal = "position", count + motor.origin
+
+    def zero(self) -> None:
+        """The place of this moment becomes the origin."""
+        self.homed = True
+        for motor in self.motors:
+            motor.origin = motor.place
+            motor.release()
+
+    def set_bias(self) -> None:
+        """The values of this moment become 0, a load included."""
+        self.bias = self._forces()
+
+    # -- readings ------------------------------------------------------------------------------------------------------
+
+    def encoders(self) -> list[int]:
+        return [motor.reading() for motor in self.motors]
+
+    def joints(self) -> list[float]:
+        """q1 q2 q3 q4 of each finger, degrees, from the encoders as the firmware has to."""
+        rows = []
+        for finger, (u, v, s) in enumerate(self._shares()):
+            (low1, high1), _, (low3, high3) = JOINTS[finger]
+            q3 = high3 - s * (high3 - low3)
+            q4 = {"same": q3, "half": 90.0 + q3 / 2.0, "zero": 0.0}[self.coupling]
+            rows += [low1 + u * (high1 - low1), 30.0 * v, q3, q4]
+        return rows
+
+    def tips(self) -> list[float]:
+        """x y z of each fingertip, mm, in the frame of the finger."""
+        rows = []
+        for finger, (u, v, s) in enumerate(self._shares()):
+            _, (low_y, high_y), (low_z, high_z) = TIPS[finger]
+            rows += [51.0 * v, low_y + u * (high_y - low_y), high_z - s * (high_z - low_z)]
+        return rows
+
+    def currents(self) -> list[int]:
+        jitter = [self.random.between(-1, 1) if self.noise else 0 for _ in self.motors]
+        return [motor.current(self.torque) + more for motor, more in zip(self.motors, jitter, strict=True)]
+
+    def sensors(self) -> list[float]:
+        values = [force - zero for force, zero in zip(self._forces(), self.bias, strict=True)]
+        if self.noise:
+            scale = (0.0001, 0.0001, 0.0001, 0.000001, 0.000001, 0.000001)
+            values = [value + self.random.between(-20, 20) * scale[at % 6] for at, value in enumerate(values)]
+        return values
+
+    def _forces(self) -> list[float]:
+        """Zero error, drift of the force channels, touch, and the pressure of a finger on an obstacle (Fz)."""
+        values = []
+        for place in range(30):
+            finger, element = divmod(place, 6)
+            value = self.offsets[place] + self.touch[place]
+            if element < 3:
+                value += self.drift * self.warm * (1.0 + 0.1 * place)
+            third = self.motors[3 * finger + 2]
+            if element == 2 and third.ceiling < third.stroke and third.stalled():
+                value += PRESS * max(0.0, third.pull(self.torque))
+            values.append(value)
+        return values
+
+    def _shares(self) -> list[tuple[float, float, float]]:
+        """(u, v, s) of each finger: m1 and m2 together bend (0..1), their difference spreads (-1..1), m3 curls (0..1)."""
+        rows = []
+        for finger in range(5):
+            m1, m2, m3 = (self.motors[3 * finger + place].reading() for place in range(3))
+            long, _, short = STROKES[finger]
+            rows.append(((m1 + m2) / (2 * long), (m1 - m2) / long, m3 / short))
+        return rows
+
+
+def from_joints(degrees: list[float]) -> list[float]:
+    """Encoder values for 20 joint angles; q4 is coupled and does not count."""
+    counts: list[float] = []
+    for finger in range(5):
+        q1, q2, q3, _ = degrees[4 * finger : 4 * finger + 4]
+        (low1, high1), _, (low3, high3) = JOINTS[finger]
+        counts += _motors(finger, (q1 - low1) / (high1 - low1), q2 / 30.0, (high3 - q3) / (high3 - low3))
+    return counts
+
+
+def from_tips(mm: list[float]) -> list[float]:
+    """Encoder values for 15 fingertip coordinates."""
+    counts: list[float] = []
+    for finger in range(5):
+        x, y, z = mm[3 * finger : 3 * finger + 3]
+        _, (low_y, high_y), (low_z, high_z) = TIPS[finger]
+        counts += _motors(finger, (y - low_y) / (high_y - low_y), x / 51.0, (high_z - z) / (high_z - low_z))
+    return counts
+
+
+def _motors(finger: int, u: float, v: float, s: float) -> tuple[float, float, float]:
+    long, _, short = STROKES[finger]
+    return long * (u + v / 2.0), long * (u - v / 2.0), short * s

@@ -1,0 +1,225 @@
+"""The JSON text of the simulated AIDIN-hand: objects out of the byte stream, feedback into it.
+
+Knows keys, lengths and spelling, nothing of the hand and nothing of time. The manual (TCP/IP communication information)
+says JSON, a buffer of 2048 bytes, and no more: no delimiter, no acknowledge. What else a server may do is an option.
+"""
+
+from __future__ import annotations
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from typing import Any
+
+    from handctl.sim.aidin.hand import Hand
+    from handctl.sim.engine.model import Options
+
+BLANKS = b" \t\r\n\0"
+RADIANS = 0.017453292519943295  # of one degree
+BETWEEN = {"newline": "\n", "none": "", "nul": "\0", "blank": " ", "crlf": "\r\n"}
+LAYOUTS = {"compact": (",", ":", ""), "blanks": (", ", ": ", ""), "indented": (",", ": ", "\n  ")}
+LONG_GARBAGE = 71680  # bytes without a closing brace
+
+TEXT_OPTIONS = {
+    "reader": "how the hand takes objects from the stream: tolerant (default), lines or nul (each must be followed by"
+    " that), naive (one read is one object, the rest is lost)",
+    "buffer": "longest object that the hand takes, 64..65536 bytes (default 2048)",
+    "between": "what follows each feedback object: newline (default), none, nul, blank, crlf",
+    "layout": "spelling of the feedback: compact (default), blanks, indented",
+    "digits": "decimals of the feedback: 6 (default; 3 for mm), 4, or 17 for full precision",
+    "integers": "1: encoders and currents are written as 12.0",
+    "objects": "feedback in one object (default) or a separate object for each of the 5 keys",
+}
+TEXT_FAULTS = {
+    "missing-key": "feedback has no current_state",
+    "extra-key": "feedback has keys that the manual does not know, strings and objects among them",
+    "wrong-length": "motor_pos has 14 values, task_space_pos 16",
+    "nan": "NaN in joint_pos of the index finger, Infinity in sensor_state",
+    "wrong-type": "current_state is null, motor_pos has a string, sensor_state is a number",
+    "not-json": "text instead of feedback",
+    "braces": "arrays in braces, as the manual prints them",
+    "unclosed": "70 KiB without a closing brace before each feedback object",
+    "degrees": "joint_pos is in degrees",
+    "swapped": "index and middle finger are swapped in all feedback",
+    "stuck": "the encoder of the index finger's motor 2 does not change",
+    "frozen": "feedback does not change at all",
+}
+
+
+class Reader:
+    """Takes JSON objects out of a byte stream. Never raises; what is no object is dropped and counted."""
+
+    def __init__(self, options: Options) -> None:
+        import json  # here, so that a command that needs no simulator does not pay for it
+
+        self._loads: Callable[[str], Any] = json.loads
+        self._style = options.choice("reader", "tolerant", ("tolerant", "lines", "nul", "naive"))
+        self._longest = options.whole("buffer", 2048, 64, 65536)
+        self.dropped = 0
+        self.forget()
+
+    def forget(self) -> None:
+        """Unfinished input is gone."""
+        self._text = bytearray()
+        self._depth = 0
+        self._quoted = self._escaped = False
+
+    @property
+    def waiting(self) -> bool:
+        return bool(self._text)
+
+    def feed(self, data: bytes) -> list[dict[str, Any]]:
+        if self._style == "naive":
+            reads = [data[at : at + self._longest] for at in range(0, len(data), self._longest)]
+            found = [self._parse(read.partition(b"\0")[0]) for read in reads]
+        elif self._style == "tolerant":
+            found = [self._step(byte) for byte in data]
+        else:
+            found = [self._split(byte, 10 if self._style == "lines" else 0) for byte in data]
+        return [one for one in found if one is not None]
+
+    def _step(self, byte: int) -> dict[str, Any] | None:
+        """One byte more: braces are counted outside strings, so an object may be cut anywhere."""
+        if not self._depth:
+            if byte != 123:
+                self.dropped += byte not in BLANKS
+                return None
+            self._depth = 1
+            self._text.append(byte)
+            return None
+        self._text.append(byte)
+        if self._escaped:
+            self._escaped = False
+        elif self._quoted:
+            self._escaped = byte == 92
+            self._quoted = byte != 34
+        elif byte == 34:
+            self._quoted = True
+        elif byte in b"{}":
+            self._depth += 1 if byte == 123 else -1
+            if not self._depth:
+                return self._finish()
+        if len(self._text) > self._longest:
+            self.dropped += 1
+            self.forget()
+        return None
+
+    def _split(self, byte: int, end: int) -> dict[str, Any] | None:
+        if byte != end:
+            if len(self._text) <= self._longest:  # one more than fits marks the line as too long
+                self._text.append(byte)
+            return None
+        if self._text.strip(BLANKS):
+            return self._finish()
+        self.forget()
+        return None
+
+    def _finish(self) -> dict[str, Any] | None:
+        text = bytes(self._text)
+        self.forget()
+        if len(text) <= self._longest:
+            return self._parse(text.strip(BLANKS))
+        self.dropped += 1
+        return None
+
+    def _parse(self, text: bytes) -> dict[str, Any] | None:
+        try:
+            value = self._loads(text.decode("utf-8"))
+        except (ValueError, RecursionError):
+            value = None
+        if not isinstance(value, dict):
+            self.dropped += 1
+            return None
+        return value
+
+
+class Writer:
+    """Spells the feedback of a hand."""
+
+    def __init__(self, options: Options) -> None:
+        self._comma, self._colon, self._indent = LAYOUTS[options.choice("layout", "compact", tuple(LAYOUTS))]
+        self._end = BETWEEN[options.choice("between", "newline", tuple(BETWEEN))]
+        self._digits = int(options.choice("digits", "6", ("4", "6", "17")))
+        self._point = ".0" if options.choice("integers", "0", ("0", "1")) == "1" else ""
+        self._separate = options.choice("objects", "one", ("one", "separate")) == "separate"
+        self.restart()
+
+    def restart(self) -> None:
+        """What the faults "stuck" and "frozen" remember is taken anew."""
+        self._stuck: str | None = None
+        self._frozen = b""
+
+    def feedback(self, hand: Hand, hits: frozenset[str]) -> bytes:
+        """All five keys at this moment, spoiled as `hits` wants."""
+        if "frozen" in hits and self._frozen:
+            return self._frozen
+        if "not-json" in hits:
+            return b"AIDIN-hand: sensor bus timeout, retrying" + self._end.encode()
+        rows = self._rows(hand, "degrees" in hits)
+        self._stuck = self._stuck or rows["motor_pos"][4]
+        if hits & TEXT_FAULTS.keys():
+            self._misread(rows, hits)
+        opening, closing = ("{", "}") if "braces" in hits else ("[", "]")
+        texts = {key: opening + self._comma.join(row) + closing for key, row in rows.items()}
+        if hits & TEXT_FAULTS.keys():
+            _mistype(texts, hits)
+        pairs = [f'"{key}"{self._colon}{text}' for key, text in texts.items()]
+        groups = [[pair] for pair in pairs] if self._separate else [pairs]
+        text = "".join(self._object(group) for group in groups)
+        if "unclosed" in hits:
+            text = '{"motor_pos":[' + "0," * (LONG_GARBAGE // 2) + text
+        self._frozen = text.encode()
+        return self._frozen
+
+    def _object(self, pairs: list[str]) -> str:
+        joint = "," + (self._indent or self._comma[1:])
+        return "{" + self._indent + joint.join(pairs) + ("\n" if self._indent else "") + "}" + self._end
+
+    def _rows(self, hand: Hand, degrees: bool) -> dict[str, list[str]]:
+        scale = 1.0 if degrees else RADIANS
+        long = min(self._digits, 3) if self._digits < 17 else 17
+        return {
+            "motor_pos": [f"{count}{self._point}" for count in hand.encoders()],
+            "joint_pos": [_number(angle * scale, self._digits) for angle in hand.joints()],
+            "task_space_pos": [_number(place, long) for place in hand.tips()],
+            "current_state": [f"{current}{self._point}" for current in hand.currents()],
+            "sensor_state": [_number(force, self._digits) for force in hand.sensors()],
+        }
+
+    def _misread(self, rows: dict[str, list[str]], hits: frozenset[str]) -> None:
+        """Values in the wrong place or no values at all."""
+        if "stuck" in hits and self._stuck is not None:
+            rows["motor_pos"][4] = self._stuck
+        if "swapped" in hits:
+            for row in rows.values():
+                size = len(row) // 5
+                row[size : 2 * size], row[2 * size : 3 * size] = row[2 * size : 3 * size], row[size : 2 * size]
+        if "nan" in hits:
+            rows["joint_pos"][5] = "NaN"
+            rows["sensor_state"][8] = "Infinity"
+        if "wrong-type" in hits:
+            rows["motor_pos"][7] = '"open"'
+        if "wrong-length" in hits:
+            rows["motor_pos"].pop()
+            rows["task_space_pos"].append("0.0")
+
+
+def _mistype(texts: dict[str, str], hits: frozenset[str]) -> None:
+    """Keys that are missing, strange or of another type."""
+    if "missing-key" in hits:
+        del texts["current_state"]
+    elif "wrong-type" in hits:
+        texts["current_state"] = "null"
+    if "wrong-type" in hits:
+        texts["sensor_state"] = "0.5"
+    if "extra-key" in hits:
+        texts["battery"] = "87"
+        texts["status"] = '{"text":"a } and a \\" in a string","list":[1,{}]}'
+
+
+def _number(value: float, digits: int) -> str:
+    """With a decimal point or an exponent, and no minus before zero."""
+    if digits == 17:
+        text = f"{value + 0.0:.17g}"
+        return text if set(text) & set(".e") else text + ".0"
+    return repr(round(value, digits) + 0.0)

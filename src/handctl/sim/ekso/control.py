@@ -1,0 +1,158 @@
+"""Control commands and the state of the simulated EksoNR. Loaded only when one of them is used."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from handctl.sim.ekso import tables
+from handctl.sim.ekso.body import POSTURES
+from handctl.sim.ekso.clock import WRAP
+from handctl.sim.ekso.device import Device
+from handctl.sim.engine.model import NOTHING
+
+HELP = (
+    f"posture | posture NAME ({', '.join(POSTURES)}) | rise | sit | walk on|off | pose PITCH HIP KNEE | set NAME|ID RAW |"
+    " get NAME|ID | data WORD [RAW] | state HEX | live | reboot | boot [MS] | rtc [YYYY-MM-DDTHH:MM:SS] | unsolicited |"
+    " counts (pose, data and state hold until live or a movement)"
+)
+BODY = (("place", 0.0, 2.0), ("direction", -1, 1), ("walking", 0, 1), ("clock", 0.0, 1e12))
+
+
+def command(device: Device, words: list[str]) -> str:
+    """One control command (see HELP); returns one line, raises ValueError."""
+    match words:
+        case ["help"]:
+            return HELP
+        case ["posture"]:
+            return f"posture {device.body.posture} state {device.data_words(NOTHING)[18]:04X}"
+        case ["counts"]:
+            return f"set {device.sets} cancel {device.cancels} violations {device.violations}"
+        case ["get", name]:
+            return f"{device.settings[tables.place_of(name)]}"
+        case ["data", word]:
+            return f"{device.data_words(NOTHING)[_whole(word, 0, tables.DATA_COUNT - 1)]}"
+        case ["boot"]:
+            return f"boot {device.boot_ms()}"
+        case ["rtc"]:
+            return f"rtc {device.calendar.text(device.now)}"
+        case _:
+            _change(device, words)
+    device.dirty = True
+    return " ".join(words)
+
+
+def _change(device: Device, words: list[str]) -> None:
+    match words:
+        case ["posture" | "rise" | "sit" | "walk" | "live", *_]:
+            _move(device, words)
+        case ["pose", *numbers] if len(numbers) == 3:
+            pitch, hip, knee = (_degrees(text) for text in numbers)
+            device.body.frozen = (pitch, 0.0, hip, knee, hip, knee)
+        case ["set", name, raw]:
+            device.settings[tables.place_of(name)] = _word(raw)
+        case ["data", word, raw]:
+            device.pinned[_whole(word, 0, tables.DATA_COUNT - 1)] = _word(raw)
+        case ["state", digits] if len(digits) == 4:
+            device.pinned[18] = _hex(digits)
+        case ["reboot"]:
+            device.reboot()
+        case ["boot", number]:
+            device.boot_time.restart(_whole(number, 0, WRAP - 1), device.now)
+        case ["rtc", text]:
+            device.calendar.set(text, device.now)
+        case ["unsolicited"]:
+            device.send_event(NOTHING)
+        case _:
+            raise ValueError(f"unknown command {' '.join(words)!r}; known: {HELP}")
+
+
+def _move(device: Device, words: list[str]) -> None:
+    body = device.body
+    match words:
+        case ["posture", name] if name in POSTURES:
+            body.pose(name)
+        case ["rise"]:
+            body.move(1)
+        case ["sit"]:
+            body.move(-1)
+        case ["walk", "off"]:
+            body.walk(False)
+        case ["walk", "on"]:
+            if body.posture not in ("standing", "walking"):
+                raise ValueError(f"walking starts from standing, it is {body.posture}")
+            body.walk(True)
+        case ["live"]:
+            pass
+        case _:
+            raise ValueError(f"unknown command {' '.join(words)!r}; known: {HELP}")
+    device.thaw()
+
+
+def snapshot(device: Device) -> dict[str, Any]:
+    """Settings, counters, clocks and posture as they are; what control commands pinned is left out."""
+    body = device.body
+    return {
+        "settings": list(device.settings),
+        "feedback": list(device.feedback),
+        "boot_ms": device.boot_ms(),
+        "rtc": device.calendar.text(device.now),
+        "body": {name: float(getattr(body, name)) for name, _, _ in BODY},
+    }
+
+
+def restore(device: Device, state: dict[str, Any]) -> None:
+    """All or nothing: everything is read and checked before anything is used."""
+    settings = _row(state["settings"], tables.SETTING_COUNT)
+    feedback = _row(state["feedback"], len(tables.FEEDBACK))
+    boot_ms = state["boot_ms"]
+    if boot_ms not in range(WRAP):
+        raise ValueError(f"boot_ms {boot_ms!r} is not a number of two words")
+    values = {name: state["body"][name] for name, _, _ in BODY}
+    for name, low, high in BODY:
+        if not low <= values[name] <= high:
+            raise ValueError(f"{name} {values[name]!r} is out of range {low:g} to {high:g}")
+    if values["walking"] and values["place"] != 2.0:
+        raise ValueError("walking, but not upright")
+    device.calendar.set(state["rtc"], device.now)
+    device.settings, device.feedback = settings, feedback
+    device.boot_time.restart(boot_ms, device.now)
+    body = device.body
+    body.place, body.clock = float(values["place"]), float(values["clock"])
+    body.direction = int(values["direction"])
+    body.walk(bool(values["walking"]))
+
+
+def _row(words: Any, count: int) -> list[int]:
+    if len(words) != count or not all(isinstance(word, int) and 0 <= word <= 65535 for word in words):
+        raise ValueError(f"{words!r} are not {count} words")
+    return list(words)
+
+
+def _whole(text: str, low: int, high: int) -> int:
+    if not (text.isascii() and text.isdigit() and len(text) <= 10 and low <= int(text) <= high):
+        raise ValueError(f"{text!r} is not a whole number from {low} to {high}")
+    return int(text)
+
+
+def _word(text: str) -> int:
+    """A word; negative numbers are taken as two's complement."""
+    if text.startswith("-"):
+        return 65536 - _whole(text[1:], 1, 32768)
+    return _whole(text, 0, 65535)
+
+
+def _hex(digits: str) -> int:
+    try:
+        return int.from_bytes(bytes.fromhex(digits), "big")
+    except ValueError:
+        raise ValueError(f"{digits!r} is not a word in hex") from None
+
+
+def _degrees(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        raise ValueError(f"{text!r} is not an angle in degrees") from None
+    if not -180.0 <= value <= 180.0:
+        raise ValueError(f"{text!r} is not an angle from -180 to 180 degrees")
+    return value

@@ -1,0 +1,1 @@
+"""What every simulated device stands on: the line, its faults, time, the control socket, the servers."""

@@ -1,0 +1,319 @@
+"""The cable of a simulated device: transmission time, line faults, the client's serial speed.
+
+Generic: knows bytes, replies and time, no protocol. Both directions are independent (full duplex), one byte is 10 bits
+(start, 8 data, stop; exo §2.1). Nothing here sleeps: the driver calls `advance(now)`, then `feed` and `take`, and asks
+`next_event` how long it may sleep.
+"""
+
+from __future__ import annotations
+
+from handctl.sim.engine.cable import Cable
+from handctl.sim.engine.model import NOTHING, Model, Reply
+
+LINE_OPTIONS: dict[str, str] = {
+    "seed": "start of the random generator, 0..4294967295 (default 0)",
+    "fault": "faults and states, separated by commas",
+    "after": "the first N requests are healthy (default 0)",
+    "every": "of the later requests only each N-th is hit (default 1)",
+    "wire": "transmission time of 10 bits a byte at this speed, or 'auto' for the device's own (default: none)",
+    "turnaround": "seconds from the last bit of a request to the first of its reply (default 0)",
+    "late": "seconds that the fault 'late' adds (default 0.6)",
+    "state": "file that keeps memory, flash and positions from one run to the next",
+    "power-cycle": "1: power cycle after the state file was loaded",
+    "clock": "used by the in-process link, ignored here",
+}
+LINE_FAULTS: dict[str, str] = {
+    "healthy": "no fault",
+    "silent": "the reply is lost, the request is carried out",
+    "deaf": "the request is lost, nothing is carried out",
+    "noise": "junk bytes before and after each reply; garbage in answer to a wrong speed",
+    "garble": "garbage in answer to a wrong speed, nothing else",
+    "truncate": "the reply is cut short",
+    "dribble": "the reply comes byte by byte, 3 ms apart",
+    "split": "the reply comes in random pieces with small gaps",
+    "bad-checksum": "the check value of the reply does not fit",
+    "wrong-id": "the reply is valid but carries another id",
+    "twin-id": "a second device with the same id answers at the same time (wired AND of both replies)",
+    "echo": "every byte received comes back first",
+    "loopback": "only the echo, no device",
+    "duplicate": "the reply comes twice",
+    "stale": "the reply to the previous request comes first",
+    "late": "the reply comes late (see the option late)",
+    "slow": "turnaround 20 ms longer",
+    "disconnect": "the line hangs up in the middle of the reply",
+    "refuse": "writes are refused, reads are healthy",
+}
+TICK = 0.002  # s of wire time after which a long frame is handed over in part
+DRIBBLE = 0.003  # s per byte
+SLOW = 0.020  # s
+BACKLOG = 65536  # bytes on the wire to the device that are kept; a client cannot make the simulator grow
+
+
+class _Segment:
+    """Bytes on the wire: byte k is complete at start + (k + 1) * step (at start when step is 0). `put` are those that were
+    sent at `speed`; `data` is what is heard of them."""
+
+    __slots__ = ("data", "hang", "put", "sent", "speed", "start", "step")
+
+    def __init__(
+        self, start: float, step: float, data: bytes, hang: bool = False, put: bytes = b"", speed: int | None = None
+    ) -> None:
+        self.start = start
+        self.step = step
+        self.data = data
+        self.sent = 0
+        self.hang = hang
+        self.put = put
+        self.speed = speed
+
+    def end_of(self, count: int) -> float:
+        return self.start + self.step * count
+
+    def complete(self, now: float) -> int:
+        """How many bytes are complete; a millionth of a byte of rounding is forgiven."""
+        if self.step == 0.0:
+            return len(self.data) if now >= self.start else 0
+        return max(0, min(len(self.data), int((now - self.start) / self.step + 0.000001)))
+
+    def next_event(self) -> float:
+        if self.step == 0.0:
+            return self.start
+        return self.end_of(min(len(self.data), self.sent + max(1, int(TICK / self.step))))
+
+
+class Line(Cable):
+    """A simulated device as a client sees it: a cable end that takes and gives bytes."""
+
+    def __init__(self, model: type[Model], raw: dict[str, str]) -> None:
+        super().__init__(model, raw, LINE_OPTIONS, LINE_FAULTS)
+        self._wire = 0 if self._options.text("wire") == "auto" else self._options.whole("wire", -1, 50, 20000000)
+        self._client_baud: int | None = None
+        self._rx: list[_Segment] = []
+        self._rx_free = 0.0
+        self._out: list[tuple[float, int, list[tuple[float, float, bytes]], bool, int | None, int | None]] = []
+        self._count = 0  # keeps replies of one due time in order
+        self._tx: list[_Segment] = []
+        self._tx_free = 0.0
+        self._previous = b""
+
+    def reconnect(self) -> None:
+        super().reconnect()
+        self.device.reconnected()
+
+    @property
+    def client_baud(self) -> int | None:
+        """The speed at which the client hears and speaks; None: any. What is on its way when it changes is heard anew."""
+        return self._client_baud
+
+    @client_baud.setter
+    def client_baud(self, baud: int | None) -> None:
+        if baud == self._client_baud:
+            return
+        self._client_baud = baud
+        for segment in self._tx:
+            done = segment.complete(self._present())
+            if done < len(segment.data) and segment.speed is not None and baud is not None:
+                rest = segment.put[len(segment.put) * done // len(segment.data) :]
+                segment.data = segment.data[:done] + self._heard(rest, segment.speed, baud)
+
+    # -- time and bytes -------------------------------------------------------------------------------------------
+
+    def advance(self, now: float) -> None:
+        """Moves time on; the first call is the moment of power-on. A time before the last one is taken as the last."""
+        if self._now is None:
+            self._now = now
+            self.device.boot(now)
+            return
+        self._now = max(now, self._now)
+        self._listen()
+        self.device.advance(self._now)
+        self._collect()
+
+    def feed(self, data: bytes) -> None:
+        """Bytes that the client writes at the present time."""
+        if self._now is None:
+            self.advance(0.0)
+        now = self._present()
+        if self.hung_up or not data:
+            return
+        step = self._step(self.client_baud)
+        start = max(now, self._rx_free) if step else now
+        incoming = _Segment(start, step, bytes(data))
+        upcoming = self._hits(self.requests + 1)
+        if "echo" in upcoming or "loopback" in upcoming:
+            self._tx.append(_Segment(max(start, self._tx_free), step, incoming.data))
+            self._tx_free = self._tx[-1].end_of(len(data))
+        if "loopback" in upcoming or not self.device.powered:
+            return
+        end = incoming.end_of(len(data))
+        heard = None
+        if self.client_baud is not None and self.device.speed not in (None, self.client_baud):
+            heard = self.device.mishear(incoming.data, self.client_baud, self.device.speed or 0)
+        if heard is not None:
+            incoming.data = heard
+            incoming.step *= len(data) / max(1, len(heard))  # the same time on the wire, whatever is made of it
+            self._rx_free = end
+            if not heard:
+                return
+        elif self.client_baud is not None and self.device.speed not in (None, self.client_baud):
+            # At a wrong speed a UART sees framing errors: the device never finds a header, so it is silent.
+            if "noise" in upcoming or "garble" in upcoming:
+                self._send(end, self._random.junk(self._random.between(3, 12), self.device.HEADER), NOTHING)
+                self._dispatch(now)
+            return
+        if sum(len(segment.data) - segment.sent for segment in self._rx) + len(data) > BACKLOG:
+            return
+        self._rx.append(incoming)
+        self._rx_free = end
+        self._listen()
+        self._collect()
+
+    def take(self) -> bytes:
+        """Bytes that have fully arrived at the client by now."""
+        now = self._present()
+        out = bytearray()
+        while self._tx and not self.hung_up:
+            segment = self._tx[0]
+            done = segment.complete(now)
+            out += segment.data[segment.sent : done]
+            segment.sent = done
+            if done < len(segment.data):
+                break
+            del self._tx[0]
+            if segment.hang:
+                self.hung_up = True
+                self._drop()
+        return bytes(out)
+
+    def next_event(self) -> float | None:
+        """The earliest time at which `take` may return something or the device acts; None: nothing is scheduled."""
+        times = []
+        if self._tx:
+            times.append(self._tx[0].next_event())
+        if self._out:
+            times.append(self._out[0][0])
+        if self._rx:
+            times.append(self._hearing()[1])
+        event = self.device.next_event() if self.device.powered else None
+        if event is not None:
+            times.append(event)
+        return min(times) if times else None
+
+    # -- inside -----------------------------------------------------------------------------------------------------
+
+    def _step(self, sender: int | None = None) -> float:
+        """Seconds per byte on the wire; with wire=auto at the speed of the sender, the device when it is not told."""
+        speed = (sender or self.device.speed or 0) if self._wire == 0 else self._wire
+        return 10.0 / speed if speed > 0 else 0.0
+
+    def _hearing(self) -> tuple[int, float]:
+        """Of the bytes on their way to the device: how many to hand over next, and when the last of them is in."""
+        pending = b"".join(segment.data[segment.sent :] for segment in self._rx)
+        wanted = self.device.due(pending) or len(pending)
+        first = self._rx[0]
+        if not first.step:
+            return wanted, first.start
+        # At most 20 ms of wire time at once, or the device would take a long frame on a slow line for a pause.
+        count = min(wanted, len(first.data) - first.sent, max(1, int(0.020 / first.step)))
+        return count, first.end_of(first.sent + count)
+
+    def _listen(self) -> None:
+        """Hands the bytes that reached the device over, each request at the time of its last bit."""
+        now = self._present()
+        while self._rx:
+            count, when = self._hearing()
+            if when > now + 0.000000001:
+                return
+            data = b""
+            while len(data) < count:
+                segment = self._rx[0]
+                part = segment.data[segment.sent : segment.sent + count - len(data)]
+                data += part
+                segment.sent += len(part)
+                if segment.sent == len(segment.data):
+                    del self._rx[0]
+            self.device.advance(max(self.device.now, when))
+            self.device.feed(data)
+            self._collect()
+
+    def _collect(self) -> None:
+        """Takes the replies of the device and puts those that are due on the wire."""
+        for reply in sorted(self.device.take(), key=lambda reply: reply.due):
+            self._transmit(reply)
+        self._dispatch(self._present())
+        self._persist()
+
+    def _transmit(self, reply: Reply) -> None:
+        """Applies the faults of the line to one reply."""
+        hits, frame = reply.hits, reply.data
+        previous, self._previous = self._previous, frame
+        if "silent" in hits:
+            return
+        if "twin-id" in hits:
+            frame = bytes(one & other for one, other in zip(frame, self.device.twin(frame), strict=True))
+        if "wrong-id" in hits:
+            frame = self.device.readdress(frame)
+        if "bad-checksum" in hits:
+            frame = self.device.spoil(frame)
+        if "truncate" in hits:
+            frame = frame[: self._random.between(1, len(frame) - 1)] if len(frame) > 1 else b""
+        if "duplicate" in hits:
+            frame += frame
+        if "stale" in hits:
+            frame = previous + frame
+        if "noise" in hits:
+            before = self._random.junk(self._random.between(1, 6), self.device.HEADER)
+            frame = before + frame + self._random.junk(self._random.between(1, 6), self.device.HEADER)
+        due = reply.due + self._turnaround
+        if "slow" in hits:
+            due += SLOW
+        if "late" in hits:
+            due += self._late
+        self._send(due, frame, hits)
+
+    def _send(self, due: float, data: bytes, hits: frozenset[str]) -> None:
+        """Queues bytes as (gap before, seconds per byte, bytes) pieces."""
+        step = self._step()
+        hang = "disconnect" in hits
+        if hang:
+            data = data[: len(data) // 2]
+        pieces = [(0.0, step, data)]
+        if "dribble" in hits:
+            pieces = [(0.0, max(step, DRIBBLE), data)]
+        elif "split" in hits:
+            pieces = []
+            while data:
+                count = self._random.between(1, max(1, len(data) // 2))
+                pieces.append((self._random.between(0, 8) / 1000.0 if pieces else 0.0, step, data[:count]))
+                data = data[count:]
+        self._count += 1
+        self._out.append((due, self._count, pieces, hang, self.device.speed, self.client_baud))
+        self._out.sort(key=lambda entry: entry[:2])
+
+    def _dispatch(self, now: float) -> None:
+        while self._out and self._out[0][0] <= now + 0.000000001:
+            due, _, pieces, hang, speed, listener = self._out.pop(0)
+            start = max(due, self._tx_free)
+            for gap, step, sent in pieces:
+                start += gap
+                data = sent
+                if speed is not None and self.client_baud is not None and listener != self.client_baud:
+                    data = self._heard(sent, speed, self.client_baud)
+                elif speed is not None and self.client_baud not in (None, speed):
+                    heard = self.device.mishear(sent, speed, self.client_baud or 0)
+                    data = sent if heard is None else heard
+                self._tx.append(_Segment(start, step, data, put=sent, speed=speed))
+                start += step * len(data)
+            self._tx_free = start
+            if hang:
+                self._tx.append(_Segment(start, 0.0, b"", hang=True))
+
+    def _heard(self, data: bytes, speed: int, baud: int) -> bytes:
+        """What a client makes of bytes that were sent at `speed` when it has just changed to `baud`."""
+        return data if speed == baud else self.device.mishear(data, speed, baud) or b""
+
+    def _drop(self) -> None:
+        self._rx.clear()
+        self._tx.clear()
+        self._out.clear()
+        self._rx_free = self._tx_free = 0.0

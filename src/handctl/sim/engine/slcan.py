@@ -1,0 +1,211 @@
+"""A simulated slcan adapter: the ASCII protocol of Lawicel between a client's byte link and a `CanLine`.
+
+    command CR          answer CR, or BEL when it cannot be done
+    tiiildd.. riiil     standard frame, remote frame         z CR when it was acknowledged on the bus
+    Tiiiiiiiildd.. Riiiiiiiil    the same, extended          Z CR
+    O L C  Sn sxxyy  Zn  Mxxxxxxxx mxxxxxxxx  V v N F        channel, bitrate, timestamps, filter, versions, status
+
+Behaves as a `Line` towards a server: advance, feed, take, next_event. A frame that nobody acknowledged (wrong bitrate,
+no power, bus off) is answered with BEL and shows in the status flags; adapters that only queue a frame say Z all the same.
+"""
+
+from __future__ import annotations
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from handctl.sim.engine.canline import CanLine
+
+OK, ERROR = b"\r", b"\x07"
+BITRATES = (10000, 20000, 50000, 100000, 125000, 250000, 500000, 800000, 1000000, 83300)  # S0 to S8; S9 of some
+CLOCK = 8000000  # Hz, of the bit timing registers
+VERSION, FIRMWARE, SERIAL_NUMBER = b"V1013", b"v0100", b"NSIM1"
+WARNING, PASSIVE, BUS_ERROR = 4, 32, 128  # status flags
+LONGEST = 64  # bytes of a command that are kept; no command is longer than 27
+
+
+class Adapter:
+    """The adapter with the bus and the device behind it; the client's serial speed does not matter to it."""
+
+    def __init__(self, line: CanLine) -> None:
+        self.line = line
+        self.device = line.device
+        self.client_baud: int | None = None
+        self._command = bytearray()
+        self._out = bytearray()
+        self._now = 0.0
+        self._started: float | None = None
+        self._reset()
+
+    def _reset(self) -> None:
+        self._command.clear()
+        self._out.clear()
+        self._open = self._listening = self._stamped = False
+        # A client that opens without a bitrate gets that of the manual (wrist §2.3); a real adapter may refuse.
+        self._bitrate = 1000000
+        self._code, self._mask = 0, 4294967295
+        self._flags = 0
+
+    # -- as a line ------------------------------------------------------------------------------------------------
+
+    @property
+    def hung_up(self) -> bool:
+        return self.line.hung_up
+
+    def advance(self, now: float) -> None:
+        self._now = max(now, self._now)
+        if self._started is None:
+            self._started = now
+        self.line.advance(now)
+        self._collect()
+
+    def feed(self, data: bytes) -> None:
+        """Bytes that the client writes at the present time."""
+        for byte in b"" if self.hung_up else data:
+            if byte == 13:
+                self._out += self._do(bytes(self._command))
+                self._command.clear()
+                self._collect()
+            elif byte != 10 and len(self._command) < LONGEST:  # a line feed behind the CR is forgiven
+                self._command.append(byte)
+
+    def take(self) -> bytes:
+        """What the client may read by now."""
+        self._collect()
+        out = bytes(self._out)
+        self._out.clear()
+        return out
+
+    def next_event(self) -> float | None:
+        return self._now if self._out else self.line.next_event()
+
+    def reconnect(self) -> None:
+        """A new client finds the channel closed."""
+        self.line.reconnect()
+        self._reset()
+
+    def power_cycle(self) -> None:
+        self.line.power_cycle()
+
+    def command(self, text: str) -> str:
+        return self.line.command(text)
+
+    def close(self) -> None:
+        self.line.close()
+
+    # -- frames to the client ---------------------------------------------------------------------------------------
+
+    def _collect(self) -> None:
+        """Turns the frames that have arrived into text; without an open channel they are lost."""
+        for identifier, data in self.line.take_frames():
+            if not self._open or not self._passes(identifier):
+                continue
+            self._out += b"T%08X%d" % (identifier, len(data)) + data.hex().upper().encode()
+            if self._stamped:
+                self._out += b"%04X" % (int((self._now - (self._started or 0.0)) * 1000 + 0.001) % 60000)
+            self._out += OK
+
+    def _passes(self, identifier: int) -> bool:
+        """The acceptance filter: two filters over the upper 16 of 29 bits, a 1 in the mask means any."""
+        upper = identifier >> 13
+        return any(
+            not (upper ^ (self._code >> shift)) & ~(self._mask >> shift) & 65535 for shift in (16, 0)
+        )  # AC0 AC1 first, then AC2 AC3
+
+    # -- commands -----------------------------------------------------------------------------------------------------
+
+    def _do(self, command: bytes) -> bytes:
+        """The answer to one command, without its CR."""
+        name, rest = command[:1], command[1:]
+        if not command:
+            return OK
+        if name in b"tTrR":
+            return self._send(name, rest)
+        if not rest:
+            match name:
+                case b"O" | b"L":
+                    return self._open_channel(listening=name == b"L")
+                case b"C":
+                    return self._close_channel()
+                case b"V":
+                    return VERSION + OK
+                case b"v":
+                    return FIRMWARE + OK
+                case b"N":
+                    return SERIAL_NUMBER + OK
+                case b"F" if self._open:
+                    return self._status()
+            return ERROR
+        return OK if not self._open and self._set_up(name, rest) else ERROR
+
+    def _open_channel(self, listening: bool) -> bytes:
+        if self._open:
+            return ERROR
+        self._open, self._listening = True, listening
+        self._flags = 0
+        self.line.reconnect()  # the controller starts anew: bus off is over
+        self.line.client_bitrate = self._bitrate
+        return OK
+
+    def _close_channel(self) -> bytes:
+        if not self._open:
+            return ERROR
+        self._open = False
+        return OK
+
+    def _status(self) -> bytes:
+        """Two hex digits; reading clears the flags."""
+        flags, self._flags = self._flags, 0
+        if self.line.bus_errors:
+            flags |= BUS_ERROR
+            self.line.bus_errors = 0
+        return b"F%02X" % flags + OK
+
+    def _set_up(self, name: bytes, rest: bytes) -> bool:
+        """A setting, possible only while the channel is closed; whether it is a good one."""
+        match name:
+            case b"S" if rest in (b"0", b"1", b"2", b"3", b"4", b"5", b"6", b"7", b"8", b"9"):
+                self._bitrate = BITRATES[int(rest)]
+            case b"s" if (timing := _hex(rest, 4)) is not None:
+                # BTR0: jump width, prescaler; BTR1: samples, segment 2, segment 1; one bit has 1 + segments quanta.
+                quanta = 3 + timing % 16 + timing // 16 % 8
+                self._bitrate = CLOCK // ((1 + timing // 256 % 64) * quanta)
+            case b"Z" if rest in (b"0", b"1"):
+                self._stamped = rest == b"1"
+            case b"M" if (code := _hex(rest, 8)) is not None:
+                self._code = code
+            case b"m" if (mask := _hex(rest, 8)) is not None:
+                self._mask = mask
+            case _:
+                return False
+        return True
+
+    def _send(self, name: bytes, rest: bytes) -> bytes:
+        """t, T, r, R: one frame on the bus."""
+        extended, remote = name in b"TR", name in b"rR"
+        digits = 8 if extended else 3
+        identifier, count, body = _hex(rest[:digits], digits), rest[digits : digits + 1], rest[digits + 1 :]
+        if identifier is None or identifier >= (536870912 if extended else 2048) or count not in _COUNTS:
+            return ERROR
+        size = 0 if remote else int(count)
+        if len(body) != 2 * size or (size and _hex(body, 2 * size) is None) or not self._open or self._listening:
+            return ERROR
+        self.line.feed_frame(identifier, bytes.fromhex(body.decode("ascii")), extended, remote)
+        if not self.line.acknowledged:
+            self._flags |= WARNING + PASSIVE + BUS_ERROR
+            return ERROR
+        return (b"Z" if extended else b"z") + OK
+
+
+_COUNTS = frozenset(b"%d" % count for count in range(9))
+
+
+def _hex(text: bytes, digits: int) -> int | None:
+    """Exactly so many hex digits, or None."""
+    if len(text) != digits or not all(byte in b"0123456789abcdefABCDEF" for byte in text):
+        return None
+    return int(text, 16)
+
+
+def link(address: str) -> str:
+    """The LINK of a server at /dev/pts/7 or tcp://127.0.0.1:41234, for --port."""
+    return "can:slcan:" + address.replace("tcp://", "socket://", 1)

@@ -1,0 +1,1 @@
+"""The simulated EH55BF1 exoskeleton hand."""

@@ -1,0 +1,218 @@
+"""A simulated Inspire wrist module and the hand that carries it, without its wire (wrist §2.1, RH56 §2.4).
+
+Both address spaces, flash, power and error states, the same behind the serial line (wrist.py) and behind CAN
+(wrist_can.py). Where the manual is silent the behaviour is invented and the comment says so; nothing seen here is
+evidence about a real wrist.
+"""
+
+from __future__ import annotations
+
+import struct
+
+from handctl.sim.engine.model import Model, Options, Random
+from handctl.sim.inspire.wrist.body import PITCH, YAW, Body
+from handctl.sim.inspire.wrist.memory import FACTORY, HAND, KEPT, TRIGGERS, WRIST, Space, power_on_hand, power_on_wrist
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from typing import Any
+
+LATCHED = {  # fault -> (actuator, error byte)
+    "locked-rotor": (0, 1),
+    "over-temperature": (1, 2),
+    "over-current": (0, 4),
+    "motor-abnormal": (1, 8),
+    "communication": (0, 16),
+    "unknown-bits": (1, 160),
+}
+ALL_FAULTS = (1, 4)  # error bytes of the state "faults"
+
+OPTIONS = {
+    "bus": "serial (RS-232, RS-485; default) or can",
+    "jitter": "1: currents jitter also at rest",
+    "limit": "temperature in °C that sets the over-temperature error (default 70)",
+}
+FAULTS = {
+    "strict": "silence instead of an acknowledgement for a write of anything that cannot be written or is out of range",
+    "block-silent": "silence for reads that touch undocumented bytes",
+    "no-wrist": "a hand without a wrist: silence for every request to the wrist's registers",
+    "save-fails": "the flash stays as it was",
+    "foreign": "the registers do not look like this device (angles out of range)",
+    "faults": "error bytes 01 and 04",
+    "hot": "both actuators start above the limit and cool down",
+    "blocked": "neither axis can move",
+    "locked-rotor": "error bit 0 on actuator 1",
+    "over-temperature": "error bit 1 on actuator 2, which stays hot",
+    "over-current": "error bit 2 on actuator 1",
+    "motor-abnormal": "error bit 3 on actuator 2",
+    "communication": "error bit 4 on actuator 1",
+    "unknown-bits": "error bits 5 and 7 on actuator 2",
+}
+
+
+class Module(Model):
+    """Wrist and hand. The id, the speed and what is kept live in the hand's space: the wrist's manual has none."""
+
+    KIND = "wrist"
+    OPTIONS = OPTIONS
+    FAULTS = FAULTS
+    SPEEDS: tuple[int, ...] = ()  # bit/s by speed code
+    IDS = (1, 254)
+
+    def __init__(self, options: Options, random: Random, speed_code: int) -> None:
+        super().__init__(options, random)
+        options.choice("bus", "serial", ("serial", "can"))
+        self.id = options.whole("id", 1, *self.IDS)
+        self.flash = {"id": self.id, "speed_code": speed_code}
+        self.kept = FACTORY  # the hand's flash bytes from 1020 on
+        self.speed_code = speed_code  # the one in force
+        jitter = options.choice("jitter", "0", ("0", "1")) == "1"
+        self.body = Body(random, jitter, float(options.whole("limit", 70, 40, 100)))
+        self.wrist = Space(WRIST)
+        self.hand = Space(HAND)
+
+    # -- power, time, faults ----------------------------------------------------------------------------------------
+
+    def boot(self, now: float) -> None:
+        super().boot(now)
+        self.body.now = now
+
+    def advance(self, now: float) -> None:
+        self.now = now
+        self.body.advance(now)
+
+    def power(self, on: bool) -> None:
+        """Id and speed come from flash, set values start anew, late frames are gone; angles and heat stay."""
+        self.powered = on
+        self._replies.clear()
+        self.body.power_on()
+        if not on:
+            return
+        power_on_wrist(self.wrist)
+        power_on_hand(self.hand, self.kept)
+        self.use_id(self.flash["id"])
+        self.hand.memory[1002] = self.flash["speed_code"]
+        self.use_speed(self.flash["speed_code"])
+        self.set_faults(self.faults)
+        if "hot" in self.faults:
+            for number, actuator in enumerate(self.body.actuators):
+                actuator.set_temperature(actuator.limit + 1.0 + number)
+        self.dirty = True
+
+    def set_faults(self, faults: frozenset[str]) -> None:
+        before, self.faults = self.faults, faults
+        body = self.body
+        if "blocked" in faults:
+            body.blocked = [True, True]
+        elif "blocked" in before:
+            body.release(PITCH)
+            body.release(YAW)
+        for number, actuator in enumerate(body.actuators):
+            byte = ALL_FAULTS[number] if "faults" in faults else 0
+            for name, (place, bits) in LATCHED.items():
+                if name in faults and place == number:
+                    byte |= bits
+            actuator.errors |= byte & ~2
+            if byte & 2:
+                actuator.overheat()
+            else:
+                actuator.cool_down()
+
+    def use_id(self, number: int) -> None:
+        """Acts at once. The id register has one byte, an id on CAN may have 14 bits: only the low ones show (open)."""
+        self.id = number
+        self.hand.memory[1000] = number % 256
+
+    def use_speed(self, code: int) -> None:
+        self.speed_code = code
+        self.speed = self.SPEEDS[code]
+
+    # -- requests ---------------------------------------------------------------------------------------------------
+
+    def read(self, space: Space, address: int, count: int) -> bytes | None:
+        """The bytes, or None: silence."""
+        if space is self.wrist and "no-wrist" in self.faults:
+            return None
+        if "block-silent" in self.faults and not space.documented(address, count):
+            return None
+        self.publish()
+        return space.read(address, count)
+
+    def write(self, space: Space, address: int, data: bytes, hits: frozenset[str]) -> bool | None:
+        """Whether the write is accepted, or None: silence.
+
+        Gaps, read-only bytes and values out of range are ignored but acknowledged (open on hardware), or met with
+        silence in the state "strict".
+        """
+        if space is self.wrist and "no-wrist" in self.faults:
+            return None
+        accepted, covered = space.plan(address, data)
+        if "strict" in self.faults and covered < len(data):
+            return None
+        if "refuse" in hits:
+            return False
+        self.dirty = True
+        for place, value, raw in accepted:
+            if space is self.hand and place in TRIGGERS:
+                if value == 1:
+                    self._trigger(place, hits)
+                continue
+            space.memory[place : place + len(raw)] = raw
+            if space is self.hand and place == 1000:
+                self.use_id(value)
+        if space is self.wrist:
+            self._move({place: value for place, value, _ in accepted})
+        return True
+
+    def _move(self, values: dict[int, int]) -> None:
+        """The time of the same write counts for its angles; a time alone is for the next movement (open)."""
+        targets = {axis: values[place] for axis, place in ((YAW, 1038), (PITCH, 1040)) if place in values}
+        if targets:
+            self.body.move(targets, struct.unpack_from("<H", self.wrist.memory, 1042)[0] / 1000.0)
+
+    def _trigger(self, place: int, hits: frozenset[str]) -> None:
+        if place == 1004:  # taken to clear the wrist's errors as well: it has no register of its own for that
+            self.body.clear()
+            self.hand.memory[1606:1612] = bytes(6)
+        elif place == 1005:
+            # Flash is written at once, so that a client that leaves before the result finds it saved.
+            if "save-fails" not in self.faults:
+                self.flash = {"id": self.id, "speed_code": self.hand.memory[1002]}
+                self.kept = bytes(self.hand.memory[KEPT[0] : KEPT[1]])
+            self.saved(hits)
+        elif place == 1006:  # RAM only: the id acts at once, the speed after a save and a power cycle (open)
+            self.use_id(1)
+            self.hand.memory[1002] = 0
+            self.hand.memory[KEPT[0] : KEPT[1]] = FACTORY
+        # 1009, the calibration of the hand, moves nothing here: the hand is only a memory.
+
+    def saved(self, hits: frozenset[str]) -> None:
+        """A save was tried; a wire that reports the result overrides this."""
+
+    def publish(self) -> None:
+        """Puts the readings of this moment into memory."""
+        body, memory = self.body, self.wrist.memory
+        pitch, yaw = (3000, 3001) if "foreign" in self.faults else body.positions()
+        struct.pack_into("<hh", memory, 1020, pitch, yaw)
+        first, second = body.currents()
+        # The register table has #2 before #1; the CAN example calls 1024 the first (wrist §2.1, §2.3.1: open).
+        struct.pack_into("<hh", memory, 1024, second, first)
+        memory[1028], memory[1030] = body.errors()
+        memory[1032], memory[1033] = body.temperatures()
+
+    # -- control and state, loaded on use ----------------------------------------------------------------------------
+
+    def command(self, words: list[str]) -> str:
+        from handctl.sim.inspire.wrist import control
+
+        return control.command(self, words)
+
+    def snapshot(self) -> dict[str, Any]:
+        from handctl.sim.inspire.wrist import control
+
+        return control.snapshot(self)
+
+    def restore(self, state: dict[str, Any]) -> None:
+        from handctl.sim.inspire.wrist import control
+
+        control.restore(self, state)

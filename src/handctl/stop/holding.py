@@ -1,0 +1,204 @@
+"""A device in use by this command: the lock that tells others, and the way to have it stopped at once.
+
+The wish comes from another process (`link.ear`) or from the stop key of a live view. Either way the family's stopper
+runs on this command's own link between two steps of the program, ahead of all else; then nothing more is written, and
+the command ends by the way of Ctrl-C.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
+from handctl.errors import HandctlError, Interrupted, LinkError
+
+if TYPE_CHECKING:
+    from handctl.frame.run import Run
+    from handctl.link import Link
+    from handctl.link.ear import Ear
+    from handctl.link.lock import Lock
+    from handctl.stop.talk import Aim, Sent, Stopped, Talk
+
+MOST = 24
+"""Bytes of an answer that are shown."""
+MOST_CAME = 256
+"""Bytes of an answer that an acknowledgement is looked for in."""
+RECONNECT_SECONDS = 1.0
+"""How long a connection that was lost is opened again for a stop."""
+LONG = 60
+"""Characters of sent bytes that fit into a message."""
+
+
+def lock_for(run: Run, name: str) -> Lock | None:
+    """The lock of the LINK `name`, None where nobody else can reach it. Raises InUse, LinkError."""
+    if name.startswith(("fake://", "replay:")):
+        return None
+    from handctl.link.lock import hold
+
+    assert run.family is not None
+    command = f"handctl {run.command}"
+    more = {"patience": 0.0} if run.stops else {}  # what else is on its way stops the device too
+    return hold(name, command, run.family.tcp_port, family=run.family.kind, writes=run.writes, **more)
+
+
+class Hold:
+    """What one command has of a device while its link is open. `stopped` is how it was stopped on a wish, None before.
+
+    link   the open link, None before it is
+    """
+
+    def __init__(self, run: Run, lock: Lock | None) -> None:
+        """Others are heard from now on, but by a command that stops itself."""
+        self.stopped: Interrupted | None = None
+        self.link: Link | None = None
+        self._report = report(None, ())
+        self._run = run
+        self._lock = lock
+        self._ear: Ear | None = None
+        troubles = [lock.unrecorded] if lock is not None and lock.unrecorded else []
+        if lock is not None and not run.stops:
+            from handctl.link.ear import Ear
+
+            try:
+                self._ear = Ear(lock.path, self._answer, self.end)
+            except (ImportError, AttributeError, ValueError):
+                pass  # the system has no such thing, or this is not the main thread
+            except OSError as exc:
+                troubles.append(f"{lock.path}: no socket beside it: {exc.strerror or exc}")
+        for trouble in troubles:
+            hint = "make room there; until then `stop` from another terminal ends this command by force"
+            run.journal.warn("unseen", f"others may not see who uses the device, or ask for its stop: {trouble}", hint)
+
+    def around(self, link: Link) -> Link:
+        """The link that is used from now on."""
+        if self._lock is not None:
+            link.held += self._lock.descriptors
+        self.link = link
+        return link
+
+    def finish(self) -> None:
+        """The link is about to be closed: who wishes a stop from now on is told that this command ends."""
+        self.link = None
+
+    def release(self) -> None:
+        """Let others in. May be called twice."""
+        if self._ear is not None:
+            self._ear.close()
+        if self._lock is not None:
+            self._lock.release()
+
+    def stop(self, who: str) -> dict[str, Any]:
+        """Run the family's stopper now, and write nothing after it; what went out and came back. Never raises."""
+        from handctl.stop.talk import Stopped, shown
+
+        if self._run.guide.unstoppable:
+            return report(Stopped(self._run.guide.unstoppable), (), refused=True)
+        if self.link is None or self.stopped is not None:
+            return self._report
+        sent: list[Sent] = []
+        stopped = carry_out(self._run, self.link, sent)
+        if stopped.error is LinkError:
+            with contextlib.suppress(LinkError):
+                if self.link.reconnect(RECONNECT_SECONDS):
+                    stopped = carry_out(self._run, self.link, sent)
+                    stopped = stopped._replace(text=f"the connection was lost; connected again: {stopped.text}")
+        self.link.fall_silent()
+        wire = shown(sent)
+        text = f"{who}; sent {wire}: {stopped.text}" if 0 < len(wire) <= LONG else f"{who}: {stopped.text}"
+        self.stopped = Interrupted(text, hint=stopped.hint, code="stopped")
+        self._report = report(stopped, sent)
+        return self._report
+
+    def _answer(self) -> dict[str, Any]:
+        return self.stop("stopped, as another handctl asked for it")
+
+    def end(self, frame: Any) -> None:
+        """The way of Ctrl-C, whatever that is just now. Where it only counts, the next write ends the command."""
+        import signal
+
+        if not self._run.guide.unstoppable:
+            handler = signal.getsignal(signal.SIGINT)
+            if callable(handler):
+                handler(signal.SIGINT, frame)
+
+
+def carry_out(run: Run, link: Link, sent: list[Sent], talk: Callable[[Aim], Talk] | None = None) -> Stopped:
+    """The stop of the run's family over `link`, or another `talk`. Never raises: a lost link is how it ended."""
+    from handctl.stop.talk import Stopped, aimed, drive, talk_of
+
+    assert run.family is not None
+    try:
+        aim = aimed(link, run.settings, run.meta)
+        said = talk(aim) if talk is not None else talk_of(run.family.kind, aim)
+        stopped = drive(link, said, sent, lambda step: run.ledger.plan([step]) if run.writes else None)
+        if run.writes and stopped.evidence:
+            run.ledger.confirm(stopped.evidence, *(one.step for one in sent if not one.reads))
+        return stopped
+    except HandctlError as exc:
+        return Stopped(exc.text, exc.hint, type(exc))
+
+
+def report(stopped: Stopped | None, sent: Sequence[Sent], *, refused: bool = False) -> dict[str, Any]:
+    """How a stop ended, as JSON: what `stop` shows, whoever sent it."""
+    return {
+        "rows": rows(sent),
+        "wire": wire(sent),
+        "evidence": stopped.evidence if stopped is not None else "",
+        "text": stopped.text if stopped is not None else "",
+        "hint": stopped.hint if stopped is not None else "",
+        "error": stopped.error.__name__ if stopped is not None and stopped.error is not None else "",
+        "open": stopped is not None,
+        "refused": refused,
+    }
+
+
+def rows(sent: Sequence[Sent]) -> list[dict[str, Any]]:
+    """What went out and what came back, a row a step; what was sent several times running is one row."""
+    found: list[dict[str, Any]] = []
+    last = None
+    for one in sent:
+        came = _short(one.came)
+        if last is not None and one.step == last:
+            found[-1]["times"] += 1
+            found[-1]["answer"] = came or found[-1]["answer"]
+            continue
+        last = one.step
+        step = {"step": len(found) + 1, "bytes": one.step.wire, "meaning": one.step.meaning}
+        found.append({**step, "reads": one.reads, "times": 1, "answer": came})
+    return found
+
+
+def wire(sent: Sequence[Sent]) -> list[dict[str, Any]]:
+    """What passed on the wire, for the ledger of who asked: a step as often as it went out, and what came back last."""
+    found: list[dict[str, Any]] = []
+    last = None
+    for one in sent:
+        came = one.came[:MOST_CAME].hex()
+        if one.step == last:
+            found[-1]["times"] += 1
+            found[-1]["came"] = came or found[-1]["came"]
+        elif not one.reads:
+            step = {"data": one.step.data.hex(), "can_id": one.step.can_id, "meaning": one.step.meaning}
+            found.append({**step, "times": 1, "came": came})
+        last = None if one.reads else one.step
+    return found
+
+
+def _short(data: bytes) -> str | None:
+    """What came back; of a long answer its beginning, and how long it is."""
+    text = data[:MOST].hex(" ").upper()
+    return f"{text} … ({len(data)} bytes)" if len(data) > MOST else text or None
+
+
+@contextlib.contextmanager
+def stop_key(hold: Hold | None) -> Iterator[bool]:
+    """While it lasts the key s on the terminal stops the device; whether there is such a key."""
+    from handctl.stop.key import StopKey
+
+    key = StopKey.on_terminal(hold) if hold is not None else None
+    try:
+        yield key is not None
+    finally:
+        if key is not None:
+            key.close()

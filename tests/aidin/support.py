@@ -1,0 +1,111 @@
+"""What the tests of the AIDIN-hand share: feedback made by hand, a scripted hand that streams, polls or is mute."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from handctl.devices.aidin.device import AidinHand
+from handctl.devices.aidin.exchange import Conversation
+from handctl.frame.options import Settings
+from handctl.link import ByteLink, Deadline, open_link
+from handctl.model.guide import Guide
+from handctl.model.result import Journal
+from handctl.stop.talk import Aim, Stopped, drive, talk_of
+from tests.support.scripted import RecordedLink, ScriptedLink
+
+FINGERS = ("thumb", "index", "middle", "ring", "little")
+Content = dict[str, object]
+
+
+def feedback(**changes: object) -> Content:
+    """Feedback of a homed, open hand, every element of a key different from its neighbours where that is possible."""
+    joints = [0.1, 0.2, 2.1, 2.1]
+    for finger in range(1, 5):
+        joints += [finger / 100, -finger / 50, 2.5 + finger / 100, 2.5 + finger / 100]
+    content: Content = {
+        "motor_pos": [1000 * n for n in range(15)],
+        "joint_pos": joints,
+        "task_space_pos": [float(n) for pair in range(5) for n in (pair, 60 + pair, 100 + pair)],
+        "current_state": list(range(-7, 8)),
+        "sensor_state": [n / 100 for n in range(1, 31)],
+    }
+    return {**content, **changes}
+
+
+AT_ORIGIN: Content = feedback(motor_pos=[0] * 15)
+
+
+def line(content: object, end: bytes = b"\n") -> bytes:
+    """An object as the hand sends it."""
+    return json.dumps(content, separators=(",", ":")).encode() + end
+
+
+class Notes(Guide):
+    """Keeps what a person would have been told."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+
+    def say(self, text: str) -> None:
+        self.lines.append(text)
+
+    progress = say
+
+
+def objects(sent: list[bytes]) -> list[Content]:
+    """What was sent, as objects."""
+    return [json.loads(data) for data in sent]
+
+
+def poller(content: Content | Callable[[bytes], Content | None], delay: float = 0.001) -> ScriptedLink:
+    """A hand that answers every object with `content` (or what it makes of the object)."""
+
+    def answer(request: bytes) -> Iterable[tuple[float, bytes]]:
+        made = content(request) if callable(content) else content
+        return [] if made is None else [(delay, line(made))]
+
+    return ScriptedLink(answer)
+
+
+class Streamer(ScriptedLink):
+    """A hand that sends what `content` makes of the time, every `period` seconds, whatever it hears."""
+
+    def __init__(self, content: Callable[[float], bytes], period: float = 0.01) -> None:
+        super().__init__()
+        self.content = content
+        self.period = period
+        self._next = 0.0
+
+    def read(self, deadline: Deadline, size: int = 4096) -> bytes:
+        if self._next <= max(self.clock, deadline.at):
+            self._pass_to(self._next)
+            self._next += self.period
+            return self.content(self.clock)
+        return super().read(deadline, size)
+
+
+def streamer(content: object = None) -> Streamer:
+    """A hand that streams one and the same object."""
+    data = line(feedback() if content is None else content)
+    return Streamer(lambda _: data)
+
+
+def hand_on(link: ByteLink, **options: object) -> AidinHand:
+    """A hand behind `link`, with a journal of its own."""
+    return AidinHand(Conversation(link, Journal(), **options))  # type: ignore[arg-type]
+
+
+def simulated(**options: object) -> tuple[AidinHand, RecordedLink]:
+    """The simulated hand on virtual time, with what was sent to it."""
+    words = "&".join(["clock=virtual", *(f"{key.replace('_', '-')}={value}" for key, value in options.items())])
+    opened = open_link(f"fake://aidin?{words}")
+    assert isinstance(opened, ByteLink)
+    link = RecordedLink(opened)
+    return hand_on(link), link
+
+
+def stopped(link: ByteLink, **settings: Any) -> Stopped:
+    """Run the family's stopper over `link`; how it ended."""
+    return drive(link, talk_of("aidin", Aim(Settings(**settings))), [])

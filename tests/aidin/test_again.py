@@ -1,0 +1,242 @@
+"""An AIDIN-hand whose connection is lost while it is driven: it is connected again, and gets the stop mode."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import signal
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator
+from types import SimpleNamespace
+
+import pytest
+
+from handctl.devices.aidin import stop
+from handctl.errors import Interrupted, LinkError
+from handctl.frame.console import TerminalGuide
+from handctl.frame.options import Settings
+from handctl.link.tap import Tap
+from handctl.link.tcp import TcpLink
+from handctl.model.guide import Guide
+from handctl.stop.holding import Hold
+from tests.aidin.support import feedback, hand_on, line
+from tests.support.cli import Result, run
+
+pytestmark = pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")  # the server is a thread of this process
+
+STOP = b'{"hand_mode":3}\n'
+LOST = "the connection was lost; connected again and sent the stop mode 3 times"
+TRIED = "tried to connect again for 1 s"
+POWER = "the connection is lost, stop cannot be sent: switch the hand's power off if it still moves"
+
+
+class Server:
+    """A hand that answers each object, and closes its first connection after `objects` of `mode`. `log` is a list a connection.
+
+    listens  it goes on listening then
+    mute     on a later connection it says nothing
+    """
+
+    def __init__(self, mode: int, objects: int, *, listens: bool = True, mute: bool = False) -> None:
+        self.mode, self.objects, self.listens, self.mute = mode, objects, listens, mute
+        self.log: list[bytes] = []
+        self.closed = threading.Event()
+        self.socket = socket.create_server(("127.0.0.1", 0))
+        self.name = f"tcp://127.0.0.1:{self.socket.getsockname()[1]}"
+        self.thread = threading.Thread(target=self._serve, daemon=True)
+        self.thread.start()
+
+    def _serve(self) -> None:
+        while True:
+            try:
+                connection, _ = self.socket.accept()
+            except OSError:
+                return
+            self.log.append(b"")
+            with connection:
+                with contextlib.suppress(OSError):
+                    self._talk(connection)
+                if not self.listens:
+                    self.socket.close()
+            self.closed.set()
+
+    def _talk(self, connection: socket.socket) -> None:
+        found, flows = 0, len(self.log) > 1
+        while data := connection.recv(4096):
+            self.log[-1] += data
+            for request in data.splitlines():
+                mode = json.loads(request).get("hand_mode")
+                found += mode == self.mode
+                flows = (flows or mode == 41) and mode != 3
+                if len(self.log) == 1 and found >= self.objects:
+                    return
+                if len(self.log) == 1 or not self.mute:
+                    connection.sendall(line(feedback(motor_pos=[20000] * 15, current_state=[100 * flows] * 15)))
+
+    def end(self) -> None:
+        if self.socket.fileno() >= 0:
+            self.socket.shutdown(socket.SHUT_RDWR)
+            self.socket.close()
+        self.thread.join(10)
+        assert not self.thread.is_alive()
+
+
+MakeServer = Callable[..., Server]
+
+
+@pytest.fixture
+def serve() -> Iterator[MakeServer]:
+    made: list[Server] = []
+
+    def make(mode: int, objects: int, **how: bool) -> Server:
+        made.append(Server(mode, objects, **how))
+        return made[-1]
+
+    yield make
+    for one in made:
+        one.end()
+
+
+WHOLE = ["0"] * 5 + ["100"] + ["0"] * 9
+COMMANDS = {
+    "currents": (41, ["currents", *WHOLE, "--cap", "300", "--yes"]),
+    "joints": (22, ["joints", "index.q3=120"]),
+    "encoders": (10, ["encoders", "index.m3=85000"]),
+    "fingertips": (32, ["fingertips", "index.z=120"]),
+    "home": (1, ["home", "--yes"]),
+    "initial": (2, ["initial", "--yes"]),
+}
+
+
+def drive(name: str, server: Server) -> Result:
+    return run("aidin", *COMMANDS[name][1], "-p", server.name, "--exchange", "poll", "--json")
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_a_lost_connection_is_opened_again_for_the_stop(name: str, serve: MakeServer) -> None:
+    server = serve(COMMANDS[name][0], 4)
+    result = drive(name, server)
+    server.end()
+    assert result.code == 3, result
+    assert server.log[1:] == [STOP * 3], server.log
+    assert STOP not in server.log[0]
+    error = result.error
+    assert "closed" in error["text"] and error["code"] == "lost"
+    assert error["hint"].startswith(f"{LOST}, no current flows; without power the fingers move freely"), error
+    for untrue in ("no stop", "cannot", "goes on"):
+        assert untrue not in error["hint"]
+    last = [row for row in result.json["writes"] if row["state"] != "not-sent"][-1]
+    assert bytes.fromhex(last["bytes"]) == STOP and last["count"] == 3 and last["state"] == "sent"
+    assert last["next"]
+
+
+def test_a_hand_that_says_nothing_then_has_not_confirmed_it(serve: MakeServer) -> None:
+    server = serve(41, 4, mute=True)
+    result = drive("currents", server)
+    server.end()
+    assert result.code == 3 and server.log[1:] == [STOP * 3]
+    assert result.error["hint"].startswith(f"{LOST}, the hand did not confirm it: watch it")
+
+
+@pytest.mark.parametrize("name", ["currents", "encoders"])
+def test_where_nobody_listens_any_more(name: str, serve: MakeServer) -> None:
+    server = serve(COMMANDS[name][0], 4, listens=False)
+    begin = time.monotonic()
+    result = drive(name, server)
+    assert result.code == 3, result
+    assert len(server.log) == 1 and STOP not in server.log[0]
+    hint = result.error["hint"]
+    assert f"{POWER}; {TRIED} (" in hint and "refused" in hint and LOST not in hint
+    assert ("no stop was sent" in hint) == (name == "encoders")
+    assert time.monotonic() - begin > stop.AGAIN
+    assert all(bytes.fromhex(row["bytes"]) != STOP for row in result.json["writes"] if row["state"] != "not-sent")
+
+
+def driven(server: Server, guide: Guide, body: Callable[[], None], link: TcpLink | None = None) -> None:
+    """`body` while a hand is guarded whose connection has been closed by then."""
+    hand = hand_on(link or TcpLink(server.name))
+    try:
+        with stop.stopping(hand, guide, "moving; "):
+            hand.talk.send(stop.object_of(stop.Mode.INITIAL))
+            assert server.closed.wait(10)
+            body()
+    finally:
+        hand.link.close()
+
+
+def test_an_interrupt_that_meets_a_lost_connection_stops_all_the_same(serve: MakeServer) -> None:
+    server = serve(2, 1)
+
+    def press() -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(Interrupted) as caught:
+        driven(server, Guide(), press)
+    server.end()
+    assert caught.value.text.startswith(f"interrupted: moving; {LOST}, no current flows")
+    assert server.log[1:] == [STOP * 3]
+
+
+class Pressed(TcpLink):
+    """Ctrl-C comes at each try to connect again."""
+
+    tries = 0
+
+    def reconnect(self, seconds: float) -> bool:
+        self.tries += 1
+        signal.raise_signal(signal.SIGINT)
+        return super().reconnect(seconds)
+
+
+@pytest.mark.parametrize("first", [LinkError, KeyboardInterrupt])
+def test_the_second_interrupt_ends_it_at_once(first: type[BaseException], serve: MakeServer) -> None:
+    """The first one asks for what is being done."""
+    server = serve(2, 1, listens=False)
+    link = Pressed(server.name)
+
+    def body() -> None:
+        raise first("connection closed")
+
+    begin = time.monotonic()
+    with pytest.raises((LinkError, Interrupted)) as caught:
+        driven(server, TerminalGuide(quiet=True), body, link)
+    assert link.tries == (2 if first is LinkError else 1)
+    assert time.monotonic() - begin < stop.AGAIN or link.tries == 2
+    assert "interrupted while it was connecting again" in caught.value.hint
+    assert "power off" in caught.value.text + caught.value.hint and LOST not in caught.value.text + caught.value.hint
+
+
+def test_the_wish_of_another_process_opens_it_again_too(serve: MakeServer) -> None:
+    server, lines = serve(2, 1), list[str]()
+    link = Tap(lines.append).around(TcpLink(server.name))
+    hold = Hold(SimpleNamespace(guide=Guide(), settings=Settings(), meta={}, writes=False, family=SimpleNamespace(kind="aidin")), None)  # type: ignore[arg-type]  # fmt: skip
+    hold.link = link
+    hand = hand_on(link)  # type: ignore[arg-type]
+    hand.talk.send(stop.object_of(stop.Mode.INITIAL))
+    assert server.closed.wait(10)
+    told = hold.stop("stopped")
+    link.close()
+    server.end()
+    assert not told["error"] and "the connection was lost; connected again: stop was sent" in told["text"], told
+    assert server.log[1].startswith(STOP * 3) and server.log[1].replace(STOP, b"") == b""
+    events = [text.split(" ", 2)[2].strip() for text in lines if " ! " in text]
+    assert events == ["disconnect", "reconnect"]
+
+
+def test_nothing_is_sent_where_nothing_was_driven(serve: MakeServer, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The child that is to stop the hand cannot be started: the link is not lost."""
+    server = serve(2, 1)
+
+    def full() -> int:
+        raise OSError(11, "Resource temporarily unavailable")
+
+    monkeypatch.setattr("handctl.link.deadman.os.fork", full)
+    hand = hand_on(TcpLink(server.name))
+    with pytest.raises(LinkError) as caught, stop.stopping(hand, Guide()):
+        raise AssertionError("driven")
+    hand.link.close()
+    server.end()
+    assert caught.value.code == "no-guard" and LOST not in caught.value.hint
+    assert server.log in ([], [b""])

@@ -1,0 +1,144 @@
+"""Current control of the AIDIN-hand: the ramps, and that every way out takes the currents to 0 and stops."""
+
+from __future__ import annotations
+
+import itertools
+
+import pytest
+
+from handctl.devices.aidin.currents import currents
+from handctl.devices.aidin.map import CURRENTS
+from handctl.devices.aidin.targets import Goal, parse
+from handctl.devices.aidin.way import Exchange, Way
+from handctl.errors import CheckFailed, HandctlError, Interrupted, NoAnswer, ProtocolError
+from handctl.model.guide import Guide
+from tests.aidin.support import (  # fmt: skip
+    AT_ORIGIN,
+    Content,
+    Notes,
+    Streamer,
+    feedback,
+    hand_on,
+    line,
+    objects,
+    poller,
+    simulated,
+    streamer,
+)
+from tests.support.scripted import RecordedLink, ScriptedLink
+
+STOP = b'{"hand_mode":3}\n'
+STILL: Content = {**AT_ORIGIN, "current_state": [0] * 15}
+WHOLE = ["0"] * 5 + ["100"] + ["0"] * 9
+
+
+def goal(*texts: str) -> Goal:
+    return parse(CURRENTS, texts or ["index.m3=100"])
+
+
+def flow(sent: list[bytes]) -> list[int]:
+    """What index.m3 was told, object by object."""
+    return [data["hand_TT_cmd"][5] for data in objects(sent) if data["hand_mode"] == 41]  # type: ignore[index]
+
+
+def steps(values: list[int]) -> int:
+    return max(abs(b - a) for a, b in itertools.pairwise(values))
+
+
+def test_currents() -> None:
+    hand, link = simulated(start="homed")
+    table = currents(hand, goal(*WHOLE), Guide(), seconds=1.0, cap=300)
+    sent = objects(link.sent)
+    modes = [data["hand_mode"] for data in sent]
+    assert list(dict.fromkeys(modes)) == [5, 41, 3]
+    assert {data["maxtorque"] for data in sent if data["hand_mode"] == 5} == {1000}
+    told = flow(link.sent)
+    assert told[0] == 4 and max(told) == 100 and told[-1] == 0
+    assert steps(told) <= 4  # 200 a second
+    assert 50 <= told.count(100) <= 55
+    assert modes[-3:] == [3, 3, 3]
+    assert len(table.rows) == 15 and all("target" in row for row in table.rows)
+
+
+@pytest.mark.parametrize("after", [0.5, 1.0, 1.9])
+def test_interrupted_currents_go_back_to_0_and_stop(after: float) -> None:
+    hand, link = simulated(start="homed")
+    link.interrupt_at = link.now() + after
+    guide = Notes()
+    with pytest.raises(Interrupted, match="stop was sent 3 times"):
+        currents(hand, goal(), guide, seconds=1.0, cap=300)
+    told = flow(link.sent)
+    assert told[-1] == 0 and steps(told) <= 8  # the object that was being sent may be left out
+    assert 4 <= max(told) <= 100
+    assert link.sent[-3:] == [STOP] * 3 and STOP not in link.sent[:-3]
+    assert any("Ctrl-C again stops at once" in text for text in guide.lines)
+
+
+def test_interrupted_before_any_current_flows() -> None:
+    hand, link = simulated(start="homed")
+    link.interrupt_at = link.now() + 0.1
+    with pytest.raises(Interrupted):
+        currents(hand, goal(), Guide(), seconds=1.0, cap=300)
+    assert set(flow(link.sent)) <= {0}
+    assert link.sent[-3:] == [STOP] * 3
+
+
+class Twice(RecordedLink):
+    """Ctrl-C, and another one 0.1 s later."""
+
+    def _check(self) -> None:
+        if self.inner.now() >= self.interrupt_at:
+            self.interrupt_at = self.inner.now() + 0.1 if self.interrupt_at < 1.0 else float("inf")
+            raise KeyboardInterrupt
+
+
+def test_interrupted_twice_stops_at_once() -> None:
+    _, link = simulated(start="homed")
+    twice = Twice(link)
+    twice.interrupt_at = 0.9
+    with pytest.raises(Interrupted, match="stop was sent 3 times"):
+        currents(hand_on(twice), goal(), Guide(), seconds=1.0, cap=300)
+    told = flow(twice.sent)
+    assert max(told) > 60 and 40 < told[-1] < max(told)
+    assert twice.sent[-3:] == [STOP] * 3
+
+
+def test_currents_that_lose_feedback_are_stopped() -> None:
+    good = line(STILL)
+    link = Streamer(lambda t: good if t < 0.8 else b"\n")
+    with pytest.raises(HandctlError) as caught:
+        currents(hand_on(link), goal(), Guide(), seconds=5.0, cap=300)
+    assert link.sent[-3:] == [STOP] * 3
+    assert caught.value.exit_code == 4
+
+
+def test_currents_that_are_kept_stay_below_the_cap() -> None:
+    link = streamer(feedback(current_state=[301] + [0] * 14))
+    with pytest.raises(CheckFailed, match=r"thumb\.m1 301 would be kept"):
+        currents(hand_on(link), goal(), Guide(), seconds=1.0, cap=300)
+    assert link.sent == []
+
+
+COMMANDED = Way(exchange=Exchange.COMMAND)
+
+
+def test_a_hand_that_answers_commands_needs_the_whole_vector() -> None:
+    link = poller(STILL)
+    with pytest.raises(NoAnswer, match="not given are not known"):
+        currents(hand_on(link, way=COMMANDED), goal(), Guide(), seconds=0.1, cap=300)
+    assert link.sent == []
+    hand, recorded = simulated(start="homed", exchange="command")
+    hand.talk.way = COMMANDED
+    table = currents(hand, goal(*WHOLE), Guide(), seconds=0.3, cap=300)
+    assert table.failure is None
+    assert b"{}\n" not in recorded.sent
+
+
+@pytest.mark.parametrize("content", [None, {**STILL, "current_state": [0] * 14}], ids=["mute", "damaged"])
+def test_nothing_flows_unless_currents_are_told(content: Content | None) -> None:
+    """Maximum torque has been set then, and nothing else."""
+    link = ScriptedLink() if content is None else poller(content)
+    with pytest.raises((NoAnswer, ProtocolError)):
+        currents(hand_on(link, way=COMMANDED), goal(*WHOLE), Guide(), seconds=0.3, cap=300)
+    assert {data["hand_mode"] for data in objects(link.sent)} == {5, 3}
+    assert link.sent[-3:] == [STOP] * 3

@@ -1,0 +1,295 @@
+"""Procedures of the AIDIN-hand: what is sent when, what proves it, and what an interruption leaves behind."""
+
+from __future__ import annotations
+
+import itertools
+
+import pytest
+
+from handctl.devices.aidin import adjust, homing, motion, stop
+from handctl.devices.aidin.map import ANGLES, ENCODERS, TIPS
+from handctl.devices.aidin.targets import parse
+from handctl.errors import CheckFailed, Interrupted, LinkError, NoAnswer, ProtocolError
+from handctl.model.guide import Guide
+from tests.aidin.support import (
+    AT_ORIGIN,
+    Content,
+    Notes,
+    Streamer,
+    feedback,
+    hand_on,
+    line,
+    objects,
+    poller,
+    simulated,
+    stopped,
+    streamer,
+)
+from tests.support.scripted import ScriptedLink
+
+HOME, INITIAL, STOP, BIAS = (b'{"hand_mode":%d}\n' % n for n in (1, 2, 3, 4))
+POLL = b"{}\n"
+STILL: Content = {**AT_ORIGIN, "current_state": [0] * 15}
+
+
+# -- homing -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("polled", [False, True], ids=["stream", "poll"])
+def test_homing_is_held_for_3_5_s_and_nothing_comes_between(polled: bool) -> None:
+    link = poller(AT_ORIGIN) if polled else streamer(AT_ORIGIN)
+    notes = Notes()
+    table = homing.home(hand_on(link), notes)
+    places = [n for n, data in enumerate(link.sent) if data == HOME]
+    assert set(link.sent[places[0] : places[-1] + 1]) == {HOME}
+    times = [link.sent_at[n] for n in places]
+    assert times[-1] - times[0] > 3.4
+    assert max(b - a for a, b in itertools.pairwise(times)) <= 0.0201
+    assert min(b - a for a, b in itertools.pairwise(times)) >= 0.0199
+    assert set(link.sent) <= {HOME, POLL}
+    assert [row["value"] for row in table.rows] == [0] * 15
+    assert "all fingers open" in notes.lines[0] and "keep clear" in notes.lines[0]
+    assert any("of 3.5 s" in text for text in notes.lines)
+
+
+def test_homing_that_left_encoders_elsewhere_is_not_confirmed() -> None:
+    with pytest.raises(CheckFailed, match=r"index\.m3 85000") as caught:
+        homing.home(hand_on(streamer(feedback(motor_pos=[0] * 5 + [85000] + [0] * 9))), Guide())
+    assert caught.value.code == "not-homed"
+    assert "left in homing mode, no stop was sent" in caught.value.hint
+
+
+def test_a_hold_that_was_held_up_begins_again() -> None:
+    link = streamer(AT_ORIGIN)
+    hand = hand_on(link)
+    write, held = link.write, []
+
+    def slow(data: bytes, deadline: object) -> None:
+        if data == HOME and link.clock > 2.0 and not held:
+            held.append(link.clock)
+            link.clock += 0.3
+        write(data, deadline)  # type: ignore[arg-type]
+
+    link.write = slow  # type: ignore[method-assign,assignment]
+    homing.home(hand, Guide())
+    assert link.sent_at[-1] - held[0] > 3.7
+    assert "interrupted-hold" in [message.code for message in hand.journal.messages]
+
+
+def test_homing_interrupted_is_not_homed_and_stopped() -> None:
+    link = streamer(AT_ORIGIN)
+    link.interrupt_at = 2.0
+    with pytest.raises(Interrupted, match="not homed") as caught:
+        homing.home(hand_on(link), Guide())
+    assert link.sent[-3:] == [STOP] * 3
+    assert link.sent[-4] == HOME
+    assert "stop was sent 3 times" in caught.value.text
+    assert caught.value.exit_code == 130
+
+
+def test_homing_of_a_hand_that_only_answers_commands() -> None:
+    link = poller(lambda request: AT_ORIGIN if b"hand_mode" in request else None)
+    table = homing.home(hand_on(link), Guide())
+    assert [row["value"] for row in table.rows] == [0] * 15
+    first = link.sent.index(HOME)
+    assert set(link.sent[first:]) == {HOME}
+
+
+def test_homing_of_a_mute_hand_is_not_confirmed() -> None:
+    link = ScriptedLink()
+    with pytest.raises(NoAnswer, match="not confirmed"):
+        homing.home(hand_on(link), Guide())
+    assert link.clock < 6
+
+
+def test_homing_into_damage_is_stopped() -> None:
+    good, bad = line(AT_ORIGIN), b'{"motor_pos":[1,2\n'
+    link = Streamer(lambda t: good if t < 1.5 else bad)
+    with pytest.raises(ProtocolError) as caught:
+        homing.home(hand_on(link), Guide())
+    assert link.sent[-3:] == [STOP] * 3
+    assert "stop was sent 3 times" in caught.value.hint
+
+
+# -- initial position -------------------------------------------------------------------------------------------------
+
+
+def test_initial_is_repeated_until_the_encoders_are_at_the_origin() -> None:
+    link = Streamer(lambda t: line(feedback(motor_pos=[max(0, round(100000 * (1 - t)))] * 15)))
+    hand = hand_on(link)
+    table = homing.initial(hand, Guide(), assume_homed=False)
+    assert set(link.sent) == {INITIAL}
+    assert all(row["value"] == 0 for row in table.rows)
+
+
+def test_initial_that_does_not_arrive() -> None:
+    link = streamer(feedback(motor_pos=[50000] * 15))
+    with pytest.raises(CheckFailed, match="not reached"):
+        homing.initial(hand_on(link), Guide(), assume_homed=False)
+    assert 5.0 <= link.clock < 5.3
+
+
+def test_encoders_out_of_their_range_were_not_homed() -> None:
+    content = feedback(motor_pos=[-50000] * 15)
+    link = streamer(content)
+    for call in (
+        lambda hand: homing.initial(hand, Guide(), assume_homed=False),
+        lambda hand: motion.move(hand, parse(ENCODERS, ["index.m1=5"]), Guide(), assume_homed=False),
+    ):
+        with pytest.raises(CheckFailed, match="not homed since power-on"):
+            call(hand_on(link))
+    assert link.sent == []
+    with pytest.raises(CheckFailed, match="not reached"):
+        homing.initial(hand_on(link), Guide(), assume_homed=True)
+    assert set(link.sent) == {INITIAL}
+
+
+# -- stop -------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", ["stream", "poll", "command"])
+def test_stop_goes_out_before_anything_else(kind: str) -> None:
+    link = {
+        "stream": lambda: streamer(STILL),
+        "poll": lambda: poller(STILL),
+        "command": lambda: poller(lambda request: STILL if b"hand_mode" in request else None),
+    }[kind]()
+    assert stopped(link).error is None
+    assert set(link.sent) == {STOP} and len(link.sent) >= 3
+    assert link.sent_at[0] == 0.0
+
+
+def test_stop_to_a_mute_hand_is_sent_and_not_confirmed() -> None:
+    link = ScriptedLink(baud=None)
+    ended = stopped(link)
+    assert ended.error is NoAnswer and "not confirmed" in ended.text
+    assert set(link.sent) == {STOP}
+    assert link.clock < 1.5
+
+
+def test_stop_that_leaves_currents() -> None:
+    ended = stopped(streamer(feedback(current_state=[-400] + [0] * 14)))
+    assert ended.error is CheckFailed and "currents up to 400" in ended.text
+
+
+# -- bias and maximum torque ------------------------------------------------------------------------------------------
+
+
+def test_bias() -> None:
+    zero = {**STILL, "sensor_state": [0.0] * 30}
+    link = ScriptedLink()
+    link.answer = lambda request: [(0.001, line(zero if BIAS in link.sent else feedback()))]
+    hand = hand_on(link)
+    table = adjust.bias(hand)
+    assert table.failure is None
+    assert [(row["before"], row["value"]) for row in table.rows][:2] == [(0.01, 0.0), (0.02, 0.0)]
+    assert 20 <= link.sent.count(BIAS) <= 26
+    assert set(link.sent) == {BIAS, POLL}
+
+
+def test_bias_without_effect() -> None:
+    table = adjust.bias(hand_on(streamer(feedback())))
+    assert table.failure is not None and table.failure.code == "not-biased"
+    assert len(table.rows) == 30
+
+
+def test_noise_about_zero_is_no_failure() -> None:
+    values = iter([0.001, -0.002, 0.002, -0.001] * 300)
+    link = Streamer(lambda _: line(feedback(sensor_state=[next(values)] * 30)))
+    assert adjust.bias(hand_on(link)).failure is None
+
+
+def test_bias_is_refused_while_a_motor_moves() -> None:
+    link = Streamer(lambda t: line(feedback(motor_pos=[0] * 4 + [round(t * 100000)] + [0] * 10)))
+    with pytest.raises(CheckFailed, match=r"index\.m2"):
+        adjust.bias(hand_on(link))
+    assert link.sent == []
+
+
+def test_max_torque() -> None:
+    link = streamer()
+    hand = hand_on(link)
+    (row,) = adjust.max_torque(hand, 800).rows
+    assert (row["name"], row["key"], row["value"], row["finger"]) == ("maxtorque", "maxtorque", 800, None)
+    assert set(link.sent) == {b'{"hand_mode":5,"maxtorque":800}\n'}
+    assert "cannot be read back" in hand.journal.messages[-1].text
+    with pytest.raises(NoAnswer):
+        adjust.max_torque(hand_on(ScriptedLink()), 800)
+
+
+# -- targets, against the simulator -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("exchange", ["stream", "poll"])
+def test_joints_arrive_on_a_ramp(exchange: str) -> None:
+    hand, link = simulated(start="homed", exchange=exchange)
+    before = {
+        f"{row['finger']}.{row['element']}": row["value"] for row in hand.dump().rows if row["name"] == "joint_pos"
+    }
+    table = motion.move(hand, parse(ANGLES, ["index.q3=130", "thumb.q1=10"]), Guide(), assume_homed=False)
+    assert table.failure is None
+    at = {f"{row['finger']}.{row['element']}": row for row in table.rows}
+    assert all(row["reached"] for row in table.rows)
+    assert abs(at["index.q3"]["value"] - 130) <= 2 and at["index.q3"]["target"] == 130
+    assert abs(at["ring.q1"]["value"] - before["ring.q1"]) <= 2
+    commands = [data for data in objects(link.sent) if data]
+    assert {data["hand_mode"] for data in commands} == {22}
+    angles = [data["hand_joint_cmd"][6] for data in commands]  # type: ignore[index]
+    steps = [b - a for a, b in itertools.pairwise(angles)]
+    assert max(map(abs, steps)) <= 0.020945  # 1.2 degrees
+    assert angles[-1] == 2.268928
+    sent = [at for at, data in zip(link.sent_at, link.sent, strict=True) if data != POLL]
+    assert min(b - a for a, b in itertools.pairwise(sent)) >= 0.0199
+
+
+def test_encoders_and_fingertips_arrive() -> None:
+    hand, _ = simulated(start="open")
+    for goal in (parse(ENCODERS, ["index.m3=85000"]), parse(TIPS, ["little.z=120", "thumb.y=60"])):
+        assert motion.move(hand, goal, Guide(), assume_homed=False).failure is None
+
+
+def test_what_does_not_arrive_is_named() -> None:
+    hand, link = simulated(start="homed", fault="blocked")
+    table = motion.move(hand, parse(ENCODERS, ["index.m3=85000"]), Guide(), assume_homed=False)
+    assert table.failure is not None and table.failure.exit_code == 7
+    assert "index.m3 41660 of 85000" in table.failure.text
+    assert [row["element"] for row in table.rows if not row["reached"]] == ["m3"]
+    assert link.now() < 10
+
+
+def test_passing_by_is_not_arriving() -> None:
+    link = Streamer(lambda t: line(feedback(motor_pos=[0] * 5 + [round(100000 * t) % 170000] + [0] * 9)))
+    table = motion.move(hand_on(link), parse(ENCODERS, ["0"] * 5 + ["85000"] + ["0"] * 9), Guide(), assume_homed=False)
+    assert table.failure is not None
+
+
+def test_an_interrupted_movement_is_stopped() -> None:
+    hand, link = simulated(start="homed")
+    link.interrupt_at = link.now() + 0.8
+    with pytest.raises(Interrupted, match="stop was sent 3 times"):
+        motion.move(hand, parse(ANGLES, ["index.q3=120"]), Guide(), assume_homed=False)
+    assert link.sent[-3:] == [STOP] * 3
+    assert b'"hand_mode":22' in link.sent[-4]
+
+
+def test_a_second_interrupt_and_a_lost_link_are_told() -> None:
+    def again(data: bytes, deadline: object) -> None:
+        raise KeyboardInterrupt
+
+    def lost(data: bytes, deadline: object) -> None:
+        raise LinkError("gone")
+
+    for write, word in ((again, "interrupted again"), (lost, "gone")):
+        link = streamer()
+        link.write = write  # type: ignore[method-assign,assignment]
+        assert word in stop.halt(hand_on(link))
+        assert "power off" in stop.halt(hand_on(link))
+
+
+def test_feedback_that_stops_ends_a_movement() -> None:
+    good = line(AT_ORIGIN)
+    link = Streamer(lambda t: good if t < 0.4 else b"\n")
+    with pytest.raises(NoAnswer, match="stopped sending"):
+        motion.move(hand_on(link), parse(ENCODERS, ["index.m3=170000"]), Guide(), assume_homed=False)
+    assert link.clock < 2
+    assert STOP not in link.sent  # the last small step of the ramp is held

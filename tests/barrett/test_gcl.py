@@ -1,0 +1,247 @@
+"""The passthrough: commands told apart, what it does not carry, scripts, completion, help (barrett §5.2)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from handctl.devices.barrett.gcl import passthrough
+from handctl.devices.barrett.gcl.commands import COMMANDS, SECONDS, split
+from handctl.errors import DeviceRefused, Interrupted, NoAnswer, UsageError
+from tests.barrett.support import ABORT, scripted, simulated
+from tests.kernel.test_terminal import Terminal
+
+NAMES = [
+    "C",
+    "HI",
+    "HOME",
+    "IC",
+    "IO",
+    "LOOP",
+    "M",
+    "O",
+    "T",
+    "TC",
+    "TO",
+    "FSET",
+    "FGET",
+    "FLOAD",
+    "FSAVE",
+    "FDEF",
+    "FLIST",
+    "FLISTV",
+    "FLISTA",
+    "FLISTAV",
+    "PSET",
+    "PGET",
+    "PLOAD",
+    "PSAVE",
+    "PDEF",
+    "PLIST",
+    "PLISTV",
+    "PLISTA",
+    "PLISTAV",
+    "?",
+    "A?",
+    "RESET",
+    "ERR",
+    "VERS",
+]
+WITHOUT_PREFIX = [
+    "FLIST",
+    "FLISTA",
+    "PSET",
+    "PGET",
+    "PLOAD",
+    "PSAVE",
+    "PDEF",
+    "PLIST",
+    "PLISTV",
+    "PLISTA",
+    "PLISTAV",
+    "?",
+    "A?",
+    "RESET",
+    "ERR",
+    "VERS",
+]
+
+
+# -- the book of commands ---------------------------------------------------------------------------------------------
+
+
+def test_every_command_of_the_manual() -> None:
+    """barrett §5.2.1 to §5.2.5; which take a prefix is said there."""
+    assert list(COMMANDS) == NAMES
+    assert [name for name in NAMES if not COMMANDS[name].prefix] == WITHOUT_PREFIX
+    assert {name: c.argument for name, c in COMMANDS.items() if c.argument} == dict.fromkeys(
+        ("IC", "IO", "M"), (0, 20000)
+    )
+    assert all(command.kind in SECONDS for command in COMMANDS.values())
+    assert not any(name.startswith(tuple("1234GS")) for name in NAMES), "so a prefix is never ambiguous"
+
+
+@pytest.mark.parametrize(
+    ("text", "prefix", "name", "arguments"),
+    [
+        ("12M 5000", "12", "M", ["5000"]), ("SGHOME", "SG", "HOME", []), ("gc", "G", "C", []), ("STC", "S", "TC", []),
+        ("sfset ds 100 dp 1500", "S", "FSET", ["DS", "100", "DP", "1500"]), ("?", "", "?", []), ("?HI", "", "?", ["HI"]),
+        ("?fset", "", "?", ["FSET"]), ("A?", "", "A?", []), ("  FGET   P ", "", "FGET", ["P"]), ("3FLISTAV", "3", "FLISTAV", []),
+        ("1PGET TEMP", "1", "PGET", ["TEMP"]), ("ERR 3", "", "ERR", ["3"]), ("124LOOP", "124", "LOOP", []),
+    ],
+)  # fmt: skip
+def test_split(text: str, prefix: str, name: str, arguments: list[str]) -> None:
+    assert split(text) == (prefix, COMMANDS[name], arguments)
+
+
+@pytest.mark.parametrize("text", ["", "FOO", "12", "S", "5M", "M5000", "GG", "1 M", "HIX"])
+def test_split_of_no_command(text: str) -> None:
+    assert split(text)[1] is None
+
+
+# -- refusals ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("text", ["LOOP", "124loop", "RESET", "reset", "PSET BAUD 384", "pset lft 1 baud 6"])
+def test_what_would_lose_the_line_is_refused(text: str) -> None:
+    with pytest.raises(UsageError) as caught:
+        passthrough.refuse(text)
+    assert caught.value.exit_code == 2
+    assert caught.value.hint
+
+
+@pytest.mark.parametrize("text", ["HI", "PSET LFT 1", "PGET BAUD", "?LOOP", "?RESET", "FOO", "", "PLOAD", "PSAVE"])
+def test_what_is_carried(text: str) -> None:
+    passthrough.refuse(text)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("PSET OTEMP 60", ["OTEMP = 60 (6.0 °C)"]), ("1FSET IVEL 900", ["IVEL = 900"]), ("FSET TSTOP 10000 DP 5", ["TSTOP = 10000"]),
+        ("4fset mov 300", ["MOV = 300"]), ("1FSET MOV 300", []), ("PSET OTEMP 0", []), ("FSET CT 20000", ["CT = 20000"]),
+        ("FSET MOV", []), ("FSET MOV x", []), ("FSET NOTHING 5", []), ("FGET MOV", []), ("FOO", []), ("", []),
+        ("2FSET LCVC 8 OT 60000", ["LCVC = 8", "OT = 60000"]),
+    ],
+)  # fmt: skip
+def test_the_manuals_traps_are_noted(text: str, words: list[str]) -> None:
+    """A passthrough sends what is typed; that the manual warns of it is said (§5.3.4, dossier 8)."""
+    found = passthrough.notes(text)
+    assert len(found) == len(words) and all(word in note for word, note in zip(words, found, strict=True)), found
+
+
+def test_saves_are_known() -> None:
+    assert passthrough.saves(["HI", "123fsave", "FGET P", "PSAVE", "?PSAVE", "FLOAD"]) == ["123fsave", "PSAVE"]
+
+
+def test_script() -> None:
+    lines = ["HI\n", "\n", "# all\n", "  GC  # close\n", "#\n", "FGET P S", "   \n"]
+    assert passthrough.script(lines) == ["HI", "GC", "FGET P S"]
+    assert passthrough.script([]) == []
+
+
+# -- sending ----------------------------------------------------------------------------------------------------------
+
+
+def test_rows_are_the_hands_own_text() -> None:
+    hand, _ = scripted({"FGET P S": "1 2 3 4|0 0 0 0", "err 3": "1 No motor board found"})
+    table = passthrough.run_all(hand, ["FGET P S", "err 3"], keep_going=False)
+    assert table.rows == [
+        {"command": "FGET P S", "lines": ["1 2 3 4", "0 0 0 0"], "text": "1 2 3 4\n0 0 0 0", "status": 0},
+        {"command": "err 3", "lines": ["1 No motor board found"], "text": "1 No motor board found", "status": 0},
+    ]
+    assert table.failure is None
+    assert passthrough.as_text(table.rows) == "=> FGET P S\n1 2 3 4\n0 0 0 0\n=> err 3\n1 No motor board found\n"
+
+
+@pytest.mark.parametrize(("keep_going", "sent"), [(False, ["VERS", "FOO"]), (True, ["VERS", "FOO", "1T", "VERS"])])
+def test_the_first_error(keep_going: bool, sent: list[str]) -> None:
+    hand, link = scripted({"VERS": "4.33", "FOO": "ERR 32", "1T": "ERR 4"})
+    table = passthrough.run_all(hand, ["VERS", "FOO", "1T", "VERS"], keep_going=keep_going)
+    assert link.commands == sent
+    assert [row["command"] for row in table.rows] == sent
+    assert table.rows[1]["error"] == "ERR 32: Unknown command (32)"
+    assert isinstance(table.failure, DeviceRefused)
+    assert (table.failure.code, table.failure.exit_code) == ("err-32", 6)
+    assert "ERR 32: Unknown command (32)\n" in passthrough.as_text(table.rows)
+
+
+def test_a_lost_answer_is_not_repeated() -> None:
+    """What came before it is told all the same, and nothing goes out behind it."""
+    hand, link = scripted({"FGET S": "0 0 0 0", "FGET P": None})
+    table = passthrough.run_all(hand, ["FGET S", "FGET P", "VERS"], keep_going=True)
+    assert isinstance(table.failure, NoAnswer)
+    assert link.commands == ["FGET S", "FGET P"]
+    assert [(row["command"], row["status"], "error" in row) for row in table.rows] == [
+        ("FGET S", 0, False),
+        ("FGET P", None, True),
+    ]
+
+
+@pytest.mark.parametrize("command", ["PLOAD", "PDEF"])
+def test_the_speed_is_looked_for_after_what_may_change_it(command: str) -> None:
+    """PDEF goes to 9600, PLOAD to the saved speed (dossier 1.2)."""
+    hand, link = simulated("baud=9600")
+    link.set_baud(9600)
+    from handctl.devices.barrett.gcl import speed
+
+    speed.change(hand.line, 384)
+    assert link.baud == 38400
+    passthrough.run_all(hand, [command], keep_going=False)
+    assert link.baud == 9600
+    assert hand.version() == "4.33"
+
+
+def test_interrupted() -> None:
+    hand, link = simulated()
+    link.interrupt_at = link.now() + 0.3
+    table = passthrough.run_all(hand, ["GC", "FGET P"], keep_going=False)
+    assert isinstance(table.failure, Interrupted) and table.failure.exit_code == 130
+    assert "16384" in table.failure.text
+    assert ABORT in link.sent
+    assert link.commands == ["GC"]
+
+
+# -- completion and help ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("line", "word", "wanted"),
+    [
+        ("HO", "HO", ["HOME "]), ("12h", "12h", ["12HI ", "12HOME "]), ("FS", "FS", ["FSET ", "FSAVE "]),
+        ("1P", "1P", []), ("v", "v", ["VERS "]), ("FGET SG", "SG", ["SG ", "SGFLIP "]), ("fget tst", "tst", ["TSTOP "]),
+        ("FGET P LF", "LF", ["LFV ", "LFVC ", "LFS ", "LFAP ", "LFDP ", "LFDPC ", "LFT ", "LFDPD ", "LFBP ", "LFAIN "]), ("XX", "XX", []),
+        ("gt", "gt", ["GT ", "GTC ", "GTO "]),
+    ],
+)  # fmt: skip
+def test_candidates(line: str, word: str, wanted: list[str]) -> None:
+    assert passthrough.candidates(line, word) == wanted
+
+
+def test_an_empty_line_offers_all_commands() -> None:
+    assert [word.strip() for word in passthrough.candidates("", "")] == NAMES
+    assert [word.strip() for word in passthrough.candidates("S", "S")] == [
+        f"S{n}" for n in NAMES if n not in WITHOUT_PREFIX
+    ]
+
+
+def test_help_texts() -> None:
+    lines = passthrough.explain_help("?").splitlines()
+    assert [line.split()[0] for line in lines] == NAMES
+    assert "0..20000" in passthrough.explain_help("?m")
+    assert "§5.2.2" in passthrough.explain_help("?FSAVE")
+    assert "5,000" in passthrough.explain_help("?FSAVE")
+    assert "16..4080" in passthrough.explain_help("?IVEL")
+    assert passthrough.explain_help("?NOTHING") == ""
+
+
+@pytest.mark.parametrize("more", [("--json",), ("--csv",), ("-o", "data.txt")])
+def test_a_prompt_is_for_a_terminal(more: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What was typed and answered is no JSON, CSV or file: refused before anything is sent (contract 4)."""
+    monkeypatch.chdir(tmp_path)
+    with Terminal("barrett", "gcl", "--fake", *more) as terminal:
+        assert terminal.finish() == 2
+        assert "a prompt needs a terminal" in terminal.text.replace("\n", " ")
+        assert "=> " not in terminal.text
+    assert not (tmp_path / "data.txt").exists()

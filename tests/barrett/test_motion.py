@@ -1,0 +1,393 @@
+"""Movements: what is sent, where they should end and how they did (barrett §5.2.1, §5.5)."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from handctl.cli import main
+from handctl.devices.barrett import motion
+from handctl.errors import DeviceRefused, Interrupted, ProtocolError, UsageError
+from handctl.model.guide import Guide
+from tests.barrett.support import ABORT, BARRETT, ScriptedHand, Simulated, codes, hand_on, scripted, simulated
+from tests.support.scripted import NotedGuide
+
+
+def doing(link: Simulated | ScriptedHand) -> list[str]:
+    """The commands that are no reads."""
+    return [command for command in link.commands if "GET " not in command]
+
+
+def moved(query: str, prefix: str, name: str, argument: int | None = None) -> tuple[dict[str, dict], Simulated, object]:
+    """Rows by motor after a movement of the simulated hand, its link, and the failure."""
+    hand, link = simulated(query)
+    table = motion.move(hand, prefix, name, argument, Guide())
+    return {row["motor"]: row for row in table.rows}, link, table.failure
+
+
+# -- what is sent -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("prefix", "name", "argument", "text"),
+    [
+        ("", "HI", None, "HI"), ("4", "C", None, "4C"), ("123", "O", None, "123O"), ("13", "M", 1000, "13M 1000"),
+        ("12", "IO", 5000, "12IO 5000"), ("123", "IC", 5000, "123IC 5000"), ("", "M", 0, "M 0"), ("", "M", 20000, "M 20000"),
+        ("", "IC", None, "IC"), ("", "HOME", None, "HOME"), ("4", "TC", None, "4TC"), ("4", "TO", None, "4TO"),
+    ],
+)  # fmt: skip
+def test_command_text(prefix: str, name: str, argument: int | None, text: str) -> None:
+    """The manual's own examples among them."""
+    assert motion.command_text(prefix, name, argument) == text
+
+
+@pytest.mark.parametrize("argument", [-1, 20001, 1 << 40])
+def test_arguments_are_checked(argument: int) -> None:
+    with pytest.raises(UsageError) as caught:
+        motion.command_text("", "M", argument)
+    assert (caught.value.code, caught.value.exit_code) == ("out-of-range", 2)
+    hand, link = simulated()
+    with pytest.raises(UsageError):
+        motion.move(hand, "", "IC", argument, Guide())
+    assert link.sent == []
+
+
+@pytest.mark.parametrize("line", [b"ER\xb2 16", b"ERR 1\xb6", b"noise"])
+def test_a_spoiled_status_is_no_success(line: bytes) -> None:
+    """The rows tell where the motors stand all the same; the exit code is that of an answer that is not valid."""
+    hand, link = scripted(
+        {"*": "0", "12M 5000": b"12M 5000\n\r" + line + b"\n\r=> ", "T": b"T\n\r" + line + b"\n\r=> "}
+    )
+    table = motion.move(hand, "12", "M", 5000, Guide())
+    assert [row["motor"] for row in table.rows] == ["F1", "F2"]
+    assert isinstance(table.failure, ProtocolError) and table.failure.code == "bad-line"
+    assert line.hex(" ").upper() in table.failure.text and link.name in table.failure.text
+    with pytest.raises(ProtocolError) as caught:
+        motion.power_off(hand, "")
+    assert "may still have power" in caught.value.hint
+
+
+VERBS = {
+    "init": "HI", "open": "O", "close": "C", "move": "M", "step-open": "IO", "step-close": "IC", "home": "HOME",
+    "torque-open": "TO", "torque-close": "TC",
+}  # fmt: skip
+
+
+def planned(capsys: pytest.CaptureFixture[str], *args: str) -> list[str]:
+    assert main(["barrett", *args, "-n", "--json", "--fake"]) == 0
+    rows = json.loads(capsys.readouterr().out)["rows"]
+    return [bytes.fromhex(row["bytes"]).decode() for row in rows]
+
+
+@pytest.mark.parametrize(("verb", "gcl"), VERBS.items())
+def test_verbs(verb: str, gcl: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert planned(capsys, verb) == [f"{gcl}\r"]
+    assert planned(capsys, verb, "--motors", "12S") == [f"124{gcl}\r"]
+    assert planned(capsys, verb, "--motors", "G") == [f"123{gcl}\r"]
+
+
+def test_stop_is_ctrl_c_and_power_off(capsys: pytest.CaptureFixture[str]) -> None:
+    """At the speed of the port; at the others ^C alone, without what a boot monitor at 9600 takes for its trigger."""
+    others = ["\0\x03"] * 2 + ["\x03"] * 4
+    assert planned(capsys, "stop") == ["\x03", "T\r", *others]
+    assert planned(capsys, "stop", "--motors", "1234") == ["\x03", "1234T\r", *others]
+
+
+@pytest.mark.parametrize("verb", ["close", "init"])
+def test_four_motors_named_are_four_motors(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """Without a prefix a disabled motor stays where it is; with one it moves (barrett §5.1.2, §5.3.4 EN)."""
+    assert planned(capsys, verb, "--motors", "1234") == [f"1234{VERBS[verb]}\r"]
+
+
+@pytest.mark.parametrize("args", [["close", "--motors", ""], ["stop", "--motors", ""], ["set", "DP=1", "--motors", ""]])
+def test_an_empty_choice_is_not_everything(args: list[str]) -> None:
+    assert main(["barrett", *args, "--fake", "-n"]) == 2
+
+
+# -- every movement, on the simulated hand ----------------------------------------------------------------------------
+
+TARGETS = [
+    # movement, argument, where a finger and the spread go from P 0 (5000 and 1000 for those that open)
+    ("C", None, 17000, 3150), ("M", None, 8500, 1575), ("M", 1200, 1200, 1200), ("IC", None, 1700, 315),
+    ("IC", 500, 500, 500), ("HOME", None, 0, 0), ("O", None, 0, 0),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "argument", "finger", "spread"), TARGETS)
+def test_goals_are_reached(name: str, argument: int | None, finger: int, spread: int) -> None:
+    rows, _, failure = moved("initialized=1", "", name, argument)
+    assert failure is None
+    for motor, row in rows.items():
+        goal = spread if motor == "SPREAD" else finger
+        assert row["target"] == goal
+        assert abs(row["value"] - goal) <= 50
+        assert row["ended"] == "reached"
+        assert row["unit"] == "cts"
+        assert (row["strain"] is None) == (motor == "SPREAD"), "255 is no gauge, and no strain"
+
+
+@pytest.mark.parametrize(("argument", "goal"), [(None, 3300), (400, 4600)])
+def test_step_open_counts_from_here(argument: int | None, goal: int) -> None:
+    hand, link = simulated()
+    hand.line.ask("GM 5000")
+    link.sent.clear()
+    table = motion.move(hand, "123", "IO", argument, Guide())
+    assert link.commands[0].split()[:2] == ["123FGET", "P"]
+    assert doing(link) == ["123IO" + (f" {argument}" if argument else "")]
+    assert link.commands[-1].startswith("123FGET SG P"), "the strain first: it relaxes"
+    for row in table.rows:
+        assert abs(row["target"] - goal) <= 50
+        assert abs(row["value"] - row["target"]) <= 50
+        assert row["ended"] == "reached"
+
+
+def test_init() -> None:
+    rows, link, failure = moved("", "", "HI")
+    assert failure is None
+    assert doing(link) == ["HI"]
+    assert {row["ended"] for row in rows.values()} <= {"reached", "initialized"}
+    assert [row["status"] for row in rows.values()] == [0, 0, 0, 0]
+
+
+@pytest.mark.parametrize("name", ["TC", "TO"])
+def test_torque_has_no_goal(name: str) -> None:
+    rows, _, failure = moved("initialized=1", "12", name)
+    assert failure is None
+    assert list(rows) == ["F1", "F2"]
+    assert {row["target"] for row in rows.values()} == {None}
+    assert all("stalled" in row["ended"] for row in rows.values())
+
+
+def test_closed_on_something_is_a_success() -> None:
+    """O and C never report 16 (§5.5): position against goal tells."""
+    rows, _, failure = moved("initialized=1&fault=obstacle", "123", "C")
+    assert failure is None
+    assert all(9000 < row["value"] < 10000 for row in rows.values())
+    assert {row["ended"] for row in rows.values()} == {"stalled short of the target"}
+    assert {row["target"] for row in rows.values()} == {17000}
+
+
+def test_a_move_that_is_stopped_is_an_error() -> None:
+    rows, _, failure = moved("initialized=1&fault=obstacle", "1", "M", 12000)
+    assert isinstance(failure, DeviceRefused)
+    assert "Couldn't reach position (16)" in failure.text
+    assert rows["F1"]["ended"] == "stalled short of the target"
+
+
+@pytest.mark.parametrize("name", ["M", "C", "HOME", "IC", "TC"])
+def test_before_hi(name: str) -> None:
+    rows, _, failure = moved("", "", name)
+    assert isinstance(failure, DeviceRefused)
+    assert (failure.code, failure.exit_code) == ("err-4", 6)
+    assert "handctl barrett init" in failure.hint
+    assert {row["ended"] for row in rows.values()} == {"not initialized: did not move"}
+
+
+def test_strain_ends_a_movement() -> None:
+    hand, _ = simulated("initialized=1&fault=strain")
+    hand.line.ask("GFSET HSG 200")
+    table = motion.move(hand, "123", "C", None, Guide())
+    assert [row["ended"] for row in table.rows] == ["reached", "strain limit: 221 is above HSG 200", "reached"]
+
+
+@pytest.mark.parametrize(
+    "query", ["initialized=1&fault=over-temperature", "initialized=1&fault=over-temperature&otemp-stops=movements"]
+)
+@pytest.mark.parametrize("name", ["C", "HOME", "M", "TC"])
+def test_over_temperature(query: str, name: str) -> None:
+    rows, _, failure = moved(query, "", name)
+    assert isinstance(failure, DeviceRefused)
+    assert failure.code == "err-8192"
+    for row in rows.values():
+        assert "temperature" in row["ended"], "it did not move, and why is known"
+
+
+def test_a_disabled_motor_did_not_move() -> None:
+    """Without a prefix only enabled motors move (§5.3.4 EN): the others neither stalled nor reached anything."""
+    hand, _ = simulated()
+    hand.line.ask("2FSET EN 0")
+    table = motion.move(hand, "", "C", None, Guide())
+    ended = {row["motor"]: row["ended"] for row in table.rows}
+    assert ended.pop("F2", "disabled").startswith(("disabled", "not enabled"))
+    assert set(ended.values()) == {"reached"}
+
+
+@pytest.mark.parametrize(
+    ("prefix", "argument", "warned"), [("1", 17800, 0), ("1", 17801, 1), ("4", 3150, 0), ("4", 3151, 1), ("", 20000, 2)]
+)
+def test_beyond_the_joint(prefix: str, argument: int, warned: int) -> None:
+    hand, _ = simulated()
+    motion.move(hand, prefix, "M", argument, Guide())
+    assert codes(hand).count("beyond") == warned, "one for all fingers, one for the spread"
+
+
+def test_one_command_of_movement_and_a_word_while_it_runs() -> None:
+    hand, link = simulated()
+    guide = NotedGuide()
+    motion.move(hand, "1", "M", 1000, guide)
+    assert doing(link) == ["1M 1000"]
+    assert link.commands[-1].startswith("1FGET SG P")
+    assert "1M 1000" in guide.shown[0]
+
+
+def test_a_slow_movement_is_waited_for() -> None:
+    """max(20 s, 3 x the estimate from MCV and SAMPLE) (dossier 1.3): 17,000 counts at 1 count in 2.05 ms are 35 s."""
+    hand, _ = simulated()
+    hand.line.ask("1FSET MCV 16 SAMPLE 255")
+    table = motion.move(hand, "1", "C", None, Guide())
+    assert table.rows[0]["ended"] == "reached"
+
+
+# -- how it ended, from numbers ---------------------------------------------------------------------------------------
+
+OFF = {"HSG": 256, "LSG": 256, "MPE": 50, "S": 0, "SG": 120}
+
+
+@pytest.mark.parametrize(
+    ("name", "now", "goal", "status", "words"),
+    [
+        ("M", {"P": 1000}, 1000, 0, "reached"), ("M", {"P": 1050}, 1000, 0, "reached"),
+        ("M", {"P": 951}, 1000, 16, "reached"), ("M", {"P": 1051}, 1000, 16, "stalled short"),
+        ("M", {"P": 1051, "MPE": 60}, 1000, 0, "reached"), ("C", {"P": 9212}, 17000, 0, "stalled short"),
+        ("TC", {"P": 9212}, None, 0, "stalled"), ("TO", {"P": 0}, 0, 0, "stalled"),
+        # strain (§5.5 case 2): beyond, not at, the limit
+        ("C", {"P": 5, "SG": 201, "HSG": 200}, 17000, 0, "201 is above HSG 200"),
+        ("C", {"P": 5, "SG": 200, "HSG": 200}, 17000, 0, "stalled short"),
+        ("C", {"P": 5, "SG": 99, "LSG": 100}, 17000, 0, "99 is below LSG 100"),
+        ("C", {"P": 5, "SG": 100, "LSG": 100}, 17000, 0, "stalled short"),
+        ("C", {"P": 5, "SG": 254, "HSG": 254}, 17000, 0, "stalled short"),
+        ("C", {"P": 5, "SG": 254, "HSG": 253}, 17000, 0, "254 is above HSG 253"),
+        ("TC", {"P": 5, "SG": 201, "HSG": 200}, None, 0, "strain limit"),
+        # 255 and 256 are off; 255 is no gauge (§5.3.1, §5.3.2)
+        ("C", {"P": 5, "SG": 254, "HSG": 255, "LSG": 255}, 17000, 0, "stalled short"),
+        ("C", {"P": 5, "SG": 1, "HSG": 256, "LSG": 256}, 17000, 0, "stalled short"),
+        ("C", {"P": 5, "SG": 255, "HSG": 200}, 17000, 0, "stalled short"),
+        # ^C (case 4)
+        ("C", {"P": 5}, 17000, 16384, "^C"), ("C", {"P": 5, "S": 16384}, 17000, 0, "^C"),
+        # the status of the motor
+        ("C", {"P": 5, "S": 4}, 17000, 4, "not initialized"), ("M", {"P": 5, "S": 8192}, 17000, 8192, "temperature"),
+        ("C", {"P": 5, "S": 1}, 17000, 1, "No motor board"), ("C", {"P": 5, "S": 2}, 17000, 2, "No motor found"),
+        ("HI", {"P": 0, "S": 2}, 0, 2, "No motor found"),
+    ],
+)  # fmt: skip
+def test_how_it_ended(name: str, now: dict[str, int], goal: int | None, status: int, words: str) -> None:
+    assert words in motion.how_it_ended(name, {**OFF, **now}, goal, status)
+
+
+@pytest.mark.parametrize("name", ["HOME", "M", "HI", "O"])
+def test_an_unknown_position_is_not_reached(name: str) -> None:
+    assert "reached" not in motion.how_it_ended(name, {}, 0, 0)
+
+
+# -- power off --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("status", ["", "ERR 4", "ERR 1", "ERR 5"])
+def test_stop_works_though_it_complains(status: str) -> None:
+    """The manual prints "ERR 1" where a motor is not initialized; the others are off all the same (§5.2.1 T)."""
+    hand, link = scripted({"12T": status})
+    text = motion.power_off(hand, "12")
+    assert text.endswith("motor power is off") and status.removeprefix("ERR ") in text
+    assert link.commands == ["12T"]
+
+
+def test_stop_refused() -> None:
+    hand, _ = scripted({"T": "ERR 32"})
+    with pytest.raises(DeviceRefused):
+        motion.power_off(hand, "")
+
+
+# -- Ctrl-C -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["C", "M", "TC"])
+def test_ctrl_c_stops_the_hand(name: str) -> None:
+    hand, link = simulated()
+    link.interrupt_at = link.now() + 0.3
+    with pytest.raises(Interrupted) as caught:
+        motion.move(hand, "123", name, 16000 if name == "M" else None, Guide())
+    assert caught.value.exit_code == 130
+    assert ABORT in link.sent
+    assert "16384" in caught.value.text
+    places = [int(word.rstrip(",")) for word in caught.value.text.rpartition("positions:")[2].split()[1::2]]
+    assert len(places) == 4
+    assert all(100 < place < 16000 for place in places[:3])
+    link.sleep(3.0)
+    assert [int(place) for place in hand.line.ask("FGET P").lines[0].split()] == places
+
+
+def test_ctrl_c_on_a_hand_that_does_not_stop() -> None:
+    hand, link = simulated("initialized=1&fault=no-abort")
+    hand.line.ask("1FSET MCV 16 SAMPLE 100")
+    link.interrupt_at = link.now() + 0.3
+    with pytest.raises(Interrupted) as caught:
+        motion.move(hand, "1", "M", 16000, Guide())
+    assert "switch its power off" in caught.value.text
+
+
+def test_ctrl_c_and_silence() -> None:
+    hand, link = scripted(
+        {"C": None, "FGET CT OT MCV SAMPLE": "17000 17000 17000 3150|0 0 0 0|100 100 100 60|31 31 31 31"}
+    )
+    link.on_abort = None
+    link.interrupt_at = link.clock + 1.0
+    with pytest.raises(Interrupted) as caught:
+        motion.move(hand, "", "C", None, Guide())
+    assert "power off" in caught.value.text
+    assert doing(link) == ["C"]
+    assert link.sent[-1] == ABORT
+
+
+def test_the_names_of_goals_exist() -> None:
+    assert {BARRETT.by_mnemonic(name).name for name in motion.GOALS.values()} == {
+        "close_target", "open_target", "default_position",
+    }  # fmt: skip
+    assert hand_on(Simulated()).kind == "barrett"
+
+
+# -- what would harm --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "argument", "line"),
+    [
+        ("O", None, "1FSET MOV 4080"), ("TO", None, "1FSET MOV 301"), ("IO", 500, "1FSET MOV 4080"), ("HOME", None, "1FSET MOV 4080"),
+        ("M", 100, "1FSET MOV 4080"), ("HI", None, "1FSET IVEL 900"), ("O", None, "1FSET MOV 200 IVEL 100"),
+        ("O", None, "1FSET MOV 4080 IVEL 4080"),
+    ],
+)  # fmt: skip
+def test_no_opening_faster_than_ivel_may_be(name: str, argument: int | None, line: str) -> None:
+    """§5.3.4 IVEL WARNING, §8: whatever set it, and whether or not it was saved; --force does it all the same."""
+    hand, link = simulated()
+    hand.line.ask("1M 5000")
+    hand.line.ask(line)
+    link.sent.clear()
+    with pytest.raises(UsageError) as caught:
+        motion.move(hand, "1", name, argument, Guide())
+    assert (caught.value.code, doing(link)) == ("opening-speed", [])
+    assert "IVEL" in caught.value.text and "--force" in caught.value.hint
+    assert len(link.commands) == 1, "one line of questions, as before"
+    motion.move(hand, "1", name, argument, Guide(), force=True)
+    assert doing(link) == [motion.command_text("1", name, argument)]
+
+
+@pytest.mark.parametrize(("name", "argument"), [("C", None), ("M", 9000), ("IC", 500), ("TC", None)])
+def test_closing_asks_nothing_of_mov(name: str, argument: int | None) -> None:
+    hand, link = simulated()
+    hand.line.ask("1FSET MOV 4080")
+    motion.move(hand, "1", name, argument, Guide())
+    assert doing(link)[-1] == motion.command_text("1", name, argument)
+
+
+@pytest.mark.parametrize(("name", "line"), [
+    ("O", "1FSET OT 60000"), ("C", "1FSET CT 0"), ("O", "1FSET OT 9000 CT 5000"), ("C", "1FSET OT 9000 CT 9000"),
+])  # fmt: skip
+def test_targets_that_turn_it_around(name: str, line: str) -> None:
+    """`set OT=60000`, then `open` closed the hand (§5.3.4)."""
+    hand, link = simulated()
+    hand.line.ask(line)
+    link.sent.clear()
+    with pytest.raises(UsageError) as caught:
+        motion.move(hand, "1", name, None, Guide())
+    assert (caught.value.code, doing(link)) == ("targets", [])

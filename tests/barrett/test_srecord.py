@@ -1,0 +1,265 @@
+"""Firmware files of the BarrettHand (barrett §3.7; dossier 7.4): good variants, broken ones, each with its verdict."""
+
+from __future__ import annotations
+
+import hashlib
+
+import bincopy
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from handctl.devices.barrett.firmware.srecord import Firmware, parse
+
+EXAMPLE = "S10B2000112233445566FF0070"
+DATA = bytes.fromhex("11 22 33 44 55 66 FF 00")
+
+
+def record(address: int, data: bytes, kind: str = "1") -> str:
+    """An S-record with a 16-bit address, made by the rule of the dossier."""
+    body = bytes([len(data) + 3]) + address.to_bytes(2, "big") + data
+    return f"S{kind}{(body + bytes([~sum(body) & 255])).hex().upper()}"
+
+
+HEADER = record(0, b"BarrettHand v4.33", "0")
+END = record(0, b"", "9")
+GOOD = (HEADER, EXAMPLE, record(0x2008, bytes(range(32))), record(0x3000, b"\xff" * 16), END)
+IMAGE = {
+    **dict(enumerate(DATA, 0x2000)),
+    **dict(enumerate(range(32), 0x2008)),
+    **dict(enumerate(b"\xff" * 16, 0x3000)),
+}
+
+
+def load(*lines: str, end: str = "\n", last: str = "\n") -> Firmware:
+    return parse("x.s19", (end.join(lines) + last).encode("latin-1"))
+
+
+def verdict(firmware: Firmware) -> dict[str, str]:
+    """What is not ok: check -> status."""
+    return {finding.check: finding.status for finding in firmware.findings if finding.status != "ok"}
+
+
+def evidence(firmware: Firmware, check: str) -> str:
+    (found,) = [finding for finding in firmware.findings if finding.check == check]
+    return found.evidence
+
+
+def memory(firmware: Firmware) -> dict[int, int]:
+    return {record.address + place: byte for record in firmware.records for place, byte in enumerate(record.data)}
+
+
+# -- good ones --------------------------------------------------------------------------------------------------------
+
+
+def test_the_record_of_the_dossier() -> None:
+    """Sum 28F -> 8F -> 70."""
+    assert record(0x2000, DATA) == EXAMPLE
+    firmware = load(EXAMPLE, END)
+    assert verdict(firmware) == {}
+    assert [(r.line, r.address, r.data) for r in firmware.records] == [(1, 0x2000, DATA)]
+
+
+@pytest.mark.parametrize(
+    ("end", "last", "change"),
+    [
+        ("\n", "\n", str), ("\r\n", "\r\n", str), ("\n", "", str), ("\r\n", "", str), ("\n\n \n", "\n\n", str),
+        ("\r", "\r", str), (" \n\t", " \n", str), ("\n", "\n", str.lower), ("\n", "\n", lambda text: "s" + text[1:]),
+        ("\n", "\n", lambda text: text[:2] + text[2:].lower()),
+    ],
+    ids=["lf", "crlf", "no-final", "crlf-no-final", "blank", "cr", "spaces", "lower", "lower-s", "lower-digits"],
+)  # fmt: skip
+def test_good_variants(end: str, last: str, change: type[str]) -> None:
+    firmware = load(*(change(line) for line in GOOD), end=end, last=last)
+    assert verdict(firmware) == {} and firmware.worst() == "ok"
+    assert memory(firmware) == IMAGE
+    assert (firmware.header, firmware.size, firmware.range_text) == ("BarrettHand v4.33", 56, "2000-2027, 3000-300F")
+
+
+def test_facts() -> None:
+    firmware = load(*GOOD)
+    content = ("\n".join(GOOD) + "\n").encode()
+    assert firmware.sha256 == hashlib.sha256(content).hexdigest()
+    assert firmware.image_sha256 == hashlib.sha256(bytes(IMAGE[address] for address in sorted(IMAGE))).hexdigest()
+    assert load(EXAMPLE, END).image_sha256 == "55d6c6aa27b8a45c1cce49ef12efdfc2925f89e5684bd00c1bb6ec4e11d8f460"
+    assert firmware.ranges == [(0x2000, 0x2027), (0x3000, 0x300F)]
+    assert firmware.name == "x.s19"
+
+
+@pytest.mark.parametrize(("count", "size", "seconds"), [(1315, 32, 98.6), (2325, 16, 96.9), (2048, 32, 153.6)])
+def test_time_of_a_download(count: int, size: int, seconds: float) -> None:
+    """Dossier 12: 72 and 40 character times a record at 9600."""
+    lines = [record(number * size, bytes(size)) for number in range(count)]
+    assert load(*lines, END).seconds == pytest.approx(seconds, abs=0.06)
+
+
+@pytest.mark.parametrize(
+    ("count", "sizes"), [(1, [1]), (32, [32]), (33, [32, 1]), (64, [32, 32]), (252, [32] * 7 + [28])]
+)
+def test_long_records_are_split(count: int, sizes: list[int]) -> None:
+    data = bytes(number % 251 for number in range(count))
+    firmware = load(record(0x4000, data), END)
+    assert [len(part.data) for part in firmware.records] == sizes
+    assert b"".join(part.data for part in firmware.records) == data
+    assert [part.address for part in firmware.records] == [0x4000 + 32 * number for number in range(len(sizes))]
+    assert {part.line for part in firmware.records} == {1}
+
+
+def test_records_stay_in_the_order_of_the_file() -> None:
+    firmware = load(record(0x5000, b"\x01"), record(0x4000, b"\x02"), record(0x4800, b"\x03"), END)
+    assert [part.address for part in firmware.records] == [0x5000, 0x4000, 0x4800]
+
+
+@pytest.mark.parametrize(("count", "expected"), [(2, {}), (1, {"count": "fail"}), (3, {"count": "fail"})])
+def test_s5(count: int, expected: dict[str, str]) -> None:
+    lines = (EXAMPLE, record(0x2008, b"\x01"), record(count, b"", "5"), END)
+    firmware = load(*lines)
+    assert verdict(firmware) == expected
+    if expected:
+        assert f"says {count}" in evidence(firmware, "count") and "has 2" in evidence(firmware, "count")
+
+
+def test_s5_behind_s9_as_some_programs_write_it() -> None:
+    assert verdict(load(EXAMPLE, END, record(1, b"", "5"))) == {}
+
+
+def test_up_to_the_last_address() -> None:
+    firmware = load(record(0x2000, b"\x00"), record(0xF7FF, b"\x01"), END)
+    assert verdict(firmware) == {}
+    assert verdict(load(record(0xFFE0, bytes(32)), END)) == {"addresses": "warning"}  # EEPROM, but in range
+
+
+# -- broken ones ------------------------------------------------------------------------------------------------------
+
+BROKEN: dict[str, tuple[tuple[str, ...], str, str, tuple[str, ...]]] = {
+    # name -> lines, check, status, words of the evidence
+    "wrong checksum": ((EXAMPLE[:-2] + "71", END), "checksums", "fail", ("line 1", "checksum 71", "70")),
+    "wrong data": ((EXAMPLE.replace("33", "34"), END), "checksums", "fail", ("line 1", "checksum 70", "6F")),
+    "cut in the middle": ((HEADER, EXAMPLE[:-6]), "checksums", "fail", ("line 2", "count", "11")),
+    "line too long": ((EXAMPLE + "00", END), "checksums", "fail", ("line 1", "count", "12")),
+    "odd digits": ((EXAMPLE[:-1], END), "checksums", "fail", ("line 1", "hexadecimal")),
+    "no hex": ((EXAMPLE.replace("5566", "55G6"), END), "checksums", "fail", ("line 1", "hexadecimal")),
+    "too short": (("S103", END), "checksums", "fail", ("line 1", "too short")),
+    "24 bit": ((HEADER, "S20820000011223344" + "2D", END), "types", "fail", ("line 2", "S2", "24-bit")),
+    "32 bit": (("S30920000000112233442C", END), "types", "fail", ("S3", "32-bit")),
+    "32-bit end": ((EXAMPLE, "S70500000000FA"), "types", "fail", ("line 2", "S7", "32-bit")),
+    "S8": ((EXAMPLE, "S804000000FB"), "types", "fail", ("line 2", "S8", "24-bit")),
+    "S4": ((record(0, b"", "4"), EXAMPLE, END), "types", "fail", ("line 1", "S4")),
+    "S6": ((EXAMPLE, record(1, b"", "6"), END), "types", "fail", ("line 2", "S6")),
+    "no end": ((HEADER, EXAMPLE), "end", "force", ("S9",)),
+    "data behind the end": ((EXAMPLE, END, record(0x3000, b"\x01")), "end", "fail", ("line 3", "line 2")),
+    "lines missing": ((EXAMPLE, record(7, b"", "5"), END), "count", "fail", ("S5 says 7", "has 1")),
+    "overlap with other bytes": (
+        (EXAMPLE, record(0x2004, b"\x55\x67"), END), "overlaps", "fail", ("line 2", "2005", "line 1", "66", "67"),
+    ),
+    "beyond 64 KiB": ((record(0xFFFF, b"\x01\x02"), END), "addresses", "fail", ("line 1", "FFFF")),
+    "no data": ((HEADER, END), "data", "fail", ("no S1",)),
+    "empty file": (("",), "data", "fail", ("no S1",)),
+    "only empty records": ((record(0x2000, b""), END), "data", "fail", ("empty",)),
+    "intel hex": ((":10010000214601360121470136007EFE09D2190140",), "text", "fail", ("line 1", ":1001")),
+    "a text": (("Dear user,", EXAMPLE, END), "text", "fail", ("line 1", "Dear")),
+    "binary": (("\x7fELF\x01\x02",), "text", "fail", ("line 1",)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", BROKEN)
+def test_broken_files_have_clear_verdicts(name: str) -> None:
+    lines, check, status, words = BROKEN[name]
+    firmware = load(*lines)
+    assert verdict(firmware).get(check) == status, firmware.findings
+    assert firmware.worst() in ("fail", status)
+    for word in words:
+        assert word in evidence(firmware, check), evidence(firmware, check)
+    assert all(finding.remedy for finding in firmware.findings if finding.status != "ok")
+
+
+def test_verdicts_differ() -> None:
+    """Ten and more kinds of damage, and as many different sentences."""
+    told = {evidence(load(*lines), check) for lines, check, _, _ in BROKEN.values()}
+    assert len(told) >= len(BROKEN) - 1 >= 10
+
+
+def test_every_line_is_read() -> None:
+    """Two wrong lines: the first is named, the other counted."""
+    bad = EXAMPLE[:-2] + "00"
+    firmware = load(bad, bad, EXAMPLE, END)
+    assert evidence(firmware, "checksums") == "line 1: checksum 00, the bytes give 70 (and 1 more)"
+
+
+@pytest.mark.parametrize(
+    ("address", "size", "status"),
+    [(0x00FF, 1, "warning"), (0x0100, 1, None), (0x0FFF, 1, None), (0x0FFF, 2, "warning"), (0x103F, 1, "warning"),
+     (0x1040, 1, None), (0xF7FF, 1, None), (0xF7FF, 2, "warning"), (0xF800, 1, "warning"), (0xFFFF, 1, "warning")],
+)  # fmt: skip
+def test_areas_of_the_processor_are_a_warning(address: int, size: int, status: str | None) -> None:
+    firmware = load(record(address, bytes(size)), END)
+    assert verdict(firmware).get("addresses") == status
+
+
+def test_the_same_bytes_twice_are_a_warning() -> None:
+    firmware = load(EXAMPLE, EXAMPLE, END)
+    assert verdict(firmware) == {"overlaps": "warning"}
+    assert "line 2" in evidence(firmware, "overlaps") and firmware.ranges == [(0x2000, 0x2007)]
+
+
+def test_same_bytes_first_and_others_later_in_one_record() -> None:
+    """The clash counts, not the harmless beginning."""
+    assert verdict(load(EXAMPLE, record(0x2006, b"\xff\x01"), END)) == {"overlaps": "fail"}
+
+
+def test_empty_records_are_left_out() -> None:
+    firmware = load(EXAMPLE, record(0x3000, b""), END)
+    assert verdict(firmware) == {"empty": "warning"} and len(firmware.records) == 1
+
+
+# -- the oracle -------------------------------------------------------------------------------------------------------
+
+
+@given(
+    st.lists(st.binary(min_size=1, max_size=60), min_size=1, max_size=12),
+    st.integers(0x2000, 0x4000),
+    st.integers(0, 40),
+)
+def test_the_same_image_as_bincopy(parts: list[bytes], start: int, gap: int) -> None:
+    lines, at = [HEADER], start
+    for part in parts:
+        lines.append(record(at, part))
+        at += len(part) + gap
+    firmware = load(*lines, END)
+    oracle = bincopy.BinFile()
+    oracle.add_srec("\n".join([*lines, END]))
+    assert verdict(firmware) == {}
+    assert memory(firmware) == {
+        segment.address + place: byte for segment in oracle.segments for place, byte in enumerate(segment.data)
+    }
+    assert firmware.ranges == [
+        (segment.address, segment.address + len(segment.data) - 1) for segment in oracle.segments
+    ]
+    assert firmware.header == oracle.header.decode() if isinstance(oracle.header, bytes) else oracle.header
+
+
+@given(
+    st.binary(max_size=200) | st.lists(st.sampled_from([*GOOD, GOOD[2][:-3], "S", ""])).map("\n".join).map(str.encode)
+)
+@example("\n".join(GOOD).encode())
+def test_any_file(content: bytes) -> None:
+    firmware = parse("x", content)
+    assert firmware.worst() in ("ok", "warning", "force", "fail")
+    assert all(1 <= len(part.data) <= 32 for part in firmware.records)
+
+
+@given(st.integers(0, len(EXAMPLE) - 1), st.sampled_from("0123456789ABCDEFXS \n"))
+def test_any_changed_character_is_found(place: int, letter: str) -> None:
+    """One wrong character of a record never passes for another image."""
+    text = f"{HEADER}\n{EXAMPLE[:place]}{letter}{EXAMPLE[place + 1 :]}\n{END}\n"
+    firmware = parse("x", text.encode())
+    assert firmware.worst() == "fail" or memory(firmware) == dict(enumerate(DATA, 0x2000))
+
+
+def test_a_record_that_turned_into_a_header() -> None:
+    """The type digit is not in the checksum: S0 behind data is data that got lost."""
+    lines = list(GOOD)
+    lines[2] = "S0" + lines[2][2:]
+    firmware = load(*lines)
+    assert verdict(firmware).get("types") in ("fail", "force")
+    assert "line 3" in evidence(firmware, "types") and firmware.header == "BarrettHand v4.33"

@@ -1,0 +1,459 @@
+"""The log file while it is written: columns, text of every word, time base, segments, gaps, marks, whole rows."""
+
+from __future__ import annotations
+
+import csv
+import json
+import resource
+import signal
+import struct
+from collections.abc import Callable, Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from handctl.devices.ekso.log.format import Layout, clean, parse, text_of
+from handctl.devices.ekso.log.recording import Limits, Recording, changed, file_name, record, settings_row, undisturbed
+from handctl.devices.ekso.log.timeline import FIRST_PERIOD_MS, LEARNED, ClockFit, Timeline
+from handctl.devices.ekso.map import DATA, SETTINGS
+from handctl.errors import HandctlError, Interrupted, LinkError, NoAnswer, OutputError, ProtocolError, UsageError
+from handctl.model.guide import Guide
+
+# Section 7 of the dossier, literally.
+COLUMNS = """
+host_utc_s, host_mono_s, boot_ms, t_s, segment, seq, rtt_ms,
+torso_pitch_deg, torso_roll_deg, right_toe_pressure_raw, right_heel_pressure_raw, left_toe_pressure_raw, left_heel_pressure_raw,
+right_hip_x_in, right_hip_y_in, left_hip_x_in, left_hip_y_in, right_hip_current_a, right_hip_angle_deg,
+right_knee_current_a, right_knee_angle_deg, left_hip_current_a, left_hip_angle_deg, left_knee_current_a, left_knee_angle_deg,
+state_raw, state_name, foot_state_raw, min_state_raw, lcd_button_state_raw, weight_shift,
+hmi_data_raw, va_ref_time, mark
+"""
+# Dossier 8.1, GetData standing: boot 5 000 001 ms.
+STANDING = struct.unpack(
+    ">27H",
+    bytes.fromhex(
+        "01C2 FFB5 005F 0262 0078 01E0 FFCF 0E10 0062 0E26 FF47 08A2 FFD8 0348 00D2 FD85 FFC9 0140 2040 0404 0000 0000"
+        "007D 0001 000C 004C 4B41"
+    ),
+)
+STANDING_TEXTS = (
+    "4.50,-0.75,95,610,120,480,-4.9,36.00,9.8,36.22,-1.85,22.10,-0.40,8.40,2.10,-6.35,-0.55,3.20,8256,standing (0x2040),"
+    "1028,0,0,0.125,1,1.2"
+)
+
+
+def words_at(boot_ms: int, words: Sequence[int] = STANDING) -> tuple[int, ...]:
+    """GetData with another BootTime."""
+    return (*words[:25], boot_ms >> 16, boot_ms & 0xFFFF)
+
+
+class Answer(NamedTuple):
+    """A sample as the recorder takes it."""
+
+    sent: float
+    received: float
+    words: tuple[int, ...]
+
+
+class Device:
+    """Answers a script on virtual time: (seconds since the last answer, BootTime or error)."""
+
+    def __init__(self, script: Sequence[tuple[float, int | BaseException]]) -> None:
+        self.script = list(script)
+        self.clock = 100.0
+        self.asked_at: list[float] = []
+
+    def now(self) -> float:
+        return self.clock
+
+    def sleep(self, seconds: float) -> None:
+        self.clock += max(0.0, seconds)
+
+    def sample(self) -> Answer:
+        self.asked_at.append(round(self.clock, 6))
+        seconds, what = self.script.pop(0)
+        self.clock += seconds
+        if isinstance(what, BaseException):
+            raise what
+        return Answer(self.clock - 0.004, self.clock, words_at(what))
+
+
+def steady(count: int, boot: int = 1001, period: int = 20) -> list[tuple[float, int | BaseException]]:
+    """So many answers, one every `period` ms by both clocks."""
+    return [(period / 1000, boot + i * period) for i in range(count)]
+
+
+def recorded(
+    path: Path,
+    script: Sequence[tuple[float, int | BaseException]],
+    *,
+    raw: bool = False,
+    limits: Limits | None = None,
+    mark: Callable[[], str] = lambda: "",
+    on_reboot: Callable[[], None] = lambda: None,
+) -> tuple[HandctlError | None, Recording, Device]:
+    """Record a script to its end."""
+    device = Device(script)
+    limits = limits or Limits(rows=sum(isinstance(what, int) for _, what in script))
+    recording = Recording(str(path), device, {"simulated": True}, raw=raw, rate=limits.rate, force=False)
+    try:
+        failure = record(recording, device.sample, device, limits, mark=mark, on_reboot=on_reboot, guide=Guide())
+    finally:
+        recording.close()
+    recording.write_sidecar(complete=True)
+    return failure, recording, device
+
+
+def table(path: Path) -> list[dict[str, str]]:
+    """The rows of the file."""
+    with open(path, encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def sidecar(path: Path) -> dict[str, Any]:
+    return dict(json.loads(Path(f"{path}.json").read_text(encoding="utf-8")))
+
+
+# -- columns and texts ------------------------------------------------------------------------------------------------
+
+
+def test_columns_are_those_of_the_dossier() -> None:
+    columns = COLUMNS.replace(",", " ").split()
+    assert Layout(raw=False).names == tuple(columns)
+    raw = Layout(raw=True).names
+    assert raw[: len(columns)] == tuple(columns)
+    assert len(raw) == len(columns) + 27
+    assert (raw[len(columns)], raw[-1]) == ("raw_00_torso_pitch", "raw_26_boot_time_low")
+
+
+def test_the_row_of_the_dossiers_example(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    failure, _, _ = recorded(path, [(0.02, 5_000_001)], raw=True)
+    assert failure is None
+    lines = path.read_bytes().split(b"\r\n")
+    assert lines[0].decode() == ",".join(Layout(raw=True).names)
+    assert lines[2:] == [b""]
+    fields = lines[1].decode().split(",")
+    assert fields[1:7] == ["100.018000", "5000001", "0.000", "1", "1", "4.000"]
+    assert ",".join(fields[7:33]) == STANDING_TEXTS
+    assert fields[33] == ""
+    assert fields[34:] == [str(word) for word in STANDING]
+
+
+@pytest.mark.parametrize("param", {(q.signed, q.decimals): q for q in DATA}.values(), ids=lambda q: q.name)
+def test_every_word_of_every_type_comes_back_from_its_text(param: Any) -> None:
+    seen = set()
+    for word in range(0x10000):
+        text = text_of(param, param.raw_of(word))
+        assert parse(param, text) & 0xFFFF == word
+        seen.add(text)
+    assert len(seen) == 0x10000
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("torso_pitch", t)
+        for t in ("-0.00", "1.5", "1.500", "327.68", "-327.69", "01.00", "nan", "", "1e2", "١.00", "1_0.00")
+    ]
+    + [("min_state", t) for t in ("-1", "65536", "1.0", "+1", " 1", "0x1")],
+)
+def test_no_other_spelling_is_taken(name: str, text: str) -> None:
+    (param,) = [q for q in DATA if q.name == name]
+    with pytest.raises(ValueError):
+        parse(param, text)
+
+
+def test_settings_without_the_wearer() -> None:
+    words = [*range(8), 0xFFB5, 9, *range(10, 22)]
+    row = settings_row(words, personal=False)
+    assert list(row) == [q.name for q in SETTINGS if q.name != "pilot_id"]
+    assert row["forward_shift"] == {"raw": -75, "value": -0.75, "unit": None}
+    assert row["step_length"] == {"raw": 2, "value": 0.02, "unit": "in"}
+    assert settings_row(words, personal=True)["pilot_id"]["raw"] == 19
+    other = settings_row([*words[:20], 99, 21], personal=False)
+    assert changed(row, other) == ["sit_mode"]
+
+
+def test_marks_are_one_line() -> None:
+    assert clean(" heel\r\nstrike\x00\x1b[2J\t2 ") == "heel strike [2J 2"
+
+
+# -- time -------------------------------------------------------------------------------------------------------------
+
+
+def places(timeline: Timeline, *points: tuple[int, float]) -> list[tuple[int, int, bool, int]]:
+    found = []
+    for boot, mono in points:
+        place = timeline.place(boot, mono)
+        timeline.take(place)
+        found.append((place.t_ms, place.segment, place.rebooted, place.gap_ms))
+    return found
+
+
+def test_time_is_the_devices() -> None:
+    assert places(Timeline(), (5001, 7.0), (5023, 7.05), (5055, 7.06)) == [
+        (0, 1, False, 0), (22, 1, False, 0), (54, 1, False, 0),
+    ]  # fmt: skip
+
+
+def test_a_lower_boot_time_is_a_reboot_and_the_host_says_how_long_it_took() -> None:
+    line = Timeline()
+    assert places(line, (5001, 7.0), (5021, 7.02), (301, 47.02), (321, 47.04)) == [
+        (0, 1, False, 0), (20, 1, False, 0), (40_020, 2, True, 0), (40_040, 2, False, 0),
+    ]  # fmt: skip
+    assert [(s.number, s.first_row, s.rows, s.boot_first, s.boot_last) for s in line.segments] == [
+        (1, 1, 2, 5001, 5021), (2, 3, 2, 301, 321),
+    ]  # fmt: skip
+
+
+def test_a_reboot_is_seen_although_boot_time_is_higher() -> None:
+    """The device ran for 1 s, was off, and has run for 3 s since: the host clock went on by 30 s."""
+    assert places(Timeline(), (1001, 0.0), (3001, 30.0))[1] == (30_000, 2, True, 0)
+
+
+def test_the_wrap_of_boot_time_is_no_reboot() -> None:
+    top = (1 << 32) - 11
+    assert places(Timeline(), (top, 0.0), (9, 0.02)) == [(0, 1, False, 0), (20, 1, False, 0)]
+
+
+def test_a_reboot_near_the_wrap_is_one() -> None:
+    top = (1 << 32) - 11
+    assert places(Timeline(), (top, 0.0), (20_001, 0.02))[1] == (20, 2, True, 0)
+
+
+def test_a_slow_answer_is_no_reboot() -> None:
+    """The process was stopped between request and answer: the middle of both says little."""
+    line = Timeline()
+    line.take(line.place(1001, 0.0))
+    assert not line.place(1021, 30.0, rtt_ms=60_000).rebooted
+    assert not line.place(1001, 30.0, rtt_ms=10).rebooted  # a clock that stands
+    assert line.place(1021, 30.0, rtt_ms=10).rebooted
+
+
+def test_a_gap_is_more_than_three_periods() -> None:
+    first = int(3 * FIRST_PERIOD_MS)
+    assert [p[3] for p in places(Timeline(), (1, 0.0), (1 + first, 0.06), (2 + 2 * first, 0.121))] == [0, 0, first + 1]
+    line = Timeline()
+    places(line, *((i * 10, i / 100) for i in range(LEARNED + 1)))
+    assert line.period_ms == 10
+    assert line.place(LEARNED * 10 + 30, 1.0).gap_ms == 0
+    assert line.place(LEARNED * 10 + 31, 1.0).gap_ms == 31
+    slow = Timeline(period_ms=200)
+    assert [p[3] for p in places(slow, (1, 0.0), (601, 0.6), (1202, 1.201))] == [0, 0, 601]
+
+
+def test_true_rate_counts_recorded_time_only() -> None:
+    line = Timeline()
+    places(line, *((i * 20, i / 50) for i in range(201)), (94_000, 94.0), (94_020, 94.02), (5, 200.0), (25, 200.02))
+    assert line.rate_hz() == 50.0
+    assert line.interval_row() == {"median": 20, "p99": 20, "max": 90_000}
+    assert [tuple(gap) for gap in line.gaps] == [(94_000, 90_000)]
+
+
+def test_a_frozen_boot_time_is_counted() -> None:
+    line = Timeline()
+    places(line, (7, 0.0), (7, 0.02), (7, 0.04), (9, 0.06))
+    assert line.standstill == 2
+
+
+def test_the_clock_fit_finds_offset_and_drift() -> None:
+    fit = ClockFit()
+    for i in range(1000):
+        fit.add(i / 50, 0.5 + i / 50 * 1.0001)
+    assert fit.as_row() == {"a_s": 0.5, "b": 1.0001, "residual_ms": 0.0}
+    assert ClockFit().as_row() is None
+
+
+@given(st.lists(st.tuples(st.integers(0, 0xFFFFFFFF), st.floats(0, 1e5)), min_size=1, max_size=30))
+def test_device_time_never_falls_and_segments_count_up(points: list[tuple[int, float]]) -> None:
+    line = Timeline()
+    found = places(line, *points)
+    assert all(a[0] <= b[0] and b[1] - a[1] == b[2] for a, b in pairwise(found))
+    assert sum(segment.rows for segment in line.segments) == len(points)
+
+
+# -- the loop ---------------------------------------------------------------------------------------------------------
+
+
+def test_sidecar_at_the_start_and_at_the_end(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    device = Device(steady(1))
+    recording = Recording(str(path), device, {"simulated": True}, raw=False, rate=0, force=False)
+    early = sidecar(path)
+    assert (early["schema"], early["complete"], early["rows"], early["simulated"]) == (
+        "handctl-ekso-log/1", False, None, True,
+    )  # fmt: skip
+    recording.add(device.sample(), 1)
+    recording.close()
+    recording.write_sidecar(complete=True, ended="limit")
+    late = sidecar(path)
+    assert (late["complete"], late["rows"], late["ended"]) == (True, 1, "limit")
+    assert late["start"]["boot_ms"] == 1001
+    assert late["columns"][0] == {
+        "column": "torso_pitch_deg", "name": "torso_pitch", "word": 0, "unit": "deg", "type": "s16/100",
+    }  # fmt: skip
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.csv", "a.csv.json"]
+
+
+def test_every_row_is_in_the_file_at_once(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    device = Device(steady(3))
+    recording = Recording(str(path), device, {}, raw=False, rate=0, force=False)
+    for seq in (1, 2, 3):
+        recording.add(device.sample(), seq)
+        assert len(table(path)) == seq
+    recording.close()
+
+
+def test_lost_requests_leave_holes_and_a_gap(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    script = [*steady(3), (1.5, NoAnswer("x")), (1.5, ProtocolError("y")), (0.02, 4161), (0.02, 4181)]
+    failure, recording, _ = recorded(path, script)
+    assert failure is None
+    assert [(row["seq"], row["mark"]) for row in table(path)] == [
+        ("1", ""), ("2", ""), ("3", ""), ("6", "[gap 3.120 s]"), ("7", ""),
+    ]  # fmt: skip
+    assert (recording.lost, sidecar(path)["gaps"]) == (2, [[4161, 3120]])
+    assert recording.as_row()["gaps"] == 1
+
+
+def test_silence_ends_a_log_but_not_at_once(tmp_path: Path) -> None:
+    script = [*steady(2), *[(1.5, NoAnswer("nothing"))] * 40]
+    failure, recording, device = recorded(tmp_path / "a.csv", script, limits=Limits(silence=6))
+    assert isinstance(failure, NoAnswer)
+    assert (recording.rows, recording.lost) == (2, 4)
+    assert len(device.script) == 36
+
+
+@pytest.mark.parametrize("error", [LinkError("gone"), NoAnswer("over", code="deadline")])
+def test_a_lost_link_and_a_deadline_end_it_at_once(tmp_path: Path, error: HandctlError) -> None:
+    failure, recording, _ = recorded(tmp_path / "a.csv", [*steady(2), (0.0, error)], limits=Limits())
+    assert failure is error
+    assert (recording.rows, recording.lost) == (2, 0), "what was not sent is not lost"
+
+
+def test_a_reboot_is_a_segment(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    seen: list[str] = []
+    script = [*steady(2), (1.5, NoAnswer("x")), (0.5, 301), (0.02, 321)]
+    recorded(path, script, on_reboot=lambda: seen.append("reboot"))
+    assert [(row["segment"], row["t_s"], row["mark"]) for row in table(path)] == [
+        ("1", "0.000", ""), ("1", "0.020", ""), ("2", "2.070", "[reboot]"), ("2", "2.090", ""),
+    ]  # fmt: skip
+    assert seen == ["reboot"]
+    assert [(s["segment"], s["rows"], s["boot_ms"]) for s in sidecar(path)["segments"]] == [
+        (1, 2, [1001, 1021]), (2, 2, [301, 321]),
+    ]  # fmt: skip
+
+
+def test_marks_stand_in_both_files_and_none_is_lost(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    texts = iter(['start, "quoted"', "", "while lost", "k", ""])
+    script = [*steady(2), (0.01, NoAnswer("x")), (0.01, 1061), (0.02, LinkError("gone"))]
+    recorded(path, script, limits=Limits(), mark=lambda: next(texts))
+    assert [row["mark"] for row in table(path)] == ['start, "quoted"', "", "while lost; k"]
+    assert [(m["row"], m["boot_ms"], m["text"]) for m in sidecar(path)["marks"]] == [
+        (1, 1001, 'start, "quoted"'), (3, 1061, "while lost; k"),
+    ]  # fmt: skip
+    texts = iter(["", "too late"])
+    recorded(tmp_path / "b.csv", [*steady(1), (0, LinkError("gone"))], limits=Limits(), mark=lambda: next(texts))
+    assert sidecar(tmp_path / "b.csv")["marks"] == [{"row": None, "boot_ms": 1001, "t_s": 0.0, "text": "too late"}]
+
+
+def test_rate_paces_the_requests_and_never_hurries(tmp_path: Path) -> None:
+    script = [(0.01, 1001), (0.01, 1101), (0.35, 1301), (0.01, 1551), (0.01, 1651)]
+    _, recording, device = recorded(tmp_path / "a.csv", list(script), limits=Limits(rate=10, rows=5))
+    assert device.asked_at == [100.0, 100.1, 100.2, 100.55, 100.65]
+    assert recording.rows == 5
+
+
+def test_duration_ends_it(tmp_path: Path) -> None:
+    _, recording, device = recorded(tmp_path / "a.csv", steady(200), limits=Limits(duration=0.99))
+    assert (recording.rows, round(device.clock, 6)) == (50, 101.0)
+    _, recording, device = recorded(tmp_path / "b.csv", steady(200), limits=Limits(duration=1.0, rate=2))
+    assert (recording.rows, round(device.clock, 6)) == (2, 101.0)
+
+
+# -- whole rows, whatever happens -------------------------------------------------------------------------------------
+
+
+def test_ctrl_c_leaves_whole_rows(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    failure, recording, _ = recorded(path, [*steady(3), (0.0, KeyboardInterrupt())], limits=Limits())
+    assert isinstance(failure, Interrupted)
+    assert recording.rows == len(table(path)) == 3
+
+
+def test_a_signal_waits_for_the_row() -> None:
+    def stop(_number: int, _frame: object) -> None:
+        raise KeyboardInterrupt
+
+    steps = []
+    old = signal.signal(signal.SIGTERM, stop)
+    try:
+        with pytest.raises(KeyboardInterrupt), undisturbed():
+            signal.raise_signal(signal.SIGTERM)
+            steps.append("the row is written")
+        assert signal.pthread_sigmask(signal.SIG_BLOCK, []) & {signal.SIGINT, signal.SIGTERM} == set()
+    finally:
+        signal.signal(signal.SIGTERM, old)
+    assert steps == ["the row is written"]
+
+
+def test_a_full_disk_takes_back_the_broken_row(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    device = Device(steady(100))
+    recording = Recording(str(path), device, {}, raw=False, rate=0, force=False)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (3000, hard))
+    try:
+        failure = record(
+            recording, device.sample, device, Limits(), mark=lambda: "", on_reboot=lambda: None, guide=Guide()
+        )
+        recording.close()
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert isinstance(failure, OutputError)
+    assert str(path) in failure.text
+    data = path.read_bytes()
+    assert data.endswith(b"\r\n")
+    assert 2500 < len(data) <= 3000
+    assert len(table(path)) == recording.rows == sum(s.rows for s in recording.timeline.segments) > 5
+
+
+def test_a_disk_that_is_full_at_once_leaves_nothing(tmp_path: Path) -> None:
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, hard))
+    try:
+        with pytest.raises(OutputError, match="cannot be written"):
+            Recording(str(tmp_path / "a.csv"), Device([]), {}, raw=False, rate=0, force=False)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("taken", ["a.csv", "a.csv.json"])
+def test_an_existing_file_is_never_touched_without_force(tmp_path: Path, taken: str) -> None:
+    (tmp_path / taken).write_text("mine")
+    with pytest.raises(UsageError, match="exists"):
+        Recording(str(tmp_path / "a.csv"), Device([]), {}, raw=False, rate=0, force=False)
+    assert [(p.name, p.read_text()) for p in tmp_path.iterdir()] == [(taken, "mine")]
+    Recording(str(tmp_path / "a.csv"), Device([]), {}, raw=False, rate=0, force=True).close()
+    assert table(tmp_path / "a.csv") == []
+
+
+def test_a_file_that_cannot_be_made_is_a_usage_error(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="No such file or directory"):
+        Recording(str(tmp_path / "none" / "a.csv"), Device([]), {}, raw=False, rate=0, force=False)
+
+
+def test_a_directory_gets_a_file_named_after_the_moment(tmp_path: Path) -> None:
+    name = Path(file_name(str(tmp_path)))
+    assert name.parent == tmp_path
+    assert name.match("ekso-2*T*Z.csv")
+    assert file_name("gait.csv") == "gait.csv"

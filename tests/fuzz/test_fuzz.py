@@ -1,0 +1,84 @@
+"""Every decoder under random, mutated and adversarial streams. A few thousand chunks here, 10^6 each with marker `long`.
+
+What holds for each is in fuzz_decoders.py (frames), fuzz_texts.py (files and texts) and fuzz_devices.py (simulators).
+HANDCTL_LONG_SECONDS bounds the long run of all decoders together; each has an equal share.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from handctl.link import Deadline
+from handctl.link.can import CanLink
+from tests.fuzz import decoders, texts
+from tests.fuzz.decoders import Aidin, Eb90, Ekso, Slcan
+from tests.fuzz.devices import STREAMS, Explain, Simulated, SlcanAdapter
+from tests.fuzz.support import Episode, long_seconds, run_episodes
+
+SHORT, LONG = 2_000, 1_000_000
+FILES = {"configuration": 150, "snapshot": 150, "ekso log": 900, "sim aidin": 500}
+"""Where a chunk costs more, there are fewer of them in the default run."""
+SLOWEST = 5.0
+"""Processor seconds that one episode may take in the long run: what is quadratic shows in its floods."""
+DECODERS = {
+    "eb90 sniffing": lambda folder: Eb90(),
+    "eb90 replies": lambda folder: Eb90(b"\x90\xeb"),
+    "eb90 one reply": lambda folder: Eb90(b"\x90\xeb\x01\x05\x11\xc0\x05"),
+    "ekso": lambda folder: Ekso(),
+    "aidin": lambda folder: Aidin(),
+    "gcl": lambda folder: decoders.gcl,
+    "realtime": lambda folder: decoders.loop,
+    "download": lambda folder: decoders.transfer,
+    "canreg": lambda folder: decoders.canreg_words,
+    "slcan host": lambda folder: Slcan(),
+    "slcan adapter": lambda folder: SlcanAdapter(),
+    "s-records": lambda folder: texts.s_records,
+    "transcript": texts.Transcript,
+    "configuration": texts.Configuration,
+    "snapshot": texts.Snapshot,
+    "ekso log": texts.EksoLog,
+    **{f"explain {family}": lambda folder, family=family: Explain(family) for family in STREAMS},
+    **{f"sim {family}": lambda folder, family=family: Simulated(family) for family in STREAMS},
+}
+
+
+def episode_of(name: str, folder: Path) -> Episode:
+    """The episode of a decoder; files go to `folder`."""
+    return DECODERS[name](folder)
+
+
+@pytest.mark.parametrize("name", DECODERS)
+def test_fuzz(name: str, tmp_path: Path) -> None:
+    count = FILES.get(name, SHORT)
+    done, _ = run_episodes(episode_of(name, tmp_path), count, 60.0)
+    assert done >= count
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", DECODERS)
+def test_fuzz_long(name: str, tmp_path: Path) -> None:
+    seconds = long_seconds(len(DECODERS))
+    done, slowest = run_episodes(episode_of(name, tmp_path), LONG, seconds, seed=2)
+    assert done >= LONG or (seconds < float("inf") and done >= FILES.get(name, SHORT))
+    assert slowest < SLOWEST
+
+
+TORN = [b"T1234567\r", b"T12345678\xff\r", b"Tzzzzzzzz0\r", b"T\r", b"D00000001\r"]
+IMPOSSIBLE = [b"TFFFFFFFF0\r", b"T20000000100\r", b"T11000001200\r", b"D1100000120403\r"]
+
+
+@pytest.mark.parametrize("text", [*TORN, *IMPOSSIBLE])
+def test_damaged_text_of_an_adapter_is_passed_over_and_counted(text: bytes) -> None:
+    """It is shown as it came, it is nobody's error frame, and the line behind it is read."""
+    link = CanLink("can:slcan:loop://")
+    link._bus.serialPortOrig.reset_input_buffer()  # type: ignore[attr-defined]
+    link._bus.serialPortOrig.write(text)  # type: ignore[attr-defined]
+    now = Deadline(lambda: 1.0, 0.0)
+    assert link.receive(now) is None
+    assert (link.damaged, link.error_frames) == (1, 0)
+    assert repr(text)[:-1] in link.damage
+    link._bus.serialPortOrig.write(b"T10FF00012A7FE\r")  # type: ignore[attr-defined]
+    assert str(link.receive(now)) == "10FF0001 [2] A7 FE"
+    assert link.damaged == 1

@@ -1,0 +1,97 @@
+"""What a device sends without end, and a transcript of any length, costs as much as it is long: calls are counted, not seconds.
+
+Each case is work over so many pieces. Twice as many may cost twice the calls and a little; of their square four times.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from handctl.devices.barrett.gcl import language
+from handctl.devices.ekso import frames
+from handctl.devices.inspire import eb90
+from handctl.errors import ProtocolError
+from tests.inspire.test_exo_scan import scan_on
+from tests.support.cli import run
+from tests.support.scripted import Babble, calls_of
+
+PIECES = 120
+
+
+def growth(work: Callable[[int], object]) -> float:
+    """How many times the calls twice as many pieces cost."""
+    work(1)  # what is imported or compiled at the first use
+    return calls_of(lambda: work(2 * PIECES)) / calls_of(lambda: work(PIECES))
+
+
+def fed(decoder: eb90.Decoder | language.Decoder | frames.Decoder, piece: bytes, count: int) -> None:
+    for _ in range(count):
+        decoder.feed(piece)
+        while True:
+            try:
+                if decoder.next() is None or isinstance(decoder, language.Decoder):  # an answer stays where it is
+                    break
+            except ProtocolError:
+                continue
+
+
+ALL_IDS = [eb90.read_reply_prefix(i, 1000, 2) for i in range(1, 255)]
+
+
+@pytest.mark.parametrize(
+    "piece", [b"\x55" * 64, b"\x90\xeb" * 8, b"\x90\xeb\x01\xff", b"\x90\xeb\x01\x00" * 8, ALL_IDS[0]], ids=repr
+)
+@pytest.mark.parametrize("prefixes", [ALL_IDS, [], [eb90.DEVICE]], ids=["all ids", "any", "device"])
+def test_frames_of_the_inspire_family(piece: bytes, prefixes: list[bytes]) -> None:
+    assert growth(lambda count: fed(eb90.Decoder(prefixes), piece, count)) < 2.5
+
+
+def test_a_scan_looks_for_254_ids_at_the_cost_of_one() -> None:
+    """Noise that begins no answer is passed over by one search, not by one an id."""
+    one, all_ids = (
+        calls_of(lambda p=prefixes: fed(eb90.Decoder(p), b"\x55" * 64, 100))
+        for prefixes in (ALL_IDS[:1], ALL_IDS)  # type: ignore[misc]
+    )
+    assert all_ids == one
+
+
+def test_a_scan_of_a_line_that_floods() -> None:
+    link = Babble(baud=115200)
+    assert calls_of(lambda: scan_on(link, ids=[1, 2])) < 50 * link._reads
+
+
+@pytest.mark.parametrize("command", ["", "P", "FGET P"])
+@pytest.mark.parametrize("piece", [b"\x55", b"P", b" ", b"=>", b"x=> P\n", b"\n\rP\n\r", b"\0P\n=>"], ids=repr)
+def test_answers_of_the_barretthand(command: str, piece: bytes) -> None:
+    assert growth(lambda count: fed(language.Decoder(command), piece, count)) < 2.5
+
+
+@pytest.mark.parametrize("piece", [b"[" * 64, b"\x01" * 4, b"\x10\x05"], ids=repr)
+def test_frames_of_the_eksonr(piece: bytes) -> None:
+    assert growth(lambda count: fed(frames.Decoder(), piece, count)) < 2.5
+
+
+def test_text_is_no_answer_of_the_eksonr_at_the_cost_of_one_search() -> None:
+    assert calls_of(lambda: frames.sign(b"[" * 100_000)) < 50
+
+
+EQUAL = {
+    "barrett": ("> 50 0D", ("< 50", "< 4C 4F 4F 50", "< 20", "> 50 0D")),
+    "exo": ("< 90 EB 01 10", ("< EB 90 01 04", "< 55", "< 90 EB 01 10", "> EB 90 01 04 11 E8 03 0A 0B")),
+    "ekso": ("> 01", ("< 55", "< 01")),
+    "aidin": ("< 7B", ("< 22", "< 7B 7D", "< 2C")),
+}
+"""Family -> the first line of a transcript, and lines of which the rest is made."""
+
+
+@pytest.mark.parametrize(("family", "line"), [(family, line) for family, (_, lines) in EQUAL.items() for line in lines])
+def test_transcripts_of_equal_lines_are_compared(family: str, line: str, tmp_path: Path) -> None:
+    def compared(count: int) -> None:
+        path = tmp_path / f"{count}.txt"
+        path.write_text(EQUAL[family][0] + "\n" + f"{line}\n" * count)
+        assert run("trace", "diff", path, path, "--family", family).code == 0
+
+    assert growth(compared) < 2.5

@@ -1,0 +1,53 @@
+"""The CAN wire against the simulated bus: what can be passed over is, the rest is named, nothing is written."""
+
+from __future__ import annotations
+
+import pytest
+
+from handctl.errors import HandctlError
+from tests.inspire.wrist_support import fake_wrist, writes_of
+from tests.support.scripted import hexed, unhex
+
+
+@pytest.mark.parametrize("fault", ["noise", "late", "slow", "duplicate", "stale", "echo"])
+@pytest.mark.parametrize("seed", range(4))
+def test_what_can_be_passed_over(fault: str, seed: int) -> None:
+    wrist, _ = fake_wrist("can", f"fault={fault}&seed={seed}", timeout=1.0)
+    for _ in range(3):
+        assert hexed(wrist.bus.read(1020, 8)) == "A7 FE 65 04 6F 00 DE 00"
+        assert hexed(wrist.bus.read(1038, 6)) == "4C 04 D4 FE BC 02"
+    wrist.bus.write(1042, unhex("F4 01"))
+    assert hexed(wrist.bus.read(1042, 2)) == "F4 01"
+
+
+@pytest.mark.parametrize(
+    ("fault", "code", "exit_code"),
+    [
+        ("silent", "no-answer", 4),
+        ("deaf", "no-answer", 4),
+        ("no-wrist", "no-answer", 4),
+        ("twin-id", "no-answer", 4),
+        ("no-ack", "no-ack", 4),
+        ("bus-off", "no-ack", 4),
+        ("truncate", "cut-short", 5),
+        ("wrong-id", "wrong-id", 5),
+        ("loopback", "echo", 5),
+        ("disconnect", "lost", 3),
+    ],
+)
+def test_faults_of_the_simulator_are_named(fault: str, code: str, exit_code: int) -> None:
+    wrist, link = fake_wrist("can", f"fault={fault}")
+    with pytest.raises(HandctlError) as caught:
+        wrist.bus.read(1020, 2)
+    assert (caught.value.code, caught.value.exit_code) == (code, exit_code)
+    assert writes_of(link) == []
+
+
+def test_busy_bus() -> None:
+    """900 foreign frames a second: counted, and no value is disturbed."""
+    wrist, _ = fake_wrist("can", "traffic=900&wire=auto")
+    for _ in range(20):
+        assert hexed(wrist.bus.read(1020, 8)) == "A7 FE 65 04 6F 00 DE 00"
+        wrist.bus.pause(0.05)
+    assert (wrist.journal.counters.foreign_frames or 0) > 500
+    assert wrist.journal.counters.retries == 0

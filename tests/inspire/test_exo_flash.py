@@ -1,0 +1,245 @@
+"""Clear errors, save, factory reset: one write each, then waiting or reading (exo §2.3.3 to §2.3.5)."""
+
+from __future__ import annotations
+
+import pytest
+
+from handctl.devices.inspire.exo import flash as procedures
+from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer
+from handctl.model.guide import Guide
+from tests.support.scripted import (
+    Reply,
+    ScriptedLink,
+    changing,
+    codes,
+    fake_hand,
+    hand_on,
+    hexed,
+    message,
+    unhex,
+    values,
+    zeros_to_reads,
+)
+
+SAVE, SAVE_ACK, SAVED = "EB 90 01 04 12 ED 03 01 08", "90 EB 01 04 12 ED 03 01 08", "90 EB 01 04 11 ED 03 00 06"
+SAVE_FAILED = "90 EB 01 04 11 ED 03 FF 05"
+CLEAR = "EB 90 01 04 12 EC 03 01 07"
+RESET = "EB 90 01 04 12 EE 03 01 09"
+
+
+# -- errors -----------------------------------------------------------------------------------------------------------
+
+
+def test_clearable_errors_go_and_heat_stays() -> None:
+    hand, link = fake_hand("fault=faults")
+    table = procedures.clear_errors(hand)
+    assert values(table) == [0, 2, 0, 2, 0]
+    assert [row["before"] for row in table.rows] == [1, 2, 4, 6, 24]
+    assert table.failure is None
+    assert changing(link.sent) == [CLEAR]
+    texts = [entry.text for entry in hand.journal.messages]
+    assert [text.split(":")[0] for text in texts] == ["ring", "index"]
+    assert all("now 78 °C" in text and "cooling" in text for text in texts)
+
+
+def errors_after(byte: int) -> ScriptedLink:
+    """A hand whose index finger shows 05 before and `byte` after the clearing."""
+    state = {"error": 5}
+
+    def answer(request: bytes) -> list[Reply]:
+        if hexed(request) == CLEAR:
+            state["error"] = byte
+            return [(0.0, unhex("90 EB 01 04 12 EC 03 01 07"))]
+        (((_, reply),)) = zeros_to_reads(request)
+        body = bytearray(reply[2:-1])
+        body[5 + 3] = state["error"]
+        return [(0.0, reply[:2] + bytes(body) + bytes([sum(body) % 256]))]
+
+    return ScriptedLink(answer)
+
+
+@pytest.mark.parametrize("byte", [0x01, 0x04, 0x08, 0x10, 0x03, 0x1F, 0x20, 0x80])
+def test_errors_that_remain_are_a_failed_check(byte: int) -> None:
+    table = procedures.clear_errors(hand_on(errors_after(byte)))
+    assert values(table) == [0, 0, 0, byte, 0]
+    assert table.failure is not None
+    assert (table.failure.exit_code, table.failure.code) == (7, "errors-remain")
+    assert "index" in table.failure.text
+    assert "over_temperature" not in table.failure.text
+
+
+@pytest.mark.parametrize("byte", [0x00, 0x02])
+def test_heat_alone_is_no_failure(byte: int) -> None:
+    hand = hand_on(errors_after(byte))
+    assert procedures.clear_errors(hand).failure is None
+    assert codes(hand) == ["over-temperature"] * bool(byte)
+
+
+def test_lost_ack_of_clear_errors_is_cleared_up_by_reading() -> None:
+    hand, link = fake_hand("fault=faults,silent&every=2")
+    assert values(procedures.clear_errors(hand)) == [0, 2, 0, 2, 0]
+    assert "ack-lost" in codes(hand)
+    assert changing(link.sent) == [CLEAR]
+
+
+def test_refused_clear_errors() -> None:
+    hand, link = fake_hand("fault=refuse")
+    with pytest.raises(DeviceRefused):
+        procedures.clear_errors(hand)
+    assert changing(link.sent) == [CLEAR]
+
+
+# -- save -------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("flag", [17, 18])
+def test_saved(flag: int) -> None:
+    hand, link = fake_hand(f"result-flag={flag}")
+    table = procedures.save(hand, Guide())
+    assert values(table) == ["saved"]
+    assert link.now() == pytest.approx(1.0, abs=0.1)
+    assert [hexed(request) for request in link.sent] == [SAVE]
+
+
+@pytest.mark.parametrize("flag", [17, 18])
+def test_save_that_failed(flag: int) -> None:
+    """00 is saved and FF is failed: the sense is inverted (RH56 ch. 3 ex. 4)."""
+    hand, link = fake_hand(f"result-flag={flag}&fault=save-fails")
+    with pytest.raises(DeviceRefused) as caught:
+        procedures.save(hand, Guide())
+    assert (caught.value.exit_code, caught.value.code) == (6, "save-failed")
+    assert "FF" in caught.value.text
+    assert [hexed(request) for request in link.sent] == [SAVE]
+
+
+def test_save_without_a_result_is_a_note() -> None:
+    hand, link = fake_hand("fault=no-late-frames")
+    assert values(procedures.save(hand, Guide())) == ["accepted"]
+    assert codes(hand) == ["no-result"]
+    assert link.now() >= 2.5
+    assert [hexed(request) for request in link.sent] == [SAVE]
+
+
+@pytest.mark.parametrize(
+    ("replies", "result"),
+    [
+        pytest.param([(0.0, SAVE_ACK), (1.0, SAVED)], "saved", id="as documented"),
+        pytest.param([(1.0, SAVED)], "saved", id="lost ack, result came"),
+        pytest.param([(0.0, "90 EB 01 04 12 ED 03 01 09"), (1.0, SAVED)], "saved", id="spoiled ack, result came"),
+        pytest.param([(0.6, SAVE_ACK), (1.6, SAVED)], "saved", id="both late"),
+        pytest.param([(0.8, f"{SAVE_ACK} {SAVED}")], "saved", id="both late, in one piece"),
+        pytest.param([(0.1, f"{SAVE_ACK} {SAVED}")], "saved", id="both in one piece"),
+        pytest.param([(0.0, SAVE_ACK), (0.1, SAVE_ACK), (1.0, SAVED)], "saved", id="ack twice"),
+        pytest.param([(0.0, SAVE_ACK), (1.0, "00 90 EB 90"), (1.1, SAVED)], "saved", id="noise before the result"),
+        pytest.param([(0.0, SAVE_ACK), (2.4, SAVED)], "saved", id="slow flash"),
+        pytest.param([(0.0, SAVE_ACK), (1.0, SAVED[:14]), (1.2, SAVED[14:])], "saved", id="result in two pieces"),
+        pytest.param([(0.0, SAVE_ACK), (1.0, SAVE_FAILED)], "save-failed", id="failed"),
+        pytest.param([(1.0, SAVE_FAILED)], "save-failed", id="lost ack, failed"),
+        pytest.param([(0.0, "90 EB 01 04 12 ED 03 00 07")], "refused", id="refused"),
+        pytest.param([(0.0, SAVE_ACK), (1.0, "90 EB 01 04 11 ED 03 00 07")], "accepted", id="spoiled result"),
+        pytest.param([], "no-answer", id="silence"),
+        pytest.param([(0.0, "90 EB 02 04 12 ED 03 01 09")], "wrong-id", id="another hand"),
+        pytest.param([(0.0, SAVE)], "echo", id="echo only"),
+    ],
+)
+def test_answers_to_a_save(replies: list[tuple[float, str]], result: str) -> None:
+    """Nothing is sent while it waits; 1005 is never read afterwards (its reply would look like the result)."""
+    link = ScriptedLink(lambda request: [(delay, unhex(data)) for delay, data in replies])
+    hand = hand_on(link, retries=3)
+    if result in ("saved", "accepted"):
+        assert values(procedures.save(hand, Guide())) == [result]
+    else:
+        with pytest.raises(HandctlError) as caught:
+            procedures.save(hand, Guide())
+        assert caught.value.code == result
+    assert [hexed(request) for request in link.sent] == [SAVE]
+    assert link.now() < 6.0
+
+
+def test_silence_after_a_save_says_that_nothing_is_known() -> None:
+    with pytest.raises(NoAnswer) as caught:
+        procedures.save(hand_on(ScriptedLink()), Guide())
+    assert "unknown" in caught.value.hint
+    assert "power-cycle" in caught.value.hint
+
+
+def test_acks_without_end_do_not_hold_the_save() -> None:
+    link = ScriptedLink(lambda request: [(0.1 * number, unhex(SAVE_ACK)) for number in range(2000)])
+    assert values(procedures.save(hand_on(link), Guide())) == ["accepted"]
+    assert link.now() < 20.0
+
+
+@pytest.mark.parametrize("moment", [0.01, 0.1, 0.8])
+def test_an_interrupted_save_says_that_it_was_sent(moment: float) -> None:
+    link = ScriptedLink(lambda request: [(0.05, unhex(SAVE_ACK)), (1.0, unhex("90 EB 01 04 11 ED 03 00 06"))])
+    link.interrupt_at = moment
+    with pytest.raises(HandctlError) as caught:
+        procedures.save(hand_on(link), Guide())
+    assert caught.value.exit_code == 130
+    assert "save was sent" in caught.value.text
+    assert changing(link.sent) == [SAVE]
+
+
+# -- factory reset ----------------------------------------------------------------------------------------------------
+
+
+def test_reset_writes_once_and_looks_who_answers() -> None:
+    hand, link = fake_hand("id=7", 7)
+    table = procedures.factory_reset(hand)
+    assert values(table) == ["accepted"]
+    assert changing(link.sent) == ["EB 90 07 04 12 EE 03 01 0F"]
+    assert hand.bus.id == 1
+    assert "answering now: id 1" in message(hand, "power-cycle")
+    assert "scan" in message(hand, "power-cycle")
+
+
+def test_lost_ack_of_a_reset_is_a_note() -> None:
+    hand = hand_on(link := ScriptedLink())
+    procedures.factory_reset(hand)
+    assert changing(link.sent) == [RESET]
+    assert "ack-lost" in codes(hand)
+    assert "nobody answers" in message(hand, "power-cycle")
+
+
+def test_reset_that_nobody_acknowledged_is_not_called_accepted() -> None:
+    hand = hand_on(ScriptedLink())
+    assert values(procedures.factory_reset(hand)) != ["accepted"]
+
+
+def test_reset_on_a_line_with_echo() -> None:
+    hand, link = fake_hand("id=7&fault=echo", 7)
+    procedures.factory_reset(hand)
+    assert hand.bus.id == 1
+    assert len(changing(link.sent)) == 1
+
+
+def test_an_interrupted_reset_says_that_it_was_sent() -> None:
+    hand, link = fake_hand()
+    link.interrupt_at = 0.5
+    with pytest.raises(HandctlError) as caught:
+        procedures.factory_reset(hand)
+    assert caught.value.exit_code == 130
+    assert "reset was sent" in caught.value.text
+    assert "scan" in caught.value.hint
+
+
+def test_a_link_lost_during_a_save_or_a_reset_is_told() -> None:
+    hand, _ = fake_hand("fault=disconnect")
+    with pytest.raises(LinkError) as caught:
+        procedures.save(hand, Guide())
+    assert "whether it is done is unknown" in caught.value.text
+    hand, _ = fake_hand("fault=disconnect")
+    with pytest.raises(LinkError) as caught:
+        procedures.factory_reset(hand)
+    assert "reset was sent" in caught.value.text
+
+
+def test_a_reset_that_nobody_answers_after_is_no_success() -> None:
+    """It was acknowledged, then the hand is gone: no evidence that it came back, so it is exit 4."""
+    ack = [(0.0, unhex("90 EB 01 04 12 EE 03 01 09"))]
+    link = ScriptedLink(lambda request: ack if hexed(request) == RESET else [])
+    table = procedures.factory_reset(hand_on(link))
+    assert values(table) == ["accepted"]
+    assert table.failure is not None
+    assert (table.failure.exit_code, table.failure.code) == (4, "gone")
+    assert "nobody answers to 1 after it" in table.failure.text

@@ -1,0 +1,364 @@
+"""Calibration and motion until arrival, both on a worn hand, and Ctrl-C meanwhile (exo §2.2.2, §2.3.6)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+from handctl.devices.inspire.exo import motion as procedures
+from handctl.devices.inspire.exo import raw
+from handctl.devices.inspire.map import EXO
+from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer
+from handctl.model.guide import Guide
+from tests.support.scripted import (
+    NotedGuide,
+    RecordedLink,
+    Reply,
+    ScriptedLink,
+    changing,
+    codes,
+    fake_hand,
+    hand_on,
+    hexed,
+    message,
+    unhex,
+    zeros_to_reads,
+)
+
+CALIBRATE, CALIBRATE_ACK = "EB 90 01 04 12 F1 03 01 0C", "90 EB 01 04 12 F1 03 01 0C"
+CALIBRATED = "90 EB 01 04 11 02 00 00 18"
+HOLD_FLAG = 0x32
+
+
+# -- calibration ------------------------------------------------------------------------------------------------------
+
+
+def test_calibration_reports_its_end() -> None:
+    hand, link = fake_hand()
+    guide = NotedGuide()
+    table = procedures.calibrate(hand, guide)
+    assert table.rows[0]["value"] == "completed"
+    assert table.rows[0]["seconds"] == pytest.approx(11.7, abs=0.1)
+    assert changing(link.sent) == [CALIBRATE]
+    assert [row["value"] for row in table.rows[1:]] == [500, 500, 500, 500, 400, 0, 0, 0, 0, 0, 0]
+    assert any("calibrating" in text for text in guide.shown)
+
+
+def test_nothing_is_sent_during_a_calibration() -> None:
+    hand, link = fake_hand()
+    procedures.calibrate(hand, Guide())
+    assert hexed(link.sent[0]) == CALIBRATE
+    assert link.sent_at[1] >= link.sent_at[0] + 11.7
+
+
+def test_calibration_without_a_report_ends_after_30_seconds() -> None:
+    hand, link = fake_hand("fault=no-late-frames")
+    table = procedures.calibrate(hand, Guide())
+    assert table.rows[0]["value"] == "not reported"
+    assert 30.0 <= link.sent_at[1] < 31.0
+    assert "no completion report" in message(hand, "no-completion")
+    assert "undocumented" in message(hand, "no-completion")
+
+
+def calibrating(*replies: tuple[float, str]) -> ScriptedLink:
+    def answer(request: bytes) -> list[Reply]:
+        if hexed(request) == CALIBRATE:
+            return [(delay, unhex(data)) for delay, data in replies]
+        return zeros_to_reads(request)
+
+    return ScriptedLink(answer)
+
+
+@pytest.mark.parametrize("moment", [0.01, 0.249, 0.2499, 0.25, 0.2501, 5.0, 9.75, 29.9])
+@pytest.mark.parametrize("cut", [1, 2, 4, 8])
+def test_end_of_calibration_in_two_pieces(moment: float, cut: int) -> None:
+    """Bluetooth and USB adapters split frames anywhere (dossier 1.1); no moment may lose one."""
+    data = CALIBRATED.split()
+    link = calibrating((0.0, CALIBRATE_ACK), (moment, " ".join(data[:cut])), (moment + 0.02, " ".join(data[cut:])))
+    table = procedures.calibrate(hand_on(link), Guide())
+    assert table.rows[0]["value"] == "completed"
+
+
+def test_ack_and_end_of_calibration_in_one_piece() -> None:
+    link = calibrating((0.1, f"{CALIBRATE_ACK} {CALIBRATED}"))
+    assert procedures.calibrate(hand_on(link), Guide()).rows[0]["value"] == "completed"
+
+
+def test_calibration_refused_or_unanswered() -> None:
+    with pytest.raises(DeviceRefused):
+        procedures.calibrate(hand_on(calibrating((0.0, "90 EB 01 04 12 F1 03 00 0B"))), Guide())
+    with pytest.raises(NoAnswer) as caught:
+        procedures.calibrate(hand_on(link := calibrating()), Guide())
+    assert changing(link.sent) == [CALIBRATE]
+    assert "calibrat" in f"{caught.value.text} {caught.value.hint}", "it may be running: the wearer must know"
+
+
+@pytest.mark.parametrize("moment", [0.01, 0.1, 3.0, 12.0])
+def test_interrupted_calibration_says_that_it_goes_on(moment: float) -> None:
+    link = calibrating((0.05, CALIBRATE_ACK))
+    link.interrupt_at = moment
+    with pytest.raises(HandctlError) as caught:
+        procedures.calibrate(hand_on(link), Guide())
+    assert caught.value.exit_code == 130
+    assert "goes on calibrating" in caught.value.text
+    assert [hexed(request) for request in link.sent] == [CALIBRATE]
+
+
+# -- motion -----------------------------------------------------------------------------------------------------------
+
+TARGET = [500, 400, 300, 200, 100]
+
+
+def test_motion_is_watched_until_arrival() -> None:
+    hand, link = fake_hand()
+    table = procedures.move(hand, TARGET, Guide(), wait=5.0)
+    assert [row["value"] for row in table.rows] == [*TARGET, 660]
+    assert [row["target"] for row in table.rows] == [*TARGET, None]
+    assert codes(hand) == []
+    assert link.now() < 1.5
+    assert len(changing(link.sent)) == 1
+
+
+def test_blocked_motion_ends_short_of_its_target() -> None:
+    hand, link = fake_hand("fault=blocked")
+    table = procedures.move(hand, TARGET, Guide(), wait=5.0)
+    assert [row["value"] for row in table.rows][:5] == [110, 220, 330, 440, 550]
+    assert "short" in codes(hand)
+    assert link.now() < 2.0
+
+
+def test_motion_that_takes_longer_than_the_wait() -> None:
+    hand, link = fake_hand()
+    procedures.move(hand, [1000, 1000, 1000, 1000, 1000], Guide(), wait=0.2)
+    assert "moving" in codes(hand)
+    assert link.now() < 0.5
+    assert len(changing(link.sent)) == 1
+
+
+def test_interrupted_motion_is_held_where_it_is() -> None:
+    hand, link = fake_hand()
+    link.interrupt_at = 0.3
+    with pytest.raises(HandctlError) as caught:
+        procedures.move(hand, [1000, 1000, 1000, 1000, 1000], Guide(), wait=5.0)
+    assert caught.value.exit_code == 130
+    assert "hold at" in caught.value.text
+    first, hold = changing(link.sent)
+    assert hold.startswith("EB 90 01 0B 32 ")
+    held = unhex(hold)[5:15]
+    places = [int.from_bytes(held[i : i + 2], "little") for i in range(0, 10, 2)]
+    assert all(start < place < 1000 for start, place in zip([110, 220, 330, 440, 550], places, strict=True))
+    assert first != hold
+
+
+def test_interrupt_before_the_reply_of_the_command_holds_too() -> None:
+    """The hand moves as soon as it got the command (exo §2.3.7): Ctrl-C from then on stops it (cli contract, 7)."""
+    hand, link = fake_hand("turnaround=0.2")
+    send = link.write
+
+    def write(data: bytes, deadline: object) -> None:
+        send(data, deadline)  # type: ignore[arg-type]
+        if data[4] == HOLD_FLAG and len(changing(link.sent)) == 1:
+            link.interrupt_at = 0.0
+
+    link.write = write  # type: ignore[method-assign]
+    with pytest.raises(BaseException) as caught:
+        procedures.move(hand, [1000, 1000, 1000, 1000, 1000], Guide(), wait=5.0)
+    assert getattr(caught.value, "exit_code", 130) == 130
+    assert len(changing(link.sent)) == 2
+
+
+def moving_at(positions: list[int], interrupt_after: float) -> ScriptedLink:
+    """A hand that always reports these positions."""
+
+    def answer(request: bytes) -> list[Reply]:
+        if request[4] == HOLD_FLAG:
+            return [(0.0, unhex("90 EB 01 0B 32 00 00 00 00 00 00 00 00 00 00 3E"))]
+        data = b"".join(value.to_bytes(2, "little", signed=True) for value in positions)
+        body = b"\x01\x0f\x11\x0a\x06" + data
+        return [(0.0, b"\x90\xeb" + body + bytes([sum(body) % 256]))]
+
+    link = ScriptedLink(answer)
+    link.interrupt_at = interrupt_after
+    return link
+
+
+def test_hold_is_not_commanded_out_of_range() -> None:
+    link = moving_at([1003, 500, 500, 500, -2, 500], 0.2)
+    with pytest.raises(HandctlError) as caught:
+        procedures.move(hand_on(link), TARGET, Guide(), wait=5.0)
+    assert caught.value.exit_code == 130
+    assert "switch the power off" in caught.value.text
+    assert len(changing(link.sent)) == 1
+
+
+def test_hold_that_fails_is_told() -> None:
+    link = moving_at([1, 2, 3, 4, 5, 6], 0.2)
+    plain: Callable[[bytes], list[Reply]] = link.answer  # type: ignore[assignment]
+
+    def answer(request: bytes) -> list[Reply]:
+        return [] if len(changing(link.sent)) == 2 else plain(request)
+
+    link.answer = answer
+    with pytest.raises(HandctlError) as caught:
+        procedures.move(hand_on(link), TARGET, Guide(), wait=5.0)
+    assert caught.value.exit_code == 130
+    assert "could NOT be stopped" in caught.value.text
+
+
+# -- Ctrl-C while an answer is awaited --------------------------------------------------------------------------------
+
+RELEASE = "EB 90 01 0B 31 00 00 00 00 00 00 00 00 00 00 3D"
+
+
+def interrupted(link: RecordedLink, act: Callable[[], object]) -> HandctlError:
+    """What Ctrl-C ends in when the first write has been sent, and its answer has not come."""
+    send = link.write
+
+    def write(data: bytes, deadline: object) -> None:
+        send(data, deadline)  # type: ignore[arg-type]
+        if len(changing(link.sent)) == 1 and data == link.sent[-1] and data[4] != 0x11:
+            link.interrupt_at = 0.0
+
+    link.write = write  # type: ignore[method-assign]
+    with pytest.raises(HandctlError) as caught:
+        act()
+    assert caught.value.exit_code == 130
+    return caught.value
+
+
+def test_interrupted_force_command_is_released() -> None:
+    """The force would stay on the worn hand (exo §2.2.1); Ctrl-C stops it (cli contract, 5 and 7)."""
+    hand, link = fake_hand("turnaround=0.2")
+    error = interrupted(link, lambda: procedures.command(hand, "force", [100, 0, 0, 0, -100], Guide()))
+    assert changing(link.sent) == ["EB 90 01 0B 31 64 00 00 00 00 00 00 00 9C FF 3C", RELEASE]
+    assert "all forces were commanded to 0" in error.text
+
+
+def test_interrupted_position_command_is_held() -> None:
+    hand, link = fake_hand("turnaround=0.2")
+    error = interrupted(link, lambda: procedures.command(hand, "position", [900] * 5, Guide()))
+    assert "hold at" in error.text
+    assert [frame[12:14] for frame in changing(link.sent)] == ["32", "32"]
+
+
+@pytest.mark.parametrize(
+    ("text", "stopped"),
+    [("position_set.index=900", "hold at"), ("force_set.little=100", "all forces were commanded to 0")],
+)
+def test_interrupted_set_is_stopped(text: str, stopped: str) -> None:
+    """`set`, `restore` and `write` move the hand as the commands do (exo §2.3.7, §2.3.8)."""
+    hand, link = fake_hand("turnaround=0.2")
+    error = interrupted(link, lambda: hand.write(EXO.assignments([text])))
+    assert stopped in error.text
+    assert len(changing(link.sent)) == 2
+
+
+def test_interrupted_write_by_address_is_stopped() -> None:
+    hand, link = fake_hand("turnaround=0.2")
+    error = interrupted(link, lambda: raw.write(hand, 1498, unhex("64 00")))
+    assert "all forces were commanded to 0" in error.text
+
+
+def test_interrupted_write_of_what_does_not_move_is_told() -> None:
+    hand, link = fake_hand("turnaround=0.2")
+    error = interrupted(link, lambda: hand.write(EXO.assignments(["baud_code=1"])))
+    assert error.text == "interrupted: baud_code may be written or not"
+    assert len(changing(link.sent)) == 1
+
+
+def test_a_release_without_an_answer_is_told() -> None:
+    link = ScriptedLink()
+    link.interrupt_at = 0.1
+    hand = hand_on(link)
+    with pytest.raises(HandctlError) as caught:
+        procedures.command(hand, "force", [100] * 5, Guide())
+    assert hexed(link.sent[-1]) == RELEASE
+    assert "NOT answered" in caught.value.text
+    assert "power" in caught.value.text
+
+
+def test_the_deadline_does_not_keep_a_hand_from_being_stopped() -> None:
+    hand, link = fake_hand("turnaround=0.2")
+    hand.bus.bound = link.deadline(0.1)
+    link.interrupt_at = 0.15
+    hand.bus.timeout = 0.5
+    assert "commanded to 0" in procedures.stop(hand, ["force_set"])
+
+
+@pytest.mark.parametrize("which", ["force", "position"])
+def test_a_lost_answer_of_a_command_says_that_the_hand_may_act(which: str) -> None:
+    """Never blindly repeated: after a lost reply, read first (cli contract, 7)."""
+    hand, link = fake_hand("fault=silent")
+    with pytest.raises(NoAnswer):
+        procedures.command(hand, which, [1, 2, 3, 4, 5], Guide())
+    assert "may act" in message(hand, "ack-lost")
+    assert len(changing(link.sent)) == 1
+
+
+def test_a_command_that_was_not_sent_is_not_said_to_act() -> None:
+    hand, link = fake_hand()
+    hand.bus.bound = link.deadline(0.0)
+    link.sleep(0.1)
+    with pytest.raises(NoAnswer):
+        procedures.command(hand, "force", [1, 2, 3, 4, 5], Guide())
+    assert (link.sent, codes(hand)) == ([], [])
+
+
+# -- a link that is lost, a hand that falls silent ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("fault", ["disconnect", "silent", "bad-checksum"])
+def test_a_motion_that_cannot_be_watched_any_more_may_go_on(fault: str) -> None:
+    hand, link = fake_hand(f"fault={fault}&after=3")
+    with pytest.raises(HandctlError) as caught:
+        procedures.move(hand, [1000] * 5, Guide(), wait=5.0)
+    assert caught.value.exit_code == {"disconnect": 3, "silent": 4, "bad-checksum": 5}[fault]
+    assert "the fingers may still move" in caught.value.text
+    assert "power" in caught.value.hint
+    assert len(changing(link.sent)) == 1
+
+
+def test_a_link_lost_during_a_command_or_a_write_is_told() -> None:
+    hand, _ = fake_hand("fault=disconnect")
+    with pytest.raises(LinkError) as caught:
+        procedures.command(hand, "force", [100] * 5, Guide())
+    assert "may still move" in caught.value.text
+    hand, _ = fake_hand("fault=disconnect")
+    with pytest.raises(LinkError) as caught:
+        hand.write(EXO.assignments(["position_set.index=300"]))
+    assert "position_set.index may be written or not, the device may move" in caught.value.text
+
+
+def test_a_link_lost_during_a_calibration_says_that_it_goes_on() -> None:
+    hand, _ = fake_hand("fault=disconnect")
+    with pytest.raises(LinkError) as caught:
+        procedures.calibrate(hand, Guide())
+    assert "goes on calibrating" in caught.value.text
+
+
+# -- what a process that dies leaves to its child -----------------------------------------------------------------------
+
+RELEASE = "EB 90 01 0B 31 00 00 00 00 00 00 00 00 00 00 3D"
+UNMOVED = "EB 90 01 0D 12 CE 05 FF FF FF FF FF FF FF FF FF FF E9"
+
+
+@pytest.mark.parametrize(
+    ("places", "hold"),
+    [
+        ([], None),
+        ([None] * 6, UNMOVED),
+        ([500, 400, 300, 200, 100, 660], "EB 90 01 0D 12 CE 05 F4 01 90 01 2C 01 C8 00 64 00 D2"),
+        ([-4, 1001, 0, 1000, 500, 0], "EB 90 01 0D 12 CE 05 FF FF FF FF 00 00 E8 03 F4 01 CF"),
+    ],
+    ids=["before the first reading", "not read", "read", "two outside their range"],
+)
+def test_the_last_stop_releases_and_holds(places: list[int | None], hold: str | None) -> None:
+    """Forces 0, then each finger where it was seen last; -1 leaves one where it is (exo §2.3.7). Three times.
+
+    -1 is FF FF, which a BarrettHand's boot monitor acts upon: before anybody was seen here, forces 0 are all.
+    """
+    hand, _ = fake_hand()
+    shots = procedures._last_shots(hand, places)
+    assert [hexed(shot.data) for shot in shots] == ([RELEASE, hold] if hold else [RELEASE]) * 3
+    assert sum(shot.pause for shot in shots) < 0.1

@@ -1,0 +1,361 @@
+"""Probing, id and baud, and that no procedure repeats a write under any fault (exo §2.3.1, §2.3.2)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+from handctl.devices.inspire.exo import flash, motion, procedures
+from handctl.devices.inspire.exo.device import ExoHand
+from handctl.errors import CheckFailed, DeviceRefused, HandctlError, NoAnswer, ProtocolError
+from handctl.model.guide import Guide
+from tests.support.scripted import (
+    NotedGuide,
+    RecordedLink,
+    Reply,
+    ScriptedLink,
+    changing,
+    codes,
+    fake_hand,
+    hand_on,
+    hexed,
+    message,
+    script,
+    unhex,
+    values,
+)
+
+ID_2 = "EB 90 01 04 12 E8 03 02 04"
+PROBE_1, PROBE_2 = "EB 90 01 04 11 C0 05 02 DD", "EB 90 02 04 11 C0 05 02 DE"
+HERE_1, HERE_2 = "90 EB 01 05 11 C0 05 2E 02 0C", "90 EB 02 05 11 C0 05 2E 02 0D"
+READ_ID_2, ID_IS_2 = "EB 90 02 04 11 E8 03 01 03", "90 EB 02 04 11 E8 03 02 04"
+BAUD_1 = "EB 90 01 04 12 E9 03 01 04"
+
+
+# -- probing ----------------------------------------------------------------------------------------------------------
+
+
+def test_probe_reads_two_bytes_and_keeps_the_timeout() -> None:
+    hand = hand_on(link := ScriptedLink(script((PROBE_1, [HERE_1]))), timeout=0.7)
+    assert procedures.probe(hand.bus, 1) is True
+    assert hand.bus.timeout == 0.7
+    assert len(link.sent) == 1
+
+
+def test_probe_of_nobody_asks_twice() -> None:
+    hand = hand_on(link := ScriptedLink(baud=None), timeout=0.2)
+    assert procedures.probe(hand.bus, 2) is False
+    assert [hexed(request) for request in link.sent] == [PROBE_2, PROBE_2]
+    assert hand.bus.timeout == 0.2
+    assert link.now() == pytest.approx(0.4)
+
+
+def test_probe_keeps_the_timeout_after_garbage_too() -> None:
+    hand = hand_on(ScriptedLink(lambda request: [(0.0, b"\x55")]), timeout=0.7)
+    with pytest.raises(ProtocolError):
+        procedures.probe(hand.bus, 2)
+    assert hand.bus.timeout == 0.7
+
+
+def test_speed_is_found_and_the_port_left_there() -> None:
+    hand, link = fake_hand("baud=19200")
+    assert procedures.find_speed(hand.bus) == 19200
+    assert link.baud == 19200
+    assert changing(link.sent) == []
+
+
+def test_speed_not_found_leaves_the_port_as_it_was() -> None:
+    hand, link = fake_hand("fault=deaf")
+    assert procedures.find_speed(hand.bus) is None
+    assert link.baud == 115200
+
+
+@pytest.mark.parametrize("fault", ["", "&fault=noise", "&fault=garble"])
+def test_silence_at_a_wrong_speed_is_explained(fault: str) -> None:
+    hand, link = fake_hand(f"baud=57600{fault}")
+    better = procedures.explain_silence(hand, NoAnswer("silent"))
+    assert (better.exit_code, better.code) == (5, "wrong-speed")
+    assert "57600" in better.text
+    assert "--baud 57600" in better.hint
+    assert changing(link.sent) == []
+
+
+def test_silence_at_every_speed_stays_silence() -> None:
+    hand, _ = fake_hand("fault=deaf")
+    error = NoAnswer("silent")
+    assert procedures.explain_silence(hand, error) is error
+
+
+# -- id ---------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("ack", ["new", "old"])
+def test_id_change_follows_the_hand(ack: str) -> None:
+    hand, link = fake_hand(f"ack-id={ack}")
+    table = procedures.change_id(hand, 2)
+    assert values(table) == [2]
+    assert table.rows[0]["before"] == 1
+    assert hand.bus.id == 2
+    assert changing(link.sent) == [ID_2]
+    assert codes(hand) == ["volatile"]
+    assert "save --id 2" in message(hand, "volatile")
+
+
+def test_new_id_is_probed_before_anything_is_written() -> None:
+    hand, link = fake_hand()
+    procedures.change_id(hand, 2)
+    sent = [hexed(request) for request in link.sent]
+    assert PROBE_2 in sent[: sent.index(ID_2)]
+
+
+def test_taken_id_is_refused_before_writing() -> None:
+    link = ScriptedLink(script((PROBE_1, [HERE_1]), (PROBE_2, [HERE_2]), free=True))
+    hand = hand_on(link)
+    with pytest.raises(CheckFailed) as caught:
+        procedures.change_id(hand, 2)
+    assert (caught.value.exit_code, caught.value.code) == (7, "id-taken")
+    assert changing(link.sent) == []
+    assert hand.bus.id == 1
+
+
+def test_same_id_writes_nothing() -> None:
+    hand, link = fake_hand()
+    assert values(procedures.change_id(hand, 1)) == [1]
+    assert changing(link.sent) == []
+    assert codes(hand) == ["already"]
+
+
+def test_hand_that_already_has_the_id_is_found() -> None:
+    hand, link = fake_hand("id=2")
+    assert values(procedures.change_id(hand, 2)) == [2]
+    assert hand.bus.id == 2
+    assert changing(link.sent) == []
+    assert codes(hand) == ["already"]
+
+
+def test_nobody_there_writes_nothing() -> None:
+    hand, link = fake_hand("fault=deaf")
+    with pytest.raises(NoAnswer):
+        procedures.change_id(hand, 2)
+    assert changing(link.sent) == []
+
+
+def test_lost_ack_of_an_id_change_is_cleared_up_by_probing() -> None:
+    """The write is request 3 (after the probes of the free new id, which the hand does not see, and the old id)."""
+    state = {"id": 1}
+
+    def answer(request: bytes) -> list[Reply]:
+        text = hexed(request)
+        if text == ID_2:
+            state["id"] = 2
+            return []
+        known = {PROBE_1: (1, HERE_1), PROBE_2: (2, HERE_2), READ_ID_2: (2, ID_IS_2)}
+        wanted, reply = known[text]
+        return [(0.0, unhex(reply))] if wanted == state["id"] else []
+
+    hand = hand_on(link := ScriptedLink(answer))
+    assert values(procedures.change_id(hand, 2)) == [2]
+    assert changing(link.sent) == [ID_2]
+    assert codes(hand) == ["ack-lost", "volatile"]
+
+
+def test_lost_id_change_is_told_and_not_repeated() -> None:
+    link = ScriptedLink(script((PROBE_1, [HERE_1]), free=True))
+    hand = hand_on(link)
+    with pytest.raises(CheckFailed) as caught:
+        procedures.change_id(hand, 2)
+    assert caught.value.code == "read-back"
+    assert "still answers to id 1" in caught.value.text
+    assert changing(link.sent) == [ID_2]
+    assert hand.bus.id == 1
+
+
+def test_hand_gone_after_the_id_change() -> None:
+    def answer(request: bytes) -> list[Reply]:
+        return [(0.0, unhex(HERE_1))] if hexed(request) == PROBE_1 and ID_2 not in changing(link.sent) else []
+
+    link = ScriptedLink(answer)
+    with pytest.raises(NoAnswer) as caught:
+        procedures.change_id(hand_on(link), 2)
+    assert "scan" in caught.value.hint
+    assert changing(link.sent) == [ID_2]
+
+
+def test_an_interrupted_id_change_names_the_id_the_hand_may_have() -> None:
+    hand, link = fake_hand("turnaround=0.1")
+    link.interrupt_at = 0.75  # the new id was asked twice, the old one once
+    with pytest.raises(HandctlError) as caught:
+        procedures.change_id(hand, 9)
+    assert caught.value.exit_code == 130
+    assert "9" in caught.value.text
+    assert "scan" in caught.value.hint
+    assert len(changing(link.sent)) == 1
+
+
+def test_refused_id_change_is_a_refusal() -> None:
+    hand, link = fake_hand("fault=refuse")
+    with pytest.raises(DeviceRefused):
+        procedures.change_id(hand, 2)
+    assert changing(link.sent) == [ID_2]
+    assert hand.bus.id == 1
+
+
+def test_register_that_contradicts_the_id_is_told() -> None:
+    replies = {PROBE_2: HERE_2, READ_ID_2: "90 EB 02 04 11 E8 03 07 09"}
+    hand = hand_on(ScriptedLink(lambda request: [(0.0, unhex(replies[hexed(request)]))] if request[2] == 2 else []))
+    with pytest.raises(CheckFailed) as caught:
+        procedures.change_id(hand, 2)
+    assert "register 1000 reads 7" in caught.value.text
+
+
+def test_id_change_on_a_line_with_echo() -> None:
+    """An echo is not a device (dossier 4.11): a free id stays free."""
+    hand, link = fake_hand("fault=echo")
+    assert values(procedures.change_id(hand, 2)) == [2]
+    assert changing(link.sent) == [ID_2]
+
+
+@pytest.mark.parametrize("new", [144, 180, 235, 254])
+@pytest.mark.parametrize("fault", ["", "fault=echo", "fault=noise", "fault=dribble"])
+def test_awkward_ids(new: int, fault: str) -> None:
+    hand, _ = fake_hand(fault)
+    assert values(procedures.change_id(hand, new)) == [new]
+
+
+# -- baud -------------------------------------------------------------------------------------------------------------
+
+
+def test_baud_is_written_read_back_and_the_port_stays() -> None:
+    hand, link = fake_hand()
+    assert values(procedures.change_baud(hand, 57600)) == [1]
+    assert link.baud == 115200
+    assert changing(link.sent) == [BAUD_1]
+
+
+def test_same_baud_writes_nothing() -> None:
+    hand, link = fake_hand()
+    assert values(procedures.change_baud(hand, 115200)) == [0]
+    assert changing(link.sent) == []
+
+
+@pytest.mark.parametrize(
+    ("rate", "code"), [(115200, 0), (57600, 1), (19200, 2), (9600, None), (921600, None), (0, None)]
+)
+def test_codes_of_the_speeds(rate: int, code: int | None) -> None:
+    """exo §2.3.2."""
+    assert procedures.code_of(rate) == code
+
+
+def test_baud_that_did_not_take_names_both_addresses() -> None:
+    """exo §2.3 has 1001, the RH56 has 1002: only 1001 is written, both are named."""
+    hand, link = fake_hand("fault=baud-at-1002")
+    with pytest.raises(CheckFailed) as caught:
+        procedures.change_baud(hand, 57600)
+    assert caught.value.exit_code == 7
+    assert "1001" in caught.value.hint
+    assert "1002" in caught.value.hint
+    assert changing(link.sent) == [BAUD_1]
+
+
+def test_lost_ack_of_a_baud_change_is_read_back() -> None:
+    hand, link = fake_hand("fault=silent&every=2")
+    assert values(procedures.change_baud(hand, 57600)) == [1]
+    assert codes(hand) == ["ack-lost"]
+    assert changing(link.sent) == [BAUD_1]
+
+
+def test_speed_acts_after_save_and_power_cycle() -> None:
+    hand, link = fake_hand()
+    procedures.change_baud(hand, 57600)
+    flash.save(hand, Guide())
+    guide = NotedGuide()
+    assert procedures.wait_for_speed(hand, 57600, guide) is True
+    assert link.baud == 57600
+    assert guide.said == ["simulated: the simulator's power was switched off and on"]
+    assert hexed(hand.bus.read(1001, 1)) == "01"
+
+
+def test_unsaved_speed_is_gone_after_the_power_cycle() -> None:
+    hand, link = fake_hand()
+    procedures.change_baud(hand, 57600)
+    assert procedures.wait_for_speed(hand, 57600, Guide(), seconds=5.0) is False
+    assert link.now() < 10.0
+    assert procedures.find_speed(hand.bus) == 115200
+
+
+def test_waiting_for_a_real_power_cycle_asks_for_it_and_is_bounded() -> None:
+    guide = NotedGuide()
+    hand = hand_on(link := ScriptedLink(baud=115200))
+    assert procedures.wait_for_speed(hand, 57600, guide) is False
+    assert 120.0 <= link.now() < 125.0
+    assert link.bauds == [57600]
+    assert "power off and on now" in guide.said[0]
+
+
+def test_hand_that_comes_back_late_is_found() -> None:
+    def answer(request: bytes) -> list[Reply]:
+        return [(0.0, unhex(HERE_1))] if link.now() > 20.0 else [(0.0, b"\xf8\x00")]
+
+    link = ScriptedLink(answer, baud=115200)
+    assert procedures.wait_for_speed(hand_on(link), 57600, Guide()) is True
+    assert 20.0 < link.now() < 22.0
+
+
+# -- every fault ------------------------------------------------------------------------------------------------------
+
+PROCEDURES: dict[str, Callable[[ExoHand], object]] = {
+    "id": lambda hand: procedures.change_id(hand, 2),
+    "baud": lambda hand: procedures.change_baud(hand, 57600),
+    "clear-errors": flash.clear_errors,
+    "save": lambda hand: flash.save(hand, Guide()),
+    "factory-reset": flash.factory_reset,
+    "calibrate": lambda hand: motion.calibrate(hand, Guide()),
+    "position": lambda hand: motion.move(hand, [500, 400, 300, 200, 100], Guide(), wait=3.0),
+    "force": lambda hand: hand.command("force", [0] * 5),
+}
+FAULTS = [
+    "silent",
+    "deaf",
+    "noise",
+    "truncate",
+    "dribble",
+    "split",
+    "bad-checksum",
+    "wrong-id",
+    "twin-id",
+    "echo",
+    "loopback",
+    "duplicate",
+    "stale",
+    "late",
+    "slow",
+    "disconnect",
+    "refuse",
+    "strict",
+    "no-late-frames",
+    "block-silent",
+]
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+@pytest.mark.parametrize("name", PROCEDURES)
+def test_no_procedure_repeats_a_write_or_hangs(name: str, fault: str) -> None:
+    for after in range(3):
+        hand, link = fake_hand(f"fault={fault}&after={after}&seed={after}", retries=2)
+        try:
+            PROCEDURES[name](hand)
+        except HandctlError as exc:
+            assert exc.exit_code in (3, 4, 5, 6, 7)
+        assert len(changing(link.sent)) <= 1, after
+        assert link.now() < 120.0, after
+
+
+def test_recorded_link_counts_what_it_should() -> None:
+    """The counter of writes sees them all."""
+    hand, link = fake_hand()
+    assert isinstance(link, RecordedLink)
+    hand.bus.write(1492, unhex("2C 01"))
+    hand.bus.read(1472, 2)
+    hand.bus.command(0x31, [0] * 5)
+    assert [text[12:14] for text in changing(link.sent)] == ["12", "31"]

@@ -1,0 +1,394 @@
+"""Every fault of the simulator times every wrist command on both wires: the right value or the right exit code.
+
+Never a wrong value, a repeated write, a traceback or a hang. Runs the real `main()` against the simulator in virtual
+time. The tables below are the contract's (exit codes by fault); what a command may show is in `wrist_commands`.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from functools import cached_property
+from pathlib import Path
+
+import pytest
+
+from tests.inspire.wrist_commands import (
+    COMMANDS,
+    READING,
+    WIRES,
+    WRITING,
+    Command,
+    Truth,
+    link,
+    memory_of,
+    power_on_truth,
+    prepare,
+    sent_frames,
+    written_frames,
+)
+from tests.support.cli import Result, Spy, run, spying
+
+# -- what the contract allows ---------------------------------------------------------------------------------------
+
+pytestmark = pytest.mark.faults
+
+RIGHT = {0}
+LINE_FAULTS: dict[str, dict[str, set[int]]] = {
+    "serial": {
+        # the reply is there, perhaps late, in pieces, twice or among other bytes
+        "healthy": RIGHT, "noise": RIGHT, "garble": RIGHT, "dribble": RIGHT, "split": RIGHT, "duplicate": RIGHT,
+        "stale": RIGHT, "late": RIGHT, "slow": RIGHT, "echo": RIGHT,
+        # nothing comes
+        "silent": {4}, "deaf": {4},
+        # bytes come, none of them a valid answer
+        "truncate": {5}, "bad-checksum": {5}, "wrong-id": {5}, "loopback": {5}, "twin-id": {5},
+        "disconnect": {3},
+        "refuse": RIGHT,
+    },
+    "can": {
+        # the reply is there, perhaps late, twice, or among frames of others
+        "healthy": RIGHT, "noise": RIGHT, "duplicate": RIGHT, "stale": RIGHT, "late": RIGHT, "slow": RIGHT,
+        "echo": RIGHT,
+        # no frame comes: lost, destroyed on the bus, or never acknowledged
+        "silent": {4}, "deaf": {4}, "twin-id": {4}, "no-ack": {4}, "bus-off": {4},
+        # frames come, none of them a valid answer
+        "truncate": {5}, "wrong-id": {5}, "loopback": {5},
+        "disconnect": {3},
+        "refuse": RIGHT,
+    },
+}  # fmt: skip
+EXCEPTIONS: dict[tuple[str, str, str], set[int]] = {
+    # the serial acknowledgement tells a refusal; CAN's is empty (wrist §2.3.2), so that only the read-back tells it
+    **{("serial", "refuse", command.name): {6} for command in WRITING},
+    **{("can", "refuse", command.name): {7} for command in WRITING},
+    ("can", "refuse", "raw-write"): RIGHT,  # shows the acknowledgement and reads nothing back
+    # two devices with one id: replies that do not jitter overlap to perfect ones (dossier 4.14); before a write the
+    # pitch is read, which jitters
+    **{(wire, "twin-id", command.name): RIGHT for wire in WIRES for command in READING if command.steady},
+    # on CAN the collision destroys the wrist's frames, while its hand's, which do not jitter, come whole: a hand alone
+    **{("can", "twin-id", command.name): {6} for command in WRITING},
+    # a scan may name the suspicion beside the wrist, or find no valid answer
+    ("serial", "twin-id", "scan"): {0, 5},
+    # undocumented bytes are asked for by number, or with an error byte: on CAN a read has two bytes (dossier 4.12)
+    **{(wire, "block-silent", "read"): {4} for wire in WIRES},
+    **{("can", "block-silent", name): {0, 4} for name in ("status", "status-check", "dump", "get")},
+}
+MOVES = {command.name: 7 for command in WRITING if command.kind == "move"}
+UNHEALTHY = {"status-check": 7}
+DEVICE_FAULTS: dict[str, dict[str, int]] = {
+    "strict": {}, "block-silent": {}, "save-fails": {},
+    "blocked": MOVES,
+    "foreign": {**UNHEALTHY, "move-pitch": 7, "move": 7, "center": 7},
+    # a hand without a wrist is read in its own space only; what is to be written meets the look at who is there
+    "no-wrist": {
+        **{command.name: 0 if command.kind == "hand" else 4 for command in READING},
+        **{command.name: 6 for command in WRITING},
+    },
+    "unknown-bits": UNHEALTHY, "faults": UNHEALTHY, "hot": UNHEALTHY, "locked-rotor": UNHEALTHY,
+    "over-temperature": UNHEALTHY, "over-current": UNHEALTHY, "motor-abnormal": UNHEALTHY, "communication": UNHEALTHY,
+}  # fmt: skip
+CHANGED: dict[str, Truth] = {
+    "foreign": {"pitch_actual": 30.0, "yaw_actual": 30.01},
+    "faults": {"error_1": 1, "error_2": 4},
+    "hot": {"error_1": 2, "error_2": 2, "temperature_1": 71, "temperature_2": 72},
+    "locked-rotor": {"error_1": 1},
+    "over-temperature": {"error_2": 2, "temperature_2": 78},
+    "over-current": {"error_1": 4},
+    "motor-abnormal": {"error_2": 8},
+    "communication": {"error_1": 16},
+    "unknown-bits": {"error_2": 160},
+}
+VARIANTS: dict[str, dict[str, int]] = {"always": {}, "after-1": {"after": 1}, "every-2": {"every": 2}}
+ONE_EXCHANGE = {
+    "serial": {"status", "status-check", "dump", "get", "get-set", "read", "snapshot", "diff", "hand-read", "raw-read",
+               "raw-write"},
+    "can": {"get-set", "snapshot", "diff", "hand-read", "raw-read", "raw-write"},
+}  # fmt: skip
+"""Commands whose only exchange comes before any fault that leaves the first one alone: nothing to try there."""
+ALIKE = ("status-check", "set-one")
+"""Commands that exchange the same frames as another one: tried with the faults that are there always."""
+LONG = ("dump", "watch", "scan", "set-apart", "restore", "move", "raw-read", "hand-write")
+"""Commands of more than one exchange, or with a wait of their own."""
+VIRTUAL_SECONDS, REAL_SECONDS = 60.0, 30.0
+SEED = 1
+
+
+def truth_of(fault: str) -> Truth:
+    return {**power_on_truth(), **CHANGED.get(fault, {})}
+
+
+def allowed(wire: str, fault: str, command: Command, variant: str) -> set[int]:
+    """Exit codes by the contract. A fault that befalls only some requests may also pass unnoticed (0), or hit a write
+    whose fate the read-back then tells (7)."""
+    if fault in DEVICE_FAULTS:
+        return EXCEPTIONS.get((wire, fault, command.name), {DEVICE_FAULTS[fault].get(command.name, 0)})
+    plain = LINE_FAULTS[wire][fault]
+    codes = EXCEPTIONS.get((wire, fault, command.name), plain)
+    if variant == "always" or codes == RIGHT:
+        return codes
+    partly = codes | {0}
+    writing = command in WRITING and command.kind != "raw"
+    if writing and fault not in ("refuse", "disconnect"):
+        partly = partly | {7} | plain
+    if command.kind == "scan":
+        partly = partly | {4, 5}  # an id that answered once and then not again is not counted
+    return partly
+
+
+# -- one cell ---------------------------------------------------------------------------------------------------------
+
+
+class Cell:
+    """One command line against one fault on one wire."""
+
+    def __init__(self, tmp_path: Path, wire: str, command: Command, fault: str, *more: str, **options: int) -> None:
+        self.wire, self.command, self.fault = wire, command, fault
+        self.trace = tmp_path / "trace.txt"
+        for name in ("new.json", "trace.txt"):
+            (tmp_path / name).unlink(missing_ok=True)
+        self.link = link(wire, fault=fault, seed=SEED, **options)
+        args = ["wrist", *command.words(tmp_path, wire), "-p", self.link, "--json", "--trace", str(self.trace), *more]
+        if command.asks:
+            args.append("--yes")
+        if command.kind == "scan" and fault == "late":
+            args += ["--reply-window", "1000"]
+        began = time.monotonic()
+        with spying() as spy:
+            self.result: Result = run(*args)
+        self.spy: Spy = spy
+        self.seconds = time.monotonic() - began
+
+    def __repr__(self) -> str:
+        words = self.command.words(Path("…"), self.wire)
+        return f"wrist {' '.join(words)} -p '{self.link}': {self.result!r}"
+
+    @cached_property
+    def rows(self) -> list[dict[str, object]]:
+        """The rows, whatever the format; the output is valid by the schema."""
+        return self.result.stream[0] if self.command.kind == "stream" else self.result.rows
+
+    def sound(self) -> None:
+        """No traceback, valid JSON, one line of error, bounded time, nothing written twice or unplanned."""
+        assert self.result.code != 1, self
+        assert "Traceback" not in self.result.err, self
+        assert isinstance(self.rows, list)
+        assert self.seconds < REAL_SECONDS, self
+        assert self.spy.now < VIRTUAL_SECONDS, (self.spy.now, self)
+        written = written_frames(self.trace)
+        twice = {text: count for text, count in Counter(written).items() if count > 1}
+        assert not twice, (twice, self)
+        assert set(written) <= set(self.command.frames(self.wire)), (written, self)
+
+    def truthful(self) -> None:
+        """No value that is not the wrist's: before or after the command's own effect; moving axes between both."""
+        before, after = truth_of(self.fault), self.command.shows(truth_of(self.fault))
+        for row in self.rows:
+            if self.command.kind == "scan":
+                speed = 115200 if self.wire == "serial" else None
+                pitch = round(before["pitch_actual"] * 100)
+                assert (row["family"], row["id"], row["baud"], row["pitch_raw"]) == ("wrist", 1, speed, pitch), self
+            elif self.command.name == "hand-read":
+                assert row["raw"] == "32 02", self
+            elif row.get("value") is not None and isinstance(row.get("name"), str):
+                value, name = float(str(row["value"])), str(row["name"])
+                ends = sorted((before[name], after.get(name, before[name])))
+                if self.command.kind == "move":
+                    assert ends[0] <= value <= ends[1], (name, self)
+                else:
+                    assert value in ends, (name, self)
+
+    def complete(self) -> None:
+        """Success: everything the command shows is there and right, and the wrist holds what was written."""
+        expected = self.command.shows(truth_of(self.fault))
+        got = {
+            str(row["name"]): row["value"]
+            for row in self.rows
+            if isinstance(row.get("value"), int | float) and isinstance(row.get("name"), str)
+        }
+        assert got == expected, (got, self)
+        if self.command.kind == "scan" or self.command.name in ("hand-read", "raw-read"):
+            assert self.rows, self
+        if self.command.effect is not None:
+            address, data = self.command.effect
+            assert memory_of(self.spy, self.command.space, address, len(data)) == data, self
+
+    def holds(self, codes: set[int]) -> None:
+        """The whole expectation."""
+        self.sound()
+        if not (self.fault == "twin-id" and self.wire == "serial" and self.command.kind == "move"):
+            self.truthful()  # overlapping replies may form a perfect frame of neither device: no frame shows that
+        assert self.result.code in codes, (sorted(codes), self)
+        hidden = self.command.name == "raw-write" and self.wire == "can" and self.fault == "refuse"
+        if self.result.code == 0 and not hidden and self.fault != "twin-id":
+            self.complete()
+
+
+@pytest.fixture(scope="module")
+def scratch(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A directory with the input files of the commands."""
+    path = tmp_path_factory.mktemp("faults")
+    prepare(path)
+    return path
+
+
+CELLS = [(wire, fault) for wire in WIRES for fault in [*LINE_FAULTS[wire], *DEVICE_FAULTS]]
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command.name)
+@pytest.mark.parametrize(("wire", "fault"), CELLS)
+def test_fault(scratch: Path, wire: str, fault: str, command: Command) -> None:
+    """States of the device do not count requests: they are there always."""
+    for variant, options in VARIANTS.items():
+        if variant == "always" or fault in LINE_FAULTS[wire]:
+            cell = Cell(scratch, wire, command, fault, "--timeout", "1", **options)
+            cell.holds(allowed(wire, fault, command, variant))
+
+
+@pytest.mark.parametrize(("wire", "fault"), [(wire, fault) for wire in WIRES for fault in LINE_FAULTS[wire]])
+def test_deadline_bounds_the_whole_command(scratch: Path, wire: str, fault: str) -> None:
+    """--deadline counts for everything a command does: retries, fallbacks, the wait for the arrival."""
+    for command in (command for command in COMMANDS if command.name in LONG):
+        cell = Cell(scratch, wire, command, fault, "--deadline", "0.25", "--timeout", "1")
+        cell.sound()
+        assert cell.spy.now <= 0.26, (cell.spy.now, cell)
+        assert cell.result.code in allowed(wire, fault, command, "after-1") | {4, 5, 7}, cell
+
+
+@pytest.mark.parametrize("wire", WIRES)
+@pytest.mark.parametrize("command", READING, ids=lambda command: command.name)
+def test_reading_never_writes(scratch: Path, command: Command, wire: str) -> None:
+    cell = Cell(scratch, wire, command, "healthy")
+    assert cell.result.code == 0
+    assert (cell.spy.requests == 1) is (command.name in ONE_EXCHANGE[wire])
+    assert written_frames(cell.trace) == []
+    assert sent_frames(cell.trace), cell
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command.name)
+def test_rs485_echo_is_tolerated_together_with_junk_and_pieces(scratch: Path, command: Command) -> None:
+    """Half duplex without echo suppression; the id whose requests hold the device's own header is the worst."""
+    Cell(scratch, "serial", command, "echo,noise,split", "--timeout", "1").holds(RIGHT)
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command.name)
+def test_a_busy_bus(scratch: Path, command: Command) -> None:
+    """Frames of others, many of them with the same flag and address, beside every answer, and 500 a second besides."""
+    cell = Cell(scratch, "can", command, "noise,echo", "--timeout", "1", traffic=500)
+    cell.holds(RIGHT)
+    envelope = cell.result.stream[1] if command.kind == "stream" else cell.result.json
+    assert envelope["counters"]["foreign_frames"] > 0
+
+
+@pytest.mark.parametrize("verb", ["dump", "status"])
+def test_a_module_that_does_not_answer_across_gaps(verb: str) -> None:
+    """Everything between gaps is there and right; what could not be read says so beside it."""
+    result = run("wrist", verb, "-p", link("serial", fault="block-silent"), "--json")
+    assert (result.code, result.values) == (0, power_on_truth())
+    result = run("wrist", verb, "-p", link("can", fault="block-silent"), "--json")
+    errors = {name: None for name in ("error_1", "error_2") if result.code}
+    assert result.values == {**power_on_truth(), **errors}
+    assert [row["name"] for row in result.rows if "error" in row] == list(errors)
+
+
+# -- refusals, acknowledgements ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("command", WRITING, ids=lambda command: command.name)
+def test_an_acknowledgement_with_the_number_of_bytes(scratch: Path, command: Command) -> None:
+    """Seen on the sibling: DLC 1, the number of bytes written; 0 bytes is a refusal (dossier W11)."""
+    Cell(scratch, "can", command, "healthy", ack_dlc=1).holds(RIGHT)
+    cell = Cell(scratch, "can", command, "refuse", ack_dlc=1)
+    cell.sound()
+    assert cell.result.code == 6, cell
+
+
+# -- what the message says --------------------------------------------------------------------------------------------
+
+KINDS = [
+    ("serial", "silent", "no-answer", 4), ("serial", "bad-checksum", "bad-checksum", 5),
+    ("serial", "wrong-id", "wrong-id", 5), ("serial", "loopback", "echo", 5), ("serial", "disconnect", "lost", 3),
+    ("can", "silent", "no-answer", 4), ("can", "deaf", "no-answer", 4), ("can", "no-ack", "no-ack", 4),
+    ("can", "bus-off", "no-ack", 4), ("can", "truncate", "cut-short", 5), ("can", "wrong-id", "wrong-id", 5),
+    ("can", "loopback", "echo", 5), ("can", "disconnect", "lost", 3),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("wire", "fault", "code", "exit_code"), KINDS)
+@pytest.mark.parametrize(
+    "args", [("get", "pitch_actual"), ("dump",), ("watch", "--count", "2"), ("scan", "--ids", "1-8")]
+)
+def test_error_names_the_kind(wire: str, fault: str, code: str, exit_code: int, args: tuple[str, ...]) -> None:
+    result = run("wrist", *args, "-p", link(wire, fault=fault, seed=SEED), "--json")
+    assert result.code == exit_code
+    envelope = result.stream[1] if args[0] == "watch" else result.json
+    (message,) = [m for m in envelope["messages"] if m["level"] == "error"]
+    assert message["code"] == code
+    assert message["hint"]
+    assert "fake://wrist" in message["text"]
+    if exit_code in (4, 5) and args[0] != "scan":
+        assert ("EB 90 01 04 30" if wire == "serial" else "10FF0001 [1] 0") in message["text"]  # what was sent
+    if fault == "wrong-id":
+        assert "id 2" in message["text"]
+    if wire == "can" and exit_code == 4:
+        assert "500000" in message["hint"] and "120" in message["hint"]  # dossier W14, §8
+
+
+@pytest.mark.parametrize("wire", WIRES)
+def test_hints_name_commands_of_this_device(wire: str) -> None:
+    """A wrist's message never sends the technician to the commands or the power supply of the exoskeleton."""
+    for fault in LINE_FAULTS[wire]:
+        for args in (("get", "pitch_actual"), ("scan", "--ids", "1-8"), ("set", "yaw_set=1")):
+            result = run("wrist", *args, "-p", link(wire, fault=fault, seed=SEED), "--json")
+            for message in result.json["messages"]:
+                assert "exo" not in message["text"] + message["hint"], (fault, args, message)
+                assert "7..9 V" not in message["hint"], (fault, args, message)
+
+
+@pytest.mark.parametrize(("fault", "code", "exit_code"), [("healthy", "no-answer", 4), ("garble", "garbage", 5)])
+def test_a_serial_wrist_at_another_speed(fault: str, code: str, exit_code: int) -> None:
+    """The manual has 115200 alone; the hand behind the wrist may have been set to another speed, and `--baud` reaches it."""
+    result = run("wrist", "get", "pitch_actual", "-p", link("serial", baud=57600, fault=fault), "--json")
+    if result.code == 5 and result.error["code"] == "wrong-speed":  # found and named, as for the exo
+        assert "--baud 57600" in result.error["hint"]
+    else:
+        assert (result.code, result.error["code"]) == (exit_code, code)
+        assert "speed" in result.error["hint"]
+    right = run("wrist", "get", "pitch_actual", "-p", link("serial", baud=57600), "--json", "--baud", "57600")
+    assert right.values == {"pitch_actual": -3.45}
+
+
+@pytest.mark.parametrize("wire", WIRES)
+def test_stream_goes_on_over_single_failures(wire: str) -> None:
+    """A watch gives a row with `error` for a sample that failed, and carries on (retries off)."""
+    args = ("watch", "pitch_actual", "--count", "9", "--rate", "0", "--retries", "0", "--json")
+    rows, end = run("wrist", *args, "-p", link(wire, fault="silent", after=2, every=4)).stream
+    assert [row.get("value") for row in rows] == [-3.45] * 5 + [None] + [-3.45] * 3
+    assert "error" in rows[5] and "value" not in rows[5]
+    assert (end["ok"], end["stream"]["failed"]) == (True, 1)
+
+
+@pytest.mark.parametrize("wire", WIRES)
+@pytest.mark.parametrize("fault", ["duplicate", "echo", "noise", "slow"])
+def test_a_left_over_reply_is_never_taken_for_the_next_one(fault: str, wire: str) -> None:
+    """The same request again and again while the value changes: each sample is of its own moment."""
+    args = ("wrist", "watch", "temperature_1", "--rate", "0.2", "--count", "8", "--json")
+    values = [row["value"] for row in run(*args, "-p", link(wire, fault="hot")).stream[0]]
+    assert values[0] == 71 and values[-1] < 60 and values == sorted(values, reverse=True)
+    assert [row["value"] for row in run(*args, "-p", link(wire, fault=f"hot,{fault}")).stream[0]] == values
+
+
+def test_counters_tell_what_happened_on_the_wire() -> None:
+    def counters(wire: str, fault: str, **options: int) -> dict[str, int]:
+        return dict(
+            run("wrist", "get", "pitch_actual", "-p", link(wire, fault=fault, **options), "--json").json["counters"]
+        )
+
+    clean = {"sent": 1, "received": 1, "retries": 0, "bad_frames": 0, "stray_bytes": 0}
+    assert counters("serial", "healthy") == clean
+    assert counters("serial", "echo") == {**clean, "stray_bytes": 9}
+    assert counters("can", "healthy") == {**clean, "foreign_frames": 0}
+    assert counters("can", "echo") == {**clean, "foreign_frames": 0, "stray_bytes": 1}
+    assert counters("can", "silent")["sent"] == 3
+    noisy = counters("can", "noise")
+    assert 1 <= noisy["foreign_frames"] <= 6 and noisy["stray_bytes"] == 0

@@ -1,0 +1,33 @@
+"""What the start of a wrist command loads: CAN only where it is used."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.support.loading import heavy, loaded
+
+
+@pytest.mark.parametrize("wire", ["--serial", "--can"])
+def test_a_wrist_from_the_simulator_loads_neither_python_can_nor_pyserial(wire: str) -> None:
+    code, modules = loaded("wrist", "dump", "--fake", wire, "--json")
+    assert code == 0
+    assert heavy(modules) == set()
+    assert "socket" not in modules
+    assert ("handctl.sim.engine.canline" in modules) == (wire == "--can")
+    assert ("handctl.devices.inspire.canbus" in modules) == (wire == "--can")
+    assert "handctl.link.can" not in modules
+    assert not {"handctl.sim.engine.slcan", "handctl.sim.engine.serve", "handctl.sim.inspire.exo.device"} & modules
+
+
+def test_wrist_help_loads_no_link_and_no_simulator() -> None:
+    code, modules = loaded("wrist", "-h")
+    assert code == 0
+    assert heavy(modules) == set()
+    assert not any(name.startswith(("handctl.sim", "handctl.link.", "handctl.tools")) for name in modules)
+
+
+def test_a_can_bus_loads_python_can_and_no_simulator() -> None:
+    code, modules = loaded("wrist", "dump", "-p", "can:socketcan:nocan9", "--json")
+    assert code == 3
+    assert "can" in modules
+    assert "handctl.sim" not in modules

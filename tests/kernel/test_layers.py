@@ -1,0 +1,385 @@
+"""Who may import whom, who may touch the world, and what the start of a command may load.
+
+The rules are those of the house plan; what deviates stands in DEVIATIONS with its reason and is checked to be in use.
+"""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import sys
+from collections.abc import Iterator
+from fnmatch import fnmatch
+from pathlib import Path
+from typing import NamedTuple
+
+import click
+import pytest
+
+import handctl
+from handctl.families import COMMANDS, FAMILIES
+from tests.support.loading import heavy, loaded, ours
+
+ROOT = Path(handctl.__file__).parent
+GROUND = ("", "errors", "families", "files", "ending")
+"""What any room may import: they know nothing of handctl, or each other at most."""
+PURE = ("errors", "model.param", "@.pure")
+
+RULES: list[tuple[str, tuple[str, ...]]] = [
+    # room or module, what it may import of handctl (first pattern that fits; `@` is its own family, @.pure what is sans I/O there)
+    ("errors", ()),
+    ("families", ()),
+    ("ending", ()),
+    ("files", ("errors",)),
+    ("cli", (*GROUND, "frame.clikit", "screen.streams")),
+    ("__main__", ("cli",)),
+    ("model.gate", (*GROUND, "link", "model.*")),
+    ("model.sampling", (*GROUND, "link", "model.*")),
+    ("model*", (*GROUND, "model.*")),
+    ("link.fake", ("errors", "link", "sim")),
+    ("link*", (*GROUND, "link*")),
+    ("screen*", (*GROUND, "frame.options", "model.result", "screen.*")),
+    ("stop*", (*GROUND, "frame.console", "frame.options", "frame.run", "link*", "model.*", "stop.*")),
+    ("frame.console", (*GROUND, "model.guide", "screen.filter")),
+    ("frame*", (*GROUND, "frame.*", "link*", "model.*", "report", "screen.*", "stop.*")),
+    ("report.facts", ("tools.machine",)),
+    ("report*", (*GROUND, "frame.*", "link.tap", "model.*", "report.*", "screen.render")),
+    ("docgen*", (*GROUND, "docgen*", "frame.clikit", "frame.options", "model.param")),
+    ("sim*", ("sim*",)),
+    ("devices.*cli", (*GROUND, "frame.*", "link", "model.*", "stop.*", "@")),
+    ("devices.*", (*GROUND[1:], "link", "link.deadman", "model.*", "stop.talk", "@")),
+    ("tools.completion", (*GROUND, "docgen*", "frame.*", "model.*")),
+    ("tools.*", (*GROUND, "frame.*", "link*", "model.*", "report*", "screen.*", "stop.*", "tools*")),
+]
+
+OUTSIDE: list[tuple[str, tuple[str, ...]]] = [
+    # package that is not of the standard library, or of it but a door to the world: who may import it
+    ("serial", ("link.serial", "tools.ports", "tools.doctor")),
+    ("can", ("link.can", "tools.ports", "tools.doctor")),
+    ("rich", ("screen.*",)),
+    (
+        "click",
+        ("cli", "frame.*", "devices.*cli", "tools.*", "sim.cli", "docgen.tree"),
+    ),
+    ("crcmod", ("devices.*",)),
+    ("bincopy", ("devices.barrett.*",)),
+    ("packaging", ("build_zipapp",)),
+    ("socket", ("link.tcp", "sim.*", "tools.doctor")),
+    ("_socket", ("link.ear",)),
+]
+
+
+class Import(NamedTuple):
+    """One import statement: who, whom, and whether it is for the type checker only."""
+
+    module: str
+    target: str
+    types_only: bool
+
+
+def dotted(path: Path) -> str:
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    return ".".join(part for part in parts if part != "__init__")
+
+
+TREES = {dotted(path): ast.parse(path.read_text(encoding="utf-8"), str(path)) for path in sorted(ROOT.rglob("*.py"))}
+
+
+def statements(node: ast.AST, types_only: bool = False) -> Iterator[tuple[ast.Import | ast.ImportFrom, bool]]:
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, ast.Import | ast.ImportFrom):
+            yield child, types_only
+        elif isinstance(child, ast.If) and ast.unparse(child.test) in ("TYPE_CHECKING", "typing.TYPE_CHECKING"):
+            for inner in child.body:
+                yield from statements(ast.Module([inner], []), True)
+            for inner in child.orelse:
+                yield from statements(ast.Module([inner], []), types_only)
+        else:
+            yield from statements(child, types_only)
+
+
+def imports_of(module: str) -> Iterator[Import]:
+    for statement, types_only in statements(TREES[module]):
+        if isinstance(statement, ast.Import):
+            for alias in statement.names:
+                yield Import(module, alias.name, types_only)
+            continue
+        assert statement.level == 0, f"{module}: relative import"
+        base = statement.module or ""
+        for alias in statement.names:
+            inner = f"{base}.{alias.name}".removeprefix("handctl.")
+            yield Import(module, f"handctl.{inner}" if inner in TREES else base, types_only)
+
+
+IMPORTS = [found for module in TREES for found in imports_of(module)]
+OURS = [
+    found._replace(target=found.target.removeprefix("handctl").removeprefix("."))
+    for found in IMPORTS
+    if found.target.split(".")[0] == "handctl"
+]
+
+
+def family_of(module: str) -> str | None:
+    parts = module.split(".")
+    return ".".join(parts[:2]) if parts[0] == "devices" and len(parts) > 1 else None
+
+
+def fits(found: Import, pattern: str) -> bool:
+    """Whether a target fits a pattern; `@` stands for the importer's own family."""
+    if not pattern.startswith("@"):
+        return fnmatch(found.target, pattern)
+    if family_of(found.module) is None or family_of(found.target) != family_of(found.module):
+        return False
+    return pattern == "@" or sans_io(found.target)
+
+
+def sans_io(module: str) -> bool:
+    """A map, or a module that says so of itself."""
+    if module.rpartition(".")[2] == "map":
+        return True
+    return module in TREES and "sans i/o" in (ast.get_docstring(TREES[module]) or "").lower()
+
+
+def allowed(found: Import) -> bool:
+    if family_of(found.module) and sans_io(found.module):
+        return any(fits(found, target) for target in PURE)
+    for pattern, targets in RULES:
+        if fnmatch(found.module, pattern):
+            return any(fits(found, target) for target in targets)
+    return found.target == ""
+
+
+# -- who imports whom -------------------------------------------------------------------------------------------------
+
+
+def test_the_walk_sees_the_house() -> None:
+    assert {
+        "",
+        "cli",
+        "errors",
+        "link",
+        "link.serial",
+        "devices.inspire.eb90",
+        "sim",
+        "sim.engine.line",
+    } <= TREES.keys()
+    assert Import("devices.inspire.eb90", "errors", False) in OURS
+    assert Import("model.result", "errors", True) in OURS
+    assert Import("link.fake", "sim", False) in OURS
+    assert len(OURS) > 80
+
+
+def test_who_imports_whom() -> None:
+    wrong = [f"{found.module} imports {found.target}" for found in OURS if not found.types_only and not allowed(found)]
+    assert wrong == []
+
+
+def test_every_family_has_a_codec_and_a_map() -> None:
+    homes = {family_of(module.removeprefix("handctl.")) for module, _ in FAMILIES.values()}
+    for home in homes:
+        pure = {module.rpartition(".")[2] for module in SANS_IO if family_of(module) == home}
+        assert "map" in pure and len(pure) > 1, home
+
+
+def test_a_rule_can_be_broken() -> None:
+    """The rules refuse what they should."""
+    for module, target in [
+        ("devices.inspire.eb90", "link"), ("devices.inspire.map", "devices.inspire.bus"), ("errors", "model.result"),
+        ("devices.inspire.bus", "frame.clikit"), ("devices.inspire.exo.device", "devices.barrett.device"), ("link", "sim"),
+        ("link.fake", "sim.barrett.device"), ("model.param", "frame.run"), ("sim.ekso.device", "devices.ekso.frames"),
+        ("frame.verbs", "devices.inspire.exo.device"), ("tools.scan", "devices.inspire.exo.scan"),
+        ("frame.clikit", "devices.inspire.exo.cli"), ("screen.render", "frame.clikit"), ("link.can", "sim"),
+        ("devices.barrett.gcl.language", "link"), ("devices.barrett.device", "sim"), ("model.result", "link"),
+        ("devices.inspire.canreg", "link"), ("devices.inspire.canreg", "devices.inspire.canbus"),
+        ("devices.barrett.realtime.blocks", "link"), ("sim.inspire.wrist.can", "devices.inspire.canreg"),
+    ]:  # fmt: skip
+        assert not allowed(Import(module, target, False)), f"{module} -> {target}"
+    for module, target in [
+        ("devices.inspire.exo.device", "devices.inspire.bus"), ("devices.inspire.exo.cli", "frame.clikit"),
+        ("link.fake", "sim"), ("devices.inspire.canreg", "devices.inspire.eb90"), ("cli", "frame.clikit"),
+        ("devices.barrett.device", "devices.barrett.gcl.language"), ("devices.barrett.gcl.language", "errors"),
+        ("devices.inspire.canbus", "link"),
+    ]:  # fmt: skip
+        assert allowed(Import(module, target, False)), f"{module} -> {target}"
+
+
+def test_no_family_imports_another_and_nobody_imports_a_family() -> None:
+    """Not even for types; families are loaded by name."""
+    for found in OURS:
+        family = family_of(found.target)
+        assert family is None or family == family_of(found.module), f"{found.module} imports {found.target}"
+
+
+def test_what_devices_share_knows_none_of_them() -> None:
+    """The modules of a family's own folder know none of the rooms of one device: exo and wrist, GCL and RealTime have a face."""
+    homes = {module.removeprefix("handctl.").rpartition(".")[0] for module, _ in FAMILIES.values()}
+    single = {home for home in homes if home.count(".") > 1}
+    assert single == {"devices.inspire.exo", "devices.inspire.wrist"}
+    for found in OURS:
+        home = found.module.rpartition(".")[0]
+        if any(device.startswith(f"{home}.") for device in single) and not found.module.endswith(".explain"):
+            assert not found.target.startswith(tuple(single)), found
+
+
+def test_families_are_data_and_their_modules_exist() -> None:
+    assert list(imports_of("families")) in ([], [Import("families", "__future__", False)])
+    for name, (module, text) in COMMANDS.items():
+        command = importlib.import_module(module).cli
+        assert isinstance(command, click.Command), name
+        assert command.name == name
+        assert text
+        assert not text.endswith(".")
+    assert set(FAMILIES) <= set(COMMANDS)
+
+
+def test_errors_import_nothing() -> None:
+    assert [found.target for found in imports_of("errors")] == ["__future__"]
+
+
+def test_no_import_is_relative_and_none_takes_all() -> None:
+    for module, tree in TREES.items():
+        for statement, _ in statements(tree):
+            if isinstance(statement, ast.ImportFrom):
+                assert statement.level == 0, module
+                assert [alias.name for alias in statement.names] != ["*"], module
+
+
+# -- who touches the world --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("package", "modules"), OUTSIDE, ids=[package for package, _ in OUTSIDE])
+def test_only_these_import(package: str, modules: tuple[str, ...]) -> None:
+    users = {found.module for found in IMPORTS if found.target.split(".")[0] == package and not found.types_only}
+    assert [user for user in sorted(users) if not any(fnmatch(user, module) for module in modules)] == []
+
+
+def test_nothing_else_is_imported() -> None:
+    known = {"handctl", *sys.stdlib_module_names, *(package for package, _ in OUTSIDE)}
+    assert {found.target.split(".")[0] for found in IMPORTS} - known == set()
+
+
+def test_simulators_use_the_standard_library_only() -> None:
+    for found in IMPORTS:
+        if found.module.split(".")[0] == "sim":
+            first = found.target.split(".")[0]
+            assert (
+                first in sys.stdlib_module_names or first == "handctl" or (found.module, first) == ("sim.cli", "click")
+            )
+
+
+WORLD = {
+    "asyncio", "glob", "io", "multiprocessing", "os", "pathlib", "select", "selectors", "serial", "shutil", "signal",
+    "socket", "subprocess", "sys", "tempfile", "termios", "threading", "time", "tty", "urllib", "can",
+}  # fmt: skip
+SANS_IO = [module for module in TREES if sans_io(module)] + ["model.param", "model.result", "errors"]
+
+
+@pytest.mark.parametrize("module", SANS_IO)
+def test_codecs_and_maps_do_no_io(module: str) -> None:
+    assert {found.target.split(".")[0] for found in imports_of(module)} & WORLD == set()
+    assert calls_of(module, {"open", "print", "input", "exec", "eval", "__import__"}) == []
+
+
+def calls_of(module: str, names: set[str]) -> list[str]:
+    return [
+        f"{module}:{node.lineno} {node.func.id}"
+        for node in ast.walk(TREES[module])
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in names
+    ]
+
+
+PRINTERS = ("frame.console",)
+
+
+def test_nobody_prints() -> None:
+    """Commands return; only the renderer and the terminal's guide write."""
+    quiet = [
+        module
+        for module in TREES
+        if module.split(".")[0] not in ("sim", "docgen", "build_zipapp", "cli") and module not in PRINTERS
+    ]
+    assert {module: found for module in quiet if (found := calls_of(module, {"print", "input"}))} == {}
+
+
+def test_devices_never_look_at_a_clock_of_their_own() -> None:
+    """The clock belongs to the link, so that tests run on virtual time."""
+    for found in IMPORTS:
+        if found.module.split(".")[0] == "devices":
+            # A command may have a thread that waits for lines of stdin; devices have none.
+            doors = ("time", "select", "socket") + (() if found.module.endswith("cli") else ("threading",))
+            assert found.target.split(".")[0] not in doors, found
+
+
+# -- what a start loads -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("option", ["--version", "-V"])
+def test_version_loads_nothing(option: str) -> None:
+    code, modules = loaded(option)
+    assert code == 0
+    assert ours(modules) == {"handctl", "handctl.cli"}
+    assert "click" not in modules
+    assert heavy(modules) == set()
+
+
+def test_root_help_loads_click_and_data() -> None:
+    code, modules = loaded("-h")
+    assert code == 0
+    assert "click" in modules
+    assert heavy(modules) == set()
+    assert not any(
+        name.startswith(("handctl.devices", "handctl.sim", "handctl.link", "handctl.tools")) for name in modules
+    )
+
+
+def test_exo_help_loads_no_link_and_no_simulator() -> None:
+    code, modules = loaded("exo", "-h")
+    assert code == 0
+    assert heavy(modules) == set()
+    assert "socket" not in modules
+    assert not any(name.startswith(("handctl.sim", "handctl.link.", "handctl.tools")) for name in modules)
+    assert all(name.startswith("handctl.devices.inspire") for name in modules if name.startswith("handctl.devices."))
+
+
+def test_completion_of_the_root_loads_no_family(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("_HANDCTL_COMPLETE", "bash_complete")
+    monkeypatch.setenv("COMP_WORDS", "handctl e")
+    monkeypatch.setenv("COMP_CWORD", "1")
+    _, modules = loaded()
+    assert heavy(modules) == set()
+    assert not any(name.startswith(("handctl.devices.", "handctl.sim", "handctl.link")) for name in modules)
+
+
+def test_describe_needs_no_device() -> None:
+    code, modules = loaded("exo", "describe", "position_set", "--json")
+    assert code == 0
+    assert heavy(modules) == set()
+    assert not any(name.startswith(("handctl.sim", "handctl.link.")) for name in modules)
+
+
+@pytest.mark.parametrize("output", ["--json", "--csv", "--format=plain", "--format=table"])
+def test_a_dump_from_the_simulator_loads_neither_rich_nor_pyserial(output: str) -> None:
+    """A pipe is no terminal: rich stays away also from the table."""
+    code, modules = loaded("exo", "dump", "--fake", output)
+    assert code == 0
+    assert heavy(modules) == set()
+    assert "socket" not in modules
+    simulators = {name for name in modules if name.startswith("handctl.sim.")}
+    assert "handctl.sim.inspire.exo.device" in simulators
+    assert not simulators & {
+        f"handctl.sim.{name}" for name in ("serve", "cli", "wrist", "barrett", "ekso", "aidin", "slcan")
+    }
+    assert all(name.startswith("handctl.devices.inspire") for name in modules if name.startswith("handctl.devices."))
+
+
+def test_a_serial_port_loads_pyserial_only() -> None:
+    code, modules = loaded("exo", "dump", "-p", "/dev/ttyNOTHING0", "--json")
+    assert code == 3
+    assert {name.split(".")[0] for name in heavy(modules)} == {"serial"}
+    assert "handctl.sim" not in modules
+
+
+def test_tcp_loads_no_pyserial() -> None:
+    code, modules = loaded("exo", "dump", "-p", "tcp://127.0.0.1:1", "--json")
+    assert code == 3
+    assert heavy(modules) == set()

@@ -1,0 +1,302 @@
+"""Every family's screens at 40, 80 and 200 columns, and the same output on a pipe: whole, in bounds, readable.
+
+What is compared is what a person reads: words and numbers. The widest screen says what there is to be said.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from functools import cache
+from itertools import pairwise
+
+import pytest
+
+from handctl.model.result import Sample, Table
+from handctl.screen import live
+from tests.support.cli import run
+from tests.support.screen import Screen, screen
+
+WIDTHS = (40, 80, 200)
+LINKS = {kind: f"fake://{kind}?seed=1&clock=virtual" for kind in ("exo", "wrist", "barrett", "ekso", "aidin")}
+VERBS = {
+    "exo": ("status", "dump"),
+    "wrist": ("status", "dump"),
+    "barrett": ("status", "dump", "maintenance", "fingertips", "diagnose", "strain"),
+    "ekso": ("status", "dump", "settings", "data", "feedback"),
+    "aidin": ("status", "dump"),
+}
+SCREENS = [(kind, verb) for kind, verbs in VERBS.items() for verb in verbs]
+OFFLINE = [*((kind, "describe") for kind in VERBS), ("barrett", "errors"), ("exo", "set position_set.little=3 -n")]
+FAULTY = [("exo?fault=faults", "status"), ("exo?fault=faults", "dump"), ("wrist?fault=faults", "status"),
+          ("barrett?fault=unknown-codes", "status")]  # fmt: skip
+BOXES = re.compile(r"[\u2500-\u257f\u2580-\u259f]")
+COLOURS = re.compile(r"\x1b\[[0-9;]*(?:3[0-8]|4[0-8]|9[0-7])[0-9;]*m")
+
+
+@cache
+def shown(kind: str, verb: str, columns: int, *more: str, terminal: bool = True) -> Screen:
+    link = LINKS[kind] if "?" not in kind else f"fake://{kind}&seed=1&clock=virtual"
+    port = () if (kind, verb) in OFFLINE and "-n" not in verb else ("-p", link)
+    return screen(kind.partition("?")[0], *verb.split(), *port, *more, columns=columns, terminal=terminal)
+
+
+def words(text: str) -> Counter[str]:
+    """Words and numbers with how often they occur; rules and the colons of stacked headings are none."""
+    return Counter(word.rstrip(":") for word in BOXES.sub(" ", text).split())
+
+
+@pytest.mark.parametrize(("kind", "verb"), [*SCREENS, *OFFLINE, *FAULTY])
+def test_a_screen_at_any_width(kind: str, verb: str) -> None:
+    """No line is wider than the window, and a narrow window says all that the widest says."""
+    wide, keys = words(shown(kind, verb, 200).text), key_headings(shown(kind, verb, 200).text)
+    assert sum(wide.values()) > 10
+    for columns in WIDTHS:
+        seen = shown(kind, verb, columns)
+        assert seen.code == (7 if verb == "diagnose" else 0), seen.err
+        assert all(len(line) <= columns for line in seen.text.split("\n")), seen.text
+        assert "…" not in seen.text and "Traceback" not in seen.text + seen.err
+        assert ("simulated" in seen.text) is ((kind, verb) not in OFFLINE), seen.text
+        missing = wide - words(seen.text) - keys
+        assert not missing, (columns, missing, seen.text)
+
+
+def key_headings(text: str) -> Counter[str]:
+    """The words of the headings that a narrow window leaves out: the first column's, wherever it stands, and those over nothing."""
+    lines = text.split("\n")
+    left_out: Counter[str] = Counter()
+    for head, rule in pairwise(lines):
+        if rule and set(rule) == {"─"}:
+            first, *rest = re.split(r"  +", head.strip())
+            left_out += words(" ".join([first, *(cell for cell in rest if cell == first)]))
+            block = "\n".join(lines[lines.index(head) :]).partition("\n\n")[0].split("\n")[2:]
+            left_out += (
+                words(rest[-1])
+                if rest and all(len(line.rstrip()) < head.rindex(rest[-1]) for line in block)
+                else Counter()
+            )
+    return left_out
+
+
+@pytest.mark.parametrize(("kind", "verb"), [*SCREENS, *OFFLINE, *FAULTY])
+def test_the_same_on_a_pipe(kind: str, verb: str) -> None:
+    """No boxes, no colour, nothing cut, and the width of a window it does not have is of no interest."""
+    narrow, wide = (shown(kind, verb, columns, terminal=False) for columns in (40, 200))
+    assert narrow.data == wide.data
+    assert "\x1b" not in narrow.data and "…" not in narrow.data
+    assert not BOXES.search(narrow.data)
+    assert all(line == line.rstrip() for line in narrow.data.split("\n"))
+    missing = words(shown(kind, verb, 200).text) - words(narrow.data.replace("(simulated)", "simulated"))
+    assert not missing, missing
+
+
+@pytest.mark.parametrize(("kind", "verb", "rows", "columns"), [
+    ("exo", "status", 6, 8), ("exo", "dump", 13, 10), ("wrist", "dump", 11, 5), ("barrett", "dump", 26, 7),
+    ("ekso", "settings", 22, 5), ("aidin", "dump", 19, 7), ("exo", "describe", 14, 10),
+])  # fmt: skip
+def test_columns_line_up_on_a_pipe(kind: str, verb: str, rows: int, columns: int) -> None:
+    """Between two columns there are two blanks from the heading to the last row."""
+    lines = shown(kind, verb, 40, terminal=False).data.split("\n")
+    start = next(i for i, line in enumerate(lines) if len(re.split(r"  +", line.strip())) >= columns - 1)
+    block = lines[start : start + rows + 1]
+    width = max(map(len, block))
+    profile = "".join(" " if all(line.ljust(width)[i] == " " for line in block) else "x" for i in range(width))
+    assert len(re.split(r" {2,}", profile.strip())) == columns, "\n".join([*block, profile])
+    assert len(block) == rows + 1 and all(line.strip() for line in block)
+
+
+# -- word for word ------------------------------------------------------------------------------------------------
+
+
+def test_a_table_that_fits_is_a_table() -> None:
+    lines = shown("exo", "status", 80).lines
+    assert lines[0] == "id 1, 115200 baud (code 0), supply 558 (raw, scale unknown)  simulated"
+    assert lines[1] == "Finger    Position  Set  Force  Set  mA  °C  Errors"
+    assert set(lines[2]) == {"─"}
+    assert lines[3] == "little         110  151    -11  -61  21  31  ok"
+
+
+def test_a_table_that_does_not_fit_names_every_value() -> None:
+    lines = shown("exo", "status", 40).lines
+    assert lines[2:8] == [
+        "little  Position: 110  Set: 151",
+        "  Force: -11  Set: -61  mA: 21  °C: 31",
+        "  Errors: ok",
+        "ring  Position: 220  Set: 252  Force: 12",
+        "  Set: 62  mA: 22  °C: 32  Errors: ok",
+        "middle  Position: 330  Set: 353",
+    ]
+    assert lines[-4:-1] == [
+        "position 0 bent .. 1000 open; force: set",
+        "  + opens the hand, measured + is the",
+        "  user closing it (raw)",
+    ]
+
+
+def test_two_lists_side_by_side_become_one() -> None:
+    lines = shown("ekso", "status", 40).lines
+    place = lines.index("upper_leg_length  16.80 in")
+    assert lines[place + 1] == "stand_mode  Auto Lean"
+    assert lines[place + 2] == "lower_leg_length  16.40 in"
+
+
+def test_prose_is_wrapped_in_its_column_before_the_table_is_given_up() -> None:
+    lines = shown("barrett", "diagnose", 80).lines
+    place = next(i for i, line in enumerate(lines) if line.startswith("odometer.F1"))
+    column = lines[1].index("Evidence")
+    assert lines[place] == "odometer.F1             fail    5956 strokes: worm.F1 never recorded: counted"
+    assert lines[place + 1] == " " * column + "from 0; overdue by 956"
+    narrow = shown("barrett", "diagnose", 40).lines
+    place = narrow.index("odometer.F1  Status: fail")
+    assert narrow[place + 1 : place + 4] == [
+        "  Evidence: 5956 strokes: worm.F1 never",
+        "    recorded: counted from 0; overdue by",
+        "    956",
+    ]
+
+
+def test_the_longest_name_is_never_broken() -> None:
+    """40 characters: it gets a line without indent in a window of 40."""
+    assert "loop_feedback_delta_position_coefficient" in shown("barrett", "dump", 40).lines
+
+
+# -- the live view ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("columns", "rows"), [(40, 24), (40, 70), (80, 24), (200, 50), (30, 8)])
+@pytest.mark.parametrize("kind", LINKS)
+def test_live_view_at_any_size(kind: str, columns: int, rows: int) -> None:
+    """Head and counters stay in the window, every value is there whole, or the view says what has no room."""
+    seen = screen(kind, "watch", "--count", "2", "-p", LINKS[kind], columns=columns, rows=rows)
+    samples, _ = run(kind, "watch", "--count", "2", "-p", LINKS[kind], "--json").stream
+    assert seen.code == 0, seen.err
+    display = seen.display
+    text = "\n".join(display)
+    assert display[0].startswith(f"handctl {kind} watch") and "simulated" in text and "2 samples" in text
+    assert "stray_bytes 0" in " ".join(display[-3:])
+    assert "…" not in text and "Traceback" not in text + seen.err
+    hidden = re.findall(r"^\+ (\d+) lines", text, re.MULTILINE)
+    assert bool(hidden) is (rows == 8 or (kind == "aidin" and (columns, rows) == (40, 24))), text
+    if hidden:
+        return
+    numbers = [word for word in re.split(r"[\s▕▏]+", text) if re.fullmatch(r"-?\d+(\.\d+)?", word)]
+    for row in samples[len(samples) // 2 :]:
+        assert row["name"] in text, row
+        if row.get("label") == "ok" or (row.get("label") and row["label"] in " ".join(text.split())):
+            continue  # told in words
+        assert any(float(number) == row.get("scaled", row["value"]) for number in numbers), (row, text)
+
+
+def test_live_view_of_fingers_with_several_elements() -> None:
+    """A column per finger: m1 of the thumb is not overwritten by its m3."""
+    lines = screen("aidin", "watch", "--count", "1", "-p", LINKS["aidin"]).display
+    place = next(i for i, line in enumerate(lines) if line.startswith("motor_pos [cts]"))
+    assert lines[place].split()[2:] == ["thumb", "index", "middle", "ring", "little"]
+    assert lines[place + 1].split() == ["m1", "70110", "110440", "150770", "220115", "201445"]
+    assert lines[place + 3].split() == ["m3", "52330", "41660", "30990", "60335", "70665"]
+    assert len({len(line) for line in lines[place : place + 4]}) == 1
+
+
+def test_live_view_names_units_and_words() -> None:
+    exo = screen("exo", "watch", "--count", "1", "-p", LINKS["exo"], rows=40).display
+    assert any(line.startswith("current [mA] ") for line in exo)
+    barrett = " ".join(screen("barrett", "watch", "--count", "1", "-p", LINKS["barrett"], columns=40).display)
+    assert "status F1 Motor not initialized (4)" in " ".join(barrett.split())
+    assert "temperature [°C]" in barrett and "41.2" in barrett
+    ekso = screen("ekso", "watch", "--count", "1", "-p", LINKS["ekso"]).display
+    assert any(line.split() == ["state", "standing", "(0x2040)"] for line in ekso)
+
+
+def test_a_motor_without_a_gauge_has_no_bar() -> None:
+    """255 is "no gauge" (barrett §5.3.2), and was a full bar."""
+    display = screen("barrett", "watch", "SG", "--count", "1", "-p", LINKS["barrett"]).display
+    bars = {line.split("▕")[0].split()[-1]: line.split("▕")[1].split("▏")[0] for line in display if "▕" in line}
+    assert "█" in bars["F1"] and "█" not in bars["SPREAD"] and "no gauge" in bars["SPREAD"], display
+
+
+def test_live_view_in_a_low_window_keeps_the_errors() -> None:
+    link = "fake://exo?fault=faults&clock=virtual"
+    lines = screen("exo", "watch", "--count", "1", "-p", link, columns=60, rows=12).display
+    assert lines[1].startswith("error ") and "locked_rotor" in lines[1]
+    assert any(line.startswith("+ ") for line in lines)
+
+
+def test_a_bar_reaches_to_a_lowest_or_highest_value_of_zero() -> None:
+    series = live.Series({"name": "x"}, (5.0, 9.0), 0)
+    series.add({"name": "x", "value": 0})
+    assert series.scale() == (0.0, 9.0)
+    below = live.Series({"name": "x"}, (-9.0, -5.0), 0)
+    below.add({"name": "x", "value": 0})
+    assert below.scale() == (-9.0, 0.0)
+
+
+def test_a_whole_number_of_any_length_is_whole() -> None:
+    series = live.Series({"name": "uptime", "value": 7345678, "unit": "s"}, None, 0)
+    assert [series.text(value) for value in (7345678, 4294967295, 0.35, -0.0001, None)] == [
+        "7345678", "4294967295", "0.35", "-0.0001", "?",
+    ]  # fmt: skip
+
+
+class Context:
+    """As much of a running command as a view without a head needs."""
+
+    command = "exo watch"
+    simulated = False
+
+
+@pytest.mark.parametrize("width", [40, 69, 70, 75, 80, 100])
+def test_long_numbers_take_the_room_of_the_bar(width: int) -> None:
+    view = live.View(Table(ranges={"odometer": (0.0, 2.0**32)}), Context())  # type: ignore[arg-type]
+    for value in (1234567890, 4294967295):
+        view.add(Sample(0.0, ({"name": "odometer", "motor": "SPREAD", "unit": "1000 cts", "value": value},)))
+    lines = [line.plain for line in view._body(width, 20)]
+    assert all(len(line) <= width for line in lines), lines
+    assert "4294967295" in lines[-1].partition("▏")[2] and "[1000 cts]" in lines[0]
+    assert ("1234567890..4294967295" in lines[0]) is (width >= 75)  # 20 + 7 + 15 + 10 + 23 cells
+
+
+def test_a_label_without_a_unit_replaces_the_number_and_ok_is_told() -> None:
+    view = live.View(Table(), Context())  # type: ignore[arg-type]
+    rows = (
+        {"name": "mode", "motor": "F1", "value": 0, "label": "ok"},
+        {"name": "mode", "motor": "F2", "value": 3, "label": "lost"},
+    )
+    view.add(Sample(0.0, rows))
+    assert [line.plain for line in view._body(40, 20)] == ["mode F1 ok F2 lost"]
+
+
+def test_a_failed_read_is_seen() -> None:
+    rows = ({"name": "current", "finger": "ring", "unit": "mA", "error": "no answer from id 1; more"},)
+    view = live.View(Table(ranges={"current": (0.0, 1000.0)}), Context())  # type: ignore[arg-type]
+    view.add(Sample(0.0, rows))
+    assert [line.plain for line in view._footer(12)] == ["no answer", "from id 1"]
+    assert [line.plain.split() for line in view._body(40, 20)] == [["current", "[mA]"], ["ring", "▕", "▏", "?"]]
+
+
+# -- colour -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("terminal", "env", "more", "coloured"), [
+    (True, {}, (), True), (True, {"NO_COLOR": "1"}, (), False), (True, {}, ("--color", "never"), False),
+    (True, {"NO_COLOR": "1"}, ("--color", "always"), True), (False, {}, (), False),
+    (False, {}, ("--color", "always"), True), (False, {}, ("--color", "never"), False),
+    (False, {"NO_COLOR": "1"}, ("--color", "always"), True), (True, {"HANDCTL_COLOR": "never"}, (), False),
+])  # fmt: skip
+@pytest.mark.parametrize("kind", ["exo", "wrist", "barrett"])
+def test_colour(kind: str, terminal: bool, env: dict[str, str], more: tuple[str, ...], coloured: bool) -> None:
+    link = LINKS[kind] + ("&initialized=1" if kind == "barrett" else "")
+    seen = screen(kind, "status", "-p", link, *more, env=env, terminal=terminal)
+    assert seen.code == 0, seen.err
+    assert bool(COLOURS.search(seen.data)) is coloured
+    assert ("\x1b[" in seen.data) is (terminal or coloured)
+    assert words(seen.text) == words(shown(kind, "status", 80).text) or kind == "barrett" or not (terminal or coloured)
+
+
+@pytest.mark.parametrize("kind", LINKS)
+def test_the_live_view_without_colour(kind: str) -> None:
+    for env, more in (({"NO_COLOR": "1"}, ()), ({}, ("--color", "never"))):
+        seen = screen(kind, "watch", "--count", "1", "-p", LINKS[kind], *more, env=env)
+        assert not COLOURS.search(seen.data)
+    piped = screen(kind, "watch", "--count", "1", "-p", LINKS[kind], "--color", "always", terminal=False)
+    assert "\x1b" not in piped.data and not BOXES.search(piped.data), "a stream on a pipe is lines of text"
+    assert "1 samples" in piped.err and piped.err.rstrip().endswith(", simulated")

@@ -1,0 +1,369 @@
+"""The child that stops a device when its parent dies: what reaches the line, when, and that it never does otherwise."""
+
+from __future__ import annotations
+
+import os
+import pty
+import select
+import signal
+import socket
+import subprocess
+import sys
+import textwrap
+import time
+import tty
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+from unittest import mock
+
+import pytest
+
+from handctl.errors import LinkError
+from handctl.link import ByteLink, NoLink, Outlet, open_link
+from handctl.link.deadman import LARGEST, Guard, Shot, _pack, _unpack, guarding
+from handctl.link.lock import hold
+from tests.support.cli import wait_until
+
+STOP = [Shot(b"STOP", 0.02)] * 3
+PROGRAM = """
+    import os, sys, time
+    from handctl.link import open_link
+    from handctl.link.deadman import Shot, guarding
+    from handctl.link.lock import hold
+
+    link = open_link(sys.argv[1])
+    lock = hold(sys.argv[1], "test")
+    link.held = lock.descriptors
+    with guarding(link, [Shot(b"STOP", 0.02)] * 3, print) as guard:
+        {body}
+        print("armed", flush=True)
+        time.sleep(60)
+"""
+
+
+def warned(*_words: str) -> None:
+    raise AssertionError(_words)
+
+
+class Place:
+    """A device's end of a line; `arrived` are the bytes with the moments when they came."""
+
+    def __init__(self, kind: str) -> None:
+        self.arrived: list[tuple[float, bytes]] = []
+        self._server: socket.socket | None = None
+        if kind == "pty":
+            self._end, self._slave = pty.openpty()
+            tty.setraw(self._slave)
+            self.link = os.ttyname(self._slave)
+        else:
+            self._server = socket.create_server(("127.0.0.1", 0))
+            self.link = f"tcp://127.0.0.1:{self._server.getsockname()[1]}"
+            self._end = self._slave = -1
+
+    def take(self, seconds: float = 0.0, until: Callable[[], bool] = lambda: False) -> bytes:
+        """What has come in all; waits so long for more, or until the condition holds."""
+        end = time.monotonic() + seconds
+        while True:
+            if self._end < 0 and self._server is not None:
+                self._end = self._server.accept()[0].detach()
+            over = time.monotonic() >= end or until()
+            if not select.select([self._end], [], [], 0.0 if over else 0.01)[0]:
+                if over:
+                    break
+                continue
+            with suppress(OSError):
+                data = os.read(self._end, 4096)
+                if not data:
+                    break
+                self.arrived.append((time.monotonic(), data))
+        return b"".join(data for _, data in self.arrived)
+
+    def close(self) -> None:
+        for descriptor in (self._end, self._slave):
+            if descriptor >= 0:
+                os.close(descriptor)
+        if self._server is not None:
+            self._server.close()
+
+
+@pytest.fixture(params=["pty", "tcp"])
+def place(request: pytest.FixtureRequest) -> Iterator[Place]:
+    found = Place(request.param)
+    yield found
+    found.close()
+
+
+@pytest.fixture(autouse=True)
+def runtime(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Locks of these tests are nobody else's."""
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+
+
+def children() -> list[int]:
+    """The children of this process that live."""
+    return [int(word) for word in Path(f"/proc/{os.getpid()}/task/{os.getpid()}/children").read_text().split()]
+
+
+@pytest.fixture
+def parents() -> Iterator[list[subprocess.Popen[bytes]]]:
+    """Processes that are ended at the end."""
+    started: list[subprocess.Popen[bytes]] = []
+    yield started
+    for process in started:
+        with suppress(ProcessLookupError):
+            os.kill(process.pid, signal.SIGKILL)
+        process.communicate()
+
+
+def armed(place: Place, body: str = "pass", **more: Any) -> subprocess.Popen[bytes]:
+    """A process of its own, with a guard."""
+    program = textwrap.dedent(PROGRAM).replace("{body}", body)
+    process = subprocess.Popen([sys.executable, "-c", program, place.link], stdout=subprocess.PIPE, **more)
+    assert process.stdout is not None
+    assert process.stdout.readline() == b"armed\n"
+    return process
+
+
+def guards_of(process: subprocess.Popen[bytes]) -> list[int]:
+    return [int(word) for word in Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()]
+
+
+def gone(pid: int) -> bool:
+    """Whether nothing of it runs any more; a zombie that init has not fetched yet does not."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
+    except OSError:
+        return True
+
+
+# -- death ---------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("how", ["process", "group", "session"])
+def test_three_stops_however_it_dies(place: Place, parents: list[subprocess.Popen[bytes]], how: str) -> None:
+    process = armed(place, start_new_session=True)
+    parents.append(process)
+    (guard,) = guards_of(process)
+    if how == "process":
+        os.kill(process.pid, signal.SIGKILL)
+    elif how == "group":
+        os.killpg(process.pid, signal.SIGKILL)
+    else:
+        os.killpg(process.pid, signal.SIGHUP)
+    died = time.monotonic()
+    assert place.take(5.0, lambda: gone(guard)) == b"STOP" * 3
+    assert place.arrived[0][0] - died < 0.1
+
+
+def test_signals_that_end_a_program_do_not_end_the_guard(place: Place, parents: list[subprocess.Popen[bytes]]) -> None:
+    process = armed(place)
+    parents.append(process)
+    (guard,) = guards_of(process)
+    assert os.getsid(guard) == guard != os.getsid(process.pid)
+    for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGQUIT, signal.SIGTSTP, signal.SIGPIPE):
+        os.kill(guard, number)
+    process.kill()
+    assert place.take(5.0, lambda: gone(guard)) == b"STOP" * 3
+
+
+def test_the_newest_stop_is_sent(place: Place, parents: list[subprocess.Popen[bytes]]) -> None:
+    body = "[guard.update([Shot(str(n).encode(), 0.01), Shot(b';', 0)]) for n in range(3000)]"
+    process = armed(place, body)
+    parents.append(process)
+    (guard,) = guards_of(process)
+    process.kill()
+    assert place.take(5.0, lambda: gone(guard)) == b"2999;"
+
+
+def test_a_frame_that_is_half_sent_is_completed(place: Place, parents: list[subprocess.Popen[bytes]]) -> None:
+    """A line that takes no more has a part of a frame: the rest of it comes before the stop."""
+    body = """
+    from handctl.errors import LinkError
+    try:
+        while True:
+            link.write(bytes(range(251)), link.deadline(0.05))
+    except LinkError:
+        pass
+    """
+    process = armed(place, textwrap.indent(textwrap.dedent(body), " " * 4).strip())
+    parents.append(process)
+    (guard,) = guards_of(process)
+    process.kill()
+    frames = place.take(5.0, until=lambda: gone(guard)).removesuffix(b"STOP" * 3)
+    count, rest = divmod(len(frames), 251)
+    assert count and rest == 0
+    assert frames == bytes(range(251)) * count
+
+
+def test_who_reads_its_output_is_not_kept_waiting(place: Place, parents: list[subprocess.Popen[bytes]]) -> None:
+    """The guard holds no pipe of its parent: the end of the output is seen when the parent dies."""
+    process = armed(place, "guard.update([Shot(b'STOP', 1.0)])")
+    parents.append(process)
+    (guard,) = guards_of(process)
+    process.kill()
+    assert process.communicate(timeout=5) == (b"", None)
+    assert not gone(guard)
+
+
+def test_nobody_gets_the_lock_before_the_stop_is_out(place: Place, parents: list[subprocess.Popen[bytes]]) -> None:
+    process = armed(place, "guard.update([Shot(b'', 0.5), Shot(b'S')])")
+    parents.append(process)
+    (guard,) = guards_of(process)
+    process.kill()
+    process.wait()
+    assert not gone(guard)
+    lock = hold(place.link, "second")  # it waits
+    assert lock is not None
+    lock.release()
+    wait_until(lambda: gone(guard), 0.2)
+    assert place.take() == b"S"
+
+
+def test_a_suspended_parent_is_not_dead(place: Place, parents: list[subprocess.Popen[bytes]]) -> None:
+    process = armed(place)
+    parents.append(process)
+    (guard,) = guards_of(process)
+    os.kill(process.pid, signal.SIGSTOP)
+    assert place.take(0.1) == b""
+    process.kill()
+    assert place.take(5.0, lambda: gone(guard)) == b"STOP" * 3
+
+
+def test_a_fork_that_outlives_the_parent_does_not_keep_the_guard_waiting(
+    place: Place, parents: list[subprocess.Popen[bytes]]
+) -> None:
+    if not hasattr(os, "pidfd_open"):
+        pytest.skip("only Linux lets the parent itself be watched")
+    process = armed(place, "(os.fork() or (time.sleep(1), os._exit(0)))")
+    parents.append(process)
+    guard = guards_of(process)[0]
+    process.kill()
+    assert place.take(5.0, lambda: gone(guard)) == b"STOP" * 3
+
+
+# -- an end in order -------------------------------------------------------------------------------------------------------
+
+
+def test_an_end_in_order_sends_nothing_and_leaves_nobody(place: Place) -> None:
+    link = open_link(place.link)
+    before = children()
+    with guarding(link, STOP, warned) as guard:
+        assert len(children()) == len(before) + 1
+        guard.update([Shot(b"HALT")])
+    assert children() == before
+    with pytest.raises(ZeroDivisionError), guarding(link, STOP, warned):
+        raise ZeroDivisionError
+    assert children() == before
+    link.close()
+    assert place.take(0.05) == b""
+
+
+def test_open_descriptors_are_as_before(place: Place) -> None:
+    link = open_link(place.link)
+    before = os.listdir("/dev/fd")
+    with guarding(link, STOP, warned):
+        pass
+    assert os.listdir("/dev/fd") == before
+    link.close()
+
+
+def test_a_guard_that_was_killed_is_replaced(place: Place) -> None:
+    link = open_link(place.link)
+    before = children()
+    with guarding(link, STOP, warned) as guard:
+        (first,) = set(children()) - set(before)
+        os.kill(first, signal.SIGKILL)
+        wait_until(lambda: gone(first))
+        guard.update([Shot(b"HALT")])
+        (second,) = set(children()) - set(before)
+        assert second != first
+    assert children() == before
+    link.close()
+
+
+def test_a_link_tells_what_it_owes(place: Place) -> None:
+    """The link names the rest of a frame whenever it waits in the middle of one."""
+    link = open_link(place.link)
+    assert isinstance(link, ByteLink)
+    told: list[bytes] = []
+    outlet = link.outlet()
+    assert outlet is not None
+    outlet.owes = told.append
+    link.write(b"whole", link.deadline(1.0))
+    assert set(told) == {b""}
+    frame = bytes(range(251)) * 40000
+    with pytest.raises(LinkError):
+        link.write(frame, link.deadline(0.05))
+    assert told[-1] and frame.endswith(told[-1]) and told[-1] != frame
+    link.close()
+
+
+# -- where there is none ---------------------------------------------------------------------------------------------------
+
+
+def test_simulators_in_this_process_have_no_child() -> None:
+    before = children()
+    link = open_link("fake://exo?clock=virtual")
+    with guarding(link, STOP, warned) as guard:
+        guard.update([])
+        assert children() == before
+    link.close()
+
+
+def test_a_link_without_a_way_out_is_told_of() -> None:
+    told: list[tuple[str, ...]] = []
+    with guarding(NoLink(), STOP, lambda *words: told.append(words)):
+        pass
+    ((code, text, hint),) = told
+    assert code == "unguarded" and "nothing stops the device" in text and hint
+
+
+def test_without_fork_it_is_told_of(place: Place, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delattr(os, "fork")
+    link = open_link(place.link)
+    told: list[tuple[str, ...]] = []
+    with guarding(link, STOP, lambda *words: told.append(words)):
+        pass
+    assert [words[0] for words in told] == ["unguarded"]
+    link.close()
+
+
+def test_where_no_process_can_be_started_nothing_is_driven(place: Place) -> None:
+    link = open_link(place.link)
+    before = os.listdir("/dev/fd")
+    refuse = mock.patch.object(os, "fork", side_effect=BlockingIOError(11, "Resource temporarily unavailable"))
+    driven = False
+    with refuse, pytest.raises(LinkError) as caught, guarding(link, STOP, warned):
+        driven = True
+    assert not driven
+    assert (caught.value.exit_code, caught.value.code) == (3, "no-guard")
+    assert os.listdir("/dev/fd") == before
+    link.close()
+    assert place.take(0.05) == b""
+
+
+# -- the messages ------------------------------------------------------------------------------------------------------------
+
+
+def test_messages_come_back_as_they_went() -> None:
+    stop = ((b"", 0.25), (b"\x03", 0.0), (bytes(range(256)), 1.0))
+    for owed in (b"", b"x", bytes(300)):
+        text = _pack(owed, stop)
+        assert int.from_bytes(text[:2]) == len(text) - 2
+        assert _unpack(text[2:]) == (owed, stop)
+
+
+def test_a_message_goes_whole_or_not_at_all() -> None:
+    with pytest.raises(AssertionError):
+        _pack(bytes(LARGEST), ())
+
+
+def test_frames_of_a_bus_are_written_as_the_adapter_takes_them() -> None:
+    from handctl.link.can import _slcan_frame, _socketcan_frame
+
+    assert _slcan_frame(bytes.fromhex("E803"), 0x15038001) == b"\rT150380012E803\r"
+    assert _socketcan_frame(bytes.fromhex("E803"), 0x15038001) == bytes.fromhex("01800395 02 000000 E803000000000000")
+    guard = Guard(Outlet(-1, _slcan_frame))
+    assert guard._wire([Shot(b"", 0.5, 1)]) == ((b"\rT000000010\r", 0.5),)

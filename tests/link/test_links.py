@@ -1,0 +1,463 @@
+"""Links: what opens, what the errors say, and that bytes pass unchanged. Real ports only where a real one is the point."""
+
+from __future__ import annotations
+
+import os
+import pty
+import socket
+import subprocess
+import sys
+import threading
+import time
+import tty
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from types import SimpleNamespace
+
+import pytest
+import serial
+from serial.rfc2217 import PortManager
+
+from handctl.errors import HandctlError, LinkError
+from handctl.link import ByteLink, Deadline, NoLink, open_link
+from handctl.link import serial as serial_module
+from handctl.link.owners import Process
+from tests.support.cli import run
+from tests.support.scripted import unhex
+
+READ_ID, ID_IS_1 = unhex("EB 90 01 04 11 E8 03 01 02"), unhex("90 EB 01 04 11 E8 03 01 02")
+
+
+@pytest.fixture
+def terminal() -> Iterator[tuple[int, str]]:
+    """A pty: our end, and the name of the other one."""
+    ours, theirs = pty.openpty()
+    tty.setraw(theirs)
+    name = os.ttyname(theirs)
+    os.close(theirs)
+    yield ours, name
+    os.close(ours)
+
+
+@pytest.fixture
+def listener() -> Iterator[socket.socket]:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        yield server
+
+
+def opening(link: str, **options: object) -> HandctlError:
+    """The error of a link that cannot be opened."""
+    with pytest.raises(HandctlError) as caught:
+        open_link(link, **options)  # type: ignore[arg-type]
+    return caught.value
+
+
+def all_of(link: ByteLink, count: int) -> bytes:
+    deadline = link.deadline(5.0)
+    data = b""
+    while len(data) < count and (chunk := link.read(deadline)):
+        data += chunk
+    return data
+
+
+# -- deadlines --------------------------------------------------------------------------------------------------------
+
+
+def test_deadline() -> None:
+    clock = [10.0]
+    deadline = Deadline(lambda: clock[0], 12.5)
+    assert (deadline.remaining, deadline.expired) == (2.5, False)
+    clock[0] = 12.5
+    assert (deadline.remaining, deadline.expired) == (0.0, True)
+    clock[0] = 99.0
+    assert (deadline.remaining, deadline.expired) == (0.0, True)
+
+
+def test_earlier_deadline() -> None:
+    soon, later = Deadline(lambda: 0.0, 1.0), Deadline(lambda: 0.0, 2.0)
+    assert soon.earlier(later) is soon
+    assert later.earlier(soon) is soon
+    assert soon.earlier(None) is soon
+    assert Deadline(lambda: 0.0, float("inf")).earlier(soon) is soon
+
+
+def test_a_link_makes_deadlines_on_its_own_clock() -> None:
+    link = open_link("fake://exo?clock=virtual")
+    deadline = link.deadline(3.0)
+    link.sleep(2.0)
+    assert deadline.remaining == pytest.approx(1.0)
+    link.sleep(-5.0)
+    assert link.now() == pytest.approx(2.0)
+
+
+# -- what is no link --------------------------------------------------------------------------------------------------
+
+
+def test_empty_link() -> None:
+    assert opening("").exit_code == 2
+
+
+def test_no_link_refuses_bytes() -> None:
+    link = NoLink()
+    with pytest.raises(LinkError):
+        link.write(b"x", link.deadline(1.0))
+    with pytest.raises(LinkError):
+        link.read(link.deadline(1.0))
+    link.set_baud(9600)
+    assert (link.baud, link.can_set_baud, link.fake, link.power_cycle()) == (9600, False, False, False)
+    link.close()
+
+
+# -- serial ports -----------------------------------------------------------------------------------------------------
+
+
+def test_missing_port() -> None:
+    error = opening("/dev/ttyNOTHING0")
+    assert isinstance(error, LinkError)
+    assert (error.exit_code, error.code) == (3, "not-found")
+    assert "/dev/ttyNOTHING0" in error.text
+    assert "--fake" in error.hint or "present" in error.hint
+
+
+def test_a_file_is_not_a_port(tmp_path: object) -> None:
+    path = os.path.join(str(tmp_path), "file")
+    with open(path, "wb"):
+        pass
+    error = opening(path)
+    assert (error.exit_code, error.code) == (3, "not-a-port")
+
+
+@pytest.mark.parametrize("path", ["/dev/null", "/"])
+def test_devices_and_directories_are_not_ports(path: str) -> None:
+    error = opening(path)
+    assert (error.exit_code, error.code) == (3, "not-a-port")
+
+
+def test_a_port_carries_bytes_both_ways(terminal: tuple[int, str]) -> None:
+    ours, name = terminal
+    link = open_link(name, baud=57600)
+    try:
+        assert (link.name, link.baud, link.can_set_baud, link.fake) == (name, 57600, True, False)
+        link.write(READ_ID, link.deadline(1.0))
+        assert os.read(ours, 100) == READ_ID
+        os.write(ours, ID_IS_1)
+        assert all_of(link, 9) == ID_IS_1
+        os.write(ours, b"abcdef")
+        assert link.read(link.deadline(1.0), 2) == b"ab"
+        assert all_of(link, 4) == b"cdef"
+        before = time.monotonic()
+        assert link.read(link.deadline(0.05)) == b""
+        assert 0.04 < time.monotonic() - before < 0.5
+    finally:
+        link.close()
+        link.close()
+
+
+def test_the_speed_of_a_port_is_set(terminal: tuple[int, str]) -> None:
+    import termios
+
+    ours, name = terminal
+    link = open_link(name, baud=115200)
+    try:
+        assert termios.tcgetattr(ours)[4] == termios.B115200
+        link.set_baud(19200)
+        assert (termios.tcgetattr(ours)[4], link.baud) == (termios.B19200, 19200)
+    finally:
+        link.close()
+
+
+def test_every_byte_passes_unchanged(terminal: tuple[int, str]) -> None:
+    """XON, XOFF, CR, LF, ^C, ^D and FF too."""
+    ours, name = terminal
+    link = open_link(name)
+    data = bytes(range(256))
+    try:
+        link.write(data, link.deadline(1.0))
+        assert os.read(ours, 4096) == data
+        os.write(ours, data)
+        assert all_of(link, 256) == data
+    finally:
+        link.close()
+
+
+def test_second_opening_in_this_process_is_busy(terminal: tuple[int, str]) -> None:
+    _, name = terminal
+    link = open_link(name)
+    try:
+        error = opening(name)
+        assert (error.exit_code, error.code) == (3, "busy")
+        assert "in use by" in error.text
+        assert "close" in error.hint
+    finally:
+        link.close()
+    open_link(name).close()
+
+
+def test_the_holder_is_named(terminal: tuple[int, str]) -> None:
+    _, name = terminal
+    holder = (
+        "import serial,sys; p = serial.Serial(sys.argv[1], exclusive=True); print('open', flush=True); sys.stdin.read()"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", holder, name], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout is not None
+        assert process.stdin is not None
+        assert process.stdout.readline() == "open\n"
+        error = opening(name)
+        assert (error.exit_code, error.code) == (3, "busy")
+        assert f"pid {process.pid}" in error.text
+        process.stdin.close()
+
+
+def test_a_port_that_goes_away_is_lost() -> None:
+    ours, theirs = pty.openpty()
+    link = open_link(os.ttyname(theirs))
+    os.close(theirs)
+    os.close(ours)
+    for attempt in (lambda: link.write(READ_ID, link.deadline(1.0)), lambda: link.read(link.deadline(1.0))):
+        with pytest.raises(LinkError) as caught:
+            attempt()
+        assert (caught.value.exit_code, caught.value.code) == (3, "lost")
+    link.close()
+
+
+def test_an_adapter_that_was_unplugged_reads_as_nothing_and_is_lost(
+    terminal: tuple[int, str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Ready, and no byte: that is the end of a hung-up line, never silence that could be waited for again."""
+    ours, name = terminal
+    link = open_link(name)
+    assert isinstance(link, ByteLink)
+    os.write(ours, b"x")
+    monkeypatch.setattr(os, "read", lambda _file, _size: b"")
+    with pytest.raises(LinkError) as caught:
+        link.read(link.deadline(1.0))
+    assert caught.value.code == "lost"
+    link.close()
+
+
+def test_a_real_port_that_another_program_has_open_is_refused(
+    terminal: tuple[int, str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two readers would each get half of the bytes; the exclusive opening does not see one that opened it before."""
+    name, real = terminal[1], os.path.realpath
+    monkeypatch.setattr(os.path, "realpath", lambda path: "/dev/ttyUSB0" if path == name else real(path))
+    holding = [Process(4711, "minicom")]
+    monkeypatch.setattr(serial_module, "holders", lambda device: holding if device == name else [])
+    with pytest.raises(LinkError, match=r"in use by minicom \(pid 4711\)") as caught:
+        open_link(name)
+    assert caught.value.code == "busy"
+    holding.clear()
+    open_link(name).close()
+
+
+def test_a_port_that_takes_nothing_ends_at_the_deadline(terminal: tuple[int, str]) -> None:
+    _, name = terminal
+    link = open_link(name)
+    before = time.monotonic()
+    with pytest.raises(LinkError) as caught:
+        link.write(bytes(1_000_000), link.deadline(0.1))
+    assert caught.value.code == "write-timeout"
+    assert time.monotonic() - before < 2.0
+    link.close()
+
+
+@pytest.mark.parametrize(
+    ("number", "code"),
+    [
+        ("EACCES", "not-permitted"),
+        ("ENOENT", "not-found"),
+        ("EBUSY", "busy"),
+        ("EAGAIN", "busy"),
+        ("EIO", "cannot-open"),
+    ],
+)
+def test_causes_of_a_failed_opening(monkeypatch: pytest.MonkeyPatch, number: str, code: str) -> None:
+    import errno
+
+    import serial
+
+    def refuse(*args: object, **more: object) -> None:
+        raise serial.SerialException(getattr(errno, number), "could not open port")
+
+    monkeypatch.setattr(serial, "serial_for_url", refuse)
+    error = opening("/dev/ttyUSB77")
+    assert (error.exit_code, error.code) == (3, code)
+
+
+def test_permission_names_the_group(monkeypatch: pytest.MonkeyPatch, terminal: tuple[int, str]) -> None:
+    import errno
+
+    import serial
+
+    def refuse(*args: object, **more: object) -> None:
+        raise serial.SerialException(errno.EACCES, "could not open port")
+
+    monkeypatch.setattr(serial, "serial_for_url", refuse)
+    monkeypatch.setattr(
+        "handctl.link.serial.group_of", lambda _path: (20, "dialout")
+    )  # a port of root: test_link_places
+    error = opening(terminal[1])
+    assert "usermod -aG dialout" in error.hint
+
+
+# -- usb: -------------------------------------------------------------------------------------------------------------
+
+
+def port(device: str, vid: int | None, pid: int | None, serial_number: str | None) -> SimpleNamespace:
+    return SimpleNamespace(device=device, vid=vid, pid=pid, serial_number=serial_number)
+
+
+FTDI_A = port("/dev/ttyUSB0", 0x0403, 0x6001, "A1")
+FTDI_B = port("/dev/ttyUSB1", 0x0403, 0x6001, "B2")
+CH340 = port("/dev/ttyUSB2", 0x1A86, 0x7523, None)
+BOARD = port("/dev/ttyS0", None, None, None)
+
+
+def plug(monkeypatch: pytest.MonkeyPatch, *ports: SimpleNamespace) -> None:
+    from serial.tools import list_ports
+
+    monkeypatch.setattr(list_ports, "comports", lambda *args, **more: list(ports))
+
+
+@pytest.mark.parametrize(
+    ("link", "device"),
+    [
+        ("usb:1A86:7523", "/dev/ttyUSB2"), ("usb:1a86:7523", "/dev/ttyUSB2"), ("usb:0403:6001:A1", "/dev/ttyUSB0"),
+        ("usb:0403:6001:B2", "/dev/ttyUSB1"), ("usb:403:6001:B2", "/dev/ttyUSB1"),
+    ],
+)  # fmt: skip
+def test_usb_port_is_found(monkeypatch: pytest.MonkeyPatch, link: str, device: str) -> None:
+    plug(monkeypatch, BOARD, FTDI_A, FTDI_B, CH340)
+    assert serial_module.find_usb(link) == device
+
+
+def test_usb_port_that_is_not_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    plug(monkeypatch, BOARD, FTDI_A)
+    for link in ("usb:1A86:7523", "usb:0403:6001:B2", "usb:0403:6001:a1"):
+        error = opening(link)
+        assert (error.exit_code, error.code) == (3, "not-found")
+        assert "/dev/ttyUSB0" in error.hint
+        assert "0403:6001:A1" in error.hint
+    plug(monkeypatch)
+    assert "no USB serial port" in opening("usb:1A86:7523").hint
+
+
+@pytest.mark.parametrize("number", ["A", "1", "a1", "A12"])
+def test_a_serial_number_must_be_the_whole_one(monkeypatch: pytest.MonkeyPatch, number: str) -> None:
+    """The port of another device must not be opened for it."""
+    plug(monkeypatch, FTDI_A, CH340)
+    error = opening(f"usb:0403:6001:{number}")
+    assert error.code == "not-found" and "no such USB serial port" in error.text
+
+
+def test_usb_port_that_is_not_the_only_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    plug(monkeypatch, FTDI_A, FTDI_B)
+    error = opening("usb:0403:6001")
+    assert (error.exit_code, error.code) == (3, "ambiguous")
+    for part in ("/dev/ttyUSB0", "A1", "/dev/ttyUSB1", "B2"):
+        assert part in error.text
+
+
+@pytest.mark.parametrize("link", ["usb:", "usb:0403", "usb:xyz:6001", "usb:0403:", "usb::6001"])
+def test_usb_link_that_is_none(monkeypatch: pytest.MonkeyPatch, link: str) -> None:
+    plug(monkeypatch, FTDI_A)
+    assert opening(link).exit_code == 2
+
+
+def test_usb_link_opens_the_port_it_found(monkeypatch: pytest.MonkeyPatch, terminal: tuple[int, str]) -> None:
+    plug(monkeypatch, port(terminal[1], 0x0403, 0x6001, "A1"))
+    link = open_link("usb:0403:6001:A1")
+    assert link.name == "usb:0403:6001:A1"
+    link.write(READ_ID, link.deadline(1.0))
+    assert os.read(terminal[0], 100) == READ_ID
+    link.close()
+
+
+# -- pyserial URLs ----------------------------------------------------------------------------------------------------
+
+
+def test_loop_url_echoes() -> None:
+    link = open_link("loop://", baud=115200)
+    link.write(READ_ID, link.deadline(1.0))
+    assert all_of(link, 9) == READ_ID
+    assert link.read(link.deadline(0.0)) == b""
+    link.close()
+
+
+def test_socket_url_carries_bytes(listener: socket.socket) -> None:
+    link = open_link(f"socket://127.0.0.1:{listener.getsockname()[1]}")
+    peer, _ = listener.accept()
+    with peer:
+        assert link.can_set_baud is False
+        link.write(READ_ID, link.deadline(1.0))
+        assert peer.recv(100) == READ_ID
+        peer.sendall(ID_IS_1)
+        assert all_of(link, 9) == ID_IS_1
+        assert link.read(link.deadline(0.02)) == b""
+    with pytest.raises(LinkError) as caught:
+        link.read(link.deadline(2.0))
+    assert caught.value.code == "lost"
+    link.close()
+
+
+@contextmanager
+def device_server(baud: int = 115200) -> Iterator[tuple[str, serial.Serial]]:
+    """An RFC 2217 server (pyserial's own) whose port echoes what it gets: its LINK, and the port."""
+    port = serial.serial_for_url("loop://", baudrate=baud, timeout=0.02)
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+
+        def serve() -> None:
+            client, _ = listener.accept()
+            with client, suppress(OSError):
+                client.settimeout(0.01)
+                manager = PortManager(port, SimpleNamespace(write=client.sendall))
+                while port.is_open:
+                    with suppress(TimeoutError):
+                        data = client.recv(1024)
+                        if not data:
+                            return
+                        port.write(b"".join(manager.filter(data)))
+                    if port.in_waiting:
+                        client.sendall(b"".join(manager.escape(port.read(port.in_waiting))))
+
+        thread = threading.Thread(target=serve)
+        thread.start()
+        try:
+            yield f"rfc2217://127.0.0.1:{listener.getsockname()[1]}", port
+        finally:
+            port.close()
+            thread.join(5)
+
+
+def test_an_rfc2217_server_carries_bytes_and_sets_the_speed() -> None:
+    with device_server() as (name, port):
+        link = open_link(name, baud=57600)
+        assert port.baudrate == 57600
+        began = time.monotonic()
+        for _ in range(5):
+            link.write(READ_ID + b"\xff", link.deadline(1.0))
+            assert all_of(link, 10) == READ_ID + b"\xff"
+        assert link.read(link.deadline(0.03)) == b""
+        assert time.monotonic() - began < 4, "it negotiates with the server at each wait"
+        link.set_baud(19200)
+        assert port.baudrate == 19200
+        port.close()
+        with pytest.raises(LinkError) as caught:
+            for _ in range(3):
+                link.write(READ_ID, link.deadline(1.0))
+                link.read(link.deadline(1.0))
+        assert caught.value.code == "lost"
+        link.close()
+
+
+def test_a_command_over_an_rfc2217_server_that_echoes() -> None:
+    with device_server() as (name, _):
+        result = run("exo", "get", "id", "-p", name, "--timeout", "0.2", "--json")
+        assert (result.code, result.error["code"]) == (5, "echo")
+
+
+@pytest.mark.parametrize("link", ["nothing://x", "socket://", "socket://127.0.0.1:0", "socket://127.0.0.1:1"])
+def test_urls_that_cannot_be_opened(link: str) -> None:
+    assert opening(link).exit_code in (2, 3)

@@ -1,0 +1,150 @@
+"""Where a LINK leads and what may be on its way: one name a place, the owner of a port, python-can's own files, damaged lines."""
+
+from __future__ import annotations
+
+import os
+import pty
+import select
+import threading
+import tty
+from pathlib import Path
+from typing import Any
+
+import can as python_can
+import pytest
+
+from handctl.errors import LinkError
+from handctl.link import open_link, serial
+from handctl.link.lock import canonical
+from handctl.link.owners import group_remedy
+from tests.support.cli import run
+
+HERE = [
+    *("127.0.0.1", "127.1", "0x7f.1", "2130706433", "0", "0.0.0.0", "localhost", "LOCALHOST", "LocalHost."),  # noqa: S104
+    *("[::1]", "::1", "::ffff:127.0.0.1", "[::FFFF:127.0.0.1]", "::ffff:7f00:1", "[::]", "ip6-localhost"),
+]
+
+
+@pytest.mark.parametrize("scheme", ["tcp", "socket", "rfc2217"])
+def test_all_names_of_this_machine_are_one_place(scheme: str) -> None:
+    assert {canonical(f"{scheme}://{host}:8000") for host in HERE} == {"tcp 127.0.0.1:8000"}
+    assert {canonical(f"{scheme}://{host}:08000/") for host in HERE} == {"tcp 127.0.0.1:8000"}
+    assert {canonical(f"tcp://{host}", 8000) for host in HERE if ":" not in host} == {"tcp 127.0.0.1:8000"}
+
+
+def test_other_machines_are_other_places() -> None:
+    names = ["10.0.0.1", "10.1", "10.0.0.2", "hand", "HAND.", "fe80::1", "[FE80:0::1]", "127.0.0.2", "1.2.3.4.5", ""]
+    places = [canonical(f"tcp://{name}:8000") for name in names]
+    assert places == [f"tcp {host}:8000" for host in ("10.0.0.1", "10.0.0.1", "10.0.0.2", "hand", "hand", "fe80::1", "fe80::1", "127.0.0.2", "1.2.3.4.5", "")]  # fmt: skip
+
+
+def test_a_port_of_root_is_no_matter_of_a_group(monkeypatch: pytest.MonkeyPatch) -> None:
+    """To join the group root would give far more than the port."""
+    assert "usermod" not in group_remedy("root", "/dev/ttyS9") and "chmod a+rw /dev/ttyS9" in group_remedy(
+        "root", "/dev/ttyS9"
+    )
+    assert "usermod -aG dialout" in group_remedy("dialout", "/dev/ttyUSB0")
+    assert "log out and in" in group_remedy("dialout", "/dev/ttyUSB0", member=True)
+    monkeypatch.setattr(serial, "group_of", lambda _path: (0, "root"))
+    error = serial._cannot_open("/dev/ttyS9", "/dev/ttyS9", PermissionError(13, "Permission denied"))
+    assert error.code == "not-permitted" and "usermod" not in error.hint and "root" in error.hint
+
+
+CONFIGS = {
+    "broken": "[default\ninterface = {{", "no section": "interface = pcan\n", "twice": "[default]\na = 1\n[default]\na = 2\n",
+    "timing": "[default]\nf_clock = 8000000\nbrp = 1\ntseg1 = 10\ntseg2 = 5\nsjw = 1\nbtr = 001C\ndata_bitrate = 5\n",
+    "bytes": "[default]\nchannel = \xff\n", "percent": "[default]\nbitrate = %(nothing)s\n",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", CONFIGS)
+@pytest.mark.parametrize("place", [".canrc", "can.conf", ".can", "CAN_CONFIG"])
+def test_the_link_alone_says_how_a_bus_is_opened(
+    name: str, place: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """python-can's own files and variables may be broken, or give another bitrate, of which nobody would know."""
+    monkeypatch.setenv("HOME", str(tmp_path))
+    if place == "CAN_CONFIG":
+        monkeypatch.setenv("CAN_CONFIG", '{"btr": "001C"}' if name == "timing" else "{")
+        monkeypatch.setenv("CAN_BITRATE", "125000")
+    else:
+        (tmp_path / place).write_bytes(CONFIGS[name].encode("latin-1"))
+    asked: list[dict[str, Any]] = []
+    made = python_can.Bus
+
+    def note(**options: Any) -> Any:
+        asked.append(options)
+        return made(**options)
+
+    monkeypatch.setattr(python_can, "Bus", note)
+    open_link("can:virtual:here?bitrate=500000").close()
+    (options,) = asked
+    assert {key: value for key, value in options.items() if value is not None} == {
+        "interface": "virtual", "channel": "here", "bitrate": 500000, "receive_own_messages": False, "ignore_config": True,
+    }  # fmt: skip
+    done = run(
+        "wrist", "get", "pitch_actual", "-p", "can:virtual:here", "--timeout", "0.05", "--retries", "0", "--json"
+    )
+    assert done.code == 4 and "internal" not in done.codes(), done
+
+
+DAMAGED = [b"T\r", b"T1\r", b"TZZZZZZZZ2AABB\r", b"T000000012A\r", b"T00000001\xff1AA\r", b"t12\r", b"x1234567890\r", b"T000000019AA\r", b"R0000\r", b"B000000011\r"]  # fmt: skip
+
+
+def test_a_damaged_line_of_an_adapter_is_dropped_and_counted() -> None:
+    """What follows it is read."""
+    server, port = pty.openpty()
+    link = open_link(f"can:slcan:{os.ttyname(port)}")
+    try:
+        for number, line in enumerate(DAMAGED, 1):
+            os.write(server, line + b"T10FF000120102\r")
+            frame = link.receive(link.deadline(2))  # type: ignore[attr-defined]
+            assert frame is not None and (frame.can_id, frame.data) == (0x10FF0001, b"\1\2"), line
+            assert (link.damaged, link.error_frames) == (number, 0), line  # type: ignore[attr-defined]
+    finally:
+        link.close()
+        os.close(server)
+        os.close(port)
+    with pytest.raises(LinkError):
+        open_link("can:slcan:/dev/nothing-there")
+
+
+def answering(server: int, answer: bytes, until: float) -> None:
+    """An adapter that says `answer` to each frame that it is to send, until the other end has gone."""
+    while select.select([server], [], [], until)[0]:
+        try:
+            came = os.read(server, 4096)
+        except OSError:
+            return
+        for line in came.split(b"\r"):
+            if line.startswith(b"T"):
+                os.write(server, answer.replace(b"?", line[1:9]))
+
+
+@pytest.mark.parametrize(
+    ("answer", "code", "words"),
+    [
+        (b"T?2A7\r", 5, "1 damaged line came from the adapter, the last b'T1"),
+        (b"\xff\r", 5, "1 damaged line came from the adapter, the last b'\\xff\\r'"),
+        (b"T?2A7\rT?2A7FE\r", 0, ""),
+    ],
+)
+def test_damaged_lines_stand_in_the_counters_and_in_the_cause(answer: bytes, code: int, words: str) -> None:
+    """Silence is not blamed on the bus where the adapter's own cable is damaged."""
+    server, port = pty.openpty()
+    tty.setraw(port)
+    peer = threading.Thread(target=answering, args=(server, answer, 10))
+    peer.start()
+    link = f"can:slcan:{os.ttyname(port)}"
+    try:
+        done = run("wrist", "get", "pitch_actual", "-p", link, "--timeout", "0.2", "--retries", "1", "--json")
+    finally:
+        os.close(port)
+        peer.join()
+        os.close(server)
+    assert done.code == code, done
+    if code:
+        assert done.error["code"] == "damaged" and words in done.error["text"], done.error
+        assert done.json["counters"]["bad_frames"] == 2
+    else:
+        assert done.json["counters"]["bad_frames"] == 1 and done.rows[0]["value"] == -3.45

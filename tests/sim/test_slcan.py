@@ -1,0 +1,653 @@
+"""The simulated slcan adapter: command by command on virtual time, then served on a pty and on TCP to foreign clients."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import can
+import pytest
+import serial
+from can.interfaces.slcan import slcanBus
+from click.testing import CliRunner
+
+from handctl.sim import create
+from handctl.sim.cli import cli
+from handctl.sim.engine.slcan import Adapter, link
+
+PROBE = b"T10FF0001102\r"  # 2 bytes at 1020
+PROBE_REPLY = b"T10FF00012A7FE\r"
+DUMP = b"T10FF0001108\rT11010001108\rT11030001108\r"
+DUMP_REPLY = b"T10FF00018A7FE65046F00DE00\rT110100018000000001F220000\rT11030001800004C04D4FEBC02\r"
+MOVE = b"T150380014E80318FC\r"
+MOVE_REPLY = b"T150380010\r"
+SERIAL_PROBE = bytes.fromhex("EB 90 01 04 30 FC 03 02 36")
+SERIAL_PROBE_REPLY = bytes.fromhex("90 EB 01 05 30 FC 03 A7 FE DA")
+DUMP_IDS = (0x10FF0001, 0x11010001, 0x11030001)
+DUMP_DATA = bytes.fromhex("A7 FE 65 04 6F 00 DE 00 00 00 00 00 1F 22 00 00 00 00 4C 04 D4 FE BC 02")
+
+
+def adapter_of(setup: bytes = b"", **options: object) -> Adapter:
+    """An adapter on virtual time that got these commands; options of the wrist, with _ for -."""
+    raw = {name.replace("_", "-"): str(value) for name, value in options.items()}
+    adapter = Adapter(create("wrist", {"bus": "can", **raw}))
+    adapter.advance(0.0)
+    adapter.feed(setup)
+    adapter.take()
+    return adapter
+
+
+def opened(**options: object) -> Adapter:
+    return adapter_of(b"S8\rO\r", **options)
+
+
+def ask(adapter: Adapter, request: bytes) -> bytes:
+    adapter.feed(request)
+    return adapter.take()
+
+
+# -- command by command --------------------------------------------------------------------------------------------------
+
+OPEN = b"S8\rO\r"
+CASES = [
+    (b"", b"\r", b"\r"),
+    (b"", b"S8\r", b"\r"),
+    (b"", b"S6\r", b"\r"),
+    (b"", b"S9\r", b"\r"),
+    (b"", b"SA\r", b"\a"),
+    (b"", b"S\r", b"\a"),
+    (b"", b"S88\r", b"\a"),
+    (OPEN, b"S8\r", b"\a"),
+    (b"", b"s0014\r", b"\r"),
+    (b"", b"s001\r", b"\a"),
+    (b"", b"s00xx\r", b"\a"),
+    (OPEN, b"s0014\r", b"\a"),
+    (b"S8\r", b"O\r", b"\r"),
+    (b"", b"O\r", b"\r"),
+    (OPEN, b"O\r", b"\a"),
+    (b"S8\r", b"L\r", b"\r"),
+    (OPEN, b"L\r", b"\a"),
+    (b"", b"O1\r", b"\a"),
+    (OPEN, b"C\r", b"\r"),
+    (b"", b"C\r", b"\a"),
+    (b"", b"V\r", b"V1013\r"),
+    (OPEN, b"V\r", b"V1013\r"),
+    (b"", b"v\r", b"v0100\r"),
+    (b"", b"N\r", b"NSIM1\r"),
+    (OPEN, b"F\r", b"F00\r"),
+    (b"", b"F\r", b"\a"),
+    (b"", b"Z1\r", b"\r"),
+    (b"", b"Z0\r", b"\r"),
+    (b"", b"Z2\r", b"\a"),
+    (OPEN, b"Z1\r", b"\a"),
+    (b"", b"M00000000\r", b"\r"),
+    (b"", b"mFFFFFFFF\r", b"\r"),
+    (b"", b"M0000000\r", b"\a"),
+    (b"", b"mFFFFFFFG\r", b"\a"),
+    (OPEN, b"M00000000\r", b"\a"),
+    (b"", b"X1\r", b"\a"),
+    (b"", b"hello\r", b"\a"),
+    (b"", b"\xff\x00\r", b"\a"),
+    (b"", b"T" * 5000 + b"\r", b"\a"),
+    (OPEN, b"t1230\r", b"z\r"),
+    (OPEN, b"t7FF81122334455667788\r", b"z\r"),
+    (OPEN, b"t8000\r", b"\a"),
+    (OPEN, b"t1231\r", b"\a"),
+    (OPEN, b"t123100FF\r", b"\a"),
+    (OPEN, b"t1239\r", b"\a"),
+    (OPEN, b"t12\r", b"\a"),
+    (OPEN, b"t12x0\r", b"\a"),
+    (OPEN, b"t1231+1\r", b"\a"),
+    (b"", b"t1230\r", b"\a"),
+    (b"S8\rL\r", b"t1230\r", b"\a"),
+    (OPEN, b"r1238\r", b"z\r"),
+    (OPEN, b"r1230\r", b"z\r"),
+    (OPEN, b"r12381122334455667788\r", b"\a"),
+    (b"", b"r1230\r", b"\a"),
+    (OPEN, b"R10FF00012\r", b"Z\r"),
+    (OPEN, b"R200000000\r", b"\a"),
+    (b"", b"R10FF00012\r", b"\a"),
+    (OPEN, PROBE, b"Z\r" + PROBE_REPLY),
+    (OPEN, b"T10ff0001102\r", b"Z\r" + PROBE_REPLY),
+    (OPEN, MOVE, b"Z\r" + MOVE_REPLY),
+    (OPEN, b"T10FF0002102\r", b"Z\r"),
+    (OPEN, b"T200000000\r", b"\a"),
+    (OPEN, b"T10FF000110\r", b"\a"),
+    (OPEN, b"T10FF0001\r", b"\a"),
+    (OPEN, b"T10FF000110G\r", b"\a"),
+    (b"", PROBE, b"\a"),
+    (b"S8\rL\r", PROBE, b"\a"),
+    (b"S6\rO\r", PROBE, b"\a"),
+    (b"s001C\rO\r", PROBE, b"\a"),
+    (b"s0014\rO\r", PROBE, b"Z\r" + PROBE_REPLY),
+    (OPEN, PROBE.replace(b"\r", b"\r\n"), b"Z\r" + PROBE_REPLY),
+]
+
+
+@pytest.mark.parametrize(("setup", "command", "answer"), CASES)
+def test_command(setup: bytes, command: bytes, answer: bytes) -> None:
+    assert ask(adapter_of(setup), command) == answer
+    bytewise = adapter_of(setup)
+    assert b"".join(ask(bytewise, bytes([byte])) for byte in command) == answer
+    among_others = adapter_of(setup)
+    assert ask(among_others, b"V\r" + command + b"V\r") == b"V1013\r" + answer + b"V1013\r"
+
+
+def test_dump() -> None:
+    """Three frames each way, 126 characters with the acknowledgements."""
+    heard = ask(opened(), DUMP)
+    assert heard.replace(b"Z\r", b"") == DUMP_REPLY
+    assert heard.count(b"Z\r") == 3
+    assert len(DUMP) + len(heard) == 126
+
+
+def test_empty_reply_and_count() -> None:
+    assert ask(opened(ack_dlc=1), MOVE) == b"Z\rT15038001104\r"
+
+
+def test_what_python_can_sends_when_it_opens() -> None:
+    """C, S8, an empty line, O, O (python-can 4.6.1)."""
+    adapter = adapter_of()
+    assert ask(adapter, b"C\rS8\r\rO\rO\r") == b"\a\r\r\r\a"
+    assert ask(adapter, PROBE) == b"Z\r" + PROBE_REPLY
+
+
+def test_wrong_bitrate_shows_in_the_status() -> None:
+    adapter = adapter_of(b"S6\rO\r")
+    assert ask(adapter, PROBE) == b"\a"
+    assert ask(adapter, b"F\r") == b"FA4\r"
+    assert ask(adapter, b"F\r") == b"F00\r"
+    assert ask(adapter, b"C\rS8\rO\r" + PROBE) == b"\r\r\rZ\r" + PROBE_REPLY
+    assert ask(adapter_of(b"S6\rO\r", bitrate=500000), PROBE) == b"Z\r" + PROBE_REPLY
+    assert ask(adapter_of(b"O\r", bitrate=500000), PROBE) == b"\a"
+
+
+@pytest.mark.parametrize(
+    ("setup", "bitrate"),
+    [
+        (b"S0", 10000),
+        (b"S1", 20000),
+        (b"S2", 50000),
+        (b"S3", 100000),
+        (b"S4", 125000),
+        (b"S5", 250000),
+        (b"S6", 500000),
+        (b"S7", 800000),
+        (b"S8", 1000000),
+        (b"S9", 83300),
+        (b"s0014", 1000000),
+        (b"sC014", 1000000),  # jump width
+        (b"s0094", 1000000),  # three samples
+        (b"s0023", 1000000),  # other segments, same length
+        (b"s001C", 500000),
+        (b"s0114", 500000),
+        (b"s031C", 125000),
+        (b"s3f7f", 5000),
+    ],
+)
+def test_bitrates(setup: bytes, bitrate: int) -> None:
+    """Bit timing registers count from a clock of 8 MHz."""
+    adapter = adapter_of(setup + b"\rO\r")
+    assert adapter.line.client_bitrate == bitrate
+
+
+def test_unpowered_device_acknowledges_nothing() -> None:
+    adapter = opened()
+    assert adapter.command("power off") == "power off"
+    assert ask(adapter, PROBE) == b"\a"
+    adapter.power_cycle()
+    assert ask(adapter, PROBE) == b"Z\r" + PROBE_REPLY
+
+
+def test_timestamps() -> None:
+    """Milliseconds since the adapter got power, up to 60 s, in four hex digits behind the data."""
+    adapter = adapter_of(b"Z1\rS8\rO\r")
+    adapter.advance(0.25)
+    assert ask(adapter, PROBE) == b"Z\rT10FF00012A7FE00FA\r"
+    adapter.advance(61.0)
+    assert ask(adapter, PROBE) == b"Z\rT10FF00012A7FE03E8\r"
+    assert ask(adapter, b"C\rZ0\rO\r" + PROBE) == b"\r\r\rZ\r" + PROBE_REPLY
+    later = Adapter(create("wrist", {"bus": "can"}))
+    later.advance(1000.0)
+    later.advance(1000.5)
+    assert ask(later, b"Z1\rO\r" + PROBE) == b"\r\rZ\rT10FF00012A7FE01F4\r"
+
+
+@pytest.mark.parametrize(
+    ("setup", "passes"),
+    [
+        (b"M00000000\rmFFFFFFFF\r", True),
+        (b"M87F80000\rm00000000\r", True),  # 10FF0001 >> 13 is 87F8
+        (b"M000087F8\rm00000000\r", True),  # the second filter
+        (b"M87F90000\rm00000000\r", False),
+        (b"M87F90000\rm00010000\r", True),
+        (b"m00000000\r", False),
+    ],
+)
+def test_filter(setup: bytes, passes: bool) -> None:
+    assert ask(adapter_of(setup + b"O\r"), PROBE) == b"Z\r" + (PROBE_REPLY if passes else b"")
+
+
+def test_frames_for_a_closed_channel_are_lost() -> None:
+    adapter = opened(fault="late", late=0.1)
+    assert ask(adapter, PROBE + b"C\r") == b"Z\r\r"
+    adapter.advance(0.2)
+    assert adapter.take() == b""
+    assert ask(adapter, b"O\r") == b"\r"
+    adapter.advance(0.3)
+    assert adapter.take() == b""
+
+
+def test_late_frame_arrives_by_itself() -> None:
+    adapter = opened(fault="late")
+    assert ask(adapter, PROBE) == b"Z\r"
+    assert adapter.next_event() == 0.6
+    adapter.advance(0.6)
+    assert adapter.take() == PROBE_REPLY
+    assert adapter.next_event() is None
+
+
+def test_wire_time_passes_on_the_bus() -> None:
+    adapter = opened(wire=1)
+    assert ask(adapter, PROBE) == b"Z\r"
+    adapter.advance(0.000157)
+    assert adapter.take() == b""
+    assert adapter.next_event() == pytest.approx(0.000158)
+    adapter.advance(0.000158)
+    assert adapter.take() == PROBE_REPLY
+
+
+def test_bus_off_ends_when_the_channel_is_opened_anew() -> None:
+    adapter = opened(fault="bus-off", after=1, every=2)
+    assert ask(adapter, PROBE) == b"Z\r" + PROBE_REPLY
+    assert ask(adapter, PROBE) == b"Z\r" + PROBE_REPLY
+    assert ask(adapter, PROBE + PROBE) == b"\a\a"
+    assert ask(adapter, b"F\r") == b"FA4\r"
+    assert ask(adapter, b"C\rO\r" + PROBE) == b"\r\r\a"
+    adapter.command("fault none")
+    assert ask(adapter, b"C\rO\r" + PROBE) == b"\r\rZ\r" + PROBE_REPLY
+
+
+def test_destroyed_replies_are_bus_errors() -> None:
+    adapter = opened(fault="twin-id")
+    assert ask(adapter, PROBE) == b"Z\r"
+    assert ask(adapter, b"F\rF\r") == b"F80\rF00\r"
+
+
+def test_echo_and_foreign_traffic() -> None:
+    assert ask(opened(fault="echo"), PROBE) == b"Z\r" + PROBE + PROBE_REPLY
+    rows = ask(opened(fault="noise", seed=2), PROBE).split(b"\r")
+    assert rows[0] == b"Z"
+    assert PROBE_REPLY[:-1] in rows[2:-2]
+    assert all(len(row) == 10 + 2 * int(row[9:10]) and row.startswith(b"T") for row in rows[1:-1])
+
+
+def test_disconnect_leaves_after_the_acknowledgement() -> None:
+    adapter = opened(fault="disconnect")
+    assert ask(adapter, PROBE) == b"Z\r"
+    assert adapter.hung_up
+    assert ask(adapter, b"C\rV\r") == b""
+    adapter.reconnect()
+    assert not adapter.hung_up
+    assert ask(adapter, b"V\r") == b"V1013\r"
+
+
+def test_new_client_finds_a_closed_channel() -> None:
+    adapter = adapter_of(b"Z1\rS6\rmFFFF0000\rO\rT10FF")
+    adapter.reconnect()
+    assert ask(adapter, PROBE) == b"\a"
+    assert ask(adapter, b"O\r" + PROBE) == b"\rZ\r" + PROBE_REPLY
+
+
+def test_long_line_is_bounded_and_forgotten() -> None:
+    adapter = opened()
+    for _ in range(1000):
+        adapter.feed(b"T" * 1000)
+    assert len(adapter._command) <= 64
+    assert ask(adapter, b"\r" + PROBE) == b"\aZ\r" + PROBE_REPLY
+
+
+def test_link() -> None:
+    assert link("/dev/pts/7") == "can:slcan:/dev/pts/7"
+    assert link("tcp://127.0.0.1:41234") == "can:slcan:socket://127.0.0.1:41234"
+
+
+# -- served -----------------------------------------------------------------------------------------------------------------------
+
+
+class Server:
+    """A running simulator: its process and the link it announced."""
+
+    def __init__(self, *arguments: str) -> None:
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "handctl.sim", "wrist", *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+        )
+        assert self.process.stdout is not None
+        first = self.process.stdout.readline()
+        if not first:
+            raise AssertionError(f"no ready line: {self.stop()}")
+        ready = json.loads(first)
+        assert ready["ready"] is True
+        self.link: str = ready["link"]
+
+    @property
+    def channel(self) -> str:
+        """What python-can calls it."""
+        assert self.link.startswith("can:slcan:")
+        return self.link.removeprefix("can:slcan:")
+
+    def bus(self, bitrate: int = 1000000) -> slcanBus:
+        bus = can.Bus(interface="slcan", channel=self.channel, bitrate=bitrate, sleep_after_open=0)
+        assert isinstance(bus, slcanBus)
+        return bus
+
+    def connect(self) -> socket.socket:
+        host, port = self.channel.removeprefix("socket://").rsplit(":", 1)
+        client = socket.create_connection((host, int(port)), timeout=2)
+        client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        return client
+
+    def stop(self, number: int = signal.SIGTERM) -> tuple[int, str, str]:
+        """Exit code, what stdout said after the ready line, stderr."""
+        if self.process.poll() is None:
+            self.process.send_signal(number)
+        out, err = self.process.communicate(timeout=5)
+        return self.process.returncode, out.decode(), err.decode()
+
+
+Start = Callable[..., Server]
+PLACES = [["--slcan-pty"], ["--slcan-tcp", "127.0.0.1:0"]]
+
+
+@pytest.fixture
+def start() -> Iterator[Start]:
+    servers: list[Server] = []
+
+    def starter(*arguments: str) -> Server:
+        servers.append(Server(*arguments))
+        return servers[-1]
+
+    yield starter
+    for server in servers:
+        server.stop()
+
+
+def frame(identifier: int, *data: int, extended: bool = True) -> can.Message:
+    return can.Message(arbitration_id=identifier, data=data, is_extended_id=extended)
+
+
+def next_frame(bus: can.BusABC, seconds: float = 1.0) -> can.Message | None:
+    """Answers to sent frames show up as empty reads: poll until a frame or the deadline."""
+    deadline = time.monotonic() + seconds
+    while time.monotonic() < deadline:
+        message = bus.recv(0.01)
+        if message is not None:
+            return message
+    return None
+
+
+def exchange(bus: can.BusABC, identifier: int, *data: int) -> bytes:
+    bus.send(frame(identifier, *data))
+    message = next_frame(bus)
+    assert message is not None
+    assert (message.arbitration_id, message.is_extended_id, message.is_remote_frame) == (identifier, True, False)
+    return bytes(message.data)
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_python_can_reads_and_moves_the_wrist(start: Start, place: list[str]) -> None:
+    server = start(*place)
+    form = "can:slcan:/dev/" if place == PLACES[0] else "can:slcan:socket://127.0.0.1:"
+    assert server.link.startswith(form)
+    with server.bus() as bus:
+        assert exchange(bus, 0x10FF0001, 2) == b"\xa7\xfe"
+        assert b"".join(exchange(bus, identifier, 8) for identifier in DUMP_IDS) == DUMP_DATA
+        assert exchange(bus, 0x15048001, 100, 0) == b""
+        assert exchange(bus, 0x15038001, 0xE8, 0x03, 0x18, 0xFC) == b""
+        time.sleep(0.15)
+        assert exchange(bus, 0x10FF0001, 4) == b"\x18\xfc\xe8\x03"
+        assert bus.get_version(1.0) == (10, 13)
+        assert bus.get_serial_number(1.0) == "SIM1"
+    assert server.stop() == (0, "", "")
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_client_after_client(start: Start, place: list[str]) -> None:
+    server = start(*place)
+    for turn in range(3):
+        with server.bus() as bus:
+            assert exchange(bus, 0x15040001, turn, 0) == b""
+        with server.bus() as bus:
+            assert exchange(bus, 0x11040001, 2) == bytes([turn, 0])
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_wrong_bitrate_and_foreign_frames_get_no_reply(start: Start, place: list[str]) -> None:
+    server = start(*place)
+    with server.bus(500000) as bus:
+        bus.send(frame(0x10FF0001, 2))
+        assert next_frame(bus, 0.15) is None
+    with server.bus() as bus:
+        bus.send(frame(0x10FF0002, 2))
+        bus.send(frame(0x123, 2, extended=False))
+        bus.send(can.Message(arbitration_id=0x10FF0001, is_remote_frame=True, dlc=2))
+        assert next_frame(bus, 0.15) is None
+        assert exchange(bus, 0x10FF0001, 2) == b"\xa7\xfe"
+
+
+def test_python_can_filters_foreign_traffic(start: Start) -> None:
+    server = start("--slcan-tcp", "127.0.0.1:0", "--fault", "noise", "--seed", "3")
+    with server.bus() as bus:
+        bus.set_filters([{"can_id": 0x10FF0001, "can_mask": 0x1FFFFFFF, "extended": True}])
+        for _ in range(10):
+            assert exchange(bus, 0x10FF0001, 2) == b"\xa7\xfe"
+
+
+def tool(name: str, server: Server, *arguments: str) -> subprocess.Popen[str]:
+    """A tool of python-can at this adapter."""
+    where = ["--bus-kwargs", "sleep_after_open=0", "-i", "slcan", "-c", server.channel]
+    words = [sys.executable, "-u", "-m", f"can.{name}", *where, *arguments]
+    return subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_can_logger_hears_the_bus(start: Start, place: list[str]) -> None:
+    logger = tool("logger", start(*place, "--set", "traffic=200"))
+    assert logger.stdout is not None
+    try:
+        heard = [row for row in (logger.stdout.readline() for _ in range(50)) if "ID:" in row]
+    finally:
+        logger.send_signal(signal.SIGINT)
+        logger.communicate(timeout=5)
+    assert len(heard) > 40
+    assert all(" X Rx " in row for row in heard), heard
+
+
+def test_can_player_plays_to_the_wrist(start: Start, tmp_path: Path) -> None:
+    control, log = tmp_path / "control", tmp_path / "move.log"
+    log.write_text("(0.000000) can0 15048001#6400\n(0.010000) can0 15038001#E80318FC\n")
+    player = tool("player", start("--slcan-tcp", "127.0.0.1:0", "--control", str(control)), str(log))
+    assert player.wait(timeout=10) == 0
+    player.communicate()
+    done = CliRunner().invoke(cli, ["control", str(control), "get", "1038", "6"])
+    assert done.output == "E8 03 18 FC 64 00\n"
+
+
+def test_serial_port_of_the_adapter_may_have_any_speed(start: Start) -> None:
+    server = start("--slcan-pty")
+    for speed in (115200, 9600, 2000000):
+        with serial.Serial(server.channel, speed, timeout=1) as port:
+            port.write(b"C\r")
+            assert port.read(1) in (b"\r", b"\a")
+            port.write(b"S8\rO\r" + DUMP)
+            answer = port.read(2 + 6 + len(DUMP_REPLY))
+            assert answer.replace(b"Z\r", b"") == b"\r\r" + DUMP_REPLY
+
+
+def test_answer_comes_in_one_piece_without_delay(start: Start) -> None:
+    server = start("--slcan-tcp", "127.0.0.1:0")
+    with server.connect() as client:
+        client.sendall(b"S8\rO\r")
+        assert client.recv(100) == b"\r\r"
+        times = []
+        for _ in range(50):
+            began = time.perf_counter()
+            client.sendall(PROBE)
+            assert client.recv(4096) == b"Z\r" + PROBE_REPLY
+            times.append(time.perf_counter() - began)
+    assert min(times) < 0.005, times
+
+
+def test_dump_over_the_emulated_bus_takes_its_time(start: Start) -> None:
+    """0.618 ms on the bus for three frames each way, one after the other."""
+    server = start("--slcan-tcp", "127.0.0.1:0", "--wire", "1")
+    with server.connect() as client:
+        client.sendall(b"S8\rO\r")
+        assert client.recv(100) == b"\r\r"
+        times = []
+        for _ in range(20):
+            began = time.perf_counter()
+            for request, reply in zip(DUMP.split(b"\r"), DUMP_REPLY.split(b"\r")[:3], strict=False):
+                client.sendall(request + b"\r")
+                heard = b""
+                while not heard.endswith(reply + b"\r"):
+                    heard += client.recv(4096)
+            times.append(time.perf_counter() - began)
+    assert min(times) >= 0.000617
+    assert min(times) < 0.010, times
+
+
+def test_tcp_client_that_leaves_in_the_middle(start: Start) -> None:
+    server = start("--slcan-tcp", "127.0.0.1:0")
+    with server.connect() as client:
+        client.sendall(b"S6\rO\rT10FF00")
+        assert client.recv(100) == b"\r\r"
+    with server.connect() as client:
+        client.sendall(b"O\r")
+        assert client.recv(100) == b"\r"
+        client.sendall(PROBE)
+        assert client.recv(100) == b"Z\r" + PROBE_REPLY
+
+
+def test_disconnect_closes_the_adapter(start: Start) -> None:
+    server = start("--slcan-tcp", "127.0.0.1:0", "--fault", "disconnect", "--every", "2")
+    for _ in range(2):
+        with server.connect() as client:
+            client.sendall(b"O\r" + PROBE)
+            heard = b""
+            while not heard.endswith(PROBE_REPLY):
+                heard += client.recv(100)
+            client.sendall(PROBE)
+            while data := client.recv(100):
+                heard += data
+            assert heard == b"\rZ\r" + PROBE_REPLY + b"Z\r"
+    pty = start("--slcan-pty", "--fault", "disconnect")
+    with pytest.raises(can.CanOperationError), pty.bus() as bus:
+        bus.send(frame(0x10FF0001, 2))
+        for _ in range(200):
+            bus.recv(0.01)
+    pty.process.wait(timeout=5)
+    code, out, err = pty.stop()
+    assert (code, out) == (0, "")
+    assert "disconnect" in err
+
+
+def test_control_and_state_go_across_wires(start: Start, tmp_path: Path) -> None:
+    state, control = tmp_path / "wrist.json", tmp_path / "control"
+    server = start("--slcan-pty", "--state", str(state), "--control", str(control))
+    with server.bus() as bus:
+        assert exchange(bus, 0x15038001, 0, 0, 0, 0, 0, 0) == b""
+        done = CliRunner().invoke(cli, ["control", str(control), "set", "1024", "0102"])
+        assert (done.exit_code, done.output) == (0, "set 1024 01 02\n")
+        assert exchange(bus, 0x11000001, 2) == b"\x01\x02"
+    server.process.send_signal(signal.SIGUSR1)
+    with server.bus() as bus:
+        assert exchange(bus, 0x11000001, 2) == b"\x6f\x00"
+    assert server.stop() == (0, "", "")
+    again = start("--tcp", "127.0.0.1:0", "--state", str(state))
+    assert again.link.startswith("tcp://127.0.0.1:")
+    with serial.serial_for_url(again.link.replace("tcp", "socket"), timeout=1) as port:
+        port.write(SERIAL_PROBE)
+        assert port.read(10) == bytes.fromhex("90 EB 01 05 30 FC 03 00 00 35")
+
+
+def test_serial_wrist_on_a_pty(start: Start) -> None:
+    server = start("--pty", "--wire", "115200")
+    assert server.link.startswith("/dev/")
+    with serial.Serial(server.link, 115200, timeout=0.5) as port:
+        times = []
+        for _ in range(20):
+            began = time.perf_counter()
+            port.write(bytes.fromhex("EB 90 01 04 30 FC 03 18 4C"))
+            assert port.read(32)[7:31] == DUMP_DATA
+            times.append(time.perf_counter() - began)
+        port.timeout = 0.1
+        port.baudrate = 57600
+        port.write(SERIAL_PROBE)
+        assert port.read(10) == b""
+        port.baudrate = 115200
+        port.write(SERIAL_PROBE)
+        assert port.read(10) == SERIAL_PROBE_REPLY
+    assert min(times) >= 0.003558
+    assert min(times) < 0.006, times
+    assert server.stop() == (0, "", "")
+
+
+def test_pty_of_the_adapter_for_a_client_that_sets_nothing(start: Start) -> None:
+    server = start("--slcan-pty")
+    descriptor = os.open(server.channel, os.O_RDWR | os.O_NOCTTY)
+    try:
+        os.write(descriptor, b"V\r")
+        heard = b""
+        while not heard.endswith(b"\r"):
+            heard += os.read(descriptor, 100)
+        assert heard == b"V1013\r"
+    finally:
+        os.close(descriptor)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ([], "--slcan-pty or --slcan-tcp"),
+        (["--pty", "--slcan-pty"], "say where to serve"),
+        (["--slcan-pty", "--slcan-tcp", "127.0.0.1:0"], "say where to serve"),
+        (["--slcan-tcp", "127.0.0.1"], "HOST:PORT"),
+        (["--slcan-pty", "--set", "bus=serial"], "bus=serial"),
+        (["--pty", "--set", "bus=can"], "bus=can"),
+        (["--pty", "--set", "bus=usb"], "bus=usb"),
+        (["--slcan-pty", "--fault", "bad-checksum"], "unknown fault 'bad-checksum'"),
+        (["--pty", "--fault", "no-ack"], "unknown fault 'no-ack'"),
+        (["--slcan-pty", "--set", "baud=115200"], "unknown option 'baud'"),
+    ],
+)
+def test_bad_options_are_usage_errors(arguments: list[str], message: str) -> None:
+    done = CliRunner().invoke(cli, ["wrist", *arguments])
+    assert done.exit_code == 2
+    assert message in done.output
+    assert "ready" not in done.output
+
+
+def test_help_lists_both_wires() -> None:
+    done = CliRunner().invoke(cli, ["wrist", "--help"])
+    assert done.exit_code == 0
+    for word in (
+        "--slcan-pty",
+        "--slcan-tcp",
+        "bad-checksum",
+        "no-ack",
+        "bus-off",
+        "ack-dlc",
+        "result-flag",
+        "no-wrist",
+        "traffic",
+    ):
+        assert word in done.output
+    assert "slcan" not in CliRunner().invoke(cli, ["exo", "--help"]).output

@@ -1,0 +1,341 @@
+"""kill -9 in every command that drives a device: its stop reaches the device, and the device stands.
+
+Every writing command is declared here: driven, with how it is killed; or ended by the device itself, with the reason.
+What reached the device, and when, is told by the simulator with its own clock (recorded_sim.py).
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import struct
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from handctl.docgen.tree import read_tree
+from handctl.sim.engine.serve import send_control
+from tests.support.cli import Result, Simulator, clean_environment, frame, program, run, wait_until
+from tests.support.places import TESTS
+
+PATIENCE = 0.1
+"""Seconds from the kill to the first byte of the stop at the device."""
+TRIES = 5
+"""A busy machine may wake a process late, not always."""
+
+
+class Bench:
+    """A served simulator that notes what reaches the device."""
+
+    def __init__(self, folder: Path, family: str, *args: str) -> None:
+        self.family, self.log, self.panel = family, folder / "log", folder / "panel"
+        recorder = (sys.executable, str(TESTS / "support" / "recorded_sim.py"), str(self.log))
+        self.simulator = Simulator(*args, "--control", self.panel, kind=family, begin=recorder)
+
+    def words(self, command: str) -> list[str]:
+        return [self.family, *command.split(), "-p", self.simulator.link]
+
+    def do(self, command: str) -> Result:
+        done = run(*self.words(command), "--json")
+        assert done.code == 0, (command, done)
+        return done
+
+    def ask(self, question: str) -> str:
+        """What the device says on its panel."""
+        answer = send_control(str(self.panel), question)
+        assert answer.startswith("ok "), answer
+        return answer.removeprefix("ok ")
+
+    def heard(self) -> list[tuple[float, bytes]]:
+        """What has reached the device, with its clock."""
+        lines = self.log.read_text(encoding="utf-8").rpartition("\n")[0].splitlines()
+        return [(float(moment), bytes.fromhex(digits)) for moment, _, digits in (line.partition(" ") for line in lines)]
+
+    def bytes_since(self, place: int) -> bytes:
+        return b"".join(data for _, data in self.heard()[place:])
+
+
+@dataclass(frozen=True)
+class Drive:
+    """A command that drives a device while it lives.
+
+    command   on which it is killed
+    driving   bytes that show that it drives: so many times they must have reached the device
+    stop      what the device must get, of the bytes from the first of the stop on
+    stands    whether the device does as the stop says
+    before    commands that bring the device somewhere else first
+    place     a question whose answer must not change any more
+    """
+
+    bench: str
+    command: str
+    driving: bytes
+    stop: Callable[[bytes], bool]
+    stands: Callable[[Bench], bool]
+    place: str
+    before: tuple[str, ...] = ()
+    times: int = 5
+
+
+BENCHES = {
+    "aidin": ("aidin", "--tcp", "127.0.0.1:0", "--set", "start=homed"),
+    "barrett": ("barrett", "--pty", "--wire", "auto", "--set", "initialized=1"),
+    "exo": ("exo", "--pty", "--wire", "auto"),
+    "wrist": ("wrist", "--pty", "--wire", "auto"),
+    "wrist-can": ("wrist", "--slcan-pty"),
+}
+"""Name -> family, and how it is served."""
+ANY_PLACE = b"...."
+RELEASE = frame("EB 90 01 0B 31 00 00 00 00 00 00 00 00 00 00 3D")
+AIDIN_STOP = b'{"hand_mode":3}\n'
+
+
+def three(pattern: bytes) -> Callable[[bytes], bool]:
+    """Three times the same frames; a dot is any byte."""
+
+    def fits(data: bytes) -> bool:
+        same = all(wanted in (ord("."), byte) for byte, wanted in zip(data, pattern * 3, strict=False))
+        return len(data) == 3 * len(pattern) and same and data == data[: len(pattern)] * 3
+
+    return fits
+
+
+def power_off(bench: Bench) -> bool:
+    """Stop mode, and no current beyond what an idle motor shows (2 % of 1000)."""
+    currents = [abs(float(word)) for word in bench.ask("get current_state").split()]
+    return bench.ask("state").startswith("mode 3") and max(currents) <= 20
+
+
+def exactly(stop: bytes) -> Callable[[bytes], bool]:
+    return lambda data: data == stop
+
+
+def motors_off(bench: Bench) -> bool:
+    return "power on" not in bench.ask("motors") and "moving" not in bench.ask("motors")
+
+
+def held(bench: Bench) -> bool:
+    """The fingers are where they are told to be, and that is not the target."""
+    told = bench.ask("get 1486 10")
+    return told == bench.ask("get 1546 10") and set(told.split()) != {"00"}
+
+
+def at_rest(target: tuple[int, int]) -> Callable[[Bench], bool]:
+    """The same of a wrist: yaw_set and pitch_set against pitch_actual and yaw_actual, and the target (pitch, yaw)."""
+
+    def holds(bench: Bench) -> bool:
+        yaw, pitch = struct.unpack("<hh", bytes.fromhex(bench.ask("get 1038 4")))
+        return (pitch, yaw) == struct.unpack("<hh", bytes.fromhex(bench.ask("get 1020 4"))) != target
+
+    return holds
+
+
+def aidin(command: str, mode: int, before: tuple[str, ...] = ("initial -y",), times: int = 5) -> Drive:
+    """Mode 3, three times, and nothing else."""
+    driving = b'"hand_mode":%d' % mode
+    return Drive("aidin", command, driving, exactly(AIDIN_STOP * 3), power_off, "get motor_pos", before, times)
+
+
+OFF = b"\x03" + b"1T\r"
+HOLD = frame("EB 90 01 0D 12 CE 05") + b"." * 11
+STAY = frame("EB 90 01 07 31 0E 04") + b"." * 5
+"""position_set of five fingers, and yaw_set with pitch_set behind it: data and sum are whatever they were last."""
+DRIVEN = {
+    "aidin home": aidin("home -y", 1, ()),
+    "aidin initial": aidin("initial -y", 2, ("fingertips index.z=60",)),
+    "aidin encoders": aidin("encoders index.m1=200000", 10),
+    "aidin joints": aidin("joints index.q3=130", 22),
+    "aidin fingertips": aidin("fingertips index.z=60", 32),
+    "aidin currents": aidin("currents index.m1=200 -y --duration 30", 41, (), 40),
+    "barrett realtime": Drive(
+        "barrett", "realtime --motors 1 --velocity 30 --gain 40 --receive position --json", b"\x43\x1e\x28",
+        exactly(b"\x63\x00\x28" + OFF * 3), motors_off, "motors",
+    ),
+    "exo position": Drive(
+        "exo", "position 0 0 0 0 0 -y --wait 30", frame("EB 90 01 04 11 0A 06"), three(RELEASE + HOLD), held,
+        "get 1546 10", ("position 1000 1000 1000 1000 1000 -y --wait 3",), 3,
+    ),
+    "wrist move": Drive(
+        "wrist", "move --pitch 20 --yaw -20 --time 1500", frame("EB 90 01 04 30 FC 03"), three(STAY), at_rest((2000, -2000)),
+        "get 1020 4", ("center --time 100",), 3,
+    ),
+    "wrist center": Drive(
+        "wrist", "center --time 1500", frame("EB 90 01 04 30 FC 03"), three(STAY), at_rest((0, 0)),
+        "get 1020 4", ("move --pitch 20 --yaw -20 --time 100",), 3,
+    ),
+}  # fmt: skip
+FURTHER = {
+    "wrist move on CAN": Drive(
+        "wrist-can", "move --pitch 20 --yaw -20 --time 1500", frame("10 FF 00 01"), three(frame("15 03 80 01") + ANY_PLACE),
+        at_rest((2000, -2000)), "get 1020 4", ("center --time 100",), 3,
+    ),
+}  # fmt: skip
+"""The same command on another wire."""
+STAYS = "what it commands stays in force when the command ends, too, and it says so: nothing is promised to be stopped"
+BY_ITSELF = "the movement ends by itself: at its goal, at a stall, or at a strain limit (barrett §5.5)"
+VALUES = "it changes values, and nothing moves for it"
+STOPS = "it is a stop"
+HERE = "it writes a file of this machine"
+ENDED = {
+    **dict.fromkeys(("exo force", "exo set", "exo write", "exo raw", "exo restore"), STAYS),
+    **dict.fromkeys(("exo baud", "exo clear-errors", "exo factory-reset", "exo id", "exo save"), VALUES),
+    "exo calibrate": "no documented command stops a calibration: it goes on to its end (exo §2.3.6)",
+    **dict.fromkeys(("wrist hand-write", "wrist raw", "wrist restore", "wrist set", "wrist write"), STAYS),
+    **dict.fromkeys(
+        [f"barrett {name}" for name in ("close", "home", "init", "move", "open", "step-close", "step-open", "torque-close",
+                                        "torque-open", "gcl", "strain", "diagnose")], BY_ITSELF
+    ),
+    **dict.fromkeys(
+        [f"barrett {name}" for name in ("baud", "defaults", "load", "reset", "restore", "save", "set")], VALUES
+    ),
+    "barrett firmware download": "a hand without firmware does not move",
+    "barrett stop": STOPS,
+    "ekso cancel": "it ends the action of the wearer's device; the protocol has no stop (ekso §6)",
+    **dict.fromkeys(("ekso restore", "ekso set"), VALUES),
+    **dict.fromkeys(("aidin bias", "aidin max-torque"), VALUES),
+    "aidin stop": STOPS,
+    **dict.fromkeys(("devices add", "devices remove", "completion"), HERE),
+    "stop": STOPS,
+    **dict.fromkeys(("exo stop", "wrist stop", "ekso stop"), STOPS),
+}  # fmt: skip
+"""Writing command -> why its death leaves nothing running that it promised to stop."""
+
+
+@pytest.fixture(scope="module")
+def bench_of(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[str], Bench]]:
+    running: dict[str, Bench] = {}
+
+    def get(name: str) -> Bench:
+        if name not in running:
+            running[name] = Bench(tmp_path_factory.mktemp(name), *BENCHES[name])
+        return running[name]
+
+    yield get
+    for bench in running.values():
+        bench.simulator.stop()
+
+
+def test_every_writing_command_is_declared() -> None:
+    written = {node.name for node in read_tree().walk() if node.path and not node.children and node.writes}
+    assert not set(DRIVEN) & set(ENDED)
+    assert written - set(DRIVEN) - set(ENDED) == set(), "driven, or ended by the device itself?"
+    assert set(DRIVEN) <= written
+    assert all(ENDED.values())
+
+
+def killed(bench: Bench, drive: Drive, *, group: bool) -> tuple[float, list[tuple[float, bytes]]]:
+    """The moment of the kill, and what has reached the device since the command began, once nothing more comes."""
+    for command in drive.before:
+        bench.do(command)
+    begun = len(bench.heard())
+    process = subprocess.Popen(
+        program(*bench.words(drive.command)), stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE, env=clean_environment(), start_new_session=True,
+    )  # fmt: skip
+    try:
+        wait_until(
+            lambda: bench.bytes_since(begun).count(drive.driving) >= drive.times or process.poll() is not None, 20.0
+        )
+        assert process.poll() is None, process.communicate()[1]
+        (guard,) = guards_of(process.pid)
+        moment = time.monotonic()
+        (os.killpg if group else os.kill)(process.pid, signal.SIGKILL)
+    finally:
+        process.kill()
+        process.communicate()
+    wait_until(lambda: gone(guard))
+    wait_until(lambda: settled(bench) and first_of(drive, bench.heard()[begun:]) is not None)
+    return moment, bench.heard()[begun:]
+
+
+def settled(bench: Bench) -> bool:
+    """Whether nothing has reached the device for a while of its own clock: the line may still be sending."""
+    count = len(bench.heard())
+    time.sleep(0.03)
+    return len(bench.heard()) == count
+
+
+def standing(bench: Bench, place: str) -> bool:
+    """Whether it is where it was a while ago: none of the movements here has an end within the patience of a test."""
+    before = bench.ask(place)
+    time.sleep(0.05)
+    return bench.ask(place) == before
+
+
+def guards_of(pid: int) -> list[int]:
+    return [int(word) for word in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+
+
+def gone(pid: int) -> bool:
+    """A zombie that nobody has fetched yet does nothing any more."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
+    except OSError:
+        return True
+
+
+def first_of(drive: Drive, heard: list[tuple[float, bytes]]) -> float | None:
+    """The moment of the first byte of the stop; None when what came last is no stop. A chunk may begin with other bytes."""
+    moments = [moment for moment, data in heard for _ in data]
+    told = b"".join(data for _, data in heard)
+    longest = 200
+    for place in range(len(told) - 1, max(len(told) - longest, 0) - 1, -1):
+        if drive.stop(told[place:]):
+            return moments[place]
+    return None
+
+
+CELLS = [*((name, drive, False) for name, drive in {**DRIVEN, **FURTHER}.items()),
+         *((name, DRIVEN[name], True) for name in ("aidin currents", "barrett realtime"))]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("name", "drive", "group"), CELLS, ids=[f"{name}{' (group)' if group else ''}" for name, _, group in CELLS]
+)
+def test_a_killed_command_stops_the_device(
+    bench_of: Callable[[str], Bench],
+    record_property: Callable[[str, object], None],
+    name: str,
+    drive: Drive,
+    group: bool,
+) -> None:
+    bench = bench_of(drive.bench)
+    for _ in range(TRIES):
+        moment, heard = killed(bench, drive, group=group)
+        first = first_of(drive, heard)
+        assert first is not None, (name, [data.hex(" ") for _, data in heard[-30:]])
+        # A wrist takes its movement time also for the way back to where it is to stay.
+        wait_until(lambda: drive.stands(bench), 15.0)
+        wait_until(lambda: standing(bench, drive.place), 15.0)
+        if first - moment < PATIENCE:
+            break
+    record_property("milliseconds", round((first - moment) * 1000, 1))
+    assert first - moment < PATIENCE, f"{name}: {first - moment:.3f} s"
+
+
+def test_the_next_command_finds_the_device_free(bench_of: Callable[[str], Bench]) -> None:
+    """It waits for the stop of the one that was killed, and then has lock and port."""
+    bench, drive = bench_of("barrett"), DRIVEN["barrett realtime"]
+    killed(bench, drive, group=False)
+    bench.do("status")
+
+
+def test_who_only_reads_has_no_child(bench_of: Callable[[str], Bench]) -> None:
+    bench = bench_of("aidin")
+    begun = len(bench.heard())
+    process = subprocess.Popen(
+        program(*bench.words("watch --rate 50 --json")), stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL, env=clean_environment(),
+    )  # fmt: skip
+    try:
+        assert process.stdout is not None and process.stdout.readline()
+        assert guards_of(process.pid) == []
+    finally:
+        process.kill()
+        process.communicate()
+    assert b"hand_mode" not in bench.bytes_since(begun)

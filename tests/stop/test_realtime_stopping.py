@@ -1,0 +1,165 @@
+"""What must reach the wire whatever happens to our own output: velocity 0, ^C and T of the RealTime loop."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from handctl.frame.console import TerminalGuide
+from handctl.screen import render
+from handctl.sim.engine.line import Line
+from tests.barrett.commands import fake
+from tests.support.cli import clean_environment, run
+
+MOVING = ("barrett", "realtime", "--motors", "1", "--velocity", "30", "--receive", "position")
+STOP = [b"c\x00", b"\x03", b"1T\r"]
+
+
+def started(*words: str, trace: Path) -> subprocess.Popen[bytes]:
+    """A realtime loop that moves a motor, once its first control block is on the wire."""
+    port = "fake://barrett?initialized=1&wire=auto"
+    process = subprocess.Popen(
+        [sys.executable, "-m", "handctl", *MOVING, "-p", port, "--baud", "9600", "--trace", str(trace), *words],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=clean_environment(),
+    )  # fmt: skip
+    end = time.monotonic() + 15
+    while not (trace.exists() and "> 43 1E" in trace.read_text(encoding="utf-8")):
+        assert process.poll() is None and time.monotonic() < end
+        time.sleep(0.02)
+    return process
+
+
+def sent(trace: Path) -> list[bytes]:
+    lines = [line.split() for line in trace.read_text(encoding="utf-8").splitlines() if " > " in line]
+    return [bytes.fromhex("".join(words[2:])) for words in lines]
+
+
+def stops(pieces: list[bytes]) -> bool:
+    """Whether the stop stands behind the last block, in order: velocity 0, ^C, motor power off."""
+    start = max(place for place, piece in enumerate(pieces) if piece[:1] in (b"C", b"c"))
+    return [piece for piece in pieces[start:] if piece in STOP] == STOP
+
+
+def test_a_reader_that_sleeps_does_not_keep_a_motor_running(tmp_path: Path) -> None:
+    trace = tmp_path / "t.txt"
+    process = started("--json", trace=trace)
+    assert process.wait(20) == 1
+    assert process.stderr is not None and b"the motors were stopped" in process.stderr.read()
+    assert stops(sent(trace))
+
+
+def test_ctrl_backslash_stops_as_ctrl_c_does(tmp_path: Path) -> None:
+    trace = tmp_path / "t.txt"
+    process = started("--csv", "-o", str(tmp_path / "o.csv"), trace=trace)
+    process.send_signal(signal.SIGQUIT)
+    assert process.wait(10) == 130
+    assert stops(sent(trace))
+
+
+def test_a_trace_that_cannot_be_written_keeps_nothing_from_the_wire(monkeypatch: pytest.MonkeyPatch) -> None:
+    real = open
+
+    class Full:
+        """A trace file whose disk is full behind its first lines."""
+
+        def __init__(self) -> None:
+            self.lines = 0
+
+        def write(self, line: str) -> None:
+            self.lines += 1
+            if self.lines > 20:
+                raise OSError(28, os.strerror(28))
+
+        def close(self) -> None:
+            raise OSError(28, os.strerror(28))
+
+    full = Full()
+    monkeypatch.setattr(
+        "handctl.link.tracefile.open",
+        lambda path, *rest, **more: full if path == "full" else real(path, *rest, **more),
+        raising=False,
+    )
+    fed: list[bytes] = []
+    feed = Line.feed
+
+    def noted(line: Line, data: bytes) -> None:
+        fed.append(data)
+        feed(line, data)
+
+    monkeypatch.setattr(Line, "feed", noted)
+    result = run(*MOVING, "-p", fake(wire="auto"), "--count", "30", "--json", "--trace", "full")
+    assert result.code == 1 and "cannot be written" in result.err
+    assert len(result.stream[0]) >= 30 and result.stream[1]["exit_code"] == 1
+    assert stops(fed) and full.lines == 21
+
+
+def test_two_signals_at_once_are_one_wish(tmp_path: Path) -> None:
+    """A closing terminal sends a hang-up, its service manager a SIGTERM behind it: the stop goes out all the same."""
+    trace = tmp_path / "t.txt"
+    process = subprocess.Popen(
+        [sys.executable, "-m", "handctl", "barrett", "close", "--motors", "1", "-p", "fake://barrett?initialized=1",
+         "--trace", str(trace)],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=clean_environment(),
+    )  # fmt: skip
+    end = time.monotonic() + 15
+    while not (trace.exists() and "> 31 43 0D" in trace.read_text(encoding="utf-8")):
+        assert process.poll() is None and time.monotonic() < end
+        time.sleep(0.02)
+    for number in (signal.SIGHUP, signal.SIGTERM, signal.SIGINT):
+        process.send_signal(number)
+        time.sleep(0.01)
+    assert process.wait(15) in (130, -signal.SIGTERM, -signal.SIGINT)  # the last may meet the interpreter at its end
+    pieces = sent(trace)
+    assert b"\x03" in pieces[pieces.index(b"1C\r") :]
+
+
+class Gone:
+    """A stderr whose terminal is no more."""
+
+    def isatty(self) -> bool:
+        return True
+
+    def fileno(self) -> int:
+        return -1
+
+    def write(self, text: str) -> int:
+        raise OSError(5, os.strerror(5))
+
+    def flush(self) -> None:
+        raise OSError(5, os.strerror(5))
+
+
+def test_a_guide_without_its_terminal_is_silent(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "stderr", Gone())
+    guide = TerminalGuide(quiet=False)
+    guide.moving = True
+    guide.progress("moving")
+    guide.say("said")
+    guide.done()
+    assert not guide.moving
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_while_the_result_is_shown_changes_nothing(monkeypatch: pytest.MonkeyPatch, number: int) -> None:
+    """The command is through: one whole envelope and its own exit code, not none, half a one or two."""
+    show = render.show
+
+    def shown(*what: Any) -> None:
+        signal.raise_signal(number)
+        show(*what)
+        signal.raise_signal(number)
+
+    monkeypatch.setattr(render, "show", shown)
+    before = signal.getsignal(signal.SIGINT)
+    try:
+        done = run("exo", "get", "id", "-p", "fake://exo?clock=virtual", "--json")
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert done.code == 0 and [row["value"] for row in done.rows] == [1] and not done.err

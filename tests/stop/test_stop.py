@@ -1,0 +1,412 @@
+"""`stop` reaches every device: from here, through who holds it, past who sleeps, and without disk, lock or configuration.
+
+Generated over the registry: a family without a stop that its simulator hears fails here.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import termios
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from handctl.families import FAMILIES, STOPPERS
+from handctl.frame.options import Settings
+from handctl.link import lock
+from handctl.link.ear import STOP_SECONDS
+from handctl.sim.engine.serve import send_control
+from handctl.stop.talk import Aim, Sent, drive, talk_of, unheard
+from tests.support.cli import run, wait_until
+from tests.support.scripted import ScriptedLink
+from tests.support.stop import HOW, RELEASE, Stand
+
+HOLDER, STUCK = 0.1, 0.5
+"""Seconds that asking a holder, and one that does not answer, may add to the command's own time."""
+BUSY = 3
+"""How many times its own time a command may take on a busy machine; the figures themselves are measured in bench."""
+TRIES = 3
+"""The fastest counts."""
+
+MakeStand = Callable[..., Stand]
+
+
+@pytest.fixture
+def stand(tmp_path: Path) -> Iterator[MakeStand]:
+    made: list[Stand] = []
+
+    def make(family: str, *more: str) -> Stand:
+        folder = tmp_path / f"{family}{len(made)}"
+        folder.mkdir()
+        made.append(Stand(family, folder, *more))
+        return made[-1]
+
+    yield make
+    for one in made:
+        one.close()
+
+
+# -- the registry ------------------------------------------------------------------------------------------------------
+
+
+def test_every_family_has_a_stop() -> None:
+    assert set(STOPPERS) == set(FAMILIES) == set(HOW)
+
+
+@pytest.mark.parametrize("speed", [None, 9600, 600])
+@pytest.mark.parametrize("family", FAMILIES)
+def test_a_stop_that_nobody_answers_ends_and_claims_nothing(family: str, speed: int | None) -> None:
+    """Before who asked a holder for it gives up."""
+    talk = talk_of(family, Aim(Settings(), speed=speed))
+    ended = None
+    say = next(talk)
+    seconds = 0.0
+    for _ in range(200):
+        seconds += say.seconds + (10 / say.baud * (len(say.step.data) + say.size) if say.baud else 0.0)
+        try:
+            say = talk.send([])
+        except StopIteration as end:
+            ended = end.value
+            break
+    assert ended is not None and ended.error is not None and ended.error.exit_code == 4, ended
+    assert seconds < (3 if speed is None else STOP_SECONDS), "it takes longer than anybody waits"
+    for step in unheard(talk_of(family, Aim(Settings(), speed=speed))):
+        assert step.moves and step.meaning
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_a_stopper_is_light(family: str) -> None:
+    """It may be imported in the middle of anything: nothing beside its codec."""
+    text = f"import sys, {STOPPERS[family]}\nprint(' '.join(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, check=True)
+    assert not {"rich", "serial", "can", "click", "crcmod", "socket"} & set(done.stdout.split())
+
+
+# -- from here, and through who holds it -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_stop_with_and_without_a_holder_and_past_one_that_sleeps(family: str, stand: MakeStand) -> None:
+    """The bytes are at the device about as soon as without a holder, by its own clock."""
+    place = stand(family)
+    alone, asked, stuck = [], [], []
+    for _ in range(TRIES):
+        result, seconds = place.stop()
+        assert result.code == 0, result
+        assert [row["bytes"] for row in result.rows if not row["reads"]], result
+        states = {row["state"] for row in result.json["writes"]}
+        assert "confirmed" in states or family == "aidin", "no current flowed that could vanish"
+        alone.append(seconds)
+        holder = place.hold()
+        if not asked:  # what is said of a holder that reads is true
+            hint = run(family, "status", "-p", place.link, "--json", env=place.environment).error["hint"]
+            assert f"`handctl {family} stop -p {place.link}`" in hint and "stops nothing on the device" in hint
+        result, seconds = place.stop()
+        asked.append(seconds)
+        assert (result.code, holder.wait(10)) == (0, 130), result
+        assert "asked" in result.codes() and str(holder.pid) in result.out
+        writes = result.json["writes"]
+        assert writes and [row["bytes"] for row in writes] == [row["bytes"] for row in result.rows if not row["reads"]]
+        assert {row["state"] for row in writes} == states, "as when it is sent from here"
+        assert holder.stderr is not None and b"as another handctl asked for it" in holder.stderr.read()
+
+        holder = place.hold()
+        os.kill(holder.pid, signal.SIGSTOP)
+        wait_until(lambda holder=holder: lock.sleeps(holder.pid))  # type: ignore[misc]
+        result, seconds = place.stop()
+        stuck.append(seconds)
+        assert (result.code, holder.wait(10)) == (0, -signal.SIGKILL), result
+        assert "ended" in result.codes() and str(holder.pid) in result.out
+        if min(asked) <= BUSY * min(alone) + HOLDER and min(stuck) <= BUSY * min(alone) + STUCK:
+            return
+    raise AssertionError((alone, asked, stuck))
+
+
+DRIVES = [(family, words, first) for family, how in HOW.items() for words, first in how.drives]
+
+
+@pytest.mark.parametrize(("family", "words", "first"), DRIVES, ids=[f"{f}-{w[0]}" for f, w, _ in DRIVES])
+def test_stop_goes_ahead_of_what_drives(family: str, words: tuple[str, ...], first: bytes, stand: MakeStand) -> None:
+    """What drives ends with 130, and sends nothing but stops behind the stop."""
+    place = stand(family)
+    if words[0] == "close":
+        assert run("barrett", "set", "MCV.F1=16", "--force", "-p", place.link, env=place.environment).code == 0
+    holder = place.hold(*words, until=first)
+    silent = words[0] == "calibrate"  # it answers nothing meanwhile, and is sent its stop all the same
+    if silent:
+        place.how = place.how._replace(stop=place.how.stop[:1])
+    result, _ = place.stop()
+    told = holder.wait(10), holder.stderr and holder.stderr.read()
+    assert (result.code, told[0]) == (4 if silent else 0, 130), (result, told)
+    assert "asked" in result.codes(), result
+    assert len(result.json["writes"]) == sum(not row["reads"] for row in result.rows), result
+    assert place.heard() == [], "nothing behind it"
+
+
+def test_currents_of_a_command_that_sleeps_end_at_the_hand(stand: MakeStand) -> None:
+    """Seen by the hand itself: it was driven by current, and stands without power."""
+    place = stand("aidin")
+
+    def mode() -> str:
+        return send_control(str(place.panel), "state").split()[2]
+
+    words, first = HOW["aidin"].drives[0]
+    holder = place.hold(*words, until=first)
+    assert mode() == "41"
+    os.kill(holder.pid, signal.SIGSTOP)
+    result, _ = place.stop()
+    assert result.code == 0 and mode() == "3", result
+    holder.wait(10)
+
+
+def test_two_stops_at_once(stand: MakeStand) -> None:
+    place = stand("exo")
+    holder = place.hold()
+    first = subprocess.Popen(
+        [sys.executable, "-m", "handctl", "exo", "stop", "-p", place.link],
+        env={**os.environ, **place.environment}, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+    )  # fmt: skip
+    result, _ = place.stop()
+    first.communicate(timeout=20)
+    assert (first.returncode, result.code, holder.wait(10)) == (0, 0, 130), result
+
+
+def test_a_holder_whose_reader_sleeps_is_stopped(stand: MakeStand) -> None:
+    """It is blocked in writing its rows: the wish reaches it all the same."""
+    place = stand("aidin")
+    reader, writer = os.pipe()
+    os.set_blocking(writer, True)
+    fcntl.fcntl(writer, fcntl.F_SETPIPE_SZ, 4096)
+    holder = subprocess.Popen(
+        [sys.executable, "-m", "handctl", "aidin", "watch", "--rate", "0", "--json", "-p", place.link],
+        env={**os.environ, **place.environment}, stdin=subprocess.DEVNULL, stdout=writer, stderr=subprocess.DEVNULL,
+    )  # fmt: skip
+    os.close(writer)
+    import select
+
+    assert select.select([reader], [], [], 10)[0]
+
+    def waiting() -> int:
+        return int.from_bytes(fcntl.ioctl(reader, termios.FIONREAD, bytes(4)), sys.byteorder)
+
+    def full() -> bool:
+        before = waiting()
+        time.sleep(0.2)
+        return 0 < before == waiting()
+
+    wait_until(full, 30.0)
+    result, _ = place.stop()
+    assert result.code == 0, result
+    os.close(reader)
+    holder.kill()
+    holder.wait(10)
+
+
+# -- a wrist is no exoskeleton hand ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("typed", "there"), [("exo", "wrist"), ("wrist", "exo")])
+def test_the_one_that_is_there_is_stopped(typed: str, there: str, stand: MakeStand) -> None:
+    """A force frame would be a write to a wrist: it gets the stop of a wrist, and the other way round."""
+    place = stand(there)
+    result, _ = place.stop(typed, "stop", "--json")
+    assert result.code == 0 and (f"a {there} answers" in result.out or "an exoskeleton hand does" in result.out), result
+    if there == "wrist":
+        heard = [bytes.fromhex(row["bytes"]) for row in result.rows]
+        assert not any(data[4:5] == b"\x31" and len(data) == 16 for data in heard), "no force frame"
+
+
+ANGLES = bytes.fromhex("90EB010730FC036400C800")
+"""pitch 1.00, yaw 2.00 degrees (wrist §2.2), without the sum of its bytes."""
+
+
+def late_wrist(latency: float, acknowledges: bool = True) -> ScriptedLink:
+    """A wrist behind a slow adapter: it knows flags 30 and 31 and answers nothing else."""
+
+    def answer(request: bytes) -> list[tuple[float, bytes]]:
+        if request[4] == 0x30:
+            reply = ANGLES if request[5:7] == b"\xfc\x03" else bytes.fromhex("90EB010530") + request[5:7] + b"\x07\x00"
+        elif request[4:7] == bytes.fromhex("310E04") and acknowledges:
+            reply = bytes.fromhex("90EB0104310E0401")
+        else:
+            return []
+        return [(latency, reply + bytes([sum(reply[2:]) % 256]))]
+
+    return ScriptedLink(answer)
+
+
+@pytest.mark.parametrize("latency", [0.03, 0.062, 0.12, 0.2, 0.3, 0.4, 0.5])
+@pytest.mark.parametrize("typed", ["exo", "wrist"])
+def test_a_late_wrist_gets_its_stop_as_well(typed: str, latency: float) -> None:
+    """To `exo stop` a hand that is silent for 50 ms is a hand; who then answers as a wrist is stopped as one."""
+    link = late_wrist(latency)
+    stopped = drive(link, talk_of(typed, Aim(Settings())), [])
+    assert stopped.error is None and "the wrist was commanded to stay at pitch 1.00°, yaw 2.00°" in stopped.text, (
+        stopped
+    )
+    assert link.sent[-1].hex() == "eb900107310e04c800640077"
+    forces = [at for at, data in zip(link.sent_at, link.sent, strict=True) if data == RELEASE]
+    held_up = (
+        typed == "exo" and latency > 0.06
+    )  # 50 ms and the time on the wire: not longer, and never to a known wrist
+    assert len(forces) == held_up and all(0.05 <= at < 0.06 for at in forces), forces
+    assert ("later than 0.05 s" in stopped.text) == bool(forces)
+
+
+@pytest.mark.parametrize("typed", ["exo", "wrist"])
+def test_a_silent_wrist_is_said_plainly(typed: str) -> None:
+    sent: list[Sent] = []
+    stopped = drive(ScriptedLink(), talk_of(typed, Aim(Settings())), sent)
+    words = (
+        "A wrist, if one is here, was not stopped"
+        if typed == "exo"
+        else "the wrist is silent: without its angles nothing"
+    )
+    assert words in stopped.text and stopped.error is not None and stopped.error.exit_code == 4
+    assert "switch the power off" in stopped.hint
+    assert [one.reads for one in sent] == ([True, False, True] if typed == "exo" else [True] * 5)
+    unacknowledged = drive(late_wrist(0.01, acknowledges=False), talk_of(typed, Aim(Settings())), [])
+    assert "did not acknowledge" in unacknowledged.text and unacknowledged.error is not None
+
+
+@pytest.mark.parametrize("latency", [0.06, 0.2, 0.35, 0.45])
+def test_a_late_hand_is_stopped_and_believed(latency: float) -> None:
+    """Its answer to the forces may come while a late wrist is listened for: it is an answer, and the fingers are held."""
+
+    def answer(request: bytes) -> list[tuple[float, bytes]]:
+        if request == RELEASE:
+            reply = bytes.fromhex("90EB010D3184038E039803A203AC03F401")
+        elif request[4] == 0x32:
+            reply = bytes.fromhex("90EB010B3200000000000000000000")
+        else:
+            return []
+        return [(latency, reply + bytes([sum(reply[2:]) % 256]))]
+
+    link = ScriptedLink(answer)
+    stopped = drive(link, talk_of("exo", Aim(Settings())), [])
+    assert stopped.error is None and "hold at 900 910 920 930 940: the hand answered both" in stopped.text, stopped
+    assert link.sent[-1].hex() == "eb90010b3284038e039803a203ac0345" and link.sent.count(RELEASE) == 1
+
+
+@pytest.mark.parametrize("typed", ["exo", "wrist"])
+def test_an_echo_or_other_bytes_are_not_silence(typed: str) -> None:
+    echo = drive(ScriptedLink(lambda request: [(0.001, request)]), talk_of(typed, Aim(Settings())), [])
+    other = drive(ScriptedLink(lambda _: [(0.001, b"=> ")]), talk_of(typed, Aim(Settings())), [])
+    assert echo.error is not None and other.error is not None and {echo.error.exit_code, other.error.exit_code} == {5}
+    assert "only our own bytes came back" in echo.text and "3D 3E 20" in other.text, (echo, other)
+
+
+def test_a_hand_that_does_not_answer_is_sent_its_stop(stand: MakeStand) -> None:
+    place = stand("exo", "--fault", "silent")
+    place.how = place.how._replace(stop=(HOW["exo"].stop[0],))
+    result, _ = place.stop()
+    assert result.code == 4, result
+    assert "commanded, which nothing answered" in result.error["text"]
+    assert [row["bytes"] for row in result.rows] == [
+        "EB 90 01 04 30 00 04 02 3B", HOW["exo"].stop[0].hex(" ").upper(), "EB 90 01 04 30 00 04 02 3B",
+    ], "who is there, the forces, whether a wrist is late, and nothing that holds FF"  # fmt: skip
+
+
+# -- bad places --------------------------------------------------------------------------------------------------------
+
+
+def full_disk() -> None:
+    """No file takes a byte."""
+    resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_neither_disk_nor_lock_hold_up_a_stop(family: str, stand: MakeStand) -> None:
+    """A full disk, a stdout that takes nothing, a folder of locks that somebody else made before."""
+    place = stand(family)
+    result, _ = place.stop(preexec_fn=full_disk)
+    assert result.code == 0, result
+    with open("/dev/full", "wb") as full:
+        result, _ = place.stop(stdout=full)
+    assert result.code == 1 and "cannot be written" in result.err, "sent first, then told"
+    assert "handctl: note: writes: " in result.err or "handctl: warning: writes: " in result.err, (
+        "and what was sent, too"
+    )
+    shutil.rmtree(place.runtime / "handctl")
+    (place.runtime / "handctl").write_text("squatted")
+    result, _ = place.stop()
+    assert result.code == 0 and "no-lock" in result.codes(), result
+
+
+BROKEN = {"broken": "port = [", "unknown key": "colour = 1\n", "not utf-8": "\udcff"}
+
+
+@pytest.mark.parametrize("content", [*BROKEN.values(), None])
+def test_the_configuration_does_not_hold_up_a_stop(content: str | None, stand: MakeStand) -> None:
+    place = stand("exo")
+    path = place.folder / "config.toml"
+    if content is not None:
+        path.write_bytes(content.encode("utf-8", "surrogateescape"))
+    env = {"HANDCTL_CONFIG": str(path), "HANDCTL_BAUD": "fast", "HANDCTL_FORMAT": "pretty"}
+    result, _ = place.stop(env=env)
+    assert result.code == 0, result
+    messages = result.json["messages"]
+    assert any(str(path) in message["text"] for message in messages), messages
+    assert any("HANDCTL_BAUD" in message["text"] for message in messages), messages
+    other = run("exo", "get", "id", "-p", place.link, env={**place.environment, **env})
+    assert other.code == 2, "what reads says so before it begins"
+
+
+def test_neither_trace_nor_output_hold_up_a_stop(stand: MakeStand) -> None:
+    place = stand("exo")
+    result, _ = place.stop("exo", "stop", "--json", "--trace", "/nonexistent/t.txt")
+    assert result.code == 0 and "trace" in result.codes(), result
+    result, _ = place.stop("exo", "stop", "-o", "/nonexistent/o.txt")
+    assert result.code == 1 and "cannot be written" in result.err, result
+
+
+# -- handctl stop ------------------------------------------------------------------------------------------------------
+
+
+def test_the_lock_tells_the_family(stand: MakeStand) -> None:
+    place = stand("aidin")
+    result, _ = place.stop("aidin", "stop", "--json")
+    assert result.code == 0
+    nobody = run("stop", "-p", place.link, env=place.environment)
+    assert nobody.code == 2 and "handctl FAMILY stop" in nobody.err
+    holder = place.hold()
+    result, _ = place.stop("stop", "--json")
+    assert (result.code, holder.wait(10)) == (0, 130), result
+    holder = place.hold()
+    holder.kill()
+    holder.wait(10)
+    result, _ = place.stop("stop", "--json")
+    assert result.code == 0, "who had it was killed, and its lock still tells"
+
+
+def test_a_name_tells_the_family(stand: MakeStand) -> None:
+    place = stand("barrett")
+    path = place.folder / "config.toml"
+    path.write_text(f'[devices.left]\nkind = "barrett"\nport = "{place.link}"\n')
+    result, _ = place.stop("stop", "-d", "left", "--json", env={"HANDCTL_CONFIG": str(path)})
+    assert result.code == 0, result
+    assert run("stop", "-d", "left", env={"HANDCTL_CONFIG": str(path)}).code == 0
+    assert run("stop").code == 2
+
+
+# -- what is said ------------------------------------------------------------------------------------------------------
+
+
+def test_an_ekso_has_no_stop_and_it_is_said() -> None:
+    result = run("ekso", "stop", "--fake", "--json")
+    assert result.code == 0 and "the DataPort has no stop" in json.dumps(result.json["messages"])
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_a_dry_run_sends_nothing(family: str) -> None:
+    result = run(family, "stop", "--fake", "-n", "--json")
+    assert result.code == 0 and result.json["counters"]["sent"] == 0 and result.rows, result

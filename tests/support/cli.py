@@ -1,0 +1,297 @@
+"""Helpers of the command-line tests: run handctl in this process or as a program, served simulators, transcripts.
+
+`run` calls `handctl.cli.main` with captured streams and no terminal; `fake` spells links on virtual time; a `Spy` keeps
+the simulated devices that commands talked to, so that a test can look into their memory afterwards.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import selectors
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from functools import cache
+from importlib import resources
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+from unittest import mock
+
+from jsonschema import Draft202012Validator
+
+import handctl.sim
+from handctl import cli
+from tests.support.forks import start
+
+FINGERS = ("little", "ring", "middle", "index", "thumb")
+
+# What the simulated hand shows at power-on (dossier, simulator notes): name -> (address, bytes an element, values).
+POWER_ON: dict[str, tuple[int, int, tuple[int, ...]]] = {
+    "id": (1000, 1, (1,)),
+    "baud_code": (1001, 1, (0,)),
+    "clear_errors": (1004, 1, (0,)),
+    "save": (1005, 1, (0,)),
+    "calibrate": (1009, 1, (0,)),
+    "system_voltage": (1472, 2, (558,)),
+    "position_set": (1486, 2, (151, 252, 353, 454, 555)),
+    "force_set": (1498, 2, (-61, 62, -63, 64, -65)),
+    "position_actual": (1546, 2, (110, 220, 330, 440, 550, 660)),
+    "force_actual": (1582, 2, (-11, 12, -13, 14, -15)),
+    "current": (1594, 2, (21, 22, 23, 24, 25)),
+    "error": (1606, 1, (0, 0, 0, 0, 0)),
+    "temperature": (1618, 1, (31, 32, 33, 34, 35)),
+}
+
+
+def elements(name: str) -> tuple[str | None, ...]:
+    """The element names of a quantity, (None,) for a single value."""
+    count = len(POWER_ON[name][2])
+    return (None,) if count == 1 else (*FINGERS, "thumb_rotation")[:count]
+
+
+class Result:
+    """What one run left behind."""
+
+    def __init__(self, code: int, out: bytes, err: bytes) -> None:
+        self.code = code
+        self.raw = out
+        self.out = out.decode()
+        self.err = err.decode()
+
+    def __repr__(self) -> str:
+        return f"exit {self.code}\n--- stdout\n{self.out}--- stderr\n{self.err}"
+
+    @property
+    def json(self) -> dict[str, Any]:
+        """The JSON envelope on stdout, checked against the packaged schema."""
+        content = json.loads(self.out)
+        check_schema(content)
+        assert content["exit_code"] == self.code, self
+        return content  # type: ignore[no-any-return]
+
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        """The rows of the JSON envelope."""
+        return list(self.json["rows"])
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """Value (or None where there is an error) by "name" or "name.finger"."""
+        return {row["name"] + (f".{row['finger']}" if row.get("finger") else ""): row.get("value") for row in self.rows}
+
+    @property
+    def lines(self) -> list[str]:
+        """Lines of stdout."""
+        return self.out.splitlines()
+
+    @property
+    def stream(self) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+        """NDJSON: the rows, and the envelope of the closing line, checked against the schema."""
+        *rows, last = [json.loads(line) for line in self.lines]
+        assert set(last) == {"end"}, self
+        check_schema(last["end"])
+        assert last["end"]["exit_code"] == self.code, self
+        assert "rows" not in last["end"]
+        return rows, last["end"]
+
+    @property
+    def error(self) -> dict[str, Any]:
+        """The one error message of the JSON envelope."""
+        (message,) = [message for message in self.json["messages"] if message["level"] == "error"]
+        return message  # type: ignore[no-any-return]
+
+    def codes(self) -> list[str]:
+        """Codes of all messages of the JSON envelope."""
+        return [message["code"] for message in self.json["messages"]]
+
+
+@cache
+def schema() -> Draft202012Validator:
+    """The validator of the packaged schema of the envelope."""
+    text = resources.files("handctl").joinpath("schema", "envelope-1.json").read_text(encoding="utf-8")
+    content = json.loads(text)
+    Draft202012Validator.check_schema(content)
+    return Draft202012Validator(content)
+
+
+def check_schema(envelope: object) -> None:
+    """Assert that an envelope is valid by the packaged schema."""
+    problems = [f"{'/'.join(map(str, e.absolute_path))}: {e.message}" for e in schema().iter_errors(envelope)]
+    assert not problems, problems
+
+
+def clean_environment(extra: Mapping[str, str] | None = None) -> dict[str, str]:
+    """The environment without anything that changes handctl's output, plus `extra`."""
+    dropped = ("NO_COLOR", "COLUMNS", "LINES", "FORCE_COLOR", "PYTHONUNBUFFERED")
+    kept = {k: v for k, v in os.environ.items() if not k.startswith("HANDCTL_") and k not in dropped}
+    return {**kept, "XDG_CONFIG_HOME": "/nonexistent", **(extra or {})}
+
+
+def run(*args: str | Path, env: Mapping[str, str] | None = None, stdin: str = "") -> Result:
+    """Run handctl in this process, nothing being a terminal."""
+    out, err = (io.TextIOWrapper(io.BytesIO(), encoding="utf-8", newline="") for _ in range(2))
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGHUP)}
+    with (
+        mock.patch.dict(os.environ, clean_environment(env), clear=True),
+        mock.patch.object(sys, "stdout", out),
+        mock.patch.object(sys, "stderr", err),
+        mock.patch.object(sys, "stdin", io.StringIO(stdin)),
+    ):
+        try:
+            code = cli.main([str(arg) for arg in args])
+        finally:
+            for number, handler in handlers.items():
+                signal.signal(number, handler)
+            out.flush()
+            err.flush()
+    return Result(code, out.buffer.getvalue(), err.buffer.getvalue())  # type: ignore[attr-defined]
+
+
+def program(*args: str | Path) -> list[str]:
+    """The command line that runs handctl as a program of its own."""
+    return [sys.executable, "-m", "handctl", *(str(arg) for arg in args)]
+
+
+def run_program(*args: str | Path, env: Mapping[str, str] | None = None, timeout: float = 30.0, **more: Any) -> Result:
+    """Run handctl as a process of its own, without a terminal."""
+    process = start(args, clean_environment(env), stdout=subprocess.PIPE, stderr=subprocess.PIPE, **more)
+    try:
+        out, err = process.communicate(timeout)
+    finally:
+        process.kill()
+    return Result(process.wait(), out, err)
+
+
+def fake(**options: object) -> str:
+    """A simulated hand in this process on virtual time; names may use _ for -."""
+    return "fake://exo?" + "&".join(["clock=virtual", *(f"{k.replace('_', '-')}={v}" for k, v in options.items())])
+
+
+class Spy:
+    """The simulated devices that commands opened in this process, in order."""
+
+    def __init__(self) -> None:
+        self.lines: list[Any] = []
+
+    def byte_at(self, address: int, count: int = 1) -> bytes:
+        """Memory of the last device."""
+        device = self.lines[-1].device
+        device.publish()
+        return bytes(device.memory[address : address + count])
+
+    @property
+    def now(self) -> float:
+        """Virtual seconds that the last command took."""
+        return float(self.lines[-1].device.now)
+
+    @property
+    def requests(self) -> int:
+        """Requests that the last device understood."""
+        return int(self.lines[-1].requests)
+
+
+@contextmanager
+def spying() -> Iterator[Spy]:
+    """Collect the simulated devices that are created meanwhile."""
+    spy, create = Spy(), handctl.sim.create
+
+    def note(kind: str, options: dict[str, str]) -> Any:
+        spy.lines.append(create(kind, options))
+        return spy.lines[-1]
+
+    with mock.patch.object(handctl.sim, "create", note):
+        yield spy
+
+
+def sent(trace: Path) -> list[bytes]:
+    """Everything that a transcript says the host sent, line by line."""
+    lines = [line.split() for line in trace.read_text(encoding="utf-8").splitlines() if not line.startswith("#")]
+    return [bytes.fromhex("".join(words[2:])) for words in lines if words[1] == ">"]
+
+
+def writes(trace: Path) -> list[bytes]:
+    """The frames in a transcript that write or move: flags 12, 31, 32."""
+    return [data for data in sent(trace) if data[4] in (0x12, 0x31, 0x32)]
+
+
+def frame(text: str) -> bytes:
+    """Bytes from hex digits."""
+    return bytes.fromhex(text)
+
+
+class Simulator:
+    """`handctl sim KIND …` as a process; `link` is what it announced. `begin` takes the place of `handctl sim`."""
+
+    def __init__(self, *args: str | Path, kind: str = "exo", begin: Sequence[str] = ()) -> None:
+        words, pipe = [kind, *(str(arg) for arg in args)], subprocess.PIPE
+        self.process = (
+            subprocess.Popen([*begin, *words], stdout=pipe, stderr=pipe, env=clean_environment())
+            if begin
+            else start(["sim", *words], clean_environment(), stdout=pipe, stderr=pipe)
+        )
+        assert self.process.stdout is not None
+        with selectors.DefaultSelector() as waiting:
+            waiting.register(self.process.stdout, selectors.EVENT_READ)
+            assert waiting.select(15.0), "no ready line"
+        first = self.process.stdout.readline()
+        if not first:
+            raise AssertionError(f"the simulator did not start: {self.stop()}")
+        ready = json.loads(first)
+        assert ready["ready"] is True
+        self.link = str(ready["link"])
+
+    def stop(self, number: int = signal.SIGTERM) -> tuple[int, str, str]:
+        """End it; exit code, further stdout, stderr."""
+        if self.process.poll() is None:
+            self.process.send_signal(number)
+        out, err = self.process.communicate(timeout=10)
+        return self.process.returncode, out.decode(), err.decode()
+
+    def __enter__(self) -> Simulator:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, exc: BaseException | None, tb: TracebackType | None) -> None:
+        self.stop()
+
+
+def wait_until(what: Any, seconds: float = 5.0) -> None:
+    """Wait until `what()` is true."""
+    end = time.monotonic() + seconds
+    while not what():
+        assert time.monotonic() < end, "it did not happen in time"
+        time.sleep(0.01)
+
+
+def memory(state: Path, address: int, count: int = 1) -> bytes:
+    """RAM in a simulator's state file; what it does not list is 0."""
+    runs: Mapping[str, str] = json.loads(state.read_text(encoding="utf-8"))["ram"]
+    ram = bytearray(4096)
+    for place, digits in runs.items():
+        data = bytes.fromhex(digits)
+        ram[int(place) : int(place) + len(data)] = data
+    return bytes(ram[address : address + count])
+
+
+def flash(state: Path) -> dict[str, int]:
+    """Flash in a simulator's state file: id and speed_code."""
+    return dict(json.loads(state.read_text(encoding="utf-8"))["flash"])
+
+
+def s16(*values: int) -> bytes:
+    """Signed 16-bit values, low byte first."""
+    return b"".join(value.to_bytes(2, "little", signed=True) for value in values)
+
+
+def pairs(names: Sequence[str]) -> dict[str, int]:
+    """The power-on values of quantities by full name."""
+    return {
+        name + (f".{part}" if part else ""): value
+        for name in names
+        for part, value in zip(elements(name), POWER_ON[name][2], strict=True)
+    }

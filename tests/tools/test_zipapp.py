@@ -1,0 +1,216 @@
+"""What is shipped: the single file without any installed package, and the contents of wheel and source distribution."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tarfile
+import tomllib
+import venv
+import zipfile
+from importlib import metadata
+from pathlib import Path
+
+import pexpect
+import pytest
+
+from handctl import __version__, build_zipapp
+from tests.support.cli import Result, run
+from tests.support.places import PROJECT
+from tests.support.shell import SCRIPTS
+
+SHARED = {
+    "share/bash-completion/completions": ["handctl"],
+    "share/zsh/site-functions": ["_handctl"],
+    "share/fish/vendor_completions.d": ["handctl.fish"],
+    "share/man/man1": sorted(path.name for path in (PROJECT / "man").glob("*.1")),
+}
+BARE = [sys.executable, "-I", "-S"]
+"""An interpreter that sees its standard library only: no site-packages, no environment, not the present directory."""
+
+
+@pytest.fixture(scope="module")
+def pyz(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("single") / "handctl.pyz"
+    assert build_zipapp.main(["-o", str(path)]) == 0
+    return path
+
+
+def start(pyz: Path, *args: str, cwd: Path | None = None) -> Result:
+    done = subprocess.run(
+        [*BARE, str(pyz), *args], cwd=cwd or pyz.parent, env={"PATH": os.environ["PATH"]}, capture_output=True,
+        check=False, timeout=60,
+    )  # fmt: skip
+    return Result(done.returncode, done.stdout, done.stderr)
+
+
+# -- the single file ----------------------------------------------------------------------------------------------
+
+
+def test_it_runs_without_any_installed_package(pyz: Path, tmp_path: Path) -> None:
+    without = subprocess.run([*BARE, "-c", "import click"], capture_output=True, check=False)
+    assert without.returncode == 1
+    done = start(pyz, "exo", "dump", "-p", "fake://exo?clock=virtual", "--json", cwd=tmp_path)
+    assert done.rows == run("exo", "dump", "-p", "fake://exo?clock=virtual", "--json").rows
+    assert start(pyz, "--version").out == f"handctl {__version__}\n"
+    assert not list(tmp_path.iterdir())
+
+
+def test_python_can_and_every_tool_are_inside(pyz: Path) -> None:
+    silent = start(pyz, "wrist", "get", "pitch_actual", "-p", "can:virtual:x", "--timeout", "0.05", "--json")
+    assert (silent.code, silent.error["code"]) == (4, "no-answer")
+    assert start(pyz, "completion", "bash").out == SCRIPTS["bash"].read_text(encoding="utf-8")
+    assert start(pyz, "exo", "dump", "-p", "/dev/no-such-port").code == 3
+
+
+def test_a_terminal_gets_its_table(pyz: Path) -> None:
+    child = pexpect.spawn(
+        BARE[0], [*BARE[1:], str(pyz), "exo", "status", "-p", "fake://exo?clock=virtual"], encoding="utf-8",
+        dimensions=(40, 100), timeout=30, env={"PATH": os.environ["PATH"], "TERM": "xterm", "LC_ALL": "C.UTF-8"},
+    )  # fmt: skip
+    child.expect(pexpect.EOF)
+    child.close()
+    assert child.exitstatus == 0 and "Finger" in child.before and "─" in child.before
+
+
+def test_every_module_loads_from_the_file(pyz: Path) -> None:
+    own = sorted(
+        name[:-3].replace("/", ".").removesuffix(".__init__")
+        for name in zipfile.ZipFile(pyz).namelist()
+        if name.startswith("handctl/") and name.endswith(".py") and not name.endswith("__main__.py")
+    )
+    assert len(own) > 80
+    outside = [
+        "can",
+        "can.interfaces.slcan",
+        "rich.live",
+        "rich.table",
+        "serial",
+        "serial.tools.list_ports",
+        "crcmod",
+        "bincopy",
+    ]
+    code = (
+        "import sys, json, importlib\n"
+        "from importlib import resources\n"
+        "place, names = sys.argv[1], json.loads(sys.argv[2])\n"
+        "sys.path.insert(0, place)\n"
+        "files = [importlib.import_module(name).__file__ for name in names]\n"
+        "schema = resources.files('handctl').joinpath('schema', 'envelope-1.json').read_text(encoding='utf-8')\n"
+        "print(json.dumps([[f for f in files if not f.startswith(place)], json.loads(schema)]))\n"
+    )
+    done = subprocess.run(
+        [*BARE, "-c", code, str(pyz), json.dumps([*own, *outside])], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    elsewhere, schema = json.loads(done.stdout)
+    assert elsewhere == []
+    assert schema == json.loads((PROJECT / "src/handctl/schema/envelope-1.json").read_text(encoding="utf-8"))
+
+
+def test_what_is_in_the_file(pyz: Path) -> None:
+    assert pyz.read_bytes().startswith(b"#!/usr/bin/env python3\n")
+    assert pyz.stat().st_mode & 0o777 == 0o755
+    with zipfile.ZipFile(pyz) as archive:
+        assert archive.testzip() is None
+        names = archive.namelist()
+        assert len(set(names)) == len(names)
+        assert not [name for name in names if name.endswith((".so", ".pyd", ".pyi")) or "__pycache__" in name]
+        assert {name for name in names if name.endswith(".py")} == {
+            name[:-1] for name in names if name.endswith(".pyc")
+        } | {"__main__.py"}
+        for requirement in ("click", "rich", "pyserial", "python-can", "crcmod", "bincopy"):
+            notes = [name for name in names if name.lower().replace("_", "-").startswith(f"{requirement}-")]
+            assert any("METADATA" in name for name in notes), requirement
+        content = b"".join(archive.read(name) for name in names)
+    for place in (str(PROJECT), str(Path.home()), sys.prefix):
+        assert place.encode() not in content, place
+
+
+@pytest.mark.long
+def test_the_same_input_gives_the_same_file(pyz: Path, tmp_path: Path) -> None:
+    build_zipapp.build(tmp_path / "again.pyz")
+    assert (tmp_path / "again.pyz").read_bytes() == pyz.read_bytes()
+    assert [path.name for path in tmp_path.iterdir()] == ["again.pyz"]
+
+
+def test_a_file_that_cannot_be_built(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert build_zipapp.main(["-o", str(tmp_path / "nowhere" / "x.pyz")]) == 1
+    assert build_zipapp.main(["--what"]) == 2
+    assert build_zipapp.main(["-h"]) == 0
+    present = metadata.distribution
+
+    def missing(name: str) -> metadata.Distribution:
+        if name == "bincopy":
+            raise metadata.PackageNotFoundError(name)
+        return present(name)
+
+    monkeypatch.setattr(metadata, "distribution", missing)
+    capsys.readouterr()
+    assert build_zipapp.main(["-o", str(tmp_path / "x.pyz")]) == 1
+    assert capsys.readouterr().err == "build_zipapp: error: bincopy is not installed; `pip install bincopy`\n"
+    assert not list(tmp_path.iterdir())
+
+
+# -- wheel and source distribution --------------------------------------------------------------------------------
+
+
+def test_the_project_names_every_generated_file() -> None:
+    content = tomllib.loads((PROJECT / "pyproject.toml").read_text(encoding="utf-8"))
+    data = content["tool"]["setuptools"]["data-files"]
+    found = {
+        place: sorted(path.name for pattern in patterns for path in PROJECT.glob(pattern))
+        for place, patterns in data.items()
+    }
+    assert found == SHARED
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A source distribution of a copy of the project, and the wheel built from that."""
+    copy = tmp_path_factory.mktemp("project")
+    unwanted = shutil.ignore_patterns("__pycache__", "*.egg-info", ".*cache", ".hypothesis")
+    for name in ("src", "tests", "man", "completions", ".ci"):
+        shutil.copytree(PROJECT / name, copy / name, ignore=unwanted)
+    for name in ("pyproject.toml", "README.md", "MANIFEST.in"):
+        shutil.copy(PROJECT / name, copy / name)
+    subprocess.run([sys.executable, "-m", "build", "-o", "dist", "."], cwd=copy, check=True, capture_output=True)
+    return copy
+
+
+def sources(top: Path) -> set[str]:
+    return {
+        str(path.relative_to(top))
+        for folder in ("src", "tests", "man", "completions", ".ci")
+        for path in (top / folder).rglob("*")
+        if path.is_file() and "__pycache__" not in path.parts and ".egg-info" not in str(path)
+    }
+
+
+@pytest.mark.long
+def test_the_source_distribution_holds_everything(built: Path) -> None:
+    with tarfile.open(built / "dist" / f"handctl-{__version__}.tar.gz") as archive:
+        names = {name.partition("/")[2] for name in archive.getnames() if not archive.getmember(name).isdir()}
+    assert sources(built) | {"pyproject.toml", "README.md", "MANIFEST.in"} <= names
+    more = {name for name in names if not name.startswith(("src/handctl.egg-info/", "PKG-INFO", "setup.cfg"))}
+    assert more == sources(built) | {"pyproject.toml", "README.md", "MANIFEST.in"}
+
+
+@pytest.mark.long
+def test_the_wheel_brings_pages_and_completions(built: Path, tmp_path: Path) -> None:
+    wheel = built / "dist" / f"handctl-{__version__}-py3-none-any.whl"
+    names = zipfile.ZipFile(wheel).namelist()
+    package = {name.removeprefix("src/") for name in sources(built) if name.startswith("src/")}
+    assert {name for name in names if name.startswith("handctl/")} == package
+    assert not [name for name in names if name.startswith(("tests/", "man/", "completions/"))]
+    venv.create(tmp_path, with_pip=False)  # never the environment that the tests run in
+    into = ["--python", str(tmp_path / "bin" / "python"), "install", "-q", "--no-deps", "--no-index", str(wheel)]
+    environment = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
+    subprocess.run([sys.executable, "-m", "pip", *into], env=environment, check=True, capture_output=True)
+    assert {place: sorted(path.name for path in (tmp_path / place).iterdir()) for place in SHARED} == SHARED
+    assert (tmp_path / "share/zsh/site-functions/_handctl").read_bytes() == SCRIPTS["zsh"].read_bytes()
