@@ -82,6 +82,11 @@ def dotted(path: Path) -> str:
     return ".".join(part for part in parts if part != "__init__")
 
 
+def path_of(module: str) -> Path:
+    path = ROOT.joinpath(*module.split("."))
+    return path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
+
+
 TREES = {dotted(path): ast.parse(path.read_text(encoding="utf-8"), str(path)) for path in sorted(ROOT.rglob("*.py"))}
 
 
@@ -179,6 +184,14 @@ def test_every_family_has_a_codec_and_a_map() -> None:
     for home in homes:
         pure = {module.rpartition(".")[2] for module in SANS_IO if family_of(module) == home}
         assert "map" in pure and len(pure) > 1, home
+
+
+LONGEST = 400
+
+
+def test_a_module_is_read_in_one_sitting() -> None:
+    lines = {module: len(path_of(module).read_text(encoding="utf-8").splitlines()) for module in TREES}
+    assert {module: count for module, count in lines.items() if count > LONGEST and module != "frame.options"} == {}
 
 
 def test_a_rule_can_be_broken() -> None:

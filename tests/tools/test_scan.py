@@ -21,7 +21,7 @@ from handctl.link import ByteLink, Deadline
 from handctl.link.lock import hold
 from handctl.model.result import Journal, Row
 from handctl.sim.barrett.uart import resample
-from handctl.tools import scan
+from handctl.tools import scan, scan_report
 from handctl.tools.probes import probe_of
 from handctl.tools.scan import Step
 from tests.support.cli import Result, Simulator, run, sent
@@ -346,7 +346,7 @@ def test_a_modbus_line_is_named() -> None:
     ],
 )  # fmt: skip
 def test_modbus_frames(text: str, modbus: bool) -> None:
-    assert scan.is_modbus(bytes.fromhex(text)) is modbus
+    assert scan_report.is_modbus(bytes.fromhex(text)) is modbus
 
 
 def test_another_prompt_is_no_barrett_hand() -> None:

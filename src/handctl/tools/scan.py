@@ -17,14 +17,13 @@ What talks by itself before anything was asked is left alone: none of the serial
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from itertools import groupby
 from typing import Any, NamedTuple
 
 import click
 
 from handctl import __version__
-from handctl.errors import HandctlError, Interrupted, LinkError, NoAnswer, ProtocolError, UsageError
+from handctl.errors import Interrupted, LinkError, NoAnswer, ProtocolError, UsageError
 from handctl.families import FAMILIES, PROBES
 from handctl.frame.clikit import Command
 from handctl.frame.options import SharedOption
@@ -34,48 +33,18 @@ from handctl.link.lock import Lock, hold
 from handctl.link.tap import Tap
 from handctl.link.tracefile import TraceFile
 from handctl.model.param import ids_in
-from handctl.model.result import Column, Journal, Row, Table, hex_bytes
+from handctl.model.result import Journal, Table
 from handctl.tools.machine import Machine
 from handctl.tools.probes import FamilyProbe, family_of, has_speed, probe_of, wire_of
+from handctl.tools.scan_report import TALKATIVE, Search, Step, report
 from handctl.tools.trace_read import FAMILY_EVENT
 
 LISTEN = 0.3
-TALKATIVE = 16
-"""So many bytes unasked are somebody who talks by himself."""
 PAUSE = 0.5
 PORT_SECONDS = 15.0
 """Bound for one port when only the usual id is asked for; all ids take longer."""
 ALL_IDS_SECONDS = 60.0
 WIRE_NAMES = {"serial": "a serial line", "tcp": "TCP", "can": "CAN"}
-MODBUS_HINT = (
-    "a hand of this maker on RS-485 may speak Modbus RTU only: 01 03 03 E8 00 01 04 7A reads its id (not sent)"
-)
-COLUMNS = (
-    Column("family", "Family"),
-    Column("link", "Link"),
-    Column("baud", "Baud", right=True),
-    Column("id", "Id", right=True),
-    Column("evidence", "Evidence"),
-)
-
-
-class Step(NamedTuple):
-    """One probe: a family, at a speed (None = the link has none to set)."""
-
-    family: str
-    speed: int | None
-
-
-@dataclass(slots=True)
-class Search:
-    """What was tried on one link and what came: `met` is (step, error) for every probe without a device."""
-
-    link: str
-    rows: list[Row] = field(default_factory=list)
-    met: list[tuple[Step, HandctlError]] = field(default_factory=list)
-    unasked: bytes = b""
-    error: HandctlError | None = None
-    expired: bool = False
 
 
 class _ScanCommand(Command):
@@ -308,103 +277,3 @@ def _listen(link: ByteLink) -> bytes:
     while len(came) < 256 and not deadline.expired:
         came += link.read(deadline)
     return came
-
-
-# -- what it means ------------------------------------------------------------------------------------------------
-
-
-def report(searches: Sequence[Search], families: Sequence[str], journal: Journal) -> Table:
-    """All rows; for every link without a device, what was tried and what came instead."""
-    table = Table(rows=[row for search in searches for row in search.rows], columns=COLUMNS)
-    stopped = [search.error for search in searches if isinstance(search.error, Interrupted)]
-    errors = [_nothing(search) for search in searches if not search.rows and search.error not in stopped]
-    for error in errors if table.rows or len(errors) > 1 else ():
-        journal.warn(error.code, error.text, hint=error.hint)
-    for search in searches:
-        if search.expired and search.rows:
-            journal.warn("deadline", f"{search.link}: --deadline ended the search")
-    if stopped:
-        table.failure = stopped[0]
-    elif not table.rows:
-        table.failure = errors[0] if len(errors) == 1 else _none(errors)
-    table.extra = {
-        "scan": {
-            "links": [search.link for search in searches],
-            "families": list(families),
-            "tried": [
-                {"link": search.link, "family": step.family, "baud": step.speed, "came": error.code}
-                for search in searches
-                for step, error in search.met
-            ],
-        }
-    }
-    return table
-
-
-def _none(errors: Sequence[HandctlError]) -> HandctlError:
-    """Nothing on any of several links: the most telling of their errors decides the exit code."""
-    worst = max(errors, key=lambda error: (error.exit_code == 5, error.exit_code))
-    return type(worst)(f"no device on {len(errors)} links; {worst.text}", hint=worst.hint, code=worst.code)
-
-
-def _nothing(search: Search) -> HandctlError:
-    """Why there is no device on one link."""
-    if search.error is not None:
-        return search.error
-    name, unasked = search.link, search.unasked
-    if len(unasked) >= TALKATIVE:
-        shown = hex_bytes(unasked[:24])
-        if is_modbus(unasked):
-            text = f"{name}: a Modbus RTU master or device talks on this line ({shown})"
-            return ProtocolError(text, hint=f"nothing was sent; {MODBUS_HINT}", code="modbus")
-        text = f"{name}: {len(unasked)} bytes came before anything was asked ({shown}): none of these devices does that"
-        return ProtocolError(
-            text, hint="nothing was sent; is it another device, or a wrong speed (--baud)?", code="talks"
-        )
-    tried = f"tried {_summary(search.met)}"
-    if search.expired:
-        return NoAnswer(f"{name}: --deadline ended the search; {tried}", hint="a longer --deadline", code="deadline")
-    met = {error.code: error for _, error in search.met if error.code != NoAnswer.default_code}
-    if not met:
-        return NoAnswer(f"{name}: complete silence; {tried}", hint=SILENCE, code=NoAnswer.default_code)
-    if "boot-monitor" in met:
-        known = met["boot-monitor"]
-        return ProtocolError(f"{known.text}; {tried}", hint=known.hint, code=known.code)
-    if met.keys() <= {"echo", "echo-differs"}:
-        hint = "an echo or a TX-RX short, no device: check the wiring"
-        return ProtocolError(f"{name}: only our own bytes come back; {tried}", hint=hint, code="echo")
-    return ProtocolError(f"{name}: bytes came, but no valid answer; {tried}", hint=GARBAGE, code="garbage")
-
-
-SILENCE = (
-    "check power, cable, crossed TX and RX, RS-232 on RS-485; another id than 1: --ids 1-254; "
-    f"a CAN adapter: -p can:slcan:PORT; {MODBUS_HINT}"
-)
-GARBAGE = "another kind of device, a disturbed line, two devices with one id, or an slcan adapter (-p can:slcan:PORT)"
-
-
-def _summary(met: Sequence[tuple[Step, HandctlError]]) -> str:
-    """``ekso at 115200 (no-answer), exo at 115200, 57600, 19200 (echo)``."""
-    groups: dict[tuple[str, str], list[str]] = {}
-    for step, error in met:
-        groups.setdefault((step.family, error.code), []).append(str(step.speed) if step.speed else "")
-    parts = []
-    for (family, code), speeds in groups.items():
-        at = f" at {', '.join(filter(None, speeds))}" if any(speeds) else ""
-        parts.append(f"{family}{at}: {'silence' if code == NoAnswer.default_code else code}")
-    return "; ".join(parts) or "nothing"
-
-
-def is_modbus(data: bytes) -> bool:
-    """Whether `data` holds a Modbus RTU frame: address 1..247, a function, and a CRC-16 that fits."""
-    for start in range(len(data) - 4):
-        if not 1 <= data[start] <= 247 or not 1 <= data[start + 1] & 0x7F <= 24:
-            continue
-        crc = 0xFFFF
-        for end in range(start, len(data) - 2):
-            crc ^= data[end]
-            for _ in range(8):
-                crc = crc >> 1 ^ 0xA001 if crc & 1 else crc >> 1
-            if end >= start + 2 and data[end + 1 : end + 3] == crc.to_bytes(2, "little"):
-                return True
-    return False

@@ -10,8 +10,8 @@ from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 
 from handctl.devices.inspire.blocks import BlockReader, Memory
-from handctl.devices.inspire.bus import RegisterBus, add
 from handctl.devices.inspire.map import Register, register_of
+from handctl.devices.inspire.registers import RegisterBus, add
 from handctl.errors import CheckFailed, HandctlError, Interrupted, LinkError, NoAnswer
 from handctl.link import Link
 from handctl.model.param import Element, Number, ParamMap, Reading, Step

@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from handctl.devices.inspire.bus import RegisterBus
 from handctl.devices.inspire.eb90 import MAX_COUNT
 from handctl.devices.inspire.map import Register
+from handctl.devices.inspire.registers import RegisterBus
 from handctl.errors import HandctlError, NoAnswer, ProtocolError
 
 

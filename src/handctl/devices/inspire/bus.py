@@ -5,190 +5,22 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from copy import copy
-from typing import TYPE_CHECKING, ClassVar, Self
+from collections.abc import Sequence
+from typing import ClassVar
 
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.eb90 import Decoder, Frame
 from handctl.devices.inspire.mishaps import SILENCE_HINT, explain, hint_for, shorten
 from handctl.devices.inspire.quiet import question
-from handctl.errors import DeviceRefused, HandctlError, Interrupted, LinkError, NoAnswer, ProtocolError
-from handctl.link import ByteLink, CanFrame, Deadline, Link
+from handctl.devices.inspire.registers import DEFAULT_RETRIES, DEFAULT_TIMEOUT, RegisterBus
+from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError
+from handctl.link import ByteLink, CanFrame, Deadline
 from handctl.model.foreign import harmless
 from handctl.model.param import Step
 from handctl.model.result import Journal, hex_bytes
 
-if TYPE_CHECKING:
-    from handctl.devices.inspire.identity import FamilyGate
-
-DEFAULT_TIMEOUT = 0.3
-"""Seconds of silence allowed per reply beyond wire time: USB (4 ms), FTDI latency (16 ms) and Bluetooth with room."""
-DEFAULT_RETRIES = 2
 PATIENCE = 4
 """An answer that has begun and keeps coming may take this many timeouts in all."""
-
-
-@contextmanager
-def telling(bus: RegisterBus, left_behind: str, hint: str) -> Iterator[None]:
-    """Ctrl-C, or a link that is lost, in here is told with what it leaves behind, once a write was sent in here.
-
-    Raises Interrupted, LinkError.
-    """
-    before = bus.journal.counters.writes
-    try:
-        yield
-    except KeyboardInterrupt as exc:
-        if bus.journal.counters.writes == before:
-            raise
-        raise Interrupted(f"interrupted: {left_behind}", hint=hint) from exc
-    except LinkError as exc:
-        if bus.journal.counters.writes > before:
-            add(exc, left_behind, hint)
-        raise
-
-
-@contextmanager
-def watching(what: str) -> Iterator[None]:
-    """Whatever keeps a movement from being watched to its end is told with: it may still move."""
-    try:
-        yield
-    except (NoAnswer, ProtocolError, LinkError) as exc:
-        if exc.code != "deadline":
-            add(exc, f"{what} may still move", "switch the power off if that is dangerous")
-        raise
-
-
-def add(error: HandctlError, left_behind: str, hint: str) -> None:
-    """Tell in an error what it leaves behind, and that step first."""
-    error.text = f"{error.text}; {left_behind}"
-    error.hint = ". ".join(filter(None, (hint, error.hint)))
-
-
-class RegisterBus(ABC):
-    """The wire to the registers of one device id: what the serial bus and the CAN bus have in common.
-
-    timeout   seconds allowed for a reply, beyond the time its bits need on the wire
-    retries   repetitions of a read that got no valid answer; writes are never repeated
-    bound     deadline of the whole command, None = none
-    max_count longest single read in bytes
-    spaces    read and write flag of each register space
-    gate      looks who is there before the first frame that is no read; None = nobody looks
-    round_trip   seconds that the last answer took, its bytes included
-    """
-
-    max_count: int
-    spaces: ClassVar[dict[str, tuple[int, int]]]
-    gate: FamilyGate | None = None
-    round_trip: float | None = None
-    read_flag: int
-    write_flag: int
-
-    def __init__(
-        self,
-        link: Link,
-        device_id: int,
-        journal: Journal,
-        *,
-        timeout: float = DEFAULT_TIMEOUT,
-        retries: int = DEFAULT_RETRIES,
-        bound: Deadline | None = None,
-    ) -> None:
-        self.link = link
-        self.id = device_id
-        self.journal = journal
-        self.timeout = timeout
-        self.retries = retries
-        self.bound = bound
-        self._met: set[int] = set()  # ids that have answered a read, also through `at`
-
-    @abstractmethod
-    def read(self, address: int, count: int, *, retries: int | None = None) -> bytes:
-        """`count` bytes from `address`. Raises UsageError, NoAnswer, ProtocolError, LinkError."""
-
-    def quiet(self, address: int, count: int) -> bool:
-        """Whether this read may be sent now: somebody has answered, or no stranger on the line would act upon it."""
-        return True
-
-    @abstractmethod
-    def write(self, address: int, data: bytes) -> None:
-        """Write `data` once. Raises DeviceRefused; NoAnswer, ProtocolError when it is unknown whether it arrived."""
-
-    def try_write(self, address: int, data: bytes, what: str, then: str, **more: Sequence[int]) -> HandctlError | None:
-        """Write once; where no acknowledgement came, that is told and returned: `then` says what decides instead.
-
-        Raises what kept it from being sent.
-        """
-        before = self.journal.counters.writes
-        try:
-            self.write(address, data, **more)
-        except (NoAnswer, ProtocolError) as exc:
-            if self.journal.counters.writes == before:
-                raise
-            self.journal.warn("ack-lost", f"{what} was not acknowledged ({exc.text}); {then}")
-            return exc
-        return None
-
-    @abstractmethod
-    def write_step(self, address: int, data: bytes, meaning: str) -> Step:
-        """The exact bytes of that write."""
-
-    @abstractmethod
-    def only_reads(self, request: bytes | CanFrame) -> bool:
-        """Whether `request` is nothing but reads, which change no device of this maker."""
-
-    @abstractmethod
-    def addressee(self, request: bytes | CanFrame) -> int:
-        """The id that `request` is for, this bus's own where it has none."""
-
-    def pass_gate(self, request: bytes | CanFrame) -> None:
-        """Called with everything before it is sent. Raises NotIdentified before a first write to a stranger."""
-        if not self.only_reads(request):
-            self.at(device_id=self.addressee(request)).identify()
-
-    def count(self, request: bytes | CanFrame) -> None:
-        """Before it is sent: a line that is lost meanwhile may have taken it."""
-        self.journal.counters.sent += 1
-        self.journal.counters.writes += not self.only_reads(request)
-
-    def identify(self) -> None:
-        """Look who is there, unless that is done: also called before a process is made that will write by itself."""
-        if self.gate is not None:
-            self.gate.look(self)
-
-    def at(self, space: str = "", device_id: int | None = None) -> Self:
-        """The same wire to another register space ("hand", "wrist"), or to another id."""
-        other = copy(self)
-        other.read_flag, other.write_flag = self.spaces.get(space, (self.read_flag, self.write_flag))
-        other.id = self.id if device_id is None else device_id
-        return other
-
-    @property
-    def where(self) -> str:
-        """Device, id and link for messages."""
-        return f"id {self.id} on {self.link.name}"
-
-    def pause(self, seconds: float) -> None:
-        """Let time pass, but not beyond the deadline of the command."""
-        self.link.sleep(min(seconds, self.bound.remaining) if self.bound is not None else seconds)
-
-    def out_of_time(self, what: str) -> None:
-        """Raise NoAnswer when --deadline, not the device, ended a wait for `what`."""
-        if self.bound is not None and self.bound.expired:
-            raise NoAnswer(
-                f"{self.where}: --deadline ended the wait for {what}; how it ended is unknown",
-                hint="read the values before you repeat it; a longer --deadline waits for the end",
-                code="deadline",
-            )
-
-    def refuse_late(self, request: str) -> None:
-        """Raise NoAnswer instead of sending anything after --deadline: the device may be worn."""
-        if self.bound is not None and self.bound.expired:
-            raise NoAnswer(
-                f"{self.where}: --deadline is over; {request} was not sent", hint="a longer --deadline", code="deadline"
-            )
 
 
 class Bus(RegisterBus):

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import ClassVar
 
 from handctl.devices.inspire import canreg
-from handctl.devices.inspire.bus import DEFAULT_RETRIES, DEFAULT_TIMEOUT, RegisterBus
+from handctl.devices.inspire.registers import DEFAULT_RETRIES, DEFAULT_TIMEOUT, RegisterBus
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError
 from handctl.link import CanFrame, Deadline, FrameLink
 from handctl.model.param import Step

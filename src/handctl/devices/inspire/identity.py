@@ -11,8 +11,8 @@ from collections.abc import Callable, Collection
 from typing import NamedTuple
 
 from handctl.devices.inspire import eb90
-from handctl.devices.inspire.bus import RegisterBus
 from handctl.devices.inspire.quiet import READS, Span
+from handctl.devices.inspire.registers import RegisterBus
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError
 from handctl.model.gate import Gate
 from handctl.model.result import hex_bytes

@@ -13,11 +13,10 @@ from collections.abc import Iterator
 from typing import Any
 
 from handctl.devices.barrett.device import BarrettHand
-from handctl.devices.barrett.gcl.language import CR, Answer, has_prompt, status_in
+from handctl.devices.barrett.gcl.language import Answer
 from handctl.devices.barrett.gcl.line import COLON_ALONE, DISTURBED, restarted_in
 from handctl.devices.barrett.map import BARRETT
 from handctl.devices.barrett.realtime.blocks import (
-    ACKNOWLEDGE,
     FEEDBACK_ONLY,
     NEITHER,
     Decoder,
@@ -25,6 +24,7 @@ from handctl.devices.barrett.realtime.blocks import (
     Layout,
     LoopError,
 )
+from handctl.devices.barrett.realtime.entering import enter
 from handctl.devices.barrett.realtime.flags import Wish, prepare
 from handctl.devices.barrett.realtime.guards import Guards
 from handctl.devices.barrett.realtime.leaving import Session, still
@@ -45,7 +45,6 @@ from handctl.model.guide import Guide
 from handctl.model.param import Element
 from handctl.model.result import Sample
 
-ENTER_SECONDS = 1.5
 READER_SECONDS = 0.5
 PROOF_SECONDS = 0.025
 """Silence behind a block that proves its end where no other block follows: an adapter hands bytes over within 16 ms."""
@@ -156,7 +155,7 @@ class RealtimeLoop:
 
     def _enter(self) -> None:
         """`FGET P` (the reference of the deltas, and where the guards begin), then LOOP and its acknowledgement."""
-        hand, link, session = self.hand, self.hand.link, self.session
+        hand, session = self.hand, self.session
         prepared = self._intake.prepared
         start: dict[int, int] = {}
         if prepared.limits or any("delta" in motor.feedback for motor in session.layout.motors.values()):
@@ -165,42 +164,7 @@ class RealtimeLoop:
                     raise reading.error
                 start[reading.element.index] = int(reading.value or 0)
         self._intake.begin(start)
-        command = f"{self.wish.prefix}LOOP"
-        sent = command.encode("ascii")
-        line = hand.line
-        deadline = link.deadline(ENTER_SECONDS + 2 * line.wire_seconds(len(sent) + 2)).earlier(line.bound)
-        line.drain()
-        # From here on it may be in the loop, where every byte counts as a header: it is left by ^C and nothing else.
-        session.inside = session.asked = True
-        session.mark = hand.journal.ledger.mark
-        line.link.write(sent + CR, deadline)
-        hand.journal.counters.sent += 1
-        came = b""
-        while not deadline.expired:
-            if len(came) > len(sent) and came[len(sent)] == ACKNOWLEDGE and came[: len(sent)].upper() == sent:
-                hand.journal.counters.received += 1
-                session.decoder.feed(came[len(sent) + 1 :])
-                return
-            if has_prompt(came):
-                if status := status_in(came):
-                    session.inside = session.asked = False
-                    raise hand.refusal(Answer(command, (), status, came))
-                break
-            chunk = line.link.read(deadline)
-            if not chunk:
-                break
-            came = (came + chunk).lstrip(b" ")  # the space behind the prompt before may come late
-        if line.bound is not None and line.bound.expired:
-            raise NoAnswer(f"{link.name}: --deadline is over", hint="a longer --deadline", code="deadline")
-        if not came:
-            raise NoAnswer(
-                f"{link.name}: no answer to {command}", hint="`handctl barrett status` tells whether it is there"
-            )
-        raise ProtocolError(
-            f"{link.name}: expected {command} and *, or ERR, got {came[:48].hex(' ').upper()}",
-            hint=DISTURBED,
-            code="echo-differs",
-        )
+        enter(session)
 
     def _self_test(self) -> None:
         """Overlapped blocks that drive nothing: a hand that does not keep up with them must not be driven so."""

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from handctl.devices.inspire import eb90
-from handctl.devices.inspire.bus import DEFAULT_RETRIES, DEFAULT_TIMEOUT, Bus
-from handctl.devices.inspire.exo.device import ExoHand, check_command
+from handctl.devices.inspire.bus import Bus
+from handctl.devices.inspire.exo.device import ExoHand
+from handctl.devices.inspire.exo.motion_cli import add_movements
 from handctl.devices.inspire.identity import FamilyGate, kind_of
 from handctl.devices.inspire.map import BAUD_RATES, EXO, address_in
+from handctl.devices.inspire.registers import DEFAULT_RETRIES, DEFAULT_TIMEOUT
 from handctl.errors import HandctlError, NoAnswer, UsageError
 from handctl.frame import stored, verbs
 from handctl.frame.clikit import Group
@@ -54,24 +56,6 @@ cli = Group(
     help="Inspire EH55BF1 exoskeleton hand, over RS-232 or a Bluetooth serial port. A person may be wearing it: "
     "commands that move it or change it for good ask first.",
 )
-
-
-class _Signed(click.ParamType):  # type: ignore[type-arg,unused-ignore]
-    """A whole number that may be negative; the range is the manual's."""
-
-    name = "integer"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        try:
-            if "_" in str(value):  # Python's grouping, which `set` does not take either
-                raise ValueError(value)
-            return int(value)
-        except (TypeError, ValueError):
-            self.fail(f"{value!r} is not a whole number", param, ctx)
-
-
-NEGATIVE_NUMBERS = {"ignore_unknown_options": True}
-"""Lets `-100` be an argument; a mistyped option then fails as "not a whole number"."""
 
 
 add_map_verbs(
@@ -318,62 +302,7 @@ def factory_reset(run: Run, undocumented_address: bool, backup: str | None, skip
     return flash.factory_reset(hand)  # fmt: skip
 
 
-@cli.verb("calibrate", writes=True)
-def calibrate(run: Run) -> Table:
-    """Guided calibration of forces and positions. The hand must be worn, and it moves the wearer's fingers."""
-    from handctl.devices.inspire.exo import motion
-
-    steps = [run.planner().trigger_step("calibrate", "calibrate")]
-    if (plan := run.planned(steps)) is not None:
-        return plan
-    for number, (seconds, text) in enumerate(motion.CALIBRATION_STEPS, 1):
-        run.guide.say(f"  step {number}: {text}; holds {seconds} s")
-    run.confirm("The hand must be worn and moves all fingers through the steps above; no command stops it", steps)
-    return motion.calibrate(run.device(), run.guide)
-
-
-@cli.verb("force", writes=True)
-@click.argument("values", nargs=5, type=_Signed(), metavar="LITTLE RING MIDDLE INDEX THUMB")
-def force(run: Run, values: tuple[int, ...]) -> Table:
-    """Command forces, -1000 to 1000: positive opens the hand, negative closes it. Shows the positions it answers.
-
-    The force stays until another is commanded; `force 0 0 0 0 0` releases.
-    """
-    return _command(run, "force", values)
-
-
-@cli.verb("position", writes=True)
-@click.argument("values", nargs=5, type=_Signed(), metavar="LITTLE RING MIDDLE INDEX THUMB")
-@click.option(
-    "--wait",
-    type=Seconds(),
-    metavar="S",
-    help="Watch up to S seconds until the fingers stand still; Ctrl-C holds them where they are.",
-)
-def position(run: Run, values: tuple[int, ...], wait: float | None) -> Table:
-    """Command positions, 0 (bent) to 1000 (open). Shows the forces it answers; --wait shows where the fingers end."""
-    return _command(run, "position", values, wait)  # fmt: skip
-
-
-for _command_with_numbers in (force, position):
-    _command_with_numbers.context_settings.update(NEGATIVE_NUMBERS)
-
-
-def _command(run: Run, which: str, values: tuple[int, ...], wait: float | None = None) -> Table:
-    from handctl.devices.inspire.exo import motion
-
-    check_command(which, values)
-    step = run.planner().command_step(which, list(values))
-    if (plan := run.planned([step])) is not None:
-        return plan
-    run.confirm(f"This moves a hand that may be worn: {step.meaning}", [step])
-    hand = run.device()
-    if wait is not None:
-        return motion.move(hand, list(values), run.guide, wait=wait)
-    table = motion.command(hand, which, list(values), run.guide)
-    if which == "force" and any(values):
-        run.journal.info("stays", "the force stays until another is commanded; `handctl exo force 0 0 0 0 0` releases")
-    return table
+add_movements(cli)
 
 
 # -- looking for hands --------------------------------------------------------------------------------------------

@@ -7,10 +7,10 @@ hand's order is followed, and what is unknown on this hardware is said.
 from __future__ import annotations
 
 from handctl.devices.inspire import eb90
-from handctl.devices.inspire.bus import telling
 from handctl.devices.inspire.exo.device import ExoHand
 from handctl.devices.inspire.exo.procedures import probe
 from handctl.devices.inspire.map import EXO, OVER_TEMPERATURE, Register
+from handctl.devices.inspire.registers import telling
 from handctl.errors import CheckFailed, DeviceRefused, NoAnswer
 from handctl.model.guide import Guide
 from handctl.model.param import elements_of

@@ -8,10 +8,11 @@ from __future__ import annotations
 from collections.abc import Collection
 
 from handctl.devices.inspire import eb90
-from handctl.devices.inspire.bus import Bus, telling, watching
+from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.exo.device import ExoHand
 from handctl.devices.inspire.exo.flash import outcome
 from handctl.devices.inspire.map import EXO
+from handctl.devices.inspire.registers import telling, watching
 from handctl.errors import HandctlError, Interrupted
 from handctl.link.deadman import Guard, Shot, guarding
 from handctl.model.guide import Guide

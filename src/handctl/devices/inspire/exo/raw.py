@@ -6,10 +6,11 @@ from contextlib import AbstractContextManager, nullcontext
 
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.base import RegisterDevice
-from handctl.devices.inspire.bus import Bus, telling
+from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.exo.device import check_command
 from handctl.devices.inspire.map import EXO, Register
 from handctl.devices.inspire.mishaps import explain, hint_for, shorten
+from handctl.devices.inspire.registers import telling
 from handctl.devices.inspire.spans import describe, element_at, stretches
 from handctl.errors import CheckFailed, DeviceRefused, NoAnswer, ProtocolError, UsageError
 from handctl.model.param import Element, ParamMap, Reading, Step

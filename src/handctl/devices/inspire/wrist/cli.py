@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from handctl.devices.inspire.bus import DEFAULT_RETRIES, DEFAULT_TIMEOUT, Bus
+from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.identity import FamilyGate, kind_of
 from handctl.devices.inspire.map import WRIST, address_in
+from handctl.devices.inspire.registers import DEFAULT_RETRIES, DEFAULT_TIMEOUT
 from handctl.devices.inspire.wrist.device import WIRING_HINT, Wrist
 from handctl.frame.clikit import Group
 from handctl.frame.family import Family

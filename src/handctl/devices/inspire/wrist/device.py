@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.base import RegisterDevice
-from handctl.devices.inspire.bus import watching
 from handctl.devices.inspire.map import WRIST, register_of
+from handctl.devices.inspire.registers import watching
 from handctl.errors import CheckFailed, HandctlError, Interrupted, UsageError
 from handctl.model.guide import Guide
 from handctl.model.param import Element, Number, Reading, Step, elements_of

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from handctl.devices.inspire import canreg, eb90
-from handctl.devices.inspire.bus import Bus, telling
+from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.canbus import CanBus, describe_frame
 from handctl.devices.inspire.map import EXO, WRIST, Register
+from handctl.devices.inspire.registers import telling
 from handctl.devices.inspire.spans import describe
 from handctl.devices.inspire.wrist.device import Wrist
 from handctl.errors import CheckFailed, DeviceRefused, HandctlError, NoAnswer, ProtocolError, UsageError

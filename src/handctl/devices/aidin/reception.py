@@ -1,0 +1,190 @@
+"""What one AIDIN-hand says: bytes in, feedback out, and a word for what came instead of it.
+
+Feedback is merged key by key; a key that is wrong is refused by itself. When to ask is not known here (exchange.py).
+"""
+
+from __future__ import annotations
+
+from handctl.devices.aidin import trouble
+from handctl.devices.aidin.feedback import ALL, Feedback, Quality
+from handctl.devices.aidin.messages import Decoder, MalformedObject
+from handctl.devices.aidin.way import Exchange, Way
+from handctl.errors import HandctlError, LinkError, NoAnswer, ProtocolError
+from handctl.link import ByteLink, Deadline
+from handctl.model.result import Journal, hex_bytes
+
+SILENCE = 1.0
+WRITE_SECONDS = 1.0
+BAD_IN_A_ROW = 3
+MOST_UNKNOWN, LONGEST_NAME = 20, 40
+READS_AT_ONCE = 256
+
+
+class Reception:
+    """What has come over one connection, merged.
+
+    timeout   seconds of silence allowed; None = 1 s of a stream, 0.2 s for the answer to a poll
+    bound     the end of the whole command
+    way       what is said about how the hand speaks; `exchange` is what is known of it by now
+    """
+
+    def __init__(
+        self, link: ByteLink, journal: Journal, *, timeout: float | None, bound: Deadline | None, way: Way
+    ) -> None:
+        self.link = link
+        self.journal = journal
+        self.timeout = timeout
+        self.bound = bound
+        self.way = way
+        self.exchange = Exchange.UNKNOWN
+        self.quality = Quality()
+        journal.counters.keys = self.quality.keys
+        self.feedback = Feedback(self.quality)
+        self._strange = b""  # the first object that is neither feedback nor ours
+        self._since = b""  # what has come since the last feedback and is none
+        self._decoder = Decoder()
+        self._bad_in_a_row = 0
+        self._junk = b""
+        self._why = ""  # what is wrong with the first object that was damaged
+        self._echoes = 0
+        self._heard = 0.0  # when anything came last
+        self._last = 0.0  # when feedback came last
+        self._good: dict[str, float] = {}  # when a key came last as it should
+        self._unanswered = 0
+        self._unknown: set[str] = set()
+
+    # -- time ----------------------------------------------------------------------------------------------------
+
+    def deadline(self, seconds: float) -> Deadline:
+        """The deadline `seconds` from now, or the command's own where that is earlier."""
+        return self.link.deadline(seconds).earlier(self.bound)
+
+    def check_bound(self) -> None:
+        """Raise NoAnswer when --deadline is over."""
+        if self.bound is not None and self.bound.expired:
+            raise NoAnswer(f"{self.link.name}: --deadline is over", hint="a longer --deadline", code="deadline")
+
+    def reconnect(self, seconds: float) -> bool:
+        """See Link: what the old connection left half said is no part of the new one. Raises LinkError."""
+        done = self.link.reconnect(seconds)
+        if done:
+            self._decoder = Decoder()
+        return done
+
+    # -- bytes ---------------------------------------------------------------------------------------------------
+
+    def send(self, data: bytes) -> None:
+        """One object, ended by the terminator, in one write. Raises LinkError."""
+        self.link.write(data + self.way.end, self.link.deadline(WRITE_SECONDS))
+        self.journal.counters.sent += 1
+
+    def _receive(self, deadline: Deadline) -> bool:
+        """Take what arrives before `deadline`; whether feedback was in it. Raises LinkError, ProtocolError."""
+        try:
+            data = self.link.read(deadline)
+        except LinkError as exc:
+            raise self._closed(exc) from exc
+        if not data:
+            return False
+        self._heard = self.link.now()
+        self._decoder.feed(data)
+        found = False
+        while True:
+            try:
+                content = self._decoder.next()
+            except MalformedObject as exc:
+                self._note_bad(exc)
+                continue
+            if content is None:
+                return found
+            found = self._take(content) or found
+
+    def _take(self, content: dict[str, object]) -> bool:
+        if not self.feedback.take(content):
+            ours = not content or "hand_mode" in content or self._decoder.taken == self.way.poll.strip()
+            if ours and self.journal.counters.sent:  # before anything was sent it cannot have come back
+                self._echoes += 1
+            else:
+                self._strange = self._strange or self._decoder.taken[:64]
+                self._since = (self._since + self._decoder.taken)[:64]
+                self._note_unknown(content)
+            return False
+        self.journal.counters.received += 1
+        self._bad_in_a_row = self._unanswered = 0
+        self._since = b""
+        self._last = self.link.now()
+        self._good.update({key: self._last for key in content if key in ALL and key not in self.feedback.errors})
+        self._note_unknown(content)
+        return True
+
+    def _note_unknown(self, content: dict[str, object]) -> None:
+        """Name keys that the manual does not have, each once and not more than a person reads."""
+        new = [key for key in content if key not in ALL and key not in self._unknown][
+            : MOST_UNKNOWN - len(self._unknown)
+        ]
+        if new:
+            self._unknown.update(new)
+            names = ", ".join(key[:LONGEST_NAME] for key in new)
+            self.journal.info("unknown-keys", f"keys that the manual does not have: {names}")
+
+    def _note_bad(self, exc: MalformedObject) -> None:
+        counters = self.journal.counters
+        self._junk = (self._junk + exc.data)[:64]
+        self._since = (self._since + exc.data)[:64]
+        if exc.stray:
+            counters.stray_bytes += len(exc.data)
+            return
+        counters.bad_frames += 1
+        self._why = self._why or exc.text.partition(": b")[0]  # its bytes are told beside it
+        self._bad_in_a_row += 1
+        if self._bad_in_a_row >= BAD_IN_A_ROW:
+            raise ProtocolError(
+                f"{self.link.name}: {BAD_IN_A_ROW} objects in a row are damaged, the last one: {exc.text}; "
+                f"its bytes begin {hex_bytes(exc.data[:16])}",
+                hint="look at the connection with --trace FILE",
+                code="bad-json",
+            )
+
+    def drain(self) -> None:
+        """Take everything that has already arrived."""
+        now = self.link.deadline(0)
+        for _ in range(READS_AT_ONCE):
+            before = self._bytes_seen
+            if not self._receive(now) and self._bytes_seen == before:
+                return
+
+    @property
+    def _bytes_seen(self) -> int:
+        return sum(self.feedback.seen.values()) + len(self._junk + self._strange) + len(self._decoder.pending)
+
+    # -- what went wrong -------------------------------------------------------------------------------------------
+
+    def nothing_came(self) -> HandctlError:
+        """The error of a hand that has sent no feedback: silence, or what came instead."""
+        return (
+            self._no_feedback()
+            if self._junk or self._strange or self._decoder.pending or self._echoes
+            else self._silent()
+        )
+
+    def _silent(self, *, asked: bool = True, moving: bool = False) -> HandctlError:
+        known = moving or self.exchange is not Exchange.UNKNOWN
+        stopped = bool(self.journal.counters.received) and known
+        instead = self._since or self._decoder.pending[:64]
+        if stopped and instead:
+            return trouble.no_feedback(self.link.name, instead, whole=False, more="more ")
+        return trouble.silent(self.link.name, self.way, self.timeout or SILENCE, asked=asked, stopped=stopped)
+
+    def _closed(self, exc: LinkError) -> HandctlError:
+        """A connection that ended before any feedback came: junk tells who it was, silence that the hand is taken."""
+        if self.journal.counters.received:
+            return exc
+        if self._junk:
+            return self._no_feedback()
+        hint = "another client may hold the hand, which serves one; or it is another server: check address and port"
+        return LinkError(exc.text, hint=hint, code=exc.code)
+
+    def _no_feedback(self) -> HandctlError:
+        strange = b"" if self._junk else self._strange
+        seen = self._junk or strange or self._decoder.pending[:64]
+        return trouble.no_feedback(self.link.name, seen, whole=bool(strange), why=self._why if self._junk else "")
