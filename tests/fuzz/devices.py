@@ -8,49 +8,15 @@ import handctl.sim
 from handctl.model.piece import DEVICE, HOST, SIDES
 from handctl.sim.engine.slcan import Adapter
 from handctl.tools.trace_read import explainer_of
-from tests.ekso.support import frame as ekso_frame
-from tests.fuzz.decoders import (
-    AIDIN_GOODS,
-    AIDIN_LIKELY,
-    EB90_GOODS,
-    EB90_LIKELY,
-    EKSO_LIKELY,
-    SLCAN_GOODS,
-    ekso_goods,
-)
+from tests.contract.facts import facts_of
+from tests.fuzz.decoders import SLCAN_GOODS
 from tests.fuzz.support import Chunks
-from tests.support.scripted import unhex
 
-GCL_GOODS = [
-    b"FGET P\r",
-    b"FGET P\n\r1 2 3 4\n\r=> ",
-    b"1LOOP\r",
-    b"1LOOP\n\r*",
-    b"X",
-    b":",
-    b"C\x10\x0a",
-    b"*\x01\x02",
-    b"\x03",
-    b"1FSET P 3\r",
-    b"\n\r=> ",
-    b"ERR 4\n\r=> ",
-]
-GCL_LIKELY = b"\r\n=> *XCcAa:0123456789FGETSILOP\x03\xff"
-STREAMS = {
-    "exo": (EB90_GOODS, EB90_LIKELY),
-    "wrist": (EB90_GOODS, EB90_LIKELY),
-    "barrett": (GCL_GOODS, GCL_LIKELY),
-    "ekso": ([*ekso_goods(random.Random(3)), ekso_frame(155, 7, unhex("00 CA 06 0E"))], EKSO_LIKELY),
-    "aidin": (AIDIN_GOODS, AIDIN_LIKELY),
-}
-ASKS = {
-    "exo": (unhex("EB 90 01 04 11 C0 05 02 DD"), unhex("90 EB 01 05 11 C0 05")),
-    "wrist": (unhex("EB 90 01 04 11 E8 03 01 02"), unhex("90 EB 01 04 11 E8 03")),
-    "barrett": (b"\rFGET S\r", b"FGET S"),
-    "ekso": (ekso_frame(150, 0xC8), unhex("96 03 00 C8")),
-    "aidin": (b'{"hand_mode":1}\n', b"{"),
-}
-"""A read request for each simulator, and how its answer begins."""
+
+def chunks_of(family: str) -> Chunks:
+    """A stream of bytes as they may pass between that device and its host."""
+    facts = facts_of(family)
+    return Chunks(facts.goods, facts.likely)
 
 
 class Explain:
@@ -58,7 +24,7 @@ class Explain:
 
     def __init__(self, family: str) -> None:
         self._family = family
-        self._chunks = {side: Chunks(*STREAMS[family]) for side in SIDES}
+        self._chunks = {side: chunks_of(family) for side in SIDES}
 
     def __call__(self, source: random.Random) -> int:
         explainer = explainer_of(self._family)
@@ -82,11 +48,11 @@ class Explain:
 
 
 class Simulated:
-    """A simulator: any client may send anything; after a pause a good request is answered."""
+    """A simulator: any client may send anything; it raises nothing and piles nothing up."""
 
     def __init__(self, kind: str) -> None:
         self._kind = kind
-        self._chunks = Chunks(*STREAMS[kind])
+        self._chunks = chunks_of(kind)
         self._now = 0.0
 
     def __call__(self, source: random.Random) -> int:

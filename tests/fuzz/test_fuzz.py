@@ -10,11 +10,12 @@ from pathlib import Path
 
 import pytest
 
+from handctl.families import FAMILIES
 from handctl.link import Deadline
 from handctl.link.can import CanLink
 from tests.fuzz import decoders, texts
 from tests.fuzz.decoders import Aidin, Eb90, Ekso, Slcan
-from tests.fuzz.devices import STREAMS, Explain, Simulated, SlcanAdapter
+from tests.fuzz.devices import Explain, Simulated, SlcanAdapter
 from tests.fuzz.support import Episode, long_seconds, run_episodes
 
 SHORT, LONG = 2_000, 1_000_000
@@ -39,8 +40,8 @@ DECODERS = {
     "configuration": texts.Configuration,
     "snapshot": texts.Snapshot,
     "ekso log": texts.EksoLog,
-    **{f"explain {family}": lambda folder, family=family: Explain(family) for family in STREAMS},
-    **{f"sim {family}": lambda folder, family=family: Simulated(family) for family in STREAMS},
+    **{f"explain {family}": lambda folder, family=family: Explain(family) for family in FAMILIES},
+    **{f"sim {family}": lambda folder, family=family: Simulated(family) for family in FAMILIES},
 }
 
 

@@ -7,7 +7,7 @@ that has no line, and the test of the matrix fails. Nothing here knows what a co
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -18,6 +18,9 @@ import click
 from handctl import families
 from handctl.tools.probes import family_of, probe_of
 from tests.barrett import commands as barrett_commands
+from tests.contract.commands import commands as commands_of
+from tests.contract.commands import scratch_of
+from tests.contract.facts import facts_of
 from tests.ekso import commands as ekso_commands
 from tests.inspire import exo_commands, wrist_commands
 
@@ -137,6 +140,20 @@ def _speeds() -> Iterator[tuple[str, ...]]:
                 yield name, "status", "--baud", str(speed)
 
 
+LISTED = ("exo", "wrist", "barrett", "ekso", "aidin")
+"""Families with lists of their own, which leave out what stands in MORE."""
+
+
+def _by_the_contract(listed: Collection[Path_]) -> Iterator[tuple[str, ...]]:
+    """The commands of a family that no list has, with the arguments that the contract knows."""
+    for family in families.FAMILIES:
+        facts = facts_of(family)
+        for name, _ in commands_of(family):
+            path = (family, *name.split())
+            if path not in listed and (name in facts.writes or family not in LISTED):
+                yield *path, *facts.words(name, Path("{dir}"))
+
+
 READING_KINDS = ("read", "stream", "scan", "none", "log")
 READING = {
     ("exo", "raw", "EB 90 01 04 11 C0 05 02 DD"), ("barrett", "strain"), ("barrett", "strain", "--live", "--count", "2"),
@@ -164,6 +181,9 @@ def examples() -> dict[Path_, tuple[Line, ...]]:
     ]
     more = [(family, *words) for family, lines in MORE.items() for words in lines]
     rows += [(words, words not in READING, False, ()) for words in (*more, *_tools(), *_speeds())]
+    rows += [
+        (words, True, True, ()) for words in _by_the_contract({words[:size] for words, *_ in rows for size in (2, 3)})
+    ]
     for words, writing, asks, on_can in rows:
         path = next((words[:size] for size in (3, 2, 1) if words[:size] in commands), None)
         if path is None:
@@ -190,5 +210,5 @@ def prepare(scratch: Path) -> None:
     }  # fmt: skip
     for family in families.FAMILIES:
         (scratch / family).mkdir()
-        preparing.get(family, lambda _: None)(scratch / family)
+        preparing.get(family, scratch_of)(scratch / family)
     (scratch / "barrett" / "image.s19").write_text(FIRMWARE, encoding="ascii")

@@ -9,12 +9,14 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 from handctl.families import FAMILIES
-from handctl.sim import KINDS, create
+from handctl.sim import create
 from handctl.sim.engine.canline import CanLine
 from handctl.sim.engine.line import Line
+from tests.contract.facts import facts_of
 from tests.support.rh56_hand import GENERATIONS, rh56_line
 
 Wire = str
@@ -228,11 +230,20 @@ def _aidin() -> Iterator[State]:
 MAKERS: dict[str, Callable[[], Iterator[State]]] = {
     "barrett": _barrett, "exo": _inspire, "wrist": _inspire, "ekso": _ekso, "aidin": _aidin,
 }  # fmt: skip
-"""Kind of simulator -> what makes its states. A family that is not here has none, and the test of the matrix says so."""
+"""Kind of simulator -> what makes its states. One that is not here is at rest, and moves."""
+
+
+def _plain(family: str) -> Iterator[State]:
+    """The states of a family that has no list of its own, as its facts have them."""
+    facts = facts_of(family)
+    options = dict(item.split("=", 1) for item in facts.state.split("&") if item)
+    for wire in ("serial", "tcp"):
+        yield State(family, "at rest", family, family, options, wire=wire)
+        if facts.moving:
+            yield State(family, "moves", family, family, options, _then(0.5, facts.moving, 0.2), wire)
 
 
 def states() -> list[State]:
     """All of them; every kind of simulator has some."""
-    missing = [kind for kind in (*FAMILIES, *KINDS) if kind not in MAKERS]
-    assert not missing, f"no states in tests/harm/states.py for {', '.join(missing)}"
-    return [state for make in dict.fromkeys(MAKERS.values()) for state in make()]
+    plain = [partial(_plain, family) for family in FAMILIES if family not in MAKERS]
+    return [state for make in (*dict.fromkeys(MAKERS.values()), *plain) for state in make()]

@@ -12,20 +12,16 @@ from itertools import pairwise
 
 import pytest
 
+from handctl.families import FAMILIES
 from handctl.model.result import Sample, Table
 from handctl.screen import live
+from tests.contract.facts import facts_of
 from tests.support.cli import run
 from tests.support.screen import Screen, screen
 
 WIDTHS = (40, 80, 200)
-LINKS = {kind: f"fake://{kind}?seed=1&clock=virtual" for kind in ("exo", "wrist", "barrett", "ekso", "aidin")}
-VERBS = {
-    "exo": ("status", "dump"),
-    "wrist": ("status", "dump"),
-    "barrett": ("status", "dump", "maintenance", "fingertips", "diagnose", "strain"),
-    "ekso": ("status", "dump", "settings", "data", "feedback"),
-    "aidin": ("status", "dump"),
-}
+LINKS = {kind: f"fake://{kind}?seed=1&clock=virtual" for kind in FAMILIES}
+VERBS = {kind: facts_of(kind).screens for kind in FAMILIES}
 SCREENS = [(kind, verb) for kind, verbs in VERBS.items() for verb in verbs]
 OFFLINE = [*((kind, "describe") for kind in VERBS), ("barrett", "errors"), ("exo", "set position_set.little=3 -n")]
 FAULTY = [("exo?fault=faults", "status"), ("exo?fault=faults", "dump"), ("wrist?fault=faults", "status"),

@@ -19,7 +19,9 @@ from pathlib import Path
 import pytest
 
 from handctl.docgen.tree import read_tree
+from handctl.families import FAMILIES
 from handctl.sim.engine.serve import send_control
+from tests.contract.facts import facts_of
 from tests.support.cli import Result, Simulator, clean_environment, frame, program, run, wait_until
 from tests.support.places import TESTS
 
@@ -141,6 +143,16 @@ def aidin(command: str, mode: int, before: tuple[str, ...] = ("initial -y",), ti
     return Drive("aidin", command, driving, exactly(AIDIN_STOP * 3), power_off, "get motor_pos", before, times)
 
 
+FACTS = {family: facts_of(family) for family in FAMILIES}
+
+
+def by_facts(family: str, command: str, driving: bytes, stop: bytes) -> Drive:
+    """A family that has no bench of its own here: the stop three times, and nothing else; the panel shows all it has."""
+    state = [word for item in FACTS[family].state.split("&") if item for word in ("--set", item)]
+    BENCHES[family] = (family, "--pty", *state)
+    return Drive(family, command, driving, exactly(stop * 3), lambda bench: True, "values", times=2)
+
+
 OFF = b"\x03" + b"1T\r"
 HOLD = frame("EB 90 01 0D 12 CE 05") + b"." * 11
 STAY = frame("EB 90 01 07 31 0E 04") + b"." * 5
@@ -168,6 +180,7 @@ DRIVEN = {
         "wrist", "center --time 1500", frame("EB 90 01 04 30 FC 03"), three(STAY), at_rest((0, 0)),
         "get 1020 4", ("move --pitch 20 --yaw -20 --time 100",), 3,
     ),
+    **{f"{family} {facts.drives[0].split()[0]}": by_facts(family, *facts.drives) for family, facts in FACTS.items() if facts.drives},
 }  # fmt: skip
 FURTHER = {
     "wrist move on CAN": Drive(
@@ -202,6 +215,7 @@ ENDED = {
     **dict.fromkeys(("devices add", "devices remove", "completion"), HERE),
     "stop": STOPS,
     **dict.fromkeys(("exo stop", "wrist stop", "ekso stop"), STOPS),
+    **{f"{family} {name}": why for family in FAMILIES for name, why in (facts_of(family).ends or {}).items()},
 }  # fmt: skip
 """Writing command -> why its death leaves nothing running that it promised to stop."""
 

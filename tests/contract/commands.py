@@ -1,0 +1,46 @@
+"""The commands of the families in the registry, and the files that they take."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Iterator
+from pathlib import Path
+
+import click
+
+from handctl.families import FAMILIES
+from handctl.frame import snapshot
+from handctl.frame.clikit import Command
+from tests.contract.facts import facts_of
+
+ELSEWHERE = {("barrett", "firmware download"): "needs a power switch: tests of its own"}
+
+
+def commands(family: str) -> Iterator[tuple[str, Command]]:
+    """Every command of a family by the words behind the family's, as they are typed."""
+
+    def below(group: click.Group, path: str) -> Iterator[tuple[str, Command]]:
+        context = click.Context(group)
+        for name in group.list_commands(context):
+            command = group.get_command(context, name)
+            if isinstance(command, click.Group):
+                yield from below(command, f"{path}{name} ")
+            elif isinstance(command, Command):
+                yield f"{path}{name}", command
+
+    module, _ = FAMILIES[family]
+    yield from below(importlib.import_module(module).cli, "")
+
+
+def writing_commands(family: str) -> list[str]:
+    """Those that write, without those that have tests of their own."""
+    return [name for name, command in commands(family) if command.writes and (family, name) not in ELSEWHERE]
+
+
+def scratch_of(folder: Path) -> Path:
+    """A folder with a snapshot of each family that has settings."""
+    for kind in FAMILIES:
+        if values := facts_of(kind).snapshot:
+            content = snapshot.make(kind, {"kind": kind}, dict(values), link="x", fake=True)
+            snapshot.write(str(folder / f"{kind}.json"), content)
+    return folder

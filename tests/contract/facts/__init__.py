@@ -1,0 +1,103 @@
+"""What the contract must be told of a family: some ten lines in one module of this folder, found by the family's name.
+
+Everything else it takes from the registry, the command tree, the map and the simulator.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+from handctl.families import FAMILIES
+
+
+class Passed(NamedTuple):
+    """One line of a transcript: ">" what the host sent, "<" what came."""
+
+    mark: str
+    data: bytes
+    can_id: int | None
+
+
+Rule = Callable[[Passed], bool]
+"""Whether an entry writes, by the manual and not by handctl; it is shown the whole transcript in order."""
+
+
+@dataclass(frozen=True)
+class Facts:
+    """One family.
+
+    writes    command that writes -> arguments with which it works on the simulator: § is a blank in one of them, {dir} a
+              scratch folder, {NAME} a snapshot of that family
+    rule      command -> what tells the entries of a transcript that write
+    goods     frames of both directions, whole
+    likely    bytes of which its frames are made
+    reads     command that only reads -> arguments; those that need none may be left out
+    state     options of the simulator with which every command works, `states` of single ones
+    snapshot  values that a file for `restore` and `diff` holds, none of them those at power-on
+    unproven  writing commands that nothing the device tells can confirm, or not from that state
+    plans     writing commands of several steps, of which each is sent when the one before is proved
+    adapts    writing commands whose bytes depend on what the device tells: a dry run cannot know them all
+    screens   commands whose whole output is looked at on terminals of every width
+    moving    bytes that set it moving, from that state
+    halts     command that moves -> the bytes that Ctrl-C must send; "" = of a test of its own
+    drives    a command on which handctl is killed, what it sends meanwhile, and the bytes of the stop
+    ends      writing command that needs no stop -> why
+    memory    the simulated device, full name of an element -> the raw number that it holds there
+    power_on  full name -> value at power-on, in the unit, as its manual would print it
+    refuses   lines that the codec must refuse
+    """
+
+    writes: Mapping[str, str]
+    rule: Callable[[str], Rule]
+    goods: Sequence[bytes]
+    likely: bytes
+    reads: Mapping[str, str]
+    state: str = ""
+    states: Mapping[str, str] | None = None
+    snapshot: Mapping[str, float] | None = None
+    unproven: frozenset[str] = frozenset()
+    plans: frozenset[str] = frozenset({"set", "restore"})
+    adapts: frozenset[str] = frozenset({"restore"})
+    screens: tuple[str, ...] = ("status", "dump")
+    moving: bytes = b""
+    halts: Mapping[str, bytes] | None = None
+    drives: tuple[str, bytes, bytes] | None = None
+    ends: Mapping[str, str] | None = None
+    memory: Callable[[object, str], int] | None = None
+    power_on: Mapping[str, float] | None = None
+    refuses: Sequence[bytes] = ()
+
+    def words(self, command: str, folder: Path) -> list[str]:
+        """The arguments of a command, with the files of `folder` in place."""
+        text = self.writes.get(command, self.reads.get(command, ""))
+        files = {kind: str(folder / f"{kind}.json") for kind in FAMILIES}
+        return [word.format(dir=folder, **files).replace("§", " ") for word in text.split()]
+
+    def link(self, family: str, command: str = "", *more: str) -> str:
+        """The simulator in the state in which a command works, on virtual time; `more` are further options."""
+        state = (self.states or {}).get(command, self.state)
+        return f"fake://{family}?{'&'.join(filter(None, ['clock=virtual', state, *more]))}"
+
+
+def facts_of(family: str) -> Facts:
+    """The facts of a family of the registry. Raises ModuleNotFoundError where there are none."""
+    facts: Facts = importlib.import_module(f"tests.contract.facts.{family}").FACTS
+    return facts
+
+
+def passed(trace: Path) -> list[Passed]:
+    """A transcript, read without handctl."""
+    found = []
+    for line in trace.read_text(encoding="utf-8").splitlines() if trace.exists() else []:
+        words = line.split()
+        if line.startswith("#") or len(words) < 2 or words[1] not in "<>":
+            continue
+        if words[2] == "can":
+            found.append(Passed(words[1], bytes.fromhex("".join(words[5:])), int(words[3], 16)))
+        else:
+            found.append(Passed(words[1], bytes.fromhex("".join(words[2:])), None))
+    return found

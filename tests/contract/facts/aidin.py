@@ -1,0 +1,32 @@
+"""The AIDIN-hand, for the contract."""
+
+from __future__ import annotations
+
+from tests.contract.facts import Facts
+from tests.fuzz.decoders import AIDIN_GOODS, AIDIN_LIKELY
+
+FACTS = Facts(
+    writes={
+        "home": "",
+        "initial": "",
+        "stop": "",
+        "bias": "",
+        "max-torque": "800",
+        "encoders": "index.m3=85000",
+        "joints": "index.q3=160",
+        "fingertips": "index.z=120",
+        "currents": "index.m1=100 --duration 0.3",
+    },
+    rule=lambda command: lambda entry: b'"hand_mode"' in entry.data,
+    goods=AIDIN_GOODS,
+    likely=AIDIN_LIKELY,
+    reads={
+        "get": "motor_pos",
+        "watch": "--count 2",
+        "report": "{dir}/report.html --watch 0 --force",
+    },
+    state="start=homed",
+    states={"home": "start=used"},
+    unproven=frozenset(["currents", "max-torque", "stop"]),
+    plans=frozenset(),
+)

@@ -1,0 +1,98 @@
+"""The BarrettHand, for the contract."""
+
+from __future__ import annotations
+
+from tests.contract.facts import Facts, Passed
+
+GCL_GOODS = [
+    b"FGET P\r",
+    b"FGET P\n\r1 2 3 4\n\r=> ",
+    b"1LOOP\r",
+    b"1LOOP\n\r*",
+    b"X",
+    b":",
+    b"C\x10\x0a",
+    b"*\x01\x02",
+    b"\x03",
+    b"1FSET P 3\r",
+    b"\n\r=> ",
+    b"ERR 4\n\r=> ",
+]
+GCL_LIKELY = b"\r\n=> *XCcAa:0123456789FGETSILOP\x03\xff"
+
+
+QUERIES = {
+    *("FGET", "PGET", "FLIST", "FLISTV", "FLISTA", "FLISTAV", "PLIST", "PLISTV", "PLISTA", "PLISTAV"),
+    *("VERS", "ERR", "A?", "!"),  # "!" is no command: a connection asks with it
+}
+
+
+MOTIONS = {"HI", "C", "O", "M", "IC", "IO", "HOME", "TC", "TO"}
+
+
+class Gcl:
+    """GCL lines are told by their first word; behind LOOP come blocks until ^C; ^C writes while something moves."""
+
+    def __init__(self, *, stops: bool) -> None:
+        self.stops = stops
+        self.loop = self.moves = False
+
+    def writes(self, entry: Passed) -> bool:
+        data = entry.data
+        if entry.mark == "<":
+            self.moves = self.moves and b"=>" not in data
+            return False
+        if not data.strip(b"\x00\x03"):  # to leave a loop, a zero may go before
+            self.moves, self.loop = self.moves or self.loop, False
+            return self.moves or (self.stops and data[-1:] == b"\x03")
+        if self.loop:
+            return data not in (b"A", b"a")
+        word = data.decode().strip("\0\r").replace("\0", "").upper().partition(" ")[0]  # 00 fills a control block
+        name = word.lstrip("1234GS")
+        self.loop = name == "LOOP"
+        self.moves = self.moves or name in MOTIONS
+        return bool(word) and name not in QUERIES and not word.startswith("?")
+
+
+FACTS = Facts(
+    writes={
+        "set": "MCV=80 HSG.F1=150",
+        "load": "",
+        "defaults": "",
+        "save": "--force",
+        "baud": "19200",
+        "reset": "",
+        "init": "",
+        "open": "",
+        "close": "",
+        "move": "9000 --motors 1",
+        "step-open": "0",
+        "step-close": "100",
+        "home": "",
+        "torque-open": "",
+        "torque-close": "",
+        "stop": "",
+        "gcl": "FGET§P FSET§MCV§70 HI",
+        "restore": "{barrett}",
+        "realtime": "--init --velocity 20 --count 20",
+        "strain": "--open",
+        "diagnose": "early-breakaway --move",
+    },
+    rule=lambda command: Gcl(stops=command == "stop").writes,
+    goods=GCL_GOODS,
+    likely=GCL_LIKELY,
+    reads={
+        "get": "P",
+        "snapshot": "{dir}/new.json",
+        "diff": "{barrett}",
+        "watch": "--count 2",
+        "report": "{dir}/report.html --watch 0 --force",
+        "firmware check": "{dir}/image.s19",
+        "errors": "",
+        "help": "",
+    },
+    state="initialized=1",
+    snapshot={"max_close_velocity.F1": 80, "filter_derivative_zero.F2": 3, "over_temperature_limit": 700},
+    plans=frozenset(["defaults", "gcl", "load", "restore", "set"]),
+    screens=("status", "dump", "maintenance", "fingertips", "diagnose", "strain"),
+)

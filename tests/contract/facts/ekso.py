@@ -1,0 +1,34 @@
+"""The EksoNR, for the contract."""
+
+from __future__ import annotations
+
+import random
+
+from tests.contract.facts import Facts
+from tests.ekso.support import frame
+from tests.fuzz.decoders import EKSO_LIKELY, ekso_goods
+from tests.support.scripted import unhex
+
+FACTS = Facts(
+    writes={
+        "set": "step_length=15.5 --operator me",
+        "restore": "{ekso} --operator me",
+        "cancel": "",
+        "stop": "",
+    },
+    rule=lambda command: lambda entry: entry.data[0] not in range(150, 155),
+    goods=(*ekso_goods(random.Random(3)), frame(155, 7, unhex("00 CA 06 0E"))),
+    likely=EKSO_LIKELY,
+    reads={
+        "get": "step_length",
+        "snapshot": "{dir}/new.json",
+        "diff": "{ekso}",
+        "watch": "--count 2",
+        "report": "{dir}/report.html --watch 0 --force",
+        "log": "{dir}/log.csv --count 2",
+        "export": "{dir}/in.csv --format mot",
+    },
+    snapshot={"step_length": 15.5},
+    plans=frozenset(["restore"]),
+    screens=("status", "dump", "settings", "data", "feedback"),
+)

@@ -1,0 +1,39 @@
+"""The exoskeleton hand, for the contract."""
+
+from __future__ import annotations
+
+from tests.contract.facts import Facts
+from tests.contract.facts.inspire import inspire
+from tests.fuzz.decoders import EB90_GOODS, EB90_LIKELY
+
+FACTS = Facts(
+    writes={
+        "set": "position_set.index=300 force_set.thumb=-20",
+        "restore": "{exo} --setpoints",
+        "write": "1492 2C01",
+        "raw": "EB 90 01 05 12 D4 05 2C 01 1E",
+        "id": "7",
+        "baud": "57600 --save",
+        "clear-errors": "",
+        "save": "",
+        "factory-reset": "--undocumented-address --backup {dir}/b.json",
+        "calibrate": "",
+        "force": "10 20 30 -40 50",
+        "position": "100 200 300 400 500 --wait 2",
+        "stop": "",
+    },
+    rule=lambda command: inspire,
+    goods=EB90_GOODS,
+    likely=EB90_LIKELY,
+    reads={
+        "get": "system_voltage error.index",
+        "read": "1546 12",
+        "snapshot": "{dir}/new.json",
+        "diff": "{exo} --setpoints",
+        "watch": "--count 2 --rate 0",
+        "scan": "--ids 1-3",
+        "report": "{dir}/report.html --watch 0 --force",
+    },
+    snapshot={"position_set.index": 300, "position_set.ring": 250, "force_set.little": 5},
+    plans=frozenset(["baud", "restore", "set"]),
+)

@@ -1,0 +1,35 @@
+"""The wrist module, for the contract."""
+
+from __future__ import annotations
+
+from tests.contract.facts import Facts
+from tests.contract.facts.inspire import inspire
+from tests.fuzz.decoders import EB90_GOODS, EB90_LIKELY
+
+FACTS = Facts(
+    writes={
+        "set": "pitch_set=5 yaw_set=3 move_time=500",
+        "restore": "{wrist} --setpoints",
+        "move": "--pitch 5 --yaw -5 --time 300",
+        "center": "",
+        "write": "1038 0500",
+        "hand-write": "1486 2C01",
+        "raw": "EB 90 01 05 31 0E 04 05 00 4E",
+        "stop": "",
+    },
+    rule=lambda command: inspire,
+    goods=EB90_GOODS,
+    likely=EB90_LIKELY,
+    reads={
+        "get": "pitch_actual",
+        "read": "1018 2",
+        "hand-read": "1000 1",
+        "snapshot": "{dir}/new.json",
+        "diff": "{wrist} --setpoints",
+        "watch": "--count 2 --rate 0",
+        "scan": "--ids 1-3",
+        "report": "{dir}/report.html --watch 0 --force",
+    },
+    snapshot={"pitch_set": 5.0, "yaw_set": 3.0, "move_time": 400},
+    plans=frozenset(["restore", "set"]),
+)

@@ -1,0 +1,125 @@
+"""Every command that writes, on its simulator: `writes` is what the transcript shows, whatever became of the line.
+
+The frames are taken from the transcript by rules of this file, written from the manuals, not by handctl's own.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from handctl.families import FAMILIES, WRITES
+from tests.contract.commands import scratch_of, writing_commands
+from tests.contract.facts import Passed, facts_of, passed
+from tests.support.cli import Result, run
+
+FAULTS = [f"{fault}&after={after}" for fault in ("silent", "disconnect") for after in (0, 2, 4, 6)]
+
+
+COMMANDS = [(family, command) for family in FAMILIES for command in writing_commands(family)]
+"""Family and command, without those that have tests of their own."""
+
+
+def test_every_command_that_writes_is_here_and_every_family_says_what_writes() -> None:
+    for family in FAMILIES:
+        missing = set(writing_commands(family)) - set(facts_of(family).writes)
+        assert not missing, f"no arguments in tests/contract/facts/{family}.py for what writes: {sorted(missing)}"
+    assert set(WRITES) == set(FAMILIES)
+
+
+ASK_FIRST = {("wrist", "stop")}
+"""It holds the angles that it reads: without an answer there is nothing to send."""
+
+
+def in_bytes(text: str) -> bytes:
+    return bytes.fromhex(text.partition("]")[2] if "]" in text else text)
+
+
+# -- one cell ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def scratch(tmp_path: Path) -> Path:
+    return scratch_of(tmp_path)
+
+
+def go(
+    family: str, command: str, folder: Path, fault: str = "", *more: str
+) -> tuple[Result, list[dict[str, Any]], list[Passed]]:
+    """Run it; what came of it, its ledger, and what passed."""
+    facts, trace = facts_of(family), folder / "trace.txt"
+    trace.unlink(missing_ok=True)
+    link = facts.link(family, command, f"fault={fault}" if fault else "")
+    words = [*command.split(), *facts.words(command, folder), "-y", "-p", link]
+    env = {"XDG_STATE_HOME": str(folder / "state")}
+    result = run(family, *words, "--format", "ndjson", "--trace", trace, *more, env=env)
+    last = json.loads(result.lines[-1])
+    envelope = last["end"]
+    return result, envelope["writes"], passed(trace)
+
+
+def judge(family: str, command: str, writes: list[dict[str, Any]], transcript: list[Passed]) -> None:
+    """What is listed as sent is what went out, in order; nothing else is; what nobody answered is not confirmed."""
+    writing = facts_of(family).rule(command)
+    wrote = [writing(entry) for entry in transcript]
+    frames = [(place, entry) for place, entry in enumerate(transcript) if wrote[place] and entry.mark == ">"]
+    last_heard = max((place for place, entry in enumerate(transcript) if entry.mark == "<"), default=-1)
+    at = 0
+    for step in writes:
+        if step["state"] == "not-sent":
+            continue
+        count = step.get("count", 1)
+        own = frames[at : at + count]
+        assert len(own) == count, f"{step} is not on the wire"
+        assert own[0][1].data == in_bytes(step["bytes"]), step
+        assert own[-1][1].data == in_bytes(step.get("last", step["bytes"])), step
+        if step["state"] in ("confirmed", "refused"):
+            assert own[-1][0] < last_heard, f"nothing was heard after {step}"
+        else:
+            assert step["next"], step
+        at += count
+    assert at == len(frames), f"went out and is not listed: {frames[at:]}"
+    assert [step["step"] for step in writes] == list(range(1, len(writes) + 1))
+
+
+# -- the cells --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("family", "command"), COMMANDS)
+def test_on_a_healthy_device(family: str, command: str, scratch: Path) -> None:
+    result, writes, transcript = go(family, command, scratch)
+    judge(family, command, writes, transcript)
+    assert writes, result
+    assert [step["meaning"] for step in writes if not step["meaning"]] == []
+    if command not in facts_of(family).unproven:
+        assert {step["state"] for step in writes} == {"confirmed"}, writes
+
+
+@pytest.mark.faults
+@pytest.mark.parametrize(("family", "command"), COMMANDS)
+@pytest.mark.parametrize("fault", FAULTS)
+def test_on_a_line_that_fails(family: str, command: str, fault: str, scratch: Path) -> None:
+    result, writes, transcript = go(family, command, scratch, fault)
+    judge(family, command, writes, transcript)
+    said = result.out + result.err
+    envelope = json.loads(result.lines[-1])["end"]
+    if any(step["state"] != "not-sent" for step in writes):
+        assert "othing was sent" not in said and "othing was written" not in said, said
+    else:
+        assert not {"ack-lost", "answer-lost"} & {message["code"] for message in envelope["messages"]}, said
+    if command in facts_of(family).plans:
+        states = [step["state"] for step in writes if step["bytes"] != "03"]  # ^C stops what may be moving
+        rest = states[states.index("sent") + 1 :] if "sent" in states else []
+        assert set(rest) <= {"not-sent"}, "went on behind a write that nothing confirmed"
+
+
+@pytest.mark.parametrize(("family", "command"), COMMANDS)
+def test_a_dry_run_has_every_step_as_not_sent(family: str, command: str, scratch: Path) -> None:
+    result, writes, transcript = go(family, command, scratch, "", "-n")
+    assert result.code == 0, result
+    writing = facts_of(family).rule(command)
+    assert {step["state"] for step in writes} == (set() if (family, command) in ASK_FIRST else {"not-sent"})
+    assert not [entry for entry in transcript if entry.mark == ">" and writing(entry)]
