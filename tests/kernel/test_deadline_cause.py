@@ -54,3 +54,35 @@ def test_most_faults_are_such() -> None:
     """The table above is not empty: faults that end with exit 5 in each family."""
     for family, commands in COMMANDS.items():
         assert sum(bool(cause(family, commands[0], fault)) for fault in FAULTS) >= 2, family
+
+
+SILENT = [
+    ("exo get id", "fake://exo?", "0.1", "0.1"),
+    ("exo get id", "fake://exo?", "0.5", "0.2"),
+    ("exo raw EB90010411E8030102", "fake://exo?", "0.1", "0.1"),
+    ("wrist get pitch_actual", "fake://wrist?", "0.1", "0.1"),
+    ("wrist get pitch_actual", "fake://wrist?bus=can&", "0.25", "0.25"),
+    ("wrist raw EB900104300004043D", "fake://wrist?", "0.1", "0.1"),
+    ("ekso get step_length", "fake://ekso?", "0.1", "0.08"),
+    ("ekso get step_length", "fake://ekso?", "0.75", "0.21"),
+    ("aidin get joint_pos --exchange stream", "fake://aidin?", "0.4", "0.4"),
+]
+
+
+@pytest.mark.parametrize(("command", "link", "deadline", "waited"), SILENT)
+def test_silence_tells_the_time_that_was_really_waited(command: str, link: str, deadline: str, waited: str) -> None:
+    """--deadline cuts the last wait short: neither --timeout nor its default is how long anybody listened."""
+    result = run(*command.split(), "-p", f"{link}clock=virtual&fault=silent", "--deadline", deadline, "--json", "--yes")
+    assert result.code == 4, result
+    assert f" {waited} s" in result.error["text"], result.error
+
+
+@pytest.mark.parametrize(("command", "link"), sorted({(command, link) for command, link, _, _ in SILENT}))
+def test_silence_until_the_timeout_tells_the_timeout(command: str, link: str) -> None:
+    wait = ("--wait", "0.7") if "raw" in command else ("--timeout", "0.7")
+    result = run(
+        *command.split(), "-p", f"{link}clock=virtual&fault=silent", *wait, "--retries", "0", "--json", "--yes"
+    )
+    assert result.code == 4, result
+    assert " 0.7 s" in result.error["text"], result.error
+    assert "--deadline" not in result.error["text"], result.error

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from handctl.devices.aidin.device import AidinHand
-from handctl.devices.aidin.exchange import DEFAULT_RETRIES, Conversation
+from handctl.devices.aidin.exchange import Conversation
 from handctl.devices.aidin.map import AIDIN, ANGLES, CURRENTS, ENCODERS, TIPS, Mode, Target
 from handctl.devices.aidin.way import way_of
 from handctl.errors import UsageError
@@ -18,6 +18,7 @@ from handctl.frame.family import Family
 from handctl.frame.mapverbs import add_map_verbs
 from handctl.frame.options import Number
 from handctl.frame.run import Run
+from handctl.model.device import limits_of
 from handctl.model.gate import Gate
 from handctl.model.param import Step
 from handctl.model.result import Table
@@ -35,14 +36,7 @@ CAP = 300.0
 
 def open_aidin(link: ByteLink, settings: Settings, journal: Journal) -> AidinHand:
     """An AIDIN-hand behind `link`; nothing is sent until something is asked."""
-    talk = Conversation(
-        link,
-        journal,
-        timeout=settings.timeout,
-        retries=settings.retries if settings.retries is not None else DEFAULT_RETRIES,
-        bound=link.deadline(settings.deadline) if settings.deadline is not None else None,
-        way=way_of(settings),
-    )
+    talk = Conversation(link, journal, **limits_of(settings, link), way=way_of(settings))
     talk.gate = Gate(settings.assume_identity)
     return AidinHand(talk)
 

@@ -29,7 +29,6 @@ POLL = 0.2
 PERIOD = 0.02
 SETTLE = 0.03
 """Seconds after an answer in which the other keys may follow in objects of their own."""
-DEFAULT_RETRIES = 2
 CYCLES = 3
 """A key that is missing or wrong so many times running is given up."""
 
@@ -40,18 +39,19 @@ class Conversation(Reception):
     retries   polls repeated without an answer
     """
 
+    link: ByteLink
+
     def __init__(
         self,
         link: ByteLink,
         journal: Journal,
         *,
         timeout: float | None = None,
-        retries: int = DEFAULT_RETRIES,
+        retries: int | None = None,
         bound: Deadline | None = None,
         way: Way = FIND_OUT,
     ) -> None:
-        super().__init__(link, journal, timeout=timeout, bound=bound, way=way)
-        self.retries = retries
+        super().__init__(link, journal, timeout=timeout, retries=retries, bound=bound, way=way)
         self.gate: Gate | None = None
         self._shown: tuple[str, ...] = ()  # the keys of which `feedback` was shown
         self._fresh = False  # what `connect` heard has not lain in the input
@@ -74,6 +74,7 @@ class Conversation(Reception):
             )
         if self.exchange is not Exchange.UNKNOWN:
             return
+        began = self.link.now()
         if self.way.exchange is not Exchange.POLL or silent:
             self._listen(LISTEN if self.way.exchange is Exchange.UNKNOWN else self.timeout or SILENCE)
         if self.feedback.seen:
@@ -95,7 +96,7 @@ class Conversation(Reception):
                 if self._junk:
                     break
         came = self._junk or self._strange or self._echoes or self._decoder.pending
-        raise self.nothing_came() if came else self._silent(asked=asks)
+        raise self.nothing_came() if came else self._silent(asked=asks, since=began)
 
     def look_again(self) -> bool:
         """Whether the hand streams, slowly, although an empty object seemed to be answered: something comes unasked."""

@@ -9,8 +9,9 @@ from handctl.devices.aidin import trouble
 from handctl.devices.aidin.feedback import ALL, Feedback, Quality
 from handctl.devices.aidin.messages import Decoder, MalformedObject
 from handctl.devices.aidin.way import Exchange, Way
-from handctl.errors import HandctlError, LinkError, NoAnswer, ProtocolError
+from handctl.errors import HandctlError, LinkError, ProtocolError
 from handctl.link import ByteLink, Deadline
+from handctl.model.device import Line
 from handctl.model.result import Journal, hex_bytes
 
 SILENCE = 1.0
@@ -20,21 +21,27 @@ MOST_UNKNOWN, LONGEST_NAME = 20, 40
 READS_AT_ONCE = 256
 
 
-class Reception:
+class Reception(Line):
     """What has come over one connection, merged.
 
     timeout   seconds of silence allowed; None = 1 s of a stream, 0.2 s for the answer to a poll
-    bound     the end of the whole command
     way       what is said about how the hand speaks; `exchange` is what is known of it by now
     """
 
+    link: ByteLink
+
     def __init__(
-        self, link: ByteLink, journal: Journal, *, timeout: float | None, bound: Deadline | None, way: Way
+        self,
+        link: ByteLink,
+        journal: Journal,
+        *,
+        timeout: float | None,
+        retries: int | None,
+        bound: Deadline | None,
+        way: Way,
     ) -> None:
-        self.link = link
-        self.journal = journal
+        super().__init__(link, journal, retries=retries, bound=bound)
         self.timeout = timeout
-        self.bound = bound
         self.way = way
         self.exchange = Exchange.UNKNOWN
         self.quality = Quality()
@@ -54,15 +61,6 @@ class Reception:
         self._unknown: set[str] = set()
 
     # -- time ----------------------------------------------------------------------------------------------------
-
-    def deadline(self, seconds: float) -> Deadline:
-        """The deadline `seconds` from now, or the command's own where that is earlier."""
-        return self.link.deadline(seconds).earlier(self.bound)
-
-    def check_bound(self) -> None:
-        """Raise NoAnswer when --deadline is over."""
-        if self.bound is not None and self.bound.expired:
-            raise NoAnswer(f"{self.link.name}: --deadline is over", hint="a longer --deadline", code="deadline")
 
     def reconnect(self, seconds: float) -> bool:
         """See Link: what the old connection left half said is no part of the new one. Raises LinkError."""
@@ -167,13 +165,16 @@ class Reception:
             else self._silent()
         )
 
-    def _silent(self, *, asked: bool = True, moving: bool = False) -> HandctlError:
+    def _silent(self, *, asked: bool = True, moving: bool = False, since: float | None = None) -> HandctlError:
+        patience = self.timeout or SILENCE
+        if since is not None:  # --deadline may have cut it short
+            patience = min(patience, round(self.link.now() - since, 2))
         known = moving or self.exchange is not Exchange.UNKNOWN
         stopped = bool(self.journal.counters.received) and known
         instead = self._since or self._decoder.pending[:64]
         if stopped and instead:
             return trouble.no_feedback(self.link.name, instead, whole=False, more="more ")
-        return trouble.silent(self.link.name, self.way, self.timeout or SILENCE, asked=asked, stopped=stopped)
+        return trouble.silent(self.link.name, self.way, patience, asked=asked, stopped=stopped)
 
     def _closed(self, exc: LinkError) -> HandctlError:
         """A connection that ended before any feedback came: junk tells who it was, silence that the hand is taken."""

@@ -11,7 +11,7 @@ from handctl.devices.barrett.care.cli import add_care_commands
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.firmware.cli import add_firmware
 from handctl.devices.barrett.gcl.language import MOTORS, motor_prefix
-from handctl.devices.barrett.gcl.line import DEFAULT_RETRIES, GclLine
+from handctl.devices.barrett.gcl.line import GclLine
 from handctl.devices.barrett.map import BARRETT, check_careful
 from handctl.devices.barrett.motion_cli import FORCE, MOTORS_OPTION, SPEED, add_movements, ask, step_of
 from handctl.devices.barrett.realtime.cli import add_realtime
@@ -22,6 +22,7 @@ from handctl.frame.clikit import Group
 from handctl.frame.family import Family
 from handctl.frame.mapverbs import add_map_verbs
 from handctl.frame.run import Run
+from handctl.model.device import limits_of
 from handctl.model.result import Column, Table
 
 if TYPE_CHECKING:
@@ -32,17 +33,8 @@ if TYPE_CHECKING:
 
 def open_barrett(link: ByteLink, settings: Settings, journal: Journal) -> BarrettHand:
     """A BarrettHand behind `link`. Without --baud its speed is looked for."""
-    return BarrettHand(
-        GclLine(
-            link,
-            journal,
-            timeout=settings.timeout,
-            retries=settings.retries if settings.retries is not None else DEFAULT_RETRIES,
-            bound=link.deadline(settings.deadline) if settings.deadline is not None else None,
-            speed=settings.baud,
-            interrupt=settings.interrupt,
-        )
-    )
+    limits = limits_of(settings, link)
+    return BarrettHand(GclLine(link, journal, **limits, speed=settings.baud, interrupt=settings.interrupt))
 
 
 def _recall(name: str) -> int | None:

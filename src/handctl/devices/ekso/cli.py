@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from handctl import __version__
-from handctl.devices.ekso.dataport import DEFAULT_RETRIES, DataPort
+from handctl.devices.ekso.dataport import DataPort
 from handctl.devices.ekso.device import Ekso, one_setting, written_table
 from handctl.devices.ekso.frames import LENGTH_MODE
 from handctl.devices.ekso.lengthmode import check_mode
@@ -22,6 +22,7 @@ from handctl.frame.family import Family
 from handctl.frame.filetypes import InFile, OutFile
 from handctl.frame.mapverbs import NAMES, add_map_verbs
 from handctl.frame.run import Run
+from handctl.model.device import limits_of
 from handctl.model.gate import Gate
 from handctl.model.result import Column, Table
 
@@ -38,14 +39,7 @@ def open_ekso(link: ByteLink, settings: Settings, journal: Journal) -> Ekso:
     """An EksoNR behind `link`."""
     context = click.get_current_context(silent=True)
     mode = str(context.meta.get(LENGTH_MODE, "body")) if context is not None else "body"
-    port = DataPort(
-        link,
-        journal,
-        timeout=settings.timeout,
-        retries=settings.retries if settings.retries is not None else DEFAULT_RETRIES,
-        bound=link.deadline(settings.deadline) if settings.deadline is not None else None,
-        mode="body" if mode == "auto" else mode,
-    )
+    port = DataPort(link, journal, **limits_of(settings, link), mode="body" if mode == "auto" else mode)
     port.gate = Gate(settings.assume_identity)
     return Ekso(port, find_length=mode == "auto")
 

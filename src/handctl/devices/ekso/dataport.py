@@ -12,15 +12,15 @@ from dataclasses import dataclass
 from handctl.devices.ekso.attempt import HINTS, Attempt, key_of, shorten
 from handctl.devices.ekso.frames import ANSWER_SIZES, OVERHEAD, Command, Decoder, Frame, encode, name_of
 from handctl.devices.ekso.map import SETTINGS
-from handctl.errors import HandctlError, NoAnswer, ProtocolError
+from handctl.errors import HandctlError, ProtocolError
 from handctl.link import ByteLink, Deadline
+from handctl.model.device import Line
 from handctl.model.foreign import harmless
 from handctl.model.gate import Gate
 from handctl.model.result import Journal, hex_bytes
 
 DEFAULT_TIMEOUT = 0.5
 """Seconds for the whole answer; the manual names none."""
-DEFAULT_RETRIES = 2
 QUIET = 0.02
 """Seconds of silence that end a resynchronisation: an answer to somebody else's request has passed then."""
 AFTER_BROKEN = 3 * QUIET
@@ -47,14 +47,15 @@ class Counts:
         return {name: getattr(self, name) for name in self.__slots__}
 
 
-class DataPort:
+class DataPort(Line):
     """One EksoNR on a byte link.
 
-    timeout  seconds for the whole answer     retries  repetitions of a read, each with a new msgID
-    bound    deadline of the whole command, None = none
+    timeout  seconds for the whole answer
     mode     what the length byte of our requests counts; answers may count as they like
     rtt      seconds from the last request to its answer
     """
+
+    link: ByteLink
 
     def __init__(
         self,
@@ -62,16 +63,13 @@ class DataPort:
         journal: Journal,
         *,
         timeout: float | None = None,
-        retries: int = DEFAULT_RETRIES,
+        retries: int | None = None,
         bound: Deadline | None = None,
         mode: str = "body",
         first_id: int = 1,
     ) -> None:
-        self.link = link
-        self.journal = journal
+        super().__init__(link, journal, retries=retries, bound=bound)
         self.timeout = timeout if timeout is not None else DEFAULT_TIMEOUT
-        self.retries = retries
-        self.bound = bound
         self.mode = mode
         self.counts = Counts()
         self.gate: Gate | None = None
@@ -86,17 +84,8 @@ class DataPort:
     # -- reading -------------------------------------------------------------------------------------------------
 
     def read(self, command: Command) -> Frame:
-        """The answer to a read, repeated when none comes. Raises NoAnswer, ProtocolError, LinkError."""
-        for attempt in range(1 + self.retries):
-            if attempt:
-                self.journal.counters.retries += 1
-            try:
-                return self.exchange(command)
-            except (NoAnswer, ProtocolError) as exc:
-                error = self.journal.blame(exc)
-            if self.bound is not None and self.bound.expired:
-                break
-        raise error
+        """The answer to a read, repeated with a new msgID when none comes. Raises NoAnswer, ProtocolError, LinkError."""
+        return self.repeated(lambda: self.exchange(command))
 
     def settings_raw(self) -> tuple[int, ...]:
         """The 22 words of GetSettings as raw integers, each in its field's own sign."""
@@ -156,7 +145,7 @@ class DataPort:
 
         Anything else that is asked next lets that answer pass first.
         """
-        if self._settled and (self.bound is None or not self.bound.expired):
+        if self._settled and not self.over:
             msg_id = self._next_id
             self._ahead = (*self._send(command, b""), msg_id)
 
@@ -167,7 +156,7 @@ class DataPort:
         if not self._settled:
             self.resynchronise()
         self._take_waiting()
-        self.refuse_late(name_of(command))
+        self.check_bound(name_of(command))
         if command not in WRITING and not self.counts.answered and not self.link.replayed:
             # A stranger on this line must not act upon what is asked, and the msgID is free.
             while not harmless(self.request(command, body), self.link.baud if self.link.can_set_baud else None):
@@ -175,7 +164,7 @@ class DataPort:
         request = self.request(command, body)
         self._next_id = (self._next_id + 1) & 0xFFFF
         seconds = self._wire_seconds(len(request) + max(ANSWER_SIZES[command]) + OVERHEAD) + self.timeout
-        deadline = self.link.deadline(seconds).earlier(self.bound)
+        deadline = self.deadline(seconds)
         self._decoder.expect(request)
         self._settled = False
         self.sent_at = self.link.now()
@@ -247,7 +236,7 @@ class DataPort:
 
         The answer to a request that was given up is waited for as long as it may take: one request at a time (ekso §6).
         """
-        last = self.link.deadline(self.timeout).earlier(self.bound)
+        last = self.deadline(self.timeout)
         while not last.expired:
             quiet = self.link.deadline(QUIET)
             if self._given_up is not None and self._given_up[1].at > quiet.at:
@@ -317,13 +306,6 @@ class DataPort:
         speed = f" at {self.link.baud} baud" if self.link.baud and self.link.can_set_baud else ""
         return f"EksoNR on {self.link.name}{speed}"
 
-    def refuse_late(self, what: str) -> None:
-        """Raise NoAnswer instead of sending anything after --deadline."""
-        if self.bound is not None and self.bound.expired:
-            raise NoAnswer(
-                f"{self.where}: --deadline is over; {what} was not sent", hint="a longer --deadline", code="deadline"
-            )
-
     def _wire_seconds(self, count: int) -> float:
         return count * 10 / self.link.baud if self.link.baud else 0.0
 
@@ -333,12 +315,8 @@ class DataPort:
         name = name_of(attempt.request[0])
         sent = f"sent {hex_bytes(attempt.request)}"
         if not attempt.received and attempt.foreign is None:
-            over = self.bound is not None and self.bound.expired
-            return NoAnswer(
-                f"{self.where}: no answer to {name} ({hex_bytes(attempt.request)}) "
-                + ("before --deadline was over" if over else f"within {self.timeout:g} s"),
-                hint=HINTS["silence"],
-            )
+            request = f"{name} ({hex_bytes(attempt.request)})"
+            return self.unanswered(request, self.timeout, self.sent_at, HINTS["silence"])
         code, text = attempt.explain()
         error = ProtocolError(
             f"{self.where}: {text}; {sent}, got {shorten(bytes(attempt.received))}", hint=HINTS[code], code=code

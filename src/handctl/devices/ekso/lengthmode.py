@@ -24,9 +24,9 @@ def find_mode(port: DataPort) -> str:
             return mode
         except (NoAnswer, ProtocolError) as exc:
             failure = failure or exc
-        if port.bound is not None and port.bound.expired:
+        if port.over:
             break
-        port.link.sleep(port.link.deadline(REST).earlier(port.bound).remaining)
+        port.link.sleep(port.deadline(REST).remaining)
     port.mode = "body"
     assert failure is not None
     raise failure

@@ -170,9 +170,9 @@ class Writer:
 
     def _sleep(self, seconds: float) -> None:
         now = self.port.link.now()
-        end = self.port.link.deadline(seconds).earlier(self.port.bound)
+        end = self.port.deadline(seconds)
         self.port.link.sleep(end.at - now)  # what comes next is not sent after --deadline
-        if self.port.bound is not None and self.port.bound.expired and end.at < now + seconds:
+        if self.port.over and end.at < now + seconds:
             self.port.settings_raw()  # raises, saying that the deadline has passed
 
     def _write_alone(self, change: Change, shown: Raws) -> Raws:

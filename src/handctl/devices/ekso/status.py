@@ -47,7 +47,7 @@ def status(ekso: Ekso, check: bool) -> Table:
     except HandctlError as exc:  # all the rest is known, and shown
         rows.append({"name": "clock", "word": None, "id": None, "error": exc.text, "unit": None})
         findings.append(f"date and time cannot be read: {exc.text}")
-        over = ekso.port.bound is not None and ekso.port.bound.expired
+        over = ekso.port.over
         table.failure = exc if over or isinstance(exc, LinkError) else None
     for text in findings:
         ekso.journal.warn("unhealthy", text)

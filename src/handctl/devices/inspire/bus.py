@@ -12,8 +12,8 @@ from handctl.devices.inspire import eb90
 from handctl.devices.inspire.eb90 import Decoder, Frame
 from handctl.devices.inspire.mishaps import SILENCE_HINT, explain, hint_for, shorten
 from handctl.devices.inspire.quiet import question
-from handctl.devices.inspire.registers import DEFAULT_RETRIES, DEFAULT_TIMEOUT, RegisterBus
-from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError
+from handctl.devices.inspire.registers import RegisterBus
+from handctl.errors import DeviceRefused, HandctlError, ProtocolError
 from handctl.link import ByteLink, CanFrame, Deadline
 from handctl.model.foreign import harmless
 from handctl.model.param import Step
@@ -36,8 +36,8 @@ class Bus(RegisterBus):
         device_id: int,
         journal: Journal,
         *,
-        timeout: float = DEFAULT_TIMEOUT,
-        retries: int = DEFAULT_RETRIES,
+        timeout: float | None = None,
+        retries: int | None = None,
         bound: Deadline | None = None,
         read_flag: int = eb90.READ,
         write_flag: int = eb90.WRITE,
@@ -59,21 +59,11 @@ class Bus(RegisterBus):
         target = self.id if device_id is None else device_id
         request = eb90.read_request(target, address, count, self.read_flag)
         prefix = eb90.read_reply_prefix(target, address, count, self.read_flag)
-        attempts = 1 + (self.retries if retries is None else retries)
         if not self._met and not self._quiet(request):
-            self._ask_quietly(target, attempts - 1)
-        for attempt in range(attempts):
-            if attempt:
-                self.journal.counters.retries += 1
-            try:
-                answer = self.exchange(request, [prefix], reply_size=count + 8)
-                self._met.add(target)
-                return answer.data
-            except (NoAnswer, ProtocolError) as exc:
-                error = self.journal.blame(exc)
-            if self.bound is not None and self.bound.expired:
-                break
-        raise error
+            self._ask_quietly(target, retries)
+        answer = self.repeated(lambda: self.exchange(request, [prefix], reply_size=count + 8), retries)
+        self._met.add(target)
+        return answer.data
 
     def quiet(self, address: int, count: int) -> bool:
         request = eb90.read_request(self.id, address, count, self.read_flag)
@@ -86,7 +76,7 @@ class Bus(RegisterBus):
         link = self.link
         return link.replayed or harmless(request, link.baud if link.can_set_baud else None)
 
-    def _ask_quietly(self, device_id: int, retries: int) -> None:
+    def _ask_quietly(self, device_id: int, retries: int | None) -> None:
         """Before a question upon which a stranger would act: one upon which none does. Raises as `read` does."""
         span = question(device_id, self.read_flag)
         if self._quiet(eb90.read_request(device_id, *span, self.read_flag)):
@@ -124,13 +114,11 @@ class Bus(RegisterBus):
     def exchange(self, request: bytes, prefixes: Sequence[bytes], *, reply_size: int) -> Frame:
         """Send one request, wait for one frame that begins with one of `prefixes`. One attempt."""
         self.pass_gate(request)
-        self.refuse_late(hex_bytes(request))
+        self.check_bound(hex_bytes(request))
         self.drain()
         started = self.link.now()
         deadline = self._reply_deadline(len(request), reply_size)
-        last = self.link.deadline(self.wire_seconds(len(request) + reply_size) + PATIENCE * self.timeout).earlier(
-            self.bound
-        )
+        last = self.deadline(self.wire_seconds(len(request) + reply_size) + PATIENCE * self.timeout)
         self.send(request, deadline)
         decoder = Decoder(prefixes)
         received = bytearray()
@@ -145,7 +133,7 @@ class Bus(RegisterBus):
             chunk = b"" if received and deadline.expired else self.link.read(deadline)
             if not chunk:
                 self.journal.counters.stray_bytes += decoder.skipped + decoder.pending
-                raise self._failure(request, bytes(received))
+                raise self._failure(request, bytes(received), started)
             received += chunk
             decoder.feed(chunk)
             if (
@@ -164,7 +152,7 @@ class Bus(RegisterBus):
 
         May be called again: the part of a frame that has come is kept.
         """
-        deadline = self.link.deadline(seconds).earlier(self.bound)
+        deadline = self.deadline(seconds)
         decoder = Decoder(prefixes)
         decoder.feed(self._rest)
         while True:
@@ -210,7 +198,7 @@ class Bus(RegisterBus):
                 self.journal.counters.bad_frames += 1
 
     def _reply_deadline(self, sent: int, expected: int) -> Deadline:
-        return self.link.deadline(self.wire_seconds(sent + expected) + self.timeout).earlier(self.bound)
+        return self.deadline(self.wire_seconds(sent + expected) + self.timeout)
 
     @property
     def where(self) -> str:
@@ -218,12 +206,9 @@ class Bus(RegisterBus):
         speed = f" at {self.link.baud} baud" if self.link.baud and self.link.can_set_baud else ""
         return f"id {self.id} on {self.link.name}{speed}"
 
-    def _failure(self, request: bytes, received: bytes) -> HandctlError:
+    def _failure(self, request: bytes, received: bytes, since: float) -> HandctlError:
         if not received:
-            return NoAnswer(
-                f"{self.where}: no answer to {hex_bytes(request)} within {self.timeout:g} s",
-                hint=self.silence_hint,
-            )
+            return self.unanswered(hex_bytes(request), self.timeout, since, self.silence_hint)
         code, text = explain(request, received)
         error = ProtocolError(
             f"{self.where}: {text}; sent {hex_bytes(request)}, got {shorten(received)}",

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import ClassVar
 
 from handctl.devices.inspire import canreg
-from handctl.devices.inspire.registers import DEFAULT_RETRIES, DEFAULT_TIMEOUT, RegisterBus
+from handctl.devices.inspire.registers import RegisterBus
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError
 from handctl.link import CanFrame, Deadline, FrameLink
 from handctl.model.param import Step
@@ -32,8 +32,8 @@ class CanBus(RegisterBus):
         device_id: int,
         journal: Journal,
         *,
-        timeout: float = DEFAULT_TIMEOUT,
-        retries: int = DEFAULT_RETRIES,
+        timeout: float | None = None,
+        retries: int | None = None,
         bound: Deadline | None = None,
         read_flag: int = canreg.READ_WRIST,
         write_flag: int = canreg.WRITE_WRIST,
@@ -54,17 +54,7 @@ class CanBus(RegisterBus):
             first = self.read(address, canreg.MAX_COUNT, retries=retries)
             return first + self.read(address + canreg.MAX_COUNT, count - canreg.MAX_COUNT, retries=retries)
         request = CanFrame(*canreg.read_request(self.id, address, count, self.read_flag))
-        attempts = 1 + (self.retries if retries is None else retries)
-        for attempt in range(attempts):
-            if attempt:
-                self.journal.counters.retries += 1
-            try:
-                return self._exchange(request, count)
-            except (NoAnswer, ProtocolError) as exc:
-                error = self.journal.blame(exc)
-            if self.bound is not None and self.bound.expired:
-                break
-        raise error
+        return self.repeated(lambda: self._exchange(request, count), retries)
 
     def write(self, address: int, data: bytes) -> None:
         """Write 1..8 bytes once (wrist §2.3.2). The reply has no data, or the number of bytes written."""
@@ -93,16 +83,16 @@ class CanBus(RegisterBus):
     def _exchange(self, request: CanFrame, count: int | None) -> bytes:
         """Send once; the data of the reply. `count` bytes are expected, None = an acknowledgement (0 or 1 byte)."""
         self.pass_gate(request)
-        self.refuse_late(str(request))
+        self.check_bound(str(request))
         self.drain()
         errors, damaged, started = self.link.error_frames, self.link.damaged, self.link.now()
-        deadline = self.link.deadline(self.timeout).earlier(self.bound)
+        deadline = self.deadline(self.timeout)
         self.send(request, deadline)
         odd: list[CanFrame] = []
         while True:
             frame = self.receive(deadline)
             if frame is None:
-                raise self._failure(request, odd, self.link.error_frames - errors, self.link.damaged - damaged)
+                raise self._failure(request, odd, self.link.error_frames - errors, self.link.damaged - damaged, started)
             if frame.can_id == request.can_id and _answers(frame, request, count):
                 self.journal.counters.received += 1
                 self.round_trip = self.link.now() - started
@@ -111,7 +101,7 @@ class CanBus(RegisterBus):
             if _related(frame, request):
                 odd.append(frame)
             if deadline.expired:
-                raise self._failure(request, odd, self.link.error_frames - errors, self.link.damaged - damaged)
+                raise self._failure(request, odd, self.link.error_frames - errors, self.link.damaged - damaged, started)
 
     def receive(self, deadline: Deadline) -> CanFrame | None:
         """The next frame of anybody; what the adapter hands out damaged is counted."""
@@ -142,7 +132,7 @@ class CanBus(RegisterBus):
         else:
             self.journal.counters.foreign_frames = (self.journal.counters.foreign_frames or 0) + 1
 
-    def _failure(self, request: CanFrame, odd: list[CanFrame], errors: int, damaged: int) -> HandctlError:
+    def _failure(self, request: CanFrame, odd: list[CanFrame], errors: int, damaged: int, since: float) -> HandctlError:
         echo = any(frame == request for frame in odd)
         others = [frame for frame in odd if frame != request]
         if others:
@@ -172,10 +162,8 @@ class CanBus(RegisterBus):
             )
         if errors:
             return NoAnswer(f"{self.where}: nobody acknowledged {request}", hint=NO_ACK_HINT, code="no-ack")
-        return NoAnswer(
-            f"{self.where}: no answer to {request} within {self.timeout:g} s",
-            hint=f"no hand has this id (`handctl wrist scan` looks), or nobody hears it at all: {NO_ACK_HINT}",
-        )
+        hint = f"no hand has this id (`handctl wrist scan` looks), or nobody hears it at all: {NO_ACK_HINT}"
+        return self.unanswered(str(request), self.timeout, since, hint)
 
 
 NO_ACK_HINT = (

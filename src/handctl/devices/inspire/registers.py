@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, ClassVar, Self
 
 from handctl.errors import HandctlError, Interrupted, LinkError, NoAnswer, ProtocolError
 from handctl.link import CanFrame, Deadline, Link
+from handctl.model.device import Line
 from handctl.model.param import Step
 from handctl.model.result import Journal
 
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
 
 DEFAULT_TIMEOUT = 0.3
 """Seconds of silence allowed per reply beyond wire time: USB (4 ms), FTDI latency (16 ms) and Bluetooth with room."""
-DEFAULT_RETRIES = 2
 
 
 @contextmanager
@@ -60,12 +60,10 @@ def add(error: HandctlError, left_behind: str, hint: str) -> None:
     error.hint = ". ".join(filter(None, (hint, error.hint)))
 
 
-class RegisterBus(ABC):
+class RegisterBus(Line, ABC):
     """The wire to the registers of one device id: what the serial bus and the CAN bus have in common.
 
     timeout   seconds allowed for a reply, beyond the time its bits need on the wire
-    retries   repetitions of a read that got no valid answer; writes are never repeated
-    bound     deadline of the whole command, None = none
     max_count longest single read in bytes
     spaces    read and write flag of each register space
     gate      looks who is there before the first frame that is no read; None = nobody looks
@@ -85,16 +83,13 @@ class RegisterBus(ABC):
         device_id: int,
         journal: Journal,
         *,
-        timeout: float = DEFAULT_TIMEOUT,
-        retries: int = DEFAULT_RETRIES,
+        timeout: float | None = None,
+        retries: int | None = None,
         bound: Deadline | None = None,
     ) -> None:
-        self.link = link
+        super().__init__(link, journal, retries=retries, bound=bound)
         self.id = device_id
-        self.journal = journal
-        self.timeout = timeout
-        self.retries = retries
-        self.bound = bound
+        self.timeout = DEFAULT_TIMEOUT if timeout is None else timeout
         self._met: set[int] = set()  # ids that have answered a read, also through `at`
 
     @abstractmethod
@@ -169,16 +164,9 @@ class RegisterBus(ABC):
 
     def out_of_time(self, what: str) -> None:
         """Raise NoAnswer when --deadline, not the device, ended a wait for `what`."""
-        if self.bound is not None and self.bound.expired:
+        if self.over:
             raise NoAnswer(
                 f"{self.where}: --deadline ended the wait for {what}; how it ended is unknown",
                 hint="read the values before you repeat it; a longer --deadline waits for the end",
                 code="deadline",
-            )
-
-    def refuse_late(self, request: str) -> None:
-        """Raise NoAnswer instead of sending anything after --deadline: the device may be worn."""
-        if self.bound is not None and self.bound.expired:
-            raise NoAnswer(
-                f"{self.where}: --deadline is over; {request} was not sent", hint="a longer --deadline", code="deadline"
             )

@@ -114,7 +114,7 @@ class Scanner:
 
     def _cut(self) -> bool:
         """Whether the deadline of the command ends the scan with something left to ask."""
-        self.found.cut = self._bus.bound is not None and self._bus.bound.expired
+        self.found.cut = self._bus.over
         return self.found.cut
 
     def _split(self, group: list[int], answered: dict[int, int]) -> None:
@@ -133,7 +133,7 @@ class Scanner:
         self._address = span[0] if span is not None else None
         probes = b"".join(eb90.read_request(i, *(span or question(i, flag)), flag) for i in group)
         wire = bus.wire_seconds(len(probes))
-        bus.link.write(probes, bus.link.deadline(self._wait + wire + 1.0).earlier(bus.bound))
+        bus.link.write(probes, bus.deadline(self._wait + wire + 1.0))
         bus.journal.counters.sent += len(group)
         self.found.probes += len(group)
         self.found.windows += 1
@@ -146,8 +146,8 @@ class Scanner:
         `alone` the one answer that can come ends the window.
         """
         bus = self._bus
-        deadline = bus.link.deadline(seconds).earlier(bus.bound)
-        last = bus.link.deadline(seconds + TRICKLE_SECONDS).earlier(bus.bound)
+        deadline = bus.deadline(seconds)
+        last = bus.deadline(seconds + TRICKLE_SECONDS)
         garbage, decoder = 0, self._decoder
         echo = sent
         while not last.expired:

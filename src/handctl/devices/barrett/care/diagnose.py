@@ -51,7 +51,7 @@ def communication(hand: BarrettHand, speed: int | None) -> Finding:
         where = f"prompt at {line.link.baud} bit/s" if line.link.can_set_baud else "prompt"
         before = f" (before: {'; '.join(seen)})" if seen else ""
         return Finding("communication", OK, where + before, source="barrett §5.1.1")
-    if line.bound is not None and line.bound.expired:
+    if line.over:
         seen.append("--deadline is over")
     if isinstance(error, DeviceRefused):
         evidence = f"{error.text}; {'; '.join(seen)}" if seen else error.text

@@ -145,7 +145,7 @@ class Loader:
     def _await_monitor(self) -> None:
         """Wait for `:` with nothing behind it. Text means that the old firmware started: the moment was missed."""
         link = self.link
-        deadline = link.deadline(READY_SECONDS).earlier(self.hand.line.bound)
+        deadline = self.hand.line.deadline(READY_SECONDS)
         seconds, missed = deadline.remaining, False
         heard, tail, at = b"", b"", link.now()  # `tail`: what came just before, without a pause
         while not deadline.expired:
@@ -334,7 +334,7 @@ class Loader:
             f"No firmware answers yet. {CYCLE} Press Enter then."
         ):
             self._guide.say(f"waiting up to {READY_SECONDS:.0f} s")
-            deadline = link.deadline(READY_SECONDS).earlier(line.bound)
+            deadline = line.deadline(READY_SECONDS)
             while not deadline.expired and not link.read(link.deadline(1.0)):
                 self._guide.progress(f"waiting for a power cycle, {deadline.remaining:.0f} s left")
             self._guide.done()

@@ -12,6 +12,7 @@ from handctl.devices.barrett.gcl.connecting import MONITOR_SPEED, QUESTION, REST
 from handctl.devices.barrett.gcl.language import ABORT, BANNER, PROMPT, Answer, Decoder, encode, has_colon, has_prompt
 from handctl.errors import HandctlError, LinkError, NoAnswer, ProtocolError
 from handctl.link import ByteLink, Deadline
+from handctl.model.device import Line
 from handctl.model.result import Journal
 
 ECHO_SECONDS = 1.0
@@ -19,10 +20,9 @@ PROMPT_WAIT = 0.5
 QUIET = 0.2
 LOOP_EXITS = 9
 LONGEST = 4
-DEFAULT_RETRIES = 2
 
 
-class GclLine:
+class GclLine(Line):
     """The supervisory line of one hand.
 
     timeout   seconds for the prompt of a query, None = the command's own (dossier 1.3)
@@ -30,22 +30,21 @@ class GclLine:
     interrupt whether a movement that is met may be ended by ^C: for what stops, moves or writes
     """
 
+    link: ByteLink
+
     def __init__(
         self,
         link: ByteLink,
         journal: Journal,
         *,
         timeout: float | None = None,
-        retries: int = DEFAULT_RETRIES,
+        retries: int | None = None,
         bound: Deadline | None = None,
         speed: int | None = None,
         interrupt: bool = False,
     ) -> None:
-        self.link = link
-        self.journal = journal
+        super().__init__(link, journal, retries=retries, bound=bound)
         self.timeout = timeout
-        self.retries = retries
-        self.bound = bound
         self.only = speed
         self.interrupt = interrupt
         self.opened = link.now()
@@ -109,12 +108,7 @@ class GclLine:
         `at_least` seconds are allowed, for a movement that is known to be slow.
         """
         self.connect()
-        if self.bound is not None and self.bound.expired:
-            raise NoAnswer(
-                f"{self.link.name}: --deadline is over; {command} was not sent",
-                hint="a longer --deadline",
-                code="deadline",
-            )
+        self.check_bound(command)
         data = encode(command)
         _, known, _ = split(command)
         kind = known.kind if known is not None else "query"
@@ -137,7 +131,7 @@ class GclLine:
             raise
         except (NoAnswer, ProtocolError) as exc:
             error: HandctlError = exc
-            if self.bound is None or not self.bound.expired:
+            if not self.over:
                 self.journal.blame(exc)
             else:  # an answer that the deadline cut short is not to blame
                 text = f"{link.name}: --deadline is over, {command} was not answered by then"
@@ -178,7 +172,7 @@ class GclLine:
                 return answer
             except (NoAnswer, ProtocolError) as exc:
                 error = exc
-            if self.bound is not None and self.bound.expired:
+            if self.over:
                 break
         assert error is not None
         raise error
@@ -314,7 +308,7 @@ class GclLine:
 
     def until_prompt(self, seconds: float) -> bytes:
         """What comes within `seconds`, up to a prompt."""
-        deadline = self.link.deadline(seconds).earlier(self.bound)
+        deadline = self.deadline(seconds)
         came = bytearray()
         while not deadline.expired or not came:
             chunk = self.link.read(deadline)

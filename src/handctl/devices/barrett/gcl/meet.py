@@ -73,7 +73,7 @@ class Meeting:
                 self._garbage, state = self._garbage or came, table.GARBAGE
             if state in table.ENDS:
                 break
-            if self.line.bound is not None and self.line.bound.expired:
+            if self.line.over:
                 raise self._failure(table.GARBAGE if self._garbage else table.NOBODY)
             came = self._look(state, row.send, came)
         if state != table.READY:

@@ -27,7 +27,7 @@ def change(line: GclLine, code: int) -> None:
     line.journal.counters.sent += 1
     link.write(data, link.deadline(2.0))
     echo = b""
-    deadline = link.deadline(1.0 + (2 * len(data) * 10 / old if old else 0)).earlier(line.bound)
+    deadline = line.deadline(1.0 + (2 * len(data) * 10 / old if old else 0))
     while data[:-1] not in echo.upper() and not deadline.expired:
         # Never beyond the echo: what follows comes at the new speed.
         chunk = link.read(deadline, max(1, len(data) - 1 - len(echo)))

@@ -19,7 +19,7 @@ def enter(session: Session) -> None:
     hand, link, line = session.hand, session.hand.link, session.hand.line
     command = f"{session.wish.prefix}LOOP"
     sent = command.encode("ascii")
-    deadline = link.deadline(ENTER_SECONDS + 2 * line.wire_seconds(len(sent) + 2)).earlier(line.bound)
+    deadline = line.deadline(ENTER_SECONDS + 2 * line.wire_seconds(len(sent) + 2))
     line.drain()
     # From here on it may be in the loop, where every byte counts as a header: it is left by ^C and nothing else.
     session.inside = session.asked = True
@@ -41,8 +41,7 @@ def enter(session: Session) -> None:
         if not chunk:
             break
         came = (came + chunk).lstrip(b" ")  # the space behind the prompt before may come late
-    if line.bound is not None and line.bound.expired:
-        raise NoAnswer(f"{link.name}: --deadline is over", hint="a longer --deadline", code="deadline")
+    line.check_bound()
     if not came:
         raise NoAnswer(
             f"{link.name}: no answer to {command}", hint="`handctl barrett status` tells whether it is there"

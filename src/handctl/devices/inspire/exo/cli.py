@@ -12,7 +12,6 @@ from handctl.devices.inspire.exo.device import ExoHand
 from handctl.devices.inspire.exo.motion_cli import add_movements
 from handctl.devices.inspire.identity import FamilyGate, kind_of
 from handctl.devices.inspire.map import BAUD_RATES, EXO, address_in
-from handctl.devices.inspire.registers import DEFAULT_RETRIES, DEFAULT_TIMEOUT
 from handctl.errors import HandctlError, NoAnswer, UsageError
 from handctl.frame import stored, verbs
 from handctl.frame.clikit import Group
@@ -21,6 +20,7 @@ from handctl.frame.filetypes import OutFile
 from handctl.frame.mapverbs import add_map_verbs
 from handctl.frame.options import Number, Seconds
 from handctl.frame.run import Run
+from handctl.model.device import limits_of
 from handctl.model.result import Table
 
 if TYPE_CHECKING:
@@ -31,14 +31,7 @@ if TYPE_CHECKING:
 
 def open_exo(link: ByteLink, settings: Settings, journal: Journal) -> ExoHand:
     """An EH55BF1 behind `link` with the options the user gave."""
-    bus = Bus(
-        link,
-        settings.id if settings.id is not None else 1,
-        journal,
-        timeout=settings.timeout if settings.timeout is not None else DEFAULT_TIMEOUT,
-        retries=settings.retries if settings.retries is not None else DEFAULT_RETRIES,
-        bound=link.deadline(settings.deadline) if settings.deadline is not None else None,
-    )
+    bus = Bus(link, settings.id if settings.id is not None else 1, journal, **limits_of(settings, link))
     bus.gate = FamilyGate(kind_of("exo"), settings.assume_identity)
     return ExoHand(bus)
 

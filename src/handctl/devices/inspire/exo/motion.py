@@ -87,7 +87,7 @@ def calibrate(hand: ExoHand, guide: Guide) -> Table:
 def _wait_with_clock(bus: Bus, prefixes: list[bytes], guide: Guide, started: float) -> eb90.Frame | None:
     least = sum(seconds for seconds, _ in CALIBRATION_STEPS)
     end = started + CALIBRATION_SECONDS
-    while bus.link.now() < end and not (bus.bound is not None and bus.bound.expired):
+    while bus.link.now() < end and not bus.over:
         elapsed = bus.link.now() - started
         guide.progress(
             f"calibrating {elapsed:4.1f} s (documented waits {least} s, movements come on top; at most {end - started:.0f} s)"

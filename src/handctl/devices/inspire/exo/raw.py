@@ -12,7 +12,7 @@ from handctl.devices.inspire.map import EXO, Register
 from handctl.devices.inspire.mishaps import explain, hint_for, shorten
 from handctl.devices.inspire.registers import telling
 from handctl.devices.inspire.spans import describe, element_at, stretches
-from handctl.errors import CheckFailed, DeviceRefused, NoAnswer, ProtocolError, UsageError
+from handctl.errors import CheckFailed, DeviceRefused, ProtocolError, UsageError
 from handctl.model.param import Element, ParamMap, Reading, Step
 from handctl.model.result import Column, Row, Table, hex_bytes
 
@@ -260,16 +260,17 @@ def exchange(hand: RegisterDevice, data: bytes, wait: float) -> Table:
     bus = hand.bus
     assert isinstance(bus, Bus)
     bus.pass_gate(data)
-    bus.refuse_late(hex_bytes(data))
+    bus.check_bound(hex_bytes(data))
     bus.drain()
+    since = bus.link.now()
     bus.send(data)
     received = b""
-    while chunk := bus.link.read(bus.link.deadline(wait + bus.wire_seconds(len(data))).earlier(bus.bound)):
+    while chunk := bus.link.read(bus.deadline(wait + bus.wire_seconds(len(data)))):
         received += chunk
-        if len(received) > 65536 or (bus.bound is not None and bus.bound.expired):
+        if len(received) > 65536 or bus.over:
             break
     if not received:
-        raise NoAnswer(f"{bus.where}: no answer to {hex_bytes(data)} within {wait:g} s", hint="--wait S listens longer")
+        raise bus.unanswered(hex_bytes(data), wait, since, "--wait S listens longer")
     decoder = eb90.Decoder()
     decoder.feed(received)
     frames = _frames(decoder)

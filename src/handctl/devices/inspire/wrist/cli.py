@@ -9,7 +9,6 @@ import click
 from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.identity import FamilyGate, kind_of
 from handctl.devices.inspire.map import WRIST, address_in
-from handctl.devices.inspire.registers import DEFAULT_RETRIES, DEFAULT_TIMEOUT
 from handctl.devices.inspire.wrist.device import WIRING_HINT, Wrist
 from handctl.frame.clikit import Group
 from handctl.frame.family import Family
@@ -17,6 +16,7 @@ from handctl.frame.mapverbs import add_map_verbs
 from handctl.frame.options import Number, Seconds
 from handctl.frame.run import Run
 from handctl.link import FrameLink
+from handctl.model.device import limits_of
 from handctl.model.result import Table
 
 if TYPE_CHECKING:
@@ -29,19 +29,15 @@ if TYPE_CHECKING:
 def open_wrist(link: ByteLink | FrameLink, settings: Settings, journal: Journal) -> Wrist:
     """A wrist module behind a serial or a CAN link, with the options the user gave."""
     device_id = settings.id if settings.id is not None else 1
-    more: dict[str, Any] = {
-        "timeout": settings.timeout if settings.timeout is not None else DEFAULT_TIMEOUT,
-        "retries": settings.retries if settings.retries is not None else DEFAULT_RETRIES,
-        "bound": link.deadline(settings.deadline) if settings.deadline is not None else None,
-    }
+    limits = limits_of(settings, link)
     bus: Bus | CanBus
     if isinstance(link, FrameLink):
         from handctl.devices.inspire.canbus import CanBus
 
-        bus = CanBus(link, device_id, journal, **more)
+        bus = CanBus(link, device_id, journal, **limits)
     else:
         hint = f"`handctl wrist scan` looks; {WIRING_HINT}"
-        bus = Bus(link, device_id, journal, family="wrist", silence_hint=hint, **more).at("wrist")
+        bus = Bus(link, device_id, journal, family="wrist", silence_hint=hint, **limits).at("wrist")
     bus.gate = FamilyGate(kind_of("wrist"), settings.assume_identity)
     return Wrist(bus)
 

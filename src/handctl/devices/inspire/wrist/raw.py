@@ -315,9 +315,9 @@ def exchange_can(wrist: Wrist, frame: CanFrame, wait: float) -> Table:
     bus = wrist.bus
     assert isinstance(bus, CanBus)
     bus.pass_gate(frame)
-    bus.refuse_late(str(frame))
+    bus.check_bound(str(frame))
     bus.drain()
-    deadline = bus.link.deadline(wait).earlier(bus.bound)
+    since, deadline = bus.link.now(), bus.deadline(wait)
     bus.send(frame, deadline)
     rows: list[Row] = []
     while len(rows) < 1000:
@@ -340,7 +340,7 @@ def exchange_can(wrist: Wrist, frame: CanFrame, wait: float) -> Table:
     if not any(
         row["direction"] != "other" or row["address"] == canreg.parse_identifier(frame.can_id).address for row in rows
     ):
-        raise NoAnswer(f"{bus.where}: no answer to {frame} within {wait:g} s", hint="--wait S listens longer")
+        raise bus.unanswered(str(frame), wait, since, "--wait S listens longer")
     columns = (
         Column("direction", "From"),
         Column("id", "Id", right=True),

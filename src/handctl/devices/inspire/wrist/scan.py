@@ -61,7 +61,7 @@ def _scan_can(bus: CanBus, guide: Guide, ids: Sequence[int], wait: float, find_a
         hits += search.confirmed(chunk, last=start + CHUNK >= len(ids))
         if hits and not find_all:
             break
-        cut = bus.bound is not None and bus.bound.expired and start + CHUNK < len(ids)
+        cut = bus.over and start + CHUNK < len(ids)
         if cut:
             break
     guide.done()
@@ -129,11 +129,11 @@ class _CanSearch:
         asked = {canreg.read_request(hand_id, 1020, 2, bus.read_flag)[0]: hand_id for hand_id in ids}
         self._wanted.update(asked)
         for identifier in asked:
-            bus.link.send(CanFrame(identifier, b"\x02"), bus.link.deadline(1.0).earlier(bus.bound))
+            bus.link.send(CanFrame(identifier, b"\x02"), bus.deadline(1.0))
         bus.journal.counters.sent += len(asked)
         self.probes += len(asked)
         answered: dict[int, bytes] = {}
-        deadline = bus.link.deadline(seconds).earlier(bus.bound)
+        deadline = bus.deadline(seconds)
         while not set(asked.values()) <= set(answered):
             frame = bus.receive(deadline)
             if frame is None:
