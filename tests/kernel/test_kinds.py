@@ -72,7 +72,7 @@ def after(kind: str, element: Element | None, value: float) -> dict[str, Any]:
     """What a fresh simulated device measures 2 s after `value` was written to `element` (None: nothing was)."""
     from importlib import import_module
 
-    family = import_module(FAMILIES[kind][0]).cli.family
+    family = import_module(FAMILIES[kind].module("cli")).cli.family
     link = open_link(f"fake://{kind}?clock=virtual", baud=family.baud)
     device = family.open(link, Settings(), Journal())
     measured = [

@@ -180,7 +180,7 @@ def test_who_imports_whom() -> None:
 
 
 def test_every_family_has_a_codec_and_a_map() -> None:
-    homes = {family_of(module.removeprefix("handctl.")) for module, _ in FAMILIES.values()}
+    homes = {family_of(f"{row.package}.cli".removeprefix("handctl.")) for row in FAMILIES.values()}
     for home in homes:
         pure = {module.rpartition(".")[2] for module in SANS_IO if family_of(module) == home}
         assert "map" in pure and len(pure) > 1, home
@@ -225,7 +225,7 @@ def test_no_family_imports_another_and_nobody_imports_a_family() -> None:
 
 def test_what_devices_share_knows_none_of_them() -> None:
     """The modules of a family's own folder know none of the rooms of one device: exo and wrist, GCL and RealTime have a face."""
-    homes = {module.removeprefix("handctl.").rpartition(".")[0] for module, _ in FAMILIES.values()}
+    homes = {row.package.removeprefix("handctl.") for row in FAMILIES.values()}
     single = {home for home in homes if home.count(".") > 1}
     assert single == {"devices.inspire.exo", "devices.inspire.wrist"}
     for found in OURS:
@@ -243,6 +243,18 @@ def test_families_are_data_and_their_modules_exist() -> None:
         assert text
         assert not text.endswith(".")
     assert set(FAMILIES) <= set(COMMANDS)
+
+
+ROLES = {"cli": "cli", "probe": "probe", "stopper": "stopping", "explain": "explainer", "writes": "words"}
+
+
+@pytest.mark.parametrize("name", FAMILIES)
+def test_the_row_of_a_family_is_enough_to_find_its_roles(name: str) -> None:
+    row = FAMILIES[name]
+    for role, found in ROLES.items():
+        assert callable(getattr(importlib.import_module(row.module(role)), found)), role
+    assert importlib.import_module(row.codec).sign(b"") == ""
+    assert importlib.import_module(row.module("cli")).cli.family.kind == name
 
 
 def test_errors_import_nothing() -> None:

@@ -20,7 +20,7 @@ from pathlib import Path
 
 import pytest
 
-from handctl.families import FAMILIES, STOPPERS
+from handctl.families import FAMILIES
 from handctl.frame.options import Settings
 from handctl.link import lock
 from handctl.link.ear import STOP_SECONDS
@@ -59,7 +59,7 @@ def stand(tmp_path: Path) -> Iterator[MakeStand]:
 
 
 def test_every_family_has_a_stop() -> None:
-    assert set(STOPPERS) == set(FAMILIES) == set(HOW)
+    assert set(FAMILIES) == set(HOW)
 
 
 @pytest.mark.parametrize("speed", [None, 9600, 600])
@@ -86,7 +86,7 @@ def test_a_stop_that_nobody_answers_ends_and_claims_nothing(family: str, speed: 
 @pytest.mark.parametrize("family", FAMILIES)
 def test_a_stopper_is_light(family: str) -> None:
     """It may be imported in the middle of anything: nothing beside its codec."""
-    text = f"import sys, {STOPPERS[family]}\nprint(' '.join(sys.modules))"
+    text = f"import sys, {FAMILIES[family].module('stopper')}\nprint(' '.join(sys.modules))"
     done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, check=True)
     assert not {"rich", "serial", "can", "click", "crcmod", "socket"} & set(done.stdout.split())
 

@@ -13,7 +13,7 @@ from unittest import mock
 import pytest
 
 from handctl.errors import DeviceRefused, HandctlError, ProtocolError
-from handctl.families import PROBES
+from handctl.families import FAMILIES
 from handctl.link import ByteLink, Deadline
 from handctl.model.result import Counters
 from handctl.tools import doctor, link_checks, machine_checks
@@ -174,7 +174,7 @@ def test_room(free: int, status: str, tmp_path: Path) -> None:
 # -- a link -------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("family", list(PROBES))
+@pytest.mark.parametrize("family", list(FAMILIES))
 def test_a_healthy_device(system: System, family: str) -> None:
     answer, rows = link_rows(f"fake://{family}", family, "--count", "20")
     assert answer.code == 0, answer

@@ -8,6 +8,8 @@ from __future__ import annotations
 import importlib
 import re
 from collections.abc import Iterable, Sequence
+from importlib.util import find_spec
+from typing import Any
 
 from handctl import __version__
 from handctl.docgen import texts
@@ -15,7 +17,7 @@ from handctl.docgen.roff import Page, bold, escape, italic, marked
 from handctl.docgen.tables import common, mnemonic
 from handctl.docgen.tree import Node, Option
 from handctl.errors import HandctlError
-from handctl.families import FAMILIES, SECTIONS
+from handctl.families import FAMILIES
 from handctl.model.param import MEASURED, Param
 
 EDITION = "2026-11-21"
@@ -90,12 +92,24 @@ def _command(node: Node, tree: Node) -> str:
     return _closing(page, node, tree)
 
 
+def _own(family: str, name: str) -> Any:
+    """What a family's module `page` says, None without it."""
+    where = FAMILIES[family].module("page") if family in FAMILIES else ""
+    return getattr(importlib.import_module(where), name, None) if where and find_spec(where) else None
+
+
+def _said(command: str, name: str) -> Sequence[tuple[str, str]]:
+    """The rows of `name`, FILES or EXAMPLES, of a command's own page."""
+    found: Sequence[tuple[str, str]] = _own(command, name) or getattr(texts, name).get(command, ())
+    return found
+
+
 def _section(page: Page, family: str) -> None:
     """What a family has to say beside its commands."""
-    if family not in SECTIONS:
+    section = _own(family, "section")
+    if section is None:
         return
-    module, _, function = SECTIONS[family].partition(":")
-    title, paragraphs, items = getattr(importlib.import_module(module), function)()
+    title, paragraphs, items = section()
     page.section(title)
     for text in paragraphs:
         page.para(marked(text))
@@ -191,9 +205,9 @@ def _closing(page: Page, node: Node, tree: Node) -> str:
         page.section("ENVIRONMENT")
         for variable, text in _environment(node):
             page.item(bold(variable), text)
-    files = list(texts.FILES.get(name, ()))
+    files = list(_said(name, "FILES"))
     if not name:
-        files = [entry for child in tree.children for entry in texts.FILES.get(child.path[0], ()) if "/" in entry[0]]
+        files = [entry for child in tree.children for entry in _said(child.path[0], "FILES") if "/" in entry[0]]
     elif name in FAMILIES and any(child.path == ("devices",) for child in tree.children):
         files += texts.FILES["devices"]
     if files:
@@ -241,8 +255,9 @@ def _same(name: str, metavar: str) -> str:
 def examples(node: Node) -> list[tuple[str, str]]:
     """Command line -> what it shows: the page's own, or the usual ones that the command has the verbs for."""
     name = node.path[0] if node.path else ""
-    if name in texts.EXAMPLES:
-        return list(texts.EXAMPLES[name])
+    own = _said(name, "EXAMPLES")
+    if own:
+        return list(own)
     verbs = {child.path[-1] for child in node.children}
     usual = [(line.format(name), text) for line, text in texts.USUAL if line.split()[2] in verbs]
     return usual or [(f"handctl {name} --help", "What it takes.")]

@@ -1,7 +1,8 @@
 """What a man page says beyond the command tree: links, output, files, examples. Data only.
 
-A page is looked up by its top-level command, "" is handctl(1). A command without examples of its own gets those of
-USUAL that it has the verbs for.
+A page is looked up by its top-level command, "" is handctl(1). A family has its own files and examples in its module
+`page`: FILES and EXAMPLES as here, and `section() -> title, paragraphs, (term, text, lines) items` where it has more to say.
+A command without examples of its own gets those of USUAL that it has the verbs for.
 """
 
 from __future__ import annotations
@@ -51,16 +52,6 @@ FILES: dict[str, tuple[tuple[str, str], ...]] = {
             "Options by their long names, with _ for -, and the named devices; by default below ~/.config.",
         ),
     ),
-    "exo": (("exo-before-reset.json", "The snapshot that `factory-reset` writes first, here unless `--backup` says."),),
-    "barrett": (
-        ("$XDG_STATE_HOME/handctl/barrett-saves.json", "The count of EEPROM saves; by default below ~/.local/state."),
-        ("$XDG_STATE_HOME/handctl/barrett-greasing.json", "The greasings that `maintenance --greased` recorded."),
-        ("$XDG_STATE_HOME/handctl/barrett-speeds.json", "The speed at which each port's hand was found last."),
-        ("$XDG_STATE_HOME/handctl/gcl-history", "The lines typed at the prompt of `gcl`."),
-    ),
-    "ekso": (
-        ("$XDG_STATE_HOME/handctl/ekso-audit.jsonl", "Who changed which setting; by default below ~/.local/state."),
-    ),
     "completion": (
         ("$XDG_DATA_HOME/bash-completion/completions/handctl", "Installed for bash; by default below ~/.local/share."),
         ("$XDG_DATA_HOME/zsh/site-functions/_handctl", "Installed for zsh; by default below ~/.local/share."),
@@ -74,52 +65,6 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
         ("handctl exo status -p /dev/ttyUSB0", "What to look at first, decoded."),
         ("handctl wrist status -p can:socketcan:can0", "The same for a wrist module on CAN."),
         ("handctl barrett status -p usb:0403:6001 --json", "The same for a BarrettHand, for a script."),
-    ),
-    "exo": (
-        ("handctl exo scan -p /dev/ttyUSB0", "Which id answers at which speed."),
-        ("handctl exo status --check --fake", "Exit status 7 when anything is unhealthy."),
-        ("handctl exo get system_voltage --fake --format plain", "A bare number for a script."),
-        ("handctl exo watch temperature --rate 20 --count 5 --fake --csv", "Five samples as CSV."),
-        ("handctl exo snapshot before.json --fake", "All settings into a file, to compare and to restore."),
-        ("handctl exo diff before.json --fake", "What has changed since."),
-        ("handctl exo set position_set.index=300 -n --fake", "The bytes that would be sent."),
-        ("handctl exo position 1000 1000 1000 1000 1000 --wait 5 -p /dev/ttyUSB0", "Open the hand; asks first."),
-        ("handctl exo force 0 0 0 0 0 --yes -p /dev/ttyUSB0", "Release it, from a script."),
-    ),
-    "wrist": (
-        ("handctl wrist scan -p can:socketcan:can0", "Which id answers on a CAN bus."),
-        ("handctl wrist status --fake --can", "The simulated module on its CAN wire."),
-        ("handctl wrist move --pitch -10 --yaw 10 --time 1000 --fake", "Move to angles in degrees and wait."),
-        ("handctl wrist center -p /dev/ttyUSB0", "Both axes to 0."),
-        (
-            'handctl wrist raw -n "EB 90 01 04 30 FC 03 02 36"',
-            "What a frame from the manual really does; sends nothing.",
-        ),
-    ),
-    "barrett": (
-        ("handctl barrett status -p /dev/ttyUSB0", "Finds the speed by itself."),
-        ("handctl barrett init --fake", "Initialize the motors; the fingers open fully."),
-        ("handctl barrett close --motors G -p /dev/ttyUSB0", "Close the fingers; Ctrl-C stops them."),
-        ("handctl barrett get SG.F1 temperature --fake", "By mnemonic or by name."),
-        ("handctl barrett set MCV=80 --motors 12 --fake", "The closing velocity of two fingers, in RAM."),
-        ('handctl barrett gcl "FGET P S" "PGET TEMP" --fake', "Any GCL."),
-        ("handctl barrett errors 12", "What a status code means; needs no device."),
-        ("handctl barrett firmware check hand.s19", "Whether a firmware file is whole; needs no device."),
-    ),
-    "aidin": (
-        ("handctl aidin status -p tcp://192.168.0.20", "Port 8000 when none is given."),
-        ("handctl aidin status --fake --json", "The simulated hand, for a script."),
-        ("handctl aidin get joint_pos --fake", "The angles of all joints."),
-        ("handctl aidin joints index.q3=160 -n --fake", "What would be sent: the others stay where they are."),
-        ("handctl aidin stop -p tcp://192.168.0.20", "Stop all motors."),
-        ("handctl aidin watch --count 3 --fake --csv", "Three samples as CSV."),
-    ),
-    "ekso": (
-        ("handctl ekso status --fake", "The simulated DataPort."),
-        ("handctl ekso status -p /dev/ttyACM0 --json", "What to look at first, for a script."),
-        ("handctl ekso dump --fake", "Everything it tells."),
-        ("handctl ekso log gait.csv --duration 60 -p /dev/ttyACM0", "A minute of the data stream into a file."),
-        ("handctl ekso export gait.csv --format mot -o gait.mot", "The same as a motion file of OpenSim."),
     ),
     "ports": (
         ("handctl ports", "What is plugged in, who holds it, and what to do where it cannot be opened."),

@@ -18,7 +18,7 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Any, NamedTuple
 
 from handctl.errors import UsageError
-from handctl.families import FAMILIES, FAMILY_KEYS
+from handctl.families import FAMILIES
 from handctl.files import NoFile, read
 
 Check = Callable[[Any], Any]
@@ -186,7 +186,7 @@ class _Book:
             raise self.wrong(
                 (*place, "kind"), f"kind = {kind!r}: no such device family", f"one of {', '.join(FAMILIES)}"
             )
-        known = ("kind", *DEVICE_KEYS, *FAMILY_KEYS.get(kind, ()))
+        known = ("kind", *DEVICE_KEYS, *FAMILIES[kind].keys)
         entries = {
             key: self.entry((*place, key), value, known, f"key of a device of family {kind}")
             for key, value in table.items()

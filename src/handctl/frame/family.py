@@ -7,6 +7,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from handctl.errors import UsageError
+from handctl.families import FAMILIES
 
 if TYPE_CHECKING:
     from handctl.errors import HandctlError
@@ -43,10 +44,9 @@ class Family(NamedTuple):
     recall: Callable[[str], int | None] | None = None
 
 
-def load(where: str) -> Any:
-    """``package.module:name`` of the tables in `families` -> that name of that module."""
-    module, _, name = where.partition(":")
-    return getattr(import_module(module), name)
+def load(kind: str, role: str) -> Any:
+    """The module of a role of a family, see `FamilyRow`."""
+    return import_module(FAMILIES[kind].module(role))
 
 
 def refuse_missing(family: Family, given: Collection[str]) -> None:

@@ -140,9 +140,7 @@ class Run:
         if self.writes and ledger.words is None and self.family is not None:
             from functools import partial
 
-            from handctl.families import WRITES
-
-            ledger.words = load(WRITES[self.family.kind])()
+            ledger.words = load(self.family.kind, "writes").words()
             ledger.explain = partial(_in_words, self.family.kind)
         return ledger
 
@@ -393,7 +391,6 @@ class Run:
 
 def _in_words(kind: str, data: bytes, can_id: int | None) -> str:
     """What a frame of the host says, by the family's own explainer."""
-    from handctl.families import EXPLAINERS
     from handctl.model.piece import HOST
 
-    return "; ".join(piece.meaning for piece in load(EXPLAINERS[kind])().decode(data, HOST, can_id))
+    return "; ".join(piece.meaning for piece in load(kind, "explain").explainer().decode(data, HOST, can_id))

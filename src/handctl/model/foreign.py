@@ -8,14 +8,14 @@ from __future__ import annotations
 import importlib
 
 from handctl.errors import DeviceRefused, HandctlError
-from handctl.families import SIGNS, TRIGGERS
+from handctl.families import FAMILIES
 
 
 def renamed(error: HandctlError, own: str) -> HandctlError:
     """The error as it is; where its bytes show the protocol of another family than `own`, exit code 6 and its command."""
     if error.exit_code != 5 or not error.came:
         return error
-    shown = {family: sign for family in SIGNS if (sign := _sign(family, error.came))}
+    shown = {family: sign for family in FAMILIES if (sign := _sign(family, error.came))}
     if not shown or own in shown:
         return error
     commands = " or ".join(f"`handctl {family}`" for family in shown)
@@ -35,8 +35,7 @@ def pointed(error: HandctlError, link: str) -> HandctlError:
 
 
 def _sign(family: str, came: bytes) -> str:
-    module, _, function = SIGNS[family].partition(":")
-    return str(getattr(importlib.import_module(module), function)(came))
+    return str(importlib.import_module(FAMILIES[family].codec).sign(came))
 
 
 def harmless(data: bytes, baud: int | None) -> bool:
@@ -44,4 +43,5 @@ def harmless(data: bytes, baud: int | None) -> bool:
 
     At a speed that is too fast for it, a device hears none of them as they are.
     """
-    return not any(set(data) & set(bytes_) for most, bytes_ in TRIGGERS.values() if baud is None or baud <= most)
+    triggers = (row.trigger for row in FAMILIES.values() if row.trigger is not None)
+    return not any(set(data) & set(bytes_) for most, bytes_ in triggers if baud is None or baud <= most)

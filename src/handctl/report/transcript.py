@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from handctl.families import EXPLAINERS
+from handctl.families import FAMILIES
 from handctl.frame.family import load
 from handctl.link.tap import parse
 from handctl.model.piece import DEVICE, HOST, Explainer, Piece
@@ -38,7 +38,7 @@ def explained(lines: Iterable[str], kind: str, privacy: Privacy) -> Iterator[str
 
 
 def _explainer(kind: str) -> Explainer | None:
-    made: Explainer | None = load(EXPLAINERS[kind])() if kind in EXPLAINERS else None
+    made: Explainer | None = load(kind, "explain").explainer() if kind in FAMILIES else None
     return made
 
 

@@ -1,6 +1,6 @@
 """The stop of a device as a talk: what to send, how long to listen, what was seen. Knows no device and no link's inside.
 
-A family's stopper is a module with one function, named in `families.STOPPERS`:
+A family's `stopper` is a module with one function:
 
     stopping(aim) -> Talk     yields `Say`s, is sent the pieces that came back, returns `Stopped`
 
@@ -15,7 +15,7 @@ from collections.abc import Callable, Generator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from handctl.errors import HandctlError, LinkError
-from handctl.families import STOPPERS
+from handctl.families import FAMILIES
 from handctl.model.param import Step
 
 if TYPE_CHECKING:
@@ -89,7 +89,7 @@ class Sent(NamedTuple):
 
 def talk_of(kind: str, aim: Aim) -> Talk:
     """The stop of a device of family `kind`."""
-    talk: Talk = importlib.import_module(STOPPERS[kind]).stopping(aim)
+    talk: Talk = importlib.import_module(FAMILIES[kind].module("stopper")).stopping(aim)
     return talk
 
 

@@ -5,14 +5,13 @@ Opens nothing and sends nothing; reads /dev and /sys.
 
 from __future__ import annotations
 
-import importlib
 import json
 import os
 from typing import Any
 
 from handctl.errors import UsageError
 from handctl.families import FAMILIES
-from handctl.frame.family import Family, refuse_missing, refuse_serial
+from handctl.frame.family import Family, load, refuse_missing, refuse_serial
 from handctl.frame.run import Run
 
 URLS = ("socket", "rfc2217", "spy", "loop", "hwgrep", "alt", "cp2110")
@@ -26,7 +25,7 @@ def check(run: Run, kind: str, given: dict[str, Any]) -> None:
 
     A path that may name another adapter tomorrow gets a warning with the better name.
     """
-    family: Family = importlib.import_module(FAMILIES[kind][0]).cli.family
+    family: Family = load(kind, "cli").cli.family
     port = str(given["port"])
     refuse_missing(family, given)
     check_link(port, family)

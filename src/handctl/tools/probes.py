@@ -1,12 +1,12 @@
-"""What a family offers for being looked for: one small module each, found by name in `families.PROBES`."""
+"""What a family offers for being looked for: its module `probe`."""
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Protocol, cast
 
-from handctl.families import FAMILIES, PROBES
+from handctl.families import FAMILIES
+from handctl.frame.family import load
 from handctl.link import Deadline, Link
 from handctl.model.result import Journal, Row
 
@@ -46,12 +46,12 @@ class FamilyProbe(Protocol):
 
 def probe_of(family: str) -> FamilyProbe:
     """The probe of a family by name."""
-    return cast(FamilyProbe, importlib.import_module(PROBES[family]))
+    return cast(FamilyProbe, load(family, "probe"))
 
 
 def family_of(name: str) -> Family:
     """How the shared machinery opens that family's device."""
-    return cast("Family", importlib.import_module(FAMILIES[name][0]).cli.family)
+    return cast("Family", load(name, "cli").cli.family)
 
 
 def wire_of(link: str) -> str:
@@ -61,7 +61,7 @@ def wire_of(link: str) -> str:
     if is_can(link):
         return "can"
     simulated = link.removeprefix("fake://").partition("?")[0]
-    if link.startswith("fake://") and simulated in PROBES:
+    if link.startswith("fake://") and simulated in FAMILIES:
         return probe_of(simulated).WIRES[0]
     return "tcp" if link.startswith("tcp://") else "serial"
 

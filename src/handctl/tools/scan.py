@@ -24,7 +24,7 @@ import click
 
 from handctl import __version__
 from handctl.errors import Interrupted, LinkError, NoAnswer, ProtocolError, UsageError
-from handctl.families import FAMILIES, PROBES
+from handctl.families import FAMILIES, SCANNED
 from handctl.frame.clikit import Command
 from handctl.frame.options import SharedOption
 from handctl.frame.run import Run
@@ -83,7 +83,7 @@ def cli(links: tuple[str, ...], families: tuple[str, ...], ids: str | None, find
     """
     run: Run = click.get_current_context().obj
     settings = run.settings
-    wanted = tuple(family for family in PROBES if not families or family in families)
+    wanted = tuple(family for family in SCANNED if not families or family in families)
     names = list(links) or ([settings.port] if settings.port else [])
     if settings.fake and not links:
         names = [f"fake://{family}" for family in wanted]
@@ -137,7 +137,7 @@ def parse_ids(text: str) -> list[int]:
 
 def plan(wire: str, families: Sequence[str], speeds: bool) -> list[Step]:
     """Which probes, in which order, on a kind of link; without `speeds` each family once, at the link's own."""
-    found = [family for family in PROBES if family in families and wire in probe_of(family).WIRES]
+    found = [family for family in SCANNED if family in families and wire in probe_of(family).WIRES]
     if wire == "tcp":  # who is at home there comes before who is behind a serial server
         found.sort(key=lambda family: "serial" in probe_of(family).WIRES)
     if not speeds:

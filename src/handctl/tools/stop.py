@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import importlib
-
 import click
 
 from handctl.errors import UsageError
 from handctl.families import FAMILIES
 from handctl.frame.clikit import Command
+from handctl.frame.family import load
 from handctl.frame.run import Run
 from handctl.model.result import Table
 
@@ -24,7 +23,7 @@ def cli(run: Run) -> Table:
     from handctl.stop import command
 
     kind = _kind(run)
-    run.family = importlib.import_module(FAMILIES[kind][0]).cli.family
+    run.family = load(kind, "cli").cli.family
     return command.stop(run)
 
 

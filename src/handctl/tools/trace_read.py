@@ -16,7 +16,7 @@ from typing import IO, Any, NamedTuple
 
 from handctl import files
 from handctl.errors import UsageError
-from handctl.families import EXPLAINERS, FAMILIES
+from handctl.families import FAMILIES, TOLD
 from handctl.frame.family import load
 from handctl.link.tap import Entry, parse_line
 from handctl.model.latency import RoundTrips
@@ -92,9 +92,9 @@ def printable(text: str) -> str:
 
 def explainer_of(family: str) -> Explainer:
     """The explainer of a family. Raises UsageError for a name that is none."""
-    if family not in EXPLAINERS:
-        raise UsageError(f"{family!r} is no device family", hint=f"one of {', '.join(EXPLAINERS)}")
-    made: Explainer = load(EXPLAINERS[family])()
+    if family not in FAMILIES:
+        raise UsageError(f"{family!r} is no device family", hint=f"one of {', '.join(TOLD)}")
+    made: Explainer = load(family, "explain").explainer()
     return made
 
 
@@ -112,7 +112,7 @@ def family_in(comment: str) -> str:
 def family_of_event(entry: Entry) -> str:
     """The family whose bytes follow this event; "" = none."""
     name = entry.text.removeprefix(FAMILY_EVENT).partition(" ")[0]
-    return name if entry.text.startswith(FAMILY_EVENT) and name in EXPLAINERS else ""
+    return name if entry.text.startswith(FAMILY_EVENT) and name in FAMILIES else ""
 
 
 def chosen(lines: Iterator[Line], family: str, source: str) -> tuple[str, bool, Iterator[Line]]:
@@ -131,11 +131,11 @@ def chosen(lines: Iterator[Line], family: str, source: str) -> tuple[str, bool, 
     told = not family
     entry = next((line.entry for line in seen if line.entry is not None and line.entry.data), None)
     if not family and entry is not None:
-        family = next((name for name in EXPLAINERS if explainer_of(name).recognises(entry.data, entry.can_id)), "")
+        family = next((name for name in TOLD if explainer_of(name).recognises(entry.data, entry.can_id)), "")
     if not family:
         raise UsageError(
             f"{source}: which device is it? Neither the first line nor the bytes tell",
-            hint=f"--family {'|'.join(EXPLAINERS)}",
+            hint=f"--family {'|'.join(TOLD)}",
             code="which-family",
         )
     return family, told, _chained(seen, lines)

@@ -14,7 +14,7 @@ KEYS = {param.key: param for param in AIDIN}
 FEEDBACK_KEYS = {param.key for param in FEEDBACK}
 
 
-def aidin() -> AidinExplainer:
+def explainer() -> AidinExplainer:
     """For the AIDIN-hand."""
     return AidinExplainer()
 

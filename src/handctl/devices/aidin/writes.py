@@ -50,6 +50,6 @@ def _mode(data: bytes, place: int) -> int:
     return int(number) if number else -1
 
 
-def aidin() -> AidinWrites:
+def words() -> AidinWrites:
     """See AidinWrites."""
     return AidinWrites()

@@ -34,7 +34,7 @@ class Asked(NamedTuple):
     key: str
 
 
-def barrett() -> BarrettExplainer:
+def explainer() -> BarrettExplainer:
     """For the BH8 series."""
     return BarrettExplainer()
 

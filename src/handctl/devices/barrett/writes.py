@@ -125,6 +125,6 @@ def _asks(data: bytes) -> bool:
     return not text or (known is not None and known.kind == "query")
 
 
-def barrett() -> BarrettWrites:
+def words() -> BarrettWrites:
     """See BarrettWrites."""
     return BarrettWrites()

@@ -38,7 +38,7 @@ class Cut(NamedTuple):
     mode: str = ""
 
 
-def ekso() -> EksoExplainer:
+def explainer() -> EksoExplainer:
     """For the EksoNR."""
     return EksoExplainer()
 

@@ -9,7 +9,7 @@ from handctl.stop.talk import Aim, Pieces, Say, Stopped, Talk
 
 MSG_ID = 0xF000
 """Far from those that count up from 1: a late answer to somebody's read is not taken for ours. And no frame with it holds a
-byte upon which another device acts (`families.TRIGGERS`), whatever the length byte counts: a stop goes out to who is there."""
+byte upon which another device acts (`families.FamilyRow.trigger`), whatever the length byte counts: a stop goes out to who is there."""
 PATIENCE = 0.5
 LIMIT = (
     "the DataPort has no stop: CancelAction cancels a running action, and which ones is not documented. It takes no power "

@@ -58,6 +58,6 @@ class EksoWrites:
         return "`handctl ekso feedback`" if data[0] == Command.CANCEL_ACTION else "`handctl ekso settings`"
 
 
-def ekso() -> EksoWrites:
+def words() -> EksoWrites:
     """See EksoWrites."""
     return EksoWrites()

@@ -26,16 +26,6 @@ RESULTS = {0x00: "saved", 0xFF: "not saved"}
 MOST_KNOWN = 1024
 
 
-def exo() -> InspireExplainer:
-    """For the EH55BF1."""
-    return InspireExplainer(EXO)
-
-
-def wrist() -> InspireExplainer:
-    """For the wrist module, on both wires."""
-    return InspireExplainer(WRIST)
-
-
 class InspireExplainer:
     """One conversation. Frames are found at every offset; one that fails gives way to a whole one inside it."""
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Hashable, Iterable, Sequence
 
 from handctl.devices.inspire import canreg, eb90
-from handctl.devices.inspire.map import EXO, WRIST, Register
+from handctl.devices.inspire.map import EXO, Register
 from handctl.errors import ProtocolError
 from handctl.model.ledger import Frame
 from handctl.model.param import ParamMap
@@ -148,13 +148,3 @@ def _reads(frame: bytes) -> bool:
 
 def _reads_can(can_id: int) -> bool:
     return canreg.parse_identifier(can_id).flag in (canreg.READ_HAND, canreg.READ_WRIST)
-
-
-def exo() -> InspireWrites:
-    """For the EH55BF1."""
-    return InspireWrites(EXO)
-
-
-def wrist() -> InspireWrites:
-    """For the wrist module and the hand behind it, on both wires."""
-    return InspireWrites(WRIST)
