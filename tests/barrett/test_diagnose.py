@@ -123,6 +123,11 @@ def test_checks(check: Callable[[Patient], list[Finding]], changed: dict[str, in
     assert all(finding.remedy and finding.source for finding in found if finding.bad)
 
 
+def test_the_forecast_of_heat_names_both_temperatures_in_degrees() -> None:
+    found = checks.can_move(with_values(OTEMP=600, TEMP=601))
+    assert "60.1 °C is above OTEMP 60.0 °C" in found[0].evidence
+
+
 SETTINGS = [param for param in BARRETT if param.writable and not param.is_global and not param.since]
 
 

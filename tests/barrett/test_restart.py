@@ -41,6 +41,16 @@ def test_what_moves_or_writes_is_not_repeated(boot: str, command: str) -> None:
     assert link.clock < 1.0
 
 
+@pytest.mark.parametrize("echo", [b"", b"C\r\n"])
+def test_the_monitor_alone_ends_a_movement_long_before_its_deadline(echo: bytes) -> None:
+    """No banner comes behind the ':': firmware that is gone, or a boot window that is still open."""
+    hand, link = scripted({"C": echo + b":"})
+    with pytest.raises(Restarted, match="C has no answer"):
+        hand.line.ask("C")
+    assert link.commands == ["C"]
+    assert link.clock < 1.0
+
+
 def test_a_stale_banner_before_a_write_keeps_it_back() -> None:
     hand, link = scripted({"FSET DP 5": ""})
     link.put(0.0, BANNER)
