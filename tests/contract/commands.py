@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -11,6 +10,7 @@ import click
 from handctl.families import FAMILIES
 from handctl.frame import snapshot
 from handctl.frame.clikit import Command
+from handctl.frame.family import load
 from tests.contract.facts import facts_of
 
 ELSEWHERE = {("barrett", "firmware download"): "needs a power switch: tests of its own"}
@@ -28,8 +28,7 @@ def commands(family: str) -> Iterator[tuple[str, Command]]:
             elif isinstance(command, Command):
                 yield f"{path}{name}", command
 
-    module, _ = FAMILIES[family]
-    yield from below(importlib.import_module(module).cli, "")
+    yield from below(load(family, "cli").cli, "")
 
 
 def writing_commands(family: str) -> list[str]:
