@@ -45,3 +45,8 @@ def ours(modules: set[str]) -> set[str]:
 
 def heavy(modules: set[str]) -> set[str]:
     return {module for module in modules if module.split(".")[0] in HEAVY}
+
+
+def back_ends(modules: set[str]) -> set[str]:
+    """Modules of links of one kind; `link.base` is what all of them are."""
+    return {name for name in modules if name.startswith("handctl.link.")} - {"handctl.link.base"}

@@ -7,214 +7,32 @@
     can:INTERFACE:CHANNEL[?bitrate=…]                         can.py      (python-can)
     replay:FILE                                               replay.py   (a transcript plays the device)
 
-The clock belongs to the link: deadlines are made by it, so a link may run on virtual time.
+What all of them are is in base.py. The clock belongs to the link: deadlines are made by it, so a link may run on
+virtual time.
 """
 
 from __future__ import annotations
 
-import time
-from abc import ABC, abstractmethod
-from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
-from handctl.errors import LinkError, UsageError
+from handctl.errors import UsageError
+from handctl.link.base import ByteLink, CanFrame, Deadline, FrameLink, Link, NoFrames, NoLink, Outlet
 
 if TYPE_CHECKING:
     from handctl.link.tap import Tap
 
-
-class Deadline:
-    """A moment on a monotonic clock. Handed down through every wait, so that waits do not add up."""
-
-    __slots__ = ("_now", "at")
-
-    def __init__(self, now: Callable[[], float], at: float) -> None:
-        self._now = now
-        self.at = at
-
-    @property
-    def remaining(self) -> float:
-        """Seconds left, never negative."""
-        return max(0.0, self.at - self._now())
-
-    @property
-    def expired(self) -> bool:
-        """Whether the moment has passed."""
-        return self._now() >= self.at
-
-    def earlier(self, other: Deadline | None) -> Deadline:
-        """The earlier of two deadlines on the same clock."""
-        return self if other is None or self.at <= other.at else other
-
-
-class CanFrame(NamedTuple):
-    """One extended data frame: 29-bit identifier and up to 8 bytes."""
-
-    can_id: int
-    data: bytes
-
-    def __str__(self) -> str:
-        return f"{self.can_id:08X} [{len(self.data)}] {self.data.hex(' ').upper()}".rstrip()
-
-
-class Outlet:
-    """How bytes get out of a link without the link: what a process needs that outlives this one (deadman.py).
-
-    descriptor  of the system
-    encode      a frame (its data, and the identifier on a CAN bus) as this link writes it
-    owes        told when a frame is half sent, with its rest, and with b"" once it is out; replaced by who listens
-    """
-
-    def __init__(self, descriptor: int, encode: Callable[[bytes, int | None], bytes] | None = None) -> None:
-        self.descriptor = descriptor
-        self.encode = encode or (lambda data, can_id: data)
-        self.owes: Callable[[bytes], None] = lambda rest: None
-
-
-class Link(ABC):
-    """What every link has: a name, a clock, an end.
-
-    name      as the user gave it (for messages and the JSON envelope)
-    fake      True when a simulator in this process answers
-    replayed  True when a transcript plays the device
-    held      descriptors that keep others off the device (locks)
-    """
-
-    name: str = ""
-    fake: bool = False
-    replayed: bool = False
-    held: tuple[int, ...] = ()
-
-    def now(self) -> float:
-        """Seconds on the link's monotonic clock."""
-        return time.monotonic()
-
-    def sleep(self, seconds: float) -> None:
-        """Let `seconds` pass on the link's clock."""
-        if seconds > 0:
-            time.sleep(seconds)
-
-    def deadline(self, seconds: float) -> Deadline:
-        """The deadline `seconds` from now."""
-        return Deadline(self.now, self.now() + seconds)
-
-    def event(self, text: str) -> None:  # noqa: B027 - only a tap records events
-        """Note something beside the bytes (speed change, power cycle) in a transcript, if one is recorded."""
-
-    def outlet(self) -> Outlet | None:
-        """The way out for a second process; None where there is none: inside this process, or inside a library."""
-        return None
-
-    def reconnect(self, seconds: float) -> bool:
-        """Open a connection that was lost again, once; what it had not delivered is dropped. False where there is none.
-
-        Raises LinkError where it cannot be opened within `seconds`.
-        """
-        return False
-
-    def power_cycle(self) -> bool:
-        """Switch the device off and on. Only simulators can: False means the operator must."""
-        return False
-
-    def recorded_next(self, request: bytes) -> bool:
-        """Whether the transcript that plays the device has this request next: who may choose asks as was asked then."""
-        return False
-
-    def fall_silent(self) -> None:
-        """From now on nothing goes out: who tries is interrupted. The device was stopped, and is to stay so."""
-        setattr(self, self._goes_out, _interrupt)  # in place of the method: a check in it would cost every write
-
-    _goes_out = ""
-    """Name of the method that sends."""
-
-    @abstractmethod
-    def close(self) -> None:
-        """Release the link. May be called twice."""
-
-
-def _interrupt(*_: object) -> None:
-    raise KeyboardInterrupt
-
-
-class FrameLink(Link):
-    """A CAN bus with a device on it.
-
-    error_frames   what the controller reported: nobody acknowledges, bus off
-    damaged        what came from the adapter and is no frame; the last of it is `damage`, for people
-    """
-
-    _goes_out = "send"
-    error_frames: int = 0
-    damaged: int = 0
-    damage: str = ""
-
-    @abstractmethod
-    def send(self, frame: CanFrame, deadline: Deadline) -> None:
-        """Queue one frame. Raises LinkError."""
-
-    @abstractmethod
-    def receive(self, deadline: Deadline) -> CanFrame | None:
-        """The next extended data frame of any identifier; None on silence until `deadline`. Raises LinkError."""
-
-
-class ByteLink(Link):
-    """A stream of bytes to one device. Base of all byte links; also states what each must do.
-
-    baud   current speed in bit/s, None where the link has none (TCP)
-    can_set_baud   whether `set_baud` reaches the device's line
-    """
-
-    _goes_out = "write"
-    baud: int | None = None
-    can_set_baud: bool = False
-
-    @abstractmethod
-    def write(self, data: bytes, deadline: Deadline) -> None:
-        """Hand all of `data` to the line before `deadline`. Raises LinkError."""
-
-    @abstractmethod
-    def read(self, deadline: Deadline, size: int = 4096) -> bytes:
-        """What has arrived, at most `size` bytes, waiting until `deadline` for the first; b"" on silence.
-
-        Raises LinkError when the link is lost.
-        """
-
-    def set_baud(self, baud: int) -> None:
-        """Change this end's speed. Raises LinkError where there is none."""
-        raise LinkError(f"{self.name}: this link has no speed to set", code="baud")
-
-
-class NoLink(ByteLink):
-    """No device: for plans that are only printed. Refuses every byte."""
-
-    name = "(dry run)"
-
-    def write(self, data: bytes, deadline: Deadline) -> None:
-        raise LinkError("a dry run sends nothing")
-
-    def read(self, deadline: Deadline, size: int = 4096) -> bytes:
-        raise LinkError("a dry run reads nothing")
-
-    def set_baud(self, baud: int) -> None:
-        self.baud = baud
-
-    def close(self) -> None:
-        """Nothing to release."""
-
-
-class NoFrames(FrameLink):
-    """The same for CAN."""
-
-    name = "(dry run)"
-
-    def send(self, frame: CanFrame, deadline: Deadline) -> None:
-        raise LinkError("a dry run sends nothing")
-
-    def receive(self, deadline: Deadline) -> CanFrame | None:
-        raise LinkError("a dry run reads nothing")
-
-    def close(self) -> None:
-        """Nothing to release."""
+__all__ = [
+    "ByteLink",
+    "CanFrame",
+    "Deadline",
+    "FrameLink",
+    "Link",
+    "NoFrames",
+    "NoLink",
+    "Outlet",
+    "is_can",
+    "open_link",
+]
 
 
 def open_link(

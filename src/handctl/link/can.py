@@ -15,7 +15,7 @@ from typing import Any
 import can
 
 from handctl.errors import LinkError, UsageError
-from handctl.link import CanFrame, Deadline, FrameLink, Outlet
+from handctl.link.base import CanFrame, Deadline, FrameLink, Outlet
 
 BITRATE = 1_000_000
 """wrist §2.3."""

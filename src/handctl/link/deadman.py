@@ -31,7 +31,7 @@ from contextlib import contextmanager, suppress
 from typing import NamedTuple, NoReturn
 
 from handctl.errors import LinkError
-from handctl.link import Link, Outlet
+from handctl.link.base import Link, Outlet
 
 BOUND_SECONDS = 2.0
 """How long the child may take once it acts: a link that takes no bytes keeps it, and the lock, no longer."""

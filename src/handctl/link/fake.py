@@ -9,7 +9,7 @@ import time
 from typing import Any
 
 from handctl.errors import LinkError, UsageError
-from handctl.link import ByteLink, CanFrame, Deadline, FrameLink, Link
+from handctl.link.base import ByteLink, CanFrame, Deadline, FrameLink, Link
 
 
 def split_url(link: str) -> tuple[str, dict[str, str]]:

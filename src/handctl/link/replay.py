@@ -16,7 +16,7 @@ from typing import BinaryIO
 
 from handctl.errors import LinkError, UsageError
 from handctl.files import opened
-from handctl.link import ByteLink, CanFrame, Deadline, FrameLink, Link
+from handctl.link.base import ByteLink, CanFrame, Deadline, FrameLink, Link
 from handctl.link.tap import Entry, parse_line
 
 LONGEST_LINE = 1 << 20

@@ -16,7 +16,7 @@ from typing import Any
 import serial
 
 from handctl.errors import LinkError, UsageError
-from handctl.link import ByteLink, Deadline, Outlet
+from handctl.link.base import ByteLink, Deadline, Outlet
 from handctl.link.owners import Process, group_of, group_remedy, holders
 
 WRITE_SECONDS = 2.0

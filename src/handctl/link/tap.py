@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterable
 from typing import NamedTuple, Protocol
 
 from handctl.errors import LinkError, UsageError
-from handctl.link import ByteLink, CanFrame, Deadline, FrameLink, Link, Outlet
+from handctl.link.base import ByteLink, CanFrame, Deadline, FrameLink, Link, Outlet
 
 
 class Entry(NamedTuple):

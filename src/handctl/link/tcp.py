@@ -8,7 +8,7 @@ import socket
 import struct
 
 from handctl.errors import LinkError, UsageError
-from handctl.link import ByteLink, Deadline, Outlet
+from handctl.link.base import ByteLink, Deadline, Outlet
 
 CONNECT_SECONDS = 3.0
 QUICKACK = getattr(socket, "TCP_QUICKACK", None)

@@ -73,6 +73,7 @@ class Device(Model):
     """The hand without its cable."""
 
     KIND = "aidin"
+    CONTROL = "handctl.sim.aidin.control"
     HEADER = b'}]",:0-e\r\n'  # no opening brace: noise beside an object leaves the object whole
     OPTIONS = _OPTIONS
     FAULTS = _FAULTS
@@ -361,23 +362,6 @@ class Device(Model):
         """There is no check value: one byte is no UTF-8 instead."""
         place = len(data) // 2
         return data[:place] + bytes([data[place] | 128]) + data[place + 1 :]
-
-    # -- control and state, loaded on use ------------------------------------------------------------------------------
-
-    def command(self, words: list[str]) -> str:
-        from handctl.sim.aidin import control
-
-        return control.command(self, words)
-
-    def snapshot(self) -> dict[str, Any]:
-        from handctl.sim.aidin import control
-
-        return control.snapshot(self)
-
-    def restore(self, state: dict[str, Any]) -> None:
-        from handctl.sim.aidin import control
-
-        control.restore(self, state)
 
 
 def _finite(value: object) -> float | None:

@@ -1,6 +1,6 @@
 """A simulated BarrettHand BH8: the supervisory line, its echo and prompt, ^C, speed, power (barrett §3.6, §5.1, §5.2.4).
 
-RealTime mode is in barrett_loop.py, the boot monitor in barrett_monitor.py.
+GCL is in gcl.py, RealTime mode in loop.py, the boot monitor in monitor.py; what they see of this is in board.py.
 
 Written from the manual and from what is publicly known of the hand, by other means than the host. Where both are
 silent the behaviour is invented and the comment says so; nothing seen here is evidence about a real hand.
@@ -13,7 +13,8 @@ from __future__ import annotations
 
 from handctl.sim.barrett import found, loop, monitor
 from handctl.sim.barrett import options as barrett_options
-from handctl.sim.barrett.gcl import Answer, execute
+from handctl.sim.barrett.answer import Answer
+from handctl.sim.barrett.gcl import execute
 from handctl.sim.barrett.hand import TEMPERATURE, Hand
 from handctl.sim.barrett.memory import Memory
 from handctl.sim.barrett.motor import NO_LOAD, STOPS
@@ -22,7 +23,7 @@ from handctl.sim.engine.model import NOTHING, Model, Options, Random, Reply
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import Any
+    pass
 
 ABORT, RETURN = 3, 13  # ^C, CR
 SPEEDS = tuple(str(100 * baud) for baud in BAUDS)
@@ -32,6 +33,7 @@ class Device(Model):
     """The hand without its wire."""
 
     KIND = "barrett"
+    CONTROL = "handctl.sim.barrett.control"
     HEADER = b"=> \n\r*:0E"
     OPTIONS = barrett_options.OPTIONS
     FAULTS = barrett_options.FAULTS
@@ -374,20 +376,3 @@ class Device(Model):
         from handctl.sim.barrett import uart
 
         return uart.resample(data, sent, heard, self._receiver)
-
-    # -- control and state, loaded on use ----------------------------------------------------------------------------
-
-    def command(self, words: list[str]) -> str:
-        from handctl.sim.barrett import control
-
-        return control.command(self, words)
-
-    def snapshot(self) -> dict[str, Any]:
-        from handctl.sim.barrett import control
-
-        return control.snapshot(self)
-
-    def restore(self, state: dict[str, Any]) -> None:
-        from handctl.sim.barrett import control
-
-        control.restore(self, state)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from handctl.sim.barrett.device import Device
+    from handctl.sim.barrett.board import Board
 
 STATES = (
     "ready",
@@ -25,7 +25,7 @@ STATES = (
 CRUISE = 16  # LCV that somebody has left: 1 count a sample (§6.2.1)
 
 
-def put(device: Device, state: str) -> None:
+def put(device: Board, state: str) -> None:
     """Raises ValueError for a state that does not exist."""
     if state not in STATES:
         raise ValueError(f"unknown state {state!r}; known: {', '.join(STATES)}")

@@ -5,15 +5,16 @@ Knows commands and parameters, no wire (barrett §5.1, §5.2). Where the manual 
 
 from __future__ import annotations
 
+from handctl.sim.barrett.answer import Answer
 from handctl.sim.barrett.memory import whole
 from handctl.sim.barrett.tables import (
     BAD_VALUE,
-    COMMANDS,
     MOVES,
     NO_PREFIX,
     NOT_INITIALIZED,
     PREFIX,
     READ_ONLY,
+    ROWS,
     TOO_HOT,
     TOO_MANY,
     UNKNOWN_COMMAND,
@@ -24,25 +25,13 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from handctl.sim.barrett.device import Device
+    from handctl.sim.barrett.board import Board
 
-ROWS = {row[0]: row for row in COMMANDS}
 ALL = (0, 1, 2, 3)
 WRITES = ("FSET", "FLOAD", "FSAVE", "FDEF", "PSET", "PLOAD", "PSAVE", "PDEF")
 
 
-class Answer:
-    """What a command prints: lines, then a status code if it is not 0; `seconds` is how long it is busy before that."""
-
-    __slots__ = ("code", "lines", "seconds")
-
-    def __init__(self, code: int = 0, lines: list[str] | None = None, seconds: float = 0.0) -> None:
-        self.code = code
-        self.lines = [] if lines is None else lines
-        self.seconds = seconds
-
-
-def execute(device: Device, text: str) -> Answer | None:
+def execute(device: Board, text: str) -> Answer | None:
     """Carries a line out. None: the answer comes later, at the end of a movement or after a restart."""
     words = [word for word in text.upper().split(" ") if word]
     if not words:
@@ -80,7 +69,7 @@ def _split(words: list[str]) -> tuple[str, str, list[str]]:
     return prefix, name, words[1:]
 
 
-def _move(device: Device, name: str, motors: tuple[int, ...], unnamed: bool, arguments: list[str]) -> Answer | None:
+def _move(device: Board, name: str, motors: tuple[int, ...], unnamed: bool, arguments: list[str]) -> Answer | None:
     """Movement commands (§5.2.1). Without prefix they act on the enabled motors alone (§5.3.4 EN)."""
     argument = whole(arguments[0], 0, 20000) if arguments else None
     if arguments and argument is None:
@@ -91,7 +80,7 @@ def _move(device: Device, name: str, motors: tuple[int, ...], unnamed: bool, arg
     return None
 
 
-def _loop(device: Device, motors: tuple[int, ...], unnamed: bool) -> Answer | None:
+def _loop(device: Board, motors: tuple[int, ...], unnamed: bool) -> Answer | None:
     """LOOP (§5.2.1), a movement command: a motor that is not ready is an error and nothing begins (our guess)."""
     if unnamed:
         motors = tuple(number for number in motors if device.memory.get("EN", number))
@@ -106,7 +95,7 @@ def _loop(device: Device, motors: tuple[int, ...], unnamed: bool) -> Answer | No
     return None
 
 
-def _other(device: Device, name: str, motors: tuple[int, ...], arguments: list[str]) -> Answer | None:
+def _other(device: Board, name: str, motors: tuple[int, ...], arguments: list[str]) -> Answer | None:
     memory = device.memory
     device.dirty = device.dirty or name in WRITES
     match name:
@@ -144,7 +133,7 @@ def _other(device: Device, name: str, motors: tuple[int, ...], arguments: list[s
     return Answer()
 
 
-def _get(device: Device, names: list[str], motors: tuple[int, ...] | None) -> Answer:
+def _get(device: Board, names: list[str], motors: tuple[int, ...] | None) -> Answer:
     """One line for each name, one value for each motor (§5.2.2); what came before a wrong name is printed."""
     answer = Answer()
     known = device.memory.common_rows if motors is None else device.memory.motor_rows
@@ -159,7 +148,7 @@ def _get(device: Device, names: list[str], motors: tuple[int, ...] | None) -> An
     return answer
 
 
-def values(device: Device, name: str, motors: tuple[int, ...] | None) -> str:
+def values(device: Board, name: str, motors: tuple[int, ...] | None) -> str:
     """The value line of one parameter, in the order of the motors whatever the prefix said."""
     if motors is None:
         numbers = [device.read_common(name)]
@@ -185,7 +174,7 @@ def _pairs(arguments: list[str], setter: Callable[[str, str], int]) -> Answer:
     return Answer()
 
 
-def _list_values(device: Device, name: str, motors: tuple[int, ...]) -> Answer:
+def _list_values(device: Board, name: str, motors: tuple[int, ...]) -> Answer:
     """FLISTV, PLISTV, FLISTAV, PLISTAV: one line for each parameter (§5.2.2 to §5.2.5)."""
     of_motors, advanced = name[0] == "F", name[5] == "A"
     names = device.memory.motor_names(advanced) if of_motors else device.memory.common_names(advanced)

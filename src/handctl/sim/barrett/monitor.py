@@ -18,7 +18,7 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import Any
 
-    from handctl.sim.barrett.device import Device
+    from handctl.sim.barrett.board import Board
 
 SPEED = 9600
 RETENTION = 172800.0  # s that the super capacitor holds the RAM: two days (§3.7)
@@ -139,7 +139,7 @@ WAIT, RECORD, LOW, HIGH, COUNT, DATA_TRIGGER, DATA = range(7)
 class Monitor:
     """Waits for the first trigger, then takes records; `until` is when it does something by itself."""
 
-    def __init__(self, device: Device, options: Options, boot: float) -> None:
+    def __init__(self, device: Board, options: Options, boot: float) -> None:
         self.device = device
         self.window = options.seconds("window", boot, 60.0)
         self.echoes_triggers = options.choice("echo-triggers", "0", ("0", "1")) == "1"

@@ -8,7 +8,7 @@ from handctl.sim.engine.model import Options
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from handctl.sim.barrett.device import Device
+    from handctl.sim.barrett.board import Board
 
 OBSTACLES = (9250.0, 9400.0, 9550.0)  # places of the fault "obstacle": P 9200, 9350, 9500 after HI
 HOT = 702  # 0.1 °C
@@ -83,7 +83,7 @@ def switches(options: Options) -> list[float]:
     return times
 
 
-def apply_faults(device: Device, before: frozenset[str]) -> None:
+def apply_faults(device: Board, before: frozenset[str]) -> None:
     """Puts the states of the body in, and takes away those of `before` that are no longer wanted."""
     faults = device.faults
     motors = device.hand.motors

@@ -107,6 +107,7 @@ COMMANDS = (
     ("PLISTA", False, 0, True, "Parameter List All"),
     ("PLISTAV", False, 0, True, "Parameter List All Value"),
 )
+ROWS = {row[0]: row for row in COMMANDS}
 MOVES = ("C", "HI", "HOME", "IO", "IC", "M", "O", "TC", "TO")
 PREFIX = {"1": (0,), "2": (1,), "3": (2,), "4": (3,), "S": (3,), "G": (0, 1, 2)}  # §5.1.2
 

@@ -10,19 +10,19 @@ a client cannot rely on any. The words are the manual's own names. Loaded on use
 
 from __future__ import annotations
 
-from handctl.sim.barrett.gcl import ROWS, Answer
+from handctl.sim.barrett.answer import Answer
 from handctl.sim.barrett.memory import whole
-from handctl.sim.barrett.tables import BAD_VALUE, COMMANDS, ERRORS, UNKNOWN_COMMAND
+from handctl.sim.barrett.tables import BAD_VALUE, COMMANDS, ERRORS, ROWS, UNKNOWN_COMMAND
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from handctl.sim.barrett.device import Device
+    from handctl.sim.barrett.board import Board
 
 BETWEEN = {"values": " ", "names": " - ", "prose": ": "}
 VERSION = {"values": "", "names": "Version ", "prose": "BarrettHand Firmware "}
 
 
-def answer(device: Device, name: str, arguments: list[str]) -> Answer:
+def answer(device: Board, name: str, arguments: list[str]) -> Answer:
     """FLIST, PLIST, FLISTA, PLISTA, ?, A?, ERR, VERS."""
     between = BETWEEN[device.texts]
     motor, common = device.memory.motor_rows, device.memory.common_rows

@@ -19,7 +19,7 @@ from handctl.sim.engine.model import NOTHING, Model, Options, Random, Reply
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import Any
+    pass
 
 ACCEPTED, WRONG_STATE, NOT_ALLOWED = 0, 1, 3  # status codes of field clients; the manual has none
 EVENT_EVERY = 0.35  # s between frames that nobody asked for
@@ -39,6 +39,7 @@ class Device(Model):
     """
 
     KIND = "ekso"
+    CONTROL = "handctl.sim.ekso.control"
     HEADER = bytes(range(150, 161))
     OPTIONS = OPTIONS
     FAULTS = FAULTS
@@ -346,23 +347,6 @@ class Device(Model):
     def twin(self, data: bytes) -> bytes:
         """The second device differs in the last byte of the body: BootTime, or the status; nothing in a bare acknowledge."""
         return data if len(data) < 7 else seal(data[:-3] + bytes([(data[-3] + 2) % 256]))
-
-    # -- control and state, loaded on use -------------------------------------------------------------------------------
-
-    def command(self, words: list[str]) -> str:
-        from handctl.sim.ekso import control
-
-        return control.command(self, words)
-
-    def snapshot(self) -> dict[str, Any]:
-        from handctl.sim.ekso import control
-
-        return control.snapshot(self)
-
-    def restore(self, state: dict[str, Any]) -> None:
-        from handctl.sim.ekso import control
-
-        control.restore(self, state)
 
 
 def _first_settings(preset: str) -> tuple[int, ...]:

@@ -8,7 +8,20 @@ from __future__ import annotations
 TYPE_CHECKING = False  # the typing and collections.abc modules are not worth their import time here
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
-    from typing import Any, ClassVar
+    from typing import Any, ClassVar, Protocol
+
+    class Control(Protocol):
+        """A module that knows a device from outside: its control commands, and what a state file keeps of it."""
+
+        def command(self, device: Any, words: list[str]) -> str:
+            """One control command; returns one line, raises ValueError."""
+
+        def snapshot(self, device: Any) -> dict[str, Any]:
+            """What a state file keeps."""
+
+        def restore(self, device: Any, state: dict[str, Any]) -> None:
+            """Takes a snapshot back; KeyError, TypeError or ValueError when it does not fit."""
+
 
 NOTHING: frozenset[str] = frozenset()
 
@@ -107,6 +120,7 @@ class Model:
     KIND = ""
     OPTIONS: ClassVar[dict[str, str]] = {}  # name -> help; in addition to those of the line
     FAULTS: ClassVar[dict[str, str]] = {}  # name -> help; states of the device, in addition to the faults of the line
+    CONTROL = ""  # name of the module that is its Control, loaded on use
     HEADER = b""  # bytes that start frames here; noise is made of them to trap naive framers
     speed: int | None = None  # the speed of the wire in force, bit/s; None: it has none
 
@@ -176,11 +190,21 @@ class Model:
 
     def command(self, words: list[str]) -> str:
         """A control command of this device; returns one line, raises ValueError."""
-        raise ValueError(f"unknown command {' '.join(words)!r}")
+        if not self.CONTROL:
+            raise ValueError(f"unknown command {' '.join(words)!r}")
+        return self._control().command(self, words)
 
     def snapshot(self) -> dict[str, Any]:
         """What a state file keeps."""
-        return {}
+        return self._control().snapshot(self) if self.CONTROL else {}
 
     def restore(self, state: dict[str, Any]) -> None:
         """Takes a snapshot back; KeyError, TypeError or ValueError when it does not fit."""
+        if self.CONTROL:
+            self._control().restore(self, state)
+
+    def _control(self) -> Control:
+        from importlib import import_module
+
+        control: Any = import_module(self.CONTROL)
+        return control  # type: ignore[no-any-return]

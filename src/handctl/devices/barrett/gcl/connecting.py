@@ -100,6 +100,10 @@ IN_BLOCK = (
     "the motors may still run"
 )
 RESTARTED_TEXT = "the hand restarted: power or cable; HI is needed"
+SILENCE = (
+    "check in this order: the hand's power supply, the serial cable (straight-through, 9 pins), the port; a hand without "
+    "firmware (off for more than a day or two) does not answer: load it again"
+)
 MONITOR_TEXT = "boot monitor: no firmware, or just switched on"
 
 _ANSWERED = (

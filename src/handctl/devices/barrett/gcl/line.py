@@ -8,7 +8,14 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from handctl.devices.barrett.gcl.commands import SECONDS, split
-from handctl.devices.barrett.gcl.connecting import MONITOR_SPEED, QUESTION, RESTARTED_TEXT, SAFE_ABORT, is_answer
+from handctl.devices.barrett.gcl.connecting import (
+    MONITOR_SPEED,
+    QUESTION,
+    RESTARTED_TEXT,
+    SAFE_ABORT,
+    SILENCE,
+    is_answer,
+)
 from handctl.devices.barrett.gcl.language import ABORT, BANNER, PROMPT, Answer, Decoder, encode, has_colon, has_prompt
 from handctl.errors import HandctlError, LinkError, NoAnswer, ProtocolError
 from handctl.link import ByteLink, Deadline
@@ -374,10 +381,6 @@ RESTART_HINT = "`handctl barrett init` before any movement; values that were not
 COLON_ALONE = 0.05
 OFF = "switch the supply off if anything still moves"
 DISTURBED = "a disturbed line: run it again, check the cable"
-SILENCE = (
-    "check in this order: the hand's power supply, the serial cable (straight-through, 9 pins), the port; a hand without "
-    "firmware (off for more than a day or two) does not answer: load it again"
-)
 
 
 def _must_have_lines(command: str) -> bool:

@@ -238,9 +238,7 @@ class Meeting:
             )
             error.came = came
             return error
-        from handctl.devices.barrett.gcl.line import SILENCE
-
-        return NoAnswer(f"{link.name}: no answer {tried}", hint=f"{SILENCE}; {BUSY_HINT}")
+        return NoAnswer(f"{link.name}: no answer {tried}", hint=f"{table.SILENCE}; {BUSY_HINT}")
 
 
 def comes_back(link: ByteLink) -> bool:

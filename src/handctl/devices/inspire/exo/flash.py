@@ -6,8 +6,9 @@ hand's order is followed, and what is unknown on this hardware is said.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from handctl.devices.inspire import eb90
-from handctl.devices.inspire.exo.device import ExoHand
 from handctl.devices.inspire.exo.procedures import probe
 from handctl.devices.inspire.map import EXO, OVER_TEMPERATURE, Register
 from handctl.devices.inspire.registers import telling
@@ -15,6 +16,9 @@ from handctl.errors import CheckFailed, DeviceRefused, NoAnswer
 from handctl.model.guide import Guide
 from handctl.model.param import elements_of
 from handctl.model.result import Column, Row, Table, hex_bytes
+
+if TYPE_CHECKING:
+    from handctl.devices.inspire.exo.device import ExoHand
 
 POWER_CYCLE = "switch the power off and on, then `handctl exo scan`: id and speed may be back to 1 and 115200."
 SAVE_RESULT_SECONDS = 2.5

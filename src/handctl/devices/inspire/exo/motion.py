@@ -6,10 +6,10 @@ Someone may be wearing the hand: what cannot be stopped is said before and after
 from __future__ import annotations
 
 from collections.abc import Collection
+from typing import TYPE_CHECKING
 
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.bus import Bus
-from handctl.devices.inspire.exo.device import ExoHand
 from handctl.devices.inspire.exo.flash import outcome
 from handctl.devices.inspire.map import EXO
 from handctl.devices.inspire.registers import telling, watching
@@ -18,6 +18,9 @@ from handctl.link.deadman import Guard, Shot, guarding
 from handctl.model.guide import Guide
 from handctl.model.param import Number, Reading, elements_of
 from handctl.model.result import Column, Table
+
+if TYPE_CHECKING:
+    from handctl.devices.inspire.exo.device import ExoHand
 
 CALIBRATION_SECONDS = 30.0
 """How long to listen for the end frame; the documented waits add up to 9 s, movements come on top (exo §2.3.6)."""

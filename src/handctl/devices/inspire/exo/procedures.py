@@ -6,15 +6,19 @@ are those of the manual (cited) and, where it is silent, of the sibling hand; wh
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.bus import Bus
-from handctl.devices.inspire.exo.device import ExoHand
 from handctl.devices.inspire.map import BAUD_RATES, EXO
 from handctl.devices.inspire.registers import telling
 from handctl.errors import CheckFailed, HandctlError, LinkError, NoAnswer, ProtocolError
 from handctl.model.guide import Guide
 from handctl.model.param import Element, Reading
 from handctl.model.result import Column, Table
+
+if TYPE_CHECKING:
+    from handctl.devices.inspire.exo.device import ExoHand
 
 PROBE_SECONDS = 0.1
 LATE_SECONDS = 0.7

@@ -14,7 +14,7 @@ from handctl.sim.inspire.exo.hand import Hand
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import Any
+    pass
 
 # The second book of registers, exo §2.3: (address, bytes per element, elements, access, lowest, highest). 1006 is not
 # in the manual's table (exo §2.3.5 gives no address); it is taken from the RH56 hand of the same maker.
@@ -82,6 +82,7 @@ class Device(Model):
     """The hand without its wire."""
 
     KIND = "exo"
+    CONTROL = "handctl.sim.inspire.exo.control"
     HEADER = b"\x90\xeb"
     OPTIONS = _OPTIONS
     FAULTS = _FAULTS
@@ -323,23 +324,6 @@ class Device(Model):
             for offset in range(0, len(body), 2):
                 _differ(body, offset)
         return frame(data[2], data[4], bytes(body))
-
-    # -- control and state, loaded on use ----------------------------------------------------------------------------
-
-    def command(self, words: list[str]) -> str:
-        from handctl.sim.inspire.exo import control
-
-        return control.command(self, words)
-
-    def snapshot(self) -> dict[str, Any]:
-        from handctl.sim.inspire.exo import control
-
-        return control.snapshot(self)
-
-    def restore(self, state: dict[str, Any]) -> None:
-        from handctl.sim.inspire.exo import control
-
-        control.restore(self, state)
 
 
 def _documented(address: int, count: int) -> bool:

@@ -15,7 +15,7 @@ from handctl.sim.inspire.wrist.memory import FACTORY, HAND, KEPT, TRIGGERS, WRIS
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import Any
+    pass
 
 LATCHED = {  # fault -> (actuator, error byte)
     "locked-rotor": (0, 1),
@@ -54,6 +54,7 @@ class Module(Model):
     """Wrist and hand. The id, the speed and what is kept live in the hand's space: the wrist's manual has none."""
 
     KIND = "wrist"
+    CONTROL = "handctl.sim.inspire.wrist.control"
     OPTIONS = OPTIONS
     FAULTS = FAULTS
     SPEEDS: tuple[int, ...] = ()  # bit/s by speed code
@@ -199,20 +200,3 @@ class Module(Model):
         struct.pack_into("<hh", memory, 1024, second, first)
         memory[1028], memory[1030] = body.errors()
         memory[1032], memory[1033] = body.temperatures()
-
-    # -- control and state, loaded on use ----------------------------------------------------------------------------
-
-    def command(self, words: list[str]) -> str:
-        from handctl.sim.inspire.wrist import control
-
-        return control.command(self, words)
-
-    def snapshot(self) -> dict[str, Any]:
-        from handctl.sim.inspire.wrist import control
-
-        return control.snapshot(self)
-
-    def restore(self, state: dict[str, Any]) -> None:
-        from handctl.sim.inspire.wrist import control
-
-        control.restore(self, state)
