@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import itertools
 import zlib
+from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
+
+# What tests share asserts, too, and shows what differs when it fails; told before any of it is imported.
+pytest.register_assert_rewrite(*(f"tests.{path.name}" for path in Path(__file__).parent.iterdir() if path.is_dir()))
 
 from tests.harm.table import Table
 from tests.hostile.table import table as hostile_table

@@ -13,9 +13,9 @@ from handctl.devices.aidin.messages import Decoder
 from handctl.link.tap import Entry, parse
 from handctl.sim import create
 from tests.aidin.support import hand_on
-from tests.inspire.test_exo_transcripts import FOLDER, Case, read_cases
 from tests.support.cli import run
 from tests.support.scripted import ScriptedLink
+from tests.support.transcripts import FOLDER, Case, read_cases
 
 CASES = [case for path in sorted(FOLDER.glob("aidin-*.txt")) for case in read_cases(path)]
 WORDS = {"case", "host", "gives", "fails", "sim", "not"}

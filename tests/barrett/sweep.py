@@ -74,7 +74,7 @@ def words(leaf: str, scratch: Path) -> list[str]:
 
 def files(scratch: Path) -> Path:
     """The input files of the commands, an image of firmware among them."""
-    from tests.barrett.test_srecord import END, HEADER, record
+    from tests.barrett.srecords import END, HEADER, record
 
     prepare(scratch)
     lines = [HEADER, record(0x2C00, bytes(range(32))), END]

@@ -28,8 +28,7 @@ from tests.barrett.commands import (
     values_of,
     written_lines,
 )
-from tests.kernel.test_schema import ENVELOPE_KEYS
-from tests.support.cli import Result, check_schema, run
+from tests.support.cli import ENVELOPE_KEYS, Result, check_schema, run
 
 CLEAN = {"sent": 0, "received": 0, "retries": 0, "bad_frames": 0, "stray_bytes": 0}
 

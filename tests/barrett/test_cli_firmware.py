@@ -10,7 +10,7 @@ from urllib.parse import quote
 import pytest
 
 from tests.barrett.commands import fake
-from tests.barrett.test_srecord import BROKEN, END, EXAMPLE, GOOD, HEADER, record
+from tests.barrett.srecords import BROKEN, END, EXAMPLE, GOOD, HEADER, record
 from tests.support.cli import Result, run, spying
 
 DATA = bytes((number * 5 + 1) & 255 for number in range(150))

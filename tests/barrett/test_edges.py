@@ -17,11 +17,11 @@ from handctl.devices.barrett.realtime.loop import RealtimeLoop
 from handctl.errors import HandctlError, NoAnswer
 from handctl.link import Deadline
 from handctl.model.guide import Guide, Presses
+from tests.barrett.download import DATA, SIZE, Operated, Operator, sha
+from tests.barrett.download import Run as Load
+from tests.barrett.realtime import Run, example
+from tests.barrett.srecords import END, record
 from tests.barrett.support import ABORT, QUESTION, Simulated, codes, scripted, simulated
-from tests.barrett.test_firmware import DATA, SIZE, Operated, Operator, sha
-from tests.barrett.test_firmware import Run as Load
-from tests.barrett.test_loop import Run, example
-from tests.barrett.test_srecord import END, record
 
 # -- the RealTime loop ------------------------------------------------------------------------------------------------
 

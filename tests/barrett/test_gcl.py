@@ -10,7 +10,7 @@ from handctl.devices.barrett.gcl import passthrough
 from handctl.devices.barrett.gcl.commands import COMMANDS, SECONDS, split
 from handctl.errors import DeviceRefused, Interrupted, NoAnswer, UsageError
 from tests.barrett.support import ABORT, scripted, simulated
-from tests.kernel.test_terminal import Terminal
+from tests.support.terminal import Terminal
 
 NAMES = [
     "C",

@@ -13,8 +13,8 @@ from handctl.devices.barrett.realtime.guards import BEYOND, GUARDS, TRAVEL, Guar
 from handctl.devices.barrett.realtime.schedule import Change, Schedule, Source
 from handctl.errors import CheckFailed, ProtocolError, UsageError
 from tests.barrett.commands import fake
+from tests.barrett.realtime import Names, Run, assert_left
 from tests.barrett.support import CR, Simulated, codes
-from tests.barrett.test_loop import Names, Run, assert_left
 from tests.support.cli import run
 
 ONE: Names = {0: ("strain", "position")}

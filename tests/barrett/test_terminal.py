@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from tests.barrett.commands import POWER_ON, SETTINGS, STATUS, sent_lines
-from tests.kernel.test_terminal import Terminal
 from tests.support.cli import Simulator, run
+from tests.support.terminal import Terminal
 
 READY = "fake://barrett?initialized=1"
 

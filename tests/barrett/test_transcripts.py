@@ -15,8 +15,8 @@ from handctl.frame.verbs import select
 from handctl.link.tap import parse
 from handctl.sim import create
 from tests.barrett.support import ABORT, CR, MET, PROMPT, QUESTION, hand_on
-from tests.inspire.test_exo_transcripts import FOLDER, Case, read_cases
 from tests.support.scripted import Reply, ScriptedLink, hexed
+from tests.support.transcripts import FOLDER, Case, read_cases
 
 CASES = [case for path in sorted(FOLDER.glob("barrett-supervisory*.txt")) for case in read_cases(path)]
 FEEDS = ("whole", "byte by byte", "cr lf", "bare prompt", "bare prompt byte by byte")

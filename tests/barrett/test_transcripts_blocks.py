@@ -22,8 +22,8 @@ from handctl.devices.barrett.realtime.blocks import (
     Selection,
 )
 from handctl.sim import create
-from tests.inspire.test_exo_transcripts import FOLDER, Case, Exchange, read_cases
 from tests.support.scripted import hexed
+from tests.support.transcripts import FOLDER, Case, Exchange, read_cases
 
 BLOCKS = read_cases(FOLDER / "barrett-realtime.txt")
 DOWNLOADS = read_cases(FOLDER / "barrett-download.txt")

@@ -17,8 +17,8 @@ from handctl.devices.ekso.settings import Writer
 from handctl.devices.ekso.writes import EksoWrites
 from handctl.errors import NoAnswer, OutputError, ProtocolError, UsageError
 from handctl.frame.console import TerminalGuide
+from tests.ekso.recordings import Device, recorded, steady
 from tests.ekso.support import DATE, TIME, Unit, codes, ekso_on, frame, port_on
-from tests.ekso.test_recording import Device, recorded, steady
 
 
 def writer_of(folder: Path, unit: Unit) -> Ekso:

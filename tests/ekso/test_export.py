@@ -19,7 +19,7 @@ from handctl.devices.ekso.log.file import LogFile
 from handctl.devices.ekso.log.recording import Recording
 from handctl.devices.ekso.map import DATA
 from handctl.errors import UsageError
-from tests.ekso.test_recording import STANDING, Answer, Device, words_at
+from tests.ekso.recordings import STANDING, Answer, Device, words_at
 
 
 def make(

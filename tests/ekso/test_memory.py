@@ -20,9 +20,9 @@ from handctl.devices.ekso.memory import WINDOW, Past, recent
 from handctl.devices.ekso.settings import Writer
 from handctl.errors import CheckFailed, DeviceRefused, Interrupted, NoAnswer, OutputError, UsageError
 from handctl.frame.console import TerminalGuide
+from tests.ekso.bench import Bench, change
 from tests.ekso.commands import ME, unit
 from tests.ekso.support import SET, frame, pack
-from tests.ekso.test_settings import Bench, change
 from tests.support.cli import Result, run, sent, spying
 
 PLACE = "fake://unit"

@@ -6,11 +6,9 @@ import csv
 import json
 import resource
 import signal
-import struct
-from collections.abc import Callable, Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -22,6 +20,7 @@ from handctl.devices.ekso.log.timeline import FIRST_PERIOD_MS, LEARNED, ClockFit
 from handctl.devices.ekso.map import DATA, SETTINGS
 from handctl.errors import HandctlError, Interrupted, LinkError, NoAnswer, OutputError, ProtocolError, UsageError
 from handctl.model.guide import Guide
+from tests.ekso.recordings import STANDING, Device, recorded, steady
 
 # Section 7 of the dossier, literally.
 COLUMNS = """
@@ -32,80 +31,10 @@ right_knee_current_a, right_knee_angle_deg, left_hip_current_a, left_hip_angle_d
 state_raw, state_name, foot_state_raw, min_state_raw, lcd_button_state_raw, weight_shift,
 hmi_data_raw, va_ref_time, mark
 """
-# Dossier 8.1, GetData standing: boot 5 000 001 ms.
-STANDING = struct.unpack(
-    ">27H",
-    bytes.fromhex(
-        "01C2 FFB5 005F 0262 0078 01E0 FFCF 0E10 0062 0E26 FF47 08A2 FFD8 0348 00D2 FD85 FFC9 0140 2040 0404 0000 0000"
-        "007D 0001 000C 004C 4B41"
-    ),
-)
 STANDING_TEXTS = (
     "4.50,-0.75,95,610,120,480,-4.9,36.00,9.8,36.22,-1.85,22.10,-0.40,8.40,2.10,-6.35,-0.55,3.20,8256,standing (0x2040),"
     "1028,0,0,0.125,1,1.2"
 )
-
-
-def words_at(boot_ms: int, words: Sequence[int] = STANDING) -> tuple[int, ...]:
-    """GetData with another BootTime."""
-    return (*words[:25], boot_ms >> 16, boot_ms & 0xFFFF)
-
-
-class Answer(NamedTuple):
-    """A sample as the recorder takes it."""
-
-    sent: float
-    received: float
-    words: tuple[int, ...]
-
-
-class Device:
-    """Answers a script on virtual time: (seconds since the last answer, BootTime or error)."""
-
-    def __init__(self, script: Sequence[tuple[float, int | BaseException]]) -> None:
-        self.script = list(script)
-        self.clock = 100.0
-        self.asked_at: list[float] = []
-
-    def now(self) -> float:
-        return self.clock
-
-    def sleep(self, seconds: float) -> None:
-        self.clock += max(0.0, seconds)
-
-    def sample(self) -> Answer:
-        self.asked_at.append(round(self.clock, 6))
-        seconds, what = self.script.pop(0)
-        self.clock += seconds
-        if isinstance(what, BaseException):
-            raise what
-        return Answer(self.clock - 0.004, self.clock, words_at(what))
-
-
-def steady(count: int, boot: int = 1001, period: int = 20) -> list[tuple[float, int | BaseException]]:
-    """So many answers, one every `period` ms by both clocks."""
-    return [(period / 1000, boot + i * period) for i in range(count)]
-
-
-def recorded(
-    path: Path,
-    script: Sequence[tuple[float, int | BaseException]],
-    *,
-    raw: bool = False,
-    limits: Limits | None = None,
-    mark: Callable[[], str] = lambda: "",
-    on_reboot: Callable[[], None] = lambda: None,
-) -> tuple[HandctlError | None, Recording, Device]:
-    """Record a script to its end."""
-    device = Device(script)
-    limits = limits or Limits(rows=sum(isinstance(what, int) for _, what in script))
-    recording = Recording(str(path), device, {"simulated": True}, raw=raw, rate=limits.rate, force=False)
-    try:
-        failure = record(recording, device.sample, device, limits, mark=mark, on_reboot=on_reboot, guide=Guide())
-    finally:
-        recording.close()
-    recording.write_sidecar(complete=True)
-    return failure, recording, device
 
 
 def table(path: Path) -> list[dict[str, str]]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import re
 import shlex
@@ -14,11 +13,9 @@ from typing import Any
 
 import pytest
 
-from handctl.devices.ekso.audit import AuditLog
-from handctl.devices.ekso.change import Change, check_change, needs_second_answer
-from handctl.devices.ekso.device import Ekso, one_setting
+from handctl.devices.ekso.change import check_change, needs_second_answer
 from handctl.devices.ekso.map import EKSO
-from handctl.devices.ekso.settings import Writer, differences
+from handctl.devices.ekso.settings import differences
 from handctl.devices.ekso.stillness import moving
 from handctl.errors import (
     CheckFailed,
@@ -31,7 +28,7 @@ from handctl.errors import (
     ProtocolError,
     UsageError,
 )
-from handctl.frame.console import TerminalGuide
+from tests.ekso.bench import Bench, change
 from tests.ekso.support import (
     DATA,
     DATA_WORDS,
@@ -43,59 +40,16 @@ from tests.ekso.support import (
     SITTING,
     STANDING,
     UNKNOWN,
-    Unit,
     codes,
     frame,
     pack,
-    port_on,
 )
 from tests.support.scripted import Reply
-
-
-class Bench:
-    """A unit with a writer in front of it."""
-
-    def __init__(self, folder: Path, *, override: bool = False) -> None:
-        self.unit = Unit()
-        self.port = port_on(self.unit)
-        self.log = folder / "audit.jsonl"
-        self.asked: list[tuple[str, str]] = []
-        self.ekso = Ekso(self.port)
-        audit = AuditLog(self.log, {"operator": "me", "port": "unit"})
-        self.ekso.writer = Writer(self.port, audit, self._ask, override=override, guide=TerminalGuide(quiet=True))
-
-    def _ask(self, question: str, word: str) -> None:
-        self.asked.append((question, word))
-
-    def set(self, *texts: str) -> list[Any]:
-        """Write settings; the values that are read back."""
-        self.ekso.words("settings")
-        return [reading.value for reading in self.ekso.write([one_setting([text]) for text in texts])]
-
-    def failing(self, kind: type[HandctlError], text: str) -> HandctlError:
-        """The error of writing `text`."""
-        with pytest.raises(kind) as caught:
-            self.set(text)
-        assert type(caught.value) is kind
-        return caught.value
-
-    @property
-    def entries(self) -> list[dict[str, Any]]:
-        """The audit log."""
-        return (
-            [json.loads(line) for line in self.log.read_text(encoding="utf-8").splitlines()]
-            if self.log.exists()
-            else []
-        )
 
 
 @pytest.fixture
 def bench(tmp_path: Path) -> Bench:
     return Bench(tmp_path)
-
-
-def change(name: str, old: int, new: int) -> Change:
-    return Change(EKSO[name], old, new)
 
 
 # -- one write --------------------------------------------------------------------------------------------------------

@@ -14,7 +14,7 @@ from handctl.devices.barrett.gcl import language
 from handctl.devices.ekso import frames
 from handctl.devices.inspire import eb90
 from handctl.errors import ProtocolError
-from tests.inspire.test_exo_scan import scan_on
+from tests.inspire.scanning import scan_on
 from tests.support.cli import run
 from tests.support.scripted import Babble, calls_of
 

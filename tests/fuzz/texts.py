@@ -232,7 +232,7 @@ class EksoLog:
     def __init__(self, folder: Path) -> None:
         from handctl.devices.ekso.log.format import Layout, Stamp
         from handctl.devices.ekso.log.timeline import Timeline
-        from tests.ekso.test_recording import words_at
+        from tests.ekso.recordings import words_at
 
         self._path = folder / "gait.csv"
         self._texts = []

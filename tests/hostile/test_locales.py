@@ -16,7 +16,7 @@ from handctl.frame.clikit import root
 from tests.harm.lines import leaves
 from tests.hostile.cell import FORMATS, Cell, harmless, judge_json
 from tests.hostile.table import Tried, note, share
-from tests.hostile.test_settings import LINK
+from tests.hostile.texts import LINK
 from tests.support.cli import Result, clean_environment, program
 
 pytestmark = pytest.mark.hostile

@@ -29,7 +29,7 @@ from tests.harm.lines import leaves
 from tests.hostile.cell import Cell, Folder, attempt
 from tests.hostile.devices import READY
 from tests.hostile.table import Tried, note, share
-from tests.hostile.test_settings import TEXTS
+from tests.hostile.texts import TEXTS
 
 pytestmark = pytest.mark.hostile
 

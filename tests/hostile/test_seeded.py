@@ -17,7 +17,7 @@ from handctl import files
 from handctl.frame import console
 from handctl.screen import render
 from tests.harm import lines
-from tests.hostile import cell, test_devices, test_files
+from tests.hostile import cell, device_cells, file_cells
 from tests.hostile.cell import Cell, Folder
 from tests.hostile.devices import Place
 from tests.hostile.table import Tried
@@ -72,8 +72,8 @@ def devices(hostility: str, family: str, words: str) -> Callable[[Folder], list[
 
     def tried(folder: Folder) -> list[Cell]:
         place = Place(family, hostility, "serial")
-        wanted = [line for line in test_devices.lines_for(place) if str(line).startswith(words)]
-        return [test_devices.try_cell(place, line, how, folder) for line in wanted for how in ("table", "csv", "plain")]
+        wanted = [line for line in device_cells.lines_for(place) if str(line).startswith(words)]
+        return [device_cells.try_cell(place, line, how, folder) for line in wanted for how in ("table", "csv", "plain")]
 
     return tried
 
@@ -82,9 +82,9 @@ def named(kind: str, words: str) -> Callable[[Folder], list[Cell]]:
     """The cells of one kind of file."""
 
     def tried(folder: Folder) -> list[Cell]:
-        wanted = [place for place in test_files.PLACES if place.name.startswith(words) and place.reads]
-        made = [(place, test_files.kinds(place)[kind]) for place in wanted]
-        return [test_files.try_cell(place, kind, make, "table", folder) for place, make in made]
+        wanted = [place for place in file_cells.PLACES if place.name.startswith(words) and place.reads]
+        made = [(place, file_cells.kinds(place)[kind]) for place in wanted]
+        return [file_cells.try_cell(place, kind, make, "table", folder) for place, make in made]
 
     return tried
 

@@ -11,30 +11,12 @@ from handctl.families import FAMILIES
 from handctl.frame.options import lasting_options
 from tests.harm import lines
 from tests.hostile.cell import FORMATS, Cell, Folder, attempt
-from tests.hostile.devices import CONTROLS, ESCAPES
 from tests.hostile.table import Tried, note, share
+from tests.hostile.texts import LINK, TEXTS
 
 pytestmark = pytest.mark.hostile
 
 NAMES = sorted({str(option.name) for option in lasting_options(("serial", "can"))})
-TEXTS = {
-    "escapes": ESCAPES.replace("\0", ""),
-    "not UTF-8": "\udcff\udc9b31m",
-    "a blank": " ",
-    "no number": "nan",
-    "past all bounds": "-1e999",
-    "no bound": "inf",
-    "zero": "0",
-    "digits": "9" * 5_000,
-    "digits of other scripts": "\uff11\u0663\u00b2",
-    "a huge text": "A" * 100_000,
-    "lines": "a\nhandctl: error: forged\n",
-    "a choice of another": "json",
-    "JSON": '{"a": [1, null]}',
-    "a link with no end": "fake://exo?state=/dev/zero",
-    "a wrong link": "tcp://[::1",
-    "a link in escapes": f"replay:{CONTROLS[0]}",
-}
 TOML = {
     "a whole number": "7",
     "a negative number": "-1",
@@ -51,7 +33,6 @@ TOML = {
     "not UTF-8": "'\udcff'",
     "half a text": '"a',
 }
-LINK = "fake://{}?clock=virtual"
 
 
 def commands() -> list[tuple[str, ...]]:

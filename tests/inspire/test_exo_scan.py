@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from handctl.devices.inspire.exo.scan import scan
 from handctl.devices.inspire.scan_report import default_wait, parse_ids, parse_speeds
 from handctl.devices.inspire.scanner import Findings
 from handctl.errors import NoAnswer, ProtocolError, UsageError
-from handctl.model.guide import Guide
 from handctl.model.result import Table
+from tests.inspire.scanning import ALL_IDS, scan_hand, scan_on
 from tests.support.scripted import (
     Babble,
     Reply,
@@ -23,7 +22,6 @@ from tests.support.scripted import (
     unhex,
 )
 
-ALL_IDS = list(range(1, 255))
 SPEEDS = [115200, 57600, 19200]
 VOLTAGE = unhex("2E 02")
 STATES = bytes(12) + unhex("1F 20 21 22 23 00")
@@ -66,17 +64,6 @@ class Bench:
 
     def scan(self, **options: object) -> Table:
         return scan_on(self.link, **options)
-
-
-def scan_on(link: ScriptedLink, **options: object) -> Table:
-    return scan_hand(hand_on(link), **options)
-
-
-def scan_hand(hand: object, **options: object) -> Table:
-    wanted: dict[str, object] = {
-        "ids": ALL_IDS, "speeds": [115200], "window": 8, "wait_ms": None, "find_all": True, **options,
-    }  # fmt: skip
-    return scan(hand, Guide(), **wanted)  # type: ignore[arg-type]
 
 
 def hits(table: Table) -> list[tuple[object, object]]:

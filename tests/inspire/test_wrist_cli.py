@@ -22,8 +22,7 @@ from tests.inspire.wrist_commands import (
     sent_frames,
     written_frames,
 )
-from tests.kernel.test_schema import ENVELOPE_KEYS
-from tests.support.cli import run, s16, spying
+from tests.support.cli import ENVELOPE_KEYS, run, s16, spying
 
 CLEAN = {"sent": 0, "received": 0, "retries": 0, "bad_frames": 0, "stray_bytes": 0}
 

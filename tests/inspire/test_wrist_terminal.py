@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 
 from tests.inspire.wrist_commands import LIVE, ON, POWER_ON, WIRES, written_frames
-from tests.kernel.test_terminal import Terminal
 from tests.support import forks
 from tests.support.cli import Simulator, clean_environment, run, s16, wait_until
+from tests.support.terminal import Terminal
 
 both = pytest.mark.parametrize("wire", WIRES)
 NUMBER = r"(-?\d+\.\d+)"

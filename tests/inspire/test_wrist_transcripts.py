@@ -20,9 +20,9 @@ from handctl.link import ByteLink, CanFrame, FrameLink
 from handctl.link.tap import Entry, parse
 from handctl.model.result import Table
 from handctl.sim import create
-from tests.inspire.test_exo_transcripts import AFTER, BEFORE, EXIT_CODES, FOLDER, KINDS, Case, read_cases
 from tests.inspire.wrist_support import Arrival, ScriptedFrames, can, fake_port, wrist_on
 from tests.support.scripted import ScriptedLink, hexed, unhex
+from tests.support.transcripts import AFTER, BEFORE, EXIT_CODES, FOLDER, KINDS, Case, read_cases
 
 CASES = [case for path in sorted(FOLDER.glob("wrist-*.txt")) for case in read_cases(path)]
 READ_FLAGS = (0x30, 0x11)

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 import re
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -15,26 +13,9 @@ import handctl
 from handctl.sim.engine.serve import send_control
 from tests.inspire.exo_commands import COMMANDS, STORED, Command, prepare
 from tests.support.cli import Simulator, fake, memory, pairs, run, s16, sent, spying, writes
+from tests.support.snapshots import signed, snapshot_of
 
 SETTINGS = pairs(["id", "baud_code", "position_set", "force_set"])
-
-
-def signed(content: dict[str, Any]) -> dict[str, Any]:
-    """A snapshot's content with the checksum that fits it, computed here."""
-    rest = {key: value for key, value in content.items() if key != "checksum"}
-    text = json.dumps(rest, sort_keys=True, separators=(",", ":"))
-    return {**rest, "checksum": f"sha256:{hashlib.sha256(text.encode()).hexdigest()}"}
-
-
-def snapshot_of(tmp_path: Path, link: str = "", **values: int) -> Path:
-    """A snapshot of a simulated hand, with some values replaced (`__` stands for the dot) and signed again."""
-    path = tmp_path / "snap.json"
-    path.unlink(missing_ok=True)
-    assert run("exo", "snapshot", path, "-p", link or fake()).code == 0
-    content = json.loads(path.read_text())
-    content["values"].update({name.replace("__", "."): value for name, value in values.items()})
-    path.write_text(json.dumps(signed(content)))
-    return path
 
 
 # -- snapshot ---------------------------------------------------------------------------------------------------------

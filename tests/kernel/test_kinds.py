@@ -31,9 +31,9 @@ from handctl.model.param import (
     elements_of,
 )
 from handctl.model.result import Journal
-from tests.kernel.test_cli_files import signed, snapshot_of
 from tests.support.cli import fake, memory, pairs, run, s16, spying, writes
 from tests.support.places import README
+from tests.support.snapshots import signed, snapshot_of
 
 MAPS = {kind: found for kind in FAMILIES if (found := map_of(kind)) is not None}
 QUANTITIES = [pytest.param(kind, param, id=f"{kind}-{param.name}") for kind, params in MAPS.items() for param in params]

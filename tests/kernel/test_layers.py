@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import ast
 import importlib
+import re
 import sys
 from collections.abc import Iterator
 from fnmatch import fnmatch
@@ -116,6 +117,7 @@ def imports_of(module: str) -> Iterator[Import]:
             yield Import(module, f"handctl.{inner}" if inner in TREES else base, types_only)
 
 
+TESTS = Path(__file__).parent.parent
 IMPORTS = [found for module in TREES for found in imports_of(module)]
 OURS = [
     found._replace(target=found.target.removeprefix("handctl").removeprefix("."))
@@ -427,3 +429,15 @@ def test_tcp_loads_no_pyserial() -> None:
     code, modules = loaded("exo", "dump", "-p", "tcp://127.0.0.1:1", "--json")
     assert code == 3
     assert heavy(modules) == set()
+
+
+def test_no_test_is_imported() -> None:
+    """What tests share stands in a module of its own beside them, so that a test can change or go without another."""
+    imported = re.compile(r"^ *(?:from +\S+ +)?import +(?:\([^)]*\)|[^(\n]+)", re.MULTILINE)
+    taken = {
+        f"{path.relative_to(TESTS)}: {statement}"
+        for path in TESTS.rglob("*.py")
+        for statement in imported.findall(path.read_text(encoding="utf-8"))
+        if re.search(r"\btest_", statement)
+    }
+    assert not taken

@@ -16,8 +16,8 @@ import pytest
 
 from handctl.docgen.tree import map_of
 from handctl.model.param import Element, Param, elements_of
-from tests.kernel.test_cli_files import signed
 from tests.support.cli import run
+from tests.support.snapshots import signed
 
 MORE = {
     ("wrist", "raw"): "bytes typed by hand: anything but a read asks",

@@ -12,9 +12,8 @@ import pytest
 from jsonschema import Draft202012Validator
 
 from tests.inspire.exo_commands import COMMANDS, Command, prepare
-from tests.support.cli import FINGERS, POWER_ON, check_schema, elements, fake, run, schema
+from tests.support.cli import ENVELOPE_KEYS, FINGERS, POWER_ON, check_schema, elements, fake, run, schema
 
-ENVELOPE_KEYS = ["schema", "version", "command", "device", "ok", "exit_code", "rows", "messages", "counters"]
 UNITS = {"current": "mA", "temperature": "°C"}
 
 

@@ -1,7 +1,7 @@
 """One cell of the fault matrix over real links, by device: what it runs and what it must show.
 
-Each is the family's cell of the matrix in virtual time (test_faults_exo and its siblings) whose simulator is a served
-one; added are the wall clock and the message codes that name the cause.
+Each is the family's cell of the matrix in virtual time (`tests.inspire.exo_faults` and its siblings) whose simulator is a
+served one; added are the wall clock and the message codes that name the cause.
 """
 
 from __future__ import annotations
@@ -12,14 +12,14 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar
 
-from tests.aidin import test_faults as aidin
+from tests.aidin import faults as aidin
 from tests.aidin.support import FINGERS
-from tests.barrett import test_faults as barrett
+from tests.barrett import faults as barrett
+from tests.ekso import cell as ekso
 from tests.ekso import commands
 from tests.ekso import faults as ekso_table
-from tests.ekso import test_faults as ekso
-from tests.inspire import test_exo_faults as exo
-from tests.inspire import test_wrist_faults as wrist
+from tests.inspire import exo_faults as exo
+from tests.inspire import wrist_faults as wrist
 from tests.matrix.report import RECORDER
 from tests.support.cli import Result, run, sent
 from tests.support.served import Served

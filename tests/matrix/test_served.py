@@ -2,7 +2,7 @@
 
 `handctl sim DEVICE --pty|--tcp|--slcan-pty|--slcan-tcp` runs as a process of its own, faults are switched by its control
 socket, and the real CLI is the client. What a cell must show is not written anew here: exit codes and values come from
-the tables of the matrices in virtual time (test_faults_exo and its siblings); new are the links, the deadline by the
+the tables of the matrices in virtual time (`tests.inspire.exo_faults` and its siblings); new are the links, the deadline by the
 wall clock, the words that name the cause, and the next command, which must work once the fault is over.
 
 A small choice runs by default. The whole is marked `long` too: python -m pytest -m "faults and long".
@@ -21,14 +21,14 @@ import pytest
 
 from handctl.sim.engine.canline import CAN_FAULTS
 from handctl.sim.engine.line import LINE_FAULTS
-from tests.aidin import test_faults as aidin
+from tests.aidin import faults as aidin
 from tests.barrett import commands as barrett_commands
-from tests.barrett import test_faults as barrett
+from tests.barrett import faults as barrett
 from tests.ekso import commands as ekso_commands
 from tests.ekso import faults as ekso_table
 from tests.inspire import exo_commands, wrist_commands
-from tests.inspire import test_exo_faults as exo
-from tests.inspire import test_wrist_faults as wrist
+from tests.inspire import exo_faults as exo
+from tests.inspire import wrist_faults as wrist
 from tests.matrix.report import RECORDER
 from tests.matrix.served_cells import AFTERWARDS, CAUSES, CELLS, bus_of
 from tests.support.cli import run, run_program

@@ -60,7 +60,7 @@ class Client:
 
 
 def test_stream_and_a_move(start: Start) -> None:
-    """In real time; homing takes its 3 s on virtual time in test_sim_aidin.py."""
+    """In real time; homing takes its 3 s on virtual time in test_aidin.py."""
     client = Client(start("--set", "start=open", "--set", "rate=50"))
     assert json.loads(client.line())["motor_pos"] == [0] * 15
     began = time.monotonic()

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.sim.test_barrett import PROMPT, Bench, ready
+from tests.sim.barrett_bench import PROMPT, Bench, ready
 
 EXAMPLE = (  # §6.4
     "12FSET LCV 1 LCVC 1 LCPG 0 LFV 0 LFS 1 LFAP 0 LFDP 1 LFDPC 1",

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.sim.test_barrett import PROMPT, Bench, ready
+from tests.sim.barrett_bench import PROMPT, Bench, ready
 
 BANNER = "\n\rBarrettHand Firmware\n\rVersion 4.33\n\r=> "
 TEXT = "\n\rNo firmware: please download\n\r:"

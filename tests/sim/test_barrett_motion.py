@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.sim.test_barrett import Bench, ready
+from tests.sim.barrett_bench import Bench, ready
 
 
 def positions(bench: Bench) -> list[int]:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from handctl.sim.barrett.uart import resample
-from tests.sim.test_barrett import GLOBALS, MOTOR_33, PROMPT, Bench, ready
+from tests.sim.barrett_bench import GLOBALS, MOTOR_33, PROMPT, Bench, ready
 
 # Another reading of §5.3: mnemonic: (lowest, highest, default of a finger, default of the spread).
 MOTOR = {

@@ -10,46 +10,42 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from handctl.sim import KINDS, create, model_class
+from handctl.sim import KINDS, model_class
 from handctl.sim.ekso.wire import crc
-from handctl.sim.engine.line import Line
-
-GET_TIME = "96 00 00 C8 3D 82"
-TIME_3 = "96 03 00 C8 0E 05 25 A4 DD"
-TIME_4 = "96 04 00 C8 0E 05 25 00 31 2A"
-GET_DATE = "97 00 00 C9 5B 17"
-DATE_3 = "97 03 00 C9 1A 0B 14 F0 D6"
-DATE_4 = "97 04 00 C9 1A 0B 14 00 20 5B"
-GET_SETTINGS = "98 00 00 CA BF 9A"
-SETTINGS = (
-    "98 2C 00 CA 06 A4 06 40 06 0E 00 C8 00 5A 00 32 01 F4 01 2C FF B5 00 7D 00 02 00 01 00 03 00 00 00 0A 00 0C 00 02"
-    " 00 03 00 04 00 07 00 01 00 02 72 E5"
+from tests.sim.ekso_bench import (
+    CANCEL,
+    CANCEL_OK,
+    DATE_4,
+    GET_DATA,
+    GET_DATE,
+    GET_FEEDBACK,
+    GET_SETTINGS,
+    GET_TIME,
+    POWER_ON,
+    SET_OK,
+    SET_STEP,
+    SET_WRONG_STATE,
+    SETTINGS,
+    TIME_4,
+    Bench,
+    message,
 )
-GET_DATA = "99 00 00 CB D9 0F"
+
+TIME_3 = "96 03 00 C8 0E 05 25 A4 DD"
+DATE_3 = "97 03 00 C9 1A 0B 14 F0 D6"
 DATA = (
     "99 36 00 CB 01 C2 FF B5 00 5F 02 62 00 78 01 E0 FF CF 0E 10 00 62 0E 26 FF 47 08 A2 FF D8 03 48 00 D2 FD 85 FF C9"
     " 01 40 20 40 04 04 00 00 00 00 00 7D 00 01 00 0C 00 4C 4B 41 6F 01"
 )
-GET_FEEDBACK = "9A 00 00 CC 32 34"
 FEEDBACK = (
     "9A 22 00 CC 01 38 04 D8 02 8F 01 A9 01 2C 01 C2 01 3B 02 58 02 BC 02 6C 02 C6 00 98 00 9C 00 09 00 09 00 4C 4B 41"
     " F4 EC"
 )
-SET_STEP = "9B 04 00 CD 00 CA 06 0E 5E FE"
-SET_OK = "9B 02 00 CD 00 00 23 33"
-SET_WRONG_STATE = "9B 02 00 CD 20 01 35 F4"
 SET_SHIFT = "9B 04 00 CE 00 D0 FF B5 8B 67"
 SET_SHIFT_OK = "9B 02 00 CE 00 00 7A 63"
-CANCEL = "9C 02 00 CF 01 00 B6 23"
-CANCEL_OK = "9C 02 00 CF 00 00 85 12"
 CANCEL_1 = "9C 02 00 D0 00 01 FA 61"
 CANCEL_1_OK = "9C 02 00 D0 00 00 EA 40"
-UNASKED = "A0 02 00 00 00 01 BB 9A"
 
-POWER_ON = [  # GetSettings of the preset clinic, all as raw words
-    *(1680, 1640, 1475, 175, 110, 65, 1250, 820, 65536 - 150, 85),
-    *(3, 1, 0, 2, 8, 14, 4, 5, 6, 4711, 0, 2),
-]
 WORD_OF_ID = {
     **{200 + place: place for place in range(10)},
     210: 11,
@@ -63,56 +59,6 @@ WORD_OF_ID = {
     218: 15,
     219: 17,
 }
-
-
-def message(command: int, ident: int, body: bytes = b"") -> bytes:
-    data = bytes([command, len(body), ident >> 8, ident & 255]) + body
-    return data + crc_hqx(data, 0xFFFF).to_bytes(2, "big")
-
-
-def words_of(body: bytes) -> list[int]:
-    return [int.from_bytes(body[at : at + 2], "big") for at in range(0, len(body), 2)]
-
-
-class Bench:
-    """A line on virtual time; options as in a link, with _ for -."""
-
-    def __init__(self, **options: object) -> None:
-        self.line: Line = create("ekso", {name.replace("_", "-"): str(value) for name, value in options.items()})
-        self.now = 0.0
-        self.line.advance(0.0)
-
-    def ask(self, request: str) -> str:
-        self.line.feed(bytes.fromhex(request))
-        return self.heard()
-
-    def heard(self) -> str:
-        return self.line.take().hex(" ").upper()
-
-    def wait(self, seconds: float) -> str:
-        """Lets time pass in steps of 10 ms at most; returns what came."""
-        came = []
-        end = self.now + seconds
-        while self.now < end - 1e-9:
-            self.now = min(end, self.now + max(0.01, seconds / 500))
-            self.line.advance(self.now)
-            came.append(self.heard())
-        return " ".join(filter(None, came))
-
-    def words(self, command: int) -> list[int]:
-        """The words of a good answer to a read."""
-        self.line.feed(message(command, 7))
-        data = self.line.take()
-        assert data == message(command, 7, data[4:-2])
-        return words_of(data[4:-2])
-
-    def set(self, parameter: int, raw: int) -> tuple[int, int]:
-        """State byte and status code of a SetValue."""
-        body = parameter.to_bytes(2, "big") + (raw % 65536).to_bytes(2, "big")
-        self.line.feed(message(155, 7, body))
-        data = self.line.take()
-        assert data == message(155, 7, data[4:6])
-        return data[4], data[5]
 
 
 # -- the transcripts of the dossier, section 8 -----------------------------------------------------------------------

@@ -10,7 +10,7 @@ from math import cos, radians, sin
 import pytest
 
 from handctl.sim.ekso.body import POSTURES, hips
-from tests.sim.test_ekso import Bench, message
+from tests.sim.ekso_bench import Bench, message
 
 
 def signed(word: int) -> int:

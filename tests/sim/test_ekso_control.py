@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.sim.test_ekso import GET_DATA, GET_TIME, POWER_ON, TIME_4, Bench, message
+from tests.sim.ekso_bench import GET_DATA, GET_TIME, POWER_ON, TIME_4, Bench, message
 
 # -- clocks -------------------------------------------------------------------------------------------------------------
 

@@ -6,7 +6,7 @@ import pytest
 
 from handctl.sim import model_class
 from handctl.sim.engine.line import LINE_FAULTS
-from tests.sim.test_ekso import (
+from tests.sim.ekso_bench import (
     CANCEL,
     GET_DATA,
     GET_DATE,

@@ -15,7 +15,7 @@ import pytest
 import serial
 
 from handctl.sim.engine import serve
-from tests.sim.test_ekso import (
+from tests.sim.ekso_bench import (
     CANCEL,
     CANCEL_OK,
     DATE_4,

@@ -20,8 +20,8 @@ from handctl.link.can import _slcan_frame
 from handctl.link.deadman import Guard, Shot
 from handctl.sim import create
 from handctl.sim.engine.slcan import Adapter
+from tests.barrett.realtime import Run
 from tests.barrett.support import Simulated
-from tests.barrett.test_loop import Run
 from tests.inspire.wrist_support import fake_wrist
 from tests.support.scripted import fake_hand, unhex
 

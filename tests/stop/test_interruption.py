@@ -21,8 +21,8 @@ from handctl.docgen.tree import Node, Value, read_tree
 from handctl.families import FAMILIES
 from handctl.link import Deadline
 from tests.barrett import support
-from tests.barrett.test_served_firmware import download, panel
-from tests.barrett.test_srecord import END, HEADER, record
+from tests.barrett.panel import download, panel
+from tests.barrett.srecords import END, HEADER, record
 from tests.fuzz.support import SEED, long_seconds
 from tests.support.cli import Simulator, clean_environment, program, run, wait_until
 from tests.support.interruption import CREEP, ENDS, Bench, Case, begins, both, interrupt, is_, near, numbers, whole_json

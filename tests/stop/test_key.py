@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from handctl.families import FAMILIES
-from tests.kernel.test_terminal import Terminal
 from tests.support.cli import Simulator
 from tests.support.stop import Stand
+from tests.support.terminal import Terminal
 
 
 @pytest.mark.parametrize("family", FAMILIES)

@@ -295,3 +295,6 @@ def pairs(names: Sequence[str]) -> dict[str, int]:
         for name in names
         for part, value in zip(elements(name), POWER_ON[name][2], strict=True)
     }
+
+
+ENVELOPE_KEYS = ["schema", "version", "command", "device", "ok", "exit_code", "rows", "messages", "counters"]

@@ -1,6 +1,6 @@
 """Screens without a terminal: handctl in this process, writing to a stream that says it is a terminal of a given size.
 
-For tables and the live view only; what needs a keyboard runs on a real pseudo-terminal (test_terminal*.py).
+For tables and the live view only; what needs a keyboard runs on a real pseudo-terminal (`terminal.py`).
 """
 
 from __future__ import annotations

@@ -20,7 +20,7 @@ from handctl.link.tap import parse
 from handctl.model.result import Column, Row, Table
 from handctl.report import html as report_html
 from tests.support.cli import Result, fake, run, spying
-from tests.tools.test_report import Page
+from tests.support.page import Page
 
 SHOWN = {
     # what only a page about this simulated device holds: in status or dump, in the curves, in the bytes

@@ -1,0 +1,55 @@
+"""Every command of the tree, with a command line that click accepts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import click
+
+from handctl.frame.clikit import root
+from handctl.frame.filetypes import InFile, OutFile
+
+
+class Leaf(NamedTuple):
+    """A command, and its words up to its own arguments."""
+
+    words: tuple[str, ...]
+    command: click.Command
+
+
+def leaves(command: click.Command, words: tuple[str, ...] = ()) -> Iterator[Leaf]:
+    if isinstance(command, click.Group):
+        context = click.Context(command)
+        for name in command.list_commands(context):
+            below = command.get_command(context, name)
+            assert below is not None
+            yield from leaves(below, (*words, name))
+    elif words[0] != "sim":
+        yield Leaf(words, command)
+
+
+LEAVES = [leaf for leaf in leaves(root) if any(isinstance(p.type, InFile | OutFile) for p in leaf.command.params)]
+
+
+def own(leaf: Leaf, kind: type) -> list[click.Parameter]:
+    return [param for param in leaf.command.params if isinstance(param.type, kind)]
+
+
+def command_line(leaf: Leaf, paths: dict[str, str]) -> list[str]:
+    """The words of a command with these files, and something for whatever else it requires."""
+    words = list(leaf.words)
+    for param in leaf.command.params:
+        name = param.name or ""
+        if isinstance(param, click.Argument):
+            if name in paths:
+                words.append(paths[name])
+            elif param.required:
+                other = isinstance(param.type, InFile | OutFile)
+                choices = param.type.choices if isinstance(param.type, click.Choice) else ()
+                words += [paths["other"] if other else choices[0] if choices else "x=1"] * max(param.nargs, 1)
+        elif name in paths:
+            words += [param.opts[0], paths[name]]
+        elif param.required:
+            words += [param.opts[0], "mot" if name == "to" else "1"]
+    return words
