@@ -24,9 +24,7 @@ def test_a_dump_of_barrett_loads_its_family_only() -> None:
     assert not {"socket", "readline"} & modules
     assert "handctl.sim.barrett.device" in modules
     assert not any(
-        name.startswith(
-            ("handctl.sim.inspire.exo.device", "handctl.sim.inspire.wrist.device", "handctl.sim.engine.serve")
-        )
+        name.startswith(("handctl.sim.exo.device", "handctl.sim.wrist.device", "handctl.sim.engine.serve"))
         for name in modules
     )
     assert all(name.startswith("handctl.devices.barrett") for name in modules if name.startswith("handctl.devices."))

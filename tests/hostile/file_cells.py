@@ -12,7 +12,6 @@ import click
 
 from handctl.families import FAMILIES
 from handctl.frame.filetypes import InFile, OutFile
-from handctl.sim import KINDS as KINDS_OF_SIM
 from tests.hostile.cell import DOCUMENTED, FORMATS, Cell, Folder, attempt
 from tests.hostile.devices import READY
 from tests.support.leaves import LEAVES, Leaf, command_line, own
@@ -53,7 +52,7 @@ def _places() -> Iterator[Place]:
         yield Place(
             f"{' '.join(words[:2])}, configuration", words[0], words, "add" not in words, {"HANDCTL_CONFIG": "{}"}
         )
-    for kind in KINDS_OF_SIM:
+    for kind in FAMILIES:
         words = ("sim", kind, "--tcp", "127.0.0.1:0", "--duration", "0", "--state", "{}")
         yield Place(f"sim {kind} --state", "sim", words, True, {})
 

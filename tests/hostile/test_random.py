@@ -23,7 +23,6 @@ from handctl.families import FAMILIES
 from handctl.frame.clikit import root
 from handctl.frame.filetypes import InFile, OutFile
 from handctl.frame.options import SharedOption
-from handctl.sim import KINDS
 from tests.harm import lines as examples
 from tests.harm.lines import leaves
 from tests.hostile.cell import Cell, Folder, attempt
@@ -105,7 +104,7 @@ class Lines:
         dice = self.random.random()
         if path[0] not in FAMILIES and dice < 0.7:
             return more
-        kind = path[0] if path[0] in FAMILIES and dice < 0.9 else self.random.choice(tuple(KINDS))
+        kind = path[0] if path[0] in FAMILIES and dice < 0.9 else self.random.choice(tuple(FAMILIES))
         link = f"fake://{kind}?clock=virtual" + "".join(f"&{key}={value}" for key, value in READY.get(kind, {}).items())
         if self.random.random() < 0.3:
             link += "&fault=" + self.random.choice(

@@ -16,7 +16,7 @@ def test_a_wrist_from_the_simulator_loads_neither_python_can_nor_pyserial(wire: 
     assert ("handctl.sim.engine.canline" in modules) == (wire == "--can")
     assert ("handctl.devices.inspire.canbus" in modules) == (wire == "--can")
     assert "handctl.link.can" not in modules
-    assert not {"handctl.sim.engine.slcan", "handctl.sim.engine.serve", "handctl.sim.inspire.exo.device"} & modules
+    assert not {"handctl.sim.engine.slcan", "handctl.sim.engine.serve", "handctl.sim.exo.device"} & modules
 
 
 def test_wrist_help_loads_no_link_and_no_simulator() -> None:

@@ -37,7 +37,7 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
     ("model.gate", (*GROUND, "link", "model.*")),
     ("model.sampling", (*GROUND, "link", "model.*")),
     ("model*", (*GROUND, "model.*")),
-    ("link.fake", ("errors", "link.base", "sim")),
+    ("link.fake", ("errors", "families", "link.base", "sim")),
     ("link*", (*GROUND, "link*")),
     ("screen*", (*GROUND, "frame.options", "model.result", "screen.*")),
     ("stop*", (*GROUND, "frame.console", "frame.options", "frame.run", "link*", "model.*", "stop.*")),
@@ -223,7 +223,7 @@ def test_a_rule_can_be_broken() -> None:
         ("frame.clikit", "devices.inspire.exo.cli"), ("screen.render", "frame.clikit"), ("link.can", "sim"),
         ("devices.barrett.gcl.language", "link"), ("devices.barrett.device", "sim"), ("model.result", "link"),
         ("devices.inspire.canreg", "link"), ("devices.inspire.canreg", "devices.inspire.canbus"),
-        ("devices.barrett.realtime.blocks", "link"), ("sim.inspire.wrist.can", "devices.inspire.canreg"),
+        ("devices.barrett.realtime.blocks", "link"), ("sim.wrist.can", "devices.inspire.canreg"),
     ]:  # fmt: skip
         assert not allowed(Import(module, target, False)), f"{module} -> {target}"
     for module, target in [
@@ -411,7 +411,7 @@ def test_a_dump_from_the_simulator_loads_neither_rich_nor_pyserial(output: str) 
     assert heavy(modules) == set()
     assert "socket" not in modules
     simulators = {name for name in modules if name.startswith("handctl.sim.")}
-    assert "handctl.sim.inspire.exo.device" in simulators
+    assert "handctl.sim.exo.device" in simulators
     assert not simulators & {
         f"handctl.sim.{name}" for name in ("serve", "cli", "wrist", "barrett", "ekso", "aidin", "slcan")
     }

@@ -12,7 +12,7 @@ import pytest
 from handctl.devices.inspire import map as books
 from handctl.devices.inspire.map import EXO, WRIST, Register
 from handctl.model.param import ParamMap
-from handctl.sim import KINDS, create
+from handctl.sim import create, kinds
 
 MAPS: list[ParamMap[Register]] = [book for book in vars(books).values() if isinstance(book, ParamMap)]
 SOURCE = r"(exo §2\.[23]|wrist §[12]|RH56 §2)(\.\d+)*\b"
@@ -109,7 +109,7 @@ def test_ranges_fit_the_bytes(book: ParamMap[Register]) -> None:
 def test_every_map_has_a_simulator() -> None:
     assert EXO in MAPS
     assert WRIST in MAPS
-    assert {book.kind for book in MAPS} <= {*KINDS, "hand"}
+    assert {book.kind for book in MAPS} <= {*kinds(), "hand"}
 
 
 # -- the two books of exo ---------------------------------------------------------------------------------------------

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from handctl.sim import KINDS, create
+from handctl.sim import create, kinds
 from tests.sim.barrett_bench import GLOBALS, MOTOR_33, PROMPT, Bench, ready
 
 # -- the dossier's transcripts --------------------------------------------------------------------------------------------
@@ -411,7 +411,7 @@ def test_status_codes_are_explained() -> None:
 
 
 def test_it_is_a_known_kind() -> None:
-    assert "barrett" in KINDS
+    assert "barrett" in kinds()
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from handctl.sim import KINDS, model_class
+from handctl.sim import kinds, model_class
 from handctl.sim.ekso.wire import crc
 from tests.sim.ekso_bench import (
     CANCEL,
@@ -65,7 +65,7 @@ WORD_OF_ID = {
 
 
 def test_it_is_registered() -> None:
-    assert "ekso" in KINDS
+    assert "ekso" in kinds()
     assert model_class("ekso").KIND == "ekso"
 
 

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import pytest
 
-from handctl.sim import KINDS, create
+from handctl.sim import create, kinds
 from handctl.sim.engine.line import LINE_FAULTS, Line
 from handctl.sim.engine.model import Random
 
@@ -501,9 +501,10 @@ def test_bad_options(options: dict[str, str], message: str) -> None:
 
 
 def test_unknown_kind() -> None:
-    with pytest.raises(ValueError, match="known: exo"):
-        create("toaster", {})
-    assert next(iter(KINDS)) == "exo"
+    for name in ("toaster", "engine", "inspire", "cli", "../exo", ""):
+        with pytest.raises(ValueError, match=f"no simulated device '{name}'; known: {', '.join(kinds())}"):
+            create(name, {})
+    assert "exo" in kinds()
 
 
 def test_clock_is_the_business_of_the_caller() -> None:

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 import handctl
-from handctl.sim import KINDS, create, model_class
+from handctl.sim import create, kinds, model_class
 from handctl.sim.engine.canline import CAN_FAULTS, CanLine
 from handctl.sim.engine.line import LINE_FAULTS, Line
 
@@ -145,7 +145,7 @@ def move(bench: Any, yaw: int, pitch: int, time: int | None = None) -> None:
 
 
 def test_it_is_known() -> None:
-    assert "wrist" in KINDS
+    assert "wrist" in kinds()
     assert model_class("wrist") is not model_class("wrist", "can")
     assert model_class("wrist").KIND == model_class("wrist", "can").KIND == "wrist"
 
@@ -386,7 +386,7 @@ def test_both_wires_show_the_same_wrist() -> None:
 
 def test_registers_lie_where_the_manual_has_them() -> None:
     """18 documented bytes and 6 gap bytes; every value is different."""
-    from handctl.sim.inspire.wrist.memory import WRIST
+    from handctl.sim.wrist.memory import WRIST
 
     places = {place for first, size, count, *_ in WRIST for place in range(first, first + size * count)}
     assert sorted(set(range(1020, 1044)) - places) == [1029, 1031, 1034, 1035, 1036, 1037]
@@ -1489,5 +1489,5 @@ def test_it_starts_light(options: dict[str, str]) -> None:
         "inspect",
     }
     assert not modules & heavy
-    assert "handctl.sim.inspire.exo.device" not in modules
-    assert ("handctl.sim.inspire.wrist.can" in modules) is ("bus" in options)
+    assert "handctl.sim.exo.device" not in modules
+    assert ("handctl.sim.wrist.can" in modules) is ("bus" in options)

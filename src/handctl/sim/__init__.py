@@ -3,6 +3,9 @@
 `create` returns a `Line` (see line.py), the end of a cable: bytes in, bytes out, time passed in by the caller; or, for a
 device on a CAN bus (option bus=can), a `CanLine` (canline.py): frames in, frames out. The in-process fake link and the
 servers of serve.py drive the same object, so both show the same device.
+
+A simulated device is a folder here, called as its command is: `SUMMARY` and `WIRES` ("serial" or "tcp", and "can") of the
+folder itself tell what it is, its module `device` has the class `Device`; that of one on a CAN bus is in the module `can`.
 """
 
 from __future__ import annotations
@@ -16,24 +19,30 @@ if TYPE_CHECKING:
     from handctl.sim.engine.line import Line
     from handctl.sim.engine.model import Model
 
-KINDS = {
-    "exo": "inspire.exo.device",
-    "wrist": "inspire.wrist.device",
-    "barrett": "barrett.device",
-    "ekso": "ekso.device",
-    "aidin": "aidin.device",
-}
-"""Kind -> its module below this package, with a class `Device`."""
-CAN = {"wrist": "inspire.wrist.can"}
-"""The same for a device on a CAN bus."""
+
+def kinds() -> list[str]:
+    """The devices that there are, by name."""
+    from pkgutil import iter_modules
+
+    return sorted(found.name for found in iter_modules(__path__) if found.ispkg and folder_of(found.name) is not None)
+
+
+def folder_of(kind: str) -> Any:
+    """The package of a simulated device, with SUMMARY and WIRES; None where there is none."""
+    try:
+        found = importlib.import_module(f"{__name__}.{kind}") if kind.isidentifier() else None
+    except ModuleNotFoundError:
+        return None
+    return found if hasattr(found, "WIRES") else None
 
 
 def model_class(kind: str, bus: str = "serial") -> type[Model]:
     """The model of one kind of device on one kind of wire; imported here so that no other model is."""
-    if kind not in KINDS:
-        raise ValueError(f"no simulated device {kind!r}; known: {', '.join(KINDS)}")
-    module = CAN[kind] if kind in CAN and bus == "can" else KINDS[kind]
-    found: type[Model] = importlib.import_module(f"handctl.sim.{module}").Device
+    folder = folder_of(kind)
+    if folder is None:
+        raise ValueError(f"no simulated device {kind!r}; known: {', '.join(kinds())}")
+    module = "can" if bus == "can" and "can" in folder.WIRES else "device"
+    found: type[Model] = importlib.import_module(f"{folder.__name__}.{module}").Device
     return found
 
 
@@ -46,7 +55,7 @@ def create(kind: str, options: dict[str, str]) -> Line | Any:
     Raises ValueError with one line of text (what is wrong, what is known) for an unknown kind, option or fault, for a
     bad value, and for a state file that cannot be used.
     """
-    if kind in CAN and options.get("bus") == "can":
+    if options.get("bus") == "can" and "can" in getattr(folder_of(kind), "WIRES", ()):
         from handctl.sim.engine.canline import CanLine
 
         return CanLine(model_class(kind, "can"), options)

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from handctl.sim import create, model_class
+from handctl.sim import create, folder_of, kinds, model_class
 
 
 class SimError(click.ClickException):
@@ -107,11 +107,14 @@ def _pty_option(function: Callable[..., None]) -> Callable[..., None]:
     return click.option("--pty", "on_pty", is_flag=True, help="Serve on a new pseudo terminal.")(function)
 
 
-def _server(kind: str, summary: str, *, can: bool = False, serial: bool = True) -> click.Command:
-    """The command that serves one kind of device: bytes, and with `can` frames through an slcan adapter as well.
+def _server(kind: str) -> click.Command:
+    """The command that serves one kind of device: bytes, and of one on a CAN bus frames through an slcan adapter as well.
 
     A device without a serial wire is served on a TCP port only.
     """
+    folder = folder_of(kind)
+    summary: str = folder.SUMMARY
+    can, serial = "can" in folder.WIRES, "serial" in folder.WIRES
 
     @click.command(kind, cls=_ServerCommand, short_help=summary)
     @(_pty_option if serial else _no_options)
@@ -207,8 +210,5 @@ def control(path: str, command: tuple[str, ...]) -> None:
     click.echo(text)
 
 
-cli.add_command(_server("exo", "Inspire EH55BF1 exoskeleton hand."))
-cli.add_command(_server("wrist", "Inspire wrist module with the hand behind it.", can=True))
-cli.add_command(_server("barrett", "BarrettHand BH8-series: supervisory and RealTime mode, boot monitor."))
-cli.add_command(_server("ekso", "EksoNR exoskeleton, DataPort."))
-cli.add_command(_server("aidin", "AIDIN-hand (TCP, JSON).", serial=False))
+for _kind in kinds():
+    cli.add_command(_server(_kind))

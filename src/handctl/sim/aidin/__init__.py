@@ -1,1 +1,4 @@
 """The simulated AIDIN-hand."""
+
+SUMMARY = "AIDIN-hand (TCP, JSON)."
+WIRES = ("tcp",)

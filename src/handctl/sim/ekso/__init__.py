@@ -1,1 +1,4 @@
 """The simulated EksoNR."""
+
+SUMMARY = "EksoNR exoskeleton, DataPort."
+WIRES = ("serial",)

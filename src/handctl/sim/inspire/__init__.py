@@ -1,1 +1,1 @@
-"""The simulated devices of the Inspire family."""
+"""What the simulated devices of the Inspire family share."""

@@ -10,8 +10,8 @@ import struct
 
 from handctl.sim.engine.model import Options, Random, Reply
 from handctl.sim.inspire.frames import find, frame
-from handctl.sim.inspire.wrist import model
-from handctl.sim.inspire.wrist.model import Module
+from handctl.sim.wrist import model
+from handctl.sim.wrist.model import Module
 
 READ_HAND, WRITE_HAND, READ_WRIST, WRITE_WRIST = 17, 18, 48, 49  # flags
 SAVE_TIME = 1.0  # s from the ack to the result (RH56)

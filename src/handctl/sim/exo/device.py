@@ -9,8 +9,8 @@ from __future__ import annotations
 import struct
 
 from handctl.sim.engine.model import Model, Options, Random, Reply
-from handctl.sim.inspire.exo.frames import FORCE, POSITION, READ, WRITE, find, frame
-from handctl.sim.inspire.exo.hand import Hand
+from handctl.sim.exo.frames import FORCE, POSITION, READ, WRITE, find, frame
+from handctl.sim.exo.hand import Hand
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -82,7 +82,7 @@ class Device(Model):
     """The hand without its wire."""
 
     KIND = "exo"
-    CONTROL = "handctl.sim.inspire.exo.control"
+    CONTROL = "handctl.sim.exo.control"
     HEADER = b"\x90\xeb"
     OPTIONS = _OPTIONS
     FAULTS = _FAULTS

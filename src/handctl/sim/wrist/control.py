@@ -5,9 +5,9 @@ from __future__ import annotations
 import struct
 from typing import Any
 
-from handctl.sim.inspire.wrist.body import AXES
-from handctl.sim.inspire.wrist.memory import KEPT, MEMORY, Space
-from handctl.sim.inspire.wrist.model import Module
+from handctl.sim.wrist.body import AXES
+from handctl.sim.wrist.memory import KEPT, MEMORY, Space
+from handctl.sim.wrist.model import Module
 
 HELP = (
     "set ADDRESS HEX | get ADDRESS COUNT | hand-set ADDRESS HEX | hand-get ADDRESS COUNT"

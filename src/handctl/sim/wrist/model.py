@@ -10,8 +10,8 @@ from __future__ import annotations
 import struct
 
 from handctl.sim.engine.model import Model, Options, Random
-from handctl.sim.inspire.wrist.body import PITCH, YAW, Body
-from handctl.sim.inspire.wrist.memory import FACTORY, HAND, KEPT, TRIGGERS, WRIST, Space, power_on_hand, power_on_wrist
+from handctl.sim.wrist.body import PITCH, YAW, Body
+from handctl.sim.wrist.memory import FACTORY, HAND, KEPT, TRIGGERS, WRIST, Space, power_on_hand, power_on_wrist
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -54,7 +54,7 @@ class Module(Model):
     """Wrist and hand. The id, the speed and what is kept live in the hand's space: the wrist's manual has none."""
 
     KIND = "wrist"
-    CONTROL = "handctl.sim.inspire.wrist.control"
+    CONTROL = "handctl.sim.wrist.control"
     OPTIONS = OPTIONS
     FAULTS = FAULTS
     SPEEDS: tuple[int, ...] = ()  # bit/s by speed code

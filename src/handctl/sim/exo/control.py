@@ -5,8 +5,8 @@ from __future__ import annotations
 import struct
 from typing import Any
 
-from handctl.sim.inspire.exo.device import MEMORY, SPEEDS, Device
-from handctl.sim.inspire.exo.hand import FINGERS, Finger, Hand
+from handctl.sim.exo.device import MEMORY, SPEEDS, Device
+from handctl.sim.exo.hand import FINGERS, Finger, Hand
 
 HELP = "set ADDRESS HEX | get ADDRESS COUNT | temperature FINGER DEGREES | block FINGER | release FINGER"
 

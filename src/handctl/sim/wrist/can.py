@@ -12,8 +12,8 @@ from __future__ import annotations
 import struct
 
 from handctl.sim.engine.model import Options, Random, Reply
-from handctl.sim.inspire.wrist import model
-from handctl.sim.inspire.wrist.model import Module
+from handctl.sim.wrist import model
+from handctl.sim.wrist.model import Module
 
 READ_HAND, WRITE_HAND, READ_WRIST, WRITE_WRIST = 0, 1, 4, 5  # flags
 

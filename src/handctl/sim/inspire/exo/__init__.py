@@ -1,1 +1,0 @@
-"""The simulated EH55BF1 exoskeleton hand."""
