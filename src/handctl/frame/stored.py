@@ -15,7 +15,7 @@ from handctl.model.result import Column, Row, Table
 
 if TYPE_CHECKING:
     from handctl.frame.run import Run
-    from handctl.frame.verbs import MapDevice
+    from handctl.model.device import Device
 
 Change = tuple[Element, Number]
 Check = Callable[[Sequence[Change]], None]
@@ -38,7 +38,7 @@ def kept_of(params: ParamMap[Any], *, setpoints: bool = True, further: Collectio
     ]
 
 
-def take(device: MapDevice, elements: Sequence[Element]) -> dict[str, Number]:
+def take(device: Device, elements: Sequence[Element]) -> dict[str, Number]:
     """The present value of each element, by full name. Raises what kept one from being read."""
     readings = device.read(elements) if elements else []
     for reading in readings:
@@ -72,9 +72,9 @@ def snapshot(run: Run, path: str) -> Table:
     from handctl.frame import snapshot as files
 
     files.check_target(path, run.family.kind if run.family is not None else "")
-    device: MapDevice = run.device()
+    device: Device = run.device()
     identity = device.identity()
-    values = take(device, kept_of(device.map, further=_further(device, identity)))
+    values = take(device, kept_of(device.map, further=device.further(identity)))
     content = files.make(device.kind, identity, values, link=run.link_name(), fake=run.simulated)
     files.write(path, content)
     for name, value in values.items():
@@ -93,12 +93,6 @@ def snapshot(run: Run, path: str) -> Table:
     )
 
 
-def _further(device: MapDevice, identity: dict[str, object]) -> Collection[str]:
-    """What this very device has beyond what all of its kind have, where its family can tell."""
-    tell = getattr(device, "further", None)
-    return tell(identity) if tell is not None else ()
-
-
 def diff(run: Run, params: ParamMap[Any], a: str, b: str | None, *, setpoints: bool = False) -> Table:
     """Compare two snapshots, or a snapshot with the live device: settings, and with `setpoints` what was commanded.
 
@@ -111,7 +105,7 @@ def diff(run: Run, params: ParamMap[Any], a: str, b: str | None, *, setpoints: b
     if b is not None:
         right = files.load(b, params.kind)["values"]
     else:
-        device: MapDevice = run.device()
+        device: Device = run.device()
         device.find_for_restore(left)
         right = take(device, kept_of(params, setpoints=setpoints, further=left))
     names = list(dict.fromkeys([*left, *right]))
@@ -176,7 +170,7 @@ def restore(
         return run.dry_run(_steps(run.planner(), changes))
     if changes:
         run.need_answer(f"{_restoring(params, changes)}, as far as they differ")
-    device: MapDevice = run.device()
+    device: Device = run.device()
     device.find_for_restore(values)
     device.identify()
     live = take(device, kept_of(params, setpoints=setpoints, further=values))
@@ -233,7 +227,7 @@ def _groups(changes: Sequence[Change]) -> list[list[Change]]:
     return [group for group in groups if group] + [[change] for change in changes if change[0].param.strands]
 
 
-def _steps(device: MapDevice, changes: Sequence[Change]) -> list[Step]:
+def _steps(device: Device, changes: Sequence[Change]) -> list[Step]:
     """The bytes of a plan; what moves or pushes is called that."""
     steps = []
     for group in _groups(changes):
@@ -243,9 +237,7 @@ def _steps(device: MapDevice, changes: Sequence[Change]) -> list[Step]:
     return steps
 
 
-def _ask(
-    run: Run, params: ParamMap[Any], device: MapDevice, differing: Sequence[Change], live: dict[str, Number]
-) -> None:
+def _ask(run: Run, params: ParamMap[Any], device: Device, differing: Sequence[Change], live: dict[str, Number]) -> None:
     """One question for all, a further one for forces; nothing has been written. Raises NotConfirmed."""
     forces = [change for change in differing if change[0].param.acts == PUSHES]
     others = [change for change in differing if change not in forces]

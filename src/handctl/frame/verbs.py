@@ -1,48 +1,20 @@
 """The verbs that mean the same for every device, over its parameter map: one implementation, not five.
 
-snapshot, diff and restore are in `stored`. A device satisfies `MapDevice`; its own peculiarities (an id that answers elsewhere once written) live in its `write`.
+snapshot, diff and restore are in `stored`. What they need of a device is `model.device.Device`; its own peculiarities (an id that answers elsewhere once written) live in its `write`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from handctl.errors import HandctlError, NoAnswer, ProtocolError, UsageError
-from handctl.model.param import PUSHES, Element, Number, Param, ParamMap, Reading, Step
-from handctl.model.result import Column, Journal, Row, Sample, Table
+from handctl.model.param import PUSHES, Element, Param, ParamMap, Reading, Step
+from handctl.model.result import Column, Row, Sample, Table
 
 if TYPE_CHECKING:
     from handctl.frame.run import Run
-    from handctl.link import Link
-
-    class MapDevice(Protocol):
-        """What the verbs need of a device."""
-
-        @property
-        def kind(self) -> str: ...
-        @property
-        def map(self) -> ParamMap[Any]: ...
-        @property
-        def link(self) -> Link: ...
-        @property
-        def journal(self) -> Journal: ...
-        @property
-        def columns(self) -> tuple[Column, ...]: ...
-        @property
-        def live(self) -> tuple[str, ...]: ...
-        @property
-        def worn(self) -> bool: ...
-        @property
-        def not_covered(self) -> tuple[str, ...]: ...
-        def identity(self) -> dict[str, object]: ...
-        def read(self, elements: Sequence[Element]) -> list[Reading]: ...
-        def row(self, reading: Reading) -> Row: ...
-        def table(self, readings: Sequence[Reading], title: str = "") -> Table: ...
-        def plan(self, changes: Sequence[tuple[Element, Number]]) -> list[Step]: ...
-        def write(self, changes: Sequence[tuple[Element, Number]]) -> list[Reading]: ...
-        def find_for_restore(self, values: dict[str, Number]) -> None: ...
-        def identify(self) -> None: ...
+    from handctl.model.device import Device
 
 
 def select(params: ParamMap[Any], names: Sequence[str]) -> list[Element]:
@@ -60,7 +32,7 @@ def select(params: ParamMap[Any], names: Sequence[str]) -> list[Element]:
 def get(run: Run, params: ParamMap[Any], names: Sequence[str]) -> Table:
     """Read the named quantities in as few transactions as the device allows."""
     elements = select(params, names)
-    device: MapDevice = run.device()
+    device: Device = run.device()
     table = device.table(device.read(elements))
     table.plain = ("value",)
     return table
@@ -75,7 +47,7 @@ def set_values(run: Run, params: ParamMap[Any], texts: Sequence[str]) -> Table:
         return plan
     if any(step.strands or (step.moves and planner.worn) for step in steps):
         run.confirm(f"{_consequence(steps)}: {', '.join(texts)}", steps)
-    device: MapDevice = run.device()
+    device: Device = run.device()
     return device.table(device.write(changes))
 
 
@@ -139,7 +111,7 @@ def watch(
     from handctl.model.sampling import Sampler
 
     elements = select(params, names)  # a wrong name is told before the link is opened
-    device: MapDevice = run.device()
+    device: Device = run.device()
     elements = elements or select(params, device.live)
     ranges = {
         element.param.name: (float(element.param.low), float(element.param.high))

@@ -1,17 +1,23 @@
 """What a device is to the kernel, and what every family's device and line would otherwise repeat.
 
-For who writes a family: its `Line` says how one question is asked and answered. Knows no family and does no I/O of its own.
+For who writes a family: its `Line` asks one question and judges the answer, its `Device` knows names and values and no
+bytes. What a family overrides is its protocol; what it inherits is what every verb expects. Knows no family, does no I/O.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Protocol, TypedDict, TypeVar
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Collection, Iterator, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any, Protocol, TypedDict, TypeVar
 
-from handctl.errors import NoAnswer, ProtocolError
+from handctl.errors import CheckFailed, HandctlError, NoAnswer, ProtocolError
+from handctl.model.param import Element, Number, ParamMap, Reading, elements_of
+from handctl.model.result import Column, Grid, Row, Table
 
 if TYPE_CHECKING:
     from handctl.link import Deadline, Link
+    from handctl.model.param import Step
     from handctl.model.result import Journal
 
 RETRIES = 2
@@ -102,3 +108,161 @@ class Line:
         if self.over and (seconds := self.link.now() - since) < allowed:
             waited = f"before --deadline was over, after {round(seconds, 2):g} s"
         return NoAnswer(f"{self.where}: no answer to {request} {waited}", hint=hint)
+
+
+class Device(ABC):
+    """One device behind a line, as the verbs know it (`frame.verbs`, `frame.stored`, `report`).
+
+    kind         command and simulator are named so
+    map          its parameters; what is not in it does not exist for the verbs
+    columns      of its tables; `plain` of --format plain, where these are fewer
+    live         what changes by itself: the default of `watch`
+    worn         a person may wear it: what moves it is asked for first
+    not_covered  what a snapshot cannot hold, told by `restore`
+
+    A family writes `read`, `named`, `valued` and `view`; `plan` and `write` where values can be set by name; and overrides
+    what its device does otherwise, by calling this one first where it adds to it.
+    """
+
+    kind: str
+    map: ParamMap[Any]
+    columns: tuple[Column, ...]
+    plain: tuple[str, ...] = ()
+    live: tuple[str, ...]
+    worn = False
+    not_covered: tuple[str, ...] = ()
+
+    def __init__(self, line: Line) -> None:
+        self._line = line
+
+    @property
+    def link(self) -> Link:
+        """Where it is, and its clock."""
+        return self._line.link
+
+    @property
+    def journal(self) -> Journal:
+        """Where messages and counters go."""
+        return self._line.journal
+
+    # -- who it is -----------------------------------------------------------------------------------------------
+
+    def identity(self) -> dict[str, object]:
+        """What tells this device from another of its kind, as far as it can be read."""
+        return {"kind": self.kind}
+
+    def identify(self) -> None:  # noqa: B027 - where whatever is read tells who it is, there is nothing to do
+        """Look who is there before anything is read for a plan: a stranger is named, not called silent. Raises NotIdentified."""
+
+    def find_for_restore(self, values: dict[str, Number]) -> None:  # noqa: B027 - most have no address to set
+        """Make the line address the device that a restore is for; nothing to do unless its address is a setting."""
+
+    def further(self, identity: dict[str, object]) -> Collection[str]:
+        """Names of `optional` settings that this very device has, by what it says of itself."""
+        return ()
+
+    # -- reading -------------------------------------------------------------------------------------------------
+
+    @abstractmethod
+    def read(self, elements: Sequence[Element]) -> list[Reading]:
+        """Read elements in as few questions as the protocol allows. An element that cannot be read carries its error.
+
+        Raises NoAnswer, ProtocolError when nothing at all could be read, LinkError when the link is lost.
+        """
+
+    @abstractmethod
+    def named(self, element: Element) -> Row:
+        """The keys of a row that say which element it is (cli contract, row keys)."""
+
+    @abstractmethod
+    def valued(self, reading: Reading) -> Row:
+        """The keys of a row that say what was read: value, unit and what else this family tells."""
+
+    @staticmethod
+    @abstractmethod
+    def view(rows: list[Row]) -> list[Grid]:
+        """How people see rows of readings."""
+
+    def row(self, reading: Reading) -> Row:
+        """The data row of one reading; of one that failed, why."""
+        row, error = self.named(reading.element), reading.error
+        if error is None and reading.value is not None:
+            return {**row, **self.valued(reading)}
+        return {**row, "error": error.text if error is not None else "not read", "unit": reading.element.param.unit}
+
+    def table(self, readings: Sequence[Reading], title: str = "") -> Table:
+        """Readings as a Table; what could not be read is its failure, and the rest is shown all the same."""
+        failed = [reading for reading in readings if reading.error is not None]
+        return Table(
+            rows=[self.row(reading) for reading in readings],
+            columns=self.columns,
+            title=title,
+            view=self.view,
+            plain=self.plain,
+            failure=self.partial(failed) if failed else None,
+        )
+
+    def partial(self, failed: Sequence[Reading]) -> HandctlError | None:
+        """The error of a table of which these readings `failed`."""
+        return failed[0].error
+
+    @contextmanager
+    def leaving(self, so_far: Callable[[], Sequence[Reading]]) -> Iterator[None]:
+        """Around reading: when it ends in the middle, what was read `so_far` is shown, if there is anything."""
+        try:
+            yield
+        except (HandctlError, KeyboardInterrupt):
+            if readings := so_far():
+                self.journal.leave(self.table(readings))
+            raise
+
+    def dump(self) -> Table:
+        """Everything documented that every device of this kind has."""
+        dumped = [param for param in self.map if param.readable and not param.optional]
+        return self.table(self.read([element for param in dumped for element in elements_of(param)]))
+
+    def judge(
+        self,
+        table: Table,
+        findings: Sequence[str],
+        check: bool,
+        *,
+        hint: str = "",
+        more: Callable[[], Sequence[str]] = tuple,
+    ) -> Table:
+        """The table of `status`, its findings as warnings; with `check` they, and what `more` tells by itself, are exit 7."""
+        for finding in findings:
+            self.journal.warn("unhealthy", finding)
+        every = [*more(), *findings]
+        if check and every and table.failure is None:
+            text = f"{self._line.where}: {len(every)} findings: {'; '.join(every)}"
+            table.failure = CheckFailed(text, hint=hint, code="unhealthy")
+        return table
+
+    # -- writing -------------------------------------------------------------------------------------------------
+
+    def plan(self, changes: Sequence[tuple[Element, Number]]) -> list[Step]:
+        """The exact bytes that `write` would send for checked `changes`. Sends nothing."""
+        raise NotImplementedError(f"{self.kind} sets nothing by name")
+
+    def write(self, changes: Sequence[tuple[Element, Number]]) -> list[Reading]:
+        """Write checked changes, each once, and read all of them back.
+
+        Raises DeviceRefused; CheckFailed when the read-back differs, which it says with both values.
+        """
+        raise NotImplementedError(f"{self.kind} sets nothing by name")
+
+    def check_read_back(
+        self, changes: Sequence[tuple[Element, Number]], readings: Sequence[Reading], hint: str
+    ) -> None:
+        """Raise CheckFailed where a reading is not what was written."""
+        found = {reading.element.full_name: reading.value for reading in readings}
+        wrong = [
+            f"{name} could not be read back"
+            if found[name] is None
+            else f"{name} reads {found[name]} after {value} was written"
+            for name, value in ((element.full_name, value) for element, value in changes)
+            if found[name] != value
+        ]
+        if wrong:
+            raise CheckFailed(f"{self._line.where}: {'; '.join(wrong)}", hint=hint, code="read-back")

@@ -18,6 +18,7 @@ from handctl import __version__
 from handctl.errors import CheckFailed, HandctlError, LinkError, NoAnswer, OutputError, ProtocolError, UsageError
 from handctl.files import whole
 from handctl.frame import verbs
+from handctl.frame.stored import kept_of
 from handctl.link.tap import Tap
 from handctl.model.param import ParamMap
 from handctl.model.result import Cell, Column, Grid, Sample, Table
@@ -147,8 +148,9 @@ def _ask(
     if dump is not None:
         dump.view = None
         content.dump = _grids(visit, "dump", privacy.table(dump))
-    tells = getattr(device, "identity", None)  # a device without stored settings has none
-    identity = visit.attempt("identity", tells) if tells is not None else None
+    identity = None
+    if kept_of(params):  # a device without stored settings is not asked who it is
+        identity = visit.attempt("identity", lambda: device.identity())  # noqa: PLW0108 - there may be none
     if identity is not None:
         content.facts = [fact for fact in privacy.identity(identity).items() if fact[0] != "kind"]
     found = visit.attempt("checks", lambda: checks(run)) if checks is not None else None

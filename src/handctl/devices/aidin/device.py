@@ -1,4 +1,4 @@
-"""The AIDIN-hand: its feedback as readings and rows, its status. Satisfies what `verbs` needs of a device.
+"""The AIDIN-hand: its feedback as readings and rows, its status. See `model.device`.
 
 There is no acknowledge and no error message: feedback is the only proof of anything (dossier 3).
 """
@@ -12,10 +12,10 @@ from handctl.devices.aidin.feedback import Wire
 from handctl.devices.aidin.map import AIDIN, FEEDBACK, FINGERS, AidinParam
 from handctl.devices.aidin.trouble import number_of
 from handctl.devices.aidin.way import Exchange
-from handctl.errors import CheckFailed, ProtocolError
-from handctl.link import Link
-from handctl.model.param import Element, Reading, elements_of
-from handctl.model.result import Cell, Column, Grid, Journal, Row, Table
+from handctl.errors import HandctlError, ProtocolError
+from handctl.model.device import Device
+from handctl.model.param import Element, Reading
+from handctl.model.result import Cell, Column, Grid, Row, Table
 
 SLACK = 0.01
 """Share of a range by which a value may be outside: encoders and angles jitter at the stops."""
@@ -26,12 +26,11 @@ NO_ANGLE = "is no angle in radians: degrees on the wire?"
 SHORT = {"current_state": "current"}
 
 
-class AidinHand:
+class AidinHand(Device):
     """One hand on a connection."""
 
     kind = "aidin"
     map = AIDIN
-    worn = False
     live = tuple(param.name for param in FEEDBACK if param.name != "task_space_pos")
     columns = (
         Column("name", "Name"),
@@ -41,18 +40,11 @@ class AidinHand:
         Column("unit", "Unit"),
     )
 
+    plain = ("name", "finger", "element", "value")
+
     def __init__(self, talk: Conversation) -> None:
+        super().__init__(talk)
         self.talk = talk
-
-    @property
-    def link(self) -> Link:
-        """Where it is, and its clock."""
-        return self.talk.link
-
-    @property
-    def journal(self) -> Journal:
-        """Where messages and counters go."""
-        return self.talk.journal
 
     # -- reading -------------------------------------------------------------------------------------------------
 
@@ -62,41 +54,32 @@ class AidinHand:
         found = self.talk.refresh(tuple(params.values()))
         return [reading(self.link.name, element, found[param_of(element).key]) for element in elements]
 
-    def row(self, taken: Reading) -> Row:
-        """The data row of one reading; angles in degrees, and in `rad` as they stand on the wire."""
-        param, index = param_of(taken.element), taken.element.index
-        row: Row = {
+    def named(self, element: Element) -> Row:
+        param, index = param_of(element), element.index
+        return {
             "name": param.name,
             "key": param.key,
             "finger": param.finger_of(index),
             "element": param.label_of(index),
         }
-        if taken.error is not None or taken.value is None:
-            return {**row, "error": taken.error.text if taken.error is not None else "not read", "unit": param.unit}
-        row |= {"value": taken.value, "unit": param.unit}
+
+    def valued(self, taken: Reading) -> Row:
+        """Angles in degrees, and in `rad` as they stand on the wire."""
+        param = param_of(taken.element)
+        row: Row = {"value": taken.value, "unit": param.unit}
         return {**row, "rad": float(taken.raw)} if param.angles else row
 
-    def table(self, readings: Sequence[Reading], title: str = "") -> Table:
-        """Readings as a Table; for people one line per element, fingers side by side."""
-        failed = {taken.error.text: taken.error for taken in readings if isinstance(taken.error, ProtocolError)}
-        failure = None
-        if failed:
-            first = next(iter(failed.values()))
-            more = f"; and {len(failed) - MOST_ERRORS} more" if len(failed) > MOST_ERRORS else ""
-            text = "; ".join(list(failed)[:MOST_ERRORS]) + more
-            failure = ProtocolError(text, hint=first.hint, code=first.code)
-        return Table(
-            rows=[self.row(taken) for taken in readings],
-            columns=self.columns,
-            title=title,
-            view=by_finger,
-            plain=("name", "finger", "element", "value"),
-            failure=failure,
-        )
+    @staticmethod
+    def view(rows: list[Row]) -> list[Grid]:
+        """One line per element, fingers side by side."""
+        return by_finger(rows)
 
-    def dump(self) -> Table:
-        """Every key the hand sends: 15 motors, 20 joints, 15 coordinates, 15 currents, 30 sensor values."""
-        return self.table(self.read([element for param in FEEDBACK for element in elements_of(param)]))
+    def partial(self, failed: Sequence[Reading]) -> HandctlError | None:
+        """What is wrong with each key, each said once."""
+        errors = {taken.error.text: taken.error for taken in failed if taken.error is not None}
+        first = next(iter(errors.values()))
+        more = f"; and {len(errors) - MOST_ERRORS} more" if len(errors) > MOST_ERRORS else ""
+        return ProtocolError("; ".join(list(errors)[:MOST_ERRORS]) + more, hint=first.hint, code=first.code)
 
     def status(self, check: bool) -> Table:
         """The same, looked at: values out of their range, how the hand speaks. With `check`, unhealthy is exit 7."""
@@ -105,17 +88,13 @@ class AidinHand:
         how = "streams by itself" if self.talk.exchange is Exchange.STREAM else "answers when it is asked"
         self.journal.info("exchange", f"the hand {how}")
         findings = unhealthy(table.rows)
-        for finding in findings:
-            self.journal.warn("unhealthy", finding)
-        if check and findings and table.failure is None:
-            table.failure = CheckFailed(
-                f"{self.link.name}: {len(findings)} findings: {'; '.join(findings)}",
-                hint="look at its bytes with --trace FILE; until then move with `encoders` only"
-                if all(NO_ANGLE in finding for finding in findings)
-                else "`handctl aidin home` sets the origin of the encoders",
-                code="unhealthy",
-            )
-        return table
+        odd = all(NO_ANGLE in finding for finding in findings)
+        hint = (
+            "look at its bytes with --trace FILE; until then move with `encoders` only"
+            if odd
+            else "`handctl aidin home` sets the origin of the encoders"
+        )
+        return self.judge(table, findings, check, hint=hint)
 
 
 def param_of(element: Element) -> AidinParam:

@@ -1,4 +1,4 @@
-"""The BarrettHand in supervisory mode: reading and writing its parameters, its status. Satisfies `verbs.MapDevice`.
+"""The BarrettHand in supervisory mode: reading and writing its parameters, its status. See `model.device`.
 
 GCL has no checksum: an answer is believed when its echo, its number of lines and its number of values fit.
 """
@@ -10,23 +10,22 @@ from collections.abc import Sequence
 from handctl.devices.barrett.conditions import NO_GAUGE, later_settings, mark_not_homed
 from handctl.devices.barrett.gcl.language import Answer, batches, encode, explain_status, hint_for, values
 from handctl.devices.barrett.gcl.line import GclLine
-from handctl.devices.barrett.map import BARRETT, GclParam, all_elements, standard
+from handctl.devices.barrett.map import BARRETT, GclParam, all_elements
 from handctl.devices.barrett.views import audit, heat_hint, meaning, parameters_view, status_view, unhealthy
-from handctl.errors import CheckFailed, DeviceRefused, HandctlError, NoAnswer, ProtocolError
-from handctl.link import Link
+from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError
+from handctl.model.device import Device
 from handctl.model.param import Element, Number, Reading, Step
-from handctl.model.result import Column, Journal, Row, Table
+from handctl.model.result import Column, Row, Table
 
 SPLITTABLE = 32 | 64 | 1024
 """Statuses that a long line may cause: it is asked again in halves (dossier 1.4)."""
 
 
-class BarrettHand:
+class BarrettHand(Device):
     """One hand on a line."""
 
     kind = "barrett"
     map = BARRETT
-    worn = False
     live = ("position", "strain", "status", "temperature")
     columns = (
         Column("name", "Name"),
@@ -36,23 +35,15 @@ class BarrettHand:
         Column("unit", "Unit"),
         Column("label", "Meaning"),
     )
+    view = staticmethod(parameters_view)
     not_covered = (
         "the EEPROM: restored values are in RAM until `--save` or `handctl barrett save` keeps them",
         "read-only values (odometer, temperatures, serial number)",
     )
 
     def __init__(self, line: GclLine) -> None:
+        super().__init__(line)
         self.line = line
-
-    @property
-    def link(self) -> Link:
-        """Where it is, and its clock."""
-        return self.line.link
-
-    @property
-    def journal(self) -> Journal:
-        """Where messages and counters go."""
-        return self.line.journal
 
     def identity(self) -> dict[str, object]:
         """Serial number (0 on hands upgraded in the field) and firmware as the hand says it."""
@@ -66,12 +57,6 @@ class BarrettHand:
     def further(self, identity: dict[str, object]) -> list[str]:
         """Settings of later firmware that this hand has, by what it says of itself."""
         return later_settings(str(identity.get("firmware")), self.journal)
-
-    def find_for_restore(self, values: dict[str, Number]) -> None:
-        """Nothing to do: the hand has no address, and its speed is found at connect."""
-
-    def identify(self) -> None:
-        """Nothing to do: the connect, before anything is read, is the look at who is there."""
 
     def checked(self, answer: Answer) -> Answer:
         """The same answer, or DeviceRefused with the manual's wording of its status."""
@@ -126,13 +111,14 @@ class BarrettHand:
     def read(self, elements: Sequence[Element]) -> list[Reading]:
         """Read elements in as few lines as fit; all motors that are wanted share a prefix (barrett §5.2.2, §5.2.3)."""
         by_mnemonic: dict[str, dict[int, int] | HandctlError] = {}
-        try:
+
+        def so_far() -> list[Reading]:
+            rest = HandctlError("not read")
+            there = any(isinstance(found, dict) for found in by_mnemonic.values())
+            return [_reading(e, by_mnemonic.get(_gcl(e), rest)) for e in elements] if there else []
+
+        with self.leaving(so_far):
             self._read(elements, by_mnemonic)
-        except (HandctlError, KeyboardInterrupt):
-            if any(isinstance(found, dict) for found in by_mnemonic.values()):
-                rest = HandctlError("not read")
-                self.journal.leave(self.table([_reading(e, by_mnemonic.get(_gcl(e), rest)) for e in elements]))
-            raise
         return [_reading(element, by_mnemonic[_gcl(element)]) for element in elements]
 
     def _read(self, elements: Sequence[Element], by_mnemonic: dict[str, dict[int, int] | HandctlError]) -> None:
@@ -176,14 +162,13 @@ class BarrettHand:
         for name, numbers in zip(names, values(answer, len(names), count), strict=True):
             into[name] = dict(zip(motors, numbers, strict=True))
 
-    def row(self, reading: Reading) -> Row:
-        """The data row of one reading (cli contract, row keys of barrett)."""
+    def named(self, element: Element) -> Row:
+        return {"name": element.param.name, "parameter": _gcl(element), "motor": element.part}
+
+    def valued(self, reading: Reading) -> Row:
         param = reading.element.param
-        assert isinstance(param, GclParam)
-        row: Row = {"name": param.name, "parameter": param.mnemonic, "motor": reading.element.part}
-        if reading.error is not None or reading.value is None:
-            return {**row, "error": reading.error.text if reading.error is not None else "not read", "unit": param.unit}
-        row |= {
+        assert isinstance(param, GclParam) and reading.value is not None
+        row: Row = {
             "value": reading.value,
             "unit": param.unit,
             "label": meaning(param, reading.value, reading.element.index),
@@ -296,17 +281,7 @@ class BarrettHand:
                 self.journal.ledger.confirm("read back", step)
             elif all(now[element.full_name] is not None for element, _ in mine):
                 self.journal.ledger.doubt("reads back otherwise", step)
-        wrong = [
-            f"{element.full_name} reads {now[element.full_name]} after {value} was written"
-            for element, value in changes
-            if now[element.full_name] != value
-        ]
-        if wrong:
-            raise CheckFailed(
-                f"{self.link.name}: {'; '.join(wrong)}",
-                hint="look with `handctl barrett get` before writing again",
-                code="read-back",
-            )
+        self.check_read_back(changes, readings, "look with `handctl barrett get` before writing again")
         return readings
 
     def change_speed(self, code: int) -> None:
@@ -319,23 +294,23 @@ class BarrettHand:
 
     def table(self, readings: Sequence[Reading], title: str = "") -> Table:
         """Readings as a Table; for people one line per parameter, motors side by side."""
-        failed = [reading for reading in readings if reading.error is not None]
-        failure = None
-        if failed and failed[0].error is not None:
-            exc = failed[0].error
-            names = ", ".join(dict.fromkeys(_gcl(reading.element) for reading in failed))
-            said = exc.text.removeprefix(self.link.name).lstrip(": ")
-            failure = exc.retold(f"{self.link.name}: {names}: {said}")
-        rows = [self.row(reading) for reading in readings]
-        mark_not_homed(rows)
-        return Table(rows=rows, columns=self.columns, title=title, view=parameters_view, failure=failure)
+        table = super().table(readings, title)
+        mark_not_homed(table.rows)
+        return table
+
+    def partial(self, failed: Sequence[Reading]) -> HandctlError | None:
+        """Which parameters, by their names in GCL, and why."""
+        first, names = failed[0].error, dict.fromkeys(_gcl(reading.element) for reading in failed)
+        assert first is not None
+        said = first.text.removeprefix(self.link.name).lstrip(": ")
+        return first.retold(f"{self.link.name}: {', '.join(names)}: {said}")
 
     def dump(self) -> Table:
         """Every parameter of §5.3 and §5.4 against its default, in four lines.
 
         What only later firmware has is not asked for: whether a hand has it costs two lines more.
         """
-        table = self.table(self.read(all_elements(standard())))
+        table = super().dump()
         for finding in audit(table.rows):
             self.journal.warn("audit", finding)
         later = " ".join(param.mnemonic for param in BARRETT if param.since)
@@ -363,13 +338,7 @@ class BarrettHand:
             from handctl.devices.barrett.gcl.meet import look_for_motion
 
             findings += [f"it moves: {motor}" for motor in look_for_motion(self.line)]
-        for finding in findings:
-            self.journal.warn("unhealthy", finding)
-        if check and findings and table.failure is None:
-            table.failure = CheckFailed(
-                f"{self.link.name}: {len(findings)} findings: {'; '.join(findings)}", code="unhealthy"
-            )
-        return table
+        return self.judge(table, findings, check)
 
 
 def _step(text: str) -> Step:

@@ -1,4 +1,4 @@
-"""What an EksoNR can tell and be told through its DataPort; returns Tables. Satisfies `verbs.MapDevice`.
+"""What an EksoNR can tell and be told through its DataPort; returns Tables. See `model.device`.
 
 Knows words and names, no bytes: those are the port's.
 """
@@ -14,9 +14,9 @@ from handctl.devices.ekso.lengthmode import find_mode
 from handctl.devices.ekso.map import DATA, EKSO, MESSAGES, NOTHING_SENT, Word
 from handctl.devices.ekso.views import dump_view, words_view, written_view
 from handctl.errors import DeviceRefused, HandctlError, Interrupted, LinkError, NoAnswer, ProtocolError, UsageError
-from handctl.link import Link
+from handctl.model.device import Device
 from handctl.model.param import Element, Number, Reading, Step, elements_of
-from handctl.model.result import Column, Journal, Row, Table
+from handctl.model.result import Column, Row, Table
 
 if TYPE_CHECKING:
     from handctl.devices.ekso.change import Change
@@ -38,7 +38,7 @@ CLOCKS = {
 }
 
 
-class Ekso:
+class Ekso(Device):
     """One EksoNR. `port` is the line to it; `writer` is given by the commands that write."""
 
     kind = "ekso"
@@ -58,9 +58,11 @@ class Ekso:
         Column("unit", "Unit"),
         Column("label", "Meaning"),
     )
+    view = staticmethod(words_view)
     not_covered = ("swing_complete and pilot_id: they have no ParameterID",)
 
     def __init__(self, port: DataPort, *, find_length: bool = False) -> None:
+        super().__init__(port)
         self._port = port
         self._find_length = find_length
         self.writer: Writing | None = None
@@ -75,25 +77,9 @@ class Ekso:
             self.journal.info("length-mode", f"{self.link.name}: requests are understood with --length-mode {mode}")
         return self._port
 
-    @property
-    def link(self) -> Link:
-        """Where it is, and its clock."""
-        return self._port.link
-
-    @property
-    def journal(self) -> Journal:
-        """Where messages and counters go."""
-        return self._port.journal
-
     def identity(self) -> dict[str, object]:
         """What tells one unit from another: the protocol has no serial number; the pilot's is personal and stays out."""
         return {"kind": self.kind, "serial_number": None}
-
-    def find_for_restore(self, values: dict[str, Number]) -> None:
-        """Nothing to do: the device has no address."""
-
-    def identify(self) -> None:
-        """Nothing to do: whatever is read from it tells who it is, by its CRC and our msgID."""
 
     # -- reading -------------------------------------------------------------------------------------------------
 
@@ -112,14 +98,12 @@ class Ekso:
     def read(self, elements: Sequence[Element]) -> list[Reading]:
         """Read elements with one request per message. Raises what went wrong when nothing could be read."""
         found: dict[str, tuple[int, ...] | HandctlError] = {}
-        for message in dict.fromkeys(_word(element).message for element in elements):
-            try:
-                found[message] = self.words(message)
-            except (NoAnswer, ProtocolError) as exc:
-                found[message] = exc
-            except (HandctlError, KeyboardInterrupt):
-                self.journal.leave(self.table(self._found(elements, found)))
-                raise
+        with self.leaving(lambda: self._found(elements, found)):
+            for message in dict.fromkeys(_word(element).message for element in elements):
+                try:
+                    found[message] = self.words(message)
+                except (NoAnswer, ProtocolError) as exc:
+                    found[message] = exc
         errors = [entry for entry in found.values() if isinstance(entry, HandctlError)]
         if errors and len(errors) == len(found):
             raise errors[0]
@@ -143,28 +127,19 @@ class Ekso:
         if len(messages) == 1:
             self.port.send_ahead(COMMANDS[messages.pop()])
 
-    def row(self, reading: Reading) -> Row:
-        """The data row of one reading (cli contract, row keys of ekso)."""
+    def named(self, element: Element) -> Row:
+        param = _word(element)
+        return {"name": param.name, "word": param.word, "id": param.id}
+
+    def valued(self, reading: Reading) -> Row:
         param = _word(reading.element)
-        row: Row = {"name": param.name, "word": param.word, "id": param.id}
-        if reading.error is not None or reading.value is None:
-            return {**row, "error": reading.error.text if reading.error is not None else "not read", "unit": param.unit}
+        assert reading.value is not None
         return {
-            **row,
             "value": reading.value,
             "raw": int.from_bytes(reading.raw, "big", signed=param.signed),
             "unit": param.unit,
             "label": param.label(reading.value),
         }
-
-    def table(self, readings: Sequence[Reading], title: str = "") -> Table:
-        """Readings as a Table; rows that could not be read set its failure."""
-        failed = [reading for reading in readings if reading.error is not None]
-        failure = None
-        if failed and failed[0].error is not None:
-            failure = failed[0].error
-        rows = [self.row(reading) for reading in readings]
-        return Table(rows=rows, columns=self.columns, title=title, view=words_view, failure=failure)
 
     def message(self, name: str) -> Table:
         """All words of GetSettings ("settings"), GetData ("data") or GetFeedback ("feedback")."""

@@ -5,28 +5,24 @@ Everything is checked against the map before a byte is sent; a write is sent onc
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 
 from handctl.devices.inspire.blocks import BlockReader, Memory
 from handctl.devices.inspire.map import Register, register_of
 from handctl.devices.inspire.registers import RegisterBus, add
-from handctl.errors import CheckFailed, HandctlError, Interrupted, LinkError, NoAnswer
-from handctl.link import Link
+from handctl.errors import HandctlError, Interrupted, LinkError, NoAnswer
+from handctl.model.device import Device
 from handctl.model.param import Element, Number, ParamMap, Reading, Step
-from handctl.model.result import Column, Grid, Journal, Row, Table, hex_bytes
+from handctl.model.result import Column, Row, Table, hex_bytes
 
 
-class RegisterDevice(ABC):
+class RegisterDevice(Device):
     """Base of the family's devices. A subclass names its kind, its map, what is live, and how people see it."""
 
-    kind: str
     map: ParamMap[Register]
-    live: tuple[str, ...]
-    worn = False
-    not_covered: tuple[str, ...] = ()
-    columns: tuple[Column, ...] = (
+    columns = (
         Column("name", "Name"),
         Column("finger", "Finger"),
         Column("address", "Address", right=True),
@@ -37,73 +33,43 @@ class RegisterDevice(ABC):
     )
 
     def __init__(self, bus: RegisterBus) -> None:
+        super().__init__(bus)
         self.bus = bus
         self._reader = BlockReader(bus)
         self.last_blocks: list[tuple[int, bytes]] = []
-
-    @property
-    def link(self) -> Link:
-        """Where it is, and its clock."""
-        return self.bus.link
-
-    @property
-    def journal(self) -> Journal:
-        """Where messages and counters go."""
-        return self.bus.journal
 
     def identity(self) -> dict[str, object]:
         """What tells this device from another. The manuals document no serial number, model or firmware register."""
         return {"kind": self.kind, "id": self.bus.id}
 
-    @staticmethod
-    @abstractmethod
-    def view(rows: list[Row]) -> list[Grid]:
-        """How people see rows of registers."""
-
-    def find_for_restore(self, values: dict[str, Number]) -> None:  # noqa: B027 - most have nothing to do
-        """Make the bus address the device that a restore is for; nothing to do unless its id is a setting."""
-
     def identify(self) -> None:
-        """Look who is there before anything is read for a plan: a stranger is named, not called silent. Raises NotIdentified."""
         self.bus.identify()
 
     # -- reading -------------------------------------------------------------------------------------------------
 
     def read(self, elements: Sequence[Element]) -> list[Reading]:
-        """Read elements in the fewest transactions. An element that cannot be read carries its error.
-
-        Raises NoAnswer, ProtocolError when nothing at all could be read, LinkError when the link is lost.
-        """
         registers = {element.param.name: register_of(element) for element in elements}
         memory = Memory()
-        try:
+        with self.leaving(lambda: [_reading(element, memory) for element in elements] if memory.blocks else []):
             self._reader.read(registers.values(), memory)
-        except (HandctlError, KeyboardInterrupt):
-            if memory.blocks:
-                self.journal.leave(self.table([_reading(element, memory) for element in elements]))
-            raise
         self.last_blocks = sorted(memory.blocks)
         return [_reading(element, memory) for element in elements]
 
+    def named(self, element: Element) -> Row:
+        register = register_of(element)
+        return {"name": register.name, "finger": element.part, "address": register.address_of(element.index)}
+
     def row(self, reading: Reading) -> Row:
-        """The data row of one reading (cli contract, row keys of exo and wrist)."""
+        row = super().row(reading)
+        return {**row, "raw": None} if "error" in row else row
+
+    def valued(self, reading: Reading) -> Row:
         register = register_of(reading.element)
-        row: Row = {
-            "name": register.name,
-            "finger": reading.element.part,
-            "address": register.address_of(reading.element.index),
-        }
-        if reading.error is not None or reading.value is None:
-            return {
-                **row,
-                "error": reading.error.text if reading.error is not None else "not read",
-                "unit": register.unit,
-                "raw": None,
-            }
+        assert reading.value is not None
         label = register.label(reading.value)
         if register.note and (label is None or reading.value):
             label = f"{label} ({register.note})" if label else register.note
-        return {**row, "value": reading.value, "unit": register.unit, "raw": hex_bytes(reading.raw), "label": label}
+        return {"value": reading.value, "unit": register.unit, "raw": hex_bytes(reading.raw), "label": label}
 
     # -- writing -------------------------------------------------------------------------------------------------
 
@@ -188,45 +154,36 @@ class RegisterDevice(ABC):
             self._verify(run, self.read([element for element, _ in run]))
 
     def _verify(self, changes: Sequence[tuple[Element, Number]], readings: Sequence[Reading]) -> None:
-        wrong, ledger = [], self.journal.ledger
-        found = {reading.element.full_name: reading for reading in readings}
-        for run in self.runs(changes):
+        runs, ledger = self.runs(changes), self.journal.ledger
+        found = {reading.element.full_name: reading.value for reading in readings}
+        for run in runs:
             (step,) = self.plan(run)
-            for element, value in run:
-                reading = found[element.full_name]
-                if reading.error is not None:
-                    wrong.append(f"{element.full_name} could not be read back")
-                elif reading.value != value:
-                    wrong.append(f"{element.full_name} reads {reading.value} after {value} was written")
-                    ledger.doubt(f"{element.full_name} reads {reading.value}", step)
-            if all(found[element.full_name].value == value for element, value in run):
+            off = [element.full_name for element, value in run if found[element.full_name] != value]
+            for name in off:
+                if found[name] is not None:
+                    ledger.doubt(f"{name} reads {found[name]}", step)
+            if not off:
                 ledger.confirm("read back", step)
-        if wrong:
-            raise CheckFailed(
-                f"{self.bus.where}: {'; '.join(wrong)}",
-                hint="the device did not take the value, or changed it: look with "
-                f"`handctl {self.kind} get` before writing again",
-                code="read-back",
-            )
-
-    def table(self, readings: Sequence[Reading], title: str = "") -> Table:
-        """Readings as a Table; for people one line per register, fingers side by side."""
-        return Table(
-            rows=[self.row(reading) for reading in readings],
-            columns=self.columns,
-            title=title,
-            view=self.view,
-            failure=self._partial(readings),
+        self.check_read_back(
+            [change for run in runs for change in run],
+            readings,
+            f"the device did not take the value, or changed it: look with `handctl {self.kind} get` before writing again",
         )
 
-    def _partial(self, readings: Sequence[Reading]) -> HandctlError | None:
-        failed = {reading.element.param.name: reading.error for reading in readings if reading.error is not None}
-        if not failed:
-            return None
-        first = next(iter(failed.values()))
-        return first.retold(
-            f"{self.bus.where}: {len(failed)} of the quantities could not be read: {', '.join(failed)}; {first.text}"
-        )
+    # -- tables --------------------------------------------------------------------------------------------------
+
+    def partial(self, failed: Sequence[Reading]) -> HandctlError | None:
+        """How many quantities, which, and why."""
+        first, names = failed[0].error, dict.fromkeys(reading.element.param.name for reading in failed)
+        assert first is not None
+        text = f"{len(names)} of the quantities could not be read: {', '.join(names)}; {first.text}"
+        return first.retold(f"{self.bus.where}: {text}")
+
+    def dump(self) -> Table:
+        """Everything documented, in the fewest reads, with the raw blocks (exo §2.3, wrist §2.1)."""
+        table = super().dump()
+        table.extra = {"blocks": [{"address": start, "raw": hex_bytes(data)} for start, data in self.last_blocks]}
+        return table
 
 
 def _reading(element: Element, memory: Memory) -> Reading:

@@ -14,7 +14,7 @@ from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.map import BAUD_RATES, EXO, FINGERS
 from handctl.errors import CheckFailed, NoAnswer, ProtocolError, UsageError
 from handctl.model.param import Element, Number, Reading, Step, elements_of
-from handctl.model.result import Cell, Grid, Row, Table, hex_bytes
+from handctl.model.result import Cell, Grid, Row, Table
 
 LIVE = ("position_actual", "force_actual", "current", "error", "temperature")
 """What changes by itself: the default of `watch`."""
@@ -22,7 +22,7 @@ COMMAND_FLAGS = {"force": eb90.FORCE_COMMAND, "position": eb90.POSITION_COMMAND}
 
 
 class ExoHand(RegisterDevice):
-    """One hand on a bus. Satisfies `verbs.MapDevice`."""
+    """One hand on a bus. See `model.device`."""
 
     bus: Bus
     kind = "exo"
@@ -105,8 +105,7 @@ class ExoHand(RegisterDevice):
 
     def dump(self) -> Table:
         """Everything documented, in two transactions where the device allows it (exo §2.3)."""
-        table = self.table(self.read([element for param in EXO if param.readable for element in elements_of(param)]))
-        table.extra = {"blocks": [{"address": start, "raw": hex_bytes(data)} for start, data in self.last_blocks]}
+        table = super().dump()
         self._strangeness()
         return table
 
@@ -132,16 +131,8 @@ class ExoHand(RegisterDevice):
         table = self.table(readings)
         table.view = status_view
         findings = unhealthy(readings)
-        for finding in findings:
-            self.journal.warn("unhealthy", finding)
-        findings = [*self._strangeness(), *findings]
-        if check and table.failure is None and findings:
-            table.failure = CheckFailed(
-                f"{self.bus.where}: {len(findings)} findings: {'; '.join(findings)}",
-                hint="`handctl exo clear-errors` clears all but over_temperature, which goes away by cooling (exo §2.3.3)",
-                code="unhealthy",
-            )
-        return table
+        hint = "`handctl exo clear-errors` clears all but over_temperature, which goes away by cooling (exo §2.3.3)"
+        return self.judge(table, findings, check, hint=hint, more=self._strangeness)
 
     def check_identity(self) -> None:
         """Refuse to go on when the registers do not look like an EH55BF1's. Raises CheckFailed.

@@ -15,8 +15,8 @@ from handctl.devices.inspire.map import WRIST, register_of
 from handctl.devices.inspire.registers import watching
 from handctl.errors import CheckFailed, HandctlError, Interrupted, UsageError
 from handctl.model.guide import Guide
-from handctl.model.param import Element, Number, Reading, Step, elements_of
-from handctl.model.result import Cell, Column, Grid, Row, Table, hex_bytes
+from handctl.model.param import Element, Number, Reading, Step
+from handctl.model.result import Cell, Column, Grid, Row, Table
 
 if TYPE_CHECKING:
     from handctl.link.deadman import Guard, Shot
@@ -37,7 +37,7 @@ WIRING_HINT = (
 
 
 class Wrist(RegisterDevice):
-    """One wrist module on a serial or CAN bus. Satisfies `verbs.MapDevice`."""
+    """One wrist module on a serial or CAN bus. See `model.device`."""
 
     kind = "wrist"
     map = WRIST
@@ -94,12 +94,6 @@ class Wrist(RegisterDevice):
                 self.journal.warn("move-time", f"a movement time of {value} ms is outside the usual 100..5000 ms")
         return super().write(changes)
 
-    def dump(self) -> Table:
-        """Everything documented: one serial read, or three CAN reads (wrist §2.1)."""
-        table = self.table(self.read([element for param in WRIST for element in elements_of(param)]))
-        table.extra = {"blocks": [{"address": start, "raw": hex_bytes(data)} for start, data in self.last_blocks]}
-        return table
-
     def status(self, check: bool) -> Table:
         """Angles against set angles, currents, temperatures, errors in words. With `check`, errors are exit 7."""
         table = self.dump()
@@ -119,15 +113,8 @@ class Wrist(RegisterDevice):
             and not WRIST[row["name"]].bits
             and not WRIST[row["name"]].allowed(row["value"])
         ]
-        for finding in findings:
-            self.journal.warn("unhealthy", finding)
-        if check and findings and table.failure is None:
-            table.failure = CheckFailed(
-                f"{self.bus.where}: {len(findings)} findings: {'; '.join(findings)}",
-                hint="no clearing is documented for the wrist: let it cool, free the axis, power-cycle",
-                code="unhealthy",
-            )
-        return table
+        hint = "no clearing is documented for the wrist: let it cool, free the axis, power-cycle"
+        return self.judge(table, findings, check, hint=hint)
 
     def targets(self, pitch: float | None, yaw: float | None, time: int | None) -> list[tuple[Element, Number]]:
         """Checked changes for a movement. Raises UsageError out of range (wrist §1) or when no axis is named."""
