@@ -1,6 +1,6 @@
-"""Entry point: the root command, and the one place where errors become exit codes.
+"""Entry point: streams that the caller closed, a stdout that cannot be written, and between them the root command.
 
-`--version` loads nothing; help and completion load click and the data in `families`, no device family.
+`--version` is answered here and loads nothing; the commands, and what errors become as exit codes, are in `frame.clikit`.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Simulated devices: a second, independent reading of the manuals, standard library only.
 
-`create` returns a `Line` (see line.py), the end of a cable: bytes in, bytes out, time passed in by the caller; or, for a
-device on a CAN bus (option bus=can), a `CanLine` (canline.py): frames in, frames out. The in-process fake link and the
-servers of serve.py drive the same object, so both show the same device.
+`create` returns a `Line` (engine/line.py), the end of a cable: bytes in, bytes out, time passed in by the caller; or, for
+a device on a CAN bus (option bus=can), a `CanLine` (engine/canline.py): frames in, frames out. The in-process fake link
+and the servers of engine/serve.py drive the same object, so both show the same device.
 
 A simulated device is a folder here, called as its command is: `SUMMARY` and `WIRES` ("serial" or "tcp", and "can") of the
 folder itself tell what it is, its module `device` has the class `Device`; that of one on a CAN bus is in the module `can`.

@@ -1,1 +1,1 @@
-"""The Inspire family: the EH55BF1 exoskeleton hand (`exo`). One frame format, see `eb90`."""
+"""The devices of Inspire: the EH55BF1 exoskeleton hand (`exo`) and the wrist module (`wrist`). One frame, see `eb90`."""

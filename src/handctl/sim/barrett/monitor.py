@@ -1,7 +1,7 @@
 """The boot monitor of the simulated BarrettHand, and the RAM image of its firmware (barrett §3.7, §8).
 
 The manual shows the procedure only; the bytes are what is publicly known of the vendor's own downloader. What that
-does not say either is our guess, and marked so. Knows bytes, addresses and seconds; the hand itself is in barrett.py.
+does not say either is our guess, and marked so. Knows bytes, addresses and seconds; the hand itself is in device.py.
 
     hand   :                                                  at power on, 9600
     host     FF | FF low  high  count  FF data data …  | FF low …

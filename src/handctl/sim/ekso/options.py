@@ -1,4 +1,4 @@
-"""Options and faults of the simulated EksoNR, name -> help; what they do is in ekso.py."""
+"""Options and faults of the simulated EksoNR, name -> help; what they do is in device.py."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """A simulated Inspire wrist module and the hand that carries it, without its wire (wrist §2.1, RH56 §2.4).
 
-Both address spaces, flash, power and error states, the same behind the serial line (wrist.py) and behind CAN
-(wrist_can.py). Where the manual is silent the behaviour is invented and the comment says so; nothing seen here is
+Both address spaces, flash, power and error states, the same behind the serial line (device.py) and behind CAN
+(can.py). Where the manual is silent the behaviour is invented and the comment says so; nothing seen here is
 evidence about a real wrist.
 """
 

@@ -1,7 +1,7 @@
 """The EH55BF1 exoskeleton hand: reading, writing and judging its registers. Returns readings and Tables.
 
-Someone may be wearing it: everything is checked against the manual before a byte is sent. Longer procedures (id, baud,
-save, calibration …) are in `exo_procedures`, the search for hands in `scan`.
+Someone may be wearing it: everything is checked against the manual before a byte is sent. Id and speed are in
+`procedures`, what is kept in `flash`, forces, positions and calibration in `motion`, the search for hands in `scan`.
 """
 
 from __future__ import annotations
