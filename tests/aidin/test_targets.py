@@ -70,6 +70,11 @@ def test_what_is_kept_may_jitter_at_its_stop_and_no_more() -> None:
     here[0] = -2801.0
     with pytest.raises(CheckFailed, match=r"thumb\.m1 would be kept at -2801"):
         parse(ENCODERS, ["index.m3=1"]).complete(here)
+    here[0] = 282800.0
+    assert parse(ENCODERS, ["index.m3=1"]).complete(here)[0] == 280000
+    here[0] = 282801.0
+    with pytest.raises(CheckFailed, match=r"thumb\.m1 would be kept at 282801"):
+        parse(ENCODERS, ["index.m3=1"]).complete(here)
 
 
 def test_radians() -> None:

@@ -198,6 +198,13 @@ def test_the_clock_fit_finds_offset_and_drift() -> None:
     assert ClockFit().as_row() is None
 
 
+def test_the_residual_of_the_clock_fit_is_in_milliseconds() -> None:
+    fit = ClockFit()
+    for x, off in ((0.0, 0.001), (1.0, -0.001), (2.0, -0.001), (3.0, 0.001)):
+        fit.add(x, x + off)
+    assert fit.as_row() == {"a_s": 0.0, "b": 1.0, "residual_ms": 1.0}
+
+
 @given(st.lists(st.tuples(st.integers(0, 0xFFFFFFFF), st.floats(0, 1e5)), min_size=1, max_size=30))
 def test_device_time_never_falls_and_segments_count_up(points: list[tuple[int, float]]) -> None:
     line = Timeline()
