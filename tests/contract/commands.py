@@ -13,7 +13,12 @@ from handctl.frame.clikit import Command
 from handctl.frame.family import load
 from tests.contract.facts import facts_of
 
-ELSEWHERE = {("barrett", "firmware download"): "needs a power switch: tests of its own"}
+ELSEWHERE = {
+    ("barrett", "firmware download"): "needs a power switch",
+    ("barrett", "firmware check"): "reaches no device, and takes an image",
+    ("ekso", "export"): "reaches no device, and has formats of its own",
+}
+"""Commands with tests of their own only, and why."""
 
 
 def commands(family: str) -> Iterator[tuple[str, Command]]:

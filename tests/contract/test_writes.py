@@ -7,15 +7,14 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from handctl.families import FAMILIES
 from handctl.frame.family import load
+from tests.contract.cell import go, judge
 from tests.contract.commands import scratch_of, writing_commands
-from tests.contract.facts import Passed, facts_of, passed
-from tests.support.cli import Result, run
+from tests.contract.facts import facts_of
 
 FAULTS = [f"{fault}&after={after}" for fault in ("silent", "disconnect") for after in (0, 2, 4, 6)]
 
@@ -35,55 +34,9 @@ ASK_FIRST = {("wrist", "stop")}
 """It holds the angles that it reads: without an answer there is nothing to send."""
 
 
-def in_bytes(text: str) -> bytes:
-    return bytes.fromhex(text.partition("]")[2] if "]" in text else text)
-
-
-# -- one cell ---------------------------------------------------------------------------------------------------------
-
-
 @pytest.fixture
 def scratch(tmp_path: Path) -> Path:
     return scratch_of(tmp_path)
-
-
-def go(
-    family: str, command: str, folder: Path, fault: str = "", *more: str
-) -> tuple[Result, list[dict[str, Any]], list[Passed]]:
-    """Run it; what came of it, its ledger, and what passed."""
-    facts, trace = facts_of(family), folder / "trace.txt"
-    trace.unlink(missing_ok=True)
-    link = facts.link(family, command, f"fault={fault}" if fault else "")
-    words = [*command.split(), *facts.words(command, folder), "-y", "-p", link]
-    env = {"XDG_STATE_HOME": str(folder / "state")}
-    result = run(family, *words, "--format", "ndjson", "--trace", trace, *more, env=env)
-    last = json.loads(result.lines[-1])
-    envelope = last["end"]
-    return result, envelope["writes"], passed(trace)
-
-
-def judge(family: str, command: str, writes: list[dict[str, Any]], transcript: list[Passed]) -> None:
-    """What is listed as sent is what went out, in order; nothing else is; what nobody answered is not confirmed."""
-    writing = facts_of(family).rule(command)
-    wrote = [writing(entry) for entry in transcript]
-    frames = [(place, entry) for place, entry in enumerate(transcript) if wrote[place] and entry.mark == ">"]
-    last_heard = max((place for place, entry in enumerate(transcript) if entry.mark == "<"), default=-1)
-    at = 0
-    for step in writes:
-        if step["state"] == "not-sent":
-            continue
-        count = step.get("count", 1)
-        own = frames[at : at + count]
-        assert len(own) == count, f"{step} is not on the wire"
-        assert own[0][1].data == in_bytes(step["bytes"]), step
-        assert own[-1][1].data == in_bytes(step.get("last", step["bytes"])), step
-        if step["state"] in ("confirmed", "refused"):
-            assert own[-1][0] < last_heard, f"nothing was heard after {step}"
-        else:
-            assert step["next"], step
-        at += count
-    assert at == len(frames), f"went out and is not listed: {frames[at:]}"
-    assert [step["step"] for step in writes] == list(range(1, len(writes) + 1))
 
 
 # -- the cells --------------------------------------------------------------------------------------------------------

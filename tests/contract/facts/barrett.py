@@ -42,6 +42,8 @@ class Gcl:
         if entry.mark == "<":
             self.moves = self.moves and b"=>" not in data
             return False
+        if not data.strip(b"\x00\x7f"):  # DEL takes back what stands in the line
+            return False
         if not data.strip(b"\x00\x03"):  # to leave a loop, a zero may go before
             self.moves, self.loop = self.moves or self.loop, False
             return self.moves or (self.stops and data[-1:] == b"\x03")
@@ -87,12 +89,13 @@ FACTS = Facts(
         "diff": "{barrett}",
         "watch": "--count 2",
         "report": "{dir}/report.html --watch 0 --force",
-        "firmware check": "{dir}/image.s19",
         "errors": "",
         "help": "",
     },
     state="initialized=1",
     snapshot={"max_close_velocity.F1": 80, "filter_derivative_zero.F2": 3, "over_temperature_limit": 700},
     plans=frozenset(["defaults", "gcl", "load", "restore", "set"]),
+    adapts=frozenset({"restore", "realtime"}),
+    untrue=frozenset({"late"}),
     screens=("status", "dump", "maintenance", "fingertips", "diagnose", "strain"),
 )

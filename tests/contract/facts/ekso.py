@@ -26,7 +26,6 @@ FACTS = Facts(
         "watch": "--count 2",
         "report": "{dir}/report.html --watch 0 --force",
         "log": "{dir}/log.csv --count 2",
-        "export": "{dir}/in.csv --format mot",
     },
     snapshot={"step_length": 15.5},
     plans=frozenset(["restore"]),

@@ -1,0 +1,437 @@
+"""What every family must do, tried on the registry: nothing here names one. What differs between them are their facts.
+
+`pytest -m contract` tries every cell; the ordinary suite a share of the larger products, always the same. One family:
+`pytest -m contract tests/contract -k NAME`.
+"""
+
+from __future__ import annotations
+
+import csv
+import importlib
+import io
+import os
+import random
+import signal
+import zlib
+from collections.abc import Iterator
+from itertools import groupby
+from pathlib import Path
+from typing import Any
+from unittest import mock
+
+import pytest
+
+from handctl.docgen.tree import map_of
+from handctl.errors import ProtocolError
+from handctl.families import FAMILIES, TOOLS
+from handctl.frame.family import load
+from handctl.link.fake import FakeFrames, FakeLink
+from handctl.model.param import SETTING, Element, ParamMap, elements_of
+from handctl.sim import model_class
+from handctl.sim.engine.line import LINE_FAULTS
+from handctl.tools.trace_read import explainer_of
+from tests.contract.cell import CODES, judge, tried, wrote
+from tests.contract.commands import ELSEWHERE, commands, scratch_of, writing_commands
+from tests.contract.facts import facts_of, passed
+from tests.fuzz.support import Chunks
+from tests.matrix.report import bounded
+from tests.support.cli import run, spying
+from tests.support.places import TESTS
+
+pytestmark = pytest.mark.contract
+
+SHARE = 24
+"""An ordinary run of the whole suite takes one cell of a large product in 24."""
+SECONDS = 20.0
+VIRTUAL_SECONDS = 900.0
+ALL = [
+    (family, name, command.writes, command.streams, command.stops)
+    for family in FAMILIES
+    for name, command in commands(family)
+    if (family, name) not in ELSEWHERE
+]
+NAMED = [pytest.param(family, name, id=f"{family} {name}") for family, name, *_ in ALL]
+WRITING = [
+    pytest.param(family, name, id=f"{family} {name}") for family, name, writes, _, stops in ALL if writes and not stops
+]
+
+
+@pytest.fixture
+def scratch(tmp_path: Path) -> Path:
+    return scratch_of(tmp_path)
+
+
+@pytest.fixture
+def each(request: pytest.FixtureRequest) -> int:
+    """Each how manieth cell of a product is tried."""
+    config = request.config
+    whole_suite = not config.option.file_or_dir or config.option.file_or_dir == ["tests"]
+    marked = "contract" in config.option.markexpr.replace("not contract", "")
+    return int(os.environ.get("HANDCTL_CONTRACT_EACH", "1")) if marked or not whole_suite else SHARE
+
+
+def chosen(cells: Iterator[str] | list[str], each: int, name: str) -> list[str]:
+    """The share of the cells of one product."""
+    return [cell for cell in cells if zlib.crc32(f"{name}|{cell}".encode()) % each == 0]
+
+
+def words_of(family: str) -> list[str]:
+    """The names of all commands of a family."""
+    return [name for name, _ in commands(family)]
+
+
+# -- every verb ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_the_facts_are_those_of_the_family(family: str) -> None:
+    facts = facts_of(family)
+    assert set(facts.writes) == set(writing_commands(family))
+    assert set(facts.reads) <= set(words_of(family)) - set(facts.writes)
+    assert (facts.plans | facts.unproven | set(facts.halts or ())) <= set(facts.writes) | {"set", "restore"}
+
+
+@pytest.mark.parametrize(("family", "name"), NAMED)
+def test_every_command_works_on_the_simulator(family: str, name: str, scratch: Path) -> None:
+    """It ends as it should, its JSON is by the schema, and what only reads writes nothing."""
+    result, rows, _, transcript = tried(family, name, scratch)
+    assert result.code in (0, 7), result
+    assert rows or result.code == 0
+    if name not in facts_of(family).writes:
+        assert not wrote(family, name, transcript)
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+@pytest.mark.parametrize("name", ["status", "dump"])
+def test_every_format(family: str, name: str) -> None:
+    link = facts_of(family).link(family)
+    told = {
+        kind: run(family, name, "-p", link, "--format", kind) for kind in ("json", "ndjson", "csv", "plain", "table")
+    }
+    assert {done.code for done in told.values()} == {0}
+    rows = told["json"].rows
+    assert len(rows) == len(told["ndjson"].stream[0]) == len(told["plain"].lines)
+    table = list(csv.reader(io.StringIO(told["csv"].out)))
+    assert len(table) == len(rows) + 1 and len({len(line) for line in table}) == 1
+
+
+# -- faults -------------------------------------------------------------------------------------------------------------
+
+
+def settled(family: str) -> list[str]:
+    """Names whose value stays as it is: settings, as their map says."""
+    params = map_of(family)
+    return [param.name for param in params or () if param.kind == SETTING and param.readable and not param.optional]
+
+
+@pytest.mark.parametrize(("family", "name"), NAMED)
+def test_every_fault_in_every_command(family: str, name: str, scratch: Path, each: int) -> None:
+    """A documented exit code, an end, JSON by the schema, a ledger that is true, and no byte that writes from what reads."""
+    facts = facts_of(family)
+    faults = [*LINE_FAULTS, *model_class(family).FAULTS]
+    for fault in chosen([f"{fault}&after={after}" for fault in faults for after in (0, 3)], each, f"{family} {name}"):
+        with bounded(SECONDS, f"{family} {name}, {fault}"), spying() as spy:
+            result, rows, envelope, transcript = tried(family, name, scratch, options=(f"fault={fault}",))
+        assert result.code in CODES, (fault, result)
+        assert not spy.lines or spy.now < VIRTUAL_SECONDS, fault
+        errors = [message for message in envelope["messages"] if message["level"] == "error"]
+        assert len(errors) == (result.code != 0), (fault, result)
+        assert not [row for row in rows if "error" in row and "value" in row], (fault, rows)
+        if name in facts.writes and fault.partition("&")[0] not in facts.confusing:
+            judge(family, name, envelope["writes"], transcript)
+        elif name not in facts.writes:
+            assert not wrote(family, name, transcript), fault
+
+
+@pytest.mark.parametrize("family", [family for family in FAMILIES if settled(family)])
+def test_a_value_is_the_right_one_or_none(family: str, each: int) -> None:
+    """What holds still is read as it is, whatever the line does to it."""
+    names, link = settled(family), facts_of(family).link(family)
+    truth = run(family, "get", *names, "-p", link, "--format", "ndjson").stream[0]
+    for fault in chosen(list(LINE_FAULTS), each, family):
+        rows, _ = run(family, "get", *names, "-p", f"{link}&fault={fault}", "--format", "ndjson").stream
+        if fault in facts_of(family).untrue:
+            continue
+        for row, right in zip(rows, truth, strict=len(rows) == len(truth)):
+            assert "error" in row or row["value"] == right["value"], (fault, row, right)
+
+
+@pytest.mark.parametrize("fault", ["silent", "loopback", "disconnect"])
+@pytest.mark.parametrize(("family", "name"), WRITING)
+def test_nothing_is_written_before_somebody_of_the_family_is_seen(
+    family: str, name: str, fault: str, scratch: Path, each: int
+) -> None:
+    if not chosen([fault], min(each, 4), f"{family} {name}"):
+        pytest.skip("not in the share of this run")
+    result, _, envelope, transcript = tried(family, name, scratch, options=(f"fault={fault}",))
+    assert result.code in (3, 4, 5, 6, 7), result
+    assert wrote(family, name, transcript) == []
+    assert {step["state"] for step in envelope["writes"]} <= {"not-sent"}
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_the_probe_finds_its_own_device_and_no_other(family: str, tmp_path: Path) -> None:
+    """It only reads; silence, an echo, garbage and the device of another protocol are nobody."""
+    for kind in FAMILIES:
+        for fault in ("healthy", "silent", "loopback", "garble"):
+            trace, link = tmp_path / "trace.txt", facts_of(kind).link(kind, "", f"fault={fault}")
+            trace.unlink(missing_ok=True)
+            done = run("scan", "--family", family, "-p", link, "--json", "--trace", trace)
+            found = {row["family"] for row in done.rows if row.get("family")}
+            assert done.code in CODES - {8}, (kind, fault, done)
+            if done.code == 2:
+                continue  # that family is on no such wire
+            if kind == family:
+                writing = facts_of(family).rule("scan")
+                assert not [entry for entry in passed(trace) if entry.mark == ">" and writing(entry)], fault
+            if fault in ("silent", "loopback"):
+                assert family not in found, (kind, fault, done)
+            elif kind == family:
+                assert family in found, (fault, done)
+            elif FAMILIES[kind].codec != FAMILIES[family].codec:
+                assert family not in found, (kind, fault, done)
+
+
+# -- dry run, Ctrl-C ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("family", "name"), WRITING)
+def test_a_dry_run_sends_nothing_and_is_what_then_goes_out(family: str, name: str, scratch: Path) -> None:
+    facts = facts_of(family)
+    result, rows, _, transcript = tried(family, name, scratch, "-n")
+    assert result.code == 0, result
+    assert not [entry for entry in transcript if entry.mark == ">"] or name in facts.adapts
+    if name in facts.adapts:
+        return
+    same = load(family, "writes").words().planned
+    _, _, _, transcript = tried(family, name, scratch)
+    meant = [same(bytes.fromhex(row["bytes"].partition("]")[2] or row["bytes"]), None) for row in rows]
+    went = [same(data, None) for data in wrote(family, name, transcript)]
+    assert [one for one, _ in groupby(went)] == [one for one, _ in groupby(meant) if one is not None]
+
+
+class Pressed:
+    """Ctrl-C at the n-th time that a command listens."""
+
+    def __init__(self, at: int) -> None:
+        self.at, self.count = at, 0
+
+    def around(self, listen: Any) -> Any:
+        def listening(link: Any, *args: Any, **more: Any) -> Any:
+            self.count += 1
+            if self.count == self.at:
+                signal.raise_signal(signal.SIGINT)
+            return listen(link, *args, **more)
+
+        return listening
+
+    def run(self, family: str, name: str, folder: Path) -> Any:
+        """Run the command with it."""
+        handler = signal.getsignal(signal.SIGINT)
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        try:
+            with (
+                mock.patch.object(FakeLink, "read", self.around(FakeLink.read)),
+                mock.patch.object(FakeFrames, "receive", self.around(FakeFrames.receive)),
+                bounded(SECONDS, f"{family} {name}"),
+            ):
+                return tried(family, name, folder)
+        finally:
+            signal.signal(signal.SIGINT, handler)
+
+
+@pytest.mark.parametrize(("family", "name"), WRITING)
+def test_ctrl_c_anywhere_leaves_a_true_ledger_and_stops_what_moves(
+    family: str, name: str, scratch: Path, each: int
+) -> None:
+    counting = Pressed(0)
+    counting.run(family, name, scratch)
+    count = counting.count
+    places = sorted({1, 2, 3, *(count * part // 7 for part in range(1, 7)), count - 1, count})
+    halt = (facts_of(family).halts or {}).get(name)
+    for place in chosen([str(place) for place in places if place > 0], min(each, 4), f"{family} {name}"):
+        (scratch / "b.json").unlink(missing_ok=True)
+        result, _, envelope, transcript = Pressed(int(place)).run(family, name, scratch)
+        assert result.code in (130, 0, 7), (place, result)
+        judge(family, name, envelope["writes"], transcript)
+        went = wrote(family, name, transcript)
+        if halt and result.code == 130 and went:
+            assert went[-1].startswith(halt), (place, count, went[-3:])
+
+
+# -- bytes ----------------------------------------------------------------------------------------------------------------
+
+
+def codec_of(family: str) -> Any:
+    """The module `codec` of a family; None where the manual has another word for it, which then has tests of its own."""
+    try:
+        return importlib.import_module(FAMILIES[family].module("codec"))
+    except ModuleNotFoundError:
+        return None
+
+
+def taken(decoder: Any, chunks: list[bytes]) -> list[Any]:
+    """Everything that a decoder makes of these chunks: frames, and "refused"."""
+    found: list[Any] = []
+    for chunk in chunks:
+        decoder.feed(chunk)
+        while True:
+            try:
+                if (frame := decoder.next()) is None:
+                    break
+                found.append(frame)
+            except ProtocolError:
+                found.append("refused")
+    return found
+
+
+@pytest.mark.parametrize("family", [family for family in FAMILIES if codec_of(family) is not None])
+def test_the_codec_refuses_what_is_no_frame(family: str) -> None:
+    """Only ProtocolError is raised, pieces do not matter, and what is taken encodes to the bytes that came."""
+    decoder, facts, source = codec_of(family).Decoder, facts_of(family), random.Random(5)
+    assert facts.refuses
+    for line in facts.refuses:
+        found = taken(decoder(), [line])
+        assert found and set(found) == {"refused"}, (line, found)
+    chunks = Chunks(facts.goods, facts.likely)
+    for _ in range(60):
+        stream = b"".join(chunks.next(source) for _ in range(30))
+        whole = taken(decoder(), [stream])
+        place, encoded = 0, [frame.encode() for frame in whole if frame != "refused"]
+        for frame in encoded:
+            place = stream.index(frame, place) + len(frame)
+        pieces = taken(decoder(), [stream[at : at + 7] for at in range(0, len(stream), 7)])
+        assert [frame.encode() for frame in pieces if frame != "refused"] == encoded
+        single = taken(decoder(), [stream[at : at + 1] for at in range(len(stream))])
+        assert [frame.encode() for frame in single if frame != "refused"] == encoded
+
+
+def cases(family: str) -> Iterator[tuple[str, list[str], list[str]]]:
+    """The cases of a family's transcripts: name, comments, lines."""
+    for path in sorted((TESTS / "transcripts").glob(f"{family}-*.txt")):
+        for text in path.read_text(encoding="utf-8").split("\n# case ")[1:]:
+            head, *lines = text.splitlines()
+            yield (
+                f"{path.name}: {head}",
+                [line[2:] for line in lines if line.startswith("# ")],
+                [line for line in lines if line[:1] in "<>" and line],
+            )
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_the_transcripts_are_what_host_and_simulator_say(family: str, tmp_path: Path) -> None:
+    """The third book: host and simulator against bytes that neither has made. Cases with `# handctl WORDS` are run here."""
+    found = list(cases(family))
+    assert found, f"no transcript tests/transcripts/{family}-*.txt"
+    for name, comments, lines in found:
+        words = next((text.removeprefix("handctl ").split() for text in comments if text.startswith("handctl ")), None)
+        if words is None:
+            continue
+        path = tmp_path / "case.txt"
+        path.write_text("".join(f"0.0 {line}\n" for line in lines), encoding="utf-8")
+        done = run(family, *words, "-p", f"replay:{path}", "--json", "--trace", tmp_path / "trace.txt")
+        assert done.code == 0, (name, done)
+        sent = [line for line in lines if line[0] == ">"]
+        assert [entry.data for entry in passed(tmp_path / "trace.txt") if entry.mark == ">"] == [
+            bytes.fromhex(line[2:]) for line in sent
+        ], name
+        given = next((text.split()[1:] for text in comments if text.startswith("gives ")), [])
+        assert [str(row["value"]) for row in done.rows] == given, name
+        (tmp_path / "trace.txt").unlink()
+        _answered(family, name, lines)
+        explainer = explainer_of(family)
+        pieces = [
+            piece
+            for line in lines
+            for piece in explainer.feed("host" if line[0] == ">" else "device", bytes.fromhex(line[2:]))
+        ]
+        assert pieces and not [piece for piece in pieces if piece.problem or not piece.frame], name
+
+
+def _answered(family: str, name: str, lines: list[str]) -> None:
+    """The simulator answers each > with its <."""
+    import handctl.sim
+
+    line = handctl.sim.create(family, dict(item.split("=") for item in facts_of(family).state.split("&") if item))
+    now = 0.0
+    line.advance(now)
+    for text in lines:
+        if text[0] == ">":
+            line.feed(bytes.fromhex(text[2:]))
+            now += 0.05
+            line.advance(now)
+        else:
+            assert line.take() == bytes.fromhex(text[2:]), (name, text)
+
+
+# -- the map ----------------------------------------------------------------------------------------------------------------
+
+
+def settable(params: ParamMap[Any] | None) -> list[Element]:
+    """Elements that `set` may write and that hold still: settings."""
+    return [
+        element
+        for param in params or ()
+        if param.kind == SETTING and param.writable and param.readable and not param.strands and not param.optional
+        for element in elements_of(param)
+    ]
+
+
+@pytest.mark.parametrize("family", [family for family in FAMILIES if facts_of(family).memory is not None])
+def test_the_map_is_the_memory_of_the_simulator(family: str) -> None:
+    """Values at power-on as the manual prints them, and both ends of every range in the memory, in its own scale."""
+    facts, params = facts_of(family), map_of(family)
+    assert facts.memory is not None and facts.power_on and params is not None
+    with spying() as spy:
+        rows = run(family, "dump", "-p", facts.link(family), "--json").rows
+    assert {row["name"]: row["value"] for row in rows} == dict(facts.power_on)
+    held = {name: facts.memory(spy.lines[-1].device, name) for name in facts.power_on}
+    for element in settable(params):
+        name, param = element.full_name, element.param
+        scale = held[name] / facts.power_on[name]
+        for end in (param.low, param.high):
+            assert end is not None
+            with spying() as spy:
+                done = run(family, "set", f"{name}={param.text(end)}", "-y", "-p", facts.link(family), "--json")
+            assert done.code == 0, done
+            assert facts.memory(spy.lines[-1].device, name) == round(end * scale), name
+
+
+@pytest.mark.parametrize("family", [family for family in FAMILIES if "set" in words_of(family)])
+def test_what_is_out_of_range_is_refused_before_a_byte_is_sent(family: str) -> None:
+    for element in settable(map_of(family)):
+        param = element.param
+        if param.low is None or param.high is None or param.choices:
+            continue
+        step = 10**-param.decimals
+        for beyond in (param.low - step, param.high + step):
+            if beyond in param.special:
+                continue
+            with spying() as spy:
+                done = run(
+                    family,
+                    "set",
+                    f"{element.full_name}={param.text(beyond)}",
+                    "-y",
+                    "-p",
+                    facts_of(family).link(family),
+                )
+            assert done.code == 2, done
+            assert not spy.lines, element
+
+
+# -- the books ----------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_a_person_finds_it(family: str) -> None:
+    """In the man page, in three shells' completions, in README, in the help of the root and of the simulators."""
+    top = TESTS.parent
+    page = (top / "man" / f"handctl-{family}.1").read_text(encoding="utf-8").replace("\\-", "-")
+    for name in words_of(family):
+        assert f"handctl {family} {name}" in page, name
+    for path in (top / "completions").rglob("*handctl*"):
+        assert family in path.read_text(encoding="utf-8"), path
+    assert f"| `handctl {family}` |" in (top / "README.md").read_text(encoding="utf-8")
+    assert f" {family} " in run("-h").out and f" {family} " in run("sim", "-h").out
+    assert set(TOOLS).isdisjoint(FAMILIES)
