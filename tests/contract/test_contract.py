@@ -32,7 +32,7 @@ from handctl.sim.engine.line import LINE_FAULTS
 from handctl.tools.trace_read import explainer_of
 from tests.contract.cell import CODES, judge, tried, wrote
 from tests.contract.commands import ELSEWHERE, commands, scratch_of, writing_commands
-from tests.contract.facts import facts_of, passed
+from tests.contract.facts import Passed, Rule, facts_of, passed
 from tests.fuzz.support import Chunks
 from tests.matrix.report import bounded
 from tests.support.cli import run, spying
@@ -200,7 +200,7 @@ def test_a_dry_run_sends_nothing_and_is_what_then_goes_out(family: str, name: st
     facts = facts_of(family)
     result, rows, _, transcript = tried(family, name, scratch, "-n")
     assert result.code == 0, result
-    assert not [entry for entry in transcript if entry.mark == ">"] or name in facts.adapts
+    assert not [entry for entry in transcript if entry.mark == ">"]
     if name in facts.adapts:
         return
     same = load(family, "writes").words().planned
@@ -211,28 +211,41 @@ def test_a_dry_run_sends_nothing_and_is_what_then_goes_out(family: str, name: st
 
 
 class Pressed:
-    """Ctrl-C at the n-th time that a command listens."""
+    """Ctrl-C at the n-th time that a command listens; with `rule` at the first time behind a frame that writes."""
 
-    def __init__(self, at: int) -> None:
-        self.at, self.count = at, 0
+    def __init__(self, at: int, rule: Rule | None = None) -> None:
+        self.at, self.rule, self.count = at, rule, 0
 
-    def around(self, listen: Any) -> Any:
-        def listening(link: Any, *args: Any, **more: Any) -> Any:
+    def listening(self, listen: Any) -> Any:
+        def listened(link: Any, *args: Any, **more: Any) -> Any:
             self.count += 1
             if self.count == self.at:
                 signal.raise_signal(signal.SIGINT)
             return listen(link, *args, **more)
 
-        return listening
+        return listened
+
+    def speaking(self, speak: Any) -> Any:
+        def spoken(link: Any, data: Any, *args: Any) -> Any:
+            if self.rule is not None and self.rule(
+                Passed(">", getattr(data, "data", data), getattr(data, "can_id", None))
+            ):
+                self.rule, self.at = None, self.count + 1
+            return speak(link, data, *args)
+
+        return spoken
 
     def run(self, family: str, name: str, folder: Path) -> Any:
         """Run the command with it."""
         handler = signal.getsignal(signal.SIGINT)
         signal.signal(signal.SIGINT, signal.default_int_handler)
+        (folder / "b.json").unlink(missing_ok=True)
         try:
             with (
-                mock.patch.object(FakeLink, "read", self.around(FakeLink.read)),
-                mock.patch.object(FakeFrames, "receive", self.around(FakeFrames.receive)),
+                mock.patch.object(FakeLink, "read", self.listening(FakeLink.read)),
+                mock.patch.object(FakeLink, "write", self.speaking(FakeLink.write)),
+                mock.patch.object(FakeFrames, "receive", self.listening(FakeFrames.receive)),
+                mock.patch.object(FakeFrames, "send", self.speaking(FakeFrames.send)),
                 bounded(SECONDS, f"{family} {name}"),
             ):
                 return tried(family, name, folder)
@@ -241,22 +254,28 @@ class Pressed:
 
 
 @pytest.mark.parametrize(("family", "name"), WRITING)
-def test_ctrl_c_anywhere_leaves_a_true_ledger_and_stops_what_moves(
-    family: str, name: str, scratch: Path, each: int
-) -> None:
+def test_ctrl_c_anywhere_leaves_a_true_ledger(family: str, name: str, scratch: Path, each: int) -> None:
     counting = Pressed(0)
     counting.run(family, name, scratch)
     count = counting.count
     places = sorted({1, 2, 3, *(count * part // 7 for part in range(1, 7)), count - 1, count})
-    halt = (facts_of(family).halts or {}).get(name)
     for place in chosen([str(place) for place in places if place > 0], min(each, 4), f"{family} {name}"):
-        (scratch / "b.json").unlink(missing_ok=True)
         result, _, envelope, transcript = Pressed(int(place)).run(family, name, scratch)
         assert result.code in (130, 0, 7), (place, result)
         judge(family, name, envelope["writes"], transcript)
-        went = wrote(family, name, transcript)
-        if halt and result.code == 130 and went:
-            assert went[-1].startswith(halt), (place, count, went[-3:])
+
+
+HALTS = [(family, name) for family in FAMILIES for name in facts_of(family).halts or ()]
+
+
+@pytest.mark.parametrize(("family", "name"), HALTS)
+def test_ctrl_c_in_a_movement_sends_its_stop(family: str, name: str, scratch: Path) -> None:
+    facts = facts_of(family)
+    result, _, envelope, transcript = Pressed(0, facts.rule(name)).run(family, name, scratch)
+    assert result.code == 130, result
+    judge(family, name, envelope["writes"], transcript)
+    first, *_, last = wrote(family, name, transcript)
+    assert last.startswith((facts.halts or {})[name]) and last != first, transcript[-6:]
 
 
 # -- bytes ----------------------------------------------------------------------------------------------------------------

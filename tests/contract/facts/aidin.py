@@ -28,5 +28,7 @@ FACTS = Facts(
     state="start=homed",
     states={"home": "start=used"},
     unproven=frozenset(["currents", "max-torque", "stop"]),
+    adapts=frozenset({"encoders", "joints", "fingertips", "currents"}),  # a ramp from where it is
+    halts=dict.fromkeys(("home", "initial", "encoders", "joints", "fingertips", "currents"), b'{"hand_mode":3}'),
     plans=frozenset(),
 )

@@ -94,8 +94,12 @@ FACTS = Facts(
     },
     state="initialized=1",
     snapshot={"max_close_velocity.F1": 80, "filter_derivative_zero.F2": 3, "over_temperature_limit": 700},
+    halts=dict.fromkeys(
+        ("init", "open", "close", "move", "step-open", "step-close", "home", "torque-open", "torque-close"), b"\x03"
+    ),
     plans=frozenset(["defaults", "gcl", "load", "restore", "set"]),
     adapts=frozenset({"restore", "realtime"}),
+    confusing=frozenset({"noise", "no-echo", "late", "loop-silent"}),
     untrue=frozenset({"late"}),
     screens=("status", "dump", "maintenance", "fingertips", "diagnose", "strain"),
 )

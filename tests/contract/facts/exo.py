@@ -35,5 +35,6 @@ FACTS = Facts(
         "report": "{dir}/report.html --watch 0 --force",
     },
     snapshot={"position_set.index": 300, "position_set.ring": 250, "force_set.little": 5},
+    halts={"position": bytes.fromhex("EB 90 01 0B 32")},
     plans=frozenset(["baud", "restore", "set"]),
 )

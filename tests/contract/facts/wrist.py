@@ -31,5 +31,6 @@ FACTS = Facts(
         "report": "{dir}/report.html --watch 0 --force",
     },
     snapshot={"pitch_set": 5.0, "yaw_set": 3.0, "move_time": 400},
+    halts=dict.fromkeys(("move", "center"), bytes.fromhex("EB 90 01 07 31 0E 04")),
     plans=frozenset(["restore", "set"]),
 )
