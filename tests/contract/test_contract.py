@@ -161,8 +161,8 @@ def test_a_value_is_the_right_one_or_none(family: str, each: int) -> None:
 def test_nothing_is_written_before_somebody_of_the_family_is_seen(
     family: str, name: str, fault: str, scratch: Path, each: int
 ) -> None:
-    if not chosen([fault], min(each, 4), f"{family} {name}"):
-        pytest.skip("not in the share of this run")
+    if not chosen([fault], min(each, 8), f"{family} {name}"):
+        return
     result, _, envelope, transcript = tried(family, name, scratch, options=(f"fault={fault}",))
     assert result.code in (3, 4, 5, 6, 7), result
     assert wrote(family, name, transcript) == []
@@ -255,12 +255,14 @@ class Pressed:
 
 @pytest.mark.parametrize(("family", "name"), WRITING)
 def test_ctrl_c_anywhere_leaves_a_true_ledger(family: str, name: str, scratch: Path, each: int) -> None:
+    parts = chosen([str(part) for part in range(12)], min(each, 12), f"{family} {name}")
+    if not parts:
+        return
     counting = Pressed(0)
     counting.run(family, name, scratch)
-    count = counting.count
-    places = sorted({1, 2, 3, *(count * part // 7 for part in range(1, 7)), count - 1, count})
-    for place in chosen([str(place) for place in places if place > 0], min(each, 4), f"{family} {name}"):
-        result, _, envelope, transcript = Pressed(int(place)).run(family, name, scratch)
+    early_late = (1, 2, 3, *(counting.count * part // 7 for part in range(1, 7)), counting.count - 1, counting.count)
+    for place in sorted({early_late[int(part) % len(early_late)] for part in parts}):
+        result, _, envelope, transcript = Pressed(place).run(family, name, scratch)
         assert result.code in (130, 0, 7), (place, result)
         judge(family, name, envelope["writes"], transcript)
 
