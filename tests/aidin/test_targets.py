@@ -164,6 +164,15 @@ def test_ramp() -> None:
     assert ramp(goal, values, values, 0.02) == [tuple(values)]
 
 
+def test_the_coupled_joint_does_not_set_the_pace() -> None:
+    """q4 follows q3 whatever is sent: where it is told to be far from its target, the others are not slowed down."""
+    goal = parse(ANGLES, ["index.q3=163"])
+    values = goal.complete(OPEN)
+    q4 = ANGLES.command.elements.index("index.q4")
+    here = [*OPEN[:q4], 10.0, *OPEN[q4 + 1 :]]
+    assert len(ramp(goal, here, values, 0.02)) == len(ramp(goal, OPEN, values, 0.02)) == 10
+
+
 def test_a_ramp_begins_within_the_range() -> None:
     goal = parse(ENCODERS, ["0"] * 15)
     start = [-5000.0] + [0.0] * 14

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from handctl.devices.ekso.log.format import Layout, clean, parse, text_of
 from handctl.devices.ekso.log.recording import Limits, Recording, changed, file_name, record, settings_row, undisturbed
-from handctl.devices.ekso.log.timeline import FIRST_PERIOD_MS, LEARNED, ClockFit, Timeline
+from handctl.devices.ekso.log.timeline import FIRST_PERIOD_MS, LEARNED, SLACK_MS, ClockFit, Timeline
 from handctl.devices.ekso.map import DATA, SETTINGS
 from handctl.errors import HandctlError, Interrupted, LinkError, NoAnswer, OutputError, ProtocolError, UsageError
 from handctl.model.guide import Guide
@@ -153,6 +153,15 @@ def test_the_wrap_of_boot_time_is_no_reboot() -> None:
 def test_a_reboot_near_the_wrap_is_one() -> None:
     top = (1 << 32) - 11
     assert places(Timeline(), (top, 0.0), (20_001, 0.02))[1] == (20, 2, True, 0)
+
+
+@pytest.mark.parametrize(("before", "now"), [(1000.0, 0.0), (0.0, 1000.0)])
+def test_the_round_trip_of_either_row_is_slack(before: float, now: float) -> None:
+    """BootTime was taken at any moment of a round trip: half of it is allowed for, of this row and of the one before."""
+    for behind_ms, rebooted in ((SLACK_MS + 490, False), (SLACK_MS + 510, True)):
+        line = Timeline()
+        line.take(line.place(1001, 0.0, before))
+        assert line.place(1101, 0.1 + behind_ms / 1000, now).rebooted is rebooted
 
 
 def test_a_slow_answer_is_no_reboot() -> None:

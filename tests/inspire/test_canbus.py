@@ -131,6 +131,23 @@ def test_bound_of_the_command_ends_the_retries() -> None:
     assert len(link.sent) == 3
 
 
+def test_the_last_ask_before_the_deadline_tells_how_long_it_was_waited_for() -> None:
+    """What was asked is told, and not what no longer was: a retry that is not sent is none."""
+    link = ScriptedFrames()
+    bus = bus_on(link, retries=100, timeout=0.3, bound=link.deadline(0.7))
+    with pytest.raises(NoAnswer, match=r"before --deadline was over, after 0\.1 s$") as caught:
+        bus.read(1020, 2)
+    assert caught.value.code == NoAnswer.default_code
+    assert bus.journal.counters.retries == 2
+
+
+def test_a_long_timeout_does_not_outlast_the_deadline_of_the_command() -> None:
+    link = ScriptedFrames()
+    with pytest.raises(NoAnswer, match=r"before --deadline was over, after 0\.2 s$"):
+        bus_on(link, retries=0, timeout=5.0, bound=link.deadline(0.2)).read(1020, 2)
+    assert link.now() == pytest.approx(0.2)
+
+
 @pytest.mark.parametrize("what", ["read", "write"])
 def test_nothing_is_sent_after_the_deadline_of_the_command(what: str) -> None:
     link = ScriptedFrames()
