@@ -7,6 +7,7 @@ address + 2k, of a 1-byte group at address + k. Knows no wire.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 from handctl.errors import UsageError
 from handctl.model.param import COMMAND, MOVES, PUSHES, SETTING, TRIGGER, Element, Number, Param, ParamMap
@@ -89,139 +90,33 @@ def _s16(address: int, name: str, doc: str, source: str, **more: object) -> Regi
     return Register(address=address, name=name, doc=doc, source=source, **more)  # type: ignore[arg-type]
 
 
+_SET: dict[str, Any] = {"access": "rw", "kind": SETTING, "persistent": "yes", "strands": True}
+_DO: dict[str, Any] = {"access": "rw", "kind": TRIGGER, "low": 0, "high": 1}
+_GO: dict[str, Any] = {"access": "rw", "kind": COMMAND, "persistent": "unknown", "acts": MOVES}
+_SPEEDS = {code: f"{rate} baud" for code, rate in BAUD_RATES.items()}
 _NOT_COMMANDED = {-1: "not commanded"}
+_FIVE: dict[str, Any] = {"elements": FINGERS}
+_SIX: dict[str, Any] = {"elements": DEGREES_OF_FREEDOM}
 
-EXO: ParamMap[Register] = ParamMap(
-    "exo",
-    [
-        _u8(
-            1000,
-            "id",
-            "id of the hand on its line",
-            "exo §2.3.1",
-            access="rw",
-            kind=SETTING,
-            low=1,
-            high=254,
-            persistent="yes",
-            strands=True,
-        ),
-        _u8(
-            1001,
-            "baud_code",
-            "speed after save and power cycle",
-            "exo §2.3.2",
-            access="rw",
-            kind=SETTING,
-            choices={code: f"{rate} baud" for code, rate in BAUD_RATES.items()},
-            persistent="yes",
-            strands=True,
-        ),
-        _u8(
-            1004,
-            "clear_errors",
-            "write 1: clear the clearable actuator errors",
-            "exo §2.3.3",
-            access="rw",
-            low=0,
-            high=1,
-            kind=TRIGGER,
-            verb="clear-errors",
-        ),
-        _u8(
-            1005,
-            "save",
-            "write 1: keep the present parameters in flash",
-            "exo §2.3.4",
-            access="rw",
-            low=0,
-            high=1,
-            kind=TRIGGER,
-            verb="save",
-            strands=True,
-        ),
-        _u8(
-            1006,
-            "factory_reset",
-            "write 1: restore factory defaults; undocumented address, taken from the RH56 hand",
-            "exo §2.3.5 gives no address; RH56 §2.4.5",
-            access="w",
-            low=0,
-            high=1,
-            kind=TRIGGER,
-            verb="factory-reset",
-            strands=True,
-        ),
-        _u8(
-            1009,
-            "calibrate",
-            "write 1: calibrate forces and positions on the worn hand",
-            "exo §2.3.6",
-            access="rw",
-            low=0,
-            high=1,
-            persistent="unknown",
-            kind=TRIGGER,
-            verb="calibrate",
-            acts=MOVES,
-        ),
-        _s16(
-            1472,
-            "system_voltage",
-            "supply voltage as the hand counts it",
-            "exo §2.3",
-            note="raw, scale unknown",
-        ),
-        _s16(
-            1486,
-            "position_set",
-            "commanded position, 0 bent to 1000 open; -1 leaves a finger alone",
-            "exo §2.3.7",
-            access="rw",
-            kind=COMMAND,
-            low=0,
-            high=1000,
-            special=_NOT_COMMANDED,
-            elements=FINGERS,
-            persistent="unknown",
-            acts=MOVES,
-        ),
-        _s16(
-            1498,
-            "force_set",
-            "commanded force; positive opens the hand, negative closes it",
-            "exo §2.3.8",
-            access="rw",
-            kind=COMMAND,
-            low=-1000,
-            high=1000,
-            elements=FINGERS,
-            persistent="unknown",
-            acts=PUSHES,
-        ),
-        _s16(
-            1546,
-            "position_actual",
-            "measured position, 0 bent to 1000 open; thumb rotation 0 inside the palm",
-            "exo §2.3.9",
-            low=0,
-            high=1000,
-            elements=DEGREES_OF_FREEDOM,
-        ),
-        _s16(
-            1582,
-            "force_actual",
-            "measured force; positive: the user closes the hand, negative: opens it",
-            "exo §2.3.10",
-            low=-1000,
-            high=1000,
-            elements=FINGERS,
-        ),
-        _s16(1594, "current", "actuator current", "exo §2.3.11", unit="mA", low=0, high=1000, elements=FINGERS),
-        _u8(1606, "error", "actuator error bits", "exo §2.3.12", bits=ERROR_BITS, elements=FINGERS),
-        _u8(1618, "temperature", "actuator temperature", "exo §2.3.13", unit="°C", low=0, high=100, elements=FINGERS),
-    ],
-)
+# fmt: off
+EXO: ParamMap[Register] = ParamMap("exo", [
+    _u8(1000, "id", "id of the hand on its line", "exo §2.3.1", low=1, high=254, **_SET),
+    _u8(1001, "baud_code", "speed after save and power cycle", "exo §2.3.2", choices=_SPEEDS, **_SET),
+    _u8(1004, "clear_errors", "write 1: clear the clearable actuator errors", "exo §2.3.3", verb="clear-errors", **_DO),
+    _u8(1005, "save", "write 1: keep the present parameters in flash", "exo §2.3.4", verb="save", strands=True, **_DO),
+    _u8(1006, "factory_reset", "write 1: restore factory defaults; undocumented address, taken from the RH56 hand",
+        "exo §2.3.5 gives no address; RH56 §2.4.5", verb="factory-reset", strands=True, **(_DO | {"access": "w"})),
+    _u8(1009, "calibrate", "write 1: calibrate forces and positions on the worn hand", "exo §2.3.6", verb="calibrate", persistent="unknown", acts=MOVES, **_DO),
+    _s16(1472, "system_voltage", "supply voltage as the hand counts it", "exo §2.3", note="raw, scale unknown"),
+    _s16(1486, "position_set", "commanded position, 0 bent to 1000 open; -1 leaves a finger alone", "exo §2.3.7", low=0, high=1000, special=_NOT_COMMANDED, **_FIVE, **_GO),
+    _s16(1498, "force_set", "commanded force; positive opens the hand, negative closes it", "exo §2.3.8", low=-1000, high=1000, **_FIVE, **(_GO | {"acts": PUSHES})),
+    _s16(1546, "position_actual", "measured position, 0 bent to 1000 open; thumb rotation 0 inside the palm", "exo §2.3.9", low=0, high=1000, **_SIX),
+    _s16(1582, "force_actual", "measured force; positive: the user closes the hand, negative: opens it", "exo §2.3.10", low=-1000, high=1000, **_FIVE),
+    _s16(1594, "current", "actuator current", "exo §2.3.11", unit="mA", low=0, high=1000, **_FIVE),
+    _u8(1606, "error", "actuator error bits", "exo §2.3.12", bits=ERROR_BITS, **_FIVE),
+    _u8(1618, "temperature", "actuator temperature", "exo §2.3.13", unit="°C", low=0, high=100, **_FIVE),
+])
+# fmt: on
 """EH55BF1 (exo §2.3). 1609 is the index finger although §2.3.12 prints "thumb": its own example says so."""
 
 
@@ -236,66 +131,22 @@ def _angle(address: int, name: str, doc: str, source: str, limits: tuple[float, 
     return Angle(address=address, name=name, doc=doc, source=source, low=low, high=high, **more)  # type: ignore[arg-type]
 
 
-WRIST: ParamMap[Register] = ParamMap(
-    "wrist",
-    [
-        _angle(1020, "pitch_actual", "measured pitch", "wrist §2.1, range wrist §1", PITCH_RANGE),
-        _angle(1022, "yaw_actual", "measured yaw", "wrist §2.1, range wrist §1", YAW_RANGE),
-        _s16(
-            1024,
-            "current_1024",
-            "current of a servo actuator",
-            "wrist §2.1, §2.3.1",
-            unit="mA",
-            note="actuator #2 by the register table, #1 by the CAN example",
-        ),
-        _s16(
-            1026,
-            "current_1026",
-            "current of a servo actuator",
-            "wrist §2.1, §2.3.1",
-            unit="mA",
-            note="actuator #1 by the register table, #2 by the CAN example",
-        ),
-        _u8(1028, "error_1", "error bits of actuator #1", "wrist §2.1", bits=ERROR_BITS, note=_ASSUMED),
-        _u8(1030, "error_2", "error bits of actuator #2", "wrist §2.1", bits=ERROR_BITS, note=_ASSUMED),
-        _u8(1032, "temperature_1", "temperature of actuator #1", "wrist §2.1", unit="°C", note="unit assumed"),
-        _u8(1033, "temperature_2", "temperature of actuator #2", "wrist §2.1", unit="°C", note="unit assumed"),
-        _angle(
-            1038,
-            "yaw_set",
-            "commanded yaw",
-            "wrist §2.1, range wrist §1",
-            YAW_RANGE,
-            access="rw",
-            kind=COMMAND,
-            acts=MOVES,
-            persistent="unknown",
-        ),
-        _angle(
-            1040,
-            "pitch_set",
-            "commanded pitch",
-            "wrist §2.1, range wrist §1",
-            PITCH_RANGE,
-            access="rw",
-            kind=COMMAND,
-            acts=MOVES,
-            persistent="unknown",
-        ),
-        Register(
-            address=1042,
-            name="move_time",
-            doc="time of a movement from here to the target",
-            source="wrist §2.1, range by this tool",
-            unit="ms",
-            low=1,
-            high=32767,
-            signed=False,
-            access="rw",
-            kind=COMMAND,
-            persistent="unknown",
-        ),
-    ],
-)
+_RANGE = "wrist §2.1, range wrist §1"
+
+# fmt: off
+WRIST: ParamMap[Register] = ParamMap("wrist", [
+    _angle(1020, "pitch_actual", "measured pitch", _RANGE, PITCH_RANGE),
+    _angle(1022, "yaw_actual", "measured yaw", _RANGE, YAW_RANGE),
+    _s16(1024, "current_1024", "current of a servo actuator", "wrist §2.1, §2.3.1", unit="mA", note="actuator #2 by the register table, #1 by the CAN example"),
+    _s16(1026, "current_1026", "current of a servo actuator", "wrist §2.1, §2.3.1", unit="mA", note="actuator #1 by the register table, #2 by the CAN example"),
+    _u8(1028, "error_1", "error bits of actuator #1", "wrist §2.1", bits=ERROR_BITS, note=_ASSUMED),
+    _u8(1030, "error_2", "error bits of actuator #2", "wrist §2.1", bits=ERROR_BITS, note=_ASSUMED),
+    _u8(1032, "temperature_1", "temperature of actuator #1", "wrist §2.1", unit="°C", note="unit assumed"),
+    _u8(1033, "temperature_2", "temperature of actuator #2", "wrist §2.1", unit="°C", note="unit assumed"),
+    _angle(1038, "yaw_set", "commanded yaw", _RANGE, YAW_RANGE, **_GO),
+    _angle(1040, "pitch_set", "commanded pitch", _RANGE, PITCH_RANGE, **_GO),
+    _s16(1042, "move_time", "time of a movement from here to the target", "wrist §2.1, range by this tool",
+        unit="ms", low=1, high=32767, signed=False, access="rw", kind=COMMAND, persistent="unknown"),
+])
+# fmt: on
 """Wrist module (wrist §2.1). Actual angles lie pitch first, set angles yaw first; error bytes lie two apart."""
