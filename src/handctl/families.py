@@ -5,6 +5,43 @@ place outside of a family's own folder and its simulator's that names it.
 """
 
 
+class OwnOption:
+    """An option that one family has: --NAME and HANDCTL_NAME; `settings.own` holds its value as NAME with _ for -.
+
+    name     without the dashes in front
+    help     its line of help
+    metavar  what it takes, "" = nothing but the choices, or it is a flag
+    choices  the words that it takes, () = any
+    flag     it takes no value
+    named    a named device may hold it in the configuration file
+    implied  a flag that is set for every command that writes
+    asked    only the commands that ask for it have it, among their own options (`frame.own`), and no key in the
+             configuration file; else it is accepted at every level, as --port is
+    """
+
+    def __init__(
+        self,
+        name: str,
+        help: str,
+        *,
+        metavar: str = "",
+        choices: tuple[str, ...] = (),
+        flag: bool = False,
+        named: bool = False,
+        implied: bool = False,
+        asked: bool = False,
+    ) -> None:
+        self.name = name
+        self.key = name.replace("-", "_")
+        self.help = help
+        self.metavar = metavar
+        self.choices = choices
+        self.flag = flag
+        self.named = named
+        self.implied = implied
+        self.asked = asked
+
+
 class FamilyRow:
     """One family: what is said of it, and where its modules are.
 
@@ -20,7 +57,7 @@ class FamilyRow:
               protocol, "" = nothing
     scan      its turn in `handctl scan`, the lowest first: what could disturb others comes late
     tell      its turn when recorded bytes tell whose they are: who takes more for his own comes later
-    keys      options of its own that a named device may hold in the configuration file
+    options   those that only this family has
     trigger   fastest speed in bit/s at which its device listens, and the bytes on which it acts wherever they stand
     """
 
@@ -32,7 +69,7 @@ class FamilyRow:
         codec: str,
         scan: int = 100,
         tell: int = 100,
-        keys: tuple[str, ...] = (),
+        options: tuple[OwnOption, ...] = (),
         trigger: tuple[int, bytes] | None = None,
     ) -> None:
         self.help = help
@@ -40,7 +77,7 @@ class FamilyRow:
         self.codec = codec
         self.scan = scan
         self.tell = tell
-        self.keys = keys
+        self.options = options
         self.trigger = trigger
 
     def module(self, role: str) -> str:
@@ -69,10 +106,16 @@ FAMILIES: dict[str, FamilyRow] = {
         codec="handctl.devices.barrett.gcl.language",
         scan=4,
         tell=4,
-        trigger=(
-            38400,
-            b"\x03\r\xff",
-        ),  # ^C ends a movement, CR carries out a line, FF starts the boot monitor (§1, §8)
+        options=(
+            OwnOption(
+                "interrupt",
+                "A reading command may end a movement that it meets (^C); without it the hand is left to move.",
+                flag=True,
+                implied=True,
+            ),
+        ),
+        # ^C ends a movement, CR carries out a line, FF makes the boot monitor take what follows for firmware (§1, §8).
+        trigger=(38400, b"\x03\r\xff"),
     ),
     "ekso": FamilyRow(
         "EksoNR DataPort (serial over USB)",
@@ -80,6 +123,15 @@ FAMILIES: dict[str, FamilyRow] = {
         codec="handctl.devices.ekso.frames",
         scan=1,
         tell=5,
+        options=(
+            OwnOption("operator", "Who does it, for the audit log; needed by --yes.", metavar="NAME", asked=True),
+            OwnOption(
+                "length-mode",
+                "What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.",
+                metavar="MODE",
+                asked=True,
+            ),
+        ),
     ),
     "aidin": FamilyRow(
         "AIDIN-hand (TCP, JSON)",
@@ -87,7 +139,26 @@ FAMILIES: dict[str, FamilyRow] = {
         codec="handctl.devices.aidin.messages",
         scan=5,
         tell=3,
-        keys=("exchange", "poll_json", "tx_terminator"),
+        options=(
+            OwnOption(
+                "exchange",
+                "Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only.",
+                choices=("auto", "stream", "poll", "command"),
+                named=True,
+            ),
+            OwnOption(
+                "poll-json",
+                "The JSON object that asks for feedback (default: {}); none that commands.",
+                metavar="TEXT",
+                named=True,
+            ),
+            OwnOption(
+                "tx-terminator",
+                "What follows each object that is sent (default: newline).",
+                choices=("newline", "none", "nul", "crlf"),
+                named=True,
+            ),
+        ),
     ),
 }
 """Command name -> its row, in the order of the root's help."""

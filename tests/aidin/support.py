@@ -108,4 +108,4 @@ def simulated(**options: object) -> tuple[AidinHand, RecordedLink]:
 
 def stopped(link: ByteLink, **settings: Any) -> Stopped:
     """Run the family's stopper over `link`; how it ended."""
-    return drive(link, talk_of("aidin", Aim(Settings(**settings))), [])
+    return drive(link, talk_of("aidin", Aim(Settings(own=settings))), [])

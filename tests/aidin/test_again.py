@@ -211,7 +211,7 @@ def test_the_second_interrupt_ends_it_at_once(first: type[BaseException], serve:
 def test_the_wish_of_another_process_opens_it_again_too(serve: MakeServer) -> None:
     server, lines = serve(2, 1), list[str]()
     link = Tap(lines.append).around(TcpLink(server.name))
-    hold = Hold(SimpleNamespace(guide=Guide(), settings=Settings(), meta={}, writes=False, family=SimpleNamespace(kind="aidin")), None)  # type: ignore[arg-type]  # fmt: skip
+    hold = Hold(SimpleNamespace(guide=Guide(), settings=Settings(), writes=False, family=SimpleNamespace(kind="aidin")), None)  # type: ignore[arg-type]  # fmt: skip
     hold.link = link
     hand = hand_on(link)  # type: ignore[arg-type]
     hand.talk.send(stop.object_of(stop.Mode.INITIAL))

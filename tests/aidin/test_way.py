@@ -17,9 +17,9 @@ from tests.support.scripted import ScriptedLink
 
 def test_the_default_finds_out() -> None:
     assert way_of(Settings()) == FIND_OUT == Way(Exchange.UNKNOWN, b"{}", b"\n")
-    assert way_of(Settings(exchange="poll", poll_json=' { "a" : [1, 2.5, "\u00e4"] }', tx_terminator="nul")) == Way(
-        Exchange.POLL, b'{"a":[1,2.5,"\\u00e4"]}', b"\0"
-    )
+    assert way_of(
+        Settings(own={"exchange": "poll", "poll_json": ' { "a" : [1, 2.5, "\u00e4"] }', "tx_terminator": "nul"})
+    ) == Way(Exchange.POLL, b'{"a":[1,2.5,"\\u00e4"]}', b"\0")
 
 
 @pytest.mark.parametrize("text", [
@@ -49,7 +49,7 @@ def test_line_ends_in_the_text_do_not_end_the_object() -> None:
 @pytest.mark.parametrize("exchange", ["stream", "command"])
 def test_a_poll_object_that_would_never_be_sent(exchange: str) -> None:
     with pytest.raises(UsageError):
-        way_of(Settings(exchange=exchange, poll_json="{}"))
+        way_of(Settings(own={"exchange": exchange, "poll_json": "{}"}))
 
 
 # -- the exchange -----------------------------------------------------------------------------------------------------
@@ -89,7 +89,7 @@ def test_a_hand_that_answers_commands_is_not_commanded_to_look() -> None:
 @pytest.mark.parametrize(("end", "data"), [("newline", b"\n"), ("none", b""), ("nul", b"\0"), ("crlf", b"\r\n")])
 def test_every_object_has_the_terminator(end: str, data: bytes) -> None:
     hand, link = simulated(start="homed", exchange="poll", reader="nul" if end == "nul" else "tolerant")
-    hand.talk.way = way_of(Settings(tx_terminator=end))
+    hand.talk.way = way_of(Settings(own={"tx_terminator": end}))
     hand.dump()
     stopped(link, tx_terminator=end)
     assert set(link.sent) == {b"{}" + data, b'{"hand_mode":3}' + data}

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from handctl.errors import OutputError, UsageError
 from handctl.frame.config import Config, is_name, lines_of, load, parse, statements
-from handctl.frame.options import checks, config_path, shared_options
+from handctl.frame.options import checks, config_path, own_options, shared_options
 from handctl.tools.devicefile import change, drop, put, verified
 
 CHECKS = checks()
@@ -83,7 +83,7 @@ def test_a_missing_or_empty_file_is_empty(tmp_path: Path) -> None:
 
 def test_every_shared_option_has_a_key() -> None:
     """All but `--assume-identity`, which must be typed."""
-    options = shared_options(("serial", "can"), exchange=True, interrupts=True)
+    options = shared_options(("serial", "can"), own_options())
     names = {option.name for option in options} - {"assume_identity"}
     assert set(CHECKS) == names >= {"port", "device", "fake", "can", "format", "json", "dry_run", "yes", "debug"}
     assert "assume_identity" in {option.name for option in options}

@@ -20,12 +20,12 @@ from handctl.families import COMMANDS
 from handctl.frame.console import print_message, print_stderr
 from handctl.frame.envelope import make_envelope
 from handctl.frame.family import Family
+from handctl.frame.numbers import Hertz, Seconds
 from handctl.frame.options import (
     COMMAND_LINE,
-    Hertz,
-    Seconds,
     config_path,
     from_click,
+    own_options,
     read_config,
     resolve,
     shared_options,
@@ -69,9 +69,7 @@ class _SharedOptions(click.Command):
         if self._shared is None:
             family = self.family
             self._shared = (
-                shared_options(family.wires, family.exchange, family.interrupts)
-                if family is not None
-                else shared_options()
+                shared_options(family.wires, own_options(family.kind)) if family is not None else shared_options()
             )
         own = super().get_params(ctx)
         return [*own, *self._shared]

@@ -186,7 +186,7 @@ class _Book:
             raise self.wrong(
                 (*place, "kind"), f"kind = {kind!r}: no such device family", f"one of {', '.join(FAMILIES)}"
             )
-        known = ("kind", *DEVICE_KEYS, *FAMILIES[kind].keys)
+        known = ("kind", *DEVICE_KEYS, *(option.key for option in FAMILIES[kind].options if option.named))
         entries = {
             key: self.entry((*place, key), value, known, f"key of a device of family {kind}")
             for key, value in table.items()

@@ -24,8 +24,6 @@ class Family(NamedTuple):
     wires     the kinds of wire it has, the default first; () = bytes only
     tcp_port  port of tcp://HOST without one, None = it must be given; a family that has one has no serial wire
     ids       its protocol has device ids
-    interrupts  what moves or writes may end a movement that it meets; --interrupt lets what reads do so too
-    exchange  takes the options that say how the device speaks, where its manual does not
     recall    LINK -> the speed at which its device was found last, None = not known; not needed, never an error
     check     settings -> raises UsageError for what does not fit together
     explain   (device, error) -> a better error when nothing valid ever came; read-only
@@ -38,8 +36,6 @@ class Family(NamedTuple):
     wires: tuple[str, ...] = ()
     tcp_port: int | None = None
     ids: bool = False
-    exchange: bool = False
-    interrupts: bool = False
     check: Callable[[Settings], object] | None = None
     recall: Callable[[str], int | None] | None = None
 
@@ -47,6 +43,11 @@ class Family(NamedTuple):
 def load(kind: str, role: str) -> Any:
     """The module of a role of a family, see `FamilyRow`."""
     return import_module(FAMILIES[kind].module(role))
+
+
+def implied(kind: str) -> dict[str, bool]:
+    """Options of a family that are set for every command that writes."""
+    return {option.key: True for option in FAMILIES[kind].options if option.implied}
 
 
 def refuse_missing(family: Family, given: Collection[str]) -> None:

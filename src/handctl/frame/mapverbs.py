@@ -15,7 +15,7 @@ import click
 from handctl.frame import stored, verbs
 from handctl.frame.clikit import Group, stream_options
 from handctl.frame.filetypes import InFile, OutFile
-from handctl.frame.options import Number
+from handctl.frame.numbers import Number
 from handctl.frame.run import Run
 from handctl.model.param import COMMAND, ParamMap
 from handctl.model.result import Table

@@ -7,14 +7,17 @@ A device that the environment or the file names stands back when a level above i
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
 from handctl.errors import UsageError
+from handctl.families import FAMILIES, OwnOption
 from handctl.frame.filetypes import OutFile
+from handctl.frame.numbers import Seconds
+from handctl.frame.own import OWN
 
 if TYPE_CHECKING:
     from handctl.frame.config import Check, Config
@@ -31,7 +34,10 @@ PASSED_OVER = "handctl.passed-over"
 
 
 class Settings(NamedTuple):
-    """The shared options after precedence. `kind` is the family of the named device, None without one."""
+    """The shared options after precedence. `kind` is the family of the named device, None without one.
+
+    `own` holds what only one family has (`families.OwnOption`), as far as it is said.
+    """
 
     device: str | None = None
     kind: str | None = None
@@ -54,10 +60,7 @@ class Settings(NamedTuple):
     verbose: bool = False
     color: str = "auto"
     debug: bool = False
-    exchange: str | None = None
-    interrupt: bool = False
-    poll_json: str | None = None
-    tx_terminator: str | None = None
+    own: Mapping[str, Any] = {}
 
 
 class Source(NamedTuple):
@@ -73,46 +76,6 @@ WITHOUT_FILE = "completion"
 """Its script must come out whatever the file says, also when that is damaged."""
 WITHOUT_DEVICE = ("devices list", "devices add", "devices remove")
 """They edit what the named devices are made of, so they must not need one."""
-
-
-LONGEST = 1e6
-"""Seconds, 11 days: more is a slip of the pen, and more than some clocks of an operating system can wait for."""
-
-
-class Number(click.FloatRange):
-    """A number in a range; nan and inf are none."""
-
-    what = "a number that can be used"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        number = super().convert(value, param, ctx)
-        if not float("-inf") < number < float("inf"):
-            self.fail(f"{value} is not {self.what}.", param, ctx)
-        return number
-
-
-class Seconds(Number):
-    """A number above 0 that a clock can wait for."""
-
-    what = "a number of seconds"
-
-    def __init__(self) -> None:
-        super().__init__(min=0, min_open=True, max=LONGEST)
-
-
-class Hertz(Number):
-    """Samples a second: 0 for as fast as it goes, or a rate whose period a clock can wait for."""
-
-    what = "a rate"
-
-    def __init__(self) -> None:
-        super().__init__(min=0)
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        rate = super().convert(value, param, ctx)
-        if 0 < rate < 1 / LONGEST:
-            self.fail(f"{value} is one sample in more than {LONGEST:.0f} seconds.", param, ctx)
-        return rate
 
 
 class SharedOption(click.Option):
@@ -147,20 +110,15 @@ class SharedOption(click.Option):
         given[f"{self.key}@"] = level
 
 
-def shared_options(
-    wires: Sequence[str] = (), exchange: bool = False, interrupts: bool = False
-) -> list[click.Parameter]:
-    """The options that every command, group and the root accept. They hold nothing of a run, so they are made once."""
-    return list(_shared(tuple(wires), exchange, interrupts))
+def shared_options(wires: Sequence[str] = (), own: Sequence[OwnOption] = ()) -> list[click.Parameter]:
+    """The options that every command, group and the root accept, with those of a family that has several `wires` and some
+    of its `own`. They hold nothing of a run, so they are made once.
+    """
+    return list(_shared(tuple(wires), tuple(own)))
 
 
 @cache
-def _shared(wires: tuple[str, ...], exchange: bool, interrupts: bool) -> list[click.Parameter]:
-    """See shared_options.
-
-    `wires` of a family that has several; with `exchange` those of a family whose manual does not say who speaks first,
-    with `interrupts` that of a family whose device says nothing while it moves.
-    """
+def _shared(wires: tuple[str, ...], own: tuple[OwnOption, ...]) -> list[click.Parameter]:
     connect, output, safety = "Connection", "Output", "Writing"
     number = Seconds()
     return [
@@ -168,8 +126,7 @@ def _shared(wires: tuple[str, ...], exchange: bool, interrupts: bool) -> list[cl
         SharedOption(["--fake"], connect, is_flag=True, help="Talk to the built-in simulator of this device."),
         *(SharedOption([f"--{wire}"], connect, key="wire", fixed=wire, is_flag=True, help=f"With --fake or --dry-run: the {wire} wire (default: {wires[0]}).") for wire in wires),
         SharedOption(["-d", "--device"], connect, metavar="NAME", help="A device named in the configuration file, see `handctl devices`."),
-        *(exchange_options(connect) if exchange else ()),
-        *([SharedOption(["--interrupt"], connect, is_flag=True, help="A reading command may end a movement that it meets (^C); without it the hand is left to move.")] if interrupts else ()),
+        *(_own_option(option, connect) for option in own),
         SharedOption(["--id"], connect, type=int, metavar="N", help="Device id, as the protocol has it."),
         SharedOption(["--baud"], connect, type=click.IntRange(min=1), metavar="N", help="Speed of the serial port in bit/s."),
         SharedOption(["--timeout"], connect, type=number, metavar="S", help="Seconds of silence allowed per reply."),
@@ -191,14 +148,18 @@ def _shared(wires: tuple[str, ...], exchange: bool, interrupts: bool) -> list[cl
     ]  # fmt: skip
 
 
-def exchange_options(section: str) -> list[click.Parameter]:
-    """How a device speaks where its manual is silent."""
-    ends = click.Choice(["newline", "none", "nul", "crlf"])
-    return [
-        SharedOption(["--exchange"], section, type=click.Choice(["auto", "stream", "poll", "command"]), help="Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only."),
-        SharedOption(["--poll-json"], section, metavar="TEXT", help="The JSON object that asks for feedback (default: {}); none that commands."),
-        SharedOption(["--tx-terminator"], section, type=ends, help="What follows each object that is sent (default: newline)."),
-    ]  # fmt: skip
+def _own_option(option: OwnOption, section: str) -> SharedOption:
+    if option.flag:
+        return SharedOption([f"--{option.name}"], section, is_flag=True, help=option.help)
+    takes = click.Choice(option.choices) if option.choices else None
+    return SharedOption([f"--{option.name}"], section, type=takes, metavar=option.metavar or None, help=option.help)
+
+
+def own_options(kind: str = "") -> tuple[OwnOption, ...]:
+    """Those that every command of a family has, or of all families in the order in which the file's keys are listed."""
+    rows = [FAMILIES[kind]] if kind else FAMILIES.values()
+    found = [option for row in rows for option in row.options if not option.asked]
+    return tuple(sorted(found, key=lambda option: not option.named))
 
 
 def resolve(ctx: click.Context, wires: Sequence[str] = (), device: str = "", *, urgent: bool = False) -> Settings:
@@ -210,7 +171,7 @@ def resolve(ctx: click.Context, wires: Sequence[str] = (), device: str = "", *, 
     """
     given: dict[str, Any] = ctx.meta.get(GIVEN, {})
     chosen = _Chosen()
-    for key in Settings._fields:
+    for key in (*Settings._fields, *(option.key for option in own_options())):
         if key in given:
             chosen.take(key, given[key], COMMAND_LINE)
     if device:
@@ -229,7 +190,9 @@ def resolve(ctx: click.Context, wires: Sequence[str] = (), device: str = "", *, 
     if urgent:
         _no_catch(chosen, passed)
     ctx.meta[SOURCES] = chosen.sources
-    return Settings(**chosen.values)
+    shared = {key: value for key, value in chosen.values.items() if key in Settings._fields}
+    own = {key: value for key, value in chosen.values.items() if key not in shared}
+    return Settings(**shared, own={**own, **ctx.meta.get(OWN, {})})
 
 
 def _no_catch(chosen: _Chosen, passed: list[UsageError]) -> None:
@@ -312,7 +275,7 @@ def checks() -> dict[str, Check]:
 
 def lasting_options(wires: Sequence[str]) -> list[SharedOption]:
     """The shared options that a variable and the configuration file may hold."""
-    options = shared_options(wires, exchange=True, interrupts=True)
+    options = shared_options(wires, own_options())
     return [option for option in options if isinstance(option, SharedOption) and not option.typed]
 
 

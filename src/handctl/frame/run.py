@@ -18,7 +18,7 @@ from handctl.errors import HandctlError, Interrupted, NotConfirmed, OutputError
 from handctl.frame.cause import explained, judged
 from handctl.frame.console import TerminalGuide, print_message, print_stderr
 from handctl.frame.envelope import device_row, make_envelope
-from handctl.frame.family import Family, load
+from handctl.frame.family import Family, implied, load
 from handctl.frame.filetypes import files_of
 from handctl.frame.options import COMMAND_LINE, FILE, SOURCES, Settings, Source, from_click
 from handctl.frame.premises import check_before, link_name, refuse_other_family
@@ -73,7 +73,8 @@ class Run:
         """The device behind the link; opens it on first use. Raises UsageError, LinkError."""
         if self.opened is None:
             assert self.family is not None
-            settings = self.settings._replace(interrupt=self.settings.interrupt or self.writes)
+            own = {**self.settings.own, **(implied(self.family.kind) if self.writes else {})}
+            settings = self.settings._replace(own=own)
             self.opened = self.family.open(self.open_link(), settings, self.journal)
         return self.opened
 

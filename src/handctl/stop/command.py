@@ -69,7 +69,7 @@ def _plan(run: Run, talk: Callable[[Aim], Talk] | None) -> list[Step]:
     can = run.settings.wire == "can" if port is None else is_can(port)
     fixed = can or run.family.baud is None or (port or "").startswith(("tcp://", "socket://", "replay:"))
     speed = None if fixed else run.settings.baud or _last_speed(run, port or "") or run.family.baud
-    aim = Aim(run.settings, can, run.meta, speed)
+    aim = Aim(run.settings, can, speed)
     return unheard(talk(aim) if talk is not None else talk_of(run.family.kind, aim), reads=True)
 
 

@@ -129,7 +129,7 @@ def carry_out(run: Run, link: Link, sent: list[Sent], talk: Callable[[Aim], Talk
 
     assert run.family is not None
     try:
-        aim = aimed(link, run.settings, run.meta)
+        aim = aimed(link, run.settings)
         said = talk(aim) if talk is not None else talk_of(run.family.kind, aim)
         stopped = drive(link, said, sent, lambda step: run.ledger.plan([step]) if run.writes else None)
         if run.writes and stopped.evidence:

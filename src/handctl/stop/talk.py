@@ -11,8 +11,8 @@ stop by another process, and the child that stands in for a command that died. W
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Generator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Callable, Generator, Sequence
+from typing import TYPE_CHECKING, NamedTuple
 
 from handctl.errors import HandctlError, LinkError
 from handctl.families import FAMILIES
@@ -34,13 +34,11 @@ class Aim(NamedTuple):
     """What a stopper may know of the device: the options that were given, and the wire.
 
     can    the link carries CAN frames
-    meta   options that only one family has, under the keys that it gave them
     speed  the speed of the port in bit/s, None where it cannot be changed
     """
 
     settings: Settings
     can: bool = False
-    meta: Mapping[str, Any] = {}
     speed: int | None = None
 
 
@@ -135,12 +133,12 @@ def drive(link: Link, talk: Talk, sent: list[Sent], before: Callable[[Step], obj
         return stopped
 
 
-def aimed(link: Link, settings: Settings, meta: Mapping[str, Any]) -> Aim:
+def aimed(link: Link, settings: Settings) -> Aim:
     """What a stopper may know of the device behind an open link."""
     from handctl.link import FrameLink
 
     can = isinstance(link, FrameLink)
-    return Aim(settings, can, meta, None if can or not link.can_set_baud else link.baud)  # type: ignore[attr-defined]
+    return Aim(settings, can, None if can or not link.can_set_baud else link.baud)  # type: ignore[attr-defined]
 
 
 def _bytes(link: ByteLink, say: Say, pieces: Pieces, went: Callable[[], None]) -> None:

@@ -15,7 +15,17 @@ from handctl.families import FAMILIES
 from handctl.files import read_text
 from handctl.frame.clikit import Group
 from handctl.frame.filetypes import InFile
-from handctl.frame.options import COMMAND_LINE, SOURCES, Settings, Source, checks, config_path, read_config, resolve
+from handctl.frame.options import (
+    COMMAND_LINE,
+    SOURCES,
+    Settings,
+    Source,
+    checks,
+    config_path,
+    own_options,
+    read_config,
+    resolve,
+)
 from handctl.frame.run import Run
 from handctl.model.result import Column, Row, Table
 
@@ -140,7 +150,10 @@ def show(run: Run, name: str | None) -> Table:
     ctx = click.get_current_context()
     settings = resolve(ctx, ("serial", "can"), name or "")
     sources: dict[str, Source] = ctx.meta[SOURCES]
-    rows = [_setting(key, getattr(settings, key), sources.get(key)) for key in Settings._fields]
+    own = {option.key: False if option.flag else None for option in own_options()}
+    values = {key: getattr(settings, key) for key in Settings._fields if key != "own"}
+    values |= {key: settings.own.get(key, own[key]) for key in sorted(own)}
+    rows = [_setting(key, value, sources.get(key)) for key, value in values.items()]
     columns = (
         Column("name", "Setting"),
         Column("value", "Value"),

@@ -16,7 +16,7 @@ from handctl.frame import verbs
 from handctl.frame.clikit import Group, stream_options
 from handctl.frame.family import Family
 from handctl.frame.mapverbs import add_map_verbs
-from handctl.frame.options import Number
+from handctl.frame.numbers import Number
 from handctl.frame.run import Run
 from handctl.model.device import limits_of
 from handctl.model.gate import Gate
@@ -43,7 +43,7 @@ def open_aidin(link: ByteLink, settings: Settings, journal: Journal) -> AidinHan
 
 cli = Group(
     "aidin",
-    family=Family("aidin", open_aidin, tcp_port=PORT, exchange=True, check=way_of),
+    family=Family("aidin", open_aidin, tcp_port=PORT, check=way_of),
     help="AIDIN-hand over TCP with JSON (-p tcp://HOST, port 8000 when not given).",
 )
 add_map_verbs(

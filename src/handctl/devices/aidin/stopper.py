@@ -24,7 +24,7 @@ HINT = "watch the hand; switch its power off if it still moves"
 
 def stopping(aim: Aim) -> Talk:
     """The stop mode, three times, and again until the hand tells that no current flows."""
-    end = TERMINATORS[aim.settings.tx_terminator or "newline"]
+    end = TERMINATORS[aim.settings.own.get("tx_terminator") or "newline"]
     data = encode({"hand_mode": STOP})
     say = Say(Step(f"motor power off: {data.decode()}", data + end, moves=True), PERIOD, lambda _pieces: False)
     told: tuple[int, ...] | None = None

@@ -48,15 +48,15 @@ FIND_OUT = Way()
 
 def way_of(settings: Settings) -> Way:
     """The Way of --exchange, --poll-json and --tx-terminator. Raises UsageError for what does not fit together."""
-    exchange = Exchange(settings.exchange or "auto")
-    text = settings.poll_json
+    exchange = Exchange(settings.own.get("exchange") or "auto")
+    text = settings.own.get("poll_json")
     if text is not None and exchange in (Exchange.STREAM, Exchange.COMMAND):
         raise UsageError(
             f"--poll-json does not fit --exchange {exchange.value}: nothing is asked then",
             hint="leave one of them out. Nothing was sent.",
         )
     poll = NOTHING if text is None else neutral(text)
-    return Way(exchange, poll, TERMINATORS[settings.tx_terminator or "newline"])
+    return Way(exchange, poll, TERMINATORS[settings.own.get("tx_terminator") or "newline"])
 
 
 def neutral(text: str) -> bytes:

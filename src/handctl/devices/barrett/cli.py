@@ -34,7 +34,9 @@ if TYPE_CHECKING:
 def open_barrett(link: ByteLink, settings: Settings, journal: Journal) -> BarrettHand:
     """A BarrettHand behind `link`. Without --baud its speed is looked for."""
     limits = limits_of(settings, link)
-    return BarrettHand(GclLine(link, journal, **limits, speed=settings.baud, interrupt=settings.interrupt))
+    return BarrettHand(
+        GclLine(link, journal, **limits, speed=settings.baud, interrupt=bool(settings.own.get("interrupt")))
+    )
 
 
 def _recall(name: str) -> int | None:
@@ -45,7 +47,7 @@ def _recall(name: str) -> int | None:
 
 cli = Group(
     "barrett",
-    family=Family("barrett", open_barrett, 9600, interrupts=True, recall=_recall),
+    family=Family("barrett", open_barrett, 9600, recall=_recall),
     help="BarrettHand BH8 series over RS-232, firmware 4.3x and 4.4. Motors: 1 2 3 are the fingers, 4 or S the spread, G all fingers.",
 )
 
@@ -249,7 +251,7 @@ def gcl_(run: Run, commands: tuple[str, ...], keep_going: bool) -> Table:
     ask(run, wanted)
     ledger = eeprom.Ledger(run.device(), simulated=run.simulated) if passthrough.saves(wanted) else None
     hand = run.device()
-    hand.line.interrupt = run.settings.interrupt or not passthrough.only_asks(wanted)
+    hand.line.interrupt = bool(run.settings.own.get("interrupt")) or not passthrough.only_asks(wanted)
     table = passthrough.run_all(hand, wanted, keep_going=keep_going)
     if ledger is not None and passthrough.saves(row["command"] for row in table.rows if not row["status"]):
         ledger.count_unknown()

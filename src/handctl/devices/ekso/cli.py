@@ -11,7 +11,6 @@ import click
 from handctl import __version__
 from handctl.devices.ekso.dataport import DataPort
 from handctl.devices.ekso.device import Ekso, one_setting, written_table
-from handctl.devices.ekso.frames import LENGTH_MODE
 from handctl.devices.ekso.lengthmode import check_mode
 from handctl.devices.ekso.log.cli import add_log_commands
 from handctl.devices.ekso.map import EKSO
@@ -21,6 +20,7 @@ from handctl.frame.clikit import Command, Group
 from handctl.frame.family import Family
 from handctl.frame.filetypes import InFile, OutFile
 from handctl.frame.mapverbs import NAMES, add_map_verbs
+from handctl.frame.own import Own
 from handctl.frame.run import Run
 from handctl.model.device import limits_of
 from handctl.model.gate import Gate
@@ -37,8 +37,7 @@ NOT_MEDICAL = "handctl is no medical device; who changes a setting answers for i
 
 def open_ekso(link: ByteLink, settings: Settings, journal: Journal) -> Ekso:
     """An EksoNR behind `link`."""
-    context = click.get_current_context(silent=True)
-    mode = str(context.meta.get(LENGTH_MODE, "body")) if context is not None else "body"
+    mode = str(settings.own.get("length_mode", "body"))
     port = DataPort(link, journal, **limits_of(settings, link), mode="body" if mode == "auto" else mode)
     port.gate = Gate(settings.assume_identity)
     return Ekso(port, find_length=mode == "auto")
@@ -160,9 +159,7 @@ def _audit_options(body: Callable[..., Any]) -> Callable[..., Any]:
         help="The audit log (default: ekso-audit.jsonl in the user's state folder). No log, no write. "
         "It is also the memory of the last writes, so the policy holds over several runs with one log.",
     )(body)
-    return click.option(
-        "--operator", envvar="HANDCTL_OPERATOR", metavar="NAME", help="Who does it, for the audit log; needed by --yes."
-    )(body)
+    return click.option("--operator", cls=Own, of="ekso")(body)
 
 
 OVERRIDE = click.option(
@@ -173,7 +170,7 @@ OVERRIDE = click.option(
 )
 
 
-def _audit(run: Run, operator: str | None, file: str | None) -> AuditLog:
+def _audit(run: Run, file: str | None) -> AuditLog:
     from getpass import getuser
     from pathlib import Path
     from platform import node
@@ -185,7 +182,7 @@ def _audit(run: Run, operator: str | None, file: str | None) -> AuditLog:
     except (OSError, KeyError):
         user = None
     always = {
-        "operator": operator,
+        "operator": run.settings.own.get("operator"),
         "user": user,
         "host": node(),
         "port": run.link_name(),
@@ -197,7 +194,7 @@ def _audit(run: Run, operator: str | None, file: str | None) -> AuditLog:
     return AuditLog(Path(file) if file else default_path(), always)
 
 
-def _with_writer(run: Run, operator: str | None, file: str | None, *, override: bool, stepwise: bool = False) -> Ekso:
+def _with_writer(run: Run, file: str | None, *, override: bool, stepwise: bool = False) -> Ekso:
     """The device with all that writing needs; --yes stands for a person, who must be named."""
     from handctl.devices.ekso.settings import Writer
 
@@ -210,7 +207,7 @@ def _with_writer(run: Run, operator: str | None, file: str | None, *, override: 
             run.guide.say(question.partition(". ")[0])
         run.confirm(question, word=word)
 
-    audit = _audit(run, operator, file)
+    audit = _audit(run, file)
     _tell_edited(run, audit)
     _tell_unfinished(run, audit)
     ekso.writer = Writer(ekso.port, audit, ask, override=override, stepwise=stepwise, guide=run.guide)
@@ -242,8 +239,8 @@ def _tell_unfinished(run: Run, audit: AuditLog) -> None:
     )
 
 
-def _need_operator(run: Run, operator: str | None) -> None:
-    if run.settings.yes and not run.settings.dry_run and not (operator or "").strip():
+def _need_operator(run: Run) -> None:
+    if run.settings.yes and not run.settings.dry_run and not run.settings.own.get("operator", "").strip():
         raise UsageError(
             "--yes writes without asking: it needs --operator NAME",
             hint="the audit log must tell who did it. Nothing was sent.",
@@ -255,13 +252,13 @@ def _need_operator(run: Run, operator: str | None) -> None:
 @click.argument("assignments", nargs=-1, required=True, metavar="NAME=VALUE")
 @_audit_options
 @OVERRIDE
-def set_(run: Run, assignments: tuple[str, ...], operator: str | None, audit: str | None, override: bool) -> Table:
+def set_(run: Run, assignments: tuple[str, ...], audit: str | None, override: bool) -> Table:
     """Write one setting, with every check.
 
     Such as `step_length=15.5`, `walk_mode=ProStep`, `216='50 %'`. Shows old -> new, asks, wants the wearer still, sends it once, reads back all settings, keeps an audit log.
     """
     change = one_setting(assignments)
-    _need_operator(run, operator)
+    _need_operator(run)
     if run.settings.dry_run:
         steps = run.planner().plan([change])
         run.journal.info(
@@ -270,7 +267,7 @@ def set_(run: Run, assignments: tuple[str, ...], operator: str | None, audit: st
             "counts the reads before it",
         )
         return run.dry_run(steps)
-    ekso = _with_writer(run, operator, audit, override=override)
+    ekso = _with_writer(run, audit, override=override)
     before = ekso.words("settings")
     param = EKSO[change[0].param.name]
     if before[param.word] == param.to_raw(change[1]):
@@ -284,16 +281,16 @@ def set_(run: Run, assignments: tuple[str, ...], operator: str | None, audit: st
 @click.argument("file", type=InFile())
 @_audit_options
 @OVERRIDE
-def restore(run: Run, file: str, operator: str | None, audit: str | None, override: bool) -> Table:
+def restore(run: Run, file: str, audit: str | None, override: bool) -> Table:
     """Write what differs from a snapshot, one by one.
 
     By the rules of `set`, with the same questions. A far value is led to in permitted steps, one in 10 s, each read back. Safe to run again after any interruption, which says where it stands.
     """
-    _need_operator(run, operator)
+    _need_operator(run)
     if not run.settings.dry_run:
 
         def check(_changes: object) -> None:
-            _with_writer(run, operator, audit, override=override, stepwise=True)
+            _with_writer(run, audit, override=override, stepwise=True)
 
         return stored.restore(run, EKSO, file, check=check)
     run.journal.info(
@@ -322,7 +319,7 @@ class _WordRange(click.IntRange):
     help="Command word, any but 0; 0x0100 is 256.",
 )
 @_audit_options
-def cancel(run: Run, word: int, operator: str | None, audit: str | None) -> Table:
+def cancel(run: Run, word: int, audit: str | None) -> Table:
     """Cancel the running action (CancelAction).
 
     Sent once, without asking, and logged; a log that cannot be written does not hold it up. What it stops is not documented.
@@ -330,7 +327,7 @@ def cancel(run: Run, word: int, operator: str | None, audit: str | None) -> Tabl
     if (plan := run.planned(run.planner().plan_cancel(word))) is not None:
         return plan
     ekso: Ekso = run.device()
-    log = _audit(run, operator, audit)
+    log = _audit(run, audit)
 
     def record(event: str, fields: dict[str, object]) -> None:
         from handctl.errors import OutputError
@@ -346,23 +343,9 @@ def cancel(run: Run, word: int, operator: str | None, audit: str | None) -> Tabl
 # -- every command -------------------------------------------------------------------------------------------------
 
 
-def _remember_mode(ctx: click.Context, _param: click.Parameter, value: str | None) -> None:
-    if value is not None:
-        ctx.meta[LENGTH_MODE] = check_mode(value)
-
-
 def add_length_mode(command: Command) -> None:
     """Give a command the option that says what the length byte of requests counts."""
-    command.params.append(
-        click.Option(
-            ["--length-mode"],
-            envvar="HANDCTL_LENGTH_MODE",
-            metavar="MODE",
-            expose_value=False,
-            callback=_remember_mode,
-            help="What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.",
-        )
-    )
+    command.params.append(Own(["--length-mode"], "ekso", check_mode))
 
 
 for _name, _command in cli.commands.items():

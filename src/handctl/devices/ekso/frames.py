@@ -26,8 +26,6 @@ from handctl.errors import ProtocolError, UsageError
 OVERHEAD = 6
 LENGTH_MODES: dict[str, int] = {"body": 0, "n-4": 2, "n-2": 4, "frame": 6}
 """What the length byte counts -> how much more than S it says."""
-LENGTH_MODE = "handctl.ekso.length-mode"
-"""Key of the option that says which of them requests need."""
 DEFAULT_CANCEL_WORD = 0x0100
 """Command word of CancelAction: any but 0 will do (ekso §6); this is what clients in the field send."""
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from handctl.devices.ekso.frames import LENGTH_MODE, Command, Decoder, Frame, cancel_body, encode, status_text
+from handctl.devices.ekso.frames import Command, Decoder, Frame, cancel_body, encode, status_text
 from handctl.errors import DeviceRefused, NoAnswer, ProtocolError
 from handctl.model.param import Step
 from handctl.stop.talk import Aim, Pieces, Say, Stopped, Talk
@@ -20,7 +20,7 @@ HINT = "use the device's own controls, and stay with the wearer"
 
 def stopping(aim: Aim) -> Talk:
     """CancelAction, once."""
-    mode = str(aim.meta.get(LENGTH_MODE, "body"))
+    mode = str(aim.settings.own.get("length_mode", "body"))
     request = encode(Command.CANCEL_ACTION, MSG_ID, cancel_body(), "body" if mode == "auto" else mode)
     step = Step("CancelAction: cancel the running action", request, moves=True)
     pieces = yield Say(step, aim.settings.timeout or PATIENCE, lambda pieces: _answer(request, pieces))

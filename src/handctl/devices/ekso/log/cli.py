@@ -16,7 +16,8 @@ from handctl import __version__
 from handctl.errors import HandctlError, LinkError, NoAnswer, OutputError, ProtocolError, UsageError
 from handctl.frame.clikit import Command, Group, streaming
 from handctl.frame.filetypes import InFile, OutFile
-from handctl.frame.options import Number, Seconds, SharedOption
+from handctl.frame.numbers import Number, Seconds
+from handctl.frame.options import SharedOption
 from handctl.frame.run import Run
 from handctl.model.result import Column, Table
 

@@ -18,7 +18,7 @@ from handctl.frame.clikit import Group
 from handctl.frame.family import Family
 from handctl.frame.filetypes import OutFile
 from handctl.frame.mapverbs import add_map_verbs
-from handctl.frame.options import Number, Seconds
+from handctl.frame.numbers import Number, Seconds
 from handctl.frame.run import Run
 from handctl.model.device import limits_of
 from handctl.model.result import Table

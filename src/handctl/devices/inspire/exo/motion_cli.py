@@ -8,7 +8,7 @@ import click
 
 from handctl.devices.inspire.exo.device import check_command
 from handctl.frame.clikit import Group
-from handctl.frame.options import Seconds
+from handctl.frame.numbers import Seconds
 from handctl.frame.run import Run
 from handctl.model.result import Table
 

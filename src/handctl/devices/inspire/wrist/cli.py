@@ -13,7 +13,7 @@ from handctl.devices.inspire.wrist.device import WIRING_HINT, Wrist
 from handctl.frame.clikit import Group
 from handctl.frame.family import Family
 from handctl.frame.mapverbs import add_map_verbs
-from handctl.frame.options import Number, Seconds
+from handctl.frame.numbers import Number, Seconds
 from handctl.frame.run import Run
 from handctl.link import FrameLink
 from handctl.model.device import limits_of
