@@ -222,7 +222,7 @@ def test_a_second_interrupt_cuts_the_way_back_of_currents_short(tmp_path: Path) 
         process.send_signal(signal.SIGINT)
         assert b"Ctrl-C again stops at once" in process.stderr.readline()
         process.send_signal(signal.SIGINT)
-        out, err = process.communicate(timeout=10)
+        out, err = process.communicate(timeout=30)
     assert process.returncode == 130 and out == b""
     assert b"stop was sent 3 times, no current flows" in err
     sent = _sent(trace)

@@ -17,7 +17,7 @@ import serial
 
 from tests.barrett.commands import names, power_on, sent_lines, values_of, written_lines
 from tests.support import forks
-from tests.support.cli import Result, Simulator, clean_environment, program, run, run_program, wait_until
+from tests.support.cli import Result, Simulator, clean_environment, kept, program, run, run_program, wait_until
 
 Start = Callable[..., Simulator]
 PLACES: dict[str, tuple[str, ...]] = {"pty": ("--pty",), "tcp": ("--tcp", "127.0.0.1:0")}
@@ -140,7 +140,7 @@ def test_interrupt_in_the_middle_of_a_movement(start: Start, tmp_path: Path, pla
     wait_until(lambda: trace.exists() and "C" in sent_lines(trace))
     time.sleep(0.5)
     process.send_signal(number)
-    out, err = process.communicate(timeout=10)
+    out, err = process.communicate(timeout=30)
     assert process.returncode == 130, (out, err)
     content = json.loads(out)
     (message,) = [message for message in content["messages"] if message["level"] == "error"]
@@ -165,7 +165,7 @@ def test_a_hand_that_ignores_the_abort(start: Start, tmp_path: Path) -> None:
     wait_until(lambda: trace.exists() and "C" in sent_lines(trace))
     time.sleep(0.2)
     process.send_signal(signal.SIGINT)
-    out, _ = process.communicate(timeout=15)
+    out, _ = process.communicate(timeout=30)
     assert process.returncode == 130
     assert b"power" in out and b"Traceback" not in out
 
@@ -184,7 +184,7 @@ def test_a_second_opener_is_told(start: Start, tmp_path: Path) -> None:
     )
     wait_until(lambda: (tmp_path / "trace").exists() and "> 31 43 0D" in (tmp_path / "trace").read_text(), 20.0)
     second = run("barrett", "get", "SN", "-p", link, "--json")
-    _, err = process.communicate(timeout=10)
+    _, err = process.communicate(timeout=30)
     assert second.code == 3 and second.error["hint"], second
     assert process.returncode == 0, err  # the first one is not disturbed
 
@@ -199,13 +199,14 @@ def test_a_server_that_is_killed(start: Start, tmp_path: Path, place: str) -> No
         stderr=subprocess.PIPE,
     )
     wait_until(lambda: trace.exists() and len(trace.read_text().splitlines()) > 12)
-    simulator.stop(signal.SIGKILL)
-    out, err = process.communicate(timeout=10)
-    assert process.returncode == 3, (out, err)
-    last = json.loads(out.decode().splitlines()[-1])["end"]
-    assert last["exit_code"] == 3 and b"Traceback" not in err
-    gone = run("barrett", "get", "SN", "-p", simulator.link, "--json")
-    assert gone.code == 3
+    with kept(simulator.link):
+        simulator.stop(signal.SIGKILL)
+        out, err = process.communicate(timeout=30)
+        assert process.returncode == 3, (out, err)
+        last = json.loads(out.decode().splitlines()[-1])["end"]
+        assert last["exit_code"] == 3 and b"Traceback" not in err
+        gone = run("barrett", "get", "SN", "-p", simulator.link, "--json")
+        assert gone.code == 3
 
 
 # -- foreign clients --------------------------------------------------------------------------------------------------

@@ -28,11 +28,11 @@ def test_killed_in_the_middle_then_a_good_one(tmp_path: Path) -> None:
         first = download(simulator.link, file, control, tmp_path / "first.txt")
         wait_until(lambda: (tmp_path / "first.txt").read_text().count("bytes/s") >= 2, 10.0)
         first.send_signal(signal.SIGKILL)
-        first.communicate(timeout=5)
+        first.communicate(timeout=30)
         half = panel(control, "image")
         assert hashlib.sha256(DATA).hexdigest() not in half and "image valid" not in half
         second = download(simulator.link, file, control, tmp_path / "second.txt")
-        out, _ = second.communicate(timeout=15)
+        out, _ = second.communicate(timeout=30)
         content = json.loads(out)
         assert second.returncode == 0, content
         values = {row["name"]: row["value"] for row in content["rows"]}

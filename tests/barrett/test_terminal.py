@@ -117,7 +117,7 @@ class Prompt(Terminal):
         """What came after the keys, up to the next prompt at the start of a line."""
         before = len(self.text)
         self.send(keys)
-        end = time.monotonic() + 10
+        end = time.monotonic() + 30
         while True:
             came = self.text[before:].replace("\r", "")
             if came.endswith("\n=> "):

@@ -187,7 +187,7 @@ def test_a_power_cycle_in_a_log_is_a_new_segment(start: Start, tmp_path: Path) -
 
     wait_until(lambda: segments_now()[-1] == "2")
     process.send_signal(signal.SIGINT)
-    out, _ = process.communicate(timeout=10)
+    out, _ = process.communicate(timeout=30)
     content = json.loads(out)
     assert process.returncode == 130 and content["rows"][0]["segments"] == 2
     assert "rebooted" in [message["code"] for message in content["messages"]]

@@ -253,11 +253,13 @@ def test_calibration_refused(sim: Simulator) -> None:
     assert run("exo", "get", "position_actual", "--format", "plain", "-p", sim.link).lines[0] == "110"
 
 
-def test_interrupted_calibration_says_that_nothing_stops_it(sim: Simulator, tmp_path: Path) -> None:
+def test_interrupted_calibration_says_that_nothing_stops_it(tmp_path: Path) -> None:
     trace = tmp_path / "t.txt"
-    with Terminal("exo", "calibrate", "-y", "-p", sim.link, "--trace", trace) as terminal:
+    with (
+        Simulator("--pty", "--set", "calibration=60") as sim,
+        Terminal("exo", "calibrate", "-y", "-p", sim.link, "--trace", trace) as terminal,
+    ):
         terminal.until("calibrating")
-        terminal.run_for(0.3)
         terminal.send("\x03")
         assert terminal.finish() == 130
         text = " ".join(terminal.text.split())

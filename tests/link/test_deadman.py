@@ -203,7 +203,7 @@ def test_who_reads_its_output_is_not_kept_waiting(place: Place, parents: list[su
     parents.append(process)
     (guard,) = guards_of(process)
     process.kill()
-    assert process.communicate(timeout=5) == (b"", None)
+    assert process.communicate(timeout=30) == (b"", None)
     assert not gone(guard)
 
 

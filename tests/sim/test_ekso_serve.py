@@ -50,7 +50,7 @@ class Server:
         """Exit code, what stdout said after the ready line, stderr."""
         if self.process.poll() is None:
             self.process.send_signal(signal.SIGTERM)
-        out, err = self.process.communicate(timeout=5)
+        out, err = self.process.communicate(timeout=30)
         return self.process.returncode, out.decode(), err.decode()
 
 

@@ -358,7 +358,7 @@ class Server:
         """Exit code, what stdout said after the ready line, stderr."""
         if self.process.poll() is None:
             self.process.send_signal(number)
-        out, err = self.process.communicate(timeout=5)
+        out, err = self.process.communicate(timeout=30)
         return self.process.returncode, out.decode(), err.decode()
 
 
@@ -465,7 +465,7 @@ def test_can_logger_hears_the_bus(start: Start, place: list[str]) -> None:
         heard = [row for row in (logger.stdout.readline() for _ in range(50)) if "ID:" in row]
     finally:
         logger.send_signal(signal.SIGINT)
-        logger.communicate(timeout=5)
+        logger.communicate(timeout=30)
     assert len(heard) > 40
     assert all(" X Rx " in row for row in heard), heard
 

@@ -29,7 +29,7 @@ def started(*words: str, trace: Path) -> subprocess.Popen[bytes]:
         [sys.executable, "-m", "handctl", *MOVING, "-p", port, "--baud", "9600", "--trace", str(trace), *words],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=clean_environment(),
     )  # fmt: skip
-    end = time.monotonic() + 15
+    end = time.monotonic() + 30
     while not (trace.exists() and "> 43 1E" in trace.read_text(encoding="utf-8")):
         assert process.poll() is None and time.monotonic() < end
         time.sleep(0.02)
@@ -50,7 +50,7 @@ def stops(pieces: list[bytes]) -> bool:
 def test_a_reader_that_sleeps_does_not_keep_a_motor_running(tmp_path: Path) -> None:
     trace = tmp_path / "t.txt"
     process = started("--json", trace=trace)
-    assert process.wait(20) == 1
+    assert process.wait(30) == 1
     assert process.stderr is not None and b"the motors were stopped" in process.stderr.read()
     assert stops(sent(trace))
 
@@ -59,7 +59,7 @@ def test_ctrl_backslash_stops_as_ctrl_c_does(tmp_path: Path) -> None:
     trace = tmp_path / "t.txt"
     process = started("--csv", "-o", str(tmp_path / "o.csv"), trace=trace)
     process.send_signal(signal.SIGQUIT)
-    assert process.wait(10) == 130
+    assert process.wait(30) == 130
     assert stops(sent(trace))
 
 
@@ -108,14 +108,14 @@ def test_two_signals_at_once_are_one_wish(tmp_path: Path) -> None:
          "--trace", str(trace)],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=clean_environment(),
     )  # fmt: skip
-    end = time.monotonic() + 15
+    end = time.monotonic() + 30
     while not (trace.exists() and "> 31 43 0D" in trace.read_text(encoding="utf-8")):
         assert process.poll() is None and time.monotonic() < end
         time.sleep(0.02)
     for number in (signal.SIGHUP, signal.SIGTERM, signal.SIGINT):
         process.send_signal(number)
         time.sleep(0.01)
-    assert process.wait(15) in (130, -signal.SIGTERM, -signal.SIGINT)  # the last may meet the interpreter at its end
+    assert process.wait(30) in (130, -signal.SIGTERM, -signal.SIGINT)  # the last may meet the interpreter at its end
     pieces = sent(trace)
     assert b"\x03" in pieces[pieces.index(b"1C\r") :]
 

@@ -176,7 +176,7 @@ def test_two_stops_at_once(stand: MakeStand) -> None:
         env={**os.environ, **place.environment}, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
     )  # fmt: skip
     result, _ = place.stop()
-    first.communicate(timeout=20)
+    first.communicate(timeout=30)
     assert (first.returncode, result.code, holder.wait(10)) == (0, 0, 130), result
 
 

@@ -14,7 +14,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cache
 from importlib import resources
@@ -250,7 +250,7 @@ class Simulator:
         """End it; exit code, further stdout, stderr."""
         if self.process.poll() is None:
             self.process.send_signal(number)
-        out, err = self.process.communicate(timeout=10)
+        out, err = self.process.communicate(timeout=30)
         return self.process.returncode, out.decode(), err.decode()
 
     def __enter__(self) -> Simulator:
@@ -260,7 +260,33 @@ class Simulator:
         self.stop()
 
 
-def wait_until(what: Any, seconds: float = 5.0) -> None:
+@contextmanager
+def kept(link: str) -> Iterator[None]:
+    """Keep the name of a pseudo-terminal from being given to another test's when its server has gone."""
+    place = link.removeprefix("can:slcan:")
+    if not place.startswith("/dev/pts/"):
+        yield
+        return
+    port = os.open(place, os.O_RDWR | os.O_NOCTTY)
+    try:
+        yield
+    finally:
+        os.close(port)
+
+
+def in_time(what: Callable[[], object], least: float, most: float, tries: int = 10) -> None:
+    """`what` takes between so many seconds, on a machine that has time: one that has none is late now and then."""
+    took: list[float] = []
+    for _ in range(tries):
+        began = time.monotonic()
+        what()
+        took.append(time.monotonic() - began)
+        if least < took[-1] < most:
+            return
+    raise AssertionError(f"never between {least} and {most} s: {took}")
+
+
+def wait_until(what: Any, seconds: float = 30.0) -> None:
     """Wait until `what()` is true."""
     end = time.monotonic() + seconds
     while not what():

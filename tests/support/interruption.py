@@ -25,10 +25,11 @@ from tests.support.forks import start
 
 ENDS = (signal.SIGINT, signal.SIGKILL, signal.SIGTERM)
 CREEP = 30.0
-"""By how much a number may change in 0.1 s after a stop: a wrist goes back to where it was told to stay.
+"""By how much a number may change in CREEP_SECONDS after a stop: a wrist goes back to where it was told to stay.
 
 All movements here change one by more than 100 in that time.
 """
+CREEP_SECONDS = 0.1
 START_UP = 0.5
 """Longest time from the start of the process to its first byte that is waited through at random."""
 

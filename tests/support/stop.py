@@ -125,7 +125,7 @@ class Stand:
             stdout=more.pop("stdout", subprocess.PIPE), stderr=subprocess.PIPE, cwd=self.folder, **more,
         )  # fmt: skip
         self._started.append(process)
-        out, err = process.communicate(timeout=20)
+        out, err = process.communicate(timeout=30)
         return Result(process.returncode, out or b"", err), self.reached(begun)
 
     def reached(self, begun: float) -> float:

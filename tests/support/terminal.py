@@ -22,7 +22,7 @@ class Terminal:
     def __init__(self, *args: str | Path, columns: int = 80, rows: int = 24, env: dict[str, str] | None = None) -> None:
         self.columns, self.rows = columns, rows
         self.process = pexpect.spawn(
-            sys.executable, ["-m", "handctl", *map(str, args)], dimensions=(rows, columns), timeout=10, echo=False,
+            sys.executable, ["-m", "handctl", *map(str, args)], dimensions=(rows, columns), timeout=30, echo=False,
             env={**clean_environment(), "TERM": "xterm-256color", **(env or {})},
         )  # fmt: skip
         self.screen = pyte.Screen(columns, rows)
@@ -56,12 +56,20 @@ class Terminal:
             size = len(self.data)
             self._take(0.02)
 
-    def until(self, text: str, seconds: float = 10.0) -> None:
+    def until(self, text: str, seconds: float = 30.0) -> None:
         """Wait until `text` has been written."""
         end = time.monotonic() + seconds
         while text not in self.text:
             assert self._take(0.05), f"ended without {text!r}:\n{self.text}"
             assert time.monotonic() < end, f"no {text!r}:\n{self.text}"
+
+    def until_number(self, pattern: str, above: float, seconds: float = 30.0) -> float:
+        """Wait until a number that is shown again and again, the group of `pattern`, is above this; it."""
+        end = time.monotonic() + seconds
+        while not (shown := [number for found in re.findall(pattern, self.text) if (number := float(found)) > above]):
+            assert self._take(0.05), f"ended without a number above {above}:\n{self.text}"
+            assert time.monotonic() < end, f"no number above {above}:\n{self.text}"
+        return shown[-1]
 
     def until_screen(self, fits: Callable[[list[str]], object], seconds: float = 30.0) -> list[str]:
         """Wait until what a person sees fits; its lines that are not empty."""
