@@ -19,6 +19,7 @@ import pytest
 
 import handctl
 from handctl.families import COMMANDS, FAMILIES
+from handctl.sim import kinds
 from tests.support.loading import back_ends, heavy, loaded, ours
 
 ROOT = Path(handctl.__file__).parent
@@ -262,6 +263,31 @@ def test_families_are_data_and_their_modules_exist() -> None:
         assert text
         assert not text.endswith(".")
     assert set(FAMILIES) <= set(COMMANDS)
+
+
+def names_of_families(module: str) -> set[str]:
+    """The families that a module names as a whole string, docstrings and sentences aside."""
+    return {node.value for node in ast.walk(TREES[module]) if isinstance(node, ast.Constant)} & set(FAMILIES)
+
+
+@pytest.mark.parametrize("module", [name for name in TREES if not name.startswith("devices.") and name != "families"])
+def test_a_family_is_named_by_its_row_its_folder_and_its_simulator_only(module: str) -> None:
+    """One more needs no change in what finds, names, opens, stops, simulates, documents and tells devices."""
+    parts = module.split(".")
+    own = {parts[1]} if parts[0] == "sim" and len(parts) > 1 else set()
+    assert names_of_families(module) <= own
+
+
+@pytest.mark.parametrize("module", [name for name in TREES if name.startswith("devices.")])
+def test_a_family_names_no_other(module: str) -> None:
+    """What two devices of one maker share may name both."""
+    folder = f"handctl.{family_of(module)}."
+    assert names_of_families(module) <= {name for name, row in FAMILIES.items() if f"{row.package}.".startswith(folder)}
+
+
+def test_a_simulator_has_the_name_of_its_family() -> None:
+    """Without a word of the host: its folder is all that makes it known."""
+    assert set(kinds()) == set(FAMILIES)
 
 
 ROLES = {"cli": "cli", "probe": "probe", "stopper": "stopping", "explain": "explainer", "writes": "words"}

@@ -15,6 +15,7 @@ from handctl.link.owners import Process, group_remedy
 from handctl.model.result import Cell, Column, Grid, Journal, Row, Table
 from handctl.tools.chips import Chip
 from handctl.tools.machine import CanInterface, Machine, Port
+from handctl.tools.probes import on_can
 
 BITRATE = 1_000_000
 """wrist §2.3."""
@@ -107,7 +108,7 @@ def can_row(interface: CanInterface) -> Row:
         "permitted": True,
         "latency": None,
         "bitrate": interface.bitrate,
-        "may_be": "wrist",
+        "may_be": " or ".join(on_can()),
         **_told(can_problems(interface)),
     }
 

@@ -54,6 +54,11 @@ def family_of(name: str) -> Family:
     return cast("Family", load(name, "cli").cli.family)
 
 
+def on_can() -> list[str]:
+    """The families whose device may be on a CAN bus."""
+    return [family for family in FAMILIES if "can" in probe_of(family).WIRES]
+
+
 def wire_of(link: str) -> str:
     """Which kind of link a LINK is: "serial", "tcp" or "can"."""
     from handctl.link import is_can
