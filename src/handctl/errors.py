@@ -17,11 +17,26 @@ This module imports nothing. Foreign exceptions are translated where they arise,
 from __future__ import annotations
 
 
+class Left:
+    """What a command leaves behind that ended in the middle: by Ctrl-C, a lost link, a deadline.
+
+    text    told behind what happened
+    hint    what to do about it, before the next step that the error itself has; `joint` stands between the two
+    moving  whatever moves could not be stopped: who can still stop it does, and tells something else instead
+    """
+
+    def __init__(self, text: str = "", hint: str = "", *, joint: str = "; ", moving: bool = False) -> None:
+        self.text = text
+        self.hint = hint
+        self.joint = joint
+        self.moving = moving
+
+
 class HandctlError(Exception):
     """Base of all errors that handctl raises on purpose.
 
-    `text` says what happened, to which device, what was expected and what came; `hint` says the next step;
-    `code` is a short stable word for scripts, e.g. ``bad-checksum``.
+    `text` says what happened, to which device, what was expected and what came; `hint` says the next step; both with
+    what is `left` behind. `code` is a short stable word for scripts, e.g. ``bad-checksum``.
     """
 
     exit_code = 1
@@ -31,18 +46,48 @@ class HandctlError(Exception):
     came = b""
     """The bytes that came instead of an answer, as far as they are known: they may name another device."""
 
-    def __init__(self, text: str, *, hint: str = "", code: str = "") -> None:
+    joint = "; "
+    """Between what happened and what is left behind."""
+
+    def __init__(self, text: str, *, hint: str = "", code: str = "", left: Left | None = None) -> None:
         super().__init__(text)
-        self.text = text
-        self.hint = hint
+        self.left = left or Left()
+        self._text = text
+        self._hint = hint
         self.code = code or self.default_code
+
+    def __str__(self) -> str:
+        return self.text
+
+    @property
+    def text(self) -> str:
+        """What happened, and what that leaves behind. Set anew it says both."""
+        return self.joint.join(filter(None, (self._text, self.left.text)))
+
+    @text.setter
+    def text(self, text: str) -> None:
+        self._text = text
+        self.left = Left("", self.left.hint, joint=self.left.joint, moving=self.left.moving)
+
+    @property
+    def hint(self) -> str:
+        """The next step; what to do about what is left behind comes first. Set anew it says both."""
+        return self.left.joint.join(filter(None, (self.left.hint, self._hint)))
+
+    @hint.setter
+    def hint(self, hint: str) -> None:
+        self._hint = hint
+        self.left = Left(self.left.text, moving=self.left.moving)
+
+    def leaves(self, left: Left) -> None:
+        """Tell what is left behind, beside what was told so far."""
+        self._text, self._hint, self.left = self.text, self.hint, left
 
     def retold(self, text: str, *, hint: str | None = None, code: str = "") -> HandctlError:
         """The same error in other words: its exit code and the bytes that came stay."""
         other = type(self).__new__(type(self), text)
-        other.__dict__.update(
-            self.__dict__, text=text, hint=self.hint if hint is None else hint, code=code or self.code
-        )
+        other.__dict__.update(self.__dict__, left=Left(), code=code or self.code)
+        other.text, other.hint = text, self.hint if hint is None else hint
         return other
 
 
@@ -121,3 +166,4 @@ class Interrupted(HandctlError):
 
     exit_code = 130
     default_code = "interrupted"
+    joint = ": "

@@ -282,8 +282,8 @@ def test_a_second_interrupt_and_a_lost_link_are_told() -> None:
     for write, word in ((again, "interrupted again"), (lost, "gone")):
         link = streamer()
         link.write = write  # type: ignore[method-assign,assignment]
-        assert word in stop.halt(hand_on(link))
-        assert "power off" in stop.halt(hand_on(link))
+        assert word in stop.halt(hand_on(link)).text
+        assert "power off" in stop.halt(hand_on(link)).text
 
 
 def test_feedback_that_stops_ends_a_movement() -> None:

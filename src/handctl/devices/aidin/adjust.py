@@ -6,7 +6,7 @@ from handctl.devices.aidin.device import AidinHand
 from handctl.devices.aidin.feedback import Wire
 from handctl.devices.aidin.homing import MOTOR_POS, connect_or_command, moving, named
 from handctl.devices.aidin.map import AIDIN, Mode
-from handctl.devices.aidin.stop import announced, object_of
+from handctl.devices.aidin.stop import in_force, object_of
 from handctl.errors import CheckFailed, NoAnswer
 from handctl.model.param import elements_of
 from handctl.model.result import Column, Row, Table
@@ -44,7 +44,7 @@ def bias(hand: AidinHand) -> Table:
     ledger = hand.journal.ledger
     begun = ledger.mark
     sent = "the sensor bias was sent: present values may be 0 from now on, whatever pressed on the fingertips"
-    with announced(f"{sent}; {left_in(Mode.BIAS)}"):
+    with in_force(f"{sent}; {left_in(Mode.BIAS)}", moving=False):
         data, end = object_of(Mode.BIAS), talk.deadline(BIAS)
         while not end.expired:
             talk.tick(data)
@@ -91,9 +91,8 @@ def max_torque(hand: AidinHand, value: int) -> Table:
     """Mode 5 with `maxtorque`, for 0.2 s. No feedback shows it. Raises NoAnswer when the hand says nothing afterwards."""
     blind = connect_or_command(hand)
     data, end = object_of(Mode.MAXTORQUE, maxtorque=value), hand.talk.deadline(SHORT)
-    with announced(
-        f"maxtorque {value} was sent and may be in force, it cannot be read back; {left_in(Mode.MAXTORQUE)}"
-    ):
+    sent = f"maxtorque {value} was sent and may be in force, it cannot be read back"
+    with in_force(f"{sent}; {left_in(Mode.MAXTORQUE)}", moving=False):
         while not end.expired:
             hand.talk.tick(data, blind=blind)
         if not blind:

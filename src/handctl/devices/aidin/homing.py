@@ -9,7 +9,7 @@ from __future__ import annotations
 from handctl.devices.aidin.device import AidinHand, outside, reading
 from handctl.devices.aidin.feedback import Feedback
 from handctl.devices.aidin.map import AIDIN, AidinParam, Mode
-from handctl.devices.aidin.stop import object_of, stopped, stopping, telling
+from handctl.devices.aidin.stop import in_force, object_of, stopped, stopping
 from handctl.devices.aidin.way import Exchange
 from handctl.errors import CheckFailed, HandctlError, NoAnswer, UsageError
 from handctl.model.guide import Guide
@@ -78,7 +78,7 @@ def home(hand: AidinHand, guide: Guide) -> Table:
             raise stopped(hand, exc) from exc
         finally:
             guide.done()
-        with telling(LEFT):
+        with in_force(LEFT):
             now = _origin(hand, data, blind=blind)
         seen.note(now)
     off = _away(now)
@@ -256,7 +256,7 @@ def initial(hand: AidinHand, guide: Guide, *, assume_homed: bool) -> Table:
     mark = ledger.mark
     now: tuple[int, ...] | None = None
     before: tuple[int, ...] | None = None
-    with stopping(hand, guide), telling(GOES_ON):
+    with stopping(hand, guide), in_force(GOES_ON):
         try:
             while not end.expired and (now is None or _away(now) or moving(before, now)):
                 before = now

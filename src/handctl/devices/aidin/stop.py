@@ -6,7 +6,7 @@ Mode and data always travel in one object. Ctrl-C during anything that moves sen
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 
 from handctl.devices.aidin.device import AidinHand
 from handctl.devices.aidin.exchange import PERIOD
@@ -15,16 +15,16 @@ from handctl.devices.aidin.map import AIDIN, Mode
 from handctl.devices.aidin.messages import Out, encode
 from handctl.devices.aidin.stopper import NO_CURRENT
 from handctl.devices.aidin.stopper import TIMES as STOPS
-from handctl.errors import HandctlError, Interrupted, LinkError
+from handctl.errors import HandctlError, Interrupted, Left, LinkError
 from handctl.link.deadman import Shot, guarding
 from handctl.model.guide import Guide
+from handctl.model.leaving import leaving, stopped_by_ctrl_c
 from handctl.model.param import Step
 
 AGAIN = 1.0
 """Seconds in which a connection that was lost is opened again, all tries together."""
 TRY = 0.05
 """Seconds from one try to the next."""
-UNSENT = "stop could not be sent"
 UNTOLD = "the connection is lost, stop cannot be sent: switch the hand's power off if it still moves"
 MENDS = "the connection was lost; this command is opening it again and sends the stop itself"
 MENDED = f"the connection was lost; connected again and sent the stop mode {STOPS} times"
@@ -61,15 +61,15 @@ def send_stop(hand: AidinHand) -> None:
         hand.talk.drain()
 
 
-def halt(hand: AidinHand) -> str:
+def halt(hand: AidinHand) -> Left:
     """The stop mode, now; what is known of it, and no more."""
     try:
         send_stop(hand)
     except HandctlError as exc:
-        return f"{UNSENT} ({exc.text}): switch the hand's power off if it still moves"
+        return Left(f"stop could not be sent ({exc.text}): switch the hand's power off if it still moves", moving=True)
     except KeyboardInterrupt:
-        return "interrupted again while stop was sent: switch the hand's power off if it still moves"
-    return _seen(hand, f"stop was sent {STOPS} times")
+        return Left("interrupted again while stop was sent: switch the hand's power off if it still moves")
+    return Left(_seen(hand, f"stop was sent {STOPS} times"))
 
 
 def _seen(hand: AidinHand, sent: str) -> str:
@@ -89,28 +89,18 @@ def stopped(hand: AidinHand, exc: HandctlError) -> HandctlError:
 
     Of a link that is lost `stopping` tells.
     """
-    told = "" if isinstance(exc, LinkError) else halt(hand)
-    return exc.retold(exc.text, hint="; ".join(filter(None, (exc.hint, told))))
+    left = Left() if isinstance(exc, LinkError) else halt(hand)
+    again = exc.retold(exc.text, hint="; ".join(filter(None, (exc.hint, left.text))))
+    again.left.moving = left.moving
+    return again
 
 
-@contextmanager
-def telling(what: str) -> Iterator[None]:
-    """Around objects that stay in force: an error in between says what the hand has got."""
-    try:
-        yield
-    except HandctlError as exc:
-        exc.hint = "; ".join(filter(None, (what, exc.hint)))
-        raise
+def in_force(what: str, *, moving: bool = True) -> AbstractContextManager[None]:
+    """Around objects that stay in force: an error in between says `what` the hand has got.
 
-
-@contextmanager
-def announced(what: str) -> Iterator[None]:
-    """The same where nothing moves, so that nothing is stopped: after Ctrl-C, too."""
-    try:
-        with telling(what):
-            yield
-    except KeyboardInterrupt as exc:
-        raise Interrupted(f"interrupted: {what}") from exc
+    Ctrl-C does so where nothing is `moving`, so that nothing is stopped.
+    """
+    return leaving(Left(hint=what), by=HandctlError, interrupt=not moving)
 
 
 @contextmanager
@@ -127,15 +117,16 @@ def stopping(hand: AidinHand, guide: Guide, what: str = "") -> Iterator[None]:
             yield
     except HandctlError as exc:  # the child that guarded the old connection has gone, and with it the last to hold that
         lost = isinstance(exc, LinkError)
-        if not driven or not (lost or UNSENT in exc.text + exc.hint):
+        if not driven or not (lost or exc.left.moving):
             raise
         done, told = _stop_again(hand, guide, presses=0 if isinstance(exc, Interrupted) else 1)
-        text, _, unsent = exc.text.partition(UNSENT) if done else (exc.text, "", "")
-        if unsent:
-            raise exc.retold(text + told) from exc
-        if done:  # what was said before it was stopped is no longer so
-            raise exc.retold(text, hint=told) from exc
-        raise exc.retold(text, hint="; ".join(filter(None, (exc.hint, UNTOLD if lost else "", told)))) from exc
+        if not done:
+            exc.hint = "; ".join(filter(None, (exc.hint, UNTOLD if lost else "", told)))
+        elif isinstance(exc, Interrupted):  # what was said before it was stopped is no longer so
+            exc.left = Left(what + told)
+        else:
+            exc.hint = told
+        raise
 
 
 def _stop_again(hand: AidinHand, guide: Guide, presses: int) -> tuple[bool, str]:
@@ -166,12 +157,13 @@ def _stop_again(hand: AidinHand, guide: Guide, presses: int) -> tuple[bool, str]
 
 @contextmanager
 def _halting(hand: AidinHand, guide: Guide, what: str) -> Iterator[None]:
+    def stop() -> Left:
+        left = halt(hand)
+        return Left(what + left.text, moving=left.moving)
+
     try:
-        yield
-    except KeyboardInterrupt as exc:
-        with guide.undisturbed():
-            told = halt(hand)
-        raise Interrupted(f"interrupted: {what}{told}") from exc
+        with stopped_by_ctrl_c(stop, guide):
+            yield
     except HandctlError:
         raise  # who raised it has decided what becomes of the fingers
     except Exception:

@@ -13,7 +13,7 @@ from handctl.devices.barrett import hostfile
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.language import motors_of
 from handctl.devices.barrett.map import BARRETT, all_elements, standard
-from handctl.errors import DeviceRefused, HandctlError, Interrupted, NotIdentified, UsageError
+from handctl.errors import DeviceRefused, HandctlError, Interrupted, Left, NotIdentified, UsageError
 from handctl.files import state_path
 from handctl.model.result import Column, Row, Table
 
@@ -119,11 +119,10 @@ def save(hand: BarrettHand, *, force: bool, simulated: bool, prefix: str = "") -
 
 def _unsure(exc: HandctlError | KeyboardInterrupt, verb: str) -> HandctlError:
     """What is known of a save whose answer did not come."""
-    text = f"{verb} was sent and may be writing the EEPROM"
     hint = "leave the power on for 15 s, then `handctl barrett dump`; the save was counted"
-    if isinstance(exc, HandctlError):
-        return exc.retold(f"{exc.text}; {text}", hint=hint)
-    return Interrupted(f"interrupted: {text}", hint=hint)
+    error = exc.retold(exc.text, hint="") if isinstance(exc, HandctlError) else Interrupted("interrupted")
+    error.leaves(Left(f"{verb} was sent and may be writing the EEPROM", hint))
+    return error
 
 
 class Ledger:

@@ -9,8 +9,9 @@ from handctl.devices.barrett.conditions import NOT_HOMED
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.language import MOTORS, Answer, encode, explain_status
 from handctl.devices.barrett.map import BARRETT, GclParam
-from handctl.errors import HandctlError, Interrupted, NoAnswer, ProtocolError, UsageError
+from handctl.errors import HandctlError, NoAnswer, ProtocolError, UsageError
 from handctl.model.guide import Guide
+from handctl.model.leaving import stopped_by_ctrl_c
 from handctl.model.param import Element, Step
 from handctl.model.result import Column, Row, Table
 
@@ -74,13 +75,8 @@ def move(
             )
     goals, seconds = _before(hand, name, argument, motors, force)
     guide.progress(f"{text}: moving; the hand says nothing until it stands (Ctrl-C stops it)")
-    try:
+    with stopped_by_ctrl_c(lambda: halt(hand), guide):
         answer = hand.line.ask(text, at_least=3 * seconds)
-    except KeyboardInterrupt as exc:
-        with guide.undisturbed():
-            told = halt(hand)
-        guide.done()
-        raise Interrupted(f"interrupted: {told}") from exc
     guide.done()
     try:
         table = _result(hand, name, answer, motors, goals, all_motors=not prefix)

@@ -13,7 +13,16 @@ from handctl.devices.ekso.frames import Command, Frame, cancel_body, set_value_b
 from handctl.devices.ekso.lengthmode import find_mode
 from handctl.devices.ekso.map import DATA, EKSO, MESSAGES, NOTHING_SENT, Word
 from handctl.devices.ekso.views import dump_view, words_view, written_view
-from handctl.errors import DeviceRefused, HandctlError, Interrupted, LinkError, NoAnswer, ProtocolError, UsageError
+from handctl.errors import (
+    DeviceRefused,
+    HandctlError,
+    Interrupted,
+    Left,
+    LinkError,
+    NoAnswer,
+    ProtocolError,
+    UsageError,
+)
 from handctl.model.device import Device
 from handctl.model.param import Element, Number, Reading, Step, elements_of
 from handctl.model.result import Column, Row, Table
@@ -313,9 +322,9 @@ class Ekso(Device):
         except (NoAnswer, ProtocolError, LinkError) as exc:
             record("cancel-result", {"answer": None, "verdict": exc.text})
             if self.journal.counters.sent > sent:
-                exc.hint = f"{self._state_now()} {exc.hint}"
+                exc.leaves(Left(hint=self._state_now(), joint=" "))
             elif exc.code != "deadline":  # that one says by itself that nothing was sent
-                exc.hint = f"It was not sent, or not wholly. {exc.hint}"
+                exc.leaves(Left(hint="It was not sent, or not wholly.", joint=" "))
             raise
 
     def _state_now(self) -> str:

@@ -11,9 +11,10 @@ from contextlib import contextmanager
 
 from handctl.devices.inspire.blocks import BlockReader, Memory
 from handctl.devices.inspire.map import Register, register_of
-from handctl.devices.inspire.registers import RegisterBus, add
-from handctl.errors import HandctlError, Interrupted, LinkError, NoAnswer
+from handctl.devices.inspire.registers import RegisterBus
+from handctl.errors import HandctlError, Interrupted, Left, NoAnswer
 from handctl.model.device import Device
+from handctl.model.leaving import leaving
 from handctl.model.param import Element, Number, ParamMap, Reading, Step
 from handctl.model.result import Column, Row, Table, hex_bytes
 
@@ -112,21 +113,17 @@ class RegisterDevice(Device):
     @contextmanager
     def stopping(self, what: str, moving: Collection[str]) -> Iterator[None]:
         """Ctrl-C while `what` is written stops the registers `moving` set going. Raises Interrupted."""
-        before = self.journal.counters.writes
+        before, unsure = self.journal.counters.writes, f"{what} may be written or not"
+        look = f"`handctl {self.kind} get` shows what it holds"
+        left = Left(f"{unsure}, the device may move" if moving else unsure, look, joint=". ")
         try:
-            yield
+            with leaving(left, since=self.journal.counters, interrupt=False):
+                yield
         except KeyboardInterrupt as exc:
             if self.journal.counters.writes == before:
                 raise
-            raise Interrupted(
-                f"interrupted: {self.stop(moving) if moving else f'{what} may be written or not'}",
-                hint=f"`handctl {self.kind} get` shows what it holds now",
-            ) from exc
-        except LinkError as exc:
-            may_move = ", the device may move" if moving else ""
-            if self.journal.counters.writes > before:
-                add(exc, f"{what} may be written or not{may_move}", f"`handctl {self.kind} get` shows what it holds")
-            raise
+            left = Left(self.stop(moving) if moving else unsure, f"{look} now")
+            raise Interrupted("interrupted", left=left) from exc
 
     @abstractmethod
     def stop(self, names: Collection[str]) -> str:
@@ -140,7 +137,7 @@ class RegisterDevice(Device):
                 self._write_run(run, last=number == len(runs))
             except HandctlError as exc:
                 if written:
-                    exc.hint = f"already written: {', '.join(written)}. {exc.hint}"
+                    exc.leaves(Left(hint=f"already written: {', '.join(written)}", joint=". "))
                 raise
             written.append(_names(run))
         readings = self.read([element for element, _ in changes])

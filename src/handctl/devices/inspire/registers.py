@@ -7,13 +7,14 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from copy import copy
 from typing import TYPE_CHECKING, ClassVar, Self
 
-from handctl.errors import HandctlError, Interrupted, LinkError, NoAnswer, ProtocolError
+from handctl.errors import HandctlError, Left, LinkError, NoAnswer, ProtocolError
 from handctl.link import CanFrame, Deadline, Link
 from handctl.model.device import Line
+from handctl.model.leaving import leaving
 from handctl.model.param import Step
 from handctl.model.result import Journal
 
@@ -25,39 +26,14 @@ DEFAULT_TIMEOUT = 0.3
 
 
 @contextmanager
-def telling(bus: RegisterBus, left_behind: str, hint: str) -> Iterator[None]:
-    """Ctrl-C, or a link that is lost, in here is told with what it leaves behind, once a write was sent in here.
-
-    Raises Interrupted, LinkError.
-    """
-    before = bus.journal.counters.writes
-    try:
-        yield
-    except KeyboardInterrupt as exc:
-        if bus.journal.counters.writes == before:
-            raise
-        raise Interrupted(f"interrupted: {left_behind}", hint=hint) from exc
-    except LinkError as exc:
-        if bus.journal.counters.writes > before:
-            add(exc, left_behind, hint)
-        raise
-
-
-@contextmanager
 def watching(what: str) -> Iterator[None]:
     """Whatever keeps a movement from being watched to its end is told with: it may still move."""
     try:
         yield
     except (NoAnswer, ProtocolError, LinkError) as exc:
         if exc.code != "deadline":
-            add(exc, f"{what} may still move", "switch the power off if that is dangerous")
+            exc.leaves(Left(f"{what} may still move", "switch the power off if that is dangerous", joint=". "))
         raise
-
-
-def add(error: HandctlError, left_behind: str, hint: str) -> None:
-    """Tell in an error what it leaves behind, and that step first."""
-    error.text = f"{error.text}; {left_behind}"
-    error.hint = ". ".join(filter(None, (hint, error.hint)))
 
 
 class RegisterBus(Line, ABC):
@@ -161,6 +137,10 @@ class RegisterBus(Line, ABC):
     def pause(self, seconds: float) -> None:
         """Let time pass, but not beyond the deadline of the command."""
         self.link.sleep(min(seconds, self.bound.remaining) if self.bound is not None else seconds)
+
+    def leaving(self, what: str, hint: str) -> AbstractContextManager[None]:
+        """Around one write and what follows it: Ctrl-C, or a lost link, tells `what` that leaves behind once it was sent."""
+        return leaving(Left(what, hint, joint=". "), since=self.journal.counters)
 
     def out_of_time(self, what: str) -> None:
         """Raise NoAnswer when --deadline, not the device, ended a wait for `what`."""

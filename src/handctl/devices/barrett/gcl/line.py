@@ -17,7 +17,7 @@ from handctl.devices.barrett.gcl.connecting import (
     is_answer,
 )
 from handctl.devices.barrett.gcl.language import ABORT, BANNER, PROMPT, Answer, Decoder, encode, has_colon, has_prompt
-from handctl.errors import HandctlError, LinkError, NoAnswer, ProtocolError
+from handctl.errors import HandctlError, Left, LinkError, NoAnswer, ProtocolError
 from handctl.link import ByteLink, Deadline
 from handctl.model.device import Line
 from handctl.model.result import Journal
@@ -132,7 +132,7 @@ class GclLine(Line):
             return self._answer(command, answer, echo)
         except LinkError as exc:
             if kind in ("motion", "init"):
-                exc.hint = f"{command} may go on to its end: switch the hand's power off if it must not; {exc.hint}"
+                exc.leaves(Left(hint=f"{command} may go on to its end: switch the hand's power off if it must not"))
             raise
         except Restarted:
             raise
@@ -150,7 +150,7 @@ class GclLine(Line):
             if kind in ("motion", "init"):  # whatever still moves must not go on
                 stands = self._stop_motors()
                 told = "^C was sent, the motors should stand" if stands else f"^C was sent and not answered: {OFF}"
-                error.hint = f"{told}; {error.hint}"
+                error.leaves(Left(hint=told))
             raise error from (exc if error is not exc else None)
 
     def _stop_motors(self) -> bool:

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.exo.procedures import probe
 from handctl.devices.inspire.map import EXO, OVER_TEMPERATURE, Register
-from handctl.devices.inspire.registers import telling
 from handctl.errors import CheckFailed, DeviceRefused, NoAnswer
 from handctl.model.guide import Guide
 from handctl.model.param import elements_of
@@ -71,8 +70,7 @@ def save(hand: ExoHand, guide: Guide) -> Table:
     Two frames answer: the acknowledgement (01 = accepted) and the result (00 = saved, FF = failed; the sense is
     inverted, RH56 ch. 3 ex. 4). Nothing is sent in between. Raises DeviceRefused for FF or a refused acknowledgement.
     """
-    with telling(
-        hand.bus,
+    with hand.bus.leaving(
         "the save was sent, whether it is done is unknown",
         "save again, or power-cycle and look with `handctl exo get id baud_code`",
     ):
@@ -115,8 +113,8 @@ def _save(hand: ExoHand, guide: Guide) -> Table:
 
 def factory_reset(hand: ExoHand) -> Table:
     """Write 1 to the sibling's reset address 1006; this manual names none (exo §2.3.5). Then look who answers."""
-    with telling(
-        hand.bus, "the reset was sent, who answers now is unknown", f"{POWER_CYCLE} Nothing was saved automatically."
+    with hand.bus.leaving(
+        "the reset was sent, who answers now is unknown", f"{POWER_CYCLE} Nothing was saved automatically."
     ):
         return _factory_reset(hand)
 

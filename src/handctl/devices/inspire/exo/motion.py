@@ -12,10 +12,11 @@ from handctl.devices.inspire import eb90
 from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.exo.flash import outcome
 from handctl.devices.inspire.map import EXO
-from handctl.devices.inspire.registers import telling, watching
-from handctl.errors import HandctlError, Interrupted
+from handctl.devices.inspire.registers import watching
+from handctl.errors import HandctlError
 from handctl.link.deadman import Guard, Shot, guarding
 from handctl.model.guide import Guide
+from handctl.model.leaving import stopped_by_ctrl_c
 from handctl.model.param import Number, Reading, elements_of
 from handctl.model.result import Column, Table
 
@@ -49,8 +50,7 @@ def calibrate(hand: ExoHand, guide: Guide) -> Table:
     bus = hand.bus
     done = [eb90.read_reply_prefix(bus.id, 2, 1)]
     begun = hand.journal.ledger.mark
-    with telling(
-        hand.bus,
+    with hand.bus.leaving(
         "the hand goes on calibrating",
         "no documented command stops a calibration: let it finish, or switch the power off",
     ):
@@ -105,12 +105,8 @@ def _wait_with_clock(bus: Bus, prefixes: list[bytes], guide: Guide, started: flo
 
 def command(hand: ExoHand, which: str, values: list[int], guide: Guide) -> Table:
     """Send a force or position command and show its reply. Raises Interrupted on Ctrl-C, after the hand was stopped."""
-    try:
-        with watching("the fingers"):
-            return hand.command(which, values)
-    except KeyboardInterrupt as exc:
-        with guide.undisturbed():
-            raise Interrupted(f"interrupted: {stop(hand, [f'{which}_set'])}") from exc
+    with stopped_by_ctrl_c(lambda: stop(hand, [f"{which}_set"]), guide), watching("the fingers"):
+        return hand.command(which, values)
 
 
 def move(hand: ExoHand, values: list[int], guide: Guide, *, wait: float) -> Table:
@@ -120,15 +116,13 @@ def move(hand: ExoHand, values: list[int], guide: Guide, *, wait: float) -> Tabl
     command). Returns targets against reached positions; no verdict, since a worn finger may be held back.
     """
     hand.bus.identify()
-    with guarding(hand.link, _last_shots(hand, []), hand.journal.warn) as guard:
-        try:
-            with watching("the fingers"):
-                hand.command("position", values)
-                reached = _settle(hand, values, guide, wait, guard)
-        except KeyboardInterrupt as exc:
-            guide.done()
-            with guide.undisturbed():
-                raise Interrupted(f"interrupted: {stop(hand, ['position_set'])}") from exc
+    with (
+        guarding(hand.link, _last_shots(hand, []), hand.journal.warn) as guard,
+        stopped_by_ctrl_c(lambda: stop(hand, ["position_set"]), guide),
+        watching("the fingers"),
+    ):
+        hand.command("position", values)
+        reached = _settle(hand, values, guide, wait, guard)
     rows = []
     for reading in reached:
         target = values[reading.element.index] if reading.element.index < len(values) else None

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.map import BAUD_RATES, EXO
-from handctl.devices.inspire.registers import telling
 from handctl.errors import CheckFailed, HandctlError, LinkError, NoAnswer, ProtocolError
 from handctl.model.guide import Guide
 from handctl.model.param import Element, Reading
@@ -125,8 +124,7 @@ def change_id(hand: ExoHand, new: int) -> Table:
             hint="choose a free id: `handctl exo scan --all` lists those in use. Nothing was written.",
             code="id-taken",
         )
-    with telling(
-        hand.bus,
+    with hand.bus.leaving(
         f"the hand may have id {new} already",
         "`handctl exo scan` finds it; a power cycle brings back the saved id",
     ):

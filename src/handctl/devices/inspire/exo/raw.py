@@ -10,7 +10,6 @@ from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.exo.device import check_command
 from handctl.devices.inspire.map import EXO, Register
 from handctl.devices.inspire.mishaps import explain, hint_for, shorten
-from handctl.devices.inspire.registers import telling
 from handctl.devices.inspire.spans import describe, element_at, stretches
 from handctl.errors import CheckFailed, DeviceRefused, ProtocolError, UsageError
 from handctl.model.param import Element, ParamMap, Reading, Step
@@ -250,8 +249,8 @@ def goes_on(hand: RegisterDevice, step: Step) -> AbstractContextManager[None]:
     """Ctrl-C while the answer to raw bytes is awaited: they are not taken back, which is told."""
     if not (step.moves or step.strands):
         return nullcontext()
-    return telling(
-        hand.bus, f"what was sent goes on: {step.meaning}", "raw bytes are not taken back: look with the verb `status`"
+    return hand.bus.leaving(
+        f"what was sent goes on: {step.meaning}", "raw bytes are not taken back: look with the verb `status`"
     )
 
 

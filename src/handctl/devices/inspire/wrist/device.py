@@ -13,8 +13,9 @@ from handctl.devices.inspire import eb90
 from handctl.devices.inspire.base import RegisterDevice
 from handctl.devices.inspire.map import WRIST, register_of
 from handctl.devices.inspire.registers import watching
-from handctl.errors import CheckFailed, HandctlError, Interrupted, UsageError
+from handctl.errors import CheckFailed, HandctlError, UsageError
 from handctl.model.guide import Guide
+from handctl.model.leaving import stopped_by_ctrl_c
 from handctl.model.param import Element, Number, Reading, Step
 from handctl.model.result import Cell, Column, Grid, Row, Table
 
@@ -142,15 +143,13 @@ class Wrist(RegisterDevice):
             time = int(self.read([Element(WRIST["move_time"], 0)])[0].value or 0)
         wait = wait if wait is not None else time * 1.5 / 1000 + 2
         # Where it stands is asked for first: without that nothing could hold it there if this process dies.
-        with guarding(self.link, self._last_shots(self.read(ANGLES)), self.journal.warn) as guard:
-            try:
-                with watching("the wrist"):
-                    self.write(changes)
-                    readings = self._watch(targets, guide, wait, time / 1000, guard)
-            except KeyboardInterrupt as exc:
-                guide.done()
-                with guide.undisturbed():
-                    raise Interrupted(f"interrupted: {self.stop(targets)}") from exc
+        with (
+            guarding(self.link, self._last_shots(self.read(ANGLES)), self.journal.warn) as guard,
+            stopped_by_ctrl_c(lambda: self.stop(targets), guide),
+            watching("the wrist"),
+        ):
+            self.write(changes)
+            readings = self._watch(targets, guide, wait, time / 1000, guard)
         return self._arrival(readings, targets)
 
     def _last_shots(self, angles: Sequence[Reading]) -> list[Shot]:

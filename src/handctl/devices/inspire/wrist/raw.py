@@ -6,7 +6,6 @@ from handctl.devices.inspire import canreg, eb90
 from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.canbus import CanBus, describe_frame
 from handctl.devices.inspire.map import EXO, WRIST, Register
-from handctl.devices.inspire.registers import telling
 from handctl.devices.inspire.spans import describe
 from handctl.devices.inspire.wrist.device import Wrist
 from handctl.errors import CheckFailed, DeviceRefused, HandctlError, NoAnswer, ProtocolError, UsageError
@@ -160,8 +159,8 @@ def hand_write(wrist: Wrist, address: int, data: bytes) -> Table:
 
     A new id is looked for under that id. Raises Interrupted on Ctrl-C, which takes nothing back.
     """
-    with telling(
-        wrist.bus, f"{hex_bytes(data)} may be written at {address} of the hand", "`handctl wrist hand-read` shows it"
+    with wrist.bus.leaving(
+        f"{hex_bytes(data)} may be written at {address} of the hand", "`handctl wrist hand-read` shows it"
     ):
         return _hand_write(wrist, hand_bus(wrist), address, data)
 

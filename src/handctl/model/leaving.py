@@ -1,0 +1,52 @@
+"""What is left behind when something ends in the middle is told by whatever ended it: one way for every family."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from handctl.errors import HandctlError, Interrupted, Left, LinkError
+
+if TYPE_CHECKING:
+    from handctl.model.guide import Guide
+    from handctl.model.result import Counters
+
+
+@contextmanager
+def leaving(
+    left: Left,
+    *,
+    since: Counters | None = None,
+    by: type[HandctlError] = LinkError,
+    interrupt: bool = True,
+) -> Iterator[None]:
+    """Around what is not undone when it ends early: errors of the kind `by` tell what is `left`, and so does Ctrl-C.
+
+    With `since`, the counters of the journal, only once a write was sent in here. Without `interrupt` somebody else
+    answers to Ctrl-C. Raises Interrupted.
+    """
+    before = since.writes if since is not None else 0
+    try:
+        yield
+    except KeyboardInterrupt as exc:
+        if not interrupt or (since is not None and since.writes == before):
+            raise
+        told = left if left.text else Left(left.hint)  # there is no other text to stand behind
+        raise Interrupted("interrupted", left=told) from exc
+    except by as exc:
+        if since is None or since.writes > before:
+            exc.leaves(left)
+        raise
+
+
+@contextmanager
+def stopped_by_ctrl_c(stop: Callable[[], str | Left], guide: Guide) -> Iterator[None]:
+    """Around what moves: Ctrl-C stops it, undisturbed, and then tells what became of it. Raises Interrupted."""
+    try:
+        yield
+    except KeyboardInterrupt as exc:
+        with guide.undisturbed():
+            guide.done()
+            told = stop()
+        raise Interrupted("interrupted", left=Left(told) if isinstance(told, str) else told) from exc
