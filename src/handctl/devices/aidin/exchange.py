@@ -6,6 +6,7 @@ comes is taken in reception.py.
 
 from __future__ import annotations
 
+from handctl.devices.aidin import speaking as table
 from handctl.devices.aidin import trouble
 from handctl.devices.aidin.feedback import Feedback, Wire
 from handctl.devices.aidin.map import FEEDBACK, AidinParam
@@ -75,28 +76,40 @@ class Conversation(Reception):
         if self.exchange is not Exchange.UNKNOWN:
             return
         began = self.link.now()
-        if self.way.exchange is not Exchange.POLL or silent:
-            self._listen(LISTEN if self.way.exchange is Exchange.UNKNOWN else self.timeout or SILENCE)
-        if self.feedback.seen:
-            self.exchange = Exchange.STREAM
-            return
-        if self._junk or self._decoder.pending:
-            raise self._no_feedback()
         asks = self.way.exchange is not Exchange.STREAM and not silent
-        if asks:
+        state = table.ASKED if self.way.exchange is Exchange.POLL and asks else table.LISTENED
+        while state not in table.ENDS:
+            seen = self._seen_in(state)
+            state = table.RULES[state, seen]
+            if (not asks and state == table.ASKED) or (not self.retries and state == table.AGAIN):
+                state = table.UNASKED[seen]
+        if state == table.STRANGER:
+            raise self._no_feedback()
+        if state == table.SILENT:
+            raise self._silent(asked=asks, since=began)
+        self.exchange = Exchange.STREAM if state == table.STREAMS else Exchange.POLL
+
+    def _seen_in(self, state: str) -> str:
+        """Do what the state of `speaking` says; what is seen then."""
+        if state == table.LISTENED:
+            self._listen(LISTEN if self.way.exchange is Exchange.UNKNOWN else self.timeout or SILENCE)
+            if self.feedback.seen:
+                return table.FEEDBACK
+            if self._junk or self._decoder.pending:
+                return table.DAMAGED
+        elif state == table.DOUBTED:
+            return table.FEEDBACK if self.look_again() else table.NOTHING
+        else:
             self._fresh = self.way.exchange is Exchange.UNKNOWN  # else nobody has looked into the input before
-            for _ in range(min(2, 1 + self.retries)):
-                asked = self.link.now()
-                self.send(self.way.poll)
-                if self._answer(self.timeout or FIRST_POLL):
-                    self.exchange = Exchange.POLL
-                    if self._last - asked > QUICK + SETTLE:
-                        self.look_again()
-                    return
-                if self._junk:
-                    break
-        came = self._junk or self._strange or self._echoes or self._decoder.pending
-        raise self.nothing_came() if came else self._silent(asked=asks, since=began)
+            asked = self.link.now()
+            self.send(self.way.poll)
+            if self._answer(self.timeout or FIRST_POLL):
+                self.exchange = Exchange.POLL
+                late = self.way.exchange is Exchange.UNKNOWN and self._last - asked > QUICK + SETTLE
+                return table.LATE if late else table.FEEDBACK
+            if self._junk:
+                return table.DAMAGED
+        return table.OTHER if self._strange or self._echoes or self._decoder.pending else table.NOTHING
 
     def look_again(self) -> bool:
         """Whether the hand streams, slowly, although an empty object seemed to be answered: something comes unasked."""
