@@ -1,0 +1,73 @@
+"""What a command leaves behind: in the words of an error, once, wherever it is told."""
+
+from __future__ import annotations
+
+import pytest
+
+from handctl.errors import CheckFailed, HandctlError, Interrupted, Left, LinkError
+from handctl.model.guide import Guide
+from handctl.model.leaving import leaving, stopped_by_ctrl_c
+from handctl.model.result import Counters
+
+LEFT = Left("the hand goes on", "let it finish")
+
+
+def test_an_error_tells_what_is_left_behind_its_text_and_before_its_hint() -> None:
+    error = LinkError("the port is gone", hint="look at the cable")
+    error.leaves(Left("the hand goes on", "let it finish", joint=". "))
+    assert (error.text, error.hint) == ("the port is gone; the hand goes on", "let it finish. look at the cable")
+    assert str(error) == error.text
+    error.leaves(Left("and on"))
+    assert (error.text, error.hint) == (
+        "the port is gone; the hand goes on; and on",
+        "let it finish. look at the cable",
+    )
+
+
+def test_what_is_told_anew_is_all_that_is_told() -> None:
+    error = CheckFailed("off", hint="again")
+    error.leaves(Left("it moves", "switch it off", moving=True))
+    told = error.retold("other", hint="next")
+    assert (told.text, told.hint, told.left.moving, type(told)) == ("other", "next", False, CheckFailed)
+    assert error.retold("other").hint == "switch it off; again"
+    error.text += "!"
+    assert (error.text, error.hint) == ("off; it moves!", "switch it off; again")
+    error.hint = "none"
+    assert (error.text, error.hint, error.left.moving) == ("off; it moves!", "none", True)
+
+
+@pytest.mark.parametrize("sent", [0, 1])
+def test_only_what_was_sent_is_left(sent: int) -> None:
+    counters = Counters(writes=3)
+    with pytest.raises(LinkError) as lost, leaving(LEFT, since=counters):
+        counters.writes += sent
+        raise LinkError("gone")
+    assert lost.value.text == ("gone; the hand goes on" if sent else "gone")
+    with pytest.raises(Interrupted if sent else KeyboardInterrupt) as ended, leaving(LEFT, since=counters):
+        counters.writes += sent
+        raise KeyboardInterrupt
+    if isinstance(ended.value, Interrupted):
+        assert (ended.value.text, ended.value.hint) == ("interrupted: the hand goes on", "let it finish")
+
+
+def test_a_step_is_the_text_of_ctrl_c() -> None:
+    with pytest.raises(Interrupted, match="interrupted: it was sent") as ended, leaving(Left(hint="it was sent")):
+        raise KeyboardInterrupt
+    assert ended.value.hint == ""
+    with pytest.raises(KeyboardInterrupt), leaving(LEFT, interrupt=False):
+        raise KeyboardInterrupt
+    with pytest.raises(CheckFailed, match="off") as failed, leaving(Left(hint="it was sent"), by=HandctlError):
+        raise CheckFailed("off", hint="look")
+    assert failed.value.hint == "it was sent; look"
+
+
+def test_ctrl_c_stops_first_and_tells_then() -> None:
+    done: list[str] = []
+
+    def stop() -> str:
+        done.append("stop")
+        return "it stands"
+
+    with pytest.raises(Interrupted, match="interrupted: it stands"), stopped_by_ctrl_c(stop, Guide()):
+        raise KeyboardInterrupt
+    assert done == ["stop"]
