@@ -144,14 +144,15 @@ LISTED = ("exo", "wrist", "barrett", "ekso", "aidin")
 """Families with lists of their own, which leave out what stands in MORE."""
 
 
-def _by_the_contract(listed: Collection[Path_]) -> Iterator[tuple[str, ...]]:
-    """The commands of a family that no list has, with the arguments that the contract knows."""
+def _by_the_contract(listed: Collection[Path_]) -> Iterator[tuple[tuple[str, ...], bool, bool, tuple[str, ...]]]:
+    """Rows for the commands of a family that no list has, with the arguments that the contract knows."""
     for family in families.FAMILIES:
         facts = facts_of(family)
         for name, _ in commands_of(family):
             path = (family, *name.split())
             if path not in listed and (name in facts.writes or family not in LISTED):
-                yield *path, *facts.words(name, Path("{dir}"))
+                asks = name == "restore" or name in (facts.halts or {})
+                yield (*path, *facts.words(name, Path("{dir}"))), name in facts.writes, asks, ()
 
 
 READING_KINDS = ("read", "stream", "scan", "none", "log")
@@ -181,9 +182,7 @@ def examples() -> dict[Path_, tuple[Line, ...]]:
     ]
     more = [(family, *words) for family, lines in MORE.items() for words in lines]
     rows += [(words, words not in READING, False, ()) for words in (*more, *_tools(), *_speeds())]
-    rows += [
-        (words, True, True, ()) for words in _by_the_contract({words[:size] for words, *_ in rows for size in (2, 3)})
-    ]
+    rows += _by_the_contract({words[:size] for words, *_ in rows for size in (2, 3)})
     for words, writing, asks, on_can in rows:
         path = next((words[:size] for size in (3, 2, 1) if words[:size] in commands), None)
         if path is None:

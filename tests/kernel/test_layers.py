@@ -47,6 +47,7 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
     ("report.facts", ("tools.machine",)),
     ("report*", (*GROUND, "frame.*", "link.tap", "model.*", "report.*", "screen.render")),
     ("docgen*", (*GROUND, "docgen*", "frame.clikit", "frame.options", "model.param")),
+    ("newfamily*", ("newfamily",)),
     ("sim*", ("sim*",)),
     ("devices.*cli", (*GROUND, "frame.*", "link", "model.*", "stop.*", "@")),
     ("devices.*", (*GROUND[1:], "link", "link.deadman", "model.*", "stop.talk", "@")),

@@ -1,0 +1,123 @@
+"""`python -m handctl.newfamily NAME`: a copy of the tree gets a sixth family, which passes the contract; mistakes do not."""
+
+from __future__ import annotations
+
+import ast
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.support.places import TESTS
+
+TOP = TESTS.parent
+NAME = "gripper"
+MOST_LINES = 350
+"""Of code in a family and its simulator: blank lines and docstrings are none."""
+DEVICE, CODEC, MAP, PROBE, CLI = (
+    f"src/handctl/devices/{NAME}/{file}.py" for file in ("device", "codec", "map", "probe", "cli")
+)
+
+
+@pytest.fixture(scope="module")
+def tree(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """A copy of the source tree with the family in it."""
+    top = tmp_path_factory.mktemp("tree") / "handctl"
+    unwanted = shutil.ignore_patterns("__pycache__", "pictures", "bench")
+    for part in ("src", "tests", "man", "completions"):
+        shutil.copytree(TOP / part, top / part, ignore=unwanted)
+    for file in ("README.md", "pyproject.toml"):
+        shutil.copy(TOP / file, top / file)
+    done = python(top, "handctl.newfamily", NAME)
+    assert done.returncode == 0, done
+    yield top
+    shutil.rmtree(top)
+
+
+def python(top: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    """A module of that tree, with that tree's own package."""
+    here = {**os.environ, "PYTHONPATH": str(top / "src"), "PYTHONDONTWRITEBYTECODE": "1"}
+    return subprocess.run(
+        [sys.executable, "-m", *words], cwd=top, env=here, capture_output=True, text=True, timeout=300, check=False
+    )
+
+
+def contract(top: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    """The contract of the new family alone."""
+    marked = ("-q", "-n", "0", "-m", "contract", "-k", NAME, "-p", "no:cacheprovider", "--tb", "line")
+    return python(top, "pytest", *marked, *words, "tests/contract/test_contract.py")
+
+
+def test_it_runs_at_once(tree: Path) -> None:
+    done = python(tree, "handctl", NAME, "status", "-p", f"fake://{NAME}?clock=virtual", "--format", "plain")
+    assert done.returncode == 0, done
+    assert "temperature\t31.4" in done.stdout.splitlines()
+    assert f"handctl\\-{NAME}" in (tree / "man" / f"handctl-{NAME}.1").read_text("utf-8")
+
+
+def test_it_is_short(tree: Path) -> None:
+    folders = (tree / "src/handctl/devices" / NAME, tree / "src/handctl/sim" / NAME)
+    texts = [path.read_text("utf-8") for folder in folders for path in folder.glob("*.py")]
+    assert sum(map(lines_of_code, texts)) < MOST_LINES
+
+
+def lines_of_code(text: str) -> int:
+    """Lines that are neither blank nor of a docstring."""
+    docstrings = {
+        number
+        for node in ast.walk(ast.parse(text))
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
+        for number in range(node.lineno, (node.end_lineno or node.lineno) + 1)
+    }
+    return sum(bool(line.strip()) for number, line in enumerate(text.splitlines(), 1) if number not in docstrings)
+
+
+@pytest.mark.parametrize("name", [NAME, "exo", "sim", "aidin", "Gripper", "two words", "../x", "class", "1st", ""])
+def test_a_name_that_cannot_be_is_refused_and_nothing_is_written(tree: Path, name: str) -> None:
+    before = {path: path.stat().st_mtime_ns for path in tree.rglob("*")}
+    done = python(tree, "handctl.newfamily", name)
+    assert done.returncode == 2, done
+    assert {path: path.stat().st_mtime_ns for path in tree.rglob("*")} == before
+
+
+@pytest.mark.long
+def test_it_passes_the_contract(tree: Path) -> None:
+    done = contract(tree)
+    assert done.returncode == 0, done.stdout[-3000:]
+
+
+MUTANTS = {
+    "a wrong scale in the map": (MAP, 'unit="V", low=0, high=30, decimals=1', 'unit="V", low=0, high=30, decimals=2'),
+    "a probe that writes": (PROBE, ".value(POSITION)", ".exchange(b'S speed 40\\n', 'A', 'speed')"),
+    "a stop that is not sent on Ctrl-C": (DEVICE, 'self.talk.exchange(codec.STOP, "A", "stop")', "pass"),
+    "a codec that takes a bad line": (CODEC, "ANSWER.fullmatch(line) if", "ANSWER.match(line) if"),
+    "a dry run that sends": (CLI, "run.planner().plan(", "run.device().plan_and_look("),
+    "a write before the look": (DEVICE, "        self.identify()\n        raw", "        raw"),
+}
+"""Mistake -> file, what stands there, what the mistake makes of it."""
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("mistake", MUTANTS)
+def test_the_contract_finds_a_mistake(tree: Path, mistake: str) -> None:
+    file, right, wrong = MUTANTS[mistake]
+    path = tree / file
+    text = path.read_text("utf-8")
+    assert text.count(right) == 1, mistake
+    looking = "\n    def plan_and_look(self, changes: Sequence[tuple[Element, Number]]) -> list[Step]:\n        self.dump()\n        return self.plan(changes)\n"
+    more = tree / DEVICE
+    whole = more.read_text("utf-8")
+    try:
+        path.write_text(text.replace(right, wrong), "utf-8")
+        if "plan_and_look" in wrong:
+            more.write_text(whole + looking, "utf-8")
+        done = contract(tree, "-x")
+    finally:
+        path.write_text(text, "utf-8")
+        if path != more:
+            more.write_text(whole, "utf-8")
+    assert done.returncode == 1, f"not found: {mistake}\n{done.stdout[-2000:]}"
