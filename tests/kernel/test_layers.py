@@ -38,7 +38,7 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
     ("model.gate", (*GROUND, "link", "model.*")),
     ("model.sampling", (*GROUND, "link", "model.*")),
     ("model*", (*GROUND, "model.*")),
-    ("link.fake", ("errors", "families", "link.base", "sim")),
+    ("link.fake", ("errors", "link.base", "sim")),
     ("link*", (*GROUND, "link*")),
     ("screen*", (*GROUND, "frame.options", "model.result", "screen.*")),
     ("stop*", (*GROUND, "frame.console", "frame.options", "frame.run", "link*", "model.*", "stop.*")),
