@@ -15,8 +15,8 @@ import pytest
 
 from handctl.devices.ekso.change import check_change, needs_second_answer
 from handctl.devices.ekso.map import EKSO
-from handctl.devices.ekso.settings import differences
 from handctl.devices.ekso.stillness import moving
+from handctl.devices.ekso.verdict import differences
 from handctl.errors import (
     CheckFailed,
     DeviceRefused,

@@ -15,8 +15,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from handctl.devices.ekso import gates
 from handctl.devices.ekso.chain import Checked, check, held, linked
-from handctl.errors import LinkError, OutputError
+from handctl.errors import OutputError
 from handctl.files import in_turn, opened, state_path
 
 TURN_SECONDS = 0.2
@@ -61,10 +62,10 @@ class AuditLog:
             finally:
                 os.close(file)
         except OSError as exc:
-            raise OutputError(
+            raise gates.refusal(
+                gates.LOG,
                 f"{self.path}: the audit log cannot be written: {exc.strerror or exc}",
-                hint="without it no setting is written; --audit FILE names another place",
-                code="audit",
+                "without it no setting is written; --audit FILE names another place",
             ) from exc
 
     def unfinished(self) -> dict[str, Any] | None:
@@ -117,10 +118,10 @@ class AuditLog:
             except ImportError:
                 pass
             except BlockingIOError as exc:
-                raise LinkError(
+                raise gates.refusal(
+                    gates.FREE,
                     f"{self.path}: another handctl writes a setting now",
-                    hint="let it end, then repeat the command. Nothing was sent.",
-                    code="busy",
+                    "let it end, then repeat the command. Nothing was sent.",
                 ) from exc
             yield
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from handctl.devices.ekso import gates
 from handctl.devices.ekso.map import ASSIST, NOTHING_SENT, PERCENT_CODES, Word
-from handctl.errors import UsageError
 
 
 class Change(NamedTuple):
@@ -25,9 +25,7 @@ class Change(NamedTuple):
 def check_code(change: Change) -> None:
     """Raise UsageError for a code that nobody knows."""
     if change.param.choices and change.new not in change.param.choices:
-        raise UsageError(
-            f"{change.text}: nobody knows this code; it is not written", hint=NOTHING_SENT, code="unlisted"
-        )
+        raise gates.refusal(gates.LISTED, f"{change.text}: nobody knows this code; it is not written", NOTHING_SENT)
 
 
 def most(change: Change, override: bool) -> int | None:
@@ -50,6 +48,11 @@ def way(change: Change, override: bool) -> list[int]:
 def check_change(change: Change, override: bool) -> None:
     """Raise UsageError for an unlisted code, or a step beyond the policy without `override`."""
     check_code(change)
+    check_step(change, override)
+
+
+def check_step(change: Change, override: bool) -> None:
+    """Raise UsageError for a step beyond the policy without `override`."""
     param = change.param
     step = most(change, override)
     if step is None or abs(change.new - change.old) <= step:
@@ -57,10 +60,10 @@ def check_change(change: Change, override: bool) -> None:
     instead = (
         "smaller steps only: no override for leg lengths" if param.firm else "smaller steps, or --override-step-limit"
     )
-    raise UsageError(
+    raise gates.refusal(
+        gates.STEP,
         f"{change.text}: more than {limit_of(param)} at once is beyond this tool's policy (not the device's limit)",
-        hint=f"{instead}. {NOTHING_SENT}",
-        code="step-limit",
+        f"{instead}. {NOTHING_SENT}",
     )
 
 

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from handctl import __version__
+from handctl.devices.ekso import gates
 from handctl.devices.ekso.dataport import DataPort
 from handctl.devices.ekso.device import Ekso, one_setting, written_table
 from handctl.devices.ekso.lengthmode import check_mode
 from handctl.devices.ekso.log.cli import add_log_commands
 from handctl.devices.ekso.map import EKSO
-from handctl.errors import UsageError
 from handctl.frame import stored, verbs
 from handctl.frame.clikit import Command, Group
 from handctl.frame.family import Family
@@ -241,10 +241,10 @@ def _tell_unfinished(run: Run, audit: AuditLog) -> None:
 
 def _need_operator(run: Run) -> None:
     if run.settings.yes and not run.settings.dry_run and not run.settings.own.get("operator", "").strip():
-        raise UsageError(
+        raise gates.refusal(
+            gates.OPERATOR,
             "--yes writes without asking: it needs --operator NAME",
-            hint="the audit log must tell who did it. Nothing was sent.",
-            code="no-operator",
+            "the audit log must tell who did it. Nothing was sent.",
         )
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Protocol
 
+from handctl.devices.ekso import gates
 from handctl.devices.ekso.dataport import DataPort
 from handctl.devices.ekso.frames import Command, Frame, cancel_body, set_value_body, status_text
 from handctl.devices.ekso.lengthmode import find_mode
@@ -21,7 +22,6 @@ from handctl.errors import (
     LinkError,
     NoAnswer,
     ProtocolError,
-    UsageError,
 )
 from handctl.model.device import Device
 from handctl.model.param import Element, Number, Reading, Step, elements_of
@@ -347,8 +347,8 @@ def one_setting(texts: Sequence[str]) -> tuple[Element, Number]:
     """The one NAME=VALUE of a `set`, checked. Raises UsageError for more: settings of a worn device are set one by one."""
     changes = EKSO.assignments(texts)
     if len(changes) != 1:
-        raise UsageError(
-            f"{len(changes)} settings at once", hint=f"one `set` writes one setting. {NOTHING_SENT}", code="one-by-one"
+        raise gates.refusal(
+            gates.ONE, f"{len(changes)} settings at once", f"one `set` writes one setting. {NOTHING_SENT}"
         )
     return changes[0]
 

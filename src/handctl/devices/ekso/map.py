@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal, InvalidOperation
 from typing import Any
 
-from handctl.errors import UsageError
+from handctl.devices.ekso import gates
 from handctl.model.param import MEASURED, SETTING, Element, Number, Param, ParamMap, elements_of
 
 WALK = {0: "First Step", 1: "ActiveStep", 2: "ProStep", 3: "ProStep+"}
@@ -117,8 +117,8 @@ class Word(Param):
         if not self.choices:
             Param.check(self, value, where)
         if self.from_raw(self.to_raw(value)) != value or (self.choices and not 0 <= value <= 0xFFFF):
-            raise UsageError(
-                f"{where or self.name} = {value} does not fit {self.type_name}", hint=NOTHING_SENT, code="out-of-range"
+            raise gates.refusal(
+                gates.RANGE, f"{where or self.name} = {value} does not fit {self.type_name}", NOTHING_SENT
             )
 
     def parse(self, text: str, where: str = "") -> Number:
@@ -134,22 +134,22 @@ class Word(Param):
                 return code
         digits = text.strip().casefold().removeprefix("code:").strip()
         if not (digits.isascii() and digits.isdecimal()):
-            raise UsageError(
+            raise gates.refusal(
+                gates.NUMBER,
                 f"{where}: {text.strip()!r} is no label and no code",
-                hint=f"allowed: {self.range_text}. {NOTHING_SENT}",
-                code="not-a-number",
+                f"allowed: {self.range_text}. {NOTHING_SENT}",
             )
         if self.choices is ASSIST and digits == text.strip():
-            raise UsageError(
+            raise gates.refusal(
+                gates.AMBIGUOUS,
                 f"{where}: {digits} may mean percent or a code",
-                hint=f"write '{digits} %' (a multiple of 5), or code:N. {NOTHING_SENT}",
-                code="ambiguous",
+                f"write '{digits} %' (a multiple of 5), or code:N. {NOTHING_SENT}",
             )
         if int(digits) not in self.choices:
-            raise UsageError(
+            raise gates.refusal(
+                gates.RANGE,
                 f"{where} = {digits}: nobody knows this code",
-                hint=f"allowed: {self.range_text}. {NOTHING_SENT}",
-                code="out-of-range",
+                f"allowed: {self.range_text}. {NOTHING_SENT}",
             )
         return int(digits)
 
@@ -161,18 +161,18 @@ class Word(Param):
             if not value.is_finite() or abs(value) > 10**9:
                 raise InvalidOperation
         except InvalidOperation as exc:
-            raise UsageError(
+            raise gates.refusal(
+                gates.NUMBER,
                 f"{where}: {text!r} is not a number",
-                hint=f"a decimal number with at most {self.decimals} decimals. {NOTHING_SENT}",
-                code="not-a-number",
+                f"a decimal number with at most {self.decimals} decimals. {NOTHING_SENT}",
             ) from exc
         step = Decimal(1).scaleb(-self.decimals)
         below, above = (value.quantize(step, mode) for mode in (ROUND_FLOOR, ROUND_CEILING))
         if below != above:
-            raise UsageError(
+            raise gates.refusal(
+                gates.EXACT,
                 f"{where} = {text}: the device knows steps of {step}, and nothing is rounded",
-                hint=f"{below} or {above}. {NOTHING_SENT}",
-                code="not-exact",
+                f"{below} or {above}. {NOTHING_SENT}",
             )
         number = float(value)
         self.check(number, where)
@@ -330,17 +330,17 @@ class EksoMap(ParamMap[Word]):
         if known is not None and (not key.isdecimal() or key == name.strip()):  # -202 is no ParameterID
             return self[known], elements_of(self[known])
         if name.strip().isdecimal():
-            raise UsageError(
+            raise gates.refusal(
+                gates.UNKNOWN,
                 f"{self.kind} has no ParameterID {name.strip()}",
-                hint=f"they are 200 to 219 (ekso §6). {NOTHING_SENT}",
-                code="unknown-name",
+                f"they are 200 to 219 (ekso §6). {NOTHING_SENT}",
             )
         return super().find(name)
 
     def _refuse_unsettable(self, param: Param) -> None:
         if not param.writable:
             why = param.note or "it is measured"
-            raise UsageError(f"{param.name} is read-only: {why} ({param.source})", hint=NOTHING_SENT, code="read-only")
+            raise gates.refusal(gates.READ_ONLY, f"{param.name} is read-only: {why} ({param.source})", NOTHING_SENT)
 
 
 EKSO = EksoMap("ekso", (*SETTINGS, *DATA, *FEEDBACK[:15]))

@@ -12,8 +12,8 @@ from collections.abc import Iterator, Mapping
 from datetime import UTC, datetime
 from typing import Any, NamedTuple
 
+from handctl.devices.ekso import gates
 from handctl.devices.ekso.audit import AuditLog
-from handctl.errors import CheckFailed
 
 WINDOW = 10.0
 """Seconds: a step is measured against the value of so long ago."""
@@ -64,7 +64,7 @@ def _entries(audit: AuditLog) -> Iterator[dict[str, Any]]:
             if not isinstance(entry, dict):
                 raise TypeError(line)
             if line.rstrip() in unfit:
-                _refuse_edit(audit)
+                _refuse(audit, gates.EDITED)
             elif entry.get("event") == "intent":
                 unfit = set()  # it was not refused: what had been done by hand before it was long past
             if entry.get("event") not in ("intent", "result"):
@@ -75,7 +75,7 @@ def _entries(audit: AuditLog) -> Iterator[dict[str, Any]]:
             if not isinstance(entry["name"], str) or any(moment != moment for moment in moments):
                 raise TypeError(line)
         except (ValueError, TypeError, KeyError, RecursionError):
-            _refuse_damage(audit)
+            _refuse(audit, gates.DAMAGED)
             continue
         yield entry
 
@@ -97,34 +97,27 @@ def _age(entry: Mapping[str, Any], now: float, audit: AuditLog) -> float:
         return bound
     passed = (datetime.now(UTC) - datetime.fromisoformat(entry["utc"])).total_seconds()
     if passed < 0:
-        raise CheckFailed(
+        raise gates.refusal(
+            gates.CLOCK,
             f"{audit.path}: the last write was at {entry['utc']}, which is {-passed:.0f} s in the future: a clock was set back",
-            hint="set the clock of this machine, then repeat the command. Nothing was sent.",
-            code="clock-set-back",
+            "set the clock of this machine, then repeat the command. Nothing was sent.",
         )
     return min(bound, passed)
 
 
-def _refuse_edit(audit: AuditLog) -> None:
-    """Raise CheckFailed when an entry does not fit the one before it, and that may have been done in the last seconds."""
-    if not _untouched(audit):
-        raise CheckFailed(
-            f"{audit.path}: its last entries were edited or removed by hand: what was written last, and when, is not known",
-            hint=f"repeat the command in {WINDOW:.0f} s: what it was is long past then. `handctl ekso policy` shows the "
-            "places. Nothing was sent.",
-            code="audit-edited",
-        )
+WRONG = {
+    gates.EDITED: ("its last entries were edited or removed by hand", " `handctl ekso policy` shows the places."),
+    gates.DAMAGED: ("its end is damaged", ""),
+}
 
 
-def _untouched(audit: AuditLog) -> bool:
-    return datetime.now(UTC).timestamp() - audit.changed_at() > WINDOW
-
-
-def _refuse_damage(audit: AuditLog) -> None:
-    """Raise CheckFailed when a line that nobody can read may be of the last seconds."""
-    if not _untouched(audit):
-        raise CheckFailed(
-            f"{audit.path}: its end is damaged: what was written last, and when, is not known",
-            hint=f"repeat the command in {WINDOW:.0f} s: what it was is long past then. Nothing was sent.",
-            code="audit-damaged",
-        )
+def _refuse(audit: AuditLog, gate: str) -> None:
+    """Raise CheckFailed for what was done to the log by hand or by a fault, if that may be of the last seconds."""
+    if datetime.now(UTC).timestamp() - audit.changed_at() > WINDOW:
+        return
+    wrong, more = WRONG[gate]
+    raise gates.refusal(
+        gate,
+        f"{audit.path}: {wrong}: what was written last, and when, is not known",
+        f"repeat the command in {WINDOW:.0f} s: what it was is long past then.{more} Nothing was sent.",
+    )

@@ -1,0 +1,81 @@
+"""What came of one SetValue: what its status and the read-back say together. Knows no link."""
+
+from __future__ import annotations
+
+import shlex
+
+from handctl.devices.ekso import gates
+from handctl.devices.ekso.change import Change
+from handctl.devices.ekso.frames import Frame, status_text
+from handctl.devices.ekso.map import SETTINGS
+from handctl.errors import HandctlError, Interrupted
+
+Raws = tuple[int, ...]
+"""The 22 settings as raw integers."""
+REFUSALS = {
+    1: "the device does not take it now: sit or stand still, then repeat",
+    2: "the device has limits of its own that are not documented: try a smaller step",
+    3: "the device does not allow this value or command",
+}
+
+
+def judge(
+    where: str, change: Change, before: Raws, after: Raws, answer: Frame | None, lost: HandctlError | None
+) -> HandctlError | None:
+    """What the status and the read-back say together; None when the setting is as wanted and nothing else changed."""
+    word = change.param.word
+    wanted = (*before[:word], change.new, *before[word + 1 :])
+    status = answer.words[0] & 0xFFFF if answer is not None else None
+    refused = status is not None and status & 0xFF != 0
+    if refused and status is not None and after == wanted:
+        return gates.refusal(
+            gates.READ_BACK,
+            f"{where}: {change.text}: {status_text(status)}, and yet the new value reads back",
+            "look with `handctl ekso settings` before anything else; please report it",
+        )
+    if after != wanted and (after != before or (status is not None and not refused)):
+        return gates.refusal(
+            gates.READ_BACK,
+            f"{where}: {change.text}: the read-back differs: {differences(wanted, after)}"
+            + (f"; status {status_text(status)}" if status is not None else ""),
+            _way_back(before, after),
+        )
+    if refused and status is not None:
+        return gates.refusal(
+            gates.STATUS,
+            f"{where}: {change.text}: {status_text(status)} (status 0x{status:04X})",
+            REFUSALS.get(status & 0xFF, "the device gave a status that nobody knows; please report it"),
+            status & 0xFF,
+        )
+    if after == before and status is None:
+        if lost is None:
+            return Interrupted(f"interrupted; {change.text} was not applied")
+        return lost.retold(
+            f"{change.text}: not applied, the old value was read twice. {lost.text}",
+            hint="nothing was changed; repeat the command if you still want it",
+        )
+    return None
+
+
+def _way_back(before: Raws, after: Raws) -> str:
+    """What would set the settings that changed to what they were."""
+    changed = [param for param in SETTINGS if after[param.word] != before[param.word]]
+    if not changed:
+        return "the old value is still there: nothing needs to be set back; look with `handctl ekso settings`"
+    # a code that nobody knows is never written
+    able = [p for p in changed if p.id is not None and (not p.choices or before[p.word] in p.choices)]
+    ways = ", ".join(
+        f"`handctl ekso set {shlex.quote(f'{p.name}={p.typed(p.from_raw(before[p.word]))}')}`" for p in able
+    )
+    left = ", ".join(p.name for p in changed if p not in able)
+    text = "look with `handctl ekso settings` first" + (f"; {ways} sets back what changed" if ways else "")
+    return text + (f"; {left} cannot be set back by this tool" if left else "")
+
+
+def differences(expected: Raws, found: Raws) -> str:
+    """``step_length 15.50 in, expected 16.00 in; …`` for every word that differs."""
+    return "; ".join(
+        f"{param.name} is {param.shown(param.from_raw(is_))}, expected {param.shown(param.from_raw(should))}"
+        for param, should, is_ in zip(SETTINGS, expected, found, strict=True)
+        if should != is_
+    )
