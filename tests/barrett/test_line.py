@@ -346,6 +346,19 @@ def test_a_late_answer_does_not_pass_for_the_next() -> None:
     assert hand.journal.counters.stray_bytes == len(gcl("FGET P", "9 9 9 9"))
 
 
+@pytest.mark.parametrize("late", ["0.3", "0.45", "0.6", "0.9", "1.3"])
+def test_on_a_late_line_no_answer_is_taken_for_that_of_the_next_question(late: str) -> None:
+    """All questions are echoed at once and answered later: two are out when the first prompt comes."""
+    right, _ = simulated("initialized=1")
+    try:
+        hand, _ = simulated(f"initialized=1&fault=late&late={late}")
+    except ProtocolError:
+        assert float(late) > 0.6, "from there on the hand is not found"
+        return
+    for name in ("DP", "DS", "HSG", "MPE"):
+        assert hand.line.read(f"FGET {name}").lines == right.line.read(f"FGET {name}").lines
+
+
 @pytest.mark.parametrize(
     ("answer", "code"),
     [

@@ -47,7 +47,6 @@ class Facts:
     drives    a command on which handctl is killed, what it sends meanwhile, and the bytes of the stop
     ends      writing command that needs no stop -> why
     confusing  faults under which `rule` cannot tell from the bytes what writes, since what comes belongs to older ones
-    untrue    faults under which a wrong value may pass, because the protocol cannot tell
     memory    the simulated device, full name of an element -> the raw number that it holds there
     power_on  full name -> value at power-on, in the unit, as its manual would print it
     refuses   lines that the codec must refuse
@@ -70,7 +69,6 @@ class Facts:
     drives: tuple[str, bytes, bytes] | None = None
     ends: Mapping[str, str] | None = None
     confusing: frozenset[str] = frozenset()
-    untrue: frozenset[str] = frozenset()
     memory: Callable[[object, str], int] | None = None
     power_on: Mapping[str, float] | None = None
     refuses: Sequence[bytes] = ()

@@ -100,6 +100,5 @@ FACTS = Facts(
     plans=frozenset(["defaults", "gcl", "load", "restore", "set"]),
     adapts=frozenset({"restore", "realtime"}),
     confusing=frozenset({"noise", "no-echo", "late", "loop-silent"}),
-    untrue=frozenset({"late"}),
     screens=("status", "dump", "maintenance", "fingertips", "diagnose", "strain"),
 )

@@ -23,6 +23,8 @@ from handctl.model.device import Line
 from handctl.model.result import Journal
 
 ECHO_SECONDS = 1.0
+LATEST = 3.0
+"""Seconds after the question within which answers to what was before it are waited for."""
 PROMPT_WAIT = 0.5
 QUIET = 0.2
 LOOP_EXITS = 9
@@ -289,11 +291,16 @@ class GclLine(Line):
             return False
         link.write(QUESTION, link.deadline(1.0))
         came, end = b"", link.deadline(PROMPT_WAIT + self.wire_seconds(16))
-        while not end.expired and not is_answer(came):  # the answer to something before may come first
+        last = link.deadline(LATEST)
+        while not end.expired and not is_answer(came):
             chunk = self.until_prompt(end.remaining)
             if not chunk:
                 break
             came += chunk
+            if (
+                has_prompt(chunk) and not last.expired
+            ):  # of something before: the line is late, the question's is to come
+                end = link.deadline(min(last.remaining, 2 * PROMPT_WAIT) + self.wire_seconds(16))
         if _speaks_of_restart(came, ""):
             self._unread, self._connected = came, False
         return has_prompt(came)

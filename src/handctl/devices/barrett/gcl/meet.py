@@ -54,6 +54,7 @@ class Meeting:
         self._garbage = b""
         self._woke = self._repeated = False
         self._asked = b""
+        self._echoed: list[float] = []
         self._entered: Counter[str] = Counter()
 
     def run(self) -> None:
@@ -136,6 +137,7 @@ class Meeting:
         if state == table.ELSEWHERE:
             self._others = self._others[1:]
         if state != table.ECHOED and self.link.baud != speed:
+            self._echoed.clear()
             self.link.set_baud(speed)
 
     def _seconds(self, state: str) -> float:
@@ -157,8 +159,11 @@ class Meeting:
                 return b""  # of an older recording: it was not sent
             self._asked = b""  # an older recording: it was asked with an empty line
             link.write(CR, link.deadline(1.0))
+        begun = link.now()
         came = self._hear(seconds)
         self.tried.append((link.baud, came))
+        if table.question_in(came):
+            self._echoed.append(begun)
         if early and has_prompt(early) and has_prompt(came) and table.LOOP not in came.decode("latin-1"):
             return came
         return early + came
@@ -203,6 +208,10 @@ class Meeting:
         line.found()
         if not table.is_answer(came):  # what it answers to the question may still come, and would pass for an answer
             line.until_prompt(LATE_PROMPT + line.wire_seconds(8))
+        if self._echoed:
+            slow = link.now() - self._echoed[0] + LATE_PROMPT + line.wire_seconds(8)
+            for _ in self._echoed[1:]:  # the prompt that came answered the first; as late as that, the others' follow
+                line.until_prompt(slow)
         lastspeed.remember(link)
         if table.RESTARTED_TEXT in self.told:
             line.journal.warn("restarted", f"{link.name}: {table.RESTARTED_TEXT}", hint="`handctl barrett init`")
