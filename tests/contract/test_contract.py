@@ -40,8 +40,8 @@ from tests.support.places import TESTS
 
 pytestmark = pytest.mark.contract
 
-SHARE = 24
-"""An ordinary run of the whole suite takes one cell of a large product in 24."""
+SHARE = 48
+"""An ordinary run of the whole suite takes one cell of a large product in 48."""
 SECONDS = 20.0
 VIRTUAL_SECONDS = 900.0
 ALL = [

@@ -162,7 +162,7 @@ class Meeting:
         begun = link.now()
         came = self._hear(seconds)
         self.tried.append((link.baud, came))
-        if table.question_in(came):
+        if table.question_in(came) and (has_prompt(came) or b"=>" not in came):  # else it was answered, and damaged
             self._echoed.append(begun)
         if early and has_prompt(early) and has_prompt(came) and table.LOOP not in came.decode("latin-1"):
             return came
