@@ -12,7 +12,8 @@ from handctl.devices.aidin.feedback import Wire
 from handctl.devices.aidin.homing import connect_or_command
 from handctl.devices.aidin.map import Mode
 from handctl.devices.aidin.motion import last_step, mark, measured, target_object
-from handctl.devices.aidin.stop import flow, object_of, send_stop, stopped, stopping, told_currents
+from handctl.devices.aidin.stop import object_of, send_stop, stopped, stopping, told_currents
+from handctl.devices.aidin.stopper import flow
 from handctl.devices.aidin.targets import Goal, ramp
 from handctl.errors import CheckFailed, HandctlError, NoAnswer
 from handctl.model.guide import Guide, Presses

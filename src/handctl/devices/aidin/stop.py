@@ -13,8 +13,8 @@ from handctl.devices.aidin.exchange import PERIOD
 from handctl.devices.aidin.feedback import Feedback, Wire
 from handctl.devices.aidin.map import AIDIN, Mode
 from handctl.devices.aidin.messages import Out, encode
-from handctl.devices.aidin.stopper import NO_CURRENT
 from handctl.devices.aidin.stopper import TIMES as STOPS
+from handctl.devices.aidin.stopper import flow
 from handctl.errors import HandctlError, Interrupted, Left, LinkError
 from handctl.link.deadman import Shot, guarding
 from handctl.model.guide import Guide
@@ -39,11 +39,6 @@ def object_of(mode: Mode, **data: Out) -> bytes:
 def step_of(meaning: str, data: bytes, end: bytes) -> Step:
     """A command for --dry-run: what it does with the object in words, and its bytes with their terminator."""
     return Step(f"{meaning}: {data.decode()}", data + end, moves=True)
-
-
-def flow(told: Wire | None) -> bool:
-    """Whether these currents are more than jitter."""
-    return told is not None and max(map(abs, told)) > NO_CURRENT
 
 
 def told_currents(feedback: Feedback) -> Wire | None:

@@ -5,6 +5,8 @@ There is no acknowledge: only currents that are near 0 afterwards show anything 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from handctl.devices.aidin.messages import TERMINATORS, Decoder, encode, numbers
 from handctl.errors import CheckFailed, NoAnswer, ProtocolError
 from handctl.model.param import Step
@@ -35,10 +37,10 @@ def stopping(aim: Aim) -> Talk:
         heard = heard or bool(pieces)
         for currents in _currents(decoder, pieces):
             told = currents
-            flowed = flowed or _flow(currents)
+            flowed = flowed or flow(currents)
         if count == TIMES - 1:
             spoke, heard, told = told is not None, False, None  # what it said until now may be older than the stop
-        elif count >= TIMES and told is not None and not _flow(told):
+        elif count >= TIMES and told is not None and not flow(told):
             break
     falls = "the fingers move freely, a held object falls"
     if told is None:
@@ -48,7 +50,7 @@ def stopping(aim: Aim) -> Talk:
         )
         text += f"{since[0]} tells no currents" if heard else since[1]
         return Stopped(text, HINT, ProtocolError if heard else NoAnswer)
-    if _flow(told):
+    if flow(told):
         return Stopped(f"stop was sent, but currents up to {max(map(abs, told))} flow", HINT, CheckFailed)
     if not flowed:
         text = (
@@ -58,7 +60,8 @@ def stopping(aim: Aim) -> Talk:
     return Stopped(f"stop was sent, and the currents have gone: {falls}", evidence="the currents have gone")
 
 
-def _flow(currents: tuple[int, ...]) -> bool:
+def flow(currents: Sequence[float]) -> bool:
+    """Whether these currents are more than jitter."""
     return max(map(abs, currents)) > NO_CURRENT
 
 
