@@ -69,7 +69,7 @@ TABLE = (
     Gate(TURN, EDITED, "the hashes of its last entries", "an edit in the last 10 s", CheckFailed, "audit-edited", "", "dossier 6.7"),
     Gate(TURN, DAMAGED, "the last lines", "one that nobody can read, of the last 10 s", CheckFailed, "audit-damaged", "", "dossier 6.7"),
     Gate(TURN, CLOCK, "an entry of another machine", "one from the future", CheckFailed, "clock-set-back", "", "dossier 6.7"),
-    Gate(TURN, PACE, "the value of 10 s ago", "more than the step since; `restore` waits", UsageError, "step-limit", OVERRIDE, "dossier 6.6"),
+    Gate(TURN, PACE, "each value of the last 10 s", "more than the step from one of them; `restore` waits", UsageError, "step-limit", OVERRIDE, "dossier 6.6"),
     Gate(TURN, WAITED, "the waits of `restore`", "30 s: somebody else writes all the time", CheckFailed, "step-limit", OVERRIDE, "dossier 6.6"),
     Gate(ALONE, SAME, "GetSettings once more", "settings other than shown", CheckFailed, "changed-meanwhile", "", "dossier 6.5"),
     Gate(ALONE, STILL, "two GetData, 0.1 s apart", "a wearer who moves", CheckFailed, "not-still", "", "dossier 6.2"),

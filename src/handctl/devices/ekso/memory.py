@@ -16,7 +16,7 @@ from handctl.devices.ekso import gates
 from handctl.devices.ekso.audit import AuditLog
 
 WINDOW = 10.0
-"""Seconds: a step is measured against the value of so long ago."""
+"""Seconds: a step is measured against each value of so long."""
 NOT_SENT = "not sent"
 """How the verdict on a write begins that never went out."""
 
