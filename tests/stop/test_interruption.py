@@ -240,7 +240,7 @@ CASES = [
     Case("machine", "completion bash --install --json", 0.8, completes("data/bash-completion/completions/handctl"), fresh=("data/bash-completion/completions/handctl",)),
     Case("machine", "completion zsh --install --json", 0.8, completes("data/zsh/site-functions/_handctl"), fresh=("data/zsh/site-functions/_handctl",)),
     Case("machine", "completion fish --install --json", 0.8, completes("config/fish/completions/handctl.fish"), fresh=("config/fish/completions/handctl.fish",)),
-    Case("machine", "ekso export {}/gait.csv -o {}/gait.mot --format mot", 0.3, motion_is_whole, ("ekso log {}/gait.csv --fake --count 20 --rate 50 --force",), fresh=("gait.mot",)),
+    Case("machine", "ekso export {}/gait.csv -o {}/gait.mot --format mot", 0.3, motion_is_whole, ("ekso log {}/gait.csv -p fake://ekso?clock=virtual --count 20 --rate 50 --force",), fresh=("gait.mot",)),
 ]  # fmt: skip
 ELSEWHERE = {
     "stop": ("stop.test_stop", "test_the_lock_tells_the_family"),
