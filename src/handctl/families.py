@@ -163,25 +163,36 @@ FAMILIES: dict[str, FamilyRow] = {
 }
 """Command name -> its row, in the order of the root's help."""
 
-TOOLS: dict[str, tuple[str, str]] = {
-    "stop": ("handctl.tools.stop", "stop a device at once, even while another handctl uses it"),
-    "ports": (
-        "handctl.tools.ports",
-        "serial ports and CAN interfaces: what they are, who holds them, what to do about it",
-    ),
-    "scan": ("handctl.tools.scan", "which device answers on a port: family, speed, id; read-only"),
-    "doctor": ("handctl.tools.doctor", "checks of this machine and of one link, each with its remedy"),
-    "devices": ("handctl.tools.devices", "named devices in the configuration file: list, add, remove, show"),
-    "sim": ("handctl.sim.cli", "a simulated device as a server for any client: pty, TCP, slcan"),
-    "trace": ("handctl.tools.trace", "show, decode, diff recorded transcripts, without a device"),
-    "completion": ("handctl.tools.completion", "print or install the shell completion: bash, zsh, fish"),
+TOOLS: dict[str, dict[str, tuple[str, str]]] = {
+    "Find and diagnose": {
+        "ports": ("handctl.tools.ports", "list serial ports and CAN interfaces, and who holds them"),
+        "scan": ("handctl.tools.scan", "find which device answers on a port: family, speed, id"),
+        "doctor": ("handctl.tools.doctor", "check this machine and one link, with a remedy per finding"),
+    },
+    "Act": {
+        "stop": ("handctl.tools.stop", "stop a device at once, even while another handctl uses it"),
+    },
+    "Set up": {
+        "devices": ("handctl.tools.devices", "name devices in the configuration file: list, add, remove, show"),
+        "completion": ("handctl.tools.completion", "print or install the shell completion: bash, zsh, fish"),
+    },
+    "Work without a device": {
+        "sim": ("handctl.sim.cli", "serve a simulated device to any client: pty, TCP, slcan"),
+        "trace": ("handctl.tools.trace", "show, decode or compare recorded transcripts"),
+    },
 }
-"""Command name -> module with a click command named `cli`, and one line of help."""
+"""Heading of the root's help -> command name -> module with a click command named `cli`, and one line of help."""
 
 COMMANDS: dict[str, tuple[str, str]] = {
     **{name: (row.module("cli"), row.help) for name, row in FAMILIES.items()},
-    **TOOLS,
+    **{name: tool for tools in TOOLS.values() for name, tool in tools.items()},
 }
+
+LISTED: dict[str, tuple[str, ...]] = {
+    "Devices": tuple(FAMILIES),
+    **{title: tuple(tools) for title, tools in TOOLS.items()},
+}
+"""Heading -> the commands below it, as the root's help lists them."""
 
 SCANNED: tuple[str, ...] = tuple(sorted(FAMILIES, key=lambda name: FAMILIES[name].scan))
 """The families in the order of a scan."""

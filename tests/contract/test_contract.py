@@ -11,6 +11,7 @@ import importlib
 import io
 import os
 import random
+import re
 import signal
 import zlib
 from collections.abc import Iterator
@@ -23,7 +24,8 @@ import pytest
 
 from handctl.docgen.tree import map_of
 from handctl.errors import ProtocolError
-from handctl.families import FAMILIES, TOOLS
+from handctl.families import COMMANDS, FAMILIES, LISTED
+from handctl.frame.clikit import HEADINGS, USUAL
 from handctl.frame.family import load
 from handctl.link.fake import FakeFrames, FakeLink
 from handctl.model.param import SETTING, Element, ParamMap, elements_of
@@ -456,4 +458,24 @@ def test_a_person_finds_it(family: str) -> None:
         assert family in path.read_text(encoding="utf-8"), path
     assert f"| `handctl {family}` |" in (top / "README.md").read_text(encoding="utf-8")
     assert f" {family} " in run("-h").out and f" {family} " in run("sim", "-h").out
-    assert set(TOOLS).isdisjoint(FAMILIES)
+    assert LISTED["Devices"] == tuple(FAMILIES) and sum(map(len, LISTED.values())) == len(COMMANDS)
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_each_command_is_listed_below_a_heading(family: str) -> None:
+    """In the order of HEADINGS, with what every device has first; none is left over below "Commands"."""
+    group = importlib.import_module(FAMILIES[family].module("cli")).cli
+    shown = re.findall(r"^(\w+):$|^  ([a-z][\w-]*)  ", run(family, "-h").out.partition("\nOptions:")[0], re.MULTILINE)
+    headings = [heading for heading, _ in shown if heading]
+    assert headings == [heading for heading in HEADINGS if heading in headings]
+    place, below = "", {}
+    for heading, name in shown:
+        place = heading or place
+        if name:
+            below[name] = place
+    assert below == {name: command.heading for name, command in group.commands.items()}
+    assert set(group.first) - set(USUAL) <= set(group.commands)
+    for heading in headings:
+        names = [name for name, at in below.items() if at == heading]
+        usual = [name for name in USUAL if name in names]
+        assert names[: len(usual)] == usual

@@ -16,7 +16,7 @@ import click
 
 from handctl import __version__
 from handctl.errors import HandctlError, Interrupted, OutputError, UsageError
-from handctl.families import COMMANDS
+from handctl.families import COMMANDS, LISTED
 from handctl.frame.console import print_message, print_stderr
 from handctl.frame.envelope import make_envelope
 from handctl.frame.family import Family
@@ -35,6 +35,10 @@ from handctl.screen.streams import utf8_stdout
 
 MOST = 1000
 """Characters of a first sentence: all of it."""
+HEADINGS = ("Look", "Move", "Settings", "Service", "Files")
+"""What a technician wants to do: the commands of a family are listed below these, in this order."""
+USUAL = ("status", "dump", "get", "watch", "describe", "stop", "set", "report", "snapshot", "diff", "restore")
+"""What every device has stands first below its heading, in this order."""
 
 
 def _show_help(ctx: click.Context, _param: click.Parameter, value: bool) -> None:
@@ -95,7 +99,7 @@ class _SharedOptions(click.Command):
 class Command(_SharedOptions):
     """A leaf command with the shared options.
 
-    `writes`: --dry-run makes sense for it; `streams`: --json means NDJSON; `stops`: an emergency, which nothing holds up.
+    `heading`: one of HEADINGS; `writes`: --dry-run makes sense for it; `streams`: --json means NDJSON; `stops`: an emergency, which nothing holds up.
     """
 
     def __init__(
@@ -104,10 +108,12 @@ class Command(_SharedOptions):
         writes: bool = False,
         streams: bool = False,
         stops: bool = False,
+        heading: str = "",
         family: Family | None = None,
         **more: Any,
     ) -> None:
         super().__init__(*args, **more)
+        self.heading = heading
         self.writes = writes
         self.stops = stops
         self.streams = streams
@@ -145,35 +151,62 @@ class Command(_SharedOptions):
 
 
 class Group(_SharedOptions, click.Group):
-    """A group with the shared options."""
+    """A group with the shared options. `first` are the commands that stand first below their heading, behind the usual."""
 
     command_class = Command
 
-    def __init__(self, *args: Any, family: Family | None = None, **more: Any) -> None:
+    def __init__(
+        self, *args: Any, heading: str = "", first: Sequence[str] = (), family: Family | None = None, **more: Any
+    ) -> None:
         super().__init__(*args, **more)
+        self.heading = heading
+        self.first = (*USUAL, *first)
         self.family = family
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """By heading; below it first what every device has, then `first`, then the rest as it was added."""
+        headings, first = (*HEADINGS, ""), self.first
+
+        def place(name: str) -> tuple[int, int]:
+            rank = first.index(name) if name in first else len(first)
+            return headings.index(getattr(self.commands[name], "heading", "")), rank
+
+        return sorted(self.commands, key=place)
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         self.format_commands(ctx, formatter)
         super().format_options(ctx, formatter)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Each command with its whole first sentence: click cuts it, and what is left may mislead."""
+        rows = self.listed(ctx)
+        widest = max((len(name) for _, name, _ in rows), default=0)
+        for heading in dict.fromkeys(heading for heading, _, _ in rows):
+            with formatter.section(heading):
+                formatter.write_dl([(name.ljust(widest), text) for at, name, text in rows if at == heading])
+
+    def listed(self, ctx: click.Context) -> list[tuple[str, str, str]]:
+        """Heading, name and whole first sentence of each command: click cuts it, and what is left may mislead."""
         found = [(name, self.get_command(ctx, name)) for name in self.list_commands(ctx)]
-        with formatter.section("Commands"):
-            formatter.write_dl([(name, one.get_short_help_str(MOST)) for name, one in found if one and not one.hidden])
+        return [
+            (getattr(one, "heading", "") or "Commands", name, one.get_short_help_str(MOST))
+            for name, one in found
+            if one is not None and not one.hidden
+        ]
 
     def verb(
-        self, name: str, *, writes: bool = False, streams: bool = False, stops: bool = False
+        self, name: str, heading: str = "", *, writes: bool = False, streams: bool = False, stops: bool = False
     ) -> Callable[[Callable[..., Any]], Command]:
-        """Decorator: add a leaf command whose body gets the Run first and returns a Table (or None)."""
+        """Decorator: add a leaf command whose body gets the Run first and returns a Table (or None).
+
+        A family's command needs a `heading` of HEADINGS, below which the help lists it.
+        """
 
         def decorate(body: Callable[..., Any]) -> Command:
             def call(*args: Any, **more: Any) -> Any:
                 return body(click.get_current_context().obj, *args, **more)
 
             made: Command = click.command(
-                name, cls=Command, writes=writes, streams=streams, stops=stops, family=self.family
+                name, cls=Command, heading=heading, writes=writes, streams=streams, stops=stops, family=self.family
             )(update_wrapper(call, body))
             self.add_command(made)
             return made
@@ -210,7 +243,7 @@ class Root(Group):
     """The root: lists its commands from `families` and imports the module of the one that is used."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        return list(COMMANDS)
+        return [name for names in LISTED.values() for name in names]
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         if cmd_name not in COMMANDS:
@@ -230,9 +263,9 @@ class Root(Group):
             raise click.UsageError(f"No such command {args[0]!r}.{meant}", ctx)
         return super().resolve_command(ctx, args)
 
-    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        with formatter.section("Commands"):
-            formatter.write_dl([(name, text) for name, (_, text) in COMMANDS.items()])
+    def listed(self, ctx: click.Context) -> list[tuple[str, str, str]]:
+        """From `families`: nothing of a command is loaded."""
+        return [(heading, name, COMMANDS[name][1]) for heading, names in LISTED.items() for name in names]
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> list[Any]:
         from click.shell_completion import CompletionItem

@@ -131,18 +131,18 @@ def add_map_verbs(
         return command.stop(run)
 
     if "stop" not in without:
-        group.verb("stop", writes=True, stops=True)(stop)
-    for name, body, writes in (
-        ("status", status, False),
-        ("dump", dump, False),
-        ("get", get, False),
-        ("set", set_, True),
-        ("describe", describe, False),
-        ("watch", watch, False),
-        ("snapshot", snapshot, False),
-        ("diff", diff, False),
-        ("restore", restore, True),
-        ("report", report, False),
+        group.verb("stop", "Move", writes=True, stops=True)(stop)
+    for name, heading, body, writes in (
+        ("status", "Look", status, False),
+        ("dump", "Look", dump, False),
+        ("get", "Look", get, False),
+        ("set", "Settings", set_, True),
+        ("describe", "Look", describe, False),
+        ("watch", "Look", watch, False),
+        ("snapshot", "Files", snapshot, False),
+        ("diff", "Files", diff, False),
+        ("restore", "Files", restore, True),
+        ("report", "Service", report, False),
     ):
         if name not in without:
-            group.verb(name, writes=writes, streams=name == "watch")(body)
+            group.verb(name, heading, writes=writes, streams=name == "watch")(body)

@@ -55,7 +55,7 @@ add_map_verbs(
 )
 
 
-@cli.verb("watch", streams=True)
+@cli.verb("watch", "Look", streams=True)
 @click.argument("names", nargs=-1, metavar="[NAME[.PART]]...")
 @stream_options
 def watch(run: Run, names: tuple[str, ...], rate: float, count: int | None, duration: float | None) -> Table:
@@ -81,7 +81,7 @@ ASSUME = click.option(
 )
 
 
-@cli.verb("home", writes=True)
+@cli.verb("home", "Move", writes=True)
 def home(run: Run) -> Table:
     """Homing: OPENS ALL FINGERS for 3.5 s, then open is the origin. Asks first; Ctrl-C stops.
 
@@ -96,7 +96,7 @@ def home(run: Run) -> Table:
     return homing.home(run.device(), run.guide)
 
 
-@cli.verb("initial", writes=True)
+@cli.verb("initial", "Move", writes=True)
 @ASSUME
 def initial(run: Run, assume_homed: bool) -> Table:
     """Move all fingers to the origin that homing set: fully open. Asks first; Ctrl-C stops."""
@@ -109,7 +109,7 @@ def initial(run: Run, assume_homed: bool) -> Table:
     return homing.initial(run.device(), run.guide, assume_homed=assume_homed)
 
 
-@cli.verb("bias", writes=True)
+@cli.verb("bias", "Settings", writes=True)
 def bias(run: Run) -> Table:
     """Make the present sensor values 0. Touch nothing: a load present now is taken away from all later values."""
     from handctl.devices.aidin import adjust
@@ -119,7 +119,7 @@ def bias(run: Run) -> Table:
     return adjust.bias(run.device())
 
 
-@cli.verb("max-torque", writes=True)
+@cli.verb("max-torque", "Settings", writes=True)
 @click.argument("value", metavar="N")
 def max_torque(run: Run, value: str) -> Table:
     """Set the maximum output current. 0 to 1000 in 0.1 %, 700 to 1000 is recommended; it cannot be read back."""
@@ -161,7 +161,7 @@ def _move(run: Run, target: Target, values: tuple[str, ...], assume_homed: bool,
     return motion.move(run.device(), goal, run.guide, assume_homed=assume_homed)
 
 
-@cli.verb("encoders", writes=True)
+@cli.verb("encoders", "Move", writes=True)
 @_values
 @ASSUME
 def encoders(run: Run, values: tuple[str, ...], assume_homed: bool) -> Table:
@@ -174,7 +174,7 @@ def encoders(run: Run, values: tuple[str, ...], assume_homed: bool) -> Table:
     return _move(run, ENCODERS, values, assume_homed)
 
 
-@cli.verb("joints", writes=True)
+@cli.verb("joints", "Move", writes=True)
 @_values
 @click.option("--rad", is_flag=True, help="The values are radians, not degrees.")
 @ASSUME
@@ -188,7 +188,7 @@ def joints(run: Run, values: tuple[str, ...], rad: bool, assume_homed: bool) -> 
     return _move(run, ANGLES, values, assume_homed, rad=rad)
 
 
-@cli.verb("fingertips", writes=True)
+@cli.verb("fingertips", "Move", writes=True)
 @_values
 @ASSUME
 def fingertips(run: Run, values: tuple[str, ...], assume_homed: bool) -> Table:
@@ -201,7 +201,7 @@ def fingertips(run: Run, values: tuple[str, ...], assume_homed: bool) -> Table:
     return _move(run, TIPS, values, assume_homed)
 
 
-@cli.verb("currents", writes=True)
+@cli.verb("currents", "Move", writes=True)
 @_values
 @click.option("--cap", type=Number(0, 1000), default=CAP, show_default=True, metavar="N", help="Refuse more.")
 @click.option(

@@ -48,6 +48,7 @@ def _recall(name: str) -> int | None:
 cli = Group(
     "barrett",
     family=Family("barrett", open_barrett, 9600, recall=_recall),
+    first=("version", "errors", "init", "open", "close", "move", "home", "save", "diagnose", "maintenance", "strain"),
     help="BarrettHand BH8 series over RS-232, firmware 4.3x and 4.4. Motors: 1 2 3 are the fingers, 4 or S the spread, G all fingers.",
 )
 
@@ -76,7 +77,7 @@ add_map_verbs(
 # -- reading ------------------------------------------------------------------------------------------------------
 
 
-@cli.verb("describe")
+@cli.verb("describe", "Look")
 @click.argument("names", nargs=-1, metavar="[NAME]...")
 def describe(run: Run, names: tuple[str, ...]) -> Table:
     """The parameter map itself: mnemonic, range, defaults, access, section. Needs no device."""
@@ -99,7 +100,7 @@ def describe(run: Run, names: tuple[str, ...]) -> Table:
     return Table(rows=table.rows, columns=columns)
 
 
-@cli.verb("version")
+@cli.verb("version", "Look")
 def version(run: Run) -> Table:
     """What the firmware says of itself."""
     text = run.device().version()
@@ -109,7 +110,7 @@ def version(run: Run) -> Table:
     )
 
 
-@cli.verb("errors")
+@cli.verb("errors", "Look")
 @click.argument("code", required=False, type=click.IntRange(0, 1 << 32))
 def errors(run: Run, code: int | None) -> Table:
     """Status codes in the manual's wording; CODE may be a sum. Needs no device."""
@@ -125,7 +126,7 @@ def errors(run: Run, code: int | None) -> Table:
     )
 
 
-@cli.verb("help")
+@cli.verb("help", "Look")
 @click.argument("command", required=False)
 def help_(run: Run, command: str | None) -> Table:
     """The hand's own help for COMMAND or a parameter beside the manual's."""
@@ -155,7 +156,7 @@ def help_(run: Run, command: str | None) -> Table:
 # -- writing parameters ---------------------------------------------------------------------------------------------
 
 
-@cli.verb("set", writes=True)
+@cli.verb("set", "Settings", writes=True)
 @click.argument("assignments", nargs=-1, required=True, metavar="NAME[.MOTOR]=VALUE...")
 @MOTORS_OPTION
 @FORCE
@@ -174,7 +175,7 @@ def set_(run: Run, assignments: tuple[str, ...], motors: str | None, force: bool
     return hand.table(hand.write(changes))
 
 
-@cli.verb("baud", writes=True)
+@cli.verb("baud", "Settings", writes=True)
 @click.argument("rate", required=False, type=int)
 @click.option("--save", "save_too", is_flag=True, help="Save it to EEPROM: the hand starts at this speed from then on.")
 def baud(run: Run, rate: int | None, save_too: bool) -> Table:
@@ -204,7 +205,7 @@ def baud(run: Run, rate: int | None, save_too: bool) -> Table:
     return hand.table(readings)
 
 
-@cli.verb("reset", writes=True)
+@cli.verb("reset", "Service", writes=True)
 def reset(run: Run) -> Table:
     """Restart the firmware like a power cycle; shows its banner. The motors need `init` afterwards.
 
@@ -225,7 +226,7 @@ def reset(run: Run) -> Table:
 # -- passthrough --------------------------------------------------------------------------------------------------
 
 
-@cli.verb("gcl", writes=True)
+@cli.verb("gcl", "Service", writes=True)
 @click.argument("commands", nargs=-1, metavar="[COMMAND]...")
 @click.option("--keep-going", is_flag=True, help="Go on after an error.")
 def gcl_(run: Run, commands: tuple[str, ...], keep_going: bool) -> Table:

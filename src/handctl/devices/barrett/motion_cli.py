@@ -64,7 +64,7 @@ def add_movements(group: Group) -> None:
     for name, gcl_name, doc, argument in MOVEMENTS:
         _movement(group, name, gcl_name, doc, argument)
 
-    @group.verb("stop", writes=True, stops=True)
+    @group.verb("stop", "Move", writes=True, stops=True)
     @MOTORS_OPTION
     def stop(run: Run, motors: str | None) -> Table:
         """Stop the hand at once, also while another handctl has it: ^C ends any movement, T takes the motors' power.
@@ -99,7 +99,7 @@ def _movement(group: Group, name: str, gcl_name: str, doc: str, argument: str) -
         command = HARM(command)
     if argument:
         command = click.argument("value", required=False, type=int, metavar=argument)(command)
-    group.verb(name, writes=True)(command)
+    group.verb(name, "Move", writes=True)(command)
 
 
 MOVEMENTS = (

@@ -20,7 +20,7 @@ from handctl.model.result import Table
 def add_store_commands(group: Group) -> None:
     """Add the commands to the family's group."""
 
-    @group.verb("load", writes=True)
+    @group.verb("load", "Settings", writes=True)
     @MOTORS_OPTION
     def load(run: Run, motors: str | None) -> Table:
         """EEPROM to RAM, motors and hand (FLOAD, PLOAD); the speed may change and is looked for: asks first.
@@ -29,7 +29,7 @@ def add_store_commands(group: Group) -> None:
         """
         return _plain_commands(run, _motors_first(motors, "FLOAD", "PLOAD"))
 
-    @group.verb("defaults", writes=True)
+    @group.verb("defaults", "Settings", writes=True)
     @MOTORS_OPTION
     def defaults(run: Run, motors: str | None) -> Table:
         """Factory values into RAM (FDEF, PDEF), not saved; the speed goes to 9600: asks first.
@@ -38,7 +38,7 @@ def add_store_commands(group: Group) -> None:
         """
         return _plain_commands(run, _motors_first(motors, "FDEF", "PDEF"))
 
-    @group.verb("save", writes=True)
+    @group.verb("save", "Settings", writes=True)
     @MOTORS_OPTION
     @FORCE
     def save(run: Run, motors: str | None, force: bool) -> Table:
@@ -62,7 +62,7 @@ def add_store_commands(group: Group) -> None:
             _refuse_to_keep(int(speed.value or 0), force)
         return eeprom.save(hand, force=force, simulated=run.simulated, prefix=prefix)
 
-    @group.verb("restore", writes=True)
+    @group.verb("restore", "Files", writes=True)
     @click.argument("file", type=InFile())
     @click.option("--save", "save_too", is_flag=True, help="Save to EEPROM afterwards.")
     @FORCE

@@ -56,25 +56,25 @@ add_log_commands(cli)
 # -- reading ------------------------------------------------------------------------------------------------------
 
 
-@cli.verb("time")
+@cli.verb("time", "Look")
 def time_(run: Run) -> Table:
     """The device's time of day."""
     return run.device().clock("time")  # type: ignore[no-any-return]
 
 
-@cli.verb("date")
+@cli.verb("date", "Look")
 def date(run: Run) -> Table:
     """The device's date."""
     return run.device().clock("date")  # type: ignore[no-any-return]
 
 
-@cli.verb("settings")
+@cli.verb("settings", "Look")
 def settings(run: Run) -> Table:
     """All settings (GetSettings, 22 words)."""
     return run.device().message("settings")  # type: ignore[no-any-return]
 
 
-@cli.verb("data")
+@cli.verb("data", "Look")
 def data(run: Run) -> Table:
     """What the device senses now (GetData, 27 words).
 
@@ -83,13 +83,13 @@ def data(run: Run) -> Table:
     return run.device().message("data")  # type: ignore[no-any-return]
 
 
-@cli.verb("feedback")
+@cli.verb("feedback", "Look")
 def feedback(run: Run) -> Table:
     """Steps, times, assistance (GetFeedback, 17 words)."""
     return run.device().message("feedback")  # type: ignore[no-any-return]
 
 
-@cli.verb("describe")
+@cli.verb("describe", "Look")
 @click.argument("names", nargs=-1, metavar=NAMES)
 def describe(run: Run, names: tuple[str, ...]) -> Table:
     """The map itself; needs no device.
@@ -121,7 +121,7 @@ def describe(run: Run, names: tuple[str, ...]) -> Table:
     return Table(rows=table.rows, columns=columns)
 
 
-@cli.verb("policy")
+@cli.verb("policy", "Look")
 @click.option(
     "--audit",
     envvar="HANDCTL_AUDIT",
@@ -248,7 +248,7 @@ def _need_operator(run: Run) -> None:
         )
 
 
-@cli.verb("set", writes=True)
+@cli.verb("set", "Settings", writes=True)
 @click.argument("assignments", nargs=-1, required=True, metavar="NAME=VALUE")
 @_audit_options
 @OVERRIDE
@@ -277,7 +277,7 @@ def set_(run: Run, assignments: tuple[str, ...], audit: str | None, override: bo
     return written_table(ekso, before, ekso.write([change]))
 
 
-@cli.verb("restore", writes=True)
+@cli.verb("restore", "Files", writes=True)
 @click.argument("file", type=InFile())
 @_audit_options
 @OVERRIDE
@@ -309,7 +309,7 @@ class _WordRange(click.IntRange):
         return super().convert(value, param, ctx)
 
 
-@cli.verb("cancel", writes=True)
+@cli.verb("cancel", "Settings", writes=True)
 @click.option(
     "--word",
     default=0x0100,

@@ -32,7 +32,7 @@ def _live(run: Run, live: bool, count: int | None, duration: float | None) -> No
 
 
 def _add_maintenance(group: Group) -> None:
-    @group.verb("maintenance")
+    @group.verb("maintenance", "Service")
     @click.option("--greased", metavar="POINT", is_flag=False, flag_value="all", help=GREASED_HELP)
     @click.option("--steps", type=click.Choice(PROCEDURE_NAMES), help="How to do it, with sections. Needs no device.")
     @click.option("--check", is_flag=True, help="Exit 7 when anything is due or too hot.")
@@ -73,7 +73,7 @@ def _procedure(name: str) -> Table:
 
 
 def _add_strain(group: Group) -> None:
-    @group.verb("strain", writes=True)
+    @group.verb("strain", "Service", writes=True)
     @click.option(
         "--open", "open_first", is_flag=True, help="MOVES: initialize, free the spread, open the fingers first."
     )
@@ -113,7 +113,7 @@ def _add_strain(group: Group) -> None:
 
 
 def _add_fingertips(group: Group) -> None:
-    @group.verb("fingertips")
+    @group.verb("fingertips", "Look")
     @click.option(
         "--positions",
         nargs=4,
@@ -154,7 +154,7 @@ def _add_fingertips(group: Group) -> None:
 
 
 def _add_diagnose(group: Group) -> None:
-    @group.verb("diagnose", writes=True)
+    @group.verb("diagnose", "Service", writes=True)
     @click.argument("symptom", required=False)
     @click.option("--list", "listed", is_flag=True, help="The symptoms of the manual. Needs no device.")
     @click.option("--move", is_flag=True, help="MOVES: also try the symptom's movements (asks first).")

@@ -24,7 +24,10 @@ TONES = {"ok": "good", "warning": "warn", "force": "warn", "fail": "bad"}
 def add_firmware(group: Group) -> None:
     """Add the command group to the family's group."""
     firmware = Group(
-        "firmware", family=group.family, help="Firmware files: check one, load one into the hand (barrett §3.7)."
+        "firmware",
+        heading="Service",
+        family=group.family,
+        help="Firmware files: check one, load one into the hand (barrett §3.7).",
     )
     group.add_command(firmware)
 

@@ -40,7 +40,7 @@ GUARDS = ("stall", "window", "strain", "opening", "heat")
 def add_realtime(group: Group) -> None:
     """Add the command to the family's group."""
 
-    @group.verb("realtime", writes=True, streams=True)
+    @group.verb("realtime", "Move", writes=True, streams=True)
     @click.option("--motors", metavar="12S", help="Motors of the loop: digits, G = fingers, S = spread (default: all).")
     @click.option(
         "--send", metavar="NAMES", help="What control blocks carry: velocity, gain; `velocity@12` for some motors."

@@ -41,7 +41,7 @@ SUMMARY = (
 
 def add_log_commands(group: Group) -> None:
     """Add `log` and `export` to the family's group."""
-    group.verb("log")(log)
+    group.verb("log", "Files")(log)
     group.add_command(_own_format(group, "export", export))
 
 
@@ -293,7 +293,9 @@ def _own_format(group: Group, name: str, body: Callable[..., Table]) -> click.Co
     def call(*args: Any, **more: Any) -> Any:
         return body(click.get_current_context().obj, *args, **more)
 
-    made: click.Command = click.command(name, cls=_ExportCommand, family=group.family)(update_wrapper(call, body))
+    made: click.Command = click.command(name, cls=_ExportCommand, heading="Files", family=group.family)(
+        update_wrapper(call, body)
+    )
     return made
 
 

@@ -46,6 +46,7 @@ def explain(device: ExoHand, error: HandctlError) -> HandctlError:
 cli = Group(
     "exo",
     family=Family("exo", open_exo, 115200, explain, ids=True),
+    first=("position", "force", "clear-errors", "calibrate", "scan"),
     help="Inspire EH55BF1 exoskeleton hand, over RS-232 or a Bluetooth serial port. A person may be wearing it: "
     "commands that move it or change it for good ask first.",
 )
@@ -63,7 +64,7 @@ add_map_verbs(
 # -- reading ------------------------------------------------------------------------------------------------------
 
 
-@cli.verb("read")
+@cli.verb("read", "Service")
 @click.argument("address")
 @click.argument("count", type=int)
 def read(run: Run, address: str, count: int) -> Table:
@@ -78,7 +79,7 @@ def read(run: Run, address: str, count: int) -> Table:
 # -- writing ------------------------------------------------------------------------------------------------------
 
 
-@cli.verb("write", writes=True)
+@cli.verb("write", "Service", writes=True)
 @click.argument("address")
 @click.argument("data", metavar="HEX")
 @click.option("--undocumented", is_flag=True, help="Allow an address that the manual does not document.")
@@ -94,7 +95,7 @@ def write(run: Run, address: str, data: str, undocumented: bool) -> Table:
     return exo_raw.write(run.device(), place, exo_raw.parse_hex(data))
 
 
-@cli.verb("raw", writes=True)
+@cli.verb("raw", "Service", writes=True)
 @click.argument("data", nargs=-1, required=True, metavar="HEX...")
 @click.option(
     "--wait",
@@ -124,7 +125,7 @@ def raw(run: Run, data: tuple[str, ...], wait: float, force_ambiguous: bool) -> 
         return exo_raw.exchange(hand, frame, wait)
 
 
-@cli.verb("id", writes=True)
+@cli.verb("id", "Settings", writes=True)
 @click.argument("new", required=False, type=int)
 def id_(run: Run, new: int | None) -> Table:
     """Show the id, or give the hand a NEW one (1 to 254). Acts at once; `save` keeps it. One hand on the line."""
@@ -141,7 +142,7 @@ def id_(run: Run, new: int | None) -> Table:
     return procedures.change_id(run.device(), new)
 
 
-@cli.verb("baud", writes=True)
+@cli.verb("baud", "Settings", writes=True)
 @click.argument("rate", required=False, type=int)
 @click.option(
     "--save",
@@ -226,7 +227,7 @@ def _only_reads(run: Run, name: str) -> None:
         )
 
 
-@cli.verb("clear-errors", writes=True)
+@cli.verb("clear-errors", "Service", writes=True)
 def clear_errors(run: Run) -> Table:
     """Clear actuator errors and show what is left. Over-temperature is not clearable: it goes away by cooling."""
     from handctl.devices.inspire.exo import flash
@@ -241,7 +242,7 @@ SKIP_IDENTITY = click.option(
 )
 
 
-@cli.verb("save", writes=True)
+@cli.verb("save", "Settings", writes=True)
 @SKIP_IDENTITY
 def save(run: Run, skip_identity_check: bool) -> Table:
     """Keep the present parameters in flash; waits for the hand's result (about 1 s)."""
@@ -257,7 +258,7 @@ def save(run: Run, skip_identity_check: bool) -> Table:
     return flash.save(hand, run.guide)
 
 
-@cli.verb("factory-reset", writes=True)
+@cli.verb("factory-reset", "Settings", writes=True)
 @click.option(
     "--undocumented-address",
     is_flag=True,
@@ -301,7 +302,7 @@ add_movements(cli)
 # -- looking for hands --------------------------------------------------------------------------------------------
 
 
-@cli.verb("scan")
+@cli.verb("scan", "Service")
 @click.option("--ids", default="1-254", show_default=True, metavar="FROM-TO", help="Ids to ask.")
 @click.option("--speeds", default="115200,57600,19200", show_default=True, metavar="LIST", help="Speeds to try.")
 @click.option(

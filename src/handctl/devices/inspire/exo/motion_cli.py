@@ -34,7 +34,7 @@ NEGATIVE_NUMBERS = {"ignore_unknown_options": True}
 def add_movements(group: Group) -> None:
     """Add the commands to the family's group."""
 
-    @group.verb("calibrate", writes=True)
+    @group.verb("calibrate", "Service", writes=True)
     def calibrate(run: Run) -> Table:
         """Guided calibration of forces and positions. The hand must be worn, and it moves the wearer's fingers."""
         from handctl.devices.inspire.exo import motion
@@ -47,7 +47,7 @@ def add_movements(group: Group) -> None:
         run.confirm("The hand must be worn and moves all fingers through the steps above; no command stops it", steps)
         return motion.calibrate(run.device(), run.guide)
 
-    @group.verb("force", writes=True)
+    @group.verb("force", "Move", writes=True)
     @click.argument("values", nargs=5, type=_Signed(), metavar="LITTLE RING MIDDLE INDEX THUMB")
     def force(run: Run, values: tuple[int, ...]) -> Table:
         """Command forces, -1000 to 1000: positive opens the hand, negative closes it. Shows the positions it answers.
@@ -56,7 +56,7 @@ def add_movements(group: Group) -> None:
         """
         return _command(run, "force", values)
 
-    @group.verb("position", writes=True)
+    @group.verb("position", "Move", writes=True)
     @click.argument("values", nargs=5, type=_Signed(), metavar="LITTLE RING MIDDLE INDEX THUMB")
     @click.option(
         "--wait",

@@ -45,6 +45,7 @@ def open_wrist(link: ByteLink | FrameLink, settings: Settings, journal: Journal)
 cli = Group(
     "wrist",
     family=Family("wrist", open_wrist, 115200, wires=("serial", "can"), ids=True),
+    first=("scan", "read"),
     help="Inspire wrist module of the dexterous hand, over RS-232, RS-485 or CAN (-p can:INTERFACE:CHANNEL). "
     "It moves on its bench without asking.",
 )
@@ -60,7 +61,7 @@ add_map_verbs(cli, WRIST, example="pitch_actual yaw_actual", setting="yaw_set=10
 # -- reading ------------------------------------------------------------------------------------------------------
 
 
-@cli.verb("read")
+@cli.verb("read", "Service")
 @click.argument("address")
 @click.argument("count", type=int)
 def read(run: Run, address: str, count: int) -> Table:
@@ -73,7 +74,7 @@ def read(run: Run, address: str, count: int) -> Table:
     return exo_raw.read(run.device(), place, count)
 
 
-@cli.verb("hand-read")
+@cli.verb("hand-read", "Service")
 @click.argument("address")
 @click.argument("count", type=int)
 def hand_read(run: Run, address: str, count: int) -> Table:
@@ -89,7 +90,7 @@ def hand_read(run: Run, address: str, count: int) -> Table:
 # -- moving and writing ---------------------------------------------------------------------------------------------
 
 
-@cli.verb("move", writes=True)
+@cli.verb("move", "Move", writes=True)
 @click.option("--pitch", metavar="DEG", help="-22.66 to 22.12, two decimals.")
 @click.option("--yaw", metavar="DEG", help="-25.50 to 25.50, two decimals.")
 @click.option("--time", metavar="MS", help="Movement time; without it the one the wrist holds.")
@@ -101,7 +102,7 @@ def move(run: Run, pitch: str | None, yaw: str | None, time: str | None, wait: f
     return _move(run, values, wait)
 
 
-@cli.verb("center", writes=True)
+@cli.verb("center", "Move", writes=True)
 @click.option("--time", metavar="MS", help="Movement time; without it the one the wrist holds.")
 def center(run: Run, time: str | None) -> Table:
     """Move both axes to 0 degrees and wait until they stand."""
@@ -121,7 +122,7 @@ def _move(run: Run, values: dict[str, Any], wait: float | None) -> Table:
     return device.move(changes, run.guide, wait=wait)
 
 
-@cli.verb("write", writes=True)
+@cli.verb("write", "Service", writes=True)
 @click.argument("address")
 @click.argument("data", metavar="HEX")
 def write(run: Run, address: str, data: str) -> Table:
@@ -136,7 +137,7 @@ def write(run: Run, address: str, data: str) -> Table:
     return wrist_raw.write(run.device(), place, exo_raw.parse_hex(data))
 
 
-@cli.verb("hand-write", writes=True)
+@cli.verb("hand-write", "Service", writes=True)
 @click.argument("address")
 @click.argument("data", metavar="HEX")
 @FORCE
@@ -153,7 +154,7 @@ def hand_write(run: Run, address: str, data: str, force_ambiguous: bool) -> Tabl
     return wrist_raw.hand_write(run.device(), place, payload)
 
 
-@cli.verb("raw", writes=True)
+@cli.verb("raw", "Service", writes=True)
 @click.argument("data", nargs=-1, required=True, metavar="HEX...")
 @click.option(
     "--wait",
@@ -198,7 +199,7 @@ def raw(run: Run, data: tuple[str, ...], wait: float, force_ambiguous: bool) -> 
 # -- files, scan ----------------------------------------------------------------------------------------------------
 
 
-@cli.verb("scan")
+@cli.verb("scan", "Service")
 @click.option(
     "--ids",
     default="1-254",
