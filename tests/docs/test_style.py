@@ -1,0 +1,157 @@
+"""The rules of tests/STYLE.md that a machine can hold, over every text that a person reads."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from handctl.docgen.tree import read_tree
+from handctl.families import COMMANDS
+from tests.support.forks import ROOT
+
+SOURCE = ROOT / "src/handctl"
+ROOMS = {
+    "aidin": ("devices/aidin",),
+    "barrett": ("devices/barrett",),
+    "ekso": ("devices/ekso",),
+    "inspire": ("devices/inspire",),
+    "sim": ("sim",),
+    "kernel": ("frame", "link", "model", "report", "schema", "screen", "stop", "tools"),
+    "root": ("*.py",),
+}
+"""Which folders of the package are read together."""
+LONGEST = 28
+"""Words in one sentence."""
+ERRORS = {"UsageError", "LinkError", "NoAnswer", "ProtocolError", "DeviceRefused", "CheckFailed", "NotConfirmed"}
+VERBATIM = ("Cntl-C abort command received",)
+"""The manuals' own words, and what a program prints that is none of ours."""
+
+
+UNREAD = {"aidin", "barrett", "ekso", "inspire", "sim", "kernel", "root", *COMMANDS}
+"""What is still to be edited: rooms, and commands whose help is. Empty in the end."""
+
+
+def still(names: Iterable[str]) -> list[Any]:
+    return [pytest.param(name, marks=[pytest.mark.xfail(strict=False)] if name in UNREAD else []) for name in names]
+
+
+def page() -> str:
+    return (ROOT / "tests/STYLE.md").read_text(encoding="utf-8")
+
+
+def column(heading: str, number: int) -> list[str]:
+    """One column of the table below a heading of the page."""
+    rows = [line for line in page().split(heading, 1)[1].split("\n## ")[0].splitlines() if line.startswith("| ")]
+    return [row.split("|")[number].strip() for row in rows[1:]]
+
+
+BANNED = [
+    re.compile(rf"(?<![\w`-]){re.escape(words)}(?!\w)", re.IGNORECASE)
+    for words in column("## Not this, but that", 1)
+    + ["baud rate", "baudrate", "reply", "replies", "response", "replug"]
+]
+
+
+def literals(path: Path) -> Iterator[tuple[int, str]]:
+    """The strings of a module without its docstrings; what is filled in is `{}`."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    inner: set[int] = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
+            inner.add(id(node.value))
+        elif isinstance(node, ast.JoinedStr):
+            inner.update(id(part) for part in ast.walk(node) if part is not node)
+    for node in ast.walk(tree):
+        if id(node) in inner:
+            continue
+        if isinstance(node, ast.Constant) and isinstance(node.value, str):
+            yield node.lineno, node.value
+        elif isinstance(node, ast.JoinedStr):
+            yield (
+                node.lineno,
+                "".join(str(part.value) if isinstance(part, ast.Constant) else "{}" for part in node.values),
+            )
+
+
+def texts(room: str) -> Iterator[tuple[str, str]]:
+    """Place and words of every text of a room: a string of four words or more that is neither code nor markup."""
+    for folder in ROOMS[room]:
+        for path in sorted(SOURCE.glob(folder) if "*" in folder else (SOURCE / folder).rglob("*.py")):
+            for line, text in literals(path):
+                if len(text.split()) >= 4 and not re.search(r"<\w+|[{(]\n|</|: \{", text) and text not in VERBATIM:
+                    yield f"{path.relative_to(SOURCE)}:{line}", text
+
+
+def sentences(text: str) -> list[str]:
+    return re.split(r"(?<=[.!?:])\s+|\n", text)
+
+
+def faults(text: str) -> Iterator[str]:
+    """What a text has against the rules."""
+    plain = re.sub(r"`[^`]*`|\"[^\"]*\"", "QUOTED", text)
+    for pattern in BANNED:
+        if found := pattern.search(plain):
+            yield f"{found[0]!r} is not a word of ours"
+    if ";" in plain:
+        yield "a semicolon"
+    if re.search(r"\w –|\w — |\w - [a-z]", plain):
+        yield "a dash between clauses"
+    for sentence in sentences(plain):
+        if len(sentence.split()) > LONGEST:
+            yield f"{len(sentence.split())} words in a sentence"
+
+
+@pytest.mark.parametrize("room", still(ROOMS))
+def test_texts(room: str) -> None:
+    found = [f"{place}: {fault}: {text[:120]!r}" for place, text in texts(room) for fault in faults(text)]
+    assert not found, f"{len(found)} faults\n" + "\n".join(found)
+
+
+@pytest.mark.parametrize("room", still(ROOMS))
+def test_every_error_has_a_next_step(room: str) -> None:
+    found = []
+    for folder in ROOMS[room]:
+        for path in sorted(SOURCE.glob(folder) if "*" in folder else (SOURCE / folder).rglob("*.py")):
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+                if not (isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call)):
+                    continue
+                name = getattr(node.exc.func, "id", getattr(node.exc.func, "attr", ""))
+                if name in ERRORS and not any(keyword.arg == "hint" for keyword in node.exc.keywords):
+                    found.append(f"{path.relative_to(SOURCE)}:{node.lineno}: {name} without a hint")
+    assert not found, "\n".join(found)
+
+
+@pytest.mark.parametrize("top", still(COMMANDS))
+def test_help(top: str) -> None:
+    """Each help begins with a capital, ends with a full stop, has a first sentence of one line, and keeps to the rules."""
+    found = []
+    for node in next(child for child in read_tree().children if child.name == top).walk():
+        pieces = [
+            (node.name, node.help),
+            *((f"{node.name} {option.names[-1]}", option.help) for option in node.options),
+        ]
+        for place, text in pieces:
+            words = re.sub(r"\s+", " ", text.replace("\b", "")).strip()
+            faulty = list(faults(words))
+            if words and not re.match(r"[A-Z0-9`-]|handctl", words):
+                faulty.append("begins without a capital")
+            if words and not words.endswith((".", "]", ":", "…")):
+                faulty.append("ends without a full stop")
+            if place == node.name and len(sentences(words)[0]) > 76:
+                faulty.append(f"the first sentence has {len(sentences(words)[0])} characters")
+            found += [f"{place}: {fault}: {words[:100]!r}" for fault in faulty]
+    assert not found, f"{len(found)} faults\n" + "\n".join(found)
+
+
+def test_the_rules_find_what_they_name() -> None:
+    for bad in (
+        "1 is no number of a finger", "the port is there; nobody answers", "the hand stands — it waits", "one " * 29,
+        "the reply was late", "handctl tells the speed",
+    ):  # fmt: skip
+        assert list(faults(bad)), bad
+    assert not list(faults('The hand did not answer within 0.3 s. Run `handctl exo scan; true` and read "no; nobody".'))
