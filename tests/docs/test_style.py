@@ -52,8 +52,15 @@ def column(heading: str, number: int) -> list[str]:
 
 BANNED = [
     re.compile(rf"(?<![\w`-]){re.escape(words)}(?!\w)", re.IGNORECASE)
-    for words in column("## Not this, but that", 1)
-    + ["baud rate", "baudrate", "reply", "replies", "response", "replug"]
+    for words in [
+        *column("## Not this, but that", 1),
+        "baud rate",
+        "baudrate",
+        "reply",
+        "replies",
+        "response",
+        "replug",
+    ]
 ]
 
 
