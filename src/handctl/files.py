@@ -1,6 +1,6 @@
 """The one gate for files: what is read is a regular file of bounded size, what is written is whole or not there at all.
 
-`read`, `read_text` and `opened` raise UsageError with a sentence for the user. `whole` raises OSError: what a write that
+`read`, `read_text` and `opened` raise UsageError with a sentence for the user. `atomic_write` raises OSError: what a write that
 fails means is its callers' to say. `clash` tells two names of one file. Knows no device.
 """
 
@@ -112,7 +112,7 @@ def clash(one: str | os.PathLike[str], other: str | os.PathLike[str]) -> bool:
 
 
 @contextlib.contextmanager
-def whole(path: str | os.PathLike[str], mode: str = "w") -> Iterator[IO[Any]]:
+def atomic_write(path: str | os.PathLike[str], mode: str = "w") -> Iterator[IO[Any]]:
     """A file to be written: a new one beside `path`, at the end on the disk and in its place; gone when the body raises.
 
     What is replaced keeps its permissions and its owner, and a symbolic link stays one. A device or a pipe is written to, never

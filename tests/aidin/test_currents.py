@@ -9,7 +9,7 @@ import pytest
 from handctl.devices.aidin.currents import currents
 from handctl.devices.aidin.map import CURRENTS
 from handctl.devices.aidin.targets import Goal, parse
-from handctl.devices.aidin.way import Exchange, Way
+from handctl.devices.aidin.way import ExchangeMode, Way
 from handctl.errors import CheckFailed, HandctlError, Interrupted, NoAnswer, ProtocolError
 from handctl.model.guide import Guide
 from tests.aidin.support import (  # fmt: skip
@@ -119,7 +119,7 @@ def test_currents_that_are_kept_stay_below_the_cap() -> None:
     assert link.sent == []
 
 
-COMMANDED = Way(exchange=Exchange.COMMAND)
+COMMANDED = Way(exchange=ExchangeMode.COMMAND)
 
 
 def test_a_hand_that_answers_commands_needs_the_whole_vector() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from handctl.devices.aidin.map import AIDIN, FEEDBACK
-from handctl.devices.aidin.way import Exchange
+from handctl.devices.aidin.way import ExchangeMode
 from handctl.errors import HandctlError, LinkError, NoAnswer, ProtocolError
 from handctl.link import Deadline
 from handctl.model.param import elements_of
@@ -23,7 +23,7 @@ def test_a_stream_is_listened_to_and_nothing_is_sent() -> None:
     link = streamer()
     hand = hand_on(link)
     table = hand.dump()
-    assert hand.talk.exchange is Exchange.STREAM
+    assert hand.talk.exchange is ExchangeMode.STREAM
     assert link.sent == []
     assert len(table.rows) == 15 + 20 + 15 + 15 + 30
     assert table.failure is None
@@ -33,7 +33,7 @@ def test_a_silent_hand_is_asked_with_the_neutral_object_after_300_ms() -> None:
     link = poller(feedback())
     hand = hand_on(link)
     hand.talk.connect()
-    assert hand.talk.exchange is Exchange.POLL
+    assert hand.talk.exchange is ExchangeMode.POLL
     assert link.sent == [POLL]
     assert link.sent_at == [pytest.approx(0.3)]
 

@@ -52,7 +52,7 @@ def test_both_have_the_same_feedback() -> None:
     told = Simulated().ask({})
     assert {key: len(values) for key, values in told.items()} == {param.key: param.count for param in FEEDBACK}
     for param in FEEDBACK:
-        assert all(isinstance(value, int) == (param.whole is not None) for value in told[param.key]), param.key
+        assert all(isinstance(value, int) == (param.int_range is not None) for value in told[param.key]), param.key
 
 
 @pytest.mark.parametrize("finger", range(5), ids=FINGERS)
@@ -95,8 +95,8 @@ def test_both_have_the_same_limits(param: AidinParam, mode: int, index: int, end
     hand.ask({"hand_mode": mode, param.key: middle(param)})
     rest = hand.after(4.0)["motor_pos"]
     values = middle(param)
-    beyond = limit[end] + (1 if end else -1) * (1 if param.whole else 0.2)
-    values[index] = int(beyond) if param.whole else radians(beyond) if param.angles else beyond
+    beyond = limit[end] + (1 if end else -1) * (1 if param.int_range else 0.2)
+    values[index] = int(beyond) if param.int_range else radians(beyond) if param.angles else beyond
     hand.ask({"hand_mode": mode, param.key: values})
     assert hand.after(0.5)["motor_pos"] == rest
     values[index] = param.to_wire(index, limit[end])

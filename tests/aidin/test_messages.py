@@ -200,13 +200,13 @@ def test_fuzz_pieces_do_not_matter(pieces: list[bytes], size: int) -> None:
 
 def test_numbers() -> None:
     assert numbers([1, 2.5, -3], 3) == (1.0, 2.5, -3.0)
-    taken = numbers([1, 12.0, -3], 3, whole=(-10, 20))
+    taken = numbers([1, 12.0, -3], 3, int_range=(-10, 20))
     assert taken == (1, 12, -3)
     assert all(isinstance(number, int) for number in taken)
 
 
 @pytest.mark.parametrize(
-    ("value", "whole", "code"),
+    ("value", "int_range", "code"),
     [
         (None, None, "bad-type"), ("1,2,3", None, "bad-type"), ({"a": 1}, None, "bad-type"), (7, None, "bad-type"),
         ([1, 2], None, "bad-length"), ([1, 2, 3, 4], None, "bad-length"), ([], None, "bad-length"),
@@ -218,9 +218,9 @@ def test_numbers() -> None:
         ([1, 10**5000, 3], (-5, 5), "not-finite"),
     ],
 )  # fmt: skip
-def test_numbers_refused(value: object, whole: tuple[int, int] | None, code: str) -> None:
+def test_numbers_refused(value: object, int_range: tuple[int, int] | None, code: str) -> None:
     with pytest.raises(ProtocolError) as caught:
-        numbers(value, 3, whole=whole)
+        numbers(value, 3, int_range=int_range)
     assert caught.value.code == code
 
 

@@ -9,7 +9,7 @@ from collections.abc import Callable
 import pytest
 
 from handctl.devices.aidin.map import FEEDBACK
-from handctl.devices.aidin.way import Exchange
+from handctl.devices.aidin.way import ExchangeMode
 from handctl.errors import ProtocolError
 from handctl.link import ByteLink
 from handctl.model.param import elements_of
@@ -110,7 +110,7 @@ def test_a_slow_stream_is_read_and_known_for_one(hertz: int, phase: float) -> No
     assert "streams by itself" in how
     for _ in range(5):
         assert hand.dump().failure is None
-    assert hand.talk.exchange is Exchange.STREAM
+    assert hand.talk.exchange is ExchangeMode.STREAM
 
 
 def test_a_hand_that_answers_is_not_asked_again_to_find_out() -> None:

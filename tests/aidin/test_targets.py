@@ -14,7 +14,7 @@ OPEN = [-13.0, 0.0, 154.0, 154.0] + [-45.0, 0.0, 175.0, 175.0] * 4
 
 def test_joints_without_q4_are_mirrored() -> None:
     goal = parse(ANGLES, FIFTEEN)
-    assert goal.whole
+    assert goal.names_all
     values = goal.complete(None)
     assert values[:8] == [10, 5, 118, 118, -4, 5, 165, 165]
     assert goal.wire(values)[:8] == (0.174533, 0.087266, 2.059489, 2.059489, -0.069813, 0.087266, 2.879793, 2.879793)
@@ -51,7 +51,7 @@ def test_joints_with_q4_go_as_given() -> None:
 
 def test_pairs_keep_the_others_where_they_are() -> None:
     goal = parse(ANGLES, ["index.q3=160", "thumb.q1=-4.5"])
-    assert not goal.whole
+    assert not goal.names_all
     values = goal.complete(OPEN)
     assert values[:8] == [-4.5, 0, 154, 154, -45, 0, 160, 160]
     assert values[8:] == OPEN[8:]

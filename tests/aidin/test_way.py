@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from handctl.devices.aidin.way import FIND_OUT, Exchange, Way, neutral, way_of
+from handctl.devices.aidin.way import FIND_OUT, ExchangeMode, Way, neutral, way_of
 from handctl.errors import NoAnswer, UsageError
 from handctl.frame.options import Settings
 from tests.aidin.support import feedback, hand_on, poller, simulated, stopped, streamer
@@ -16,10 +16,10 @@ from tests.support.scripted import ScriptedLink
 
 
 def test_the_default_finds_out() -> None:
-    assert way_of(Settings()) == FIND_OUT == Way(Exchange.UNKNOWN, b"{}", b"\n")
+    assert way_of(Settings()) == FIND_OUT == Way(ExchangeMode.UNKNOWN, b"{}", b"\n")
     assert way_of(
         Settings(own={"exchange": "poll", "poll_json": ' { "a" : [1, 2.5, "\u00e4"] }', "tx_terminator": "nul"})
-    ) == Way(Exchange.POLL, b'{"a":[1,2.5,"\\u00e4"]}', b"\0")
+    ) == Way(ExchangeMode.POLL, b'{"a":[1,2.5,"\\u00e4"]}', b"\0")
 
 
 @pytest.mark.parametrize("text", [
@@ -57,23 +57,23 @@ def test_a_poll_object_that_would_never_be_sent(exchange: str) -> None:
 
 def test_a_stream_is_never_asked() -> None:
     link = streamer()
-    assert hand_on(link, way=Way(Exchange.STREAM)).dump().failure is None
+    assert hand_on(link, way=Way(ExchangeMode.STREAM)).dump().failure is None
     assert link.sent == []
     mute = ScriptedLink()
     with pytest.raises(NoAnswer, match="--exchange stream asks nothing"):
-        hand_on(mute, way=Way(Exchange.STREAM)).dump()
+        hand_on(mute, way=Way(ExchangeMode.STREAM)).dump()
     assert (mute.sent, mute.clock) == ([], pytest.approx(1.0))
 
 
 def test_a_poll_is_asked_at_once_with_the_object_of_the_user() -> None:
     link = poller(lambda request: feedback() if request == b'{"get":1}\r\n' else None)
-    hand = hand_on(link, way=Way(Exchange.POLL, neutral('{"get": 1}'), b"\r\n"))
+    hand = hand_on(link, way=Way(ExchangeMode.POLL, neutral('{"get": 1}'), b"\r\n"))
     assert hand.dump().failure is None
     assert link.sent == [b'{"get":1}\r\n'] * 2
     assert link.sent_at[0] == 0.0
     mute = ScriptedLink()
     with pytest.raises(NoAnswer, match=r'does not answer \{"get":1\}'):
-        hand_on(mute, way=Way(Exchange.POLL, neutral('{"get": 1}'))).dump()
+        hand_on(mute, way=Way(ExchangeMode.POLL, neutral('{"get": 1}'))).dump()
     assert mute.sent == [b'{"get":1}\n'] * 2
 
 
@@ -81,7 +81,7 @@ def test_a_hand_that_answers_commands_is_not_commanded_to_look() -> None:
     link = poller(feedback())
     for silent in (False, True):
         with pytest.raises(UsageError) as caught:
-            hand_on(link, way=Way(Exchange.COMMAND)).talk.connect(silent=silent)
+            hand_on(link, way=Way(ExchangeMode.COMMAND)).talk.connect(silent=silent)
         assert caught.value.code == "commands-only"
     assert link.sent == []
 

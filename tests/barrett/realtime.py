@@ -8,7 +8,7 @@ from typing import Any
 from handctl.devices.barrett.realtime.flags import Wish
 from handctl.devices.barrett.realtime.guards import GUARDS
 from handctl.devices.barrett.realtime.loop import RealtimeLoop
-from handctl.devices.barrett.realtime.schedule import Change, Source
+from handctl.devices.barrett.realtime.schedule import Change, Controls
 from handctl.errors import HandctlError
 from handctl.model.guide import Guide
 from handctl.model.result import Sample
@@ -31,7 +31,7 @@ class Run:
         *,
         receive: Names | None = EXAMPLE,
         temperature: bool | None = True,
-        source: Source | None = None,
+        controls: Controls | None = None,
         hold: bool = False,
         sequential: bool | None = None,
         motors: tuple[int, ...] = (0, 1, 3),
@@ -50,8 +50,8 @@ class Run:
             link.sent.clear()
         self.before = self.flags()
         wish = Wish(motors, receive, temperature, hold, frozenset(guards), delta_unit)
-        sequential = source is not None if sequential is None else sequential
-        self.loop = RealtimeLoop(self.hand, guide or Guide(), wish, source, sequential=sequential)
+        sequential = controls is not None if sequential is None else sequential
+        self.loop = RealtimeLoop(self.hand, guide or Guide(), wish, controls, sequential=sequential)
         self.samples: list[Sample] = []
         self.error: BaseException | None = None
 
@@ -102,8 +102,8 @@ class Run:
         ]
 
 
-def example(values: Change = TWENTY) -> Source:
-    return Source({0: ("velocity",), 1: ("velocity",), 3: ()}, values)
+def example(values: Change = TWENTY) -> Controls:
+    return Controls({0: ("velocity",), 1: ("velocity",), 3: ()}, values)
 
 
 def assert_left(run: Run, *, zero: bool = True, power_off: bool = True) -> None:

@@ -28,7 +28,7 @@ from tests.barrett.support import ABORT, QUESTION, Simulated, codes, scripted, s
 
 def test_thrown_out_while_motors_run_there_is_a_second_abort_behind_the_cr() -> None:
     """The CR that ends what was typed at the prompt may begin a command; ^C stops it before T (dossier 6.6)."""
-    run = Run("fault=loop-error&loop-code=2048&loop-after=2&wire=auto", source=example()).go(10)
+    run = Run("fault=loop-error&loop-code=2048&loop-after=2&wire=auto", controls=example()).go(10)
     assert isinstance(run.error, HandctlError) and run.error.code == "err-2048"
     sent = run.link.sent[run.link.sent.index(b"124LOOP\r") :]
     before_t = sent[: sent.index(b"124T\r")]
@@ -37,10 +37,10 @@ def test_thrown_out_while_motors_run_there_is_a_second_abort_behind_the_cr() -> 
 
 def test_flags_are_not_written_to_a_hand_that_may_still_be_in_its_loop() -> None:
     """Letters are headers there: only ^C and T go out to a hand that does not come back to its prompt."""
-    run = Run("fault=loop-silent&loop-after=4&wire=auto", source=example()).go(50)
+    run = Run("fault=loop-silent&loop-after=4&wire=auto", controls=example()).go(50)
     assert run.loop.failure is not None
     assert not [line for line in run.after if "SET" in line]
-    refused = Run(source=example())
+    refused = Run(controls=example())
     ask = refused.hand.line.ask
     refused.hand.line.ask = lambda command, **more: (  # type: ignore[method-assign]
         Answer(command, (), 8192, b"") if command == "124T" else ask(command, **more)
@@ -64,7 +64,7 @@ def test_ctrl_c_while_a_block_is_written_ends_the_loop() -> None:
             self.blocks += 1
             presses.count = self.blocks == 3
 
-    run = Run(source=example(), guide=Impatient()).go(50)
+    run = Run(controls=example(), guide=Impatient()).go(50)
     assert isinstance(run.error, KeyboardInterrupt)
     assert len(run.samples) < 3 and run.stands() and run.flags() == run.before
     assert "124T" in run.after
@@ -98,7 +98,7 @@ def test_torque_control_of_later_firmware_is_switched_off_for_velocities() -> No
     """LCT excludes LCV and LCPG (dossier 6.5); it is as before afterwards."""
     link = Simulated("initialized=1&firmware=4.4")
     link.feed(b"124FSET LCT 1\r")
-    run = Run(link=link, source=example())
+    run = Run(link=link, controls=example())
     before = run.control("ram LCT")
     run.go(2)
     assert run.error is None and run.loop.failure is None

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from handctl.devices.barrett.realtime import cli
 from handctl.devices.barrett.realtime.guards import BEYOND, GUARDS, TRAVEL, Guards, Limits, implausible
-from handctl.devices.barrett.realtime.schedule import Change, Schedule, Source
+from handctl.devices.barrett.realtime.schedule import Change, Controls, Schedule
 from handctl.errors import CheckFailed, ProtocolError, UsageError
 from tests.barrett.commands import fake
 from tests.barrett.realtime import Names, Run, assert_left
@@ -21,20 +21,20 @@ ONE: Names = {0: ("strain", "position")}
 WIRE = "wire=auto&baud=38400"
 
 
-def at(velocity: int, motor: int = 0) -> Source:
-    return Source({motor: ("velocity",)}, {(motor, "velocity"): velocity})
+def at(velocity: int, motor: int = 0) -> Controls:
+    return Controls({motor: ("velocity",)}, {(motor, "velocity"): velocity})
 
 
-def driven(velocity: int | Source, *, query: str = WIRE, line: str = "", first: str = "", **more: Any) -> Run:
+def driven(velocity: int | Controls, *, query: str = WIRE, line: str = "", first: str = "", **more: Any) -> Run:
     """One motor under a constant velocity; `line` is typed before, `first` is a control command."""
     link = Simulated(f"initialized=1&{query}", 38400 if "baud=38400" in query else 9600)
     link.sleep(0.01)
     if line:
         link.feed(line.encode() + CR)
         link.sleep(0.2)
-    source = velocity if isinstance(velocity, Source) else at(velocity)
+    controls = velocity if isinstance(velocity, Controls) else at(velocity)
     more = {"receive": ONE, "temperature": False, "motors": (0,), "delta_unit": None, **more}
-    loop = Run(link=link, source=source, **more)
+    loop = Run(link=link, controls=controls, **more)
     if first:
         loop.control(first)
     return loop
@@ -124,7 +124,7 @@ def test_an_opening_slam_is_refused() -> None:
 
 
 def test_a_late_opening_slam_of_a_live_line_leaves_the_loop() -> None:
-    class Sudden(Source):
+    class Sudden(Controls):
         live = True
 
         def extremes(self, index: int) -> tuple[int, int]:
@@ -186,8 +186,8 @@ def test_a_motor_held_may_turn_back() -> None:
     rows: list[tuple[float, Change]] = [
         (0.0, {(0, "velocity"): 127}), (1.0, {(0, "velocity"): -60}), (1.2, {(0, "velocity"): 60}), (1.25, {}),
     ]  # fmt: skip
-    source = Schedule({0: ("velocity",)}, rows, {})
-    loop = driven(source, first="position F1 15000").go(None)
+    controls = Schedule({0: ("velocity",)}, rows, {})
+    loop = driven(controls, first="position F1 15000").go(None)
     assert [event["guard"] for event in events(loop)] == ["window"]
     assert list(dict.fromkeys(commands_of(loop))) == [127, 0, -60, 60]
 
@@ -238,9 +238,9 @@ def test_what_lfdpd_drops_stays_lost() -> None:
 @pytest.mark.parametrize("rate", [0.0, 10.0])
 def test_no_sample_behind_a_lost_or_added_byte_is_given_out_as_data(fault: str, drives: bool, rate: float) -> None:
     """Position 60202, strain 5, no error: that was the sample after it. Now each is proved, or says that it is not."""
-    source = at(10) if drives else None
+    controls = at(10) if drives else None
     query = f"fault={fault}&loop-after=4&wire=auto"
-    loop = Run(query, source=source, receive={0: ("strain", "position")}, temperature=False, motors=(0,))
+    loop = Run(query, controls=controls, receive={0: ("strain", "position")}, temperature=False, motors=(0,))
     loop.go(30, rate=rate)
     assert isinstance(loop.error, ProtocolError)
     sound = [sample for sample in loop.samples if not any(row["doubt"] for row in sample.rows)]

@@ -11,7 +11,7 @@ import pytest
 from handctl.devices.barrett.gcl.language import Answer
 from handctl.devices.barrett.realtime.flags import Wish
 from handctl.devices.barrett.realtime.loop import SELF_TEST_BLOCKS, RealtimeLoop
-from handctl.devices.barrett.realtime.schedule import Schedule, Source, Values
+from handctl.devices.barrett.realtime.schedule import Controls, Schedule, Values
 from handctl.errors import CheckFailed, HandctlError, ProtocolError, UsageError
 from handctl.link import Deadline
 from handctl.model.guide import Guide
@@ -25,7 +25,7 @@ from tests.support.scripted import hexed
 
 def test_the_example_byte_for_byte() -> None:
     """§6.4: flags set, 124LOOP, `C` +20 +127, 8 bytes of feedback decoded; zero, ^C, T, flags as before."""
-    run = Run("no-load=120,120,120&loop-jump=20,127,0,0", source=example()).go(2)
+    run = Run("no-load=120,120,120&loop-jump=20,127,0,0", controls=example()).go(2)
     assert run.error is None and run.loop.failure is None
     lines = [data.removesuffix(CR).decode() for data in run.link.sent if data.endswith(CR)]
     entry = lines.index("124LOOP")
@@ -53,7 +53,7 @@ def test_the_example_byte_for_byte() -> None:
 
 
 def test_flags_are_what_was_asked_while_inside_and_as_before_afterwards() -> None:
-    run = Run(source=example())
+    run = Run(controls=example())
     seen = []
     for _ in run.loop.run(rate=0.0, count=1, duration=None):
         seen.append(run.flags())
@@ -86,7 +86,7 @@ def test_nothing_to_receive_is_acknowledged_only() -> None:
     nothing: Names = {0: (), 1: (), 3: ()}
     watched = Run(receive=nothing, temperature=False).go(2)
     assert [hexed(data) for data in watched.inside] == ["61", "61", "03"]
-    driven = Run(receive=nothing, temperature=False, source=example(), guards=()).go(2)
+    driven = Run(receive=nothing, temperature=False, controls=example(), guards=()).go(2)
     assert [hexed(data) for data in driven.inside] == ["63 14 7F", "63 14 7F", "63 00 00", "03"]
     assert driven.stands() and driven.error is None
 
@@ -96,9 +96,9 @@ def test_gain_and_coefficients() -> None:
     link = Simulated("initialized=1&loop-jump=500,0,0,0")
     for line in ("1FSET LCVC 3 LFDPC 2 LFVC 4",):
         link.feed(line.encode() + CR)
-    source = Source({0: ("velocity", "gain")}, {(0, "velocity"): -2, (0, "gain"): 9})
+    controls = Controls({0: ("velocity", "gain")}, {(0, "velocity"): -2, (0, "gain"): 9})
     run = Run(
-        link=link, receive={0: ("delta",)}, temperature=False, source=source, motors=(0,), guards=(), delta_unit=2
+        link=link, receive={0: ("delta",)}, temperature=False, controls=controls, motors=(0,), guards=(), delta_unit=2
     ).go(3)
     assert [hexed(data) for data in run.inside] == ["43 FE 09"] * 3 + ["63 00 09", "03"]
     assert run.values("delta", "F1")[:2] == [254, 246]  # §6.2.3: 500 counts by two a unit
@@ -133,7 +133,7 @@ def test_discarded_deltas_are_told() -> None:
 
 @pytest.mark.parametrize("firmware", ["4.33", "4.34", "4.4"])
 def test_every_firmware(firmware: str) -> None:
-    run = Run(f"firmware={firmware}&temperature=415", source=example()).go(3)
+    run = Run(f"firmware={firmware}&temperature=415", controls=example()).go(3)
     assert run.error is None and run.flags() == run.before
     assert run.values("temperature") == [41.0 if firmware == "4.4" else 41.5] * 3
     assert run.loop.layout.feedback_size == (7 if firmware == "4.4" else 8)
@@ -155,8 +155,8 @@ def test_a_coefficient_of_0_is_refused(name: str, sends: bool) -> None:
     """It would divide by zero, or stop the motor for ever; flags are put back."""
     link = Simulated("initialized=1")
     link.feed(f"1FSET {name} 0\r".encode())
-    source = Source({0: ("velocity",)}, {(0, "velocity"): 1}) if sends else None
-    run = Run(link=link, receive={0: ("velocity", "delta")}, temperature=True, motors=(0,), source=source).go(1)
+    controls = Controls({0: ("velocity",)}, {(0, "velocity"): 1}) if sends else None
+    run = Run(link=link, receive={0: ("velocity", "delta")}, temperature=True, motors=(0,), controls=controls).go(1)
     assert isinstance(run.error, HandctlError) and (run.error.exit_code, run.error.code) == (7, "coefficient")
     assert name in run.error.text and "1LOOP" not in run.link.commands and run.flags() == run.before
 
@@ -187,7 +187,7 @@ class Pace(Simulated):
 def test_never_ahead_of_the_acknowledgement(baud: int, sequential: bool) -> None:
     """Block N+1 goes out after the first byte of answer N (§6.1), with --sequential after the last."""
     link = Pace(f"initialized=1&wire=auto&baud={baud}", baud)
-    run = Run(link=link, source=example(), sequential=sequential).go(20)
+    run = Run(link=link, controls=example(), sequential=sequential).go(20)
     assert run.error is None
     blocks = [(data, heard) for data, heard in link.log if data[:1] == b"C" and len(data) == 3]
     test = 0 if sequential else SELF_TEST_BLOCKS
@@ -207,9 +207,9 @@ def test_never_ahead_of_the_acknowledgement(baud: int, sequential: bool) -> None
 @pytest.mark.parametrize("sequential", [False, True])
 def test_rate_on_an_emulated_line(baud: int, sequential: bool) -> None:
     """At least the overlapped floor of dossier 12 (106.7 and 426.7 Hz) times 0.95, and never above the pipelined one."""
-    run = Run(link=Simulated(f"initialized=1&wire=auto&baud={baud}", baud), source=example(), sequential=sequential).go(
-        100
-    )
+    run = Run(
+        link=Simulated(f"initialized=1&wire=auto&baud={baud}", baud), controls=example(), sequential=sequential
+    ).go(100)
     assert run.error is None
     summary = run.loop.summary()
     rate = summary["stream"]["rate_hz"]
@@ -248,8 +248,8 @@ def test_a_slow_line_is_not_flooded_with_late_blocks() -> None:
 
 def test_a_schedule_is_sent_in_time() -> None:
     rows = [(0.0, dict(TWENTY)), (0.1, {(0, "velocity"): 0}), (0.2, {(1, "velocity"): -5}), (0.3, {})]
-    source = Schedule({0: ("velocity",), 1: ("velocity",), 3: ()}, rows, {})
-    run = Run("wire=auto", source=source, guards=()).go(None)
+    controls = Schedule({0: ("velocity",), 1: ("velocity",), 3: ()}, rows, {})
+    run = Run("wire=auto", controls=controls, guards=()).go(None)
     assert run.error is None
     distinct = list(dict.fromkeys(hexed(data) for data in run.inside))
     assert distinct == ["43 14 7F", "43 00 7F", "43 00 FB", "63 00 00", "03"]
@@ -261,7 +261,7 @@ def test_a_schedule_is_sent_in_time() -> None:
 
 
 def test_ctrl_c() -> None:
-    run = Run("wire=auto", source=example())
+    run = Run("wire=auto", controls=example())
     run.link.interrupt_at = run.link.now() + 1.0
     run.go(None)
     assert isinstance(run.error, KeyboardInterrupt)
@@ -272,7 +272,7 @@ def test_ctrl_c() -> None:
 @pytest.mark.parametrize("after", [0.0, *(0.02 + 0.03 * number for number in range(14))])
 def test_ctrl_c_at_any_time(after: float) -> None:
     """Also while flags are set and LOOP is entered: flags come back, nothing moves."""
-    run = Run("wire=auto", source=example())
+    run = Run("wire=auto", controls=example())
     run.link.interrupt_at = run.link.now() + after
     run.go(None)
     assert isinstance(run.error, KeyboardInterrupt)
@@ -282,7 +282,7 @@ def test_ctrl_c_at_any_time(after: float) -> None:
 
 def test_the_consumer_stops() -> None:
     """A closed pipe: the generator is closed in the middle."""
-    run = Run("wire=auto", source=example())
+    run = Run("wire=auto", controls=example())
     samples: Iterator[Sample] = run.loop.run(rate=0.0, count=None, duration=None)
     next(samples)
     next(samples)
@@ -291,7 +291,7 @@ def test_the_consumer_stops() -> None:
 
 
 def test_hold_leaves_the_motors_powered() -> None:
-    run = Run(source=example(), hold=True).go(3)
+    run = Run(controls=example(), hold=True).go(3)
     assert_left(run, power_off=False)
 
 
@@ -308,7 +308,7 @@ def test_leaving_is_undisturbed() -> None:
             self.depth -= 1
 
     guide = Shield()
-    run = Run(source=example(), guide=guide)
+    run = Run(controls=example(), guide=guide)
     depths: dict[bytes, int] = {}
     write = run.link.write
     run.link.write = lambda data, deadline: (depths.update({bytes(data): guide.depth}), write(data, deadline))[1]  # type: ignore[method-assign]
@@ -320,7 +320,7 @@ def test_leaving_is_undisturbed() -> None:
 @pytest.mark.parametrize(("status", "fails"), [(0, False), (4, False), (32, True), (8192, True), (8196, True)])
 def test_a_t_that_is_refused_is_a_failure(status: int, fails: bool) -> None:
     """Motors that could not be switched off are no success; 4 says that a motor waits for HI, T is done all the same."""
-    run = Run(source=example())
+    run = Run(controls=example())
     ask = run.hand.line.ask
     run.hand.line.ask = lambda command, **more: (  # type: ignore[method-assign]
         Answer(command, (), status, b"") if command == "124T" else ask(command, **more)
@@ -333,7 +333,7 @@ def test_a_t_that_is_refused_is_a_failure(status: int, fails: bool) -> None:
 
 
 def test_an_echo_that_differs_while_leaving_is_a_failure() -> None:
-    run = Run(source=example())
+    run = Run(controls=example())
     write = run.link.write
     run.link.write = lambda data, deadline: write(b"124Q\r" if data == b"124T\r" else data, deadline)  # type: ignore[method-assign]
     run.go(2)
@@ -345,7 +345,7 @@ def test_too_hot_in_the_loop() -> None:
     """OTEMP is passed while it runs: 8192 in place of `*` (§5.4.1), the motors stand."""
     link = Simulated("initialized=1&wire=auto")
     link.feed(b"PSET OTEMP 600\r")
-    run = Run(link=link, source=example())
+    run = Run(link=link, controls=example())
     samples = run.loop.run(rate=0.0, count=None, duration=None)
     with pytest.raises(HandctlError) as caught:
         for number, _ in enumerate(samples):
@@ -358,19 +358,19 @@ def test_too_hot_in_the_loop() -> None:
 @pytest.mark.parametrize("fault", ["loop-error&loop-code=2048", "loop-drop", "loop-extra"])
 def test_hold_is_no_licence_to_run_on(fault: str) -> None:
     """Velocity 0 was not taken: powered motors would go on to their stops, so they are switched off all the same."""
-    run = Run(f"fault={fault}&loop-after=3&wire=auto", source=example(), hold=True).go(20)
+    run = Run(f"fault={fault}&loop-after=3&wire=auto", controls=example(), hold=True).go(20)
     assert isinstance(run.error, HandctlError)
     assert "124T" in run.after and run.stands() and run.flags() == run.before
 
 
 def test_a_bad_live_value_ends_it() -> None:
-    class Breaks(Source):
+    class Breaks(Controls):
         def at(self, seconds: float) -> Values | None:
             if seconds > 0.05:
                 raise UsageError("line 3")
             return super().at(seconds)
 
-    run = Run("wire=auto", source=Breaks({0: ("velocity",), 1: ("velocity",), 3: ()}, TWENTY)).go(None)
+    run = Run("wire=auto", controls=Breaks({0: ("velocity",), 1: ("velocity",), 3: ()}, TWENTY)).go(None)
     assert isinstance(run.error, CheckFailed) and run.error.code == "control"
     assert_left(run)
 
@@ -382,7 +382,7 @@ def test_a_bad_live_value_ends_it() -> None:
 @pytest.mark.parametrize("after", [0, 3])
 def test_the_hand_throws_us_out(query: str, code: str, exit_code: int, after: int) -> None:
     """ERR in place of `*`: it is in supervisory mode; T and flags all the same."""
-    run = Run(f"{query}&loop-after={after}&wire=auto", source=example()).go(10)
+    run = Run(f"{query}&loop-after={after}&wire=auto", controls=example()).go(10)
     assert isinstance(run.error, HandctlError)
     assert (run.error.code, run.error.exit_code) == (code, exit_code), run.error.text
     assert len(run.samples) == after and run.link.name in run.error.text
@@ -393,8 +393,8 @@ def test_the_hand_throws_us_out(query: str, code: str, exit_code: int, after: in
 @pytest.mark.parametrize("velocity", [13, 3, 67, 84])
 def test_control_data_typed_at_the_prompt(velocity: int) -> None:
     """Thrown out at the header, the data bytes that follow are typed at the prompt: no command may come of them."""
-    source = Source({0: ("velocity",), 1: ("velocity",), 3: ()}, {(0, "velocity"): velocity, (1, "velocity"): 13})
-    run = Run("fault=loop-error&loop-code=2048&loop-after=2&wire=auto", source=source).go(10)
+    controls = Controls({0: ("velocity",), 1: ("velocity",), 3: ()}, {(0, "velocity"): velocity, (1, "velocity"): 13})
+    run = Run("fault=loop-error&loop-code=2048&loop-after=2&wire=auto", controls=controls).go(10)
     assert isinstance(run.error, HandctlError) and run.error.code == "err-2048"
     assert run.loop.failure is None
     assert "124T" in run.after and run.flags() == run.before and run.stands()
@@ -415,7 +415,7 @@ def test_control_data_typed_at_the_prompt(velocity: int) -> None:
 )
 @pytest.mark.parametrize("sequential", [False, True])
 def test_faults_inside(fault: str, codes_: set[str], exit_code: int, sequential: bool) -> None:
-    run = Run(f"fault={fault}&loop-after=4&wire=auto", source=example(), sequential=sequential).go(50)
+    run = Run(f"fault={fault}&loop-after=4&wire=auto", controls=example(), sequential=sequential).go(50)
     assert isinstance(run.error, HandctlError)
     assert (run.error.code in codes_, run.error.exit_code) == (True, exit_code), run.error
     assert run.link.name in run.error.text and run.error.hint
@@ -439,14 +439,14 @@ def test_a_refusal_that_cannot_be_read() -> None:
 
 def test_a_hand_that_does_not_enter() -> None:
     """§5.5: LOOP gives 4 before HI? then 8192 and 1 as an answer, nothing is left to stop."""
-    run = Run("fault=over-temperature", source=example())
+    run = Run("fault=over-temperature", controls=example())
     run.go(1)
     assert isinstance(run.error, HandctlError) and (run.error.code, run.error.exit_code) == ("err-8192", 6)
 
 
 @pytest.mark.parametrize("fault", ["disconnect"])
 def test_a_lost_link_warns_of_motors_that_go_on(fault: str) -> None:
-    run = Run(f"fault={fault}&after=20&wire=auto", source=example()).go(None)
+    run = Run(f"fault={fault}&after=20&wire=auto", controls=example()).go(None)
     assert isinstance(run.error, HandctlError) and run.error.exit_code == 3
     assert "power off" in str(run.error.hint)
     assert "leaving" not in codes(run.hand), "what cannot be sent is not tried, and not a second error"
@@ -454,7 +454,7 @@ def test_a_lost_link_warns_of_motors_that_go_on(fault: str) -> None:
 
 def test_the_deadline_ends_it() -> None:
     link = Simulated("initialized=1&wire=auto")
-    run = Run(link=link, source=example(), bound=Deadline(link.now, 4.0)).go(None)
+    run = Run(link=link, controls=example(), bound=Deadline(link.now, 4.0)).go(None)
     assert isinstance(run.error, HandctlError) and (run.error.code, run.error.exit_code) == ("deadline", 4)
     assert len(run.samples) > 50
     assert_left(run)

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from handctl.devices.barrett.realtime.schedule import (
     Change,
+    Controls,
     Live,
     Schedule,
-    Source,
     Values,
     constant,
     loop_motors,
@@ -25,18 +25,18 @@ F1, F2, F3, SPREAD = range(4)
 BOTH = [F1, F2]
 
 
-def rows(text: str, motors: list[int] | None = None, start: Change | None = None) -> Source:
+def rows(text: str, motors: list[int] | None = None, start: Change | None = None) -> Controls:
     return read(text.splitlines(keepends=True), "in.csv", BOTH if motors is None else motors, start or {})
 
 
-def at(source: Source, seconds: float) -> Values | None:
-    """The values now, as a copy: the source keeps its own."""
-    found = source.at(seconds)
+def at(controls: Controls, seconds: float) -> Values | None:
+    """The values now, as a copy: the controls keep theirs."""
+    found = controls.at(seconds)
     return None if found is None else {index: dict(names) for index, names in found.items()}
 
 
-def velocities(source: Source, *moments: float) -> list[tuple[int, ...] | None]:
-    found = [at(source, moment) for moment in moments]
+def velocities(controls: Controls, *moments: float) -> list[tuple[int, ...] | None]:
+    found = [at(controls, moment) for moment in moments]
     return [values and tuple(names["velocity"] for names in values.values()) for values in found]
 
 
@@ -44,15 +44,15 @@ def velocities(source: Source, *moments: float) -> list[tuple[int, ...] | None]:
 
 
 def test_constant_values_stay() -> None:
-    source = Source({F1: ("velocity", "gain"), F2: ("velocity",)}, {(F1, "velocity"): 20, (F1, "gain"): 10})
+    controls = Controls({F1: ("velocity", "gain"), F2: ("velocity",)}, {(F1, "velocity"): 20, (F1, "gain"): 10})
     expected = {F1: {"velocity": 20, "gain": 10}, F2: {"velocity": 0}}  # a velocity that is not given is 0
-    assert [at(source, seconds) for seconds in (0.0, 1.0, 1e6)] == [expected] * 3
-    assert not source.live
+    assert [at(controls, seconds) for seconds in (0.0, 1.0, 1e6)] == [expected] * 3
+    assert not controls.live
 
 
 def test_a_gain_is_never_made_up() -> None:
     with pytest.raises(UsageError) as caught:
-        Source({F1: ("velocity",), F3: ("gain",)}, {})
+        Controls({F1: ("velocity",), F3: ("gain",)}, {})
     assert "F3" in caught.value.text and "--gain" in str(caught.value.hint)
 
 
@@ -97,18 +97,18 @@ def test_motors_of_the_loop() -> None:
 
 def test_csv_with_times() -> None:
     """A value holds until the next one; the last row ends the loop."""
-    source = rows("t,velocity.F1,velocity.F2\n0.0,20,20\n1.5,0,-20\n2,,5\n")
-    assert isinstance(source, Schedule) and not source.live
-    assert source.carries == {F1: ("velocity",), F2: ("velocity",)}
-    assert velocities(source, 0.0, 1.499, 1.5, 1.9) == [(20, 20), (20, 20), (0, -20), (0, -20)]
-    assert velocities(source, 2.0) in ([(0, 5)], [None])
-    assert velocities(source, 2.001) == [None]
+    controls = rows("t,velocity.F1,velocity.F2\n0.0,20,20\n1.5,0,-20\n2,,5\n")
+    assert isinstance(controls, Schedule) and not controls.live
+    assert controls.carries == {F1: ("velocity",), F2: ("velocity",)}
+    assert velocities(controls, 0.0, 1.499, 1.5, 1.9) == [(20, 20), (20, 20), (0, -20), (0, -20)]
+    assert velocities(controls, 2.0) in ([(0, 5)], [None])
+    assert velocities(controls, 2.001) == [None]
 
 
 def test_several_rows_at_once() -> None:
     """A slow line: what was due meanwhile is made up for, in order."""
-    source = rows("t,velocity\n0,1\n0.1,2\n0.2,3\n9,0\n")
-    assert velocities(source, 0.25, 8.9) == [(3, 3), (3, 3)]
+    controls = rows("t,velocity\n0,1\n0.1,2\n0.2,3\n9,0\n")
+    assert velocities(controls, 0.25, 8.9) == [(3, 3), (3, 3)]
 
 
 def test_json_lines_are_the_same() -> None:
@@ -120,20 +120,20 @@ def test_json_lines_are_the_same() -> None:
 
 def test_comments_spaces_and_line_ends() -> None:
     text = "# a comment\r\n\r\n t , velocity.f1 , gain.1 \r\n 0 , +20 , 10 \r\n# more\r\n1,5,\r\n2,0,0"
-    source = rows(text.replace(" t ", "t"), [F1])
-    assert at(source, 0.0) == {F1: {"velocity": 20, "gain": 10}}
-    assert at(source, 1.0) == {F1: {"velocity": 5, "gain": 10}}
+    controls = rows(text.replace(" t ", "t"), [F1])
+    assert at(controls, 0.0) == {F1: {"velocity": 20, "gain": 10}}
+    assert at(controls, 1.0) == {F1: {"velocity": 5, "gain": 10}}
 
 
 def test_a_name_without_a_motor_is_for_all() -> None:
-    source = rows("t,velocity,gain.F2\n0,-127,255\n1,0,0\n", [F1, F2])
-    assert at(source, 0.0) == {F1: {"velocity": -127}, F2: {"velocity": -127, "gain": 255}}
+    controls = rows("t,velocity,gain.F2\n0,-127,255\n1,0,0\n", [F1, F2])
+    assert at(controls, 0.0) == {F1: {"velocity": -127}, F2: {"velocity": -127, "gain": 255}}
 
 
 def test_what_the_options_give_is_the_start() -> None:
-    source = rows("t,velocity\n0,1\n1,2\n", [F1], {(F1, "gain"): 7})
-    assert at(source, 0.5) == {F1: {"velocity": 1, "gain": 7}}
-    assert source.carries == {F1: ("velocity", "gain")}
+    controls = rows("t,velocity\n0,1\n1,2\n", [F1], {(F1, "gain"): 7})
+    assert at(controls, 0.5) == {F1: {"velocity": 1, "gain": 7}}
+    assert controls.carries == {F1: ("velocity", "gain")}
 
 
 BAD = [
@@ -191,9 +191,9 @@ LINES = ["t,velocity", "t,velocity.F1,gain.F1", "velocity", "0,1", "5,-20", "1.5
 def test_any_text(text: str) -> None:
     """Rows or UsageError, nothing else."""
     try:
-        source = rows(text)
+        controls = rows(text)
         for seconds in (0.0, 5.0, 50.0):
-            values = source.at(seconds)
+            values = controls.at(seconds)
             for names in (values or {}).values():
                 assert all(-127 <= value <= 255 for value in names.values())
     except UsageError as exc:
@@ -204,20 +204,20 @@ def test_any_text(text: str) -> None:
 def test_any_schedule(points: list[tuple[float, int]], moment: float) -> None:
     """The value is that of the last row whose time has come; behind the last row it is over."""
     points.sort(key=lambda point: point[0])
-    source = rows("t,velocity\n" + "".join(f"{when!r},{value}\n" for when, value in points), [F1])
+    controls = rows("t,velocity\n" + "".join(f"{when!r},{value}\n" for when, value in points), [F1])
     due = [value for when, value in points if when <= moment]
     if moment < points[-1][0]:
-        assert velocities(source, moment) == [(due[-1] if due else points[0][1],)]
+        assert velocities(controls, moment) == [(due[-1] if due else points[0][1],)]
     else:
-        source.at(moment)
-        assert source.at(moment + 1e-9) is None
+        controls.at(moment)
+        assert controls.at(moment + 1e-9) is None
 
 
 # -- live -------------------------------------------------------------------------------------------------------------
 
 
 def live(*lines: str | BaseException) -> Live:
-    """A live source; whoever has the first row listens no further by itself."""
+    """Live controls; whoever has the first row listens no further by itself."""
 
     def come() -> Iterator[str]:
         for line in lines:
@@ -225,27 +225,27 @@ def live(*lines: str | BaseException) -> Live:
                 raise line
             yield line
 
-    source = read(come(), "stdin", BOTH, {})
-    assert isinstance(source, Live) and source.live
-    return source
+    controls = read(come(), "stdin", BOTH, {})
+    assert isinstance(controls, Live) and controls.live
+    return controls
 
 
 def test_live_lines_count_when_they_come() -> None:
-    source = live("velocity.F1,velocity.F2\n", "20,30\n", "0,\n", "1,2\n")
-    assert velocities(source, 0.0, 1.0) == [(20, 30), (20, 30)]  # nobody has listened yet
-    assert velocities(source, 1.01, 99.0) == [(0, 0), (0, 0)]  # too long: who controls may hang
-    source.listen()
-    assert velocities(source, 99.0) == [None]  # and here the input ends
+    controls = live("velocity.F1,velocity.F2\n", "20,30\n", "0,\n", "1,2\n")
+    assert velocities(controls, 0.0, 1.0) == [(20, 30), (20, 30)]  # nobody has listened yet
+    assert velocities(controls, 1.01, 99.0) == [(0, 0), (0, 0)]  # too long: who controls may hang
+    controls.listen()
+    assert velocities(controls, 99.0) == [None]  # and here the input ends
 
 
 def test_a_stale_live_line_keeps_its_gain_and_a_fresh_one_goes_on() -> None:
-    source = live("velocity.F1,gain.F1\n", "20,30\n", "5,\n")
-    assert isinstance(source, Live)
-    source._arrived.append({(0, "velocity"): 7})
-    assert source.at(3.0) == {0: {"velocity": 7, "gain": 30}, 1: {}}
-    assert source.at(4.5) == {0: {"velocity": 0, "gain": 30}, 1: {}}
-    source._arrived.append({(0, "velocity"): 9})
-    assert source.at(4.6) == {0: {"velocity": 9, "gain": 30}, 1: {}}
+    controls = live("velocity.F1,gain.F1\n", "20,30\n", "5,\n")
+    assert isinstance(controls, Live)
+    controls._arrived.append({(0, "velocity"): 7})
+    assert controls.at(3.0) == {0: {"velocity": 7, "gain": 30}, 1: {}}
+    assert controls.at(4.5) == {0: {"velocity": 0, "gain": 30}, 1: {}}
+    controls._arrived.append({(0, "velocity"): 9})
+    assert controls.at(4.6) == {0: {"velocity": 9, "gain": 30}, 1: {}}
 
 
 def test_a_live_line_is_taken_over_by_the_next_block() -> None:
@@ -255,13 +255,13 @@ def test_a_live_line_is_taken_over_by_the_next_block() -> None:
         yield from ("velocity.F1,velocity.F2\n", "20,30\n")
         for line in ("0,\n", ",-5\n", "7,8\n"):
             yield line
-            seen.append(velocities(source, 0.0, 1.0))  # the line before was handed over when this one is asked for
+            seen.append(velocities(controls, 0.0, 1.0))  # the line before was handed over when this one is asked for
 
-    source = read(come(), "stdin", BOTH, {})
-    assert isinstance(source, Live)
-    source.listen()
+    controls = read(come(), "stdin", BOTH, {})
+    assert isinstance(controls, Live)
+    controls.listen()
     assert seen == [[wanted, wanted] for wanted in ((0, 30), (0, -5), (7, 8))]
-    assert velocities(source, 0.0) == [None]
+    assert velocities(controls, 0.0) == [None]
 
 
 @pytest.mark.parametrize(
@@ -275,18 +275,18 @@ def test_a_live_line_is_taken_over_by_the_next_block() -> None:
     ],
 )
 def test_a_bad_live_line_ends_it(line: str | BaseException, word: str) -> None:
-    source = live("velocity.F1,velocity.F2\n", "20,30\n", line, "9,9\n")
-    source.listen()
+    controls = live("velocity.F1,velocity.F2\n", "20,30\n", line, "9,9\n")
+    controls.listen()
     with pytest.raises(UsageError) as caught:
-        source.at(0.0)
+        controls.at(0.0)
     assert word in caught.value.text
 
 
 def test_a_live_line_cannot_change_the_blocks() -> None:
-    source = live('{"velocity.F1": 5}\n', '{"velocity.F2": 5}\n')
-    source.listen()
+    controls = live('{"velocity.F1": 5}\n', '{"velocity.F2": 5}\n')
+    controls.listen()
     with pytest.raises(UsageError, match="first row"):
-        source.at(0.0)
+        controls.at(0.0)
 
 
 def test_live_lines_without_a_first_one_are_refused() -> None:

@@ -12,13 +12,13 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from handctl.devices.aidin.exchange import Conversation
-from handctl.devices.aidin.way import Exchange, Way
+from handctl.devices.aidin.way import ExchangeMode, Way
 from handctl.link.tcp import TcpLink
 from handctl.model.result import Journal
 from tests.bench.measure import Figure, handctl, served
 
 ASKED = b"{}\n"
-POLLED = Way(exchange=Exchange.POLL)
+POLLED = Way(exchange=ExchangeMode.POLL)
 RATE = 100
 PLATEAU_MS = 40.0
 

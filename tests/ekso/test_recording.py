@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from handctl.devices.ekso.log.format import Layout, clean, parse, text_of
+from handctl.devices.ekso.log.format import RowLayout, clean, parse, text_of
 from handctl.devices.ekso.log.recording import Limits, Recording, changed, file_name, record, settings_row, undisturbed
 from handctl.devices.ekso.log.timeline import FIRST_PERIOD_MS, LEARNED, SLACK_MS, ClockFit, Timeline
 from handctl.devices.ekso.map import DATA, SETTINGS
@@ -52,8 +52,8 @@ def sidecar(path: Path) -> dict[str, Any]:
 
 def test_columns_are_those_of_the_dossier() -> None:
     columns = COLUMNS.replace(",", " ").split()
-    assert Layout(raw=False).names == tuple(columns)
-    raw = Layout(raw=True).names
+    assert RowLayout(raw=False).names == tuple(columns)
+    raw = RowLayout(raw=True).names
     assert raw[: len(columns)] == tuple(columns)
     assert len(raw) == len(columns) + 27
     assert (raw[len(columns)], raw[-1]) == ("raw_00_torso_pitch", "raw_26_boot_time_low")
@@ -64,7 +64,7 @@ def test_the_row_of_the_dossiers_example(tmp_path: Path) -> None:
     failure, _, _ = recorded(path, [(0.02, 5_000_001)], raw=True)
     assert failure is None
     lines = path.read_bytes().split(b"\r\n")
-    assert lines[0].decode() == ",".join(Layout(raw=True).names)
+    assert lines[0].decode() == ",".join(RowLayout(raw=True).names)
     assert lines[2:] == [b""]
     fields = lines[1].decode().split(",")
     assert fields[1:7] == ["100.018000", "5000001", "0.000", "1", "1", "4.000"]
@@ -119,7 +119,7 @@ def places(timeline: Timeline, *points: tuple[int, float]) -> list[tuple[int, in
     found = []
     for boot, mono in points:
         place = timeline.place(boot, mono)
-        timeline.take(place)
+        timeline.count(place)
         found.append((place.t_ms, place.segment, place.rebooted, place.gap_ms))
     return found
 
@@ -160,14 +160,14 @@ def test_the_round_trip_of_either_row_is_slack(before: float, now: float) -> Non
     """BootTime was taken at any moment of a round trip: half of it is allowed for, of this row and of the one before."""
     for behind_ms, rebooted in ((SLACK_MS + 490, False), (SLACK_MS + 510, True)):
         line = Timeline()
-        line.take(line.place(1001, 0.0, before))
+        line.count(line.place(1001, 0.0, before))
         assert line.place(1101, 0.1 + behind_ms / 1000, now).rebooted is rebooted
 
 
 def test_a_slow_answer_is_no_reboot() -> None:
     """The process was stopped between request and answer: the middle of both says little."""
     line = Timeline()
-    line.take(line.place(1001, 0.0))
+    line.count(line.place(1001, 0.0))
     assert not line.place(1021, 30.0, rtt_ms=60_000).rebooted
     assert not line.place(1001, 30.0, rtt_ms=10).rebooted  # a clock that stands
     assert line.place(1021, 30.0, rtt_ms=10).rebooted

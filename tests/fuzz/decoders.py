@@ -175,7 +175,9 @@ class Aidin:
                 assert isinstance(content, dict)
                 for value in content.values():
                     try:
-                        for number in messages.numbers(value, source.randrange(4), whole=source.choice([None, (0, 9)])):
+                        for number in messages.numbers(
+                            value, source.randrange(4), int_range=source.choice([None, (0, 9)])
+                        ):
                             assert abs(number) < float("inf")
                     except ProtocolError:
                         pass

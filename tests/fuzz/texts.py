@@ -230,19 +230,19 @@ class EksoLog:
     """A recorded log with its sidecar: rows as they were written, or a UsageError naming the line."""
 
     def __init__(self, folder: Path) -> None:
-        from handctl.devices.ekso.log.format import Layout, Stamp
+        from handctl.devices.ekso.log.format import RowLayout, Stamp
         from handctl.devices.ekso.log.timeline import Timeline
         from tests.ekso.recordings import words_at
 
         self._path = folder / "gait.csv"
         self._texts = []
         for raw in (False, True):
-            layout, timeline = Layout(raw=raw), Timeline(10.0)
+            layout, timeline = RowLayout(raw=raw), Timeline(10.0)
             text = layout.header
             for seq in range(8):
                 words = words_at(5_000_001 + 10 * seq)
                 place = timeline.place(5_000_001 + 10 * seq, 100 + seq / 100, 1.5)
-                timeline.take(place)
+                timeline.count(place)
                 text += layout.line(Stamp(1.7e9 + seq / 100, place, seq), words, 'a "mark", here' if seq == 3 else "")
             self._texts.append(text.encode())
         self._sidecar = json.dumps({"schema": "handctl-ekso-log/1", "complete": True, "rows": 8}).encode()

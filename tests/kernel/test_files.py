@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from handctl.files import state_path, whole
+from handctl.files import atomic_write, state_path
 
 
 def test_a_new_file_appears_at_the_end(tmp_path: Path) -> None:
     path = tmp_path / "a.json"
-    with whole(path) as file:
+    with atomic_write(path) as file:
         file.write("line\r\nmore ü\n")
         assert not path.exists()
     assert path.read_bytes() == "line\r\nmore ü\n".encode()
@@ -23,7 +23,7 @@ def test_a_new_file_appears_at_the_end(tmp_path: Path) -> None:
 def test_an_error_leaves_the_old_one(tmp_path: Path) -> None:
     path = tmp_path / "a.json"
     path.write_text("old", encoding="ascii")
-    with pytest.raises(KeyboardInterrupt), whole(path, "wb") as file:
+    with pytest.raises(KeyboardInterrupt), atomic_write(path, "wb") as file:
         file.write(b"new")
         raise KeyboardInterrupt
     assert path.read_text(encoding="ascii") == "old"
@@ -35,7 +35,7 @@ def test_permissions_and_links_stay(tmp_path: Path) -> None:
     path.write_text("old", encoding="ascii")
     path.chmod(0o640)
     link.symlink_to("a.json")
-    with whole(link) as file:
+    with atomic_write(link) as file:
         file.write("new")
     assert link.is_symlink()
     assert path.read_text(encoding="ascii") == "new"
@@ -47,7 +47,7 @@ def test_a_pipe_is_written_to(tmp_path: Path) -> None:
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
     reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
-    with whole(pipe) as file:
+    with atomic_write(pipe) as file:
         file.write("through")
     assert os.read(reader, 100) == b"through"
     os.close(reader)
@@ -55,9 +55,9 @@ def test_a_pipe_is_written_to(tmp_path: Path) -> None:
 
 
 def test_no_folder_is_an_error_of_the_system(tmp_path: Path) -> None:
-    with pytest.raises(FileNotFoundError), whole(tmp_path / "none" / "a.json"):
+    with pytest.raises(FileNotFoundError), atomic_write(tmp_path / "none" / "a.json"):
         pass
-    with pytest.raises(IsADirectoryError), whole(tmp_path):
+    with pytest.raises(IsADirectoryError), atomic_write(tmp_path):
         pass
 
 
@@ -94,7 +94,7 @@ def test_it_is_on_the_disk_before_it_takes_its_place(tmp_path: Path, monkeypatch
         fsync(file)
 
     monkeypatch.setattr(os, "fsync", note)
-    with whole(path) as file:
+    with atomic_write(path) as file:
         file.write("newer")
     assert synced == [(5, "old")]
     assert path.read_text(encoding="ascii") == "newer"

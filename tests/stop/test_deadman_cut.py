@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from handctl.devices.barrett.realtime import loop
-from handctl.devices.barrett.realtime.schedule import Source
+from handctl.devices.barrett.realtime.schedule import Controls
 from handctl.devices.inspire.exo import motion
 from handctl.link import ByteLink, Deadline, Link
 from handctl.link.can import _slcan_frame
@@ -56,11 +56,13 @@ def kept(kept_here: list[Kept], stop: Sequence[Shot]) -> Iterator[Guard]:
     yield kept_here[-1]
 
 
-def shots_of_a_loop(monkeypatch: pytest.MonkeyPatch, source: Source) -> tuple[list[Shot], Run]:
+def shots_of_a_loop(monkeypatch: pytest.MonkeyPatch, controls: Controls) -> tuple[list[Shot], Run]:
     """What the guard of a RealTime loop was told while blocks went out, and the loop."""
     guards: list[Kept] = []
     monkeypatch.setattr(loop, "guarding", lambda _link, stop, _warn: kept(guards, stop))
-    run = Run("wire=auto", receive={0: ("position",)}, temperature=False, source=source, motors=(0,), guards=()).go(5)
+    run = Run("wire=auto", receive={0: ("position",)}, temperature=False, controls=controls, motors=(0,), guards=()).go(
+        5
+    )
     assert run.error is None
     (guard,) = guards
     first, *told, last = guard.told
@@ -73,8 +75,8 @@ def shots_of_a_loop(monkeypatch: pytest.MonkeyPatch, source: Source) -> tuple[li
 @pytest.mark.parametrize("cut", range(4))
 def test_a_control_block_that_was_cut_off(monkeypatch: pytest.MonkeyPatch, cut: int) -> None:
     """Whatever the missing bytes make of the shots, the hand ends at its prompt, its motor without power."""
-    source = Source({0: ("velocity", "gain")}, {(0, "velocity"): 30, (0, "gain"): 13})
-    shots, run = shots_of_a_loop(monkeypatch, source)
+    controls = Controls({0: ("velocity", "gain")}, {(0, "velocity"): 30, (0, "gain"): 13})
+    shots, run = shots_of_a_loop(monkeypatch, controls)
     assert shots[1].data == b"c\x00\x0d", "velocity 0; the gain is kept"
     link = run.link
     assert isinstance(link, Simulated)

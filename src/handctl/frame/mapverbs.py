@@ -15,7 +15,7 @@ import click
 from handctl.frame import stored, verbs
 from handctl.frame.clikit import Group, stream_options
 from handctl.frame.filetypes import InFile, OutFile
-from handctl.frame.numbers import Number
+from handctl.frame.numbers import FiniteRange
 from handctl.frame.run import Run
 from handctl.model.param import COMMAND, ParamMap
 from handctl.model.result import Table
@@ -110,7 +110,7 @@ def add_map_verbs(
     @click.argument("file", type=OutFile(), metavar="FILE.html")
     @click.option(
         "--watch",
-        type=Number(0, 600),
+        type=FiniteRange(0, 600),
         default=3.0,
         show_default=True,
         metavar="S",

@@ -10,7 +10,7 @@ LONGEST = 1e6
 """Seconds, 11 days: more is a slip of the pen, and more than some clocks of an operating system can wait for."""
 
 
-class Number(click.FloatRange):
+class FiniteRange(click.FloatRange):
     """A number in a range; nan and inf are none."""
 
     what = "a number that can be used"
@@ -22,7 +22,7 @@ class Number(click.FloatRange):
         return number
 
 
-class Seconds(Number):
+class Seconds(FiniteRange):
     """A number above 0 that a clock can wait for."""
 
     what = "a number of seconds"
@@ -31,7 +31,7 @@ class Seconds(Number):
         super().__init__(min=0, min_open=True, max=LONGEST)
 
 
-class Hertz(Number):
+class Hertz(FiniteRange):
     """Samples a second: 0 for as fast as it goes, or a rate whose period a clock can wait for."""
 
     what = "a rate"

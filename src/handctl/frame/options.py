@@ -173,7 +173,7 @@ def resolve(ctx: click.Context, wires: Sequence[str] = (), device: str = "", *, 
     chosen = _Chosen()
     for key in (*Settings._fields, *(option.key for option in own_options())):
         if key in given:
-            chosen.take(key, given[key], COMMAND_LINE)
+            chosen.offer(key, given[key], COMMAND_LINE)
     if device:
         chosen.values["device"], chosen.sources["device"] = device, COMMAND_LINE
     options = lasting_options(wires)
@@ -226,7 +226,7 @@ def _take_environment(
             found[variable] = option, value if option.fixed is None else option.fixed
     _refuse_pairs({name: option.key for name, (option, value) in found.items() if value}, "environment")
     for variable, (option, value) in found.items():
-        chosen.take(option.key, value, Source(ENVIRONMENT, variable))
+        chosen.offer(option.key, value, Source(ENVIRONMENT, variable))
 
 
 class _Chosen:
@@ -241,7 +241,7 @@ class _Chosen:
         """Whether it is said where the device is."""
         return self.values.get("port") is not None or bool(self.values.get("fake"))
 
-    def take(self, key: str, value: Any, source: Source) -> None:
+    def offer(self, key: str, value: Any, source: Source) -> None:
         """A value of a lower level, where no higher one has said anything."""
         if key not in self.values and not (key in ("port", "fake") and self.linked):
             self.values[key] = value
@@ -321,17 +321,17 @@ def _from_file(chosen: _Chosen, options: Sequence[SharedOption], with_device: bo
     if with_device:
         if "device" in config.values and not chosen.linked:
             name, line = config.values["device"]
-            chosen.take("device", name, Source(FILE, f"{path}:{line}"))
+            chosen.offer("device", name, Source(FILE, f"{path}:{line}"))
         if "device" in chosen.values:
             device = config.find(chosen.values["device"])
-            chosen.take("kind", device.kind, Source(NAMED, f"{path}:{device.line}"))
+            chosen.offer("kind", device.kind, Source(NAMED, f"{path}:{device.line}"))
             for key, entry in device.entries.items():
-                chosen.take(key, entry.value, Source(NAMED, f"{path}:{entry.line}"))
+                chosen.offer(key, entry.value, Source(NAMED, f"{path}:{entry.line}"))
     for option, entry in values.items():
         if option.key == "device" or (option.key == "wire" and chosen.values.get("port")):
             continue  # the LINK says which wire it is
         value = entry.value if option.fixed is None else option.fixed
-        chosen.take(option.key, value, Source(FILE, f"{path}:{entry.line}"))
+        chosen.offer(option.key, value, Source(FILE, f"{path}:{entry.line}"))
 
 
 def _missing(path: str) -> bool:

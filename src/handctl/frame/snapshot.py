@@ -16,7 +16,7 @@ from typing import Any
 
 from handctl import __version__
 from handctl.errors import OutputError, UsageError
-from handctl.files import read_text, whole, why_unwritable
+from handctl.files import atomic_write, read_text, why_unwritable
 
 SCHEMA = "handctl-snapshot/1"
 MOST_BYTES = 1_000_000
@@ -52,7 +52,7 @@ def make(kind: str, identity: Mapping[str, object], values: Values, *, link: str
 def write(path: str, content: Mapping[str, Any]) -> None:
     """Write a snapshot, whole or not at all. Raises OutputError."""
     try:
-        with whole(path) as file:
+        with atomic_write(path) as file:
             json.dump(content, file, indent=2, ensure_ascii=False)
             file.write("\n")
     except OSError as exc:

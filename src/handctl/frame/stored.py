@@ -38,7 +38,7 @@ def kept_of(params: ParamMap[Any], *, setpoints: bool = True, further: Collectio
     ]
 
 
-def take(device: Device, elements: Sequence[Element]) -> dict[str, Number]:
+def read_values(device: Device, elements: Sequence[Element]) -> dict[str, Number]:
     """The present value of each element, by full name. Raises what kept one from being read."""
     readings = device.read(elements) if elements else []
     for reading in readings:
@@ -74,7 +74,7 @@ def snapshot(run: Run, path: str) -> Table:
     files.check_target(path, run.family.kind if run.family is not None else "")
     device: Device = run.device()
     identity = device.identity()
-    values = take(device, kept_of(device.map, further=device.further(identity)))
+    values = read_values(device, kept_of(device.map, further=device.further(identity)))
     content = files.make(device.kind, identity, values, link=run.link_name(), fake=run.simulated)
     files.write(path, content)
     for name, value in values.items():
@@ -107,7 +107,7 @@ def diff(run: Run, params: ParamMap[Any], a: str, b: str | None, *, setpoints: b
     else:
         device: Device = run.device()
         device.find_for_restore(left)
-        right = take(device, kept_of(params, setpoints=setpoints, further=left))
+        right = read_values(device, kept_of(params, setpoints=setpoints, further=left))
     names = list(dict.fromkeys([*left, *right]))
     compared = [name for name in names if setpoints or kind_of(params, name) != COMMAND]
     rows: list[Row] = [
@@ -173,7 +173,7 @@ def restore(
     device: Device = run.device()
     device.find_for_restore(values)
     device.identify()
-    live = take(device, kept_of(params, setpoints=setpoints, further=values))
+    live = read_values(device, kept_of(params, setpoints=setpoints, further=values))
     differing = [(element, value) for element, value in changes if live.get(element.full_name) != value]
     for text in device.not_covered:
         run.journal.info("not-covered", f"not covered by a snapshot: {text}")

@@ -123,7 +123,7 @@ def watch(
         one.full_name for one in elements
     )  # never read so far, and why
 
-    def take() -> tuple[list[Row], HandctlError | None]:
+    def read() -> tuple[list[Row], HandctlError | None]:
         try:
             readings = device.read(elements)
         except (NoAnswer, ProtocolError) as exc:
@@ -139,7 +139,7 @@ def watch(
     ask_ahead = getattr(device, "ask_ahead", None)
     sampler = Sampler(
         device.link,
-        take,
+        read,
         rate=rate,
         count=count,
         duration=duration,

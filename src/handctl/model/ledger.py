@@ -94,7 +94,7 @@ class Ledger:
         self._plan: list[tuple[Hashable, Step]] = []
         self._writes: list[Write] = []
         self._waiting: dict[Hashable, Write] = {}
-        self._whole = ""
+        self._one_step = ""
         self._asked: set[Hashable] = set()  # what of the plan went out
 
     # -- what is meant -------------------------------------------------------------------------------------------
@@ -123,7 +123,7 @@ class Ledger:
             return
         try:
             if mark == ">":
-                frames = self.words.sent(data, can_id) if not self._whole else (Frame(data, group=self._whole),)
+                frames = self.words.sent(data, can_id) if not self._one_step else (Frame(data, group=self._one_step),)
                 for frame in frames:
                     self._note(frame)
             elif self._waiting:
@@ -134,13 +134,13 @@ class Ledger:
                 self._note(Frame(data, can_id=can_id))
 
     @contextmanager
-    def whole(self, meaning: str) -> Iterator[None]:
+    def one_step(self, meaning: str) -> Iterator[None]:
         """Everything that goes out in here is one step, whatever its bytes look like: an image for a boot monitor."""
-        self._whole = meaning
+        self._one_step = meaning
         try:
             yield
         finally:
-            self._whole = ""
+            self._one_step = ""
 
     def _note(self, frame: Frame) -> None:
         planned = self._planned(frame.same)
@@ -153,7 +153,7 @@ class Ledger:
             last.again(frame.data)
             last.meaning = last.meaning or (planned.meaning if planned is not None else "")
         else:
-            last = Write(frame, planned.meaning if planned is not None else self._whole, SENT)
+            last = Write(frame, planned.meaning if planned is not None else self._one_step, SENT)
             self._writes.append(last)
         if frame.key is not None:
             self._waiting[frame.key] = last

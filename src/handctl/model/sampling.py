@@ -19,12 +19,12 @@ FAILURES_IN_A_ROW = 3
 ROUNDING = 1e-6
 """Seconds by which the sum of many periods may miss the duration."""
 
-Take = Callable[[], tuple[Sequence[Row], HandctlError | None]]
+ReadRows = Callable[[], tuple[Sequence[Row], HandctlError | None]]
 """Takes one sample: its rows, and the error when none of them holds a value."""
 
 
 class Sampler:
-    """Calls `take` for the rows of each moment, `rate` times a second (0 = as fast as the device answers).
+    """Calls `read` for the rows of each moment, `rate` times a second (0 = as fast as the device answers).
 
     Ends after `count` samples or `duration` seconds, whichever comes first; None = no such end. `ahead` is called after a
     sample that another one follows, before it is shown, when nothing is waited for: the line then works meanwhile.
@@ -33,14 +33,14 @@ class Sampler:
     def __init__(
         self,
         link: Link,
-        take: Take,
+        read: ReadRows,
         *,
         rate: float,
         count: int | None,
         duration: float | None,
         ahead: Callable[[], object] | None = None,
     ) -> None:
-        self._link, self._take, self._ahead = link, take, ahead if not rate else None
+        self._link, self._read, self._ahead = link, read, ahead if not rate else None
         self._rate, self._count, self._duration = rate, count, duration
         self._taken = self._failed = self._late = 0
         self._first = self._last = 0.0
@@ -52,7 +52,7 @@ class Sampler:
         asked = False
         while asked or self._goes_on(self._link.now() - start):
             t = self._link.now() - start
-            rows, error = self._take()
+            rows, error = self._read()
             failures = failures + 1 if error is not None else 0
             self._failed += error is not None
             if error is not None and (failures >= FAILURES_IN_A_ROW or self._failed > self._taken):

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from handctl import __version__
 from handctl.errors import CheckFailed, HandctlError, LinkError, NoAnswer, OutputError, ProtocolError, UsageError
-from handctl.files import whole
+from handctl.files import atomic_write
 from handctl.frame import verbs
 from handctl.frame.stored import kept_of
 from handctl.link.tap import Tap
@@ -260,7 +260,7 @@ def _refuse(path: str, force: bool) -> None:
 def _write(path: str, data: bytes, force: bool) -> None:
     """Write the page, whole or not at all. Raises OutputError."""
     try:
-        with whole(path, "wb") as file:
+        with atomic_write(path, "wb") as file:
             file.write(data)
             if not force and os.path.exists(path):
                 raise FileExistsError(17, "it appeared meanwhile and is not overwritten")

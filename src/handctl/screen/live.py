@@ -125,7 +125,7 @@ def spark(history: deque[float], width: int) -> str:
     return "".join(SPARKS[int((value - low) / step * (len(SPARKS) - 1))] for value in values).rjust(width)
 
 
-class Layout(NamedTuple):
+class Widths(NamedTuple):
     """Widths in cells of a line with a bar: the window, name, part, value, span (0 in a narrow window)."""
 
     window: int
@@ -179,9 +179,9 @@ class View:
         groups: dict[str, list[Series]] = {}
         for series in self._series.values():
             groups.setdefault(series.name, []).append(series)
-        layout = self._layout(groups, width)
-        folded = {name: self._values(group, layout) for name, group in groups.items()}
-        bars = {name: self._bars(group, layout) for name, group in groups.items()}
+        widths = self._widths(groups, width)
+        folded = {name: self._values(group, widths) for name, group in groups.items()}
+        bars = {name: self._bars(group, widths) for name, group in groups.items()}
         drawn = {name for name, group in groups.items() if group[0].limits is not None and not self._worded(group)}
         for name in reversed(list(groups)):
             if sum(len(bars[n] if n in drawn else folded[n]) for n in groups) <= height:
@@ -200,14 +200,14 @@ class View:
         """Whether words tell more than numbers: bits, and a quantity without a unit of which every element has a label."""
         return group[0].name in self._flags or (not group[0].unit and all(series.label for series in group))
 
-    def _layout(self, groups: dict[str, list[Series]], width: int) -> Layout:
+    def _widths(self, groups: dict[str, list[Series]], width: int) -> Widths:
         every = list(self._series.values())
         name = max((len(heading(group[0])) + 1 for group in groups.values()), default=0)
         part = max((len(part_name(series)) + 1 for series in every if part_name(series)), default=0)
         value = max(6, *(len(series.text(series.value)) for series in every), 0)
         span = max(14, *(len(series.span) for series in every), 0) + 1
         wide = width >= NARROW and name + part + value + span + LEAST <= width
-        return Layout(width, name, part, value, span if wide else 0)
+        return Widths(width, name, part, value, span if wide else 0)
 
     def _header(self, width: int) -> list[Text]:
         rate = (self._count - 1) / self._seconds if self._count > 1 and self._seconds > 0 else 0.0
@@ -239,39 +239,39 @@ class View:
         return reminded if len(reminded) == len(lines) else lines
 
     @staticmethod
-    def _bars(group: Sequence[Series], layout: Layout) -> list[Text]:
+    def _bars(group: Sequence[Series], widths: Widths) -> list[Text]:
         """A quantity with a bar per element."""
         lines = []
-        above = not layout.span and any(part_name(series) for series in group)
+        above = not widths.span and any(part_name(series) for series in group)
         if above:
             lines.append(Text(heading(group[0])))
         for number, series in enumerate(group):
             head = heading(series) if number == 0 and not above else ""
-            text = Text(" " * 2 if above else f"{head:<{layout.name}}", no_wrap=True, overflow="crop")
-            if layout.span or above:
-                text.append(f"{part_name(series):<{layout.part}}")
-            room = max(0, layout.window - text.cell_len - layout.value - 3 - layout.span)
-            bar_width = room * 3 // 5 if layout.span else room
+            text = Text(" " * 2 if above else f"{head:<{widths.name}}", no_wrap=True, overflow="crop")
+            if widths.span or above:
+                text.append(f"{part_name(series):<{widths.part}}")
+            room = max(0, widths.window - text.cell_len - widths.value - 3 - widths.span)
+            bar_width = room * 3 // 5 if widths.span else room
             low, high = series.scale()
             sound = series.value is not None and not series.doubtful
             drawn = bar(series.value, low, high, bar_width) if sound and series.value is not None else ""
             empty = series.label[:bar_width] if series.doubtful else ""
             text.append(f"▕{drawn or empty.ljust(bar_width)}▏", style="cyan" if sound else "dim")
-            value = f"{series.text(series.value):>{layout.value}} "
+            value = f"{series.text(series.value):>{widths.value}} "
             text.append(value, style="bold red" if series.value is None else "bold")
-            if layout.span:
-                text.append(f"{series.span:<{layout.span}}", style="dim")
+            if widths.span:
+                text.append(f"{series.span:<{widths.span}}", style="dim")
                 text.append(spark(series.history, room - bar_width), style="green")
             lines.append(text)
         return lines
 
-    def _values(self, group: Sequence[Series], layout: Layout) -> list[Text]:
+    def _values(self, group: Sequence[Series], widths: Widths) -> list[Text]:
         """A quantity as values one after the other, a line per finger where fingers have several; as many as needed."""
         name, unit = group[0].name, group[0].unit
         worded = self._worded(group)
         if name in self._flags and all(series.label == "ok" for series in group):
-            return flowing([Text("ok", style="green")], layout.window, head=f"{name:<{layout.name}}")
-        lines: list[Text] = [] if worded else self._matrix(group, layout)
+            return flowing([Text("ok", style="green")], widths.window, head=f"{name:<{widths.name}}")
+        lines: list[Text] = [] if worded else self._matrix(group, widths)
         for part in dict.fromkeys(series.part if series.element else "" for series in group) if not lines else ():
             items = []
             for series in group:
@@ -283,11 +283,11 @@ class View:
             if items and unit:
                 items[-1].append(f" {unit}")
             first = name if not lines else ""
-            lines += flowing(items, layout.window, head=f"{first:<{layout.name}}{f'{part} ' if part else ''}")
+            lines += flowing(items, widths.window, head=f"{first:<{widths.name}}{f'{part} ' if part else ''}")
         return lines
 
     @staticmethod
-    def _matrix(group: Sequence[Series], layout: Layout) -> list[Text]:
+    def _matrix(group: Sequence[Series], widths: Widths) -> list[Text]:
         """A quantity of several elements per finger: a column per finger; [] when the window is too narrow for it."""
         parts = list(dict.fromkeys(series.part for series in group))
         by = {(series.part, series.element): series for series in group}
@@ -295,13 +295,13 @@ class View:
             return []
         width = max(len(text) for series in group for text in (series.part, series.text(series.value))) + 1
         elements = list(dict.fromkeys(series.element for series in group))
-        label, name = layout.name, heading(group[0])
+        label, name = widths.name, heading(group[0])
         lines = []
-        if label + width * len(parts) > layout.window:
+        if label + width * len(parts) > widths.window:
             label = max(len(element) for element in elements) + 1
             lines.append(Text(name))
             name = ""
-        if label + width * len(parts) > layout.window:
+        if label + width * len(parts) > widths.window:
             return []
         lines.append(Text(f"{name:<{label}}" + "".join(f"{part:>{width}}" for part in parts)))
         for element in elements:

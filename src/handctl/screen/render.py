@@ -16,7 +16,7 @@ from typing import IO, TYPE_CHECKING, Any, Protocol
 
 from handctl import ending
 from handctl.errors import HandctlError, Interrupted, OutputError
-from handctl.files import whole
+from handctl.files import atomic_write
 from handctl.model.result import Cell, Column, Grid, Journal, Row, Sample, Table
 from handctl.screen.filter import no_formula, shown, text_shown, value_shown
 from handctl.screen.streams import utf8_stdout
@@ -58,7 +58,7 @@ class Sink:
 
     def __init__(self, settings: Settings) -> None:
         self._path = settings.output
-        self._whole: contextlib.AbstractContextManager[IO[str]] | None = None
+        self._atomic: contextlib.AbstractContextManager[IO[str]] | None = None
         self.file: IO[str] = sys.stdout
         self.color = settings.color
         self.no_formulas = settings.no_formulas
@@ -76,9 +76,9 @@ class Sink:
 
     def __enter__(self) -> Sink:
         if self._path:
-            self._whole = whole(self._path)
+            self._atomic = atomic_write(self._path)
             try:
-                self.file = self._whole.__enter__()
+                self.file = self._atomic.__enter__()
             except OSError as exc:
                 raise OutputError(f"{self._path}: cannot be written: {exc.strerror or exc}") from exc
         elif self._json:
@@ -139,8 +139,8 @@ class Sink:
                 self.flush()  # what was read before an error is shown
         finally:
             try:
-                if self._whole is not None:
-                    self._whole.__exit__(kind, exc, tb)
+                if self._atomic is not None:
+                    self._atomic.__exit__(kind, exc, tb)
             except OSError as error:
                 raise OutputError(f"{self._path}: cannot be written: {error.strerror or error}") from error
             finally:

@@ -11,7 +11,7 @@ from pathlib import Path
 import click
 
 from handctl.errors import OutputError, UsageError
-from handctl.files import whole
+from handctl.files import atomic_write
 from handctl.frame.clikit import Command
 from handctl.frame.run import Run
 from handctl.model.result import Column, Table
@@ -101,7 +101,7 @@ def _write(path: Path, text: str) -> None:
     """Whole or not at all."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with whole(path) as file:
+        with atomic_write(path) as file:
             file.write(text)
     except OSError as exc:
         raise OutputError(f"{path}: cannot be written: {exc.strerror or exc}") from exc

@@ -11,7 +11,7 @@ import os
 from collections.abc import Callable, Iterator, Mapping
 
 from handctl.errors import OutputError, UsageError
-from handctl.files import whole
+from handctl.files import atomic_write
 from handctl.frame.config import Check, Config, Statement, load, parse, statements
 
 WAIT_SECONDS = 5.0
@@ -91,7 +91,7 @@ def change(path: str, checks: Mapping[str, Check], edit: Callable[[Config], str]
         with _alone(os.path.dirname(target)):
             before = load(path, checks)
             text = verified(before, edit(before), checks, wanted, name)
-            with whole(target) as file:
+            with atomic_write(target) as file:
                 file.write(text)
     except OSError as exc:
         raise OutputError(

@@ -16,7 +16,7 @@ from handctl.frame import verbs
 from handctl.frame.clikit import Group, stream_options
 from handctl.frame.family import Family
 from handctl.frame.mapverbs import add_map_verbs
-from handctl.frame.numbers import Number
+from handctl.frame.numbers import FiniteRange
 from handctl.frame.run import Run
 from handctl.model.device import limits_of
 from handctl.model.gate import Gate
@@ -148,7 +148,7 @@ def _plan(run: Run, goal: Goal) -> list[Step]:
     """The last object of the ramp. What is kept is taken from a hand that tells it unasked; nothing is sent."""
     from handctl.devices.aidin import motion
 
-    return motion.plan(None if goal.whole else run.device(), goal, way_of(run.settings).end)
+    return motion.plan(None if goal.names_all else run.device(), goal, way_of(run.settings).end)
 
 
 def _move(run: Run, target: Target, values: tuple[str, ...], assume_homed: bool, *, rad: bool = False) -> Table:
@@ -203,10 +203,10 @@ def fingertips(run: Run, values: tuple[str, ...], assume_homed: bool) -> Table:
 
 @cli.verb("currents", "Move", writes=True)
 @_values
-@click.option("--cap", type=Number(0, 1000), default=CAP, show_default=True, metavar="N", help="Refuse more.")
+@click.option("--cap", type=FiniteRange(0, 1000), default=CAP, show_default=True, metavar="N", help="Refuse more.")
 @click.option(
     "--duration",
-    type=Number(0, 60, min_open=True),
+    type=FiniteRange(0, 60, min_open=True),
     default=1.0,
     show_default=True,
     metavar="S",
@@ -227,7 +227,7 @@ def currents(run: Run, values: tuple[str, ...], cap: float, duration: float) -> 
     last = _step(run, "stop, sent 3 times", Mode.STOP)
     if run.settings.dry_run:
         return run.dry_run([first, *_plan(run, goal), last])
-    if not any(goal.named.values()) and goal.whole:
+    if not any(goal.named.values()) and goal.names_all:
         raise UsageError("all currents are 0: nothing would flow", hint="`handctl aidin stop` switches the motors off")
     run.confirm(
         f"The motors will be driven by CURRENT for {duration:g} s: the fingers push without a position limit, "

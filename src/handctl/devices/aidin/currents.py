@@ -72,7 +72,7 @@ def _tell_stop(hand: AidinHand, begun: int, *, flowed: bool) -> None:
 def _values(hand: AidinHand, goal: Goal, cap: float, *, blind: bool) -> list[float]:
     """The whole vector, the elements that are not given as measured. A hand that only answers commands needs it whole."""
     if blind:
-        if not goal.whole:
+        if not goal.names_all:
             raise NoAnswer(
                 f"{hand.link.name}: the hand says nothing unasked, so the currents that are not given are not known",
                 hint="give the whole vector of 15. Nothing was commanded.",

@@ -11,7 +11,7 @@ from handctl.devices.aidin.exchange import Conversation
 from handctl.devices.aidin.feedback import Wire
 from handctl.devices.aidin.map import AIDIN, FEEDBACK, FINGERS, AidinParam
 from handctl.devices.aidin.trouble import number_of
-from handctl.devices.aidin.way import Exchange
+from handctl.devices.aidin.way import ExchangeMode
 from handctl.errors import HandctlError, ProtocolError
 from handctl.model.device import Device
 from handctl.model.param import Element, Reading
@@ -85,7 +85,7 @@ class AidinHand(Device):
         """The same, looked at: values out of their range, how the hand speaks. With `check`, unhealthy is exit 7."""
         table = self.dump()
         self.talk.look_again()
-        how = "streams by itself" if self.talk.exchange is Exchange.STREAM else "answers when it is asked"
+        how = "streams by itself" if self.talk.exchange is ExchangeMode.STREAM else "answers when it is asked"
         self.journal.info("exchange", f"the hand {how}")
         findings = unhealthy(table.rows)
         odd = all(NO_ANGLE in finding for finding in findings)

@@ -11,7 +11,7 @@ from handctl.devices.aidin import trouble
 from handctl.devices.aidin.feedback import Feedback, Wire
 from handctl.devices.aidin.map import FEEDBACK, AidinParam
 from handctl.devices.aidin.reception import SILENCE, Reception
-from handctl.devices.aidin.way import FIND_OUT, Exchange, Way
+from handctl.devices.aidin.way import FIND_OUT, ExchangeMode, Way
 from handctl.errors import ProtocolError, UsageError
 from handctl.link import ByteLink, Deadline
 from handctl.model.gate import Gate
@@ -66,18 +66,18 @@ class Conversation(Reception):
         Raises NoAnswer when nothing comes, ProtocolError when what comes is no feedback, UsageError for a hand that is
         said to answer commands only.
         """
-        if self.way.exchange is Exchange.COMMAND:
+        if self.way.exchange is ExchangeMode.COMMAND:
             raise UsageError(
                 "--exchange command: a hand that only answers commands is not read, nothing is commanded just to look",
                 hint="`home`, `stop`, `max-torque`, `initial --assume-homed` and `currents` with the whole vector show its "
                 "answers; other targets need to know where it is. Nothing was sent.",
                 code="commands-only",
             )
-        if self.exchange is not Exchange.UNKNOWN:
+        if self.exchange is not ExchangeMode.UNKNOWN:
             return
         began = self.link.now()
-        asks = self.way.exchange is not Exchange.STREAM and not silent
-        state = table.ASKED if self.way.exchange is Exchange.POLL and asks else table.LISTENED
+        asks = self.way.exchange is not ExchangeMode.STREAM and not silent
+        state = table.ASKED if self.way.exchange is ExchangeMode.POLL and asks else table.LISTENED
         while state not in table.ENDS:
             seen = self._seen_in(state)
             state = table.RULES[state, seen]
@@ -87,12 +87,12 @@ class Conversation(Reception):
             raise self._no_feedback()
         if state == table.SILENT:
             raise self._silent(asked=asks, since=began)
-        self.exchange = Exchange.STREAM if state == table.STREAMS else Exchange.POLL
+        self.exchange = ExchangeMode.STREAM if state == table.STREAMS else ExchangeMode.POLL
 
     def _seen_in(self, state: str) -> str:
         """Do what the state of `speaking` says; what is seen then."""
         if state == table.LISTENED:
-            self._listen(LISTEN if self.way.exchange is Exchange.UNKNOWN else self.timeout or SILENCE)
+            self._listen(LISTEN if self.way.exchange is ExchangeMode.UNKNOWN else self.timeout or SILENCE)
             if self.feedback.seen:
                 return table.FEEDBACK
             if self._junk or self._decoder.pending:
@@ -100,12 +100,12 @@ class Conversation(Reception):
         elif state == table.DOUBTED:
             return table.FEEDBACK if self.look_again() else table.NOTHING
         else:
-            self._fresh = self.way.exchange is Exchange.UNKNOWN  # else nobody has looked into the input before
+            self._fresh = self.way.exchange is ExchangeMode.UNKNOWN  # else nobody has looked into the input before
             asked = self.link.now()
             self.send(self.way.poll)
             if self._answer(self.timeout or FIRST_POLL):
-                self.exchange = Exchange.POLL
-                late = self.way.exchange is Exchange.UNKNOWN and self._last - asked > QUICK + SETTLE
+                self.exchange = ExchangeMode.POLL
+                late = self.way.exchange is ExchangeMode.UNKNOWN and self._last - asked > QUICK + SETTLE
                 return table.LATE if late else table.FEEDBACK
             if self._junk:
                 return table.DAMAGED
@@ -113,14 +113,14 @@ class Conversation(Reception):
 
     def look_again(self) -> bool:
         """Whether the hand streams, slowly, although an empty object seemed to be answered: something comes unasked."""
-        if self.exchange is not Exchange.POLL or self.way.exchange is not Exchange.UNKNOWN:
+        if self.exchange is not ExchangeMode.POLL or self.way.exchange is not ExchangeMode.UNKNOWN:
             return False
         before, end = self._last, self.deadline(SLOWEST)
         while self._last == before and not end.expired:
             self._receive(end)
         if self._last == before:
             return False
-        self.exchange = Exchange.STREAM
+        self.exchange = ExchangeMode.STREAM
         self._silence = max(self._silence, min(2.5 * (self._last - before), LISTEN_LONGEST))
         return True
 
@@ -145,7 +145,7 @@ class Conversation(Reception):
 
         Raises NoAnswer when no feedback comes at all, ProtocolError when nothing of it can be used.
         """
-        first = self.exchange is Exchange.UNKNOWN
+        first = self.exchange is ExchangeMode.UNKNOWN
         self.connect()
         keys = tuple(param.key for param in params)
         if first and self._fresh and self.feedback.complete(keys):
@@ -155,12 +155,12 @@ class Conversation(Reception):
         self.feedback.replaced(self._shown)
         self._shown = keys
         feedback = self.feedback = Feedback(self.quality)
-        attempts = 1 + self.retries if self.exchange is Exchange.POLL else 1
+        attempts = 1 + self.retries if self.exchange is ExchangeMode.POLL else 1
         for attempt in range(attempts):
             self.check_bound()
             if attempt and not feedback.seen:
                 self.journal.counters.retries += 1
-            if self.exchange is Exchange.POLL:
+            if self.exchange is ExchangeMode.POLL:
                 self.send(self.way.poll)
                 if self._answer(self.poll_seconds, keys) and self.feedback.complete(keys):
                     break
@@ -219,11 +219,11 @@ class Conversation(Reception):
 
         A hand that is said to answer commands only cannot be asked: what it says unasked must not speak against it.
         """
-        if self.gate is not None and self.exchange in (Exchange.UNKNOWN, Exchange.COMMAND):
+        if self.gate is not None and self.exchange in (ExchangeMode.UNKNOWN, ExchangeMode.COMMAND):
             self.gate.check(self.link, self.journal, self._look)
 
     def _look(self) -> None:
-        if self.way.exchange is not Exchange.COMMAND:
+        if self.way.exchange is not ExchangeMode.COMMAND:
             self.connect()
             return
         self.drain()
@@ -243,19 +243,19 @@ class Conversation(Reception):
         """
         self.identify()
         self.check_bound()
-        if self.exchange is Exchange.STREAM:
+        if self.exchange is ExchangeMode.STREAM:
             self.drain()
         start, end = self.link.now(), self.deadline(PERIOD)
         self.send(data)
-        waits = self.exchange in (Exchange.POLL, Exchange.COMMAND)
+        waits = self.exchange in (ExchangeMode.POLL, ExchangeMode.COMMAND)
         answer = self.deadline(min(POLL, self.poll_seconds)) if waits else end
         answered = False
         while not (answered and waits) and not answer.expired:
             answered = self._receive(answer) or answered
         while not end.expired:
             answered = self._receive(end) or answered
-        if answered and self.exchange is Exchange.UNKNOWN:
-            self.exchange = Exchange.COMMAND
+        if answered and self.exchange is ExchangeMode.UNKNOWN:
+            self.exchange = ExchangeMode.COMMAND
         self._unanswered = 0 if answered else self._unanswered + 1
         silent = self._unanswered > self.retries if waits else start - self._last > (self.timeout or SILENCE)
         if silent and not blind:

@@ -136,7 +136,7 @@ def _explained(key: str, value: object) -> tuple[str, list[Value], str]:
         unit = f" {param.unit}" if param is not None and param.unit and not tenths else ""
         return f"{key} {shown}{unit}" + ("" if known else " (not documented)"), kept, "" if known else "unknown-key"
     try:
-        checked = numbers(value, param.count, whole=param.whole)
+        checked = numbers(value, param.count, int_range=param.int_range)
     except ProtocolError as exc:
         return f"{key}: {exc.text}", [], "bad-value"
     amounts = [param.from_wire(number) for number in checked]

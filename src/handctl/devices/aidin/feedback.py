@@ -43,7 +43,7 @@ class Feedback:
         self.errors: dict[str, ProtocolError] = {}
         self.seen: dict[str, int] = {}
 
-    def take(self, content: dict[str, object]) -> int:
+    def merge(self, content: dict[str, object]) -> int:
         """Merge an object; number of known keys in it."""
         known = 0
         for param in FEEDBACK:
@@ -53,7 +53,7 @@ class Feedback:
             self.quality.came(param.key)
             self.seen[param.key] = self.seen.get(param.key, 0) + 1
             try:
-                self.values[param.key] = numbers(content[param.key], param.count, whole=param.whole)
+                self.values[param.key] = numbers(content[param.key], param.count, int_range=param.int_range)
                 self.good[param.key] = self.good.get(param.key, 0) + 1
                 self.errors.pop(param.key, None)
                 self.wrong.pop(param.key, None)

@@ -10,7 +10,7 @@ from handctl.devices.aidin.device import AidinHand, outside, reading
 from handctl.devices.aidin.feedback import Feedback
 from handctl.devices.aidin.map import AIDIN, AidinParam, Mode
 from handctl.devices.aidin.stop import in_force, object_of, stopped, stopping
-from handctl.devices.aidin.way import Exchange
+from handctl.devices.aidin.way import ExchangeMode
 from handctl.errors import CheckFailed, HandctlError, NoAnswer, UsageError
 from handctl.model.guide import Guide
 from handctl.model.param import Number, elements_of
@@ -41,8 +41,8 @@ def connect_or_command(hand: AidinHand) -> bool:
     Raises NotIdentified where nothing shows an AIDIN-hand.
     """
     hand.talk.identify()
-    if hand.talk.way.exchange is Exchange.COMMAND:
-        hand.talk.exchange = Exchange.COMMAND
+    if hand.talk.way.exchange is ExchangeMode.COMMAND:
+        hand.talk.exchange = ExchangeMode.COMMAND
         return True
     try:
         hand.talk.connect()
@@ -152,7 +152,7 @@ def _hold(hand: AidinHand, data: bytes, guide: Guide, seen: _Travel, *, blind: b
     begin = last = link.now()
     holds = 1
     while link.now() - begin < HOLD:
-        streams = hand.talk.exchange is Exchange.STREAM
+        streams = hand.talk.exchange is ExchangeMode.STREAM
         talk.tick(data, blind=blind or streams, by=MOTOR_POS)
         if streams:
             talk.check_alive()

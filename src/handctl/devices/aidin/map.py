@@ -40,7 +40,7 @@ class AidinParam(Param):
     key     as it stands on the wire, case sensitive; the name is the same in lower case
     labels  elements of one finger, in wire order
     limits  label -> documented range of the thumb and of the other fingers, in `unit`; a label may have none
-    whole   range of the integer type on the wire, None for double
+    int_range  range of the integer type on the wire, None for double
     angles  radians on the wire, degrees here
     places  decimals that people see
     """
@@ -48,7 +48,7 @@ class AidinParam(Param):
     key: str
     labels: tuple[str, ...] = ()
     limits: Mapping[str, tuple[Range, Range]] = field(default_factory=dict)
-    whole: tuple[int, int] | None = None
+    int_range: tuple[int, int] | None = None
     angles: bool = False
     places: int = 0
 
@@ -61,7 +61,7 @@ class AidinParam(Param):
     def type_name(self) -> str:
         """The manual's data type, e.g. ``int32[15]``."""
         names = {None: "double", UINT16: "uint16", INT16: "int16", INT32: "int32"}
-        return names[self.whole] + (f"[{self.count}]" if self.elements else "")
+        return names[self.int_range] + (f"[{self.count}]" if self.elements else "")
 
     @property
     def range_text(self) -> str:
@@ -92,7 +92,7 @@ class AidinParam(Param):
 
         Rounding may lead a hair out of the range (30 deg is 0.5235987…, rounded 0.523599): then one step inward.
         """
-        if self.whole is not None:
+        if self.int_range is not None:
             return int(value)
         if not self.angles:
             return round(float(value), 3)
@@ -185,17 +185,17 @@ class AidinMap(ParamMap[AidinParam]):
 
 
 AIDIN = AidinMap("aidin", [
-    _array("motor_pos", "motor encoders, 0 where homing left them", "Feedback keys", MOTORS, unit="cts", limits=MOTOR_LIMITS, whole=INT32),
+    _array("motor_pos", "motor encoders, 0 where homing left them", "Feedback keys", MOTORS, unit="cts", limits=MOTOR_LIMITS, int_range=INT32),
     _array("joint_pos", "joint angles", "Feedback keys", JOINTS, unit="deg", limits=JOINT_LIMITS, angles=True, places=1, note=COUPLED_NOTE),
     _array("task_space_pos", "fingertip coordinates", "Feedback keys", AXES, unit="mm", limits=TIP_LIMITS, places=1, note=FRAME_NOTE),
-    _array("current_state", "motor currents", "Feedback keys", MOTORS, whole=INT16, note=CURRENT_NOTE),
+    _array("current_state", "motor currents", "Feedback keys", MOTORS, int_range=INT16, note=CURRENT_NOTE),
     _array("sensor_state", "fingertip forces and torques", "Feedback keys", SENSORS, places=5, note=SENSOR_NOTE),
-    AidinParam(key="hand_mode", name="hand_mode", doc="operating mode", source="aidin, Modes", whole=UINT16, choices=MODES, access="w", kind=TRIGGER, verb="home, initial, stop, bias …", acts=MOVES),
-    AidinParam(key="maxtorque", name="maxtorque", doc="maximum current; 700 to 1000 recommended", source="aidin, Modes", unit="0.1 %", low=0, high=1000, whole=UINT16, access="w", kind=SETTING, verb="max-torque", persistent="unknown"),
-    _command("hand_TP_cmd", "encoders", "encoder targets", MOTORS, unit="cts", limits=MOTOR_LIMITS, whole=INT32),
+    AidinParam(key="hand_mode", name="hand_mode", doc="operating mode", source="aidin, Modes", int_range=UINT16, choices=MODES, access="w", kind=TRIGGER, verb="home, initial, stop, bias …", acts=MOVES),
+    AidinParam(key="maxtorque", name="maxtorque", doc="maximum current; 700 to 1000 recommended", source="aidin, Modes", unit="0.1 %", low=0, high=1000, int_range=UINT16, access="w", kind=SETTING, verb="max-torque", persistent="unknown"),
+    _command("hand_TP_cmd", "encoders", "encoder targets", MOTORS, unit="cts", limits=MOTOR_LIMITS, int_range=INT32),
     _command("hand_joint_cmd", "joints", "joint angle targets", JOINTS, unit="deg", limits=JOINT_LIMITS, angles=True, places=1, note=COUPLED_NOTE),
     _command("hand_taskspace_cmd", "fingertips", "fingertip targets", AXES, unit="mm", limits=TIP_LIMITS, places=1, note=FRAME_NOTE),
-    _command("hand_TT_cmd", "currents", "motor current targets", MOTORS, limits=CURRENT_LIMITS, whole=INT32, acts=PUSHES, note=CURRENT_NOTE),
+    _command("hand_TT_cmd", "currents", "motor current targets", MOTORS, limits=CURRENT_LIMITS, int_range=INT32, acts=PUSHES, note=CURRENT_NOTE),
 ])  # fmt: skip
 """Feedback first, then commands."""
 

@@ -213,8 +213,10 @@ def _each_once(pairs: list[tuple[str, object]]) -> dict[str, object]:
     return content
 
 
-def numbers(value: object, count: int, *, whole: tuple[int, int] | None = None) -> tuple[int, ...] | tuple[float, ...]:
-    """The numbers of one key: an array of `count`; with `whole` integers of that range (12.0 is one, too).
+def numbers(
+    value: object, count: int, *, int_range: tuple[int, int] | None = None
+) -> tuple[int, ...] | tuple[float, ...]:
+    """The numbers of one key: an array of `count`; with `int_range` integers of that range (12.0 is one, too).
 
     Raises ProtocolError naming what is wrong; the other keys of the object may be right all the same, and the other
     numbers of a WrongNumbers.
@@ -227,8 +229,8 @@ def numbers(value: object, count: int, *, whole: tuple[int, int] | None = None) 
     wrong: dict[int, ProtocolError] = {}
     for place, single in enumerate(value):
         try:
-            number = _checked(single, whole)
-            found.append(int(number) if whole is not None else number)
+            number = _checked(single, int_range)
+            found.append(int(number) if int_range is not None else number)
         except ProtocolError as exc:
             found.append(None)
             wrong[place] = exc
@@ -237,7 +239,7 @@ def numbers(value: object, count: int, *, whole: tuple[int, int] | None = None) 
     return tuple(found)  # type: ignore[return-value]  # none is None
 
 
-def _checked(single: object, whole: tuple[int, int] | None) -> float:
+def _checked(single: object, int_range: tuple[int, int] | None) -> float:
     if isinstance(single, bool) or not isinstance(single, int | float):
         raise ProtocolError(f"is no number: {_shown(single)}", code="bad-type")
     try:
@@ -246,8 +248,10 @@ def _checked(single: object, whole: tuple[int, int] | None) -> float:
         number = inf
     if not isfinite(number):
         raise ProtocolError(f"is not finite: {_shown(single)}", code="not-finite")
-    if whole is not None and (number != int(number) or not whole[0] <= number <= whole[1]):
-        raise ProtocolError(f"is {_shown(single)}, not an integer from {whole[0]} to {whole[1]}", code="bad-type")
+    if int_range is not None and (number != int(number) or not int_range[0] <= number <= int_range[1]):
+        raise ProtocolError(
+            f"is {_shown(single)}, not an integer from {int_range[0]} to {int_range[1]}", code="bad-type"
+        )
     return number
 
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from handctl.devices.aidin.device import AidinHand
 from handctl.devices.aidin.exchange import Conversation
-from handctl.devices.aidin.way import Exchange
+from handctl.devices.aidin.way import ExchangeMode
 from handctl.link import ByteLink, Deadline
 from handctl.model.result import Journal, Row
 
@@ -25,7 +25,7 @@ def probe(
     quiet.counters = journal.counters
     talk = Conversation(link, quiet, timeout=timeout, retries=0, bound=deadline)
     talk.connect()
-    how = "streams" if talk.exchange is Exchange.STREAM else "answers an empty object with"
+    how = "streams" if talk.exchange is ExchangeMode.STREAM else "answers an empty object with"
     evidence = f"{how} {', '.join(sorted(talk.feedback.seen))}"
     return [{"family": FAMILY, "link": link.name, "baud": None, "id": None, "evidence": evidence}]
 

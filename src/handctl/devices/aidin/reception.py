@@ -8,7 +8,7 @@ from __future__ import annotations
 from handctl.devices.aidin import trouble
 from handctl.devices.aidin.feedback import ALL, Feedback, Quality
 from handctl.devices.aidin.messages import Decoder, MalformedObject
-from handctl.devices.aidin.way import Exchange, Way
+from handctl.devices.aidin.way import ExchangeMode, Way
 from handctl.errors import HandctlError, LinkError, ProtocolError
 from handctl.link import ByteLink, Deadline
 from handctl.model.device import Line
@@ -43,7 +43,7 @@ class Reception(Line):
         super().__init__(link, journal, retries=retries, bound=bound)
         self.timeout = timeout
         self.way = way
-        self.exchange = Exchange.UNKNOWN
+        self.exchange = ExchangeMode.UNKNOWN
         self.quality = Quality()
         journal.counters.keys = self.quality.keys
         self.feedback = Feedback(self.quality)
@@ -98,7 +98,7 @@ class Reception(Line):
             found = self._take(content) or found
 
     def _take(self, content: dict[str, object]) -> bool:
-        if not self.feedback.take(content):
+        if not self.feedback.merge(content):
             ours = not content or "hand_mode" in content or self._decoder.taken == self.way.poll.strip()
             if ours and self.journal.counters.sent:  # before anything was sent it cannot have come back
                 self._echoes += 1
@@ -169,7 +169,7 @@ class Reception(Line):
         patience = self.timeout or SILENCE
         if since is not None:  # --deadline may have cut it short
             patience = min(patience, round(self.link.now() - since, 2))
-        known = moving or self.exchange is not Exchange.UNKNOWN
+        known = moving or self.exchange is not ExchangeMode.UNKNOWN
         stopped = bool(self.journal.counters.received) and known
         instead = self._since or self._decoder.pending[:64]
         if stopped and instead:

@@ -28,7 +28,7 @@ class Goal:
     named: dict[int, float]
 
     @property
-    def whole(self) -> bool:
+    def names_all(self) -> bool:
         """Whether nothing needs to be known of the hand."""
         return len(self.named) == self.target.command.count
 
@@ -38,7 +38,7 @@ class Goal:
         Raises UsageError without `measured` where it is needed; CheckFailed when what is kept is out of its range.
         """
         param = self.target.command
-        if measured is None and not self.whole:
+        if measured is None and not self.names_all:
             raise UsageError("the elements that are not given keep their place, which is not known")
         values = []
         for index in range(param.count):
@@ -52,8 +52,10 @@ class Goal:
     def wire(self, values: Sequence[float]) -> tuple[int, ...] | tuple[float, ...]:
         """The numbers of the command's array."""
         param = self.target.command
-        numbers = [param.to_wire(index, round(value) if param.whole else value) for index, value in enumerate(values)]
-        return tuple(int(n) for n in numbers) if param.whole is not None else tuple(float(n) for n in numbers)
+        numbers = [
+            param.to_wire(index, round(value) if param.int_range else value) for index, value in enumerate(values)
+        ]
+        return tuple(int(n) for n in numbers) if param.int_range is not None else tuple(float(n) for n in numbers)
 
 
 def _kept(param: AidinParam, index: int, value: float) -> float:
@@ -144,7 +146,7 @@ def _number(param: AidinParam, index: int, text: str) -> float:
         value = float("nan")
     if not isfinite(value) or "_" in text:
         raise UsageError(f"{name} = {text!r} is not a number", hint="nothing was sent", code="not-a-number")
-    if param.whole is not None and value != int(value):
+    if param.int_range is not None and value != int(value):
         raise UsageError(f"{name} = {text} is not a whole number", hint="nothing was sent", code="not-a-number")
     return value
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from handctl.devices.aidin.feedback import Wire
 from handctl.devices.aidin.map import AidinParam
 from handctl.devices.aidin.messages import WrongNumbers
-from handctl.devices.aidin.way import FIND_OUT, Exchange, Way
+from handctl.devices.aidin.way import FIND_OUT, ExchangeMode, Way
 from handctl.errors import HandctlError, NoAnswer, ProtocolError
 from handctl.model.param import Element, Number
 from handctl.model.result import hex_bytes
@@ -20,7 +20,7 @@ def silent(name: str, way: Way, patience: float, *, asked: bool, stopped: bool) 
             hint="look at its state and at the network: `status`; a hand that sends less than once a second needs "
             "--exchange stream --timeout S",
         )
-    if said is Exchange.STREAM:
+    if said is ExchangeMode.STREAM:
         text = f"connected, the hand has said nothing for {patience:g} s, and --exchange stream asks nothing"
         return NoAnswer(f"{name}: {text}", hint="leave --exchange out: then the hand is asked with an empty object")
     if not asked:
@@ -29,7 +29,7 @@ def silent(name: str, way: Way, patience: float, *, asked: bool, stopped: bool) 
             hint="give the whole vector: then nothing needs to be known",
         )
     poll = "an empty object" if way.poll == FIND_OUT.poll else way.poll.decode("ascii")[:60]
-    unasked = "says nothing unasked and does not answer" if said is Exchange.UNKNOWN else "does not answer"
+    unasked = "says nothing unasked and does not answer" if said is ExchangeMode.UNKNOWN else "does not answer"
     return NoAnswer(
         f"{name}: connected, the hand {unasked} {poll}",
         hint="is it the hand's port (8000)? Another client may hold it. If it speaks otherwise: --exchange stream|poll, "

@@ -20,7 +20,7 @@ DEEPEST = 8
 COMMANDS = frozenset(param.key.lower() for param in AIDIN if not param.readable)
 
 
-class Exchange(Enum):
+class ExchangeMode(Enum):
     """Who speaks first."""
 
     UNKNOWN = "auto"
@@ -38,7 +38,7 @@ class Way:
     end       the terminator of every object
     """
 
-    exchange: Exchange = Exchange.UNKNOWN
+    exchange: ExchangeMode = ExchangeMode.UNKNOWN
     poll: bytes = NOTHING
     end: bytes = TERMINATORS["newline"]
 
@@ -48,9 +48,9 @@ FIND_OUT = Way()
 
 def way_of(settings: Settings) -> Way:
     """The Way of --exchange, --poll-json and --tx-terminator. Raises UsageError for what does not fit together."""
-    exchange = Exchange(settings.own.get("exchange") or "auto")
+    exchange = ExchangeMode(settings.own.get("exchange") or "auto")
     text = settings.own.get("poll_json")
-    if text is not None and exchange in (Exchange.STREAM, Exchange.COMMAND):
+    if text is not None and exchange in (ExchangeMode.STREAM, ExchangeMode.COMMAND):
         raise UsageError(
             f"--poll-json does not fit --exchange {exchange.value}: nothing is asked then",
             hint="leave one of them out. Nothing was sent.",

@@ -16,8 +16,8 @@ from handctl.errors import OutputError, UsageError
 MOST_BYTES = 4_000_000
 
 
-def load(path: Path, what: str, whole: Callable[[object], bool]) -> dict[str, Any]:
-    """The object in `path`; empty when there is no file. Raises UsageError when an entry is not `whole`."""
+def load(path: Path, what: str, valid: Callable[[object], bool]) -> dict[str, Any]:
+    """The object in `path`; empty when there is no file. Raises UsageError when an entry is not `valid`."""
     hint = "move it away to begin a new one"
     try:
         content = json.loads(files.read_text(path, f"the {what}", MOST_BYTES, hint=hint))
@@ -25,7 +25,7 @@ def load(path: Path, what: str, whole: Callable[[object], bool]) -> dict[str, An
         return {}
     except (ValueError, RecursionError) as exc:
         raise UsageError(f"{path}: the {what} cannot be read: {exc}", hint=hint) from exc
-    if not isinstance(content, dict) or not all(whole(entry) for entry in content.values()):
+    if not isinstance(content, dict) or not all(valid(entry) for entry in content.values()):
         raise UsageError(f"{path}: not a {what}", hint=hint)
     return content
 
@@ -34,7 +34,7 @@ def store(path: Path, what: str, content: dict[str, Any]) -> None:
     """Write `content`, whole or not at all. Raises OutputError."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with files.whole(path) as file:
+        with files.atomic_write(path) as file:
             json.dump(content, file, indent=1, sort_keys=True)
     except OSError as exc:
         raise OutputError(f"{path}: the {what} cannot be written: {exc.strerror or exc}") from exc

@@ -81,9 +81,9 @@ class Device(Model):
     def __init__(self, options: Options, random: Random) -> None:
         super().__init__(options, random)
         self._exchange = options.choice("exchange", "stream", ("stream", "poll", "command", "mute"))
-        self._period = 1.0 / options.whole("rate", 100, 1, 1000)
-        self._merge = options.whole("merge", 1, 1, 10)
-        self._chunk = options.whole("chunk", 0, 0, 65536)
+        self._period = 1.0 / options.integer("rate", 100, 1, 1000)
+        self._merge = options.integer("merge", 1, 1, 10)
+        self._chunk = options.integer("chunk", 0, 0, 65536)
         self._nagle = options.choice("nagle", "0", ("0", "1")) == "1"
         self._limits = options.choice("limits", "ignore", ("ignore", "clamp", "obey"))
         self._needs_homing = options.choice("unhomed", "ignore", ("ignore", "obey")) == "ignore"
@@ -95,13 +95,13 @@ class Device(Model):
             random,
             holding=options.choice("load", "1", ("0", "1")) == "1",
             noise=options.choice("noise", "0", ("0", "1")) == "1",
-            drift=options.whole("drift", 0, 0, 10000),
+            drift=options.integer("drift", 0, 0, 10000),
             coupling=options.choice("q4", "same", ("same", "half", "zero")),
         )
         # The stream has no requests, so its objects are counted for "after" and "every" on their own.
-        self._after = options.whole("after", 0, 0, 1000000000)
-        self._every = options.whole("every", 1, 1, 1000000000)
-        wire = options.whole("wire", -1, 50, 20000000) if options.text("wire") != "auto" else -1
+        self._after = options.integer("after", 0, 0, 1000000000)
+        self._every = options.integer("every", 1, 1, 1000000000)
+        wire = options.integer("wire", -1, 50, 20000000) if options.text("wire") != "auto" else -1
         self._wire = 10.0 / wire if wire > 0 else 0.0
         self.reader = Reader(options)
         self.writer = Writer(options)

@@ -54,7 +54,7 @@ class Reader:
 
         self._loads: Callable[[str], Any] = json.loads
         self._style = options.choice("reader", "tolerant", ("tolerant", "lines", "nul", "naive"))
-        self._longest = options.whole("buffer", 2048, 64, 65536)
+        self._longest = options.integer("buffer", 2048, 64, 65536)
         self.dropped = 0
         self.forget()
 

@@ -46,16 +46,16 @@ class Device(Model):
         self.texts = options.choice("texts", "values", ("values", "names", "prose"))
         self._prompt = b"=> " if options.choice("prompt", "space", ("space", "bare")) == "space" else b"=>"
         self._end = b"\n\r" if options.choice("line-end", "lfcr", ("lfcr", "crlf")) == "lfcr" else b"\r\n"
-        self._longest = options.whole("line-limit", 128, 16, 1000)
-        self.most_arguments = options.whole("max-arguments", 64, 1, 200)
+        self._longest = options.integer("line-limit", 128, 16, 1000)
+        self.most_arguments = options.integer("max-arguments", 64, 1, 200)
         self._boot_time = options.seconds("boot", 1.0, 60.0)
         self._receiver = options.choice("uart", "mid", ("mid", "sci"))
         self._found = options.choice("found", "ready", found.STATES)
         self.reset_monitor = options.choice("reset-monitor", "0", ("0", "1")) == "1"
         self.loop_stops = options.choice("loop-exit", "run", ("run", "stop")) == "stop"
         self._loop_jump = barrett_options.numbers(options, "loop-jump", "0,0,0,0", -20000, 20000)
-        self.loop_after = options.whole("loop-after", 0, 0, 1000000000)
-        self.loop_code = options.whole("loop-code", 1, 1, 32767)
+        self.loop_after = options.integer("loop-after", 0, 0, 1000000000)
+        self.loop_code = options.integer("loop-code", 1, 1, 32767)
         self.lfv_per_10_ms = options.choice("lfv-unit", "sample", ("sample", "10ms")) == "10ms"
         self._switches = barrett_options.switches(options)  # moments at which the switch is turned
         self.write_time = options.seconds("write-time", 0.01, 1.0)
@@ -64,7 +64,7 @@ class Device(Model):
         self._initialized = options.choice("initialized", "0", ("0", "1")) == "1"
         self.memory = Memory({"4.33": 433, "4.34": 434, "4.4": 440}[self.firmware], baud // 100)
         self.hand = Hand(self.memory, clock, options.seconds("align", 0.5, 60.0))
-        self.usual_temperature = options.whole("temperature", int(TEMPERATURE), -550, 1250)
+        self.usual_temperature = options.integer("temperature", int(TEMPERATURE), -550, 1250)
         self.hand.set_temperature(self.usual_temperature)
         self.no_load = (*barrett_options.numbers(options, "no-load", "112,119,126", 0, 255), NO_LOAD[3])
         for motor in self.hand.motors:

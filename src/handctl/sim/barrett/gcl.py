@@ -6,7 +6,7 @@ Knows commands and parameters, no wire (barrett §5.1, §5.2). Where the manual 
 from __future__ import annotations
 
 from handctl.sim.barrett.answer import Answer
-from handctl.sim.barrett.memory import whole
+from handctl.sim.barrett.memory import decimal_number
 from handctl.sim.barrett.tables import (
     BAD_VALUE,
     MOVES,
@@ -71,7 +71,7 @@ def _split(words: list[str]) -> tuple[str, str, list[str]]:
 
 def _move(device: Board, name: str, motors: tuple[int, ...], unnamed: bool, arguments: list[str]) -> Answer | None:
     """Movement commands (§5.2.1). Without prefix they act on the enabled motors alone (§5.3.4 EN)."""
-    argument = whole(arguments[0], 0, 20000) if arguments else None
+    argument = decimal_number(arguments[0], 0, 20000) if arguments else None
     if arguments and argument is None:
         return Answer(BAD_VALUE)
     if unnamed:

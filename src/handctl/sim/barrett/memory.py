@@ -55,7 +55,7 @@ class Memory:
             return UNKNOWN_NAME
         if row[5] == STATUS:
             return READ_ONLY
-        value = whole(text, row[1], row[2])
+        value = decimal_number(text, row[1], row[2])
         if value is None:
             return BAD_VALUE
         for number in motors:
@@ -69,7 +69,7 @@ class Memory:
             return UNKNOWN_NAME
         if row[4] == STATUS:
             return READ_ONLY
-        value = whole(text, row[1], row[2])
+        value = decimal_number(text, row[1], row[2])
         if value is None or (name == "BAUD" and (value not in BAUDS or value > fastest)):
             return BAD_VALUE
         self.common[name] = value
@@ -114,7 +114,7 @@ class Memory:
         return 2 * len(self.common)
 
 
-def whole(text: str, low: int, high: int) -> int | None:
+def decimal_number(text: str, low: int, high: int) -> int | None:
     """A number as the hand reads it: decimal digits alone (a sign is refused, our guess), in its range."""
     if not (text.isascii() and text.isdigit()) or len(text) > 10 or not low <= int(text) <= high:
         return None

@@ -151,7 +151,7 @@ class Monitor:
         self.together = options.choice("boot-chunk", "apart", ("apart", "together")) == "together"
         self.echoes_waiting = options.choice("monitor-echo", "0", ("0", "1")) == "1"
         self.held = b""  # what comes out with the banner
-        self.needed = options.whole("image-records", 1, 1, 1000000)
+        self.needed = options.integer("image-records", 1, 1, 1000000)
         self.image = Image(options.choice("image", "valid", ("valid", "blank")) == "blank", self.needed)
         self.place: tuple[str, int] | None = None
         self.aim(options.text("download-at") or "off")

@@ -64,7 +64,7 @@ FAULTS = {
 def numbers(options: Options, name: str, default: str, low: int, high: int) -> tuple[int, ...]:
     """As many whole numbers as the default has, with commas between."""
     text = options.text(name) or default
-    numbers = [Options(options.kind, {name: part}, [name]).whole(name, 0, low, high) for part in text.split(",")]
+    numbers = [Options(options.kind, {name: part}, [name]).integer(name, 0, low, high) for part in text.split(",")]
     if len(numbers) != default.count(",") + 1:
         raise ValueError(f"option {name}={text}: not {default.count(',') + 1} numbers, such as {default}")
     return tuple(numbers)

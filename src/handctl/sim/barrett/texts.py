@@ -11,7 +11,7 @@ a client cannot rely on any. The words are the manual's own names. Loaded on use
 from __future__ import annotations
 
 from handctl.sim.barrett.answer import Answer
-from handctl.sim.barrett.memory import whole
+from handctl.sim.barrett.memory import decimal_number
 from handctl.sim.barrett.tables import BAD_VALUE, COMMANDS, ERRORS, ROWS, UNKNOWN_COMMAND
 
 TYPE_CHECKING = False
@@ -55,7 +55,7 @@ def _help(arguments: list[str], between: str) -> Answer:
 
 def _errors(arguments: list[str], between: str) -> Answer:
     """ERR lists all codes, ERR n those in the sum n; bits without a meaning are left out."""
-    number = whole(arguments[0], 0, 65535) if arguments else 32767
+    number = decimal_number(arguments[0], 0, 65535) if arguments else 32767
     if number is None:
         return Answer(BAD_VALUE)
     return Answer(lines=[f"{code}{between}{text}" for code, text in ERRORS if number & code])

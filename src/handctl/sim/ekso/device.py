@@ -57,7 +57,7 @@ class Device(Model):
             self.pinned = {place: raw for place, raw in tables.VECTOR_DATA.items() if options.text("posture") is None}
             self.body.frozen = tables.VECTOR_ANGLES if self.pinned else None
         default = tables.VECTOR_BOOT if self.preset == "vectors" else 7654321
-        self.boot_time = BootTime(options.whole("boot", default, 0, WRAP - 1))
+        self.boot_time = BootTime(options.integer("boot", default, 0, WRAP - 1))
         self.calendar = Calendar(options.text("rtc") or "2026-11-20T14:05:37")
         self._pad = bytes(int(options.choice("time-body", "4", ("3", "4"))) - 3)
         self.convention = options.choice("length", "body", tuple(LENGTHS))
@@ -68,7 +68,7 @@ class Device(Model):
         self._gap = options.seconds("gap", 0.1, 3600.0)
         self._startup = options.seconds("startup", 1.0, 3600.0)
         self._persist = options.choice("persist", "1", ("0", "1")) == "1"
-        self._refuse_status = options.whole("refuse-status", WRONG_STATE, 1, 255)
+        self._refuse_status = options.integer("refuse-status", WRONG_STATE, 1, 255)
         self._bad_crc_answered = options.choice("bad-crc", "silence", ("silence", "acknowledge")) == "acknowledge"
         self._unknown_answered = options.choice("unknown", "acknowledge", ("silence", "acknowledge")) == "acknowledge"
         self.sets = self.cancels = self.violations = 0  # SetValue, CancelAction, and command 157, which nobody may send

@@ -21,10 +21,10 @@ class Cable:
         """`options` and `faults` are those of the cable, name -> help."""
         self._options = Options(model.KIND, raw, [*options, *model.OPTIONS])
         self.kind = model.KIND
-        self._random = Random(self._options.whole("seed", 0, 0, 4294967295))
+        self._random = Random(self._options.integer("seed", 0, 0, 4294967295))
         self._known = {**faults, **model.FAULTS}
-        self._after = self._options.whole("after", 0, 0, 1000000000)
-        self._every = self._options.whole("every", 1, 1, 1000000000)
+        self._after = self._options.integer("after", 0, 0, 1000000000)
+        self._every = self._options.integer("every", 1, 1, 1000000000)
         self._turnaround = self._options.seconds("turnaround", 0.0, 60.0)
         self._late = self._options.seconds("late", 0.6, 3600.0)
         self._state = self._options.text("state")

@@ -65,7 +65,7 @@ class CanLine(Cable):
 
     def __init__(self, model: type[Model], raw: dict[str, str]) -> None:
         super().__init__(model, raw, CAN_OPTIONS, CAN_FAULTS)
-        self._traffic = self._options.whole("traffic", 0, 0, 1000)
+        self._traffic = self._options.integer("traffic", 0, 0, 1000)
         self._traffic_due = 0.0  # when the next of these frames is sent
         self._traffic_near = 0  # an identifier of the client, which they avoid
         self._timed = self._options.choice("wire", "0", ("0", "1", "auto")) != "0"

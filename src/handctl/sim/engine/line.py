@@ -86,7 +86,7 @@ class Line(Cable):
 
     def __init__(self, model: type[Model], raw: dict[str, str]) -> None:
         super().__init__(model, raw, LINE_OPTIONS, LINE_FAULTS)
-        self._wire = 0 if self._options.text("wire") == "auto" else self._options.whole("wire", -1, 50, 20000000)
+        self._wire = 0 if self._options.text("wire") == "auto" else self._options.integer("wire", -1, 50, 20000000)
         self._client_baud: int | None = None
         self._rx: list[_Segment] = []
         self._rx_free = 0.0

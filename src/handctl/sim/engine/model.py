@@ -74,7 +74,7 @@ class Options:
             raise ValueError(f"option {name}={text}: not one of {', '.join(allowed)}")
         return text
 
-    def whole(self, name: str, default: int, low: int, high: int) -> int:
+    def integer(self, name: str, default: int, low: int, high: int) -> int:
         text = self._raw.get(name)
         if text is None:
             return default

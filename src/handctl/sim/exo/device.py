@@ -90,13 +90,13 @@ class Device(Model):
     def __init__(self, options: Options, random: Random) -> None:
         super().__init__(options, random)
         speed = int(options.choice("baud", "115200", tuple(str(value) for value in SPEEDS)))
-        self.flash = {"id": options.whole("id", 1, 1, 254), "speed_code": SPEEDS.index(speed)}
+        self.flash = {"id": options.integer("id", 1, 1, 254), "speed_code": SPEEDS.index(speed)}
         self._old_id_acks = options.choice("ack-id", "new", ("new", "old")) == "old"
         self._result_flag = int(options.choice("result-flag", "17", ("17", "18")))
         self._calibration = None if options.text("calibration") is None else options.seconds("calibration", 0.0, 3600.0)
         self._gap = options.seconds("gap", 0.1, 3600.0)
         jitter = options.choice("jitter", "0", ("0", "1")) == "1"
-        self.hand = Hand(random, jitter, float(options.whole("limit", 70, 40, 100)))
+        self.hand = Hand(random, jitter, float(options.integer("limit", 70, 40, 100)))
         self.memory = bytearray(MEMORY)
         self._inbox = bytearray()
         self._heard = 0.0

@@ -63,12 +63,12 @@ class Module(Model):
     def __init__(self, options: Options, random: Random, speed_code: int) -> None:
         super().__init__(options, random)
         options.choice("bus", "serial", ("serial", "can"))
-        self.id = options.whole("id", 1, *self.IDS)
+        self.id = options.integer("id", 1, *self.IDS)
         self.flash = {"id": self.id, "speed_code": speed_code}
         self.kept = FACTORY  # the hand's flash bytes from 1020 on
         self.speed_code = speed_code  # the one in force
         jitter = options.choice("jitter", "0", ("0", "1")) == "1"
-        self.body = Body(random, jitter, float(options.whole("limit", 70, 40, 100)))
+        self.body = Body(random, jitter, float(options.integer("limit", 70, 40, 100)))
         self.wrist = Space(WRIST)
         self.hand = Space(HAND)
 

@@ -6,17 +6,17 @@ from collections.abc import Callable
 
 from handctl.errors import HandctlError, NoAnswer, ProtocolError
 from handctl.model.result import Row
-from handctl.model.sampling import Take
+from handctl.model.sampling import ReadRows
 
 
-def moments(take: Callable[[], list[Row]]) -> Take:
-    """`take` for a Sampler: a moment without a valid answer repeats the last rows with the error as value."""
+def moments(read: Callable[[], list[Row]]) -> ReadRows:
+    """`read` for a Sampler: a moment without a valid answer repeats the last rows with the error as value."""
     rows: list[Row] = []
 
     def moment() -> tuple[list[Row], HandctlError | None]:
         nonlocal rows
         try:
-            rows = take()
+            rows = read()
         except (NoAnswer, ProtocolError) as exc:
             return [_failed(row, exc.text) for row in rows], exc
         return rows, None

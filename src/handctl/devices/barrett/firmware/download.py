@@ -78,10 +78,10 @@ class Loader:
         begun = ledger.mark
         image = f"the image {self.firmware.name}, {self.firmware.size} bytes, to the boot monitor"
         while True:
-            with ledger.whole(image):
+            with ledger.one_step(image):
                 self._power_on()
             try:
-                with ledger.whole(image):
+                with ledger.one_step(image):
                     self._send_all()
                 ledger.confirm("every byte was echoed", since=begun)
                 break

@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 
 from handctl.devices.barrett.map import SPEEDS
-from handctl.files import state_path, whole
+from handctl.files import atomic_write, state_path
 from handctl.link import ByteLink
 
 NAME = "barrett-speeds.json"
@@ -42,7 +42,7 @@ def remember(link: ByteLink) -> None:
     path = state_path(NAME)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with whole(path) as file:
+        with atomic_write(path) as file:
             json.dump(dict(list(known.items())[-MOST:]), file, indent=1)
     except OSError:
         return  # the next connect looks again

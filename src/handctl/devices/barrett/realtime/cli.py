@@ -20,7 +20,7 @@ from handctl.model.result import Column, Table
 if TYPE_CHECKING:
     from handctl.devices.barrett.realtime.flags import Wish
     from handctl.devices.barrett.realtime.loop import RealtimeLoop
-    from handctl.devices.barrett.realtime.schedule import Source
+    from handctl.devices.barrett.realtime.schedule import Controls
     from handctl.model.param import Step
 
 COLUMNS = (
@@ -129,21 +129,23 @@ def add_realtime(group: Group) -> None:
             raise UsageError("--measure N says how many blocks", hint="leave --count and --duration out")
         indices = loop_motors(motors)
         received, temperature = _received(receive, indices)
-        source = _source(send, velocity, gain, path, indices)
+        controls = _controls(send, velocity, gain, path, indices)
         off = set(GUARDS) if "all" in unguarded else {*unguarded, *(["opening"] if force else [])}
         wish = Wish(tuple(indices), received, temperature, hold, frozenset(GUARDS) - off, delta_unit)
         first = _initialization(wish) if initialize else []
-        steps = _steps(run, wish, source)
+        steps = _steps(run, wish, controls)
         if run.settings.dry_run:
             return run.dry_run([*first, *steps])
         run.ledger.plan([*first, *(step for step in steps if step.meaning.startswith(wish.prefix + "LOOP"))])
-        if motors is None and (initialize or source is not None):
+        if motors is None and (initialize or controls is not None):
             refuse_disabled(run.device())
         if initialize:
             _initialize(run, wish)
         if sequential is None:
-            sequential = source is not None
-        loop = RealtimeLoop(run.device(), run.guide, wish, source, sequential=sequential, measuring=measure is not None)
+            sequential = controls is not None
+        loop = RealtimeLoop(
+            run.device(), run.guide, wish, controls, sequential=sequential, measuring=measure is not None
+        )
         if measure is not None:
             return measured(run, loop, measure, rate)
         table = Table(
@@ -192,9 +194,9 @@ def _received(text: str | None, motors: list[int]) -> tuple[dict[int, tuple[str,
     return selections(rest, FEEDBACK, motors, "--receive"), temperature
 
 
-def _source(
+def _controls(
     send: str | None, velocity: str | None, gain: str | None, path: str | None, motors: list[int]
-) -> Source | None:
+) -> Controls | None:
     """Where control values come from, None when nothing is to be sent. Raises UsageError."""
     from handctl.devices.barrett.realtime import schedule
     from handctl.devices.barrett.realtime.blocks import CONTROL, selections
@@ -208,34 +210,34 @@ def _source(
                 raise UsageError(f"--{name} without {name} in --send {send}", hint="leave --send out, or name it there")
             start.update(schedule.constant(text, name, given))
     if path is not None:
-        source = _from_file(path, motors, start)
-        if carried is not None and carried != source.carries:
+        controls = _from_file(path, motors, start)
+        if carried is not None and carried != controls.carries:
             raise UsageError(
                 f"--send {send} does not fit the columns of {path}", hint="leave --send out: the columns say it"
             )
-        return source
+        return controls
     if carried is None:
         carried = {index: tuple(name for name in CONTROL if (index, name) in start) for index in motors}
-    return schedule.Source(carried, start) if any(carried.values()) else None
+    return schedule.Controls(carried, start) if any(carried.values()) else None
 
 
-def _from_file(path: str, motors: list[int], start: dict[tuple[int, str], int]) -> Source:
+def _from_file(path: str, motors: list[int], start: dict[tuple[int, str], int]) -> Controls:
     from handctl.devices.barrett.realtime import schedule
 
     if path == "-" or is_pipe(path):
-        source = schedule.read(_lines_as_they_come(path), "stdin" if path == "-" else path, motors, start)
-        if isinstance(source, schedule.Live):
+        controls = schedule.read(_lines_as_they_come(path), "stdin" if path == "-" else path, motors, start)
+        if isinstance(controls, schedule.Live):
             import threading
 
-            threading.Thread(target=source.listen, daemon=True).start()
-        return source
+            threading.Thread(target=controls.listen, daemon=True).start()
+        return controls
     lines = io.StringIO(read_text(path, "a control file", 16_000_000).removeprefix("\ufeff"), newline="")
-    source = schedule.read(lines, path, motors, start)
-    if source.live:
+    controls = schedule.read(lines, path, motors, start)
+    if controls.live:
         raise UsageError(
             f"{path}: no column t", hint="a file needs times; without them give the lines on stdin: --control -"
         )
-    return source
+    return controls
 
 
 def _lines_as_they_come(path: str) -> Iterator[str]:
@@ -265,7 +267,7 @@ def _lines_as_they_come(path: str) -> Iterator[str]:
 # -- dry run ------------------------------------------------------------------------------------------------------
 
 
-def _steps(run: Run, wish: Wish, source: Source | None) -> list[Step]:
+def _steps(run: Run, wish: Wish, controls: Controls | None) -> list[Step]:
     """The exact bytes as far as they do not depend on what the hand holds."""
     from handctl.devices.barrett.gcl.language import ABORT, encode
     from handctl.devices.barrett.map import BARRETT
@@ -275,7 +277,7 @@ def _steps(run: Run, wish: Wish, source: Source | None) -> list[Step]:
 
     changes = [
         (Element(BARRETT.by_mnemonic(name), index), value)
-        for (name, index), value in asked_flags(wish, source).items()
+        for (name, index), value in asked_flags(wish, controls).items()
         if value or not BARRETT.by_mnemonic(name).since  # a hand that does not know the flag has it off
     ]
     steps = [
@@ -284,15 +286,15 @@ def _steps(run: Run, wish: Wish, source: Source | None) -> list[Step]:
     ]
     entry = f"{wish.prefix}LOOP"
     steps.append(Step(f"{entry}: enter RealTime", encode(entry)))
-    values = source.first if source is not None else None
-    if source is None or values is None:
+    values = controls.first if controls is not None else None
+    if controls is None or values is None:
         steps.append(Step("ask for feedback, again and again", b"A"))
     else:
-        layout = Layout({index: Selection(source.carries[index], ()) for index in wish.motors})
+        layout = Layout({index: Selection(controls.carries[index], ()) for index in wish.motors})
         zero = {index: {**names, **({"velocity": 0} if "velocity" in names else {})} for index, names in values.items()}
         steps.append(Step("first control block", layout.control(values), moves=True))
         steps.append(Step("last control block: stand", layout.control(zero, feedback=False)))
     steps.append(Step("leave RealTime", ABORT))
-    if source is not None and not wish.hold:
+    if controls is not None and not wish.hold:
         steps.append(Step(f"{wish.prefix}T: motor power off", encode(f"{wish.prefix}T")))
     return steps

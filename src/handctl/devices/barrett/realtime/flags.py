@@ -12,7 +12,7 @@ from handctl.devices.barrett.gcl.language import MOTORS
 from handctl.devices.barrett.map import BARRETT, GclParam
 from handctl.devices.barrett.realtime.blocks import CONTROL, FEEDBACK, Layout, Selection
 from handctl.devices.barrett.realtime.guards import GUARDS, TRAVEL, Limits, check_opening
-from handctl.devices.barrett.realtime.schedule import Source
+from handctl.devices.barrett.realtime.schedule import Controls
 from handctl.errors import CheckFailed, DeviceRefused, UsageError
 from handctl.model.param import Element, Number
 
@@ -51,12 +51,12 @@ class Wish(NamedTuple):
         return "".join(str(index + 1) for index in self.motors)
 
 
-def asked_flags(wish: Wish, source: Source | None) -> dict[tuple[str, int], int]:
+def asked_flags(wish: Wish, controls: Controls | None) -> dict[tuple[str, int], int]:
     """Flags by (mnemonic, motor) as the user wants them; what was not asked for is left out."""
     wanted: dict[tuple[str, int], int] = {}
     for index in wish.motors:
-        if source is not None:
-            carried = source.carries.get(index, ())
+        if controls is not None:
+            carried = controls.carries.get(index, ())
             wanted.update({(flag, index): int(name in carried) for name, flag in CONTROL.items()})
         if wish.receive is not None:
             names = wish.receive.get(index, ())
@@ -85,7 +85,7 @@ class Prepared(NamedTuple):
 
 
 def prepare(
-    hand: BarrettHand, wish: Wish, source: Source | None, undo: list[tuple[Element, Number]], cycle: float
+    hand: BarrettHand, wish: Wish, controls: Controls | None, undo: list[tuple[Element, Number]], cycle: float
 ) -> Prepared:
     """Read the flags, set what was asked and differs, and say how the blocks look then.
 
@@ -93,21 +93,21 @@ def prepare(
     Raises DeviceRefused, CheckFailed, NoAnswer; UsageError for too fast an opening.
     """
     later = _is_later(hand, wish.motors[0])
-    driven = [index for index in wish.motors if source is not None and "velocity" in source.carries.get(index, ())]
+    driven = [index for index in wish.motors if controls is not None and "velocity" in controls.carries.get(index, ())]
     now = _read(hand, wish.motors, later, driving=bool(driven))
-    fitted = _fitted(hand, wish, source, later)
+    fitted = _fitted(hand, wish, controls, later)
     wanted = fitted | now | fitted  # what was asked for goes first
     shown = {index: _selection(wanted, index).feedback for index in wish.motors}
     temperature = bool(wanted["LFT", 0])
-    _refuse_zero(wanted, wish.motors, sends=source is not None)
+    _refuse_zero(wanted, wish.motors, sends=controls is not None)
     for index in driven:
         wanted.update(_for_guards(wish, wanted, index))
         if wanted["LFDP", index]:
-            wanted["LFDPC", index] = _delta_unit(hand, wish, source, wanted, index, cycle)
+            wanted["LFDPC", index] = _delta_unit(hand, wish, controls, wanted, index, cycle)
     limits = {index: _limits(wanted, index) for index in driven}
-    if source is not None and "opening" in wish.guards and not source.live:
+    if controls is not None and "opening" in wish.guards and not controls.live:
         for index in driven:
-            check_opening(index, source.extremes(index)[0], limits[index])
+            check_opening(index, controls.extremes(index)[0], limits[index])
     heat = _heat(hand, wish, now) if driven else LIMIT_TENTHS
     _write(hand, now, wanted, undo)
     size = 0 if not wanted["LFT", 0] else 1 if later else 2
@@ -168,15 +168,15 @@ def _limits(now: Mapping[tuple[str, int], int], index: int) -> Limits:
 def _delta_unit(
     hand: BarrettHand,
     wish: Wish,
-    source: Source | None,
+    controls: Controls | None,
     now: Mapping[tuple[str, int], int],
     index: int,
     cycle: float,
 ) -> int:
     """LFDPC: what was asked for; else as much as keeps the fastest command within a byte, twice over (§6.2.3)."""
-    if wish.delta_unit is not None or source is None:
+    if wish.delta_unit is not None or controls is None:
         return wish.delta_unit or now["LFDPC", index]
-    fastest = max(map(abs, source.extremes(index))) * _limits(now, index).speed * cycle
+    fastest = max(map(abs, controls.extremes(index))) * _limits(now, index).speed * cycle
     needed = ceil(2 * fastest / 127)
     if needed > 255:
         hand.journal.warn(
@@ -242,11 +242,11 @@ def _read(hand: BarrettHand, motors: tuple[int, ...], later: bool, *, driving: b
     return now
 
 
-def _fitted(hand: BarrettHand, wish: Wish, source: Source | None, later: bool) -> dict[tuple[str, int], int]:
+def _fitted(hand: BarrettHand, wish: Wish, controls: Controls | None, later: bool) -> dict[tuple[str, int], int]:
     """What was asked for, fitted to the firmware."""
-    wanted = asked_flags(wish, source)
+    wanted = asked_flags(wish, controls)
     if later:
-        if source is not None:
+        if controls is not None:
             wanted.update({("LCT", index): 0 for index in wish.motors})  # excludes velocity and gain
         return wanted
     for name in LATER:

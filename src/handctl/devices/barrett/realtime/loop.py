@@ -29,7 +29,7 @@ from handctl.devices.barrett.realtime.flags import Wish, prepare
 from handctl.devices.barrett.realtime.guards import Guards
 from handctl.devices.barrett.realtime.leaving import Session, still
 from handctl.devices.barrett.realtime.rows import Intake, Sent, Taken
-from handctl.devices.barrett.realtime.schedule import Source, Values
+from handctl.devices.barrett.realtime.schedule import Controls, Values
 from handctl.errors import (
     CheckFailed,
     DeviceRefused,
@@ -53,19 +53,19 @@ UNPROVED = "no answer came behind it: its place in the stream is not proved"
 
 
 class RealtimeLoop:
-    """One run of the loop. `source` gives the control values; None sends none: the hand is only watched.
+    """One run of the loop. `controls` gives the control values; None sends none: the hand is only watched.
 
     `measuring` keeps what the unit of velocity is fitted to; a loop of hours keeps nothing.
     """
 
     def __init__(
-        self, hand: BarrettHand, guide: Guide, wish: Wish, source: Source | None, *, sequential: bool,
+        self, hand: BarrettHand, guide: Guide, wish: Wish, controls: Controls | None, *, sequential: bool,
         measuring: bool = False,
     ) -> None:  # fmt: skip
         self.hand = hand
         self.wish = wish
-        self.source = source
-        self.session = Session(hand, wish, drives=source is not None)
+        self.controls = controls
+        self.session = Session(hand, wish, drives=controls is not None)
         self._guide = guide
         self._sequential = sequential
         self._intake = Intake(hand, wish, measuring=measuring)
@@ -84,7 +84,7 @@ class RealtimeLoop:
 
     def summary(self) -> dict[str, Any]:
         """Rate, latencies, floors and what the guards did, for the closing envelope."""
-        return self._intake.summary(drives=self.source is not None, overlapped=not self._sequential)
+        return self._intake.summary(drives=self.controls is not None, overlapped=not self._sequential)
 
     @property
     def failure(self) -> HandctlError | None:
@@ -92,9 +92,9 @@ class RealtimeLoop:
         return self.session.failure
 
     def run(self, *, rate: float, count: int | None, duration: float | None) -> Iterator[Sample]:
-        """Samples, one a block, until `count`, `duration`, the end of the source or Ctrl-C; always leaves the loop."""
+        """Samples, one a block, until `count`, `duration`, the end of the controls or Ctrl-C; always leaves the loop."""
         session = self.session
-        if self.source is None:
+        if self.controls is None:
             yield from self._run(rate, count, duration)
             return
         with guarding(self.hand.link, session.power_off_shots(), self.hand.journal.warn) as session.dead_man:
@@ -105,10 +105,10 @@ class RealtimeLoop:
         try:
             self._prepare(rate)
             self._enter()
-            if self.source is not None and not self._sequential:
+            if self.controls is not None and not self._sequential:
                 self._self_test()
-            for sample in self._exchange(self.source, rate, count, duration):
-                if self.source is None:
+            for sample in self._exchange(self.controls, rate, count, duration):
+                if self.controls is None:
                     yield sample
                     continue
                 with self._guide.impatient(READER_SECONDS, self._stop_for_reader):
@@ -119,7 +119,7 @@ class RealtimeLoop:
                 self.hand.name_heat(exc)
             raise
         except LinkError as exc:
-            if session.inside and self.source is not None:
+            if session.inside and self.controls is not None:
                 exc.hint = f"the motors keep their last velocity: switch the hand's power off now; {exc.hint}"
             session.give_up()
             if exc.code == "lost":  # no T can reach the hand either
@@ -136,7 +136,7 @@ class RealtimeLoop:
         """Flags and guards. A block takes as long as its bytes, or as the rate says."""
         line = self.hand.line
         longest = max(1 / rate if rate else 0.0, line.wire_seconds(9 + 23) or 0.035)
-        prepared = prepare(self.hand, self.wish, self.source, self.session.undo, longest)
+        prepared = prepare(self.hand, self.wish, self.controls, self.session.undo, longest)
         self.session.layout = prepared.layout
         self._intake.prepared = prepared
         self.session.decoder = Decoder(self.session.layout)
@@ -168,9 +168,11 @@ class RealtimeLoop:
 
     def _self_test(self) -> None:
         """Overlapped blocks that drive nothing: a hand that does not keep up with them must not be driven so."""
-        assert self.source is not None
-        values = self.source.first
-        idle = Source(self.source.carries, {(i, n): v for i, names in still(values).items() for n, v in names.items()})
+        assert self.controls is not None
+        values = self.controls.first
+        idle = Controls(
+            self.controls.carries, {(i, n): v for i, names in still(values).items() for n, v in names.items()}
+        )
         try:
             for _ in self._exchange(idle, 0.0, SELF_TEST_BLOCKS, None):
                 pass
@@ -184,7 +186,7 @@ class RealtimeLoop:
     # -- blocks --------------------------------------------------------------------------------------------------
 
     def _exchange(
-        self, source: Source | None, rate: float, count: int | None, duration: float | None
+        self, controls: Controls | None, rate: float, count: int | None, duration: float | None
     ) -> Iterator[Sample]:
         link, bound, decoder, intake = self.hand.link, self.hand.line.bound, self.session.decoder, self._intake
         sent: deque[Sent] = deque()
@@ -208,7 +210,7 @@ class RealtimeLoop:
                             break
                         link.sleep(due - now)
                         now = link.now()
-                    values = self._values(source, now - intake.start)
+                    values = self._values(controls, now - intake.start)
                     over = (count is not None and asked >= count) or (
                         duration is not None and now - intake.start >= duration
                     )
@@ -218,7 +220,7 @@ class RealtimeLoop:
                     if rate:
                         intake.late += now > due + 1 / rate
                         due = max(due + 1 / rate, now)
-                    sent.append(self._send(source, values, now))
+                    sent.append(self._send(controls, values, now))
                     asked += 1
                 if not sent and not going and last is not None:
                     self._prove_last()
@@ -233,7 +235,7 @@ class RealtimeLoop:
                     proved.append(last)
                     last = None
                 if answer is not None:
-                    last = intake.take(answer, sent.popleft())
+                    last = intake.accept(answer, sent.popleft())
                     if intake.end is not None:
                         self._prove_last()  # what a lost byte has shifted is no reason that could be told
                         raise intake.end
@@ -265,23 +267,23 @@ class RealtimeLoop:
                 f"{self.hand.link.name}: velocity 0 was not acknowledged at the end", hint=DISTURBED, code="bad-block"
             )
 
-    def _values(self, source: Source | None, seconds: float) -> Values | None:
-        """What to send now; None when the source is over. Raises CheckFailed for a line that came bad while motors ran."""
-        if source is None:
+    def _values(self, controls: Controls | None, seconds: float) -> Values | None:
+        """What to send now; None when they are over. Raises CheckFailed for a line that came bad while motors ran."""
+        if controls is None:
             return {}
         try:
-            return source.at(seconds)
+            return controls.at(seconds)
         except UsageError as exc:
             raise CheckFailed(f"{exc.text}; the loop was left", hint=exc.hint, code="control") from exc
 
-    def _send(self, source: Source | None, values: Values, now: float) -> Sent:
+    def _send(self, controls: Controls | None, values: Values, now: float) -> Sent:
         """One block, as the guards allow. A Ctrl-C meanwhile waits until it is sent: leaving must know what is on the wire."""
         session = self.session
         feedback = session.layout.feedback_size > 1
         if not session.decoder.outstanding and session.decoder.received:
             self._next_answer()  # bytes that nobody asked for: what comes now could not be told apart
         held: dict[int, str] = {}
-        if source is None:
+        if controls is None:
             block = FEEDBACK_ONLY if feedback else NEITHER
         else:
             if self._intake.guards is not None:
@@ -289,7 +291,7 @@ class RealtimeLoop:
             values = {index: dict(names) for index, names in values.items()}
             block = session.layout.control(values, feedback=feedback)
         with self._guide.counting() as presses:
-            if source is not None:
+            if controls is not None:
                 session.last, session.stood = values, False
                 session.tell_dead_man()
             session.decoder.expect(feedback)

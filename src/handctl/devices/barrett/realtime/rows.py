@@ -68,7 +68,7 @@ class Positions:
         """Deltas that a byte could not hold."""
         return sum(delta.saturated for delta in self._deltas.values())
 
-    def take(self, feedback: Feedback) -> tuple[dict[int, int], dict[int, str]]:
+    def update(self, feedback: Feedback) -> tuple[dict[int, int], dict[int, str]]:
         """Positions after this block, and which of them cannot be believed, with the reason."""
         places: dict[int, int] = {}
         doubts: dict[int, str] = {}
@@ -121,14 +121,14 @@ class Intake:
         self.answers = self.samples = self.late = 0
         self._first = self._last = self.cycle = 0.0
 
-    def take(self, feedback: Feedback, sent: Sent) -> Taken:
+    def accept(self, feedback: Feedback, sent: Sent) -> Taken:
         """A block has come: its time, its positions, what the guards make of it."""
         now = self._hand.link.now()
         self.trips.add(now - sent.at)
         self.answers += 1
         self.cycle = max(now - (self._last if self.answers > 1 else sent.at), 0.8 * self.cycle)
         self._first, self._last = (now if self.answers == 1 else self._first), now
-        places, saturated = self._positions.take(feedback)
+        places, saturated = self._positions.update(feedback)
         if self.guards is not None:
             for index, names in self._in_force.items():
                 strain = feedback.motors.get(index, {}).get("strain")

@@ -27,7 +27,7 @@ MOST_ROWS = 100_000
 ALIASES = {"F1": 0, "F2": 1, "F3": 2, "SPREAD": 3, "1": 0, "2": 1, "3": 2, "4": 3, "S": 3}
 
 
-class Source:
+class Controls:
     """Control values over time; this one never changes and never ends."""
 
     live = False
@@ -58,12 +58,12 @@ class Source:
         velocity = self._state[index]["velocity"]
         return velocity, velocity
 
-    def _take(self, change: Change) -> None:
+    def _apply(self, change: Change) -> None:
         for (index, name), value in change.items():
             self._state[index][name] = value
 
 
-class Schedule(Source):
+class Schedule(Controls):
     """Rows with times, all checked beforehand."""
 
     def __init__(
@@ -81,11 +81,11 @@ class Schedule(Source):
         if not self._rows:
             return None
         while self._rows and self._rows[0][0] <= seconds:
-            self._take(self._rows.popleft()[1])
+            self._apply(self._rows.popleft()[1])
         return self._state
 
 
-class Live(Source):
+class Live(Controls):
     """Lines that count when they come. Somebody else runs `listen`, in a thread: the loop never waits for a line.
 
     When none has come for `stale` seconds, velocities are 0 until one does: nothing else stops a hand whose controlling
@@ -124,7 +124,7 @@ class Live(Source):
                 raise change
             if change is None:
                 return None
-            self._take(change)
+            self._apply(change)
             self._arrived.popleft()
             self._heard = seconds
         if seconds - self._heard <= self.stale:
@@ -152,8 +152,8 @@ def constant(text: str, name: str, motors: Sequence[int]) -> Change:
     return {(index, name): value for index, value in zip(motors, values, strict=True)}
 
 
-def read(lines: Iterable[str], where: str, motors: Sequence[int], start: Change) -> Source:
-    """A schedule or a live source from CSV or JSON lines. Raises UsageError with the line number."""
+def read(lines: Iterable[str], where: str, motors: Sequence[int], start: Change) -> Controls:
+    """A schedule or live controls from CSV or JSON lines. Raises UsageError with the line number."""
     numbered = ((number, line) for number, line in enumerate(lines, 1) if line.strip() and not line.startswith("#"))
     first = next(numbered, None)
     if first is None:

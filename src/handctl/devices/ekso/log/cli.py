@@ -16,7 +16,7 @@ from handctl import __version__
 from handctl.errors import HandctlError, LinkError, NoAnswer, OutputError, ProtocolError, UsageError
 from handctl.frame.clikit import Command, Group, streaming
 from handctl.frame.filetypes import InFile, OutFile
-from handctl.frame.numbers import Number, Seconds
+from handctl.frame.numbers import FiniteRange, Seconds
 from handctl.frame.options import SharedOption
 from handctl.frame.run import Run
 from handctl.model.result import Column, Table
@@ -317,7 +317,7 @@ def _own_format(group: Group, name: str, body: Callable[..., Table]) -> click.Co
 )
 @click.option(
     "--rate",
-    type=Number(min=0, min_open=True, max=1000),
+    type=FiniteRange(min=0, min_open=True, max=1000),
     metavar="HZ",
     help="With mot: resample linearly, never across a gap.",
 )

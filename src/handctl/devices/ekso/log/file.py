@@ -11,7 +11,7 @@ import json
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-from handctl.devices.ekso.log.format import LEAD, LEAD_DECIMALS, MARK, NAMED, SCHEMA, Layout, parse, parse_fixed
+from handctl.devices.ekso.log.format import LEAD, LEAD_DECIMALS, MARK, NAMED, SCHEMA, RowLayout, parse, parse_fixed
 from handctl.devices.ekso.map import DATA, boot_ms, state_text
 from handctl.errors import UsageError
 from handctl.files import NoFile, opened, read_text
@@ -46,7 +46,7 @@ class LogFile:
             header = file.readline(LONGEST_LINE).decode("utf-8", "replace")
         names = header.rstrip("\r\n").split(",")
         self.layout = next(
-            (layout for raw in (False, True) if (layout := Layout(raw=raw)).names == tuple(names)), None
+            (layout for raw in (False, True) if (layout := RowLayout(raw=raw)).names == tuple(names)), None
         ) or (self._foreign(names))
 
     @property
@@ -59,8 +59,8 @@ class LogFile:
         """Whether the sidecar says that a simulator was recorded."""
         return bool(self.sidecar and self.sidecar.get("simulated"))
 
-    def _foreign(self, names: list[str]) -> Layout:
-        for number, wanted in enumerate(Layout(raw=False).names):
+    def _foreign(self, names: list[str]) -> RowLayout:
+        for number, wanted in enumerate(RowLayout(raw=False).names):
             if number >= len(names) or names[number] != wanted:
                 found = repr(names[number][:40]) if number < len(names) else "missing"
                 raise damaged(self.path, 1, f"column {number + 1} is {found}, a log has {wanted!r} there")

@@ -80,7 +80,7 @@ class Stamp(NamedTuple):
         ]
 
 
-class Layout:
+class RowLayout:
     """The columns of one file: those of GetData in wire order, with `raw` also its words as they came."""
 
     def __init__(self, *, raw: bool) -> None:

@@ -16,11 +16,11 @@ import signal
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple, Protocol
 
-from handctl.devices.ekso.log.format import SCHEMA, Layout, Stamp, clean
+from handctl.devices.ekso.log.format import SCHEMA, RowLayout, Stamp, clean
 from handctl.devices.ekso.log.timeline import Timeline
 from handctl.devices.ekso.map import SETTINGS, boot_ms
 from handctl.errors import HandctlError, Interrupted, NoAnswer, OutputError, ProtocolError, UsageError
-from handctl.files import whole
+from handctl.files import atomic_write
 from handctl.model.guide import Guide
 
 PROGRESS_S = 0.25
@@ -83,7 +83,7 @@ class Recording:
         from datetime import UTC, datetime
 
         self.path = path
-        self.layout = Layout(raw=raw)
+        self.layout = RowLayout(raw=raw)
         self.timeline = Timeline(1000 / rate if rate else 0.0)
         self.marks: list[dict[str, Any]] = []
         self.lost = 0
@@ -126,7 +126,7 @@ class Recording:
         text = self.layout.line(stamp, sample.words, "; ".join([*notes, *([mark] if mark else [])]))
         with undisturbed():
             self._append(text)
-            self.timeline.take(place)
+            self.timeline.count(place)
             self._first, self._last = self._first or stamp, stamp
             self._keep_mark(self.rows)
         return place.rebooted
@@ -256,7 +256,7 @@ def open_new(path: str, force: bool) -> int:
 def write_whole(path: str, text: str) -> None:
     """Write a file so that it is there whole or not at all. Raises OutputError."""
     try:
-        with whole(path) as file:
+        with atomic_write(path) as file:
             file.write(text)
     except OSError as exc:
         raise OutputError(f"{path}: cannot be written: {exc.strerror or exc}", code="log-file") from exc

@@ -112,7 +112,7 @@ class Timeline:
         self._last = Place(0, 0.0, 0.0, 0, 1)
 
     def place(self, boot_ms: int, mono_s: float, rtt_ms: float = 0.0) -> Place:
-        """Where a row of these clocks would stand; `take` it once it is written.
+        """Where a row of these clocks would stand; `count` it once it is written.
 
         A gap is an interval above three nominal periods. A reboot is a BootTime below the last one (unless it wrapped
         after 49.7 days), or one that has fallen behind the host clock by more than a second.
@@ -130,7 +130,7 @@ class Timeline:
         gap = delta if delta > GAP_PERIODS * self.period_ms else 0
         return Place(boot_ms, mono_s, rtt_ms, t_ms + delta, segment, gap_ms=gap)
 
-    def take(self, place: Place) -> None:
+    def count(self, place: Place) -> None:
         """The row is written: count it."""
         if not self.rows or place.rebooted:
             self.segments.append(Segment(place.segment, self.rows + 1, place.boot_ms, place.mono_s, place.t_ms))

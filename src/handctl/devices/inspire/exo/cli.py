@@ -18,7 +18,7 @@ from handctl.frame.clikit import Group
 from handctl.frame.family import Family
 from handctl.frame.filetypes import OutFile
 from handctl.frame.mapverbs import add_map_verbs
-from handctl.frame.numbers import Number, Seconds
+from handctl.frame.numbers import FiniteRange, Seconds
 from handctl.frame.run import Run
 from handctl.model.device import limits_of
 from handctl.model.result import Table
@@ -315,7 +315,7 @@ add_movements(cli)
 )
 @click.option(
     "--reply-window",
-    type=Number(min=1, max=1000),
+    type=FiniteRange(min=1, max=1000),
     metavar="MS",
     help="Wait per window (default: 20, or 30 with an FTDI adapter whose latency timer is high).",
 )

@@ -13,7 +13,7 @@ from handctl.devices.inspire.wrist.device import WIRING_HINT, Wrist
 from handctl.frame.clikit import Group
 from handctl.frame.family import Family
 from handctl.frame.mapverbs import add_map_verbs
-from handctl.frame.numbers import Number, Seconds
+from handctl.frame.numbers import FiniteRange, Seconds
 from handctl.frame.run import Run
 from handctl.link import FrameLink
 from handctl.model.device import limits_of
@@ -215,7 +215,7 @@ def raw(run: Run, data: tuple[str, ...], wait: float, force_ambiguous: bool) -> 
     metavar="K",
     help="Serial: ids asked per reply window; more than 1 needs full duplex (RS-232).",
 )
-@click.option("--reply-window", type=Number(min=1, max=1000), metavar="MS", help="Wait per window (default 20).")
+@click.option("--reply-window", type=FiniteRange(min=1, max=1000), metavar="MS", help="Wait per window (default 20).")
 @click.option("--all", "find_all", is_flag=True, help="Go through all ids instead of ending at the first wrist.")
 def scan(run: Run, ids: str, window: int, reply_window: float | None, find_all: bool) -> Table:
     """Look for wrist modules by read-only probes, at 115200 (or --baud) or on the CAN bus. Bounded; confirms each hit twice."""
