@@ -158,7 +158,7 @@ def driven(server: Server, guide: Guide, body: Callable[[], None], link: TcpLink
     """`body` while a hand is guarded whose connection has been closed by then."""
     hand = hand_on(link or TcpLink(server.name))
     try:
-        with stop.stopping(hand, guide, "moving; "):
+        with stop.stopped_if_cut_short(hand, guide, "moving; "):
             hand.talk.send(stop.object_of(stop.Mode.INITIAL))
             assert server.closed.wait(10)
             body()
@@ -234,7 +234,7 @@ def test_nothing_is_sent_where_nothing_was_driven(serve: MakeServer, monkeypatch
 
     monkeypatch.setattr("handctl.link.deadman.os.fork", full)
     hand = hand_on(TcpLink(server.name))
-    with pytest.raises(LinkError) as caught, stop.stopping(hand, Guide()):
+    with pytest.raises(LinkError) as caught, stop.stopped_if_cut_short(hand, Guide()):
         raise AssertionError("driven")
     hand.link.close()
     server.end()

@@ -89,7 +89,7 @@ def test_a_polled_hand_that_falls_silent_gets_one_object_more_than_retries(retri
 
 def test_a_bug_of_ours_while_something_moves_stops_the_hand() -> None:
     link = streamer()
-    with pytest.raises(ZeroDivisionError), stop.stopping(hand_on(link), Guide()):
+    with pytest.raises(ZeroDivisionError), stop.stopped_if_cut_short(hand_on(link), Guide()):
         raise ZeroDivisionError
     assert link.sent == [STOP] * 3
 
@@ -126,7 +126,7 @@ def test_a_second_ctrl_c_waits_until_stop_is_sent() -> None:
         write(data, deadline)
 
     link.write = note  # type: ignore[method-assign]
-    with pytest.raises(Interrupted), stop.stopping(hand_on(link), guide):
+    with pytest.raises(Interrupted), stop.stopped_if_cut_short(hand_on(link), guide):
         raise KeyboardInterrupt
     assert waited == [True] * 3
 

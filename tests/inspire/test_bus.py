@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from handctl.devices.inspire.bus import Bus
-from handctl.devices.inspire.mishaps import HINTS, explain
+from handctl.devices.inspire.mishaps import HINTS, mishap
 from handctl.devices.inspire.quiet import question
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError, UsageError
 from handctl.model.result import Journal
@@ -381,7 +381,7 @@ def test_a_babbling_line_ends_too(what: str) -> None:
     ],
 )
 def test_what_came_instead_is_named(received: str, code: str) -> None:
-    found, text = explain(unhex(READ_VOLTAGE), unhex(received))
+    found, text = mishap(unhex(READ_VOLTAGE), unhex(received))
     assert found == code
     assert text
     assert HINTS[found]

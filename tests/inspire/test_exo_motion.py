@@ -283,7 +283,7 @@ def test_the_deadline_does_not_keep_a_hand_from_being_stopped() -> None:
     hand.bus.bound = link.deadline(0.1)
     link.interrupt_at = 0.15
     hand.bus.timeout = 0.5
-    assert "commanded to 0" in procedures.stop(hand, ["force_set"])
+    assert "commanded to 0" in procedures.halt(hand, ["force_set"])
 
 
 @pytest.mark.parametrize("which", ["force", "position"])

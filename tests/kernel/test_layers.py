@@ -291,7 +291,7 @@ def test_a_simulator_has_the_name_of_its_family() -> None:
     assert set(kinds()) == set(FAMILIES)
 
 
-ROLES = {"cli": "cli", "probe": "probe", "stopper": "stopping", "explain": "explainer", "writes": "words"}
+ROLES = {"cli": "cli", "probe": "probe", "stopper": "stop_talk", "explain": "explainer", "writes": "words"}
 
 
 @pytest.mark.parametrize("name", FAMILIES)

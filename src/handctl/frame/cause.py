@@ -10,15 +10,15 @@ if TYPE_CHECKING:
     from handctl.frame.run import Run
 
 
-def explained(run: Run, error: HandctlError) -> HandctlError:
+def as_told(run: Run, error: HandctlError) -> HandctlError:
     """The error as it is told: whose bytes came, or why nobody answered, as far as the family knows."""
     error = _renamed(run, error)
-    explain = run.family.explain if run.family is not None else None
+    explain_silence = run.family.explain_silence if run.family is not None else None
     silent = error.exit_code in (4, 5) and run.journal.counters.received == 0
-    if run.opened is None or explain is None or not silent or run.settings.baud is not None:
+    if run.opened is None or explain_silence is None or not silent or run.settings.baud is not None:
         return error
     try:
-        return explain(run.opened, error)
+        return explain_silence(run.opened, error)
     except (HandctlError, KeyboardInterrupt):
         return error
 

@@ -26,13 +26,13 @@ class Family(NamedTuple):
     ids       its protocol has device ids
     recall    LINK -> the speed at which its device was found last, None = not known; not needed, never an error
     check     settings -> raises UsageError for what does not fit together
-    explain   (device, error) -> a better error when nothing valid ever came; read-only
+    explain_silence  (device, error) -> a better error when nothing valid ever came; read-only
     """
 
     kind: str
     open: Callable[[Any, Settings, Journal], Any]
     baud: int | None = None
-    explain: Callable[[Any, HandctlError], HandctlError] | None = None
+    explain_silence: Callable[[Any, HandctlError], HandctlError] | None = None
     wires: tuple[str, ...] = ()
     tcp_port: int | None = None
     ids: bool = False

@@ -15,7 +15,7 @@ import click
 from handctl import __version__
 from handctl.ending import end_on_signals, finish_on_signals, gave_up
 from handctl.errors import HandctlError, Interrupted, NotConfirmed, OutputError
-from handctl.frame.cause import explained, judged
+from handctl.frame.cause import as_told, judged
 from handctl.frame.console import TerminalGuide, print_message, print_stderr
 from handctl.frame.envelope import device_row, make_envelope
 from handctl.frame.family import Family, implied, load
@@ -232,7 +232,7 @@ class Run:
             if table is not None and table.samples is not None:
                 failure = self._stream(table)
         except HandctlError as exc:
-            failure = explained(self, exc)
+            failure = as_told(self, exc)
         except click.UsageError as exc:
             failure = from_click(exc)
         except KeyboardInterrupt:
@@ -243,7 +243,7 @@ class Run:
             self._show_writes(None)
             raise
         if failure is not None and table is None and not self.writes:
-            table = self.journal.left  # what was read before it went wrong
+            table = self.journal.kept  # what was read before it went wrong
         failure = self._wind_up(table, failure)
         if failure is not None:
             failure.shown = True

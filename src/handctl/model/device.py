@@ -207,13 +207,13 @@ class Device(ABC):
         return failed[0].error
 
     @contextmanager
-    def leaving(self, so_far: Callable[[], Sequence[Reading]]) -> Iterator[None]:
+    def keeping(self, so_far: Callable[[], Sequence[Reading]]) -> Iterator[None]:
         """Around reading: when it ends in the middle, what was read `so_far` is shown, if there is anything."""
         try:
             yield
         except (HandctlError, KeyboardInterrupt):
             if readings := so_far():
-                self.journal.leave(self.table(readings))
+                self.journal.keep(self.table(readings))
             raise
 
     def dump(self) -> Table:

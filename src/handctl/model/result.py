@@ -158,14 +158,14 @@ class Journal:
         self.counters = Counters()
         self.ledger = Ledger()
         self.messages: list[Message] = []
-        self.left: Table | None = None
+        self.kept: Table | None = None
         self._blamed: tuple[HandctlError, int] | None = None
         self._on_message = on_message
 
-    def leave(self, table: Table) -> None:
+    def keep(self, table: Table) -> None:
         """Keep what was read so far: it is shown when the command ends here. Of several the fullest stays."""
-        if self.left is None or len(table.rows) >= len(self.left.rows):
-            self.left = table
+        if self.kept is None or len(table.rows) >= len(self.kept.rows):
+            self.kept = table
 
     def blame(self, error: HandctlError) -> HandctlError:
         """Keep why an exchange failed although something came: the next valid frame clears it. Returns the error."""

@@ -143,7 +143,7 @@ def _ask(
     if status is not None:
         content.status = _grids(visit, "status", privacy.table(status))
     else:
-        _explain(run, visit, device)
+        _explain_silence(run, visit, device)
     dump = visit.attempt("dump", lambda: device.dump())  # noqa: PLW0108 - there may be none
     if dump is not None:
         dump.view = None
@@ -160,15 +160,15 @@ def _ask(
         visit.attempt("watch", lambda: _watch(run, params, content, wishes.watch, visit))
 
 
-def _explain(run: Run, visit: _Visit, device: Any) -> None:
+def _explain_silence(run: Run, visit: _Visit, device: Any) -> None:
     """Whether a device that never answered is there in another way (another speed), as every command would say."""
-    explain = run.family.explain if run.family is not None else None
-    if not visit.problems or device is None or explain is None or run.settings.baud is not None:
+    explain_silence = run.family.explain_silence if run.family is not None else None
+    if not visit.problems or device is None or explain_silence is None or run.settings.baud is not None:
         return
     part, error = visit.problems[-1]
     if visit.over and error.exit_code in (4, 5):
         with contextlib.suppress(HandctlError):
-            visit.problems[-1] = (part, explain(device, error))
+            visit.problems[-1] = (part, explain_silence(device, error))
 
 
 def _grids(visit: _Visit, part: str, table: Table) -> list[Grid]:

@@ -2,7 +2,7 @@
 
 A family's `stopper` is a module with one function:
 
-    stopping(aim) -> Talk     yields `Say`s, is sent the pieces that came back, returns `Stopped`
+    stop_talk(aim) -> Talk    yields `Say`s, is sent the pieces that came back, returns `Stopped`
 
 It does no input or output of its own, so whoever holds the link can run it: the command `stop`, a command that is asked to
 stop by another process, and the child that stands in for a command that died. What nobody answers goes out all the same.
@@ -87,7 +87,7 @@ class Sent(NamedTuple):
 
 def talk_of(kind: str, aim: Aim) -> Talk:
     """The stop of a device of family `kind`."""
-    talk: Talk = importlib.import_module(FAMILIES[kind].module("stopper")).stopping(aim)
+    talk: Talk = importlib.import_module(FAMILIES[kind].module("stopper")).stop_talk(aim)
     return talk
 
 

@@ -12,7 +12,7 @@ from handctl.devices.aidin.feedback import Wire
 from handctl.devices.aidin.homing import connect_or_command
 from handctl.devices.aidin.map import Mode
 from handctl.devices.aidin.motion import last_step, mark, measured, target_object
-from handctl.devices.aidin.stop import object_of, send_stop, stopped, stopping, told_currents
+from handctl.devices.aidin.stop import object_of, send_stop, stop_after, stopped_if_cut_short, told_currents
 from handctl.devices.aidin.stopper import flow
 from handctl.devices.aidin.targets import Goal, ramp
 from handctl.errors import CheckFailed, HandctlError, NoAnswer
@@ -32,7 +32,7 @@ def currents(hand: AidinHand, goal: Goal, guide: Guide, *, seconds: float, cap: 
     drive = _Drive(hand, goal, guide)
     ledger = hand.journal.ledger
     ledger.plan([last_step(goal, values, hand.talk.way.end)])
-    with stopping(hand, guide):
+    with stopped_if_cut_short(hand, guide):
         try:
             try:
                 table = drive.run(values, seconds, blind=blind)
@@ -43,7 +43,7 @@ def currents(hand: AidinHand, goal: Goal, guide: Guide, *, seconds: float, cap: 
                     drive.to(drive.zero, "currents go back to 0", presses)
                 raise
         except HandctlError as exc:
-            raise stopped(hand, exc) from exc
+            raise stop_after(hand, exc) from exc
         finally:
             guide.done()
         if table.failure is None:

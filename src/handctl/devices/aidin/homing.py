@@ -9,7 +9,7 @@ from __future__ import annotations
 from handctl.devices.aidin.device import AidinHand, outside, reading
 from handctl.devices.aidin.feedback import Feedback
 from handctl.devices.aidin.map import AIDIN, AidinParam, Mode
-from handctl.devices.aidin.stop import in_force, object_of, stopped, stopping
+from handctl.devices.aidin.stop import in_force, object_of, stop_after, stopped_if_cut_short
 from handctl.devices.aidin.way import ExchangeMode
 from handctl.errors import CheckFailed, HandctlError, NoAnswer, UsageError
 from handctl.model.guide import Guide
@@ -71,11 +71,11 @@ def home(hand: AidinHand, guide: Guide) -> Table:
     guide.say(f"homing: all fingers open for {HOLD:g} s; keep clear")
     data = object_of(Mode.HOMING)
     mark = hand.journal.ledger.mark
-    with stopping(hand, guide, "homing failed, the hand is not homed; "):
+    with stopped_if_cut_short(hand, guide, "homing failed, the hand is not homed; "):
         try:
             _hold(hand, data, guide, seen, blind=blind)
         except HandctlError as exc:
-            raise stopped(hand, exc) from exc
+            raise stop_after(hand, exc) from exc
         finally:
             guide.done()
         with in_force(LEFT):
@@ -256,7 +256,7 @@ def initial(hand: AidinHand, guide: Guide, *, assume_homed: bool) -> Table:
     mark = ledger.mark
     now: tuple[int, ...] | None = None
     before: tuple[int, ...] | None = None
-    with stopping(hand, guide), in_force(GOES_ON):
+    with stopped_if_cut_short(hand, guide), in_force(GOES_ON):
         try:
             while not end.expired and (now is None or _away(now) or moving(before, now)):
                 before = now

@@ -13,7 +13,7 @@ from handctl.devices.aidin.exchange import PERIOD
 from handctl.devices.aidin.feedback import Feedback, values_of
 from handctl.devices.aidin.homing import check_homed, named
 from handctl.devices.aidin.map import Target
-from handctl.devices.aidin.stop import in_force, object_of, step_of, stopping
+from handctl.devices.aidin.stop import in_force, object_of, step_of, stopped_if_cut_short
 from handctl.devices.aidin.targets import Goal, missed, ramp
 from handctl.errors import CheckFailed, NoAnswer
 from handctl.model.guide import Guide
@@ -69,7 +69,7 @@ def move(hand: AidinHand, goal: Goal, guide: Guide, *, assume_homed: bool) -> Ta
     ledger = hand.journal.ledger
     begun = ledger.mark
     ledger.plan([last_step(goal, values, talk.way.end)])
-    with stopping(hand, guide), in_force(GOES_ON):
+    with stopped_if_cut_short(hand, guide), in_force(GOES_ON):
         try:
             _follow(hand, goal, ramp(goal, here, values, PERIOD), guide)
             talk.feedback = Feedback()

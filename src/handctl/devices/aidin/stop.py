@@ -79,10 +79,10 @@ def _seen(hand: AidinHand, sent: str) -> str:
     return f"{sent}, {seen}; without power the fingers move freely and a held object falls"
 
 
-def stopped(hand: AidinHand, exc: HandctlError) -> HandctlError:
+def stop_after(hand: AidinHand, exc: HandctlError) -> HandctlError:
     """The error of something that was driving the fingers, with what became of them: stop is sent.
 
-    Of a link that is lost `stopping` tells.
+    Of a link that is lost `stopped_if_cut_short` tells.
     """
     left = Left() if isinstance(exc, LinkError) else halt(hand)
     again = exc.retold(exc.text, hint="; ".join(filter(None, (exc.hint, left.text))))
@@ -99,7 +99,7 @@ def in_force(what: str, *, moving: bool = True) -> AbstractContextManager[None]:
 
 
 @contextmanager
-def stopping(hand: AidinHand, guide: Guide, what: str = "") -> Iterator[None]:
+def stopped_if_cut_short(hand: AidinHand, guide: Guide, what: str = "") -> Iterator[None]:
     """Around whatever moves: Ctrl-C, and anything that nobody expected, stops the hand before a word is said.
 
     The death of this process stops it, too. An object that was half sent is completed first. Where the link was lost it

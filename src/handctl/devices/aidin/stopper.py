@@ -24,7 +24,7 @@ NO_CURRENT = 20
 HINT = "watch the hand; switch its power off if it still moves"
 
 
-def stopping(aim: Aim) -> Talk:
+def stop_talk(aim: Aim) -> Talk:
     """The stop mode, three times, and again until the hand tells that no current flows."""
     end = TERMINATORS[aim.settings.own.get("tx_terminator") or "newline"]
     data = encode({"hand_mode": STOP})

@@ -117,7 +117,7 @@ class BarrettHand(Device):
             there = any(isinstance(found, dict) for found in by_mnemonic.values())
             return [_reading(e, by_mnemonic.get(_gcl(e), rest)) for e in elements] if there else []
 
-        with self.leaving(so_far):
+        with self.keeping(so_far):
             self._read(elements, by_mnemonic)
         return [_reading(element, by_mnemonic[_gcl(element)]) for element in elements]
 

@@ -40,7 +40,7 @@ class Turn(NamedTuple):
     sent: str
 
 
-def stopping(aim: Aim) -> Talk:
+def stop_talk(aim: Aim) -> Talk:
     """^C, then T for all motors."""
     return power_off(aim)
 

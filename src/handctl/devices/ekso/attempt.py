@@ -21,7 +21,7 @@ class Attempt:
         self.foreign: Frame | None = None
         self.empty: Frame | None = None
 
-    def explain(self) -> tuple[str, str]:
+    def mishap(self) -> tuple[str, str]:
         """(code, text) of why there is no answer; the codes are keys of HINTS."""
         name = name_of(self.request[0])
         if self.broken is not None:

@@ -317,7 +317,7 @@ class DataPort(Line):
         if not attempt.received and attempt.foreign is None:
             request = f"{name} ({hex_bytes(attempt.request)})"
             return self.unanswered(request, self.timeout, self.sent_at, HINTS["silence"])
-        code, text = attempt.explain()
+        code, text = attempt.mishap()
         error = ProtocolError(
             f"{self.where}: {text}; {sent}, got {shorten(bytes(attempt.received))}", hint=HINTS[code], code=code
         )

@@ -107,7 +107,7 @@ class Ekso(Device):
     def read(self, elements: Sequence[Element]) -> list[Reading]:
         """Read elements with one request per message. Raises what went wrong when nothing could be read."""
         found: dict[str, tuple[int, ...] | HandctlError] = {}
-        with self.leaving(lambda: self._found(elements, found)):
+        with self.keeping(lambda: self._found(elements, found)):
             for message in dict.fromkeys(_word(element).message for element in elements):
                 try:
                     found[message] = self.words(message)
@@ -200,7 +200,7 @@ class Ekso(Device):
                     {**self.row(Reading(elements_of(param)[0], None, b"", exc)), "message": message} for param in words
                 ]
             except (HandctlError, KeyboardInterrupt):
-                self.journal.leave(Table(rows=rows, columns=columns, view=dump_view))
+                self.journal.keep(Table(rows=rows, columns=columns, view=dump_view))
                 raise
         try:
             rows = [{**row, "message": row["name"]} for row in self.now()] + rows

@@ -18,7 +18,7 @@ LIMIT = (
 HINT = "use the device's own controls, and stay with the wearer"
 
 
-def stopping(aim: Aim) -> Talk:
+def stop_talk(aim: Aim) -> Talk:
     """CancelAction, once."""
     mode = str(aim.settings.own.get("length_mode", "body"))
     request = encode(Command.CANCEL_ACTION, MSG_ID, cancel_body(), "body" if mode == "auto" else mode)

@@ -51,7 +51,7 @@ class RegisterDevice(Device):
     def read(self, elements: Sequence[Element]) -> list[Reading]:
         registers = {element.param.name: register_of(element) for element in elements}
         memory = Memory()
-        with self.leaving(lambda: [_reading(element, memory) for element in elements] if memory.blocks else []):
+        with self.keeping(lambda: [_reading(element, memory) for element in elements] if memory.blocks else []):
             self._reader.read(registers.values(), memory)
         self.last_blocks = sorted(memory.blocks)
         return [_reading(element, memory) for element in elements]
@@ -104,14 +104,14 @@ class RegisterDevice(Device):
         refused; CheckFailed when the read-back differs, which it says with both values; Interrupted on Ctrl-C, after
         what moves was stopped.
         """
-        with self.stopping(
+        with self.stopped_by_ctrl_c(
             ", ".join(element.full_name for element, _ in changes),
             {element.param.name for element, _ in changes if element.param.moves},
         ):
             return self._written(changes)
 
     @contextmanager
-    def stopping(self, what: str, moving: Collection[str]) -> Iterator[None]:
+    def stopped_by_ctrl_c(self, what: str, moving: Collection[str]) -> Iterator[None]:
         """Ctrl-C while `what` is written stops the registers `moving` set going. Raises Interrupted."""
         before, unsure = self.journal.counters.writes, f"{what} may be written or not"
         look = f"`handctl {self.kind} get` shows what it holds"
@@ -122,11 +122,11 @@ class RegisterDevice(Device):
         except KeyboardInterrupt as exc:
             if self.journal.counters.writes == before:
                 raise
-            left = Left(self.stop(moving) if moving else unsure, f"{look} now")
+            left = Left(self.halt(moving) if moving else unsure, f"{look} now")
             raise Interrupted("interrupted", left=left) from exc
 
     @abstractmethod
-    def stop(self, names: Collection[str]) -> str:
+    def halt(self, names: Collection[str]) -> str:
         """Stop what was set going by writing `names`, by the manual's means; returns in words what became of it."""
 
     def _written(self, changes: Sequence[tuple[Element, Number]]) -> list[Reading]:

@@ -10,7 +10,7 @@ from typing import ClassVar
 
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.eb90 import Decoder, Frame
-from handctl.devices.inspire.mishaps import SILENCE_HINT, explain, hint_for, shorten
+from handctl.devices.inspire.mishaps import SILENCE_HINT, hint_for, mishap, shorten
 from handctl.devices.inspire.quiet import question
 from handctl.devices.inspire.registers import RegisterBus
 from handctl.errors import DeviceRefused, HandctlError, ProtocolError
@@ -209,7 +209,7 @@ class Bus(RegisterBus):
     def _failure(self, request: bytes, received: bytes, since: float) -> HandctlError:
         if not received:
             return self.unanswered(hex_bytes(request), self.timeout, since, self.silence_hint)
-        code, text = explain(request, received)
+        code, text = mishap(request, received)
         error = ProtocolError(
             f"{self.where}: {text}; sent {hex_bytes(request)}, got {shorten(received)}",
             hint=hint_for(code, self.family),

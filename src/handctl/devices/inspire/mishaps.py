@@ -22,11 +22,11 @@ HINTS = {
 
 
 def hint_for(code: str, family: str) -> str:
-    """The next step for a code of `explain`, with this family's own command names."""
+    """The next step for a code of `mishap`, with this family's own command names."""
     return HINTS[code].replace("handctl exo", f"handctl {family}")
 
 
-def explain(request: bytes, received: bytes) -> tuple[str, str]:
+def mishap(request: bytes, received: bytes) -> tuple[str, str]:
     """Name what came instead of the answer: (code, text). Codes are the keys of HINTS."""
     rest = received
     if request in rest:

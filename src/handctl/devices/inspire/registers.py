@@ -26,7 +26,7 @@ DEFAULT_TIMEOUT = 0.3
 
 
 @contextmanager
-def watching(what: str) -> Iterator[None]:
+def may_still_move(what: str) -> Iterator[None]:
     """Whatever keeps a movement from being watched to its end is told with: it may still move."""
     try:
         yield

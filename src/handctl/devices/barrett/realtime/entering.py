@@ -5,7 +5,7 @@ from __future__ import annotations
 from handctl.devices.barrett.gcl.language import CR, Answer, has_prompt, status_in
 from handctl.devices.barrett.gcl.line import DISTURBED
 from handctl.devices.barrett.realtime.blocks import ACKNOWLEDGE
-from handctl.devices.barrett.realtime.leaving import Session
+from handctl.devices.barrett.realtime.session import Session
 from handctl.errors import NoAnswer, ProtocolError
 
 ENTER_SECONDS = 1.5

@@ -27,9 +27,9 @@ from handctl.devices.barrett.realtime.blocks import (
 from handctl.devices.barrett.realtime.entering import enter
 from handctl.devices.barrett.realtime.flags import Wish, prepare
 from handctl.devices.barrett.realtime.guards import Guards
-from handctl.devices.barrett.realtime.leaving import Session, still
 from handctl.devices.barrett.realtime.rows import Intake, Sent, Taken
 from handctl.devices.barrett.realtime.schedule import Controls, Values
+from handctl.devices.barrett.realtime.session import Session, still
 from handctl.errors import (
     CheckFailed,
     DeviceRefused,

@@ -36,16 +36,16 @@ def open_exo(link: ByteLink, settings: Settings, journal: Journal) -> ExoHand:
     return ExoHand(bus)
 
 
-def explain(device: ExoHand, error: HandctlError) -> HandctlError:
+def explain_silence(device: ExoHand, error: HandctlError) -> HandctlError:
     """Whether the silent hand is there at another speed."""
-    from handctl.devices.inspire.exo.procedures import explain_silence
+    from handctl.devices.inspire.exo import procedures
 
-    return explain_silence(device, error)
+    return procedures.explain_silence(device, error)
 
 
 cli = Group(
     "exo",
-    family=Family("exo", open_exo, 115200, explain, ids=True),
+    family=Family("exo", open_exo, 115200, explain_silence, ids=True),
     first=("position", "force", "clear-errors", "calibrate", "scan"),
     help="Inspire EH55BF1 exoskeleton hand, over RS-232 or a Bluetooth serial port. A person may be wearing it: "
     "commands that move it or change it for good ask first.",

@@ -64,11 +64,11 @@ class ExoHand(RegisterDevice):
                 readings += self.read([element])
         return readings
 
-    def stop(self, names: Collection[str]) -> str:
+    def halt(self, names: Collection[str]) -> str:
         """Hold positions, release forces: the manual has no stop command."""
-        from handctl.devices.inspire.exo.motion import stop
+        from handctl.devices.inspire.exo.motion import halt
 
-        return stop(self, names)
+        return halt(self, names)
 
     def find_for_restore(self, values: dict[str, Number]) -> None:
         """Make `bus.id` the one that answers: after an interrupted restore that may be the snapshot's id already."""

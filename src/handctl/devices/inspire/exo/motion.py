@@ -12,7 +12,7 @@ from handctl.devices.inspire import eb90
 from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.exo.flash import outcome
 from handctl.devices.inspire.map import EXO
-from handctl.devices.inspire.registers import watching
+from handctl.devices.inspire.registers import may_still_move
 from handctl.errors import HandctlError
 from handctl.link.deadman import Guard, Shot, guarding
 from handctl.model.guide import Guide
@@ -105,7 +105,7 @@ def _wait_with_clock(bus: Bus, prefixes: list[bytes], guide: Guide, started: flo
 
 def command(hand: ExoHand, which: str, values: list[int], guide: Guide) -> Table:
     """Send a force or position command and show its reply. Raises Interrupted on Ctrl-C, after the hand was stopped."""
-    with stopped_by_ctrl_c(lambda: stop(hand, [f"{which}_set"]), guide), watching("the fingers"):
+    with stopped_by_ctrl_c(lambda: halt(hand, [f"{which}_set"]), guide), may_still_move("the fingers"):
         return hand.command(which, values)
 
 
@@ -118,8 +118,8 @@ def move(hand: ExoHand, values: list[int], guide: Guide, *, wait: float) -> Tabl
     hand.bus.identify()
     with (
         guarding(hand.link, _last_shots(hand, []), hand.journal.warn) as guard,
-        stopped_by_ctrl_c(lambda: stop(hand, ["position_set"]), guide),
-        watching("the fingers"),
+        stopped_by_ctrl_c(lambda: halt(hand, ["position_set"]), guide),
+        may_still_move("the fingers"),
     ):
         hand.command("position", values)
         reached = _settle(hand, values, guide, wait, guard)
@@ -179,7 +179,7 @@ def _settle(hand: ExoHand, values: list[int], guide: Guide, wait: float, guard: 
     return last
 
 
-def stop(hand: ExoHand, names: Collection[str]) -> str:
+def halt(hand: ExoHand, names: Collection[str]) -> str:
     """Stop what a write of `names` set going (the manual has no stop command); what became of it in words.
 
     Positions are commanded to where the fingers are just then, forces to 0, both also after --deadline.

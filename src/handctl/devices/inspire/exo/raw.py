@@ -9,7 +9,7 @@ from handctl.devices.inspire.base import RegisterDevice
 from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.exo.device import check_command
 from handctl.devices.inspire.map import EXO, Register
-from handctl.devices.inspire.mishaps import explain, hint_for, shorten
+from handctl.devices.inspire.mishaps import hint_for, mishap, shorten
 from handctl.devices.inspire.spans import describe, element_at, stretches
 from handctl.errors import CheckFailed, DeviceRefused, ProtocolError, UsageError
 from handctl.model.param import Element, ParamMap, Reading, Step
@@ -141,7 +141,7 @@ def _checked(register: Register, address: int, data: bytes) -> str:
 def write(hand: RegisterDevice, address: int, data: bytes) -> Table:
     """Write once, read back; a read-back that differs is the table's failure. Raises Interrupted, after a stop."""
     moving = [register.name for register in hand.map if register.moves and _overlap(register, address, len(data))]
-    with hand.stopping(f"{hex_bytes(data)} at {address}", moving):
+    with hand.stopped_by_ctrl_c(f"{hex_bytes(data)} at {address}", moving):
         return _write(hand, address, data)
 
 
@@ -283,7 +283,7 @@ def exchange(hand: RegisterDevice, data: bytes, wait: float) -> Table:
     replies = [frame for frame in frames if frame.from_device]
     refusal = _refusal(data, replies)
     if not any(frame.id == data[2] for frame in replies if len(data) > 2) and not _changes_id(data):
-        code, text = explain(data, received)
+        code, text = mishap(data, received)
         table.failure = ProtocolError(
             f"{bus.where}: {text}: {shorten(received)}", hint=hint_for(code, bus.family), code=code
         )

@@ -15,7 +15,7 @@ LISTEN_ON = 0.3
 """Seconds more for a wrist that is late, once the stop of a hand has gone out and nothing has answered it."""
 
 
-def stopping(aim: Aim) -> Talk:
+def stop_talk(aim: Aim) -> Talk:
     """The stop of what answers: the hand, or a wrist that was taken for one."""
     number = aim.settings.id if aim.settings.id is not None else 1
     heard: Pieces = []

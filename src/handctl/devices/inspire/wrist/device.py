@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.base import RegisterDevice
 from handctl.devices.inspire.map import WRIST, register_of
-from handctl.devices.inspire.registers import watching
+from handctl.devices.inspire.registers import may_still_move
 from handctl.errors import CheckFailed, HandctlError, UsageError
 from handctl.model.guide import Guide
 from handctl.model.leaving import stopped_by_ctrl_c
@@ -145,8 +145,8 @@ class Wrist(RegisterDevice):
         # Where it stands is asked for first: without that nothing could hold it there if this process dies.
         with (
             guarding(self.link, self._last_shots(self.read(ANGLES)), self.journal.warn) as guard,
-            stopped_by_ctrl_c(lambda: self.stop(targets), guide),
-            watching("the wrist"),
+            stopped_by_ctrl_c(lambda: self.halt(targets), guide),
+            may_still_move("the wrist"),
         ):
             self.write(changes)
             readings = self._watch(targets, guide, wait, time / 1000, guard)
@@ -215,7 +215,7 @@ class Wrist(RegisterDevice):
             self.journal.info("arrived", "arrived")
         return table
 
-    def stop(self, names: Collection[str]) -> str:
+    def halt(self, names: Collection[str]) -> str:
         """Command both axes to where they are just then, also after --deadline: the manual has no stop command."""
         self.bus.bound = None
         try:

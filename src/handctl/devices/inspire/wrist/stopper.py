@@ -12,7 +12,7 @@ from handctl.errors import NoAnswer, ProtocolError
 from handctl.stop.talk import Aim, Pieces, Stopped, Talk
 
 
-def stopping(aim: Aim) -> Talk:
+def stop_talk(aim: Aim) -> Talk:
     """The stop of what answers: a wrist, or the exoskeleton hand that was taken for one.
 
     A force frame is a write to a wrist, and the hand that carries one answers as an exoskeleton hand does: that is asked

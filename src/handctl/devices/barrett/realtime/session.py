@@ -1,4 +1,4 @@
-"""The way out of the RealTime loop: velocity 0, ^C, prompt, T, flags as before (barrett §6.1; dossier 6.6).
+"""One session in the RealTime loop, and the way out of it: velocity 0, ^C, prompt, T, flags as before (barrett §6.1; dossier 6.6).
 
 No watchdog is documented, so whatever ends the loop goes this way, and one step that fails keeps no other from stopping
 the motors.
