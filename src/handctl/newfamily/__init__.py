@@ -37,7 +37,7 @@ def plan(top: Path, name: str) -> dict[Path, str]:
         raise Refused(f"{top}: no source tree of handctl; start this in the folder that has {REGISTRY}")
     files = {top / path: filled(text, name) for path, text in _templates(name)}
     taken = [path for path in files if path.exists()] + [path.parent for path in files if (path.parent / name).exists()]
-    if taken or re.search(rf'^    "{name}": ', table, re.MULTILINE):
+    if taken or re.search(rf'^ +"{name}": ', table, re.MULTILINE):
         raise Refused(f"{name} exists: {', '.join(map(str, dict.fromkeys(taken))) or REGISTRY}")
     return {**files, registry: table.replace(LAST_ROW, filled(ROW, name) + LAST_ROW, 1)}
 
