@@ -22,12 +22,16 @@ class Left:
 
     text    told behind what happened
     hint    what to do about it, before the next step that the error itself has; `joint` stands between the two
+    behind  the same, behind that step
     moving  whatever moves could not be stopped: who can still stop it does, and tells something else instead
     """
 
-    def __init__(self, text: str = "", hint: str = "", *, joint: str = "; ", moving: bool = False) -> None:
+    def __init__(
+        self, text: str = "", hint: str = "", *, behind: str = "", joint: str = "; ", moving: bool = False
+    ) -> None:
         self.text = text
         self.hint = hint
+        self.behind = behind
         self.joint = joint
         self.moving = moving
 
@@ -67,12 +71,15 @@ class HandctlError(Exception):
     @text.setter
     def text(self, text: str) -> None:
         self._text = text
-        self.left = Left("", self.left.hint, joint=self.left.joint, moving=self.left.moving)
+        left = self.left
+        self.left = Left("", left.hint, behind=left.behind, joint=left.joint, moving=left.moving)
 
     @property
     def hint(self) -> str:
         """The next step; what to do about what is left behind comes first. Set anew it says both."""
-        return self.left.joint.join(filter(None, (self.left.hint, self._hint)))
+        parts = [part for part in (self.left.hint, self._hint, self.left.behind) if part]
+        joint = self.left.joint
+        return joint.join([*(part.rstrip(joint[0]) for part in parts[:-1]), *parts[-1:]])
 
     @hint.setter
     def hint(self, hint: str) -> None:

@@ -24,6 +24,16 @@ def test_an_error_tells_what_is_left_behind_its_text_and_before_its_hint() -> No
     )
 
 
+def test_what_stands_behind_the_hint_is_the_last_step() -> None:
+    error = LinkError("the port is gone", hint="look at the cable.")
+    error.leaves(Left("half is set", "keep away", behind="already set: a.", joint=". "))
+    assert error.hint == "keep away. look at the cable. already set: a."
+    error.text = "gone"
+    assert (error.text, error.hint) == ("gone", "keep away. look at the cable. already set: a.")
+    bare = LinkError("gone", left=Left(behind="already set: a"))
+    assert bare.hint == "already set: a"
+
+
 def test_what_is_told_anew_is_all_that_is_told() -> None:
     error = CheckFailed("off", hint="again")
     error.leaves(Left("it moves", "switch it off", moving=True))

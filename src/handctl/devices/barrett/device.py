@@ -12,7 +12,7 @@ from handctl.devices.barrett.gcl.language import Answer, batches, encode, explai
 from handctl.devices.barrett.gcl.line import GclLine
 from handctl.devices.barrett.map import BARRETT, GclParam, all_elements
 from handctl.devices.barrett.views import audit, heat_hint, meaning, parameters_view, status_view, unhealthy
-from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError
+from handctl.errors import DeviceRefused, HandctlError, Left, NoAnswer, ProtocolError
 from handctl.model.device import Device
 from handctl.model.param import Element, Number, Reading, Step
 from handctl.model.result import Column, Row, Table
@@ -242,7 +242,8 @@ class BarrettHand(Device):
             try:
                 self._write_line(command, mine, last=number == len(commands))
             except HandctlError as exc:
-                exc.hint += f"; already set: {'; '.join(done)}" if done else ""
+                if done:
+                    exc.leaves(Left(behind=f"already set: {'; '.join(done)}"))
                 raise
             done.append(command)
         return self._read_back(changes, commands)
@@ -264,7 +265,7 @@ class BarrettHand(Device):
             error = self.name_heat(self.refusal(answer))
             names = list(dict.fromkeys(_gcl(element) for element, _ in changes))
             if len(names) > 1:  # the first wrong pair ends the line, those before it stay
-                error.hint += f"; perhaps set too: {', '.join(names[:-1])}: `handctl barrett get` tells"
+                error.leaves(Left(behind=f"perhaps set too: {', '.join(names[:-1])}: `handctl barrett get` tells"))
             raise error
 
     def _read_back(

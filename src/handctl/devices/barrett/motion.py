@@ -9,7 +9,7 @@ from handctl.devices.barrett.conditions import NOT_HOMED
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.language import MOTORS, Answer, encode, explain_status
 from handctl.devices.barrett.map import BARRETT, GclParam
-from handctl.errors import HandctlError, NoAnswer, ProtocolError, UsageError
+from handctl.errors import HandctlError, Left, NoAnswer, ProtocolError, UsageError
 from handctl.model.guide import Guide
 from handctl.model.leaving import stopped_by_ctrl_c
 from handctl.model.param import Element, Step
@@ -220,7 +220,7 @@ def power_off(hand: BarrettHand, prefix: str) -> str:
     answer = hand.line.ask(f"{prefix}T")
     error = hand.objection(answer)
     if error is not None and (not answer.status or answer.status & ~5):
-        error.hint = f"the motors may still have power: if they must not, switch the supply off; {error.hint}"
+        error.leaves(Left(hint="the motors may still have power: if they must not, switch the supply off"))
         raise error
     if answer.status:
         hand.journal.ledger.confirm("ERR 4: its power is off all the same", Step("T", encode(f"{prefix}T")))

@@ -20,6 +20,7 @@ from handctl.devices.ekso.verdict import Raws, differences, judge
 from handctl.errors import (
     HandctlError,
     Interrupted,
+    Left,
     LinkError,
     NoAnswer,
     NotConfirmed,
@@ -100,8 +101,9 @@ class Writer:
                     shown = self._write_one(Change(change.param, old, new), shown)
             except HandctlError as exc:
                 if done or left:
-                    hint = "" if isinstance(exc, NotConfirmed) or not exc.hint else f"{exc.hint.rstrip('.')}. "
-                    exc.hint = f"{hint}{_standing(done, left, 'had come to')}."
+                    if isinstance(exc, NotConfirmed):
+                        exc.hint = ""
+                    exc.leaves(Left(behind=f"{_standing(done, left, 'had come to')}.", joint=". "))
                 raise
             except KeyboardInterrupt:
                 if not done and not left:
@@ -226,13 +228,15 @@ class Writer:
             lost = exc
         except LinkError as exc:  # nobody is left who could be asked
             self._result(change, None, None, f"not known: {exc.text}")
-            raise _unread(change, exc) from None
+            exc.leaves(_unread(change))
+            raise
         bound, self.port.bound = self.port.bound, None  # a written setting is always read back, also beyond --deadline
         try:
             after = self._read_back(change, before, answer)
         except HandctlError as exc:
             self._result(change, answer, None, f"read-back failed: {exc.text}")
-            raise _unread(change, exc) from None
+            exc.leaves(_unread(change))
+            raise
         except KeyboardInterrupt as exc:
             self._result(change, answer, None, "not read back: interrupted twice")
             raise Interrupted(
@@ -335,9 +339,8 @@ def _lower(text: str) -> str:
     return text[:1].lower() + text[1:]
 
 
-def _unread(change: Change, error: HandctlError) -> HandctlError:
-    error.hint = f"{change.text} was sent and could not be read back: read it before writing again. {error.hint}"
-    return error
+def _unread(change: Change) -> Left:
+    return Left(hint=f"{change.text} was sent and could not be read back: read it before writing again", joint=". ")
 
 
 def _body(change: Change) -> bytes:

@@ -14,7 +14,7 @@ from handctl.devices.barrett.firmware.records import READY, SELECT, TRIGGER, Tra
 from handctl.devices.barrett.firmware.srecord import Firmware
 from handctl.devices.barrett.gcl.language import BANNER, CR, PROMPT, has_prompt
 from handctl.devices.barrett.map import BARRETT, all_elements
-from handctl.errors import CheckFailed, HandctlError, Interrupted, LinkError, NoAnswer, ProtocolError
+from handctl.errors import CheckFailed, HandctlError, Interrupted, Left, LinkError, NoAnswer, ProtocolError
 from handctl.link import ByteLink
 from handctl.model.guide import Guide, Presses
 from handctl.model.result import Row
@@ -86,9 +86,11 @@ class Loader:
                 ledger.confirm("every byte was echoed", since=begun)
                 break
             except LinkError as exc:
-                text = f"{exc.text}; stopped at {self._where}, {self._sent} of {self.firmware.size} bytes"
-                raise LinkError(text, hint=f"{self._left}; {exc.hint}", code=exc.code) from exc
+                reached = f"stopped at {self._where}, {self._sent} of {self.firmware.size} bytes"
+                exc.leaves(Left(reached, self._left))
+                raise
             except (NoAnswer, ProtocolError) as exc:
+                exc.leaves(Left(hint=self._left))
                 self._guide.done()
                 self.hand.line.drain()
                 if not (self._guide.interactive and self._guide.ask(f"{exc.text}. Begin again from power off", "")):
@@ -224,9 +226,7 @@ class Loader:
             came = link.read(deadline, 64)
             if not came:
                 raise NoAnswer(
-                    f"{link.name}: stopped at {transfer.where}: no echo of {transfer.awaited:02X}",
-                    hint=self._left,
-                    code="no-echo",
+                    f"{link.name}: stopped at {transfer.where}: no echo of {transfer.awaited:02X}", code="no-echo"
                 )
             self.hand.journal.counters.received += len(came)
             try:
@@ -234,11 +234,11 @@ class Loader:
             except ProtocolError as exc:
                 self.hand.journal.counters.bad_frames += 1
                 more = came + self._listen(0.2)
-                slower = "; without --window" if self._window > 1 else ""
+                slower = "without --window" if self._window > 1 else ""
                 text, code = exc.text, exc.code
                 if READY in came or BANNER in more.upper():
                     text, code = f"{text}: the hand restarted: power or cable", "restarted"
-                raise ProtocolError(f"{link.name}: stopped {text}", hint=self._left + slower, code=code) from exc
+                raise ProtocolError(f"{link.name}: stopped {text}", hint=slower, code=code) from exc
         if number == 0:
             self._echo_seconds = (link.now() - begun - 2 * LISTEN_SECONDS) / (3 + len(self.firmware.records[0].data))
 
@@ -250,7 +250,6 @@ class Loader:
         if came.strip(TRIGGER):
             raise ProtocolError(
                 f"{link.name}: stopped at {transfer.where}: {came[:16].hex(' ').upper()} came after the trigger FF",
-                hint=self._left,
                 code="extra-byte",
             )
         if came:
@@ -271,9 +270,10 @@ class Loader:
                 "Ctrl-C: stopping now leaves the hand without firmware. Press it again to stop; otherwise it goes on."
             )
             return
+        warning = "The vendor warns of damage when a download is cut off: leave the hand off until one has finished"
         raise Interrupted(
-            f"interrupted behind {address:04X}h, {self._sent} of {self.firmware.size} bytes: {HALF}. "
-            "The vendor warns of damage when a download is cut off: leave the hand off until one has finished"
+            f"interrupted behind {address:04X}h, {self._sent} of {self.firmware.size} bytes",
+            left=Left(f"{HALF}. {warning}"),
         )
 
     def _tell(self, told: int, seconds: float) -> int:

@@ -34,6 +34,7 @@ from handctl.errors import (
     CheckFailed,
     DeviceRefused,
     HandctlError,
+    Left,
     LinkError,
     NoAnswer,
     OutputError,
@@ -120,7 +121,7 @@ class RealtimeLoop:
             raise
         except LinkError as exc:
             if session.inside and self.controls is not None:
-                exc.hint = f"the motors keep their last velocity: switch the hand's power off now; {exc.hint}"
+                exc.leaves(Left(hint="the motors keep their last velocity: switch the hand's power off now"))
             session.give_up()
             if exc.code == "lost":  # no T can reach the hand either
                 session.last = {}

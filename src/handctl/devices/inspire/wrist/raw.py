@@ -8,7 +8,7 @@ from handctl.devices.inspire.canbus import CanBus, describe_frame
 from handctl.devices.inspire.map import EXO, WRIST, Register
 from handctl.devices.inspire.spans import describe
 from handctl.devices.inspire.wrist.device import Wrist
-from handctl.errors import CheckFailed, DeviceRefused, HandctlError, NoAnswer, ProtocolError, UsageError
+from handctl.errors import CheckFailed, DeviceRefused, HandctlError, Left, NoAnswer, ProtocolError, UsageError
 from handctl.link import CanFrame
 from handctl.model.param import Element, Step
 from handctl.model.result import Column, Row, Table, hex_bytes
@@ -173,7 +173,7 @@ def _hand_write(wrist: Wrist, bus: Bus | CanBus, address: int, data: bytes) -> T
     then = "it is not read back, as it starts something" if starts else "reading it back"
     lost = bus.try_write(address, data, "the write", then, **more)
     if lost is not None and starts:
-        lost.hint = f"it may have started {', '.join(starts)} all the same. {lost.hint}"
+        lost.leaves(Left(hint=f"it may have started {', '.join(starts)} all the same", joint=". "))
         raise lost
     if starts:
         bus.journal.info("not-read-back", f"accepted; not read back, as it starts {', '.join(starts)} on the RH56 hand")
