@@ -21,6 +21,7 @@ from tests.matrix.report import (
     pytest_runtest_makereport,
     pytest_terminal_summary,
 )
+from tests.support.collecting import Collecting
 
 __all__ = [
     "own_state",
@@ -42,7 +43,8 @@ def own_state(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.Monk
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """The tables of the harm matrix and of the hostile suite are plugins of their own."""
+    """The tables of the harm matrix and of the hostile suite are plugins of their own, and so is a faster collecting."""
+    config.pluginmanager.register(Collecting())
     config.pluginmanager.register(Table())
     config.pluginmanager.register(hostile_table())
 

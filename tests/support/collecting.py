@@ -1,0 +1,47 @@
+"""Collecting in less time: what pytest makes of a test module is kept, made by one worker only, and left to no collector.
+
+Every worker of xdist imports all test modules. Rewriting their assertions is most of that, and is done anew by every
+worker in every run where PYTHONDONTWRITEBYTECODE is set. Here it is kept beside the tests, as Python does otherwise.
+"""
+
+from __future__ import annotations
+
+import compileall
+import contextlib
+import gc
+import importlib
+import sys
+from pathlib import Path
+
+import pytest
+
+TESTS = Path(__file__).parents[1]
+SOURCES = TESTS.parent / "src"
+
+
+class Collecting:
+    """A plugin; it changes what collecting costs and nothing else."""
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_collection(self, session: pytest.Session) -> None:
+        # Some 20,000 tests are born and none dies: a garbage collector would only go over them again and again.
+        gc.disable()
+        self.kept, sys.dont_write_bytecode = sys.dont_write_bytecode, False
+        if session.config.option.file_or_dir not in ([], ["tests"]):
+            return
+        worker = getattr(session.config, "workerinput", {"workerid": "gw0", "workercount": 1})
+        first, each = int(worker["workerid"].removeprefix("gw")), worker["workercount"]
+        # Its share first. By then the others have made theirs, and collecting finds all of them made.
+        for path in sorted(SOURCES.rglob("*.py"))[first::each]:
+            compileall.compile_file(path, quiet=2)
+        for path in sorted(TESTS.rglob("test_*.py"), key=lambda path: (-path.stat().st_size, path))[first::each]:
+            # What does not import fails where it is collected, by name.
+            with contextlib.suppress(Exception, pytest.skip.Exception):
+                importlib.import_module(".".join(path.relative_to(TESTS.parent).with_suffix("").parts))
+
+    @pytest.hookimpl(trylast=True)
+    def pytest_collection_finish(self) -> None:
+        sys.dont_write_bytecode = self.kept
+        # What was collected stays to the end: no collection during a test, nor in a child that it forks, looks at it.
+        gc.freeze()
+        gc.enable()
