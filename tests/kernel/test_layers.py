@@ -11,6 +11,7 @@ import re
 import sys
 from collections.abc import Iterator
 from fnmatch import fnmatch
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -90,7 +91,13 @@ def path_of(module: str) -> Path:
     return path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
 
 
-TREES = {dotted(path): ast.parse(path.read_text(encoding="utf-8"), str(path)) for path in sorted(ROOT.rglob("*.py"))}
+MODULES = {dotted(path): path for path in sorted(ROOT.rglob("*.py"))}
+
+
+@cache
+def tree_of(module: str) -> ast.Module:
+    """Parsed when a test asks for it, not where this file is collected."""
+    return ast.parse(MODULES[module].read_text(encoding="utf-8"), str(MODULES[module]))
 
 
 def statements(node: ast.AST, types_only: bool = False) -> Iterator[tuple[ast.Import | ast.ImportFrom, bool]]:
@@ -102,12 +109,12 @@ def statements(node: ast.AST, types_only: bool = False) -> Iterator[tuple[ast.Im
                 yield from statements(ast.Module([inner], []), True)
             for inner in child.orelse:
                 yield from statements(ast.Module([inner], []), types_only)
-        else:
+        elif not isinstance(child, ast.expr):
             yield from statements(child, types_only)
 
 
 def imports_of(module: str) -> Iterator[Import]:
-    for statement, types_only in statements(TREES[module]):
+    for statement, types_only in statements(tree_of(module)):
         if isinstance(statement, ast.Import):
             for alias in statement.names:
                 yield Import(module, alias.name, types_only)
@@ -116,16 +123,26 @@ def imports_of(module: str) -> Iterator[Import]:
         base = statement.module or ""
         for alias in statement.names:
             inner = f"{base}.{alias.name}".removeprefix("handctl.")
-            yield Import(module, f"handctl.{inner}" if inner in TREES else base, types_only)
+            yield Import(module, f"handctl.{inner}" if inner in MODULES else base, types_only)
 
 
 TESTS = Path(__file__).parent.parent
-IMPORTS = [found for module in TREES for found in imports_of(module)]
-OURS = [
-    found._replace(target=found.target.removeprefix("handctl").removeprefix("."))
-    for found in IMPORTS
-    if found.target.split(".")[0] == "handctl"
-]
+
+
+@cache
+def imports() -> tuple[Import, ...]:
+    """All of the package."""
+    return tuple(found for module in MODULES for found in imports_of(module))
+
+
+@cache
+def internal() -> tuple[Import, ...]:
+    """Those of the package's own modules, by their names in it."""
+    return tuple(
+        found._replace(target=found.target.removeprefix("handctl").removeprefix("."))
+        for found in imports()
+        if found.target.split(".")[0] == "handctl"
+    )
 
 
 def family_of(module: str) -> str | None:
@@ -146,7 +163,9 @@ def sans_io(module: str) -> bool:
     """A map, or a module that says so of itself."""
     if module.rpartition(".")[2] == "map":
         return True
-    return module in TREES and "sans i/o" in (ast.get_docstring(TREES[module]) or "").lower()
+    if module not in MODULES or "sans i/o" not in MODULES[module].read_text(encoding="utf-8").lower():
+        return False
+    return "sans i/o" in (ast.get_docstring(tree_of(module)) or "").lower()
 
 
 def allowed(found: Import) -> bool:
@@ -171,15 +190,17 @@ def test_the_walk_sees_the_house() -> None:
         "devices.inspire.eb90",
         "sim",
         "sim.engine.line",
-    } <= TREES.keys()
-    assert Import("devices.inspire.eb90", "errors", False) in OURS
-    assert Import("model.result", "errors", True) in OURS
-    assert Import("link.fake", "sim", False) in OURS
-    assert len(OURS) > 80
+    } <= MODULES.keys()
+    assert Import("devices.inspire.eb90", "errors", False) in internal()
+    assert Import("model.result", "errors", True) in internal()
+    assert Import("link.fake", "sim", False) in internal()
+    assert len(internal()) > 80
 
 
 def test_who_imports_whom() -> None:
-    wrong = [f"{found.module} imports {found.target}" for found in OURS if not found.types_only and not allowed(found)]
+    wrong = [
+        f"{found.module} imports {found.target}" for found in internal() if not found.types_only and not allowed(found)
+    ]
     assert wrong == []
 
 
@@ -194,13 +215,15 @@ LONGEST = 400
 
 
 def test_a_module_is_read_in_one_sitting() -> None:
-    lines = {module: len(path_of(module).read_text(encoding="utf-8").splitlines()) for module in TREES}
+    lines = {module: len(path_of(module).read_text(encoding="utf-8").splitlines()) for module in MODULES}
     assert {module: count for module, count in lines.items() if count > LONGEST} == {}
 
 
 def circles(imports: list[Import]) -> list[str]:
     """Modules that import each other, and who imports those: all but who, by turns, imports nobody of the rest."""
-    targets = {module: {found.target for found in imports if found.module == module} for module in TREES}
+    targets: dict[str, set[str]] = {module: set() for module in MODULES}
+    for found in imports:
+        targets[found.module].add(found.target)
     rest = set(targets)
     while free := {module for module in rest if not (targets[module] - {module}) & rest}:
         rest -= free
@@ -209,10 +232,10 @@ def circles(imports: list[Import]) -> list[str]:
 
 def test_nobody_imports_round_about() -> None:
     """At the top or within a function; of types nobody but the simulators must take care."""
-    real = [found for found in OURS if not found.types_only]
+    real = [found for found in internal() if not found.types_only]
     assert circles(real) == []
     assert circles([*real, Import("errors", "link", False)]) != []
-    assert circles([found for found in OURS if found.module.startswith("sim")]) == []
+    assert circles([found for found in internal() if found.module.startswith("sim")]) == []
 
 
 def test_a_rule_can_be_broken() -> None:
@@ -239,7 +262,7 @@ def test_a_rule_can_be_broken() -> None:
 
 def test_no_family_imports_another_and_nobody_imports_a_family() -> None:
     """Not even for types; families are loaded by name."""
-    for found in OURS:
+    for found in internal():
         family = family_of(found.target)
         assert family is None or family == family_of(found.module), f"{found.module} imports {found.target}"
 
@@ -249,7 +272,7 @@ def test_what_devices_share_knows_none_of_them() -> None:
     homes = {row.package.removeprefix("handctl.") for row in FAMILIES.values()}
     single = {home for home in homes if home.count(".") > 1}
     assert single == {"devices.inspire.exo", "devices.inspire.wrist"}
-    for found in OURS:
+    for found in internal():
         home = found.module.rpartition(".")[0]
         if any(device.startswith(f"{home}.") for device in single) and not found.module.endswith(".explain"):
             assert not found.target.startswith(tuple(single)), found
@@ -268,10 +291,10 @@ def test_families_are_data_and_their_modules_exist() -> None:
 
 def names_of_families(module: str) -> set[str]:
     """The families that a module names as a whole string, docstrings and sentences aside."""
-    return {node.value for node in ast.walk(TREES[module]) if isinstance(node, ast.Constant)} & set(FAMILIES)
+    return {node.value for node in ast.walk(tree_of(module)) if isinstance(node, ast.Constant)} & set(FAMILIES)
 
 
-@pytest.mark.parametrize("module", [name for name in TREES if not name.startswith("devices.") and name != "families"])
+@pytest.mark.parametrize("module", [name for name in MODULES if not name.startswith("devices.") and name != "families"])
 def test_a_family_is_named_by_its_row_its_folder_and_its_simulator_only(module: str) -> None:
     """One more needs no change in what finds, names, opens, stops, simulates, documents and tells devices."""
     parts = module.split(".")
@@ -279,7 +302,7 @@ def test_a_family_is_named_by_its_row_its_folder_and_its_simulator_only(module: 
     assert names_of_families(module) <= own
 
 
-@pytest.mark.parametrize("module", [name for name in TREES if name.startswith("devices.")])
+@pytest.mark.parametrize("module", [name for name in MODULES if name.startswith("devices.")])
 def test_a_family_names_no_other(module: str) -> None:
     """What two devices of one maker share may name both."""
     folder = f"handctl.{family_of(module)}."
@@ -308,7 +331,8 @@ def test_errors_import_nothing() -> None:
 
 
 def test_no_import_is_relative_and_none_takes_all() -> None:
-    for module, tree in TREES.items():
+    for module in MODULES:
+        tree = tree_of(module)
         for statement, _ in statements(tree):
             if isinstance(statement, ast.ImportFrom):
                 assert statement.level == 0, module
@@ -320,17 +344,17 @@ def test_no_import_is_relative_and_none_takes_all() -> None:
 
 @pytest.mark.parametrize(("package", "modules"), OUTSIDE, ids=[package for package, _ in OUTSIDE])
 def test_only_these_import(package: str, modules: tuple[str, ...]) -> None:
-    users = {found.module for found in IMPORTS if found.target.split(".")[0] == package and not found.types_only}
+    users = {found.module for found in imports() if found.target.split(".")[0] == package and not found.types_only}
     assert [user for user in sorted(users) if not any(fnmatch(user, module) for module in modules)] == []
 
 
 def test_nothing_else_is_imported() -> None:
     known = {"handctl", *sys.stdlib_module_names, *(package for package, _ in OUTSIDE)}
-    assert {found.target.split(".")[0] for found in IMPORTS} - known == set()
+    assert {found.target.split(".")[0] for found in imports()} - known == set()
 
 
 def test_simulators_use_the_standard_library_only() -> None:
-    for found in IMPORTS:
+    for found in imports():
         if found.module.split(".")[0] == "sim":
             first = found.target.split(".")[0]
             assert (
@@ -342,7 +366,7 @@ WORLD = {
     "asyncio", "glob", "io", "multiprocessing", "os", "pathlib", "select", "selectors", "serial", "shutil", "signal",
     "socket", "subprocess", "sys", "tempfile", "termios", "threading", "time", "tty", "urllib", "can",
 }  # fmt: skip
-SANS_IO = [module for module in TREES if sans_io(module)] + ["model.param", "model.result", "errors"]
+SANS_IO = [module for module in MODULES if sans_io(module)] + ["model.param", "model.result", "errors"]
 
 
 @pytest.mark.parametrize("module", SANS_IO)
@@ -354,7 +378,7 @@ def test_codecs_and_maps_do_no_io(module: str) -> None:
 def calls_of(module: str, names: set[str]) -> list[str]:
     return [
         f"{module}:{node.lineno} {node.func.id}"
-        for node in ast.walk(TREES[module])
+        for node in ast.walk(tree_of(module))
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in names
     ]
 
@@ -366,7 +390,7 @@ def test_nobody_prints() -> None:
     """Commands return; only the renderer and the terminal's guide write."""
     quiet = [
         module
-        for module in TREES
+        for module in MODULES
         if module.split(".")[0] not in ("sim", "docgen", "build_zipapp", "cli") and module not in PRINTERS
     ]
     assert {module: found for module in quiet if (found := calls_of(module, {"print", "input"}))} == {}
@@ -374,7 +398,7 @@ def test_nobody_prints() -> None:
 
 def test_devices_never_look_at_a_clock_of_their_own() -> None:
     """The clock belongs to the link, so that tests run on virtual time."""
-    for found in IMPORTS:
+    for found in imports():
         if found.module.split(".")[0] == "devices":
             # A command may have a thread that waits for lines of stdin; devices have none.
             doors = ("time", "select", "socket") + (() if found.module.endswith("cli") else ("threading",))
