@@ -205,7 +205,7 @@ class GclLine(Line):
 
     def _answer(self, command: str, whole: Patience, echo: Patience) -> Answer:
         """The answer within `whole`; without an echo within `echo` nobody is there, and waiting longer is useless."""
-        decoder = Decoder(command)
+        decoder, since = Decoder(command), self.link.now()
         while True:
             answer = decoder.next()
             if answer is not None and not answer.lines and not answer.status and _must_have_lines(command):
@@ -220,7 +220,7 @@ class GclLine(Line):
             until = (whole if decoder.echoed else echo).deadline
             chunk = b"" if until.expired else self.link.read(until)
             if not chunk:
-                raise self._failure(command, decoder)
+                raise self._failure(command, decoder, since)
             whole.renew()
             echo.renew()
             decoder.feed(chunk)
@@ -247,11 +247,11 @@ class GclLine(Line):
         self.journal.counters.bad_frames += 1
         return Restarted(f"{self.link.name}: {RESTARTED_TEXT}; {what}", hint=RESTART_HINT)
 
-    def _failure(self, command: str, decoder: Decoder) -> HandctlError:
+    def _failure(self, command: str, decoder: Decoder, since: float) -> HandctlError:
         received = decoder.received
-        where = f"{self.link.name} at {self.link.baud} bit/s" if self.link.can_set_baud else self.link.name
+        speed = f" at {self.link.baud} bit/s" if self.link.can_set_baud else ""
         if not received:
-            return NoAnswer(f"{where}: no answer to {command}", hint=SILENCE)
+            return self.unanswered(f"{command}{speed}", self.timeout or ECHO_SECONDS, since, SILENCE)
         self.journal.counters.bad_frames += 1
         shown = received[:48].hex(" ").upper()
         if decoder.echoed:
@@ -259,7 +259,7 @@ class GclLine(Line):
         else:
             code, text = "echo-differs", f"the echo differs from {encode(command).hex(' ').upper()}"
         return ProtocolError(
-            f"{where}: {text}; came {shown}",
+            f"{self.where}{speed}: {text}; came {shown}",
             hint="a disturbed line or a wrong speed: run it again, check the cable",
             code=code,
         )

@@ -6,7 +6,7 @@ from handctl.devices.barrett.gcl.language import CR, Answer, has_prompt, status_
 from handctl.devices.barrett.gcl.line import DISTURBED
 from handctl.devices.barrett.realtime.blocks import ACKNOWLEDGE
 from handctl.devices.barrett.realtime.session import Session
-from handctl.errors import NoAnswer, ProtocolError
+from handctl.errors import ProtocolError
 
 ENTER_SECONDS = 1.5
 
@@ -26,7 +26,7 @@ def enter(session: Session) -> None:
     session.mark = hand.journal.ledger.mark
     line.link.write(sent + CR, deadline)
     hand.journal.counters.sent += 1
-    came = b""
+    came, begun = b"", link.now()
     while not deadline.expired:
         if len(came) > len(sent) and came[len(sent)] == ACKNOWLEDGE and came[: len(sent)].upper() == sent:
             hand.journal.counters.received += 1
@@ -43,9 +43,7 @@ def enter(session: Session) -> None:
         came = (came + chunk).lstrip(b" ")  # the space behind the prompt before may come late
     line.check_bound()
     if not came:
-        raise NoAnswer(
-            f"{link.name}: no answer to {command}", hint="`handctl barrett status` tells whether it is there"
-        )
+        raise line.unanswered(command, ENTER_SECONDS, begun, "`handctl barrett status` tells whether it is there")
     raise ProtocolError(
         f"{link.name}: expected {command} and *, or ERR, got {came[:48].hex(' ').upper()}",
         hint=DISTURBED,
