@@ -51,7 +51,8 @@ class Notes(Guide):
     def say(self, text: str) -> None:
         self.lines.append(text)
 
-    progress = say
+    def progress(self, text: str, safety: str = "") -> None:
+        self.lines.append(f"{safety} {text}")
 
 
 def objects(sent: list[bytes]) -> list[Content]:

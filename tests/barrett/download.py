@@ -48,7 +48,7 @@ class Operator(Guide):
         if self.link is not None and self.ready and "ON" in text:
             self.link.control("power on")
 
-    def progress(self, text: str) -> None:
+    def progress(self, text: str, safety: str = "") -> None:
         self.shown.append(text)
         self._press()
 

@@ -10,7 +10,7 @@ import time
 import pytest
 
 from handctl.errors import OutputError
-from handctl.frame.console import TerminalGuide
+from handctl.frame.console import TerminalGuide, confirms
 
 
 class Screen(io.StringIO):
@@ -88,3 +88,13 @@ def test_the_alarm_of_impatience_is_off_afterwards() -> None:
         TerminalGuide(quiet=True).impatient(0.01, lambda: OutputError("late")),
     ):
         time.sleep(5)
+
+
+@pytest.mark.parametrize(("typed", "word", "yes"), [
+    ("15.50", "15.50", True), ("15.5", "15.50", True), ("15", "15.00", True), ("15.500", "15.5", True),
+    ("15.05", "15.50", False), ("155.0", "15.50", False), ("16", "15.50", False), ("-15.5", "15.50", False),
+    ("", "15.50", False), ("015.5", "15.50", False), ("1.55e1", "15.50", False), ("02", "2", False), ("2.0", "2", False),
+    ("reset", "reset", True), ("Reset", "reset", False), ("", "reset", False),
+])  # fmt: skip
+def test_a_decimal_may_be_typed_with_fewer_or_more_zeros(typed: str, word: str, yes: bool) -> None:
+    assert confirms(typed, word) is yes

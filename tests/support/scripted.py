@@ -152,7 +152,7 @@ class NotedGuide(Guide):
     def say(self, text: str) -> None:
         self.said.append(text)
 
-    def progress(self, text: str) -> None:
+    def progress(self, text: str, safety: str = "") -> None:
         self.shown.append(text)
 
 

@@ -16,6 +16,10 @@ if TYPE_CHECKING:
     from handctl.errors import HandctlError
 
 
+ROOM = 18
+"""Columns that a progress line leaves at least for its own text behind the safety words."""
+
+
 class TerminalGuide(Guide):
     """Talks with the person on stderr; asks only when stdin and stderr are terminals."""
 
@@ -23,35 +27,60 @@ class TerminalGuide(Guide):
         self.interactive = is_terminal(sys.stdin) and is_terminal(sys.stderr)
         self.moving = is_terminal(sys.stderr) and not quiet
         self._quiet = quiet
-        self._width = 0
+        self._line = ""
+        """The progress line as it stands on the terminal."""
+        self._warned = ""
+        """Safety words that have a line of their own above it."""
 
     def say(self, text: str) -> None:
         """A line that stays."""
         if not self._quiet:
-            self.done()
+            self._replace("")
             print_stderr(text)
 
-    def progress(self, text: str) -> None:
-        """A line that replaces the last one; only on a terminal."""
-        if self.moving:
-            text = shown(text)
-            self._draw(lambda columns: f"\r{text[: columns - 1].ljust(self._width)}")
-            self._width = len(text)
+    def progress(self, text: str, safety: str = "") -> None:
+        """A line that replaces the last one, never wider than the terminal; only on a terminal.
+
+        In a window too narrow for both, `safety` is said once on a line of its own, which stays above.
+        """
+        if not self.moving:
+            return
+        text = shown(text)
+        if safety and safety != self._warned:
+            if len(safety) + min(len(text), ROOM) + 1 < self._columns():
+                text = f"{safety} {text}"
+            else:
+                self.say(safety)
+                self._warned = safety
+        self._replace(text)
 
     def done(self) -> None:
         """Remove the progress line."""
-        if self._width:
-            self._draw(lambda columns: f"\r{' ' * min(self._width, columns - 1)}\r")
-            self._width = 0
+        self._replace("")
+        self._warned = ""
 
-    def _draw(self, line: Callable[[int], str]) -> None:
+    def _replace(self, text: str) -> None:
         """Never raises: a terminal that has gone must not keep a device from being stopped."""
+        most = self._columns() - 1 if text or self._line else 0
+        text = _cut(text, most)
+        if text == self._line:
+            return
         _unless_asked_to_end()
+        blanks = " " * min(_cells(self._line) - _cells(text), most - _cells(text))
         try:
-            sys.stderr.write(line(_columns()))
+            sys.stderr.write(f"\r{text}{blanks}" + ("" if text else "\r"))
             sys.stderr.flush()
         except (OSError, ValueError):
             self.moving = False
+        self._line = text
+
+    @staticmethod
+    def _columns() -> int:
+        """Width of the terminal; a terminal that has gone has none."""
+        try:
+            return _columns()
+        except (OSError, ValueError):
+            return 1
 
     @contextmanager
     def counting(self) -> Iterator[Presses]:
@@ -102,7 +131,20 @@ class TerminalGuide(Guide):
         sys.stderr.write(f"Type {word!r} to go on: " if word else "Go on? [y/N] ")
         sys.stderr.flush()
         answer = sys.stdin.readline().strip()
-        return answer == word if word else answer.casefold() in ("y", "yes")
+        return confirms(answer, word) if word else answer.casefold() in ("y", "yes")
+
+
+def confirms(answer: str, word: str) -> bool:
+    """Whether what was typed is the word that was asked for. A decimal may be typed with fewer or more zeros behind it."""
+    if answer == word:
+        return True
+    import re
+
+    decimal = re.compile(r"([+-]?\d+)(?:\.(\d*))?")
+    typed, asked = decimal.fullmatch(answer), decimal.fullmatch(word)
+    if typed is None or asked is None or asked[2] is None:
+        return False
+    return typed[1] == asked[1] and (typed[2] or "").rstrip("0") == asked[2].rstrip("0")
 
 
 def print_message(level: str, text: str, hint: str) -> None:
@@ -132,6 +174,23 @@ def _unless_asked_to_end() -> None:
 def _columns() -> int:
     """Width of the terminal behind stderr; 80 where it does not know its own, as a serial console. Raises OSError."""
     return os.get_terminal_size(sys.stderr.fileno()).columns or 80
+
+
+def _cells(text: str) -> int:
+    """Columns that a text takes on a terminal: two for a wide letter of East Asia."""
+    if text.isascii():
+        return len(text)
+    import unicodedata
+
+    return sum(2 if unicodedata.east_asian_width(letter) in "WF" else 1 for letter in text)
+
+
+def _cut(text: str, most: int) -> str:
+    """The beginning of a text that fits into `most` columns."""
+    text = text[: max(most, 0)]
+    while _cells(text) > most:
+        text = text[:-1]
+    return text
 
 
 def _wrapped(text: str, columns: int) -> str:

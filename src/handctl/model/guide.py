@@ -12,6 +12,9 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from handctl.errors import HandctlError
 
+CTRL_C = "Ctrl-C stops."
+"""Safety words of a movement that Ctrl-C stops."""
+
 
 class Presses:
     """How often the user asked to stop since it was made; one more than `most` is a KeyboardInterrupt."""
@@ -31,8 +34,11 @@ class Guide:
     def say(self, text: str) -> None:
         """A line that stays, e.g. what the wearer has to do now."""
 
-    def progress(self, text: str) -> None:
-        """A line that replaces the last progress line; only a terminal shows it."""
+    def progress(self, text: str, safety: str = "") -> None:
+        """A line that replaces the last progress line. Only a terminal shows it.
+
+        `safety` says how the movement can be stopped: it stands first and is never cut off.
+        """
 
     def done(self) -> None:
         """The progress line is over."""

@@ -16,7 +16,7 @@ from handctl.devices.aidin.stop import object_of, send_stop, stop_after, stopped
 from handctl.devices.aidin.stopper import flow
 from handctl.devices.aidin.targets import Goal, ramp
 from handctl.errors import CheckFailed, HandctlError, NoAnswer
-from handctl.model.guide import Guide, Presses
+from handctl.model.guide import CTRL_C, Guide, Presses
 from handctl.model.param import elements_of
 from handctl.model.result import Table
 
@@ -36,11 +36,11 @@ def currents(hand: AidinHand, goal: Goal, guide: Guide, *, seconds: float, cap: 
         try:
             try:
                 table = drive.run(values, seconds, blind=blind)
-                drive.to(drive.zero, "currents go back to 0")
+                drive.to(drive.zero, "Currents return to 0,")
             except KeyboardInterrupt:
                 with guide.counting() as presses:
                     guide.say("interrupted: the currents go back to 0; Ctrl-C again stops at once")
-                    drive.to(drive.zero, "currents go back to 0", presses)
+                    drive.to(drive.zero, "Currents return to 0,", presses)
                 raise
         except HandctlError as exc:
             raise stop_after(hand, exc) from exc
@@ -109,11 +109,11 @@ class _Drive:
         if blind:
             self._told()
         self.begun = self._hand.journal.ledger.mark
-        self.to(values, "currents rise")
+        self.to(values, "Currents rise,")
         data, end = target_object(self._goal, values), talk.deadline(seconds)
         while not end.expired:
             talk.tick(data, by=self._goal.target.feedback)
-            self._guide.progress(f"currents on: {end.remaining:.1f} s left (Ctrl-C: back to 0, stop)")
+            self._guide.progress(f"Currents on, {end.remaining:.1f} s left.", CTRL_C)
         found, param = self._told(), self._goal.target.feedback
         table = self._hand.table([reading(self._hand.link.name, element, found) for element in elements_of(param)])
         mark(self._hand, self._goal, values, table)
@@ -127,7 +127,7 @@ class _Drive:
                 return
             self.at = list(step)
             self._hand.talk.tick(target_object(self._goal, step), by=self._goal.target.feedback)
-            self._guide.progress(f"{what}: {number * PERIOD:.1f} of {len(way) * PERIOD:.1f} s")
+            self._guide.progress(f"{what} {number * PERIOD:.1f} of {len(way) * PERIOD:.1f} s.", CTRL_C)
 
     def _told(self) -> Wire:
         """The currents of the last feedback, without asking: nothing may come between the objects."""

@@ -12,7 +12,7 @@ from handctl.devices.aidin.map import AIDIN, AidinParam, Mode
 from handctl.devices.aidin.stop import in_force, object_of, stop_after, stopped_if_cut_short
 from handctl.devices.aidin.way import ExchangeMode
 from handctl.errors import CheckFailed, HandctlError, NoAnswer, UsageError
-from handctl.model.guide import Guide
+from handctl.model.guide import CTRL_C, Guide
 from handctl.model.param import Number, elements_of
 from handctl.model.result import Table
 
@@ -168,7 +168,7 @@ def _hold(hand: AidinHand, data: bytes, guide: Guide, seen: _Travel, *, blind: b
             holds, begin = holds + 1, now
             hand.journal.warn("interrupted-hold", f"homing was held up for {now - last:.2f} s and begins again")
         last = now
-        guide.progress(f"homing: fingers open, {min(HOLD, now - begin):.1f} of {HOLD:g} s (Ctrl-C stops)")
+        guide.progress(f"Homing {min(HOLD, now - begin):.1f} of {HOLD:g} s, the fingers open.", CTRL_C)
 
 
 def _origin(hand: AidinHand, data: bytes, *, blind: bool) -> tuple[int, ...]:
@@ -264,7 +264,7 @@ def initial(hand: AidinHand, guide: Guide, *, assume_homed: bool) -> Table:
                     talk.tick(data, blind=blind, by=MOTOR_POS)
                 now = _encoders(talk.feedback) or now
                 seen.note(now)
-                guide.progress("moving to the initial position (Ctrl-C stops)")
+                guide.progress("Moving to the initial position.", CTRL_C)
         finally:
             guide.done()
         talk.check_bound()

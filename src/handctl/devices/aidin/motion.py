@@ -16,7 +16,7 @@ from handctl.devices.aidin.map import Target
 from handctl.devices.aidin.stop import in_force, object_of, step_of, stopped_if_cut_short
 from handctl.devices.aidin.targets import Goal, missed, ramp
 from handctl.errors import CheckFailed, NoAnswer
-from handctl.model.guide import Guide
+from handctl.model.guide import CTRL_C, Guide
 from handctl.model.param import Number, Step, elements_of
 from handctl.model.result import Column, Table
 
@@ -119,7 +119,7 @@ def _tell_deadline(hand: AidinHand, goal: Goal, values: list[float]) -> None:
 def _follow(hand: AidinHand, goal: Goal, way: list[tuple[float, ...]], guide: Guide) -> None:
     for number, values in enumerate(way, 1):
         hand.talk.tick(target_object(goal, values), by=goal.target.feedback)
-        guide.progress(f"moving: {number * PERIOD:.1f} of {len(way) * PERIOD:.1f} s (Ctrl-C stops)")
+        guide.progress(f"Moving {number * PERIOD:.1f} of {len(way) * PERIOD:.1f} s.", CTRL_C)
 
 
 def _settle(hand: AidinHand, goal: Goal, values: list[float], guide: Guide) -> bool:
@@ -129,7 +129,7 @@ def _settle(hand: AidinHand, goal: Goal, values: list[float], guide: Guide) -> b
     since: float | None = None
     while not end.expired:
         talk.tick(data, by=goal.target.feedback)
-        guide.progress("waiting for arrival (Ctrl-C stops)")
+        guide.progress("Waiting for the arrival.", CTRL_C)
         if not _near(hand, goal, values):
             since = None
         elif since is None:

@@ -10,7 +10,7 @@ from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.language import MOTORS, Answer, encode, explain_status
 from handctl.devices.barrett.map import BARRETT, GclParam
 from handctl.errors import HandctlError, Left, NoAnswer, ProtocolError, UsageError
-from handctl.model.guide import Guide
+from handctl.model.guide import CTRL_C, Guide
 from handctl.model.leaving import stopped_by_ctrl_c
 from handctl.model.param import Element, Step
 from handctl.model.result import Column, Row, Table
@@ -74,7 +74,7 @@ def move(
                 f"{argument} is beyond the usual {usual} counts of {'the spread' if index == 3 else 'a finger'}",
             )
     goals, seconds = _before(hand, name, argument, motors, force)
-    guide.progress(f"{text}: moving; the hand says nothing until it stands (Ctrl-C stops it)")
+    guide.progress(f"{text}: moving. The hand sends nothing until it stands still.", CTRL_C)
     with stopped_by_ctrl_c(lambda: halt(hand), guide):
         answer = hand.line.ask(text, at_least=3 * seconds)
     guide.done()

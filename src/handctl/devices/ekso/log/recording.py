@@ -315,7 +315,7 @@ def record(
             if heard - shown >= PROGRESS_S:
                 shown = heard
                 with contextlib.suppress(OSError):  # a terminal that went away
-                    guide.progress(_progress(recording, heard - start))
+                    guide.progress(_progress(recording, heard - start), "Ctrl-C ends the log.")
             if limits.rate:
                 due = max(due + 1 / limits.rate, heard)  # a late answer delays the next request, it does not hurry it
                 end = due if limits.duration is None else min(due, start + limits.duration)
@@ -338,4 +338,4 @@ def _progress(recording: Recording, seconds: float) -> str:
     text = f"{seconds:.1f} s  {line.rows} rows" + (f"  {rate:.1f} Hz" if rate is not None else "")
     for name, count in (("gaps", len(line.gaps)), ("lost", recording.lost), ("marks", len(recording.marks))):
         text += f"  {count} {name}" if count else ""
-    return f"{text}  Ctrl-C ends"
+    return text

@@ -15,7 +15,7 @@ from handctl.devices.inspire.map import EXO
 from handctl.devices.inspire.registers import may_still_move
 from handctl.errors import HandctlError
 from handctl.link.deadman import Guard, Shot, guarding
-from handctl.model.guide import Guide
+from handctl.model.guide import CTRL_C, Guide
 from handctl.model.leaving import stopped_by_ctrl_c
 from handctl.model.param import Number, Reading, elements_of
 from handctl.model.result import Column, Table
@@ -30,6 +30,8 @@ STILL_SECONDS, STILL_SAMPLES = 0.5, 3
 STOPS = 3
 ANSWER_SECONDS = 0.01
 """What a hand needs to answer a frame before it gets the next, beside the time on the wire."""
+POWER_OFF = "Ctrl-C does not stop the hand. To stop it, switch its power off."
+"""Safety words of a calibration: no command stops one (exo §2.3.6)."""
 
 CALIBRATION_STEPS = (
     (1, "relax all fingers: no force on the hand"),
@@ -93,7 +95,8 @@ def _wait_with_clock(bus: Bus, prefixes: list[bytes], guide: Guide, started: flo
     while bus.link.now() < end and not bus.over:
         elapsed = bus.link.now() - started
         guide.progress(
-            f"calibrating {elapsed:4.1f} s (documented waits {least} s, movements come on top; at most {end - started:.0f} s)"
+            f"calibrating {elapsed:4.1f} s of at most {end - started:.0f} s (waits {least} s, the rest is movement)",
+            POWER_OFF,
         )
         frame = bus.listen(prefixes, min(0.25, end - bus.link.now()))
         if frame is not None:
@@ -155,7 +158,9 @@ def _settle(hand: ExoHand, values: list[int], guide: Guide, wait: float, guard: 
     while True:
         here = [reading.value for reading in last]
         guard.update(_last_shots(hand, here))
-        guide.progress(f"positions {' '.join(str(value) for value in here)}, targets {' '.join(map(str, values))}")
+        guide.progress(
+            f"positions {' '.join(str(value) for value in here)}, targets {' '.join(map(str, values))}", CTRL_C
+        )
         still = bus.link.now() - still_since
         if here[: len(values)] == values:
             break

@@ -14,7 +14,7 @@ from handctl.devices.inspire.base import RegisterDevice
 from handctl.devices.inspire.map import WRIST, register_of
 from handctl.devices.inspire.registers import may_still_move
 from handctl.errors import CheckFailed, HandctlError, UsageError
-from handctl.model.guide import Guide
+from handctl.model.guide import CTRL_C, Guide
 from handctl.model.leaving import stopped_by_ctrl_c
 from handctl.model.param import Element, Number, Reading, Step
 from handctl.model.result import Cell, Column, Grid, Row, Table
@@ -181,7 +181,7 @@ class Wrist(RegisterDevice):
             if here != last:
                 still_since, equal = now, 0
             last, equal = here, equal + 1
-            guide.progress(f"{now - started:4.1f} s  pitch {_degrees(here[0])}, yaw {_degrees(here[1])}")
+            guide.progress(f"{now - started:4.1f} s  pitch {_degrees(here[0])}, yaw {_degrees(here[1])}", CTRL_C)
             at = dict(zip(("pitch_set", "yaw_set"), here, strict=True))
             there = all(at[name] == target for name, target in targets.items())
             stands = equal >= STILL_SAMPLES and now - still_since >= STILL_SECONDS and now - started >= expected

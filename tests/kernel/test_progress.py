@@ -1,0 +1,53 @@
+"""Progress on a narrow terminal: one line that is replaced, with the safety words whole, in every family."""
+
+from __future__ import annotations
+
+import re
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+from handctl.families import FAMILIES
+from tests.support.terminal import Terminal
+
+WIDTH = 40
+STOPS = "Ctrl-C stops."
+MOVEMENTS = {
+    "aidin home": (("aidin", "home", "--fake", "-y"), STOPS, "Homing"),
+    "aidin initial": (("aidin", "initial", "-p", "fake://aidin?start=homed", "-y"), STOPS, "Moving"),
+    "barrett close": (("barrett", "close", "-p", "fake://barrett?initialized=1", "-y"), STOPS, "C: moving"),
+    "exo position": (("exo", "position", "--wait", "3", "500", "500", "500", "500", "500", "-p", "fake://exo", "-y"), STOPS, "positions"),
+    "exo calibrate": (
+        ("exo", "calibrate", "-p", "fake://exo?calibration=1.5", "-y"),
+        "Ctrl-C does not stop the hand. To stop it, switch its power off.",
+        "calibrating",
+    ),
+    "wrist move": (("wrist", "move", "--pitch", "10", "--time", "900", "-p", "fake://wrist", "-y"), STOPS, "pitch"),
+    "ekso log": (("ekso", "log", "FILE", "--duration", "1.5", "-p", "fake://ekso"), "Ctrl-C ends the log.", "rows"),
+}  # fmt: skip
+"""Command, safety words, and a word of the progress itself."""
+
+
+def test_every_family_stands_here() -> None:
+    assert {name.split()[0] for name in MOVEMENTS} == set(FAMILIES)
+
+
+@pytest.mark.parametrize("name", MOVEMENTS)
+def test_progress_is_one_line(name: str, tmp_path: Path) -> None:
+    args, safety, word = MOVEMENTS[name]
+    with Terminal(*(tmp_path / "log.csv" if a == "FILE" else a for a in args), columns=WIDTH) as terminal:
+        seen: list[list[str]] = []
+        while terminal._take(0.02):
+            seen.append(terminal.lines)
+        terminal.finish()
+        text = terminal.text
+    assert re.sub(r"\W+", " ", safety) in re.sub(r"\W+", " ", text), text
+    pieces = [piece for line in text.split("\n") if "\r" in line for piece in line.split("\r")]
+    shown = [piece for piece in pieces if word in piece]
+    assert shown, text
+    assert max(map(len, pieces)) < WIDTH, max(pieces, key=len)
+    assert all(one.rstrip() != other.rstrip() for one, other in pairwise(shown)), shown
+    for lines in seen:
+        rows = [line for line in lines if word in line and "next:" not in line]
+        assert len(rows) <= 1, rows
