@@ -109,7 +109,7 @@ FAMILIES: dict[str, FamilyRow] = {
         options=(
             OwnOption(
                 "interrupt",
-                "A reading command may end a movement that it meets (^C); without it the hand is left to move.",
+                "Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.",
                 flag=True,
                 implied=True,
             ),

@@ -49,7 +49,7 @@ cli = Group(
     "barrett",
     family=Family("barrett", open_barrett, 9600, recall=_recall),
     first=("version", "errors", "init", "open", "close", "move", "home", "save", "diagnose", "maintenance", "strain"),
-    help="BarrettHand BH8 series over RS-232, firmware 4.3x and 4.4. Motors: 1 2 3 are the fingers, 4 or S the spread, G all fingers.",
+    help="Read, move and service a BarrettHand BH8 (RS-232, firmware 4.3x and 4.4). Motors 1 2 3 are the fingers, 4 or S is the spread, G is all fingers.",
 )
 
 
@@ -80,7 +80,10 @@ add_map_verbs(
 @cli.verb("describe", "Look")
 @click.argument("names", nargs=-1, metavar="[NAME]...")
 def describe(run: Run, names: tuple[str, ...]) -> Table:
-    """The parameter map itself: mnemonic, range, defaults, access, section. Needs no device."""
+    """List every parameter with range, defaults, access and manual section.
+
+    Needs no device.
+    """
     table = verbs.describe(BARRETT, names)
     for row in table.rows:
         param = BARRETT[row["name"]]
@@ -102,7 +105,7 @@ def describe(run: Run, names: tuple[str, ...]) -> Table:
 
 @cli.verb("version", "Look")
 def version(run: Run) -> Table:
-    """What the firmware says of itself."""
+    """Show the firmware version."""
     text = run.device().version()
     return Table(
         rows=[{"name": "firmware", "parameter": "VERS", "motor": None, "value": text, "unit": None}],
@@ -113,7 +116,7 @@ def version(run: Run) -> Table:
 @cli.verb("errors", "Look")
 @click.argument("code", required=False, type=click.IntRange(0, 1 << 32))
 def errors(run: Run, code: int | None) -> Table:
-    """Status codes in the manual's wording; CODE may be a sum. Needs no device."""
+    """Explain status codes in the manual's words. CODE may be a sum. Needs no device."""
     from handctl.devices.barrett.gcl.language import ERRORS, explain_status, hint_for, split_status
 
     codes = sorted(ERRORS) if code is None else split_status(code)
@@ -129,7 +132,7 @@ def errors(run: Run, code: int | None) -> Table:
 @cli.verb("help", "Look")
 @click.argument("command", required=False)
 def help_(run: Run, command: str | None) -> Table:
-    """The hand's own help for COMMAND or a parameter beside the manual's."""
+    """Show the hand's own help for COMMAND or a parameter, and the manual's."""
     from handctl.devices.barrett.gcl import passthrough
     from handctl.devices.barrett.gcl.commands import COMMANDS
 
@@ -140,15 +143,15 @@ def help_(run: Run, command: str | None) -> Table:
         except UsageError as exc:
             raise UsageError(
                 f"{command!r} is neither a GCL command nor a parameter",
-                hint=f"commands are {' '.join(COMMANDS)}; `handctl barrett describe` lists the parameters",
+                hint=f"use one of {' '.join(COMMANDS)}. `handctl barrett describe` lists the parameters",
             ) from exc
     text = f"?{name}"
     row = passthrough.row_of(run.device().line.read(text))
     row["manual"] = passthrough.explain_help(text)
     return Table(
         rows=[row],
-        columns=(*passthrough.COLUMNS, Column("manual", "By the manual")),
-        text=lambda rows: f"{passthrough.as_text(rows)}by the manual:\n{rows[0]['manual']}\n",
+        columns=(*passthrough.COLUMNS, Column("manual", "In the manual")),
+        text=lambda rows: f"{passthrough.as_text(rows)}in the manual:\n{rows[0]['manual']}\n",
         plain=("text",),
     )
 
@@ -161,7 +164,10 @@ def help_(run: Run, command: str | None) -> Table:
 @MOTORS_OPTION
 @FORCE
 def set_(run: Run, assignments: tuple[str, ...], motors: str | None, force: bool) -> Table:
-    """Set parameters in RAM and read them back, such as `MCV=80 HSG.F1=150 --motors 12`. One value goes to all motors."""
+    """Set parameters in RAM and read them back.
+
+    `MCV=80` goes to all motors, or to those of --motors. `HSG.F1=150` goes to one.
+    """
     chosen = [MOTORS[int(digit) - 1] for digit in motor_prefix(motors)] if motors is not None else list(MOTORS)
     changes = BARRETT.assignments_on(assignments, chosen)
     for objection in check_careful(changes, force):
@@ -177,9 +183,12 @@ def set_(run: Run, assignments: tuple[str, ...], motors: str | None, force: bool
 
 @cli.verb("baud", "Settings", writes=True)
 @click.argument("rate", required=False, type=int)
-@click.option("--save", "save_too", is_flag=True, help="Save it to EEPROM: the hand starts at this speed from then on.")
+@click.option("--save", "save_too", is_flag=True, help="Save the speed to EEPROM: the hand then starts with it.")
 def baud(run: Run, rate: int | None, save_too: bool) -> Table:
-    """Show the speed, or change it: the hand and the port switch over together, then it is verified."""
+    """Show the speed of the serial line, or change it.
+
+    The hand and the port change together. handctl then reads the speed back.
+    """
     from handctl.devices.barrett import eeprom
     from handctl.devices.barrett.gcl import speed
 
@@ -192,7 +201,7 @@ def baud(run: Run, rate: int | None, save_too: bool) -> Table:
     texts = [f"PSET BAUD {code}", *(["PSAVE"] if save_too else [])]
     if (plan := run.planned([step_of(text) for text in texts])) is not None:
         return plan
-    ask(run, texts, f"The hand speaks {rate} bit/s at once{', and after every power-on' if save_too else ''}")
+    ask(run, texts, f"The hand changes to {rate} bit/s at once{' and starts with it from then on' if save_too else ''}")
     hand: BarrettHand = run.device()
     ledger = eeprom.Ledger(hand, simulated=run.simulated) if save_too else None
     readings = hand.write([(BARRETT.find("BAUD")[1][0], code)])
@@ -201,15 +210,15 @@ def baud(run: Run, rate: int | None, save_too: bool) -> Table:
         ledger.count_common(baud_rate=code)
         run.journal.info("saved", f"PSAVE was acknowledged: the hand starts at {rate} bit/s from now on")
     else:
-        run.journal.info("volatile", "until reset or power-off", hint="--save keeps it")
+        run.journal.info("volatile", "the new speed lasts until reset or power-off", hint="use --save to keep it")
     return hand.table(readings)
 
 
 @cli.verb("reset", "Service", writes=True)
 def reset(run: Run) -> Table:
-    """Restart the firmware like a power cycle; shows its banner. The motors need `init` afterwards.
+    """Restart the firmware, as a power cycle does, and show its banner. Asks first.
 
-    The hand then speaks the speed that is saved, which is looked for: asks first.
+    The motors need `init` afterwards. The hand restarts at its saved speed, where handctl looks for it.
     """
     from handctl.devices.barrett.gcl import speed
 
@@ -228,11 +237,12 @@ def reset(run: Run) -> Table:
 
 @cli.verb("gcl", "Service", writes=True)
 @click.argument("commands", nargs=-1, metavar="[COMMAND]...")
-@click.option("--keep-going", is_flag=True, help="Go on after an error.")
+@click.option("--keep-going", is_flag=True, help="Continue after an error.")
 def gcl_(run: Run, commands: tuple[str, ...], keep_going: bool) -> Table:
-    """Any GCL: each argument is one command; without arguments a script on stdin, or a prompt on a terminal.
+    """Send any GCL commands, one per argument.
 
-    The prompt has history, completion of commands and parameters, and ?NAME for help.
+    Without arguments, handctl reads a script from stdin, or opens a prompt on a terminal. The prompt has history,
+    completion of commands and parameters, and ?NAME for help.
     """
     from handctl.devices.barrett import eeprom
     from handctl.devices.barrett.gcl import passthrough
@@ -241,7 +251,10 @@ def gcl_(run: Run, commands: tuple[str, ...], keep_going: bool) -> Table:
         return _prompt(run)
     wanted = list(commands) if commands else passthrough.script(sys.stdin)
     if not wanted:
-        raise UsageError("no command", hint='e.g. handctl barrett gcl "HI" "GC" "FGET P", or a script on stdin')
+        raise UsageError(
+            "no command given",
+            hint='name some, such as handctl barrett gcl "HI" "GC" "FGET P", or send a script on stdin',
+        )
     for text in wanted:
         passthrough.refuse(text)
         step_of(text)
@@ -263,11 +276,13 @@ def _prompt(run: Run) -> Table:
     from handctl.devices.barrett.gcl import passthrough, prompt
 
     if run.settings.dry_run:
-        raise UsageError("a prompt sends what is typed", hint="give the commands as arguments for a dry run")
+        raise UsageError(
+            "the prompt has no dry run: it sends each line as typed", hint="give the commands as arguments"
+        )
     if run.settings.format != "table" or run.settings.output or not sys.stdout.isatty():
         raise UsageError(
-            "a prompt needs a terminal to answer on",
-            hint="for --json, -o or a redirected stdout give the commands as arguments, or a script on stdin",
+            "the prompt needs a terminal as its output",
+            hint="for --json, -o or a redirected stdout, give the commands as arguments or as a script on stdin",
             code="no-terminal",
         )
     history = prompt.line_reader()

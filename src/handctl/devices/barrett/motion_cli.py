@@ -14,7 +14,7 @@ from handctl.model.param import Step
 from handctl.model.result import Table
 
 MOTORS_OPTION = click.option(
-    "--motors", metavar="12S", help="Which motors: digits, G = fingers, S = spread (default: all)."
+    "--motors", metavar="12S", help="Motors: digits 1 to 4, G = fingers, S = spread (default: all)."
 )
 SPEED = "The hand may change its speed at once"
 QUESTIONS = {
@@ -23,12 +23,12 @@ QUESTIONS = {
 }
 """Kind of a GCL command (`commands`) -> what is asked before it."""
 FORCE = click.option(
-    "--force", is_flag=True, help="Write a value that the manual allows and warns of, or save unchanged values."
+    "--force", is_flag=True, help="Write a value that the manual warns about, or save unchanged values."
 )
 
 
 HARM = click.option(
-    "--force", is_flag=True, help="Also open faster than IVEL may be, or with an OT and CT that turn it around."
+    "--force", is_flag=True, help="Also open faster than IVEL allows, or with OT and CT that reverse the movement."
 )
 
 
@@ -56,7 +56,7 @@ def ask(run: Run, texts: Sequence[str], question: str = "") -> None:
     asked = [step for text in texts if (step := step_of(text)).strands]
     if asked:
         words = dict.fromkeys(QUESTIONS[kind_of(step.meaning)] for step in asked)
-        run.confirm(question or "; ".join(words), asked)
+        run.confirm(question or ". ".join(words), asked)
 
 
 def add_movements(group: Group) -> None:
@@ -67,9 +67,9 @@ def add_movements(group: Group) -> None:
     @group.verb("stop", "Move", writes=True, stops=True)
     @MOTORS_OPTION
     def stop(run: Run, motors: str | None) -> Table:
-        """Stop the hand at once, also while another handctl has it: ^C ends any movement, T takes the motors' power.
+        """Stop the hand at once, even while another handctl uses it. Asks nothing.
 
-        Asks nothing. ^C stops all motors; --motors chooses whose power is taken.
+        ^C ends the movement of all motors. T then switches the motors off: all of them, or those of --motors.
         """
         from handctl.devices.barrett import motion
         from handctl.devices.barrett.stopper import power_off
@@ -103,13 +103,13 @@ def _movement(group: Group, name: str, gcl_name: str, doc: str, argument: str) -
 
 
 MOVEMENTS = (
-    ("init", "HI", "Initialize (HI): the fingers open fully; needed before any movement after power-on or reset.", ""),
-    ("open", "O", "Open to OT.", ""),
-    ("close", "C", "Close to CT; stopping on an object is no error.", ""),
-    ("move", "M", "Move to a POSITION in counts, without one to DP.", "[POSITION]"),
-    ("step-open", "IO", "Open by COUNTS, without them by DS.", "[COUNTS]"),
-    ("step-close", "IC", "Close by COUNTS, without them by DS.", "[COUNTS]"),
+    ("init", "HI", "Initialize the motors: the fingers open fully (HI). Needed once after power-on or reset.", ""),
+    ("open", "O", "Open until OT is reached.", ""),
+    ("close", "C", "Close until CT is reached or the fingers meet an object.", ""),
+    ("move", "M", "Move to POSITION in counts (default: the parameter DP).", "[POSITION]"),
+    ("step-open", "IO", "Open by COUNTS (default: the parameter DS).", "[COUNTS]"),
+    ("step-close", "IC", "Close by COUNTS (default: the parameter DS).", "[COUNTS]"),
     ("home", "HOME", "Move to position 0.", ""),
-    ("torque-open", "TO", "Open under torque control until it stalls.", ""),
-    ("torque-close", "TC", "Close under torque control until it stalls.", ""),
+    ("torque-open", "TO", "Open under torque control until the motors stall.", ""),
+    ("torque-close", "TC", "Close under torque control until the motors stall.", ""),
 )

@@ -23,18 +23,20 @@ def add_store_commands(group: Group) -> None:
     @group.verb("load", "Settings", writes=True)
     @MOTORS_OPTION
     def load(run: Run, motors: str | None) -> Table:
-        """EEPROM to RAM, motors and hand (FLOAD, PLOAD); the speed may change and is looked for: asks first.
+        """Load the saved settings from EEPROM into RAM (FLOAD, PLOAD).
 
-        With --motors those motors only (3FLOAD): the hand's own settings and its speed stay.
+        The speed may change: handctl asks first and then looks for the hand. With --motors, only the settings of those
+        motors are loaded (3FLOAD). The hand's own settings and its speed stay.
         """
         return _plain_commands(run, _motors_first(motors, "FLOAD", "PLOAD"))
 
     @group.verb("defaults", "Settings", writes=True)
     @MOTORS_OPTION
     def defaults(run: Run, motors: str | None) -> Table:
-        """Factory values into RAM (FDEF, PDEF), not saved; the speed goes to 9600: asks first.
+        """Set all parameters in RAM to their factory values (FDEF, PDEF). Saves nothing.
 
-        With --motors those motors only (SFDEF): the hand's own settings and its speed stay.
+        The speed goes to 9600 bit/s: handctl asks first. With --motors, only the settings of those motors are set
+        (SFDEF). The hand's own settings and its speed stay.
         """
         return _plain_commands(run, _motors_first(motors, "FDEF", "PDEF"))
 
@@ -42,9 +44,10 @@ def add_store_commands(group: Group) -> None:
     @MOTORS_OPTION
     @FORCE
     def save(run: Run, motors: str | None, force: bool) -> Table:
-        """RAM to EEPROM: compared with the last save first, confirmed, counted (5,000 in the hand's life).
+        """Save the settings from RAM to EEPROM. Asks first.
 
-        With --motors those motors only (123FSAVE): the hand's own settings stay as they were saved.
+        The EEPROM lasts 5,000 saves. handctl counts them and refuses a save that changes nothing. With --motors, only
+        the settings of those motors are saved (123FSAVE). The hand's own settings stay as they were saved.
         """
         from handctl.devices.barrett import eeprom
         from handctl.devices.barrett.device import BarrettHand
@@ -67,7 +70,10 @@ def add_store_commands(group: Group) -> None:
     @click.option("--save", "save_too", is_flag=True, help="Save to EEPROM afterwards.")
     @FORCE
     def restore(run: Run, file: str, save_too: bool, force: bool) -> Table:
-        """Write what differs from a snapshot into RAM, read it back; --save keeps it. Speed last."""
+        """Write the values that differ from a snapshot into RAM and read them back.
+
+        The speed is written last.
+        """
         from handctl.devices.barrett import eeprom
 
         def check(changes: Sequence[tuple[Element, Number]]) -> None:
@@ -114,7 +120,7 @@ def _refuse_to_keep(code: int, force: bool) -> None:
     """A BAUD other than the factory's is not saved by accident. Raises UsageError."""
     if code != 96 and not force:
         raise UsageError(
-            f"BAUD is {code}: saved, the hand would start at {code * 100} bit/s for ever",
-            hint="--force saves it all the same, or `handctl barrett baud 9600` first",
+            f"BAUD is {code}: once saved, the hand always starts at {code * 100} bit/s",
+            hint="`handctl barrett baud 9600` first, or use --force to save it anyway",
             code="baud-not-default",
         )

@@ -12,7 +12,7 @@ from handctl.model.result import Column, Table
 
 PROCEDURE_NAMES = ("lubrication", "fasteners", "pretension", "strain", "firmware")
 HAND_NAME = click.option(
-    "--hand", "name", default="", metavar="NAME", help="Whose journal, when serial numbers are not unique (0)."
+    "--hand", "name", default="", metavar="NAME", help="Name of the hand in the journal, where its serial number is 0."
 )
 
 
@@ -27,20 +27,25 @@ def add_care_commands(group: Group) -> None:
 def _live(run: Run, live: bool, count: int | None, duration: float | None) -> None:
     """Make this run a stream, or refuse a stream's options without --live. Raises UsageError."""
     if not live and (count is not None or duration is not None):
-        raise UsageError("--count and --duration are for a stream", hint="add --live")
+        raise UsageError("--count and --duration need a stream", hint="add --live")
     run.streams = live
 
 
 def _add_maintenance(group: Group) -> None:
     @group.verb("maintenance", "Service")
     @click.option("--greased", metavar="POINT", is_flag=False, flag_value="all", help=GREASED_HELP)
-    @click.option("--steps", type=click.Choice(PROCEDURE_NAMES), help="How to do it, with sections. Needs no device.")
+    @click.option(
+        "--steps",
+        type=click.Choice(PROCEDURE_NAMES),
+        help="List the steps of a procedure with manual sections. Needs no device.",
+    )
     @click.option("--check", is_flag=True, help="Exit 7 when anything is due or too hot.")
     @HAND_NAME
     def maintenance(run: Run, greased: str | None, steps: str | None, check: bool, name: str) -> Table:
-        """Strokes and cycles per motor, greasing due by point, fasteners, pretension, temperatures (§7).
+        """Show the strokes of each motor and the maintenance that is due (§7).
 
-        The journal of greasing is a file of this machine; nothing is written to the hand.
+        It lists greasing by point, fasteners, pretension and temperatures. The journal of greasing is a file on this
+        machine. Nothing is written to the hand.
         """
         if steps is not None:
             return _procedure(steps)
@@ -54,7 +59,7 @@ def _add_maintenance(group: Group) -> None:
         return upkeep.table_of(hand, care, check=check)
 
 
-GREASED_HELP = "Record as greased now: all, worm, spur, motor-spur, palm, one finger as in spur.F1, several by comma."
+GREASED_HELP = "Record points as greased now: all, worm, spur, motor-spur, palm, or spur.F1 for one finger. Separate several by commas."
 
 
 def _procedure(name: str) -> Table:
@@ -75,26 +80,27 @@ def _procedure(name: str) -> Table:
 def _add_strain(group: Group) -> None:
     @group.verb("strain", "Service", writes=True)
     @click.option(
-        "--open", "open_first", is_flag=True, help="MOVES: initialize, free the spread, open the fingers first."
+        "--open", "open_first", is_flag=True, help="MOVES: first initialize, free the spread and open the fingers."
     )
     @click.option(
-        "--live", is_flag=True, help="Watch it while the potentiometer is turned; the bar's ends are 100 and 140."
+        "--live", is_flag=True, help="Show the readings while you turn the potentiometer. The bar ends at 100 and 140."
     )
     @click.option("--check", is_flag=True, help="Exit 7 when a reading is not within 100 to 140.")
     @stream_options
     def strain(
         run: Run, open_first: bool, live: bool, check: bool, rate: float, count: int | None, duration: float | None
     ) -> Table:
-        """Strain without load: 20 readings per finger against 100 to 140, and how to adjust them (§7.4).
+        """Measure the strain gauges without load, and show how to adjust them (§7.4).
 
-        Only reads; no load is only sure with open fingers, which --open moves (HI, ST, GO).
+        20 readings per finger are compared with 100 to 140. Read-only. Readings are without load only when the fingers
+        are open. --open opens them first (HI, ST, GO).
         """
         from handctl.devices.barrett.care import procedures
         from handctl.devices.barrett.care import strain as gauges
 
         _live(run, live, count, duration)
         if live and check:
-            raise UsageError("--check judges readings, --live shows them", hint="leave one out")
+            raise UsageError("--check and --live cannot be combined", hint="leave one out")
         if run.settings.dry_run:
             if not open_first:
                 raise UsageError("`handctl barrett strain` without --open only reads", hint="run it without -n")
@@ -119,12 +125,12 @@ def _add_fingertips(group: Group) -> None:
         nargs=4,
         type=click.IntRange(0, 20000),
         metavar="F1 F2 F3 SPREAD",
-        help="Counts to calculate with instead of the hand's. Needs no device.",
+        help="Calculate with these counts instead of the hand's. Needs no device.",
     )
     @click.option(
         "--breakaway", multiple=True, metavar="FINGER=COUNTS", help="With --positions: the clutch let go at COUNTS."
     )
-    @click.option("--live", is_flag=True, help="Again and again: live view on a terminal, a stream elsewhere.")
+    @click.option("--live", is_flag=True, help="Repeat the reading: live view on a terminal, a stream elsewhere.")
     @stream_options
     def fingertips(
         run: Run,
@@ -135,19 +141,22 @@ def _add_fingertips(group: Group) -> None:
         count: int | None,
         duration: float | None,
     ) -> Table:
-        """Fingertips in mm from the palm's centre, joint angles and their limits (§9.5, §9.6). Only reads.
+        """Show each fingertip's position in mm and its joint angles (§9.5, §9.6).
 
-        From where a clutch let go (firmware 4.34 and later tell), the angles after breakaway; else before is assumed.
+        Read-only. Positions are measured from the palm's centre. Firmware 4.34 and later reports where a clutch let go,
+        and the angles follow from that. With older firmware handctl assumes that no clutch has let go.
         """
         from handctl.devices.barrett.care import fingertips as tips
 
         _live(run, live, count, duration)
         if positions is not None:
             if live:
-                raise UsageError("--positions are given once, --live asks the hand", hint="leave one out")
+                raise UsageError("--positions and --live cannot be combined", hint="leave one out")
             return tips.offline(positions, tips.breakaways(breakaway))
         if breakaway:
-            raise UsageError("--breakaway is for --positions", hint="a hand with firmware 4.34 tells its own")
+            raise UsageError(
+                "--breakaway needs --positions", hint="leave it out: firmware 4.34 and later reports its own breakaway"
+            )
         if live:
             return tips.stream(run.device(), rate=rate, count=count, duration=duration)
         return tips.now(run.device())
@@ -156,14 +165,14 @@ def _add_fingertips(group: Group) -> None:
 def _add_diagnose(group: Group) -> None:
     @group.verb("diagnose", "Service", writes=True)
     @click.argument("symptom", required=False)
-    @click.option("--list", "listed", is_flag=True, help="The symptoms of the manual. Needs no device.")
-    @click.option("--move", is_flag=True, help="MOVES: also try the symptom's movements (asks first).")
+    @click.option("--list", "listed", is_flag=True, help="List the symptoms of the manual. Needs no device.")
+    @click.option("--move", is_flag=True, help="MOVES: also try the symptom's movements. Asks first.")
     @click.option("--motors", metavar="123", default="G", show_default=True, help="Fingers to move with --move.")
     @HAND_NAME
     def diagnose(run: Run, symptom: str | None, listed: bool, move: bool, motors: str, name: str) -> Table:
-        """Troubleshooting (§8): what can be checked, then for a SYMPTOM what is left to hands, with sections.
+        """Run the checks of §8. For a SYMPTOM, also list the manual steps.
 
-        Exit 7 when a check is a warning or a fail; also when the hand does not answer at all.
+        Exit 7 when a check warns or fails, or when the hand does not answer.
         """
         from handctl.devices.barrett.care import diagnose as doctor
         from handctl.devices.barrett.care import trials
@@ -177,7 +186,7 @@ def _add_diagnose(group: Group) -> None:
         if move and (not names or "4" in digits):
             raise UsageError(
                 "--move needs a symptom that has movements, and fingers to move",
-                hint="`handctl barrett diagnose --list`; --motors 1 2 3 G. Nothing was sent.",
+                hint="`handctl barrett diagnose --list` shows the symptoms. Fingers are 1, 2, 3 or G. Nothing was sent.",
             )
         steps = trials.steps(names, digits) if move else []
         if run.settings.dry_run:
@@ -185,7 +194,7 @@ def _add_diagnose(group: Group) -> None:
                 raise UsageError("`handctl barrett diagnose` without --move only reads", hint="run it without -n")
             return run.dry_run(steps)
         if move:
-            run.confirm("This moves the hand: nobody and nothing within its reach", steps)
+            run.confirm("This moves the hand. Keep people and things out of its reach", steps)
         else:
             run.only_reads()
         hand = run.device()

@@ -27,17 +27,18 @@ def add_firmware(group: Group) -> None:
         "firmware",
         heading="Service",
         family=group.family,
-        help="Firmware files: check one, load one into the hand (barrett §3.7).",
+        help="Check a firmware file, or load one into the hand (barrett §3.7).",
     )
     group.add_command(firmware)
 
     @firmware.verb("check")
     @click.argument("file", type=InFile())
-    @click.option("--force", is_flag=True, help="Let a missing end record pass.")
+    @click.option("--force", is_flag=True, help="Accept a file without an end record.")
     def check(run: Run, file: str, force: bool) -> Table:
-        """Check an S-record FILE: records, checksums, ranges, overlaps, counts, end record. Needs no device.
+        """Check an S-record FILE. Needs no device.
 
-        Exit 7 when it must not be loaded.
+        The check covers records, checksums, ranges, overlaps, counts and the end record. Exit 7 when the file must not be
+        loaded.
         """
         found = _load(file)
         table = _table(found)
@@ -49,20 +50,21 @@ def add_firmware(group: Group) -> None:
     @firmware.verb("download", writes=True)
     @click.argument("file", type=InFile())
     @click.option("--force", is_flag=True, help="Load a file without an end record.")
-    @click.option("--expect", metavar="VERSION", help="Exit 7 unless the hand then says this version, e.g. 4.34.")
+    @click.option("--expect", metavar="VERSION", help="Exit 7 unless the hand then reports this version, such as 4.34.")
     @click.option(
         "--window",
         type=click.IntRange(1, 4),
         default=1,
         show_default=True,
         metavar="N",
-        help="Bytes sent ahead of their echo, 1 to 4: 2 halves the time, above 2 is unproven on hardware.",
+        help="Bytes sent ahead of their echo, 1 to 4. 2 halves the time. More than 2 is unproven on hardware.",
     )
     def download(run: Run, file: str, force: bool, expect: str | None, window: int) -> Table:
-        """Load FILE into the hand; the power supply must be switched off and on when asked.
+        """Load a firmware FILE into the hand.
 
-        The file is checked first, every byte's echo is compared, and the hand must answer afterwards. Only RAM is
-        written: parameters stay. Ctrl-C asks once, the second one stops.
+        You switch the power supply off and on when asked. The first Ctrl-C only warns. The second one stops and leaves
+        the hand without firmware. handctl checks the file first and compares the echo of every byte. The hand must answer
+        afterwards. Only RAM is written: parameters stay.
         """
         from handctl.devices.barrett.firmware.download import Loader, version_in
 
@@ -71,17 +73,17 @@ def add_firmware(group: Group) -> None:
         if problem is not None:
             raise UsageError(f"{file}: {problem[0]}", hint=f"{problem[1]}. Nothing was sent.", code="firmware-file")
         if expect is not None and version_in(expect) is None:
-            raise UsageError(f"--expect {expect!r} is no version", hint="e.g. --expect 4.34")
+            raise UsageError(f"--expect {expect!r} is not a version", hint="use a number such as --expect 4.34")
         needed = found.seconds + POWER_SECONDS
         if run.settings.deadline is not None and run.settings.deadline < needed:
             raise UsageError(
                 f"--deadline {run.settings.deadline:g} is too short: this download takes about {needed:.0f} s",
-                hint="a longer one, or none: a download that is cut off leaves the hand without firmware. Nothing was sent.",
+                hint="use a longer one, or none. A download that is cut off leaves the hand without firmware. Nothing was sent.",
             )
         if run.settings.dry_run:
             return _plan(run, found)
         run.confirm(
-            f"{_summary(found)}. This replaces the hand's firmware; a download that is cut off leaves it without any"
+            f"{_summary(found)}. This replaces the hand's firmware. A download that is cut off leaves the hand without any"
         )
         run.guide.say(f"Firmware file ok: {_summary(found)}")
         loader = Loader(run.device(), run.guide, found, window=window, expect=version_in(expect) if expect else None)
@@ -102,7 +104,9 @@ def add_firmware(group: Group) -> None:
 def _load(path: str) -> Firmware:
     from handctl.devices.barrett.firmware.srecord import parse
 
-    content = read(path, "a firmware file", 4_000_000, hint="give the vendor's .S19 file: 64 KiB are below 300 kB")
+    content = read(
+        path, "a firmware file", 4_000_000, hint="use the vendor's .S19 file. One for 64 KiB has less than 300 kB"
+    )
     return parse(path.replace("\\", "/").rpartition("/")[2], content)
 
 
@@ -111,7 +115,7 @@ def _problem(firmware: Firmware, force: bool) -> tuple[str, str] | None:
     for status in ("fail", *(() if force else ("force",))):
         for finding in firmware.findings:
             if finding.status == status:
-                hint = f"{finding.remedy}; --force loads it all the same" if status == "force" else finding.remedy
+                hint = f"{finding.remedy}, or use --force to load it anyway" if status == "force" else finding.remedy
                 return f"{finding.check}: {finding.evidence}", hint
     return None
 

@@ -41,24 +41,28 @@ def add_realtime(group: Group) -> None:
     """Add the command to the family's group."""
 
     @group.verb("realtime", "Move", writes=True, streams=True)
-    @click.option("--motors", metavar="12S", help="Motors of the loop: digits, G = fingers, S = spread (default: all).")
     @click.option(
-        "--send", metavar="NAMES", help="What control blocks carry: velocity, gain; `velocity@12` for some motors."
+        "--motors", metavar="12S", help="Motors of the loop: digits 1 to 4, G = fingers, S = spread (default: all)."
+    )
+    @click.option(
+        "--send",
+        metavar="NAMES",
+        help="Values in control blocks: velocity, gain. `velocity@12` is for some motors only.",
     )
     @click.option(
         "--receive",
         metavar="NAMES",
-        help="What feedback carries: velocity, strain, position, delta, temperature, none; `strain@12` for some motors "
-        "(default: as the hand's flags are).",
+        help="Values in feedback: velocity, strain, position, delta, temperature, none. `strain@12` is for some motors only "
+        "(default: the hand's own flags).",
     )
     @click.option("--velocity", metavar="V", help="Constant control velocity, -127 to 127: 20, or 20,5, or F1=20,F2=5.")
-    @click.option("--gain", metavar="K", help="Constant proportional gain, 0 to 255, in the same way.")
+    @click.option("--gain", metavar="K", help="Constant proportional gain, 0 to 255, written in the same way.")
     @click.option(
         "--control",
         "path",
         metavar="FILE",
         type=InFile(),
-        help="Control values as CSV or JSON lines (t, velocity.F1 …); - is stdin. Live lines (without t) count for 1 s, then velocity is 0.",
+        help="Control values as CSV or JSON lines (t, velocity.F1 …). - is stdin. Live lines (without t) hold for 1 s, then velocity is 0.",
     )
     @click.option(
         "--measure", type=click.IntRange(min=2), metavar="N", help="Exchange N blocks and show only the timing."
@@ -66,7 +70,7 @@ def add_realtime(group: Group) -> None:
     @click.option(
         "--sequential/--overlapped",
         default=None,
-        help="Wait for the whole feedback before the next block, or only for its *. Default: sequential when driving, overlapped when watching. Driving overlapped begins with a self-test that drives nothing.",
+        help="Wait for the whole feedback before the next block, or only for its *. Default: sequential when driving, overlapped when watching. Overlapped driving begins with a self-test that drives nothing.",
     )
     @click.option(
         "--no-guard",
@@ -76,12 +80,12 @@ def add_realtime(group: Group) -> None:
         type=click.Choice([*GUARDS, "all"]),
         help=f"Switch a guard off: {', '.join(GUARDS)}, all. See GUARDS below.",
     )
-    @click.option("--force", is_flag=True, help="The same as --no-guard opening: it may deform the clutch for good.")
+    @click.option("--force", is_flag=True, help="The same as --no-guard opening. It may deform the clutch permanently.")
     @click.option(
         "--delta-unit",
         type=click.IntRange(1, 255),
         metavar="N",
-        help="Counts of one unit of delta (LFDPC). Default: as the hand has it, more when velocity and rate need it.",
+        help="Counts of one unit of delta (LFDPC). Default: the hand's own, or more where velocity and rate need it.",
     )
     @click.option(
         "--init", "initialize", is_flag=True, help="Initialize the motors first (HI): the fingers open fully."
@@ -107,18 +111,19 @@ def add_realtime(group: Group) -> None:
         count: int | None,
         duration: float | None,
     ) -> Table:
-        """Exchange RealTime blocks (LOOP) as fast as the line allows: live view, NDJSON or CSV.
+        """Exchange RealTime blocks (LOOP): live view, NDJSON or CSV.
 
-        Without control values nothing moves: the hand is only watched. With them the motors keep their last velocity
-        until the next block; whatever ends the loop commands velocity 0, leaves it, and switches the motors off unless
-        --hold is given. Flags are put back as they were.
+        Without control values nothing moves. With them, each motor keeps its last velocity until the next block. However
+        the loop ends, handctl commands velocity 0, leaves the loop, and switches the motors off unless --hold is given. It
+        then restores the flags.
 
-        GUARDS, all on while motors are driven: stall (velocity 0 for a motor that stands still longer than TSTOP), window
-        (velocity 0 where it would leave 0..CT), strain (the same beyond HSG and LSG), opening (none faster than IVEL may
-        be), heat (the loop ends above 65 °C or OTEMP). Feedback that a guard needs is taken in and not shown.
+        GUARDS, all on while motors are driven: stall sends velocity 0 to a motor that stands still longer than TSTOP.
+        window sends it to a motor that would leave 0 to CT. strain sends it beyond HSG and LSG. opening refuses to open
+        faster than IVEL allows. heat ends the loop above 65 °C or OTEMP. A guard takes in the feedback that it needs
+        without showing it.
 
-        A row's `doubt` says why its value may be wrong: a delta that did not fit its byte, a block whose place in the
-        stream was not proved by what came behind it.
+        `doubt` in a row says why its value may be wrong: a delta did not fit its byte, or the bytes after a block did not
+        confirm its place in the stream.
         """
         from handctl.devices.barrett.realtime.flags import Wish, refuse_disabled
         from handctl.devices.barrett.realtime.loop import RealtimeLoop
@@ -126,7 +131,9 @@ def add_realtime(group: Group) -> None:
         from handctl.devices.barrett.realtime.schedule import loop_motors
 
         if measure is not None and (count is not None or duration is not None):
-            raise UsageError("--measure N says how many blocks", hint="leave --count and --duration out")
+            raise UsageError(
+                "--measure cannot be combined with --count or --duration", hint="leave --count and --duration out"
+            )
         indices = loop_motors(motors)
         received, temperature = _received(receive, indices)
         controls = _controls(send, velocity, gain, path, indices)
@@ -207,13 +214,14 @@ def _controls(
         if text is not None:
             given = motors if carried is None else [index for index in motors if name in carried[index]]
             if not given:
-                raise UsageError(f"--{name} without {name} in --send {send}", hint="leave --send out, or name it there")
+                raise UsageError(f"--{name} without {name} in --send {send}", hint="leave --send out, or add it there")
             start.update(schedule.constant(text, name, given))
     if path is not None:
         controls = _from_file(path, motors, start)
         if carried is not None and carried != controls.carries:
             raise UsageError(
-                f"--send {send} does not fit the columns of {path}", hint="leave --send out: the columns say it"
+                f"--send {send} does not fit the columns of {path}",
+                hint="leave --send out: the columns name the values",
             )
         return controls
     if carried is None:
@@ -234,9 +242,7 @@ def _from_file(path: str, motors: list[int], start: dict[tuple[int, str], int]) 
     lines = io.StringIO(read_text(path, "a control file", 16_000_000).removeprefix("\ufeff"), newline="")
     controls = schedule.read(lines, path, motors, start)
     if controls.live:
-        raise UsageError(
-            f"{path}: no column t", hint="a file needs times; without them give the lines on stdin: --control -"
-        )
+        raise UsageError(f"{path}: no column t", hint="add times, or send the lines on stdin with --control -")
     return controls
 
 
@@ -255,7 +261,8 @@ def _lines_as_they_come(path: str) -> Iterator[str]:
                 yield line.decode("utf-8", "replace")
             if len(rest) > LONGEST_LINE:
                 raise UsageError(
-                    f"{path}: more than {LONGEST_LINE} bytes without an end of the line: no control values"
+                    f"{path}: not control values: more than {LONGEST_LINE} bytes without a line end",
+                    hint="send CSV or JSON lines, such as t,velocity.F1",
                 )
     finally:
         if path != "-":
@@ -281,14 +288,13 @@ def _steps(run: Run, wish: Wish, controls: Controls | None) -> list[Step]:
         if value or not BARRETT.by_mnemonic(name).since  # a hand that does not know the flag has it off
     ]
     steps = [
-        Step(f"{step.meaning}  (what differs from the hand's own flags)", step.data)
-        for step in run.planner().plan(changes)
+        Step(f"{step.meaning}  (only flags that differ are written)", step.data) for step in run.planner().plan(changes)
     ]
     entry = f"{wish.prefix}LOOP"
     steps.append(Step(f"{entry}: enter RealTime", encode(entry)))
     values = controls.first if controls is not None else None
     if controls is None or values is None:
-        steps.append(Step("ask for feedback, again and again", b"A"))
+        steps.append(Step("ask for feedback, repeatedly", b"A"))
     else:
         layout = Layout({index: Selection(controls.carries[index], ()) for index in wish.motors})
         zero = {index: {**names, **({"velocity": 0} if "velocity" in names else {})} for index, names in values.items()}
