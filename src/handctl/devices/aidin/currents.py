@@ -43,7 +43,8 @@ def currents(hand: AidinHand, goal: Goal, guide: Guide, *, seconds: float, cap: 
                     drive.to(drive.zero, "Currents return to 0,", presses)
                 raise
         except HandctlError as exc:
-            raise stop_after(hand, exc) from exc
+            stop_after(hand, exc)
+            raise
         finally:
             guide.done()
         if table.failure is None:

@@ -75,7 +75,8 @@ def home(hand: AidinHand, guide: Guide) -> Table:
         try:
             _hold(hand, data, guide, seen, blind=blind)
         except HandctlError as exc:
-            raise stop_after(hand, exc) from exc
+            stop_after(hand, exc)
+            raise
         finally:
             guide.done()
         with in_force(LEFT):

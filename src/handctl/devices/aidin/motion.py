@@ -15,7 +15,7 @@ from handctl.devices.aidin.homing import check_homed, named
 from handctl.devices.aidin.map import Target
 from handctl.devices.aidin.stop import in_force, object_of, step_of, stopped_if_cut_short
 from handctl.devices.aidin.targets import Goal, missed, ramp
-from handctl.errors import CheckFailed, NoAnswer
+from handctl.errors import CheckFailed, Left, NoAnswer
 from handctl.model.guide import CTRL_C, Guide
 from handctl.model.param import Number, Step, elements_of
 from handctl.model.result import Column, Table
@@ -152,7 +152,7 @@ def _result(hand: AidinHand, goal: Goal, values: list[float]) -> Table:
     if table.failure is None:
         mark(hand, goal, values, table)
     if table.failure is not None:
-        table.failure.hint = f"{GOES_ON}; {table.failure.hint}"
+        table.failure.leaves(Left(hint=GOES_ON))
     return table
 
 

@@ -79,15 +79,14 @@ def _seen(hand: AidinHand, sent: str) -> str:
     return f"{sent}, {seen}; without power the fingers move freely and a held object falls"
 
 
-def stop_after(hand: AidinHand, exc: HandctlError) -> HandctlError:
-    """The error of something that was driving the fingers, with what became of them: stop is sent.
+def stop_after(hand: AidinHand, exc: HandctlError) -> None:
+    """What was driving the fingers has failed: stop is sent, and the error tells what became of them.
 
     Of a link that is lost `stopped_if_cut_short` tells.
     """
-    left = Left() if isinstance(exc, LinkError) else halt(hand)
-    again = exc.retold(exc.text, hint="; ".join(filter(None, (exc.hint, left.text))))
-    again.left.moving = left.moving
-    return again
+    if not isinstance(exc, LinkError):
+        left = halt(hand)
+        exc.leaves(Left(behind=left.text, moving=left.moving))
 
 
 def in_force(what: str, *, moving: bool = True) -> AbstractContextManager[None]:
