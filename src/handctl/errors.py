@@ -40,21 +40,22 @@ class HandctlError(Exception):
     """Base of all errors that handctl raises on purpose.
 
     `text` says what happened, to which device, what was expected and what came; `hint` says the next step; both with
-    what is `left` behind. `code` is a short stable word for scripts, e.g. ``bad-checksum``.
+    what is `left` behind. `code` is a short stable word for scripts, e.g. ``bad-checksum``. `came` are the
+    bytes that came instead of an answer, as far as they are known: they may name another device.
     """
 
     exit_code = 1
     default_code = "error"
     shown = False
     """True once it stands in the output (the JSON envelope)."""
-    came = b""
-    """The bytes that came instead of an answer, as far as they are known: they may name another device."""
-
     joint = "; "
     """Between what happened and what is left behind."""
 
-    def __init__(self, text: str, *, hint: str = "", code: str = "", left: Left | None = None) -> None:
+    def __init__(
+        self, text: str, *, hint: str = "", code: str = "", left: Left | None = None, came: bytes = b""
+    ) -> None:
         super().__init__(text)
+        self.came = came
         self.left = left or Left()
         self._text = text
         self._hint = hint
@@ -156,9 +157,8 @@ class NotIdentified(HandctlError):
     default_code = "not-identified"
 
     def __init__(self, met: HandctlError) -> None:
-        super().__init__(f"{met.text}; nothing was written", hint=met.hint, code=met.code)
+        super().__init__(f"{met.text}; nothing was written", hint=met.hint, code=met.code, came=met.came)
         self.exit_code = met.exit_code
-        self.came = met.came
 
 
 class NotConfirmed(HandctlError):

@@ -36,6 +36,7 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
     ("files", ("errors",)),
     ("cli", (*GROUND, "frame.clikit", "screen.streams")),
     ("__main__", ("cli",)),
+    ("model.asking", (*GROUND, "link", "link.deadman", "model.*")),
     ("model.gate", (*GROUND, "link", "model.*")),
     ("model.sampling", (*GROUND, "link", "model.*")),
     ("model*", (*GROUND, "model.*")),

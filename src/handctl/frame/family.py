@@ -40,6 +40,15 @@ class Family(NamedTuple):
     recall: Callable[[str], int | None] | None = None
 
 
+def opener(device: Callable[[Any], Any], line: Callable[..., Any]) -> Callable[[Any, Settings, Journal], Any]:
+    """The `open` of a family whose line takes what the options of everybody say, and no more."""
+    from handctl.model.device import limits_of
+
+    return lambda link, settings, journal: device(
+        line(link, journal, assumed=settings.assume_identity, **limits_of(settings, link))
+    )
+
+
 def load(kind: str, role: str) -> Any:
     """The module of a role of a family, see `FamilyRow`."""
     return import_module(FAMILIES[kind].module(role))

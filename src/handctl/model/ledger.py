@@ -7,9 +7,12 @@ protocol and does no I/O.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Hashable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, Generic, NamedTuple, Protocol, TypeVar
+
+from handctl.model.frames import Decoder, frames_in
 
 if TYPE_CHECKING:
     from handctl.model.param import Step
@@ -21,6 +24,9 @@ SHOWN_BYTES = 24
 """Bytes of a long frame that the text block shows; JSON has them all."""
 
 CLAIM = r"(?:[,;:.]?\s*)\b(?:and )?nothing (?:was|has been) (?:sent|written)(?: to the device)?\b"
+
+
+F = TypeVar("F")
 
 
 class Frame(NamedTuple):
@@ -58,6 +64,58 @@ class WriteWords(Protocol):
     def next(self, data: bytes, can_id: int | None) -> str:
         """What to read when nothing has confirmed this frame."""
         ...
+
+
+class Answered(ABC, Generic[F]):
+    """The WriteWords of a protocol without CAN, in which one request is out at a time and its answer names it.
+
+    look   what to read when nothing has confirmed a write
+    """
+
+    look = ""
+
+    def __init__(self) -> None:
+        self._sent = b""
+        self._decoder: Decoder[F] | None = None
+
+    @abstractmethod
+    def key(self, request: bytes) -> Hashable:
+        """What its answer bears; None where the request writes nothing."""
+
+    @abstractmethod
+    def decoder(self, request: bytes) -> Decoder[F]:
+        """For the answer to this request."""
+
+    @abstractmethod
+    def verdict(self, frame: F, request: bytes) -> tuple[Hashable, bool] | None:
+        """Which key a frame of the device acknowledges (True) or refuses (False), None = none."""
+
+    def same(self, request: bytes) -> Hashable:
+        """The request without a running number."""
+        return request
+
+    def sent(self, data: bytes, can_id: int | None) -> Sequence[Frame]:
+        """See WriteWords."""
+        if (key := self.key(data)) is None:
+            return ()
+        self._sent, self._decoder = data, self.decoder(data)
+        return (Frame(data, key, self.same(data)),)
+
+    def came(self, data: bytes, can_id: int | None) -> Iterator[tuple[Hashable, bool]]:
+        """See WriteWords."""
+        assert self._decoder is not None
+        self._decoder.feed(data)
+        for frame in frames_in(self._decoder):
+            if (verdict := self.verdict(frame, self._sent)) is not None:
+                yield verdict
+
+    def planned(self, data: bytes, can_id: int | None) -> Hashable:
+        """See WriteWords."""
+        return self.same(data) if self.key(data) is not None else None
+
+    def next(self, data: bytes, can_id: int | None) -> str:
+        """See WriteWords."""
+        return self.look
 
 
 class Write:

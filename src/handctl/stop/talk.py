@@ -14,7 +14,7 @@ import importlib
 from collections.abc import Callable, Generator, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
-from handctl.errors import HandctlError, LinkError
+from handctl.errors import HandctlError, LinkError, NoAnswer, ProtocolError
 from handctl.families import FAMILIES
 from handctl.model.param import Step
 
@@ -75,6 +75,18 @@ class Stopped(NamedTuple):
 
 
 Talk = Generator[Say, Pieces, Stopped]
+
+
+def insisting(step: Step, answer: bytes, done: str, *, times: int = 3, seconds: float = 0.2) -> Talk:
+    """A stop that is one write: once, and again while no `answer` comes; what the device has `done` once it came."""
+    came: Pieces = []
+    for _ in range(times):
+        before = tuple(came)
+        came += yield Say(step, seconds, lambda pieces, before=before: answer in b"".join([*before, *pieces]))  # type: ignore[misc]
+        if answer in b"".join(came):
+            return Stopped(f"{done}, and acknowledged it")
+    error = ProtocolError if came else NoAnswer
+    return Stopped(f"{step.meaning} was sent and not acknowledged", "switch the power off if it still moves", error)
 
 
 class Sent(NamedTuple):

@@ -32,8 +32,8 @@ class FamilyProbe(Protocol):
     def probe(
         self, link: Any, journal: Journal, deadline: Deadline, ids: Sequence[int] = (1,), timeout: float | None = None
     ) -> list[Row]:
-        """Look at the link's present speed: rows family, link, baud, id, evidence. `timeout` is the silence allowed per
-        reply in seconds, None = the family's own.
+        """Look at the link's present speed: rows with the `evidence`, with `id` where it has one, and with what else of a
+        scan's row is not as it was asked. `timeout` is the silence allowed per reply in seconds, None = the family's own.
 
         Raises NoAnswer on silence; ProtocolError whose code names what came instead (echo, garbage …); LinkError.
         """

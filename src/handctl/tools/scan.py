@@ -261,11 +261,15 @@ class Scan:
     def _one(self, link: Link, step: Step, search: Search, bound: Any) -> None:
         """One probe; what has answered another family's probe with its id is not counted again."""
         probe: FamilyProbe = probe_of(step.family)
+        quiet = Journal()
+        quiet.counters = self._run.journal.counters
+        where = {"family": step.family, "link": link.name, "baud": getattr(link, "baud", None), "id": None}
         try:
-            rows = probe.probe(link, self._run.journal, bound, self._ids, self._run.settings.timeout)
+            rows = probe.probe(link, quiet, bound, self._ids, self._run.settings.timeout)
         except (NoAnswer, ProtocolError) as exc:
             search.met.append((step, exc))
             return
+        rows = [{**where, **row} for row in rows]
         known = {(row["baud"], row["id"]) for row in search.rows if row["id"] is not None}
         search.rows += [row for row in rows if (row["baud"], row["id"]) not in known]
 

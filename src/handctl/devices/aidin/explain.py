@@ -14,11 +14,6 @@ KEYS = {param.key: param for param in AIDIN}
 FEEDBACK_KEYS = {param.key for param in FEEDBACK}
 
 
-def explainer() -> AidinExplainer:
-    """For the AIDIN-hand."""
-    return AidinExplainer()
-
-
 class _Stream:
     """One direction: the decoder, and the bytes that it has not given back yet."""
 
@@ -169,3 +164,6 @@ def _shown(value: object) -> str:
     except (ValueError, RecursionError):
         return "a value that cannot be shown"
     return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+explainer = AidinExplainer

@@ -20,14 +20,12 @@ ECHOES = False
 def probe(
     link: ByteLink, journal: Journal, deadline: Deadline, ids: Sequence[int] = (1,), timeout: float | None = None
 ) -> list[Row]:
-    """Rows family, link, baud, id (it has none), evidence. Raises NoAnswer, ProtocolError for what came instead."""
-    quiet = Journal()
-    quiet.counters = journal.counters
-    talk = Conversation(link, quiet, timeout=timeout, retries=0, bound=deadline)
+    """A row with the evidence. Raises NoAnswer, ProtocolError for what came instead."""
+    talk = Conversation(link, journal, timeout=timeout, retries=0, bound=deadline)
     talk.connect()
     how = "streams" if talk.exchange is ExchangeMode.STREAM else "answers an empty object with"
     evidence = f"{how} {', '.join(sorted(talk.feedback.seen))}"
-    return [{"family": FAMILY, "link": link.name, "baud": None, "id": None, "evidence": evidence}]
+    return [{"baud": None, "evidence": evidence}]
 
 
 def ping(device: AidinHand) -> None:

@@ -6,9 +6,11 @@ There is no acknowledge: only currents that are near 0 afterwards show anything 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 
 from handctl.devices.aidin.messages import TERMINATORS, Decoder, encode, numbers
 from handctl.errors import CheckFailed, NoAnswer, ProtocolError
+from handctl.model.frames import frames_in
 from handctl.model.param import Step
 from handctl.stop.talk import Aim, Pieces, Say, Stopped, Talk
 
@@ -69,12 +71,8 @@ def _currents(decoder: Decoder, pieces: Pieces) -> list[tuple[int, ...]]:
     """The motor currents in what came, in 0.1 %; what is damaged is passed over."""
     decoder.feed(b"".join(pieces))
     found: list[tuple[int, ...]] = []
-    while True:
-        try:
-            content = decoder.next()
-            if content is None:
-                return found
-            if "current_state" in content:
+    for content in frames_in(decoder):
+        if "current_state" in content:
+            with suppress(ProtocolError):
                 found.append(tuple(int(one) for one in numbers(content["current_state"], MOTORS)))
-        except ProtocolError:
-            continue
+    return found

@@ -52,13 +52,12 @@ def no_feedback(name: str, seen: bytes, *, whole: bool, more: str = "", why: str
     hint = "another server, or another kind of hand: this speaks to the AIDIN-hand (TCP/JSON), port 8000"
     if whole:
         hint = f"a JSON object without any key of the manual: what the hand reports in its own words, or {hint}"
-    error = ProtocolError(
+    return ProtocolError(
         f"{name}: no {more}feedback of the hand came, but {hex_bytes(seen)} ({text}){f': {why}' if why else ''}",
         hint=hint,
         code="garbage",
+        came=seen,
     )
-    error.came = seen
-    return error
 
 
 def named(where: str, param: AidinParam, found: Wire | ProtocolError) -> Wire | ProtocolError:

@@ -50,6 +50,4 @@ def _mode(data: bytes, place: int) -> int:
     return int(number) if number else -1
 
 
-def words() -> AidinWrites:
-    """See AidinWrites."""
-    return AidinWrites()
+words = AidinWrites

@@ -34,11 +34,6 @@ class Asked(NamedTuple):
     key: str
 
 
-def explainer() -> BarrettExplainer:
-    """For the BH8 series."""
-    return BarrettExplainer()
-
-
 class BarrettExplainer:
     """One conversation."""
 
@@ -303,3 +298,6 @@ def _side(data: bytes) -> str:
         return DEVICE
     text = all(32 <= byte < 127 or byte in (10, 13) for byte in data)
     return DEVICE if text and b"\n" in data else HOST
+
+
+explainer = BarrettExplainer

@@ -36,7 +36,7 @@ MOST = 256
 def probe(
     link: ByteLink, journal: Journal, deadline: Deadline, ids: Sequence[int] = (1,), timeout: float | None = None
 ) -> list[Row]:
-    """Rows family, link, baud, id (it has none), evidence. Raises NoAnswer, ProtocolError for what came instead."""
+    """A row with the evidence. Raises NoAnswer, ProtocolError for what came instead."""
     waiting = _until_prompt(link, link.deadline(0))
     if seen_in(waiting, b"") == connecting.COLON:
         raise _monitor(link, "a ':' came by itself")
@@ -59,7 +59,7 @@ def probe(
         )
     found = _identity(link, journal, deadline, timeout or READ_TIMEOUT)
     note = ", was in RealTime" if seen == connecting.LOOP else ""
-    return [{"family": FAMILY, "link": link.name, "baud": link.baud, "id": None, "evidence": found + note}]
+    return [{"evidence": found + note}]
 
 
 def _monitor(link: ByteLink, evidence: str) -> ProtocolError:
@@ -81,9 +81,7 @@ def _until_prompt(link: ByteLink, deadline: Deadline) -> bytes:
 
 
 def _identity(link: ByteLink, journal: Journal, deadline: Deadline, timeout: float) -> str:
-    quiet = Journal()
-    quiet.counters = journal.counters
-    line = GclLine(link, quiet, timeout=timeout, retries=1, bound=deadline, speed=link.baud)
+    line = GclLine(link, journal, timeout=timeout, retries=1, bound=deadline, speed=link.baud)
     line.found()
     try:
         answer = line.read("PGET SN")

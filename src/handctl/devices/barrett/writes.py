@@ -125,6 +125,4 @@ def _asks(data: bytes) -> bool:
     return not text or (known is not None and known.kind == "query")
 
 
-def words() -> BarrettWrites:
-    """See BarrettWrites."""
-    return BarrettWrites()
+words = BarrettWrites

@@ -16,6 +16,7 @@ from handctl.errors import HandctlError, ProtocolError
 from handctl.link import ByteLink, Deadline
 from handctl.model.device import Line
 from handctl.model.foreign import harmless
+from handctl.model.frames import frames_in
 from handctl.model.gate import Gate
 from handctl.model.result import Journal, hex_bytes
 
@@ -256,14 +257,7 @@ class DataPort(Line):
         self._drop_frames()
 
     def _drop_frames(self) -> None:
-        while True:
-            try:
-                frame = self._decoder.next()
-            except ProtocolError as exc:
-                self._count_broken(exc)
-                continue
-            if frame is None:
-                return
+        for frame in frames_in(self._decoder, self._count_broken):
             self._count_foreign(frame)
 
     def _count_foreign(self, frame: Frame) -> None:
@@ -318,8 +312,6 @@ class DataPort(Line):
             request = f"{name} ({hex_bytes(attempt.request)})"
             return self.unanswered(request, self.timeout, self.sent_at, HINTS["silence"])
         code, text = attempt.mishap()
-        error = ProtocolError(
-            f"{self.where}: {text}; {sent}, got {shorten(bytes(attempt.received))}", hint=HINTS[code], code=code
-        )
-        error.came = bytes(attempt.received)
-        return error
+        came = bytes(attempt.received)
+        text = f"{self.where}: {text}; {sent}, got {shorten(came)}"
+        return ProtocolError(text, hint=HINTS[code], code=code, came=came)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import NamedTuple
 
 from handctl.devices.ekso.frames import (
     ANSWER_SIZES,
@@ -22,6 +21,7 @@ from handctl.devices.ekso.frames import (
     unpack,
 )
 from handctl.devices.ekso.map import EKSO, MESSAGES, Word, boot_ms, boot_text
+from handctl.model.cutting import Cut, Cutter
 from handctl.model.piece import DEVICE, HOST, Later, Part, Piece, Value, stray
 
 LONGEST = max(size for sizes in ANSWER_SIZES.values() for size in sizes) + OVERHEAD + max(LENGTH_MODES.values())
@@ -30,65 +30,21 @@ WORDS = {Command.GET_SETTINGS: "settings", Command.GET_DATA: "data", Command.GET
 COMMANDS = {int(command): sizes for command, sizes in ANSWER_SIZES.items()}
 
 
-class Cut(NamedTuple):
-    """A stretch of a buffer: its size, what is wrong with it ("" = a valid frame), and its length convention."""
-
-    size: int
-    problem: str
-    mode: str = ""
-
-
-def explainer() -> EksoExplainer:
-    """For the EksoNR."""
-    return EksoExplainer()
-
-
-class EksoExplainer:
+class EksoExplainer(Cutter):
     """One conversation; remembers the length convention that was met, and the last request to know an echo."""
 
     def __init__(self) -> None:
-        self._buffers = {HOST: bytearray(), DEVICE: bytearray()}
+        super().__init__()
         self._mode = "body"
         self._asked = b""
 
-    def feed(self, direction: str, data: bytes, can_id: int | None = None) -> list[Piece]:
-        """See Explainer. There is no CAN."""
-        self._buffers[direction] += data
-        return self._pieces(direction, self._buffers[direction], final=False)
-
-    def flush(self) -> list[Piece]:
-        """See Explainer."""
-        return [piece for side in (HOST, DEVICE) for piece in self._pieces(side, self._buffers[side], final=True)]
-
-    def decode(self, data: bytes, side: str = "", can_id: int | None = None) -> list[Piece]:
-        """See Explainer. A body of the size of a request is taken for one."""
-        buffer, pieces = bytearray(data), []
-        while buffer:
-            cut = self._cut(buffer, "", final=True)
-            raw = bytes(buffer[: cut.size])
-            del buffer[: cut.size]
-            pieces.append(self._piece(side or _side(raw, cut), raw, cut))
-        return pieces
-
     def recognises(self, data: bytes, can_id: int | None = None) -> bool:
         """See Explainer."""
-        return can_id is None and self._cut(bytearray(data), "", final=True).problem == ""
-
-    def _pieces(self, direction: str, buffer: bytearray, *, final: bool) -> list[Piece]:
-        pieces = []
-        while buffer:
-            cut = self._cut(buffer, direction, final=final)
-            if not cut.size:
-                break
-            raw = bytes(buffer[: cut.size])
-            del buffer[: cut.size]
-            pieces.append(self._piece(direction, raw, cut))
-        return pieces
+        return can_id is None and self.cut(bytearray(data), "", final=True).problem == ""
 
     # -- finding frames -----------------------------------------------------------------------------------------------
 
-    def _cut(self, buffer: bytearray, side: str, *, final: bool) -> Cut:
-        """The next stretch; size 0 = wait for more."""
+    def cut(self, buffer: bytearray, side: str, *, final: bool) -> Cut:
         first = self._at(buffer, 0, side)
         if first is not None and not first.problem:
             return first
@@ -126,9 +82,14 @@ class EksoExplainer:
         fitting = [(mode, size) for mode, size in readings if size in sizes and size + OVERHEAD <= len(view)]
         return Cut(fitting[0][1] + OVERHEAD, "bad-checksum", fitting[0][0]) if fitting else None
 
+    def side_of(self, raw: bytes, cut: Cut) -> str:
+        """A body of the size of a request is taken for one."""
+        size = len(raw) - OVERHEAD
+        return HOST if cut.mode and raw[0] in COMMANDS and size in _sizes(raw[0], HOST) and not _reply(raw) else DEVICE
+
     # -- words --------------------------------------------------------------------------------------------------------
 
-    def _piece(self, direction: str, raw: bytes, cut: Cut) -> Piece:
+    def piece(self, direction: str, raw: bytes, cut: Cut) -> Piece:
         if cut.problem == "stray":
             return stray(direction, raw)
         if cut.problem in ("cut-short", "waiting"):
@@ -169,11 +130,6 @@ def _sizes(command: int, side: str) -> set[int]:
     if side == HOST:
         return own
     return {0, *COMMANDS[command], *own}
-
-
-def _side(raw: bytes, cut: Cut) -> str:
-    size = len(raw) - OVERHEAD
-    return HOST if cut.mode and raw[0] in COMMANDS and size in _sizes(raw[0], HOST) and not _reply(raw) else DEVICE
 
 
 def _reply(raw: bytes) -> bool:
@@ -291,3 +247,6 @@ def _body_parts(direction: str, command: int, body: bytes) -> list[Part]:
     if status_of(command, body) is not None and direction == DEVICE:
         return [Part(body, "status", status_text(int.from_bytes(body, "big")))]
     return [Part(body, "command word" if command == Command.CANCEL_ACTION else "body", "")]
+
+
+explainer = EksoExplainer

@@ -21,23 +21,13 @@ TIMEOUT = 0.25
 def probe(
     link: ByteLink, journal: Journal, deadline: Deadline, ids: Sequence[int] = (1,), timeout: float | None = None
 ) -> list[Row]:
-    """Rows family, link, baud, id (it has none), evidence. Raises NoAnswer, ProtocolError for what came instead.
+    """A row with the evidence. Raises NoAnswer, ProtocolError for what came instead.
 
     Asked twice: what another probe left in the device may swallow the first.
     """
-    quiet = Journal()
-    quiet.counters = journal.counters
-    port = DataPort(link, quiet, timeout=timeout or TIMEOUT, retries=1, bound=deadline)
+    port = DataPort(link, journal, timeout=timeout or TIMEOUT, retries=1, bound=deadline)
     hour, minute, second = port.read(Command.GET_TIME).body[:3]
-    return [
-        {
-            "family": FAMILY,
-            "link": link.name,
-            "baud": link.baud,
-            "id": None,
-            "evidence": f"GetTime says {hour:02}:{minute:02}:{second:02}, CRC and msgID fit",
-        }
-    ]
+    return [{"evidence": f"GetTime says {hour:02}:{minute:02}:{second:02}, CRC and msgID fit"}]
 
 
 def ping(device: Ekso) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from handctl.devices.ekso.frames import Command, Decoder, Frame, cancel_body, encode, status_text
 from handctl.errors import DeviceRefused, NoAnswer, ProtocolError
+from handctl.model.frames import frames_in
 from handctl.model.param import Step
 from handctl.stop.talk import Aim, Pieces, Say, Stopped, Talk
 
@@ -38,15 +39,6 @@ def _answer(request: bytes, pieces: Pieces) -> Frame | None:
     decoder = Decoder()
     decoder.expect(request)
     decoder.feed(b"".join(pieces))
-    found: list[Frame] = []
-    while True:
-        try:
-            frame = decoder.next()
-        except ProtocolError:
-            continue
-        if frame is None:
-            break
-        found.append(frame)
-    key = (request[0], request[2:4])
-    mine = (f for f in found if (f.command, f.msg_id.to_bytes(2, "big")) == key and f.body and f.data != request)
-    return next(mine, None)
+    key = (request[0], int.from_bytes(request[2:4], "big"))
+    found = frames_in(decoder)
+    return next((f for f in found if (f.command, f.msg_id) == key and f.body and f.data != request), None)

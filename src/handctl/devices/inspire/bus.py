@@ -16,6 +16,7 @@ from handctl.devices.inspire.registers import RegisterBus
 from handctl.errors import DeviceRefused, HandctlError, ProtocolError
 from handctl.link import ByteLink, CanFrame, Deadline
 from handctl.model.foreign import harmless
+from handctl.model.frames import frames_in
 from handctl.model.param import Step
 from handctl.model.result import Journal, hex_bytes
 
@@ -191,11 +192,10 @@ class Bus(RegisterBus):
         return count * 10 / self.link.baud if self.link.baud else 0.0
 
     def _next(self, decoder: Decoder) -> Frame | None:
-        while True:
-            try:
-                return decoder.next()
-            except ProtocolError:
-                self.journal.counters.bad_frames += 1
+        return next(frames_in(decoder, self._count_damaged), None)
+
+    def _count_damaged(self, _error: ProtocolError) -> None:
+        self.journal.counters.bad_frames += 1
 
     def _reply_deadline(self, sent: int, expected: int) -> Deadline:
         return self.deadline(self.wire_seconds(sent + expected) + self.timeout)
@@ -210,10 +210,9 @@ class Bus(RegisterBus):
         if not received:
             return self.unanswered(hex_bytes(request), self.timeout, since, self.silence_hint)
         code, text = mishap(request, received)
-        error = ProtocolError(
+        return ProtocolError(
             f"{self.where}: {text}; sent {hex_bytes(request)}, got {shorten(received)}",
             hint=hint_for(code, self.family),
             code=code,
+            came=received,
         )
-        error.came = received
-        return error

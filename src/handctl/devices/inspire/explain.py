@@ -15,6 +15,7 @@ from handctl.devices.inspire.eb90 import FORCE_COMMAND, POSITION_COMMAND, READ, 
 from handctl.devices.inspire.map import EXO, FINGERS, WRIST, Register
 from handctl.devices.inspire.spans import describe, span_name, span_parts, span_values
 from handctl.devices.inspire.wrist.raw import CAN_MISPRINTS, MISPRINTS
+from handctl.model.cutting import Cut, Cutter
 from handctl.model.param import ParamMap
 from handctl.model.piece import DEVICE, HOST, Later, Part, Piece, Value, stray
 
@@ -26,12 +27,12 @@ RESULTS = {0x00: "saved", 0xFF: "not saved"}
 MOST_KNOWN = 1024
 
 
-class InspireExplainer:
+class InspireExplainer(Cutter):
     """One conversation. Frames are found at every offset; one that fails gives way to a whole one inside it."""
 
     def __init__(self, params: ParamMap[Register]) -> None:
+        super().__init__()
         self._map = params
-        self._buffers = {HOST: bytearray(), DEVICE: bytearray()}
         self._can = CanWords(params)
         self._new_id: tuple[int, int] | None = None
         self._known: dict[Frame, tuple[str, Sequence[Value]]] = {}
@@ -43,30 +44,16 @@ class InspireExplainer:
         """See Explainer."""
         if can_id is not None:
             return [self._can.explain(direction, can_id, data)]
-        self._buffers[direction] += data
-        return self._pieces(direction, final=False)
-
-    def flush(self) -> list[Piece]:
-        """See Explainer."""
-        return [piece for direction in (HOST, DEVICE) for piece in self._pieces(direction, final=True)]
+        return super().feed(direction, data)
 
     def decode(self, data: bytes, side: str = "", can_id: int | None = None) -> list[Piece]:
         """See Explainer. The header says who sent a frame."""
         if can_id is not None:
             return [_annotated(self._can.decode(side, can_id, data), CAN_MISPRINTS.get((can_id, data)))]
         host, device = (data.find(header) if header in data else len(data) for header in (eb90.HOST, eb90.DEVICE))
-        buffer = bytearray(data)
-        pieces = []
-        guess = side or (DEVICE if device < host else HOST)
-        while buffer:
-            raw, problem = _cut(buffer, final=True)
-            del buffer[: len(raw)]
-            if not side and raw[:2] in (eb90.HOST, eb90.DEVICE):
-                guess = HOST if raw[:2] == eb90.HOST else DEVICE
-            pieces.append(
-                _annotated(self._piece(guess, raw, problem), MISPRINTS.get(raw) if self._map is WRIST else None)
-            )
-        return pieces
+        self._guess = DEVICE if device < host else HOST
+        misprints = MISPRINTS if self._map is WRIST else {}
+        return [_annotated(piece, misprints.get(piece.raw)) for piece in super().decode(data, side)]
 
     def recognises(self, data: bytes, can_id: int | None = None) -> bool:
         """See Explainer."""
@@ -77,18 +64,35 @@ class InspireExplainer:
 
     # -- frames -------------------------------------------------------------------------------------------------------
 
-    def _pieces(self, direction: str, *, final: bool) -> list[Piece]:
-        buffer = self._buffers[direction]
-        pieces = []
-        while buffer:
-            raw, problem = _cut(buffer, final=final)
-            if not raw:
-                break
-            del buffer[: len(raw)]
-            pieces.append(self._piece(direction, raw, problem))
-        return pieces
+    def cut(self, buffer: bytearray, side: str, *, final: bool) -> Cut:
+        start = _header(buffer, 0)
+        if start:
+            keep = 0 if final or start < len(buffer) or buffer[-1] not in (0xEB, 0x90) else 1
+            return Cut(start - keep, "stray")
+        size = _size(buffer, 0)
+        if size == 0:
+            return Cut(2, "stray")
+        if size is not None and size <= len(buffer):
+            if _valid(buffer, 0, size):
+                return Cut(size)
+            whole, begun = _inner(buffer, size)
+            if begun and not whole and not final:
+                return Cut(0)
+            inner = whole or begun
+            return Cut(inner, "cut-short") if inner else Cut(size, "bad-checksum")
+        whole, _ = _inner(buffer, len(buffer))
+        if whole:
+            return Cut(whole, "cut-short")
+        return Cut(len(buffer) if final else 0, "cut-short")
 
-    def _piece(self, direction: str, raw: bytes, problem: str) -> Piece:
+    def side_of(self, raw: bytes, cut: Cut) -> str:
+        """By the header; what is none goes with what stands before it."""
+        if raw[:2] in (eb90.HOST, eb90.DEVICE):
+            self._guess = HOST if raw[:2] == eb90.HOST else DEVICE
+        return self._guess
+
+    def piece(self, direction: str, raw: bytes, cut: Cut) -> Piece:
+        problem = cut.problem
         if problem == "stray":
             return stray(direction, raw)
         if problem == "cut-short":
@@ -283,29 +287,6 @@ class InspireExplainer:
 def _annotated(piece: Piece, explained: str | None) -> Piece:
     """A frame that the manual prints for something else, with what it says about that."""
     return piece if explained is None else replace(piece, meaning=f"{piece.meaning}. {explained}")
-
-
-def _cut(buffer: bytearray, *, final: bool) -> tuple[bytes, str]:
-    """The next stretch of the buffer and what is wrong with it; b"" = wait for more."""
-    start = _header(buffer, 0)
-    if start:
-        keep = 0 if final or start < len(buffer) or buffer[-1] not in (0xEB, 0x90) else 1
-        return bytes(buffer[: start - keep]), "stray"
-    size = _size(buffer, 0)
-    if size == 0:
-        return bytes(buffer[:2]), "stray"
-    if size is not None and size <= len(buffer):
-        if _valid(buffer, 0, size):
-            return bytes(buffer[:size]), ""
-        whole, begun = _inner(buffer, size)
-        if begun and not whole and not final:
-            return b"", ""
-        inner = whole or begun
-        return (bytes(buffer[:inner]), "cut-short") if inner else (bytes(buffer[:size]), "bad-checksum")
-    whole, _ = _inner(buffer, len(buffer))
-    if whole:
-        return bytes(buffer[:whole]), "cut-short"
-    return (bytes(buffer), "cut-short") if final else (b"", "")
 
 
 def _header(buffer: bytearray, start: int) -> int:

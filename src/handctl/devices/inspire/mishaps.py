@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from handctl.devices.inspire import eb90
-from handctl.devices.inspire.eb90 import Decoder, Frame
+from handctl.devices.inspire.eb90 import Decoder
 from handctl.errors import ProtocolError
+from handctl.model.frames import frames_in
 from handctl.model.result import hex_bytes
 
 SILENCE_HINT = (
@@ -35,17 +36,8 @@ def mishap(request: bytes, received: bytes) -> tuple[str, str]:
             return "echo", "only our own bytes came back"
     sniffer = Decoder()
     sniffer.feed(rest)
-    bad_sums = 0
-    frames: list[Frame] = []
-    while sniffer.pending:
-        try:
-            frame = sniffer.next()
-        except ProtocolError:
-            bad_sums += 1
-            continue
-        if frame is None:
-            break
-        frames.append(frame)
+    bad_sums: list[ProtocolError] = []
+    frames = list(frames_in(sniffer, bad_sums.append))
     pending = sniffer.pending
     frames += sniffer.finish()
     replies = [frame for frame in frames if frame.from_device]

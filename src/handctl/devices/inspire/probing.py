@@ -5,7 +5,7 @@ from __future__ import annotations
 from handctl.devices.inspire.base import RegisterDevice
 from handctl.devices.inspire.identity import SIX_HINT, Kind, Look
 from handctl.errors import NoAnswer
-from handctl.model.result import Journal, Row, Table
+from handctl.model.result import Row, Table
 
 SPEEDS = (115200, 57600, 19200)
 """exo §2.3.2; the wrist's manual has 115200 only, its hand's the others too."""
@@ -18,13 +18,6 @@ def window_ms(timeout: float | None, ids: int) -> float | None:
     if timeout is not None:
         return 1000 * timeout
     return WAIT_MS if ids == 1 else None
-
-
-def quiet(journal: Journal) -> Journal:
-    """A journal that keeps its messages to itself and counts into `journal`."""
-    own = Journal()
-    own.counters = journal.counters
-    return own
 
 
 def found(table: Table, value: str) -> list[Row]:

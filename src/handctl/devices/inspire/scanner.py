@@ -20,6 +20,7 @@ from handctl.devices.inspire.eb90 import Decoder
 from handctl.devices.inspire.identity import WRIST, Kind, Look
 from handctl.devices.inspire.quiet import READS, Span, question
 from handctl.errors import NoAnswer, ProtocolError
+from handctl.model.frames import frames_in
 from handctl.model.guide import Guide
 
 DRAIN_SECONDS = 0.05
@@ -173,15 +174,7 @@ class Scanner:
         """Enter the replies that are complete; returns how many bytes belonged to none."""
         bus, decoder = self._bus, self._decoder
         before = decoder.skipped
-        while True:
-            try:
-                frame = decoder.next()
-            except ProtocolError:
-                bus.journal.counters.bad_frames += 1
-                self.found.damaged[decoder.rejected[2]] = self.found.damaged.get(decoder.rejected[2], 0) + 1
-                continue
-            if frame is None:
-                break
+        for frame in frames_in(decoder, self._damaged):
             if self._address in (None, frame.address):
                 answered[frame.id] = int.from_bytes(frame.data, "little", signed=True)
             bus.journal.counters.received += 1
@@ -189,6 +182,11 @@ class Scanner:
         self.found.garbage += garbage
         bus.journal.counters.stray_bytes += garbage
         return garbage
+
+    def _damaged(self, _error: ProtocolError) -> None:
+        self._bus.journal.counters.bad_frames += 1
+        named = self._decoder.rejected[2]
+        self.found.damaged[named] = self.found.damaged.get(named, 0) + 1
 
     def _confirm(self, speed: int | None, answered: dict[int, int], group: list[int]) -> None:
         """Ask each new id again by itself: only a second answer makes a hit; then look for a twin."""

@@ -11,7 +11,7 @@ from collections.abc import Hashable, Iterable, Sequence
 
 from handctl.devices.inspire import canreg, eb90
 from handctl.devices.inspire.map import EXO, Register
-from handctl.errors import ProtocolError
+from handctl.model.frames import frames_in
 from handctl.model.ledger import Frame
 from handctl.model.param import ParamMap
 
@@ -52,17 +52,8 @@ class InspireWrites:
                 return ()  # longer, or our own write coming back: no acknowledgement
             return ((can_id, not data or data[0] == len(sent[1])),)
         self._decoder.feed(data)
-        found: list[tuple[Hashable, bool]] = []
-        while True:
-            try:
-                frame = self._decoder.next()
-            except ProtocolError:
-                continue
-            if frame is None:
-                return found
-            verdict = self._verdict(frame)
-            if verdict is not None:
-                found.append((self._key, verdict))
+        verdicts = [self._verdict(frame) for frame in frames_in(self._decoder)]
+        return [(self._key, verdict) for verdict in verdicts if verdict is not None]
 
     def planned(self, data: bytes, can_id: int | None) -> Hashable:
         """See WriteWords."""

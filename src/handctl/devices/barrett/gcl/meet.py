@@ -238,15 +238,14 @@ class Meeting:
             echo = end == table.WIRE or not came.strip(ABORT + CR + b"!\0")
             monitor = " or the boot monitor of a hand without firmware;" if echo and not link.can_set_baud else ""
             lacking = "no prompt" if b"=>" not in came else "no answer to the question"
-            error = ProtocolError(
+            return ProtocolError(
                 f"{link.name}: {lacking} {tried}, but {len(came)} bytes came: {shown}",
                 hint=f"an echo (TX and RX joined),{monitor} check the wiring; unplug the hand: what comes back then is a wire"
                 if echo
                 else "another device or a disturbed line: check port and cable; power-cycle the hand",
                 code="echo" if echo else "garbage",
+                came=came,
             )
-            error.came = came
-            return error
         return NoAnswer(f"{link.name}: no answer {tried}", hint=f"{table.SILENCE}; {BUSY_HINT}")
 
 

@@ -28,7 +28,7 @@ def probe(
     link: ByteLink, journal: Journal, deadline: Deadline, ids: Sequence[int] = (1,), timeout: float | None = None
 ) -> list[Row]:
     """Rows family, link, baud, id, evidence. Raises NoAnswer on silence, ProtocolError for what came instead."""
-    bus = Bus(link, ids[0], probing.quiet(journal), retries=0, bound=deadline)
+    bus = Bus(link, ids[0], journal, retries=0, bound=deadline)
     at_once = 1 if len(ids) == 1 else WINDOW
     wait = probing.window_ms(timeout, len(ids))
     table = scan(ExoHand(bus), Guide(), ids, [link.baud or 0], at_once, wait, False)

@@ -12,6 +12,7 @@ from handctl.devices.inspire.map import EXO, Register
 from handctl.devices.inspire.mishaps import hint_for, mishap, shorten
 from handctl.devices.inspire.spans import describe, element_at, stretches
 from handctl.errors import CheckFailed, DeviceRefused, ProtocolError, UsageError
+from handctl.model.frames import frames_in
 from handctl.model.param import Element, ParamMap, Reading, Step
 from handctl.model.result import Column, Row, Table, hex_bytes
 
@@ -337,15 +338,7 @@ RAW_COLUMNS = (
 
 
 def _frames(decoder: eb90.Decoder) -> list[eb90.Frame]:
-    frames: list[eb90.Frame] = []
-    while True:
-        try:
-            frame = decoder.next()
-        except ProtocolError:
-            continue
-        if frame is None:
-            return [*frames, *decoder.finish()]
-        frames.append(frame)
+    return [*frames_in(decoder), *decoder.finish()]
 
 
 def _frame_row(params: ParamMap[Register], frame: eb90.Frame, meaning: str) -> Row:

@@ -34,15 +34,14 @@ def probe(
 
     One id after the other: on RS-485 an answer would collide with the next question.
     """
-    own = probing.quiet(journal)
     wait = probing.window_ms(timeout, len(ids))
     if isinstance(link, FrameLink):
-        bus = CanBus(link, ids[0], own, retries=0, bound=deadline)
+        bus = CanBus(link, ids[0], journal, retries=0, bound=deadline)
         return probing.found(scan_wrist(Wrist(bus), Guide(), ids, [0], 1, wait, False), TARGET.value)
     line = Bus(
         link,
         ids[0],
-        own,
+        journal,
         retries=0,
         bound=deadline,
         read_flag=eb90.WRIST_READ,

@@ -1,0 +1,34 @@
+"""What every family's decoder is to the kernel, and the frames that are whole in it. Knows no protocol, does no I/O."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Protocol, TypeVar
+
+from handctl.errors import ProtocolError
+
+F = TypeVar("F")
+F_co = TypeVar("F_co", covariant=True)
+
+
+class Decoder(Protocol[F_co]):
+    """Takes what the other side sends, in pieces of any size."""
+
+    def feed(self, data: bytes) -> None:
+        """More bytes."""
+
+    def next(self) -> F_co | None:
+        """The next frame, None when none is whole. Raises ProtocolError for one that is no frame, and drops it."""
+
+
+def frames_in(decoder: Decoder[F], damaged: Callable[[ProtocolError], object] = lambda _error: None) -> Iterator[F]:
+    """The frames that are whole now. What is none is passed over, and `damaged` told of it."""
+    while True:
+        try:
+            frame = decoder.next()
+        except ProtocolError as exc:
+            damaged(exc)
+            continue
+        if frame is None:
+            return
+        yield frame
