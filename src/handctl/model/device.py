@@ -72,6 +72,17 @@ class Line:
         return self.link.name
 
     @property
+    def at_speed(self) -> str:
+        """`` at 9600 baud`` for messages, "" where this end cannot set it."""
+        baud, ours = getattr(self.link, "baud", None), getattr(self.link, "can_set_baud", False)
+        return f" at {baud} baud" if baud and ours else ""
+
+    def wire_seconds(self, count: int) -> float:
+        """Time that `count` bytes need on the wire, 10 bits each; 0 where the link has no speed."""
+        baud = getattr(self.link, "baud", None)
+        return count * 10 / baud if baud else 0.0
+
+    @property
     def over(self) -> bool:
         """Whether --deadline is over."""
         return self.bound is not None and self.bound.expired

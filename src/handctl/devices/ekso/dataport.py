@@ -164,7 +164,7 @@ class DataPort(Line):
                 self._next_id = (self._next_id + 1) & 0xFFFF
         request = self.request(command, body)
         self._next_id = (self._next_id + 1) & 0xFFFF
-        seconds = self._wire_seconds(len(request) + max(ANSWER_SIZES[command]) + OVERHEAD) + self.timeout
+        seconds = self.wire_seconds(len(request) + max(ANSWER_SIZES[command]) + OVERHEAD) + self.timeout
         deadline = self.deadline(seconds)
         self._decoder.expect(request)
         self._settled = False
@@ -297,11 +297,7 @@ class DataPort(Line):
     @property
     def where(self) -> str:
         """Link and speed for messages."""
-        speed = f" at {self.link.baud} baud" if self.link.baud and self.link.can_set_baud else ""
-        return f"EksoNR on {self.link.name}{speed}"
-
-    def _wire_seconds(self, count: int) -> float:
-        return count * 10 / self.link.baud if self.link.baud else 0.0
+        return f"EksoNR on {self.link.name}{self.at_speed}"
 
     def _failure(self, attempt: Attempt) -> HandctlError:
         self.counts.timeouts += 1

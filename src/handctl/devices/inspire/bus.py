@@ -187,10 +187,6 @@ class Bus(RegisterBus):
         self.journal.counters.stray_bytes += len(stale)
         return stale
 
-    def wire_seconds(self, count: int) -> float:
-        """Time that `count` bytes need on the line, 10 bits each (exo §2.1); 0 where the speed is unknown."""
-        return count * 10 / self.link.baud if self.link.baud else 0.0
-
     def _next(self, decoder: Decoder) -> Frame | None:
         return next(frames_in(decoder, self._count_damaged), None)
 
@@ -203,8 +199,7 @@ class Bus(RegisterBus):
     @property
     def where(self) -> str:
         """Device, id and link for messages."""
-        speed = f" at {self.link.baud} baud" if self.link.baud and self.link.can_set_baud else ""
-        return f"id {self.id} on {self.link.name}{speed}"
+        return f"id {self.id} on {self.link.name}{self.at_speed}"
 
     def _failure(self, request: bytes, received: bytes, since: float) -> HandctlError:
         if not received:

@@ -347,10 +347,6 @@ class GclLine(Line):
         self.journal.counters.stray_bytes += len(stale)
         return stale
 
-    def wire_seconds(self, count: int) -> float:
-        """Transmission time of `count` bytes, 10 bits each; 0 where the link has no speed."""
-        return count * 10 / self.link.baud if self.link.baud else 0.0
-
 
 class Patience:
     """A wait that ends after `seconds` of silence: bytes renew it, up to LONGEST times as long and never beyond `bound`."""
