@@ -1,4 +1,4 @@
-"""`python -m tests.bench [--quick] [--peers] [--json FILE] [--readme]`: measure everything, one table, exit 1 on a missed goal."""
+"""`python -m tests.bench [--quick] [--peers] [--json FILE] [--guide]`: measure everything, one table, exit 1 on a missed goal."""
 
 from __future__ import annotations
 
@@ -37,11 +37,13 @@ def main() -> int:
     parser.add_argument("--only", metavar="PART", choices=[*PARTS, "peers"], help=", ".join([*PARTS, "peers"]))
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures there too")
     parser.add_argument(
-        "--readme", action="store_true", help="write tests/bench/last.json and README's section Figures"
+        "--guide",
+        action="store_true",
+        help="write tests/bench/last.json and the section Figures of handctl-development(7)",
     )
     options = parser.parse_args()
-    if options.readme and options.only:
-        parser.error("--readme shows everything, not --only a part")
+    if options.guide and options.only:
+        parser.error("--guide shows everything, not --only a part")
     peers = Peers()
     parts = {**PARTS, "peers": peers.run} if options.peers or options.only == "peers" else PARTS
     figures: list[Figure] = []
@@ -58,7 +60,7 @@ def main() -> int:
     print(f"{goals - len(missed)} of {goals} goals met" + (f"; missed: {', '.join(missed)}" if missed else ""))
     if options.json:
         options.json.write_text(dumps(found), encoding="utf-8")
-    if options.readme:
+    if options.guide:
         publish(found)
     return 1 if missed else 0
 

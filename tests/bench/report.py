@@ -1,4 +1,4 @@
-"""The figures as a table for people, as JSON, and as the section of README that shows the last result."""
+"""The figures as a table for people, as JSON, and as the section of a guide that shows the last result."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ from tests.bench.measure import Figure
 
 TOP = Path(__file__).parent.parent.parent
 LAST = Path(__file__).parent / "last.json"
-"""The result that README shows; written by --readme only."""
+"""The result that GUIDE shows; written by --guide only."""
+GUIDE = TOP / "src/handctl/guides/development.md"
 SCHEMA = "handctl-bench/1"
 SECTION = re.compile(r"(<!-- figures: [^>]*-->\n).*?(<!-- end -->)", re.DOTALL)
 COLUMNS = ("figure", "value", "floor or peer", "ratio", "goal", "verdict")
@@ -54,7 +55,7 @@ def table(rows: Iterable[Mapping[str, Any]]) -> str:
     )
 
 
-def readme(text: str, last: Mapping[str, Any]) -> str:
+def guide(text: str, last: Mapping[str, Any]) -> str:
     """The page with its section of figures made anew. Raises ValueError when it has none."""
     head = [
         f"{last['date']}, Python {last['python']}, {last['machine']}{', quick run' if last['quick'] else ''}. "
@@ -68,7 +69,7 @@ def readme(text: str, last: Mapping[str, Any]) -> str:
         lines += ["", f"Not installed for this run: {', '.join(last['absent'])}."]
     filled, count = SECTION.subn(lambda found: found[1] + "\n".join(lines) + "\n" + found[2], text)
     if count != 1:
-        raise ValueError("README.md has no section of figures")
+        raise ValueError("the guide has no section of figures")
     return filled
 
 
@@ -78,8 +79,8 @@ def dumps(found: Mapping[str, Any]) -> str:
 
 
 def publish(found: Mapping[str, Any]) -> None:
-    """Write the last result and README's section of it."""
-    page = TOP / "README.md"
-    filled = readme(page.read_text(encoding="utf-8"), found)
+    """Write the last result and the guide's section of it."""
+    page = GUIDE
+    filled = guide(page.read_text(encoding="utf-8"), found)
     LAST.write_text(dumps(found), encoding="utf-8")
     page.write_text(filled, encoding="utf-8")

@@ -451,7 +451,7 @@ def test_what_is_out_of_range_is_refused_before_a_byte_is_sent(family: str) -> N
 def test_a_person_finds_it(family: str) -> None:
     """In the man page, in three shells' completions, in README, in the help of the root and of the simulators."""
     top = TESTS.parent
-    page = (top / "man" / f"handctl-{family}.1").read_text(encoding="utf-8").replace("\\-", "-")
+    page = (top / "man/man1" / f"handctl-{family}.1").read_text(encoding="utf-8").replace("\\-", "-")
     for name in words_of(family):
         assert f"handctl {family} {name}" in page, name
     for path in (top / "completions").rglob("*handctl*"):

@@ -55,7 +55,7 @@ def test_it_runs_at_once(tree: Path) -> None:
     done = python(tree, "handctl", NAME, "status", "-p", f"fake://{NAME}?clock=virtual", "--format", "plain")
     assert done.returncode == 0, done
     assert "temperature\t31.4" in done.stdout.splitlines()
-    assert f"handctl\\-{NAME}" in (tree / "man" / f"handctl-{NAME}.1").read_text("utf-8")
+    assert f"handctl\\-{NAME}" in (tree / "man/man1" / f"handctl-{NAME}.1").read_text("utf-8")
 
 
 def test_it_is_short(tree: Path) -> None:

@@ -1,4 +1,4 @@
-"""The bench's arithmetic and reports, without measuring anything; README shows the last result that is checked in."""
+"""The bench's arithmetic and reports, without measuring anything; the guide shows the last result that is checked in."""
 
 from __future__ import annotations
 
@@ -50,20 +50,20 @@ def test_the_file_names_a_class_of_machine_only() -> None:
     assert platform.node() not in text and str(Path.home()) not in text
 
 
-def test_readme_gets_the_figures_and_keeps_the_rest() -> None:
-    page = report.readme(PAGE, found(MET, MISSED, absent=("mpremote",)))
+def test_the_guide_gets_the_figures_and_keeps_the_rest() -> None:
+    page = report.guide(PAGE, found(MET, MISSED, absent=("mpremote",)))
     assert "old" not in page and page.count("<!-- end -->") == 2 and page.endswith("kept\n<!-- end -->\n")
     assert "| exo dump | 17.25 ms | 16.93 ms (wire) | 1.02 | ≤ 1.10 | met |\n" in page
     assert "Not installed for this run: mpremote." in page and "quick run" in page
-    assert report.readme(page, found(MET, MISSED, absent=("mpremote",))) == page
+    assert report.guide(page, found(MET, MISSED, absent=("mpremote",))) == page
     with pytest.raises(ValueError, match="no section"):
-        report.readme("# title\n", found(MET))
+        report.guide("# title\n", found(MET))
 
 
-def test_readme_shows_the_last_result() -> None:
+def test_the_guide_shows_the_last_result() -> None:
     last = json.loads(report.LAST.read_text(encoding="utf-8"))
-    page = (report.TOP / "README.md").read_text(encoding="utf-8")
-    assert report.readme(page, last) == page
+    page = report.GUIDE.read_text(encoding="utf-8")
+    assert report.guide(page, last) == page
     assert last["schema"] == report.SCHEMA
     assert {row["name"].split(",")[0].split(" ")[0] for row in last["figures"]} >= {
         "start-up", "peak", "TAB", "exo", "wrist", "barrett", "ekso", "aidin",

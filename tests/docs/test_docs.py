@@ -19,7 +19,7 @@ import pytest
 
 import handctl
 import handctl.docgen.__main__ as program
-from handctl import __version__, errors
+from handctl import __version__, errors, guides
 from handctl.devices.barrett.care import upkeep
 from handctl.docgen import generate
 from handctl.docgen.roff import Page, escape, marked
@@ -32,7 +32,9 @@ from tests.support.cli import run
 from tests.support.places import PROJECT
 
 GENERATED = generate()
-PAGES = {Path(name).stem: text for name, text in GENERATED.items() if name.startswith("man/")}
+PAGES = {Path(name).stem: text for name, text in GENERATED.items() if name.startswith("man/man1/")}
+GUIDES = {Path(name).stem: text for name, text in GENERATED.items() if name.startswith("man/man7/")}
+SECTION_OF = dict.fromkeys(PAGES, 1) | dict.fromkeys(GUIDES, 7)
 MACROS = {".TH", ".SH", ".SS", ".PP", ".TP", ".IP", ".RS", ".RE", ".nf", ".fi", ".nh", ".ad"}
 SECTIONS = ("NAME", "SYNOPSIS", "DESCRIPTION", "OPTIONS", "EXIT STATUS", "EXAMPLES", "SEE ALSO")
 
@@ -99,10 +101,14 @@ def test_docgen_writes_what_differs_and_removes_what_is_gone(
 ) -> None:
     assert program.main([str(tmp_path)]) == 0
     assert capsys.readouterr().out.count("wrote ") == len(GENERATED)
-    (tmp_path / "man" / "handctl-gone.1").touch()
-    (tmp_path / "man" / "handctl.1").write_text("old")
+    (tmp_path / "man/man7" / "handctl-gone.7").touch()
+    (tmp_path / "man/handctl-gone.1").touch()
+    (tmp_path / "man/man1" / "handctl.1").write_text("old")
     assert program.main([str(tmp_path)]) == 0
-    assert capsys.readouterr().out == f"wrote {tmp_path}/man/handctl.1\nremoved {tmp_path}/man/handctl-gone.1\n"
+    assert capsys.readouterr().out == (
+        f"wrote {tmp_path}/man/man1/handctl.1\nremoved {tmp_path}/man/handctl-gone.1\n"
+        f"removed {tmp_path}/man/man7/handctl-gone.7\n"
+    )
     assert {str(p.relative_to(tmp_path)) for p in tmp_path.rglob("*") if p.is_file()} == set(GENERATED)
     assert program.main(["--what"]) == 2
 
@@ -125,7 +131,31 @@ def test_every_page_has_its_sections_in_order(name: str) -> None:
     assert re.fullmatch(head, PAGES[name].replace("\\-", "-").splitlines()[0])
     assert plain(section(PAGES[name], "NAME")).startswith(f"{name} - ")
     others = plain(section(PAGES[name], "SEE ALSO"))
-    assert others == ", ".join(f"{other}(1)" for other in PAGES if other != name)
+    assert others == ", ".join(f"{other}({number})" for other, number in SECTION_OF.items() if other != name)
+
+
+@pytest.mark.parametrize("name", GUIDES)
+def test_every_guide_is_a_page_of_section_7(name: str) -> None:
+    """With all of its source's words, in order."""
+    page = GUIDES[name]
+    stem = next(stem for stem in guides.names() if guides.title(guides.source(stem))[0] == name)
+    head = rf'\.TH {name.upper()} 7 \d{{4}}-\d\d-\d\d "handctl {re.escape(__version__)}" "handctl manual"'
+    assert re.fullmatch(head, page.replace("\\-", "-").splitlines()[0])
+    assert plain(section(page, "NAME")) == f"{name} - {guides.title(guides.source(stem))[1]}"
+    assert plain(section(page, "SEE ALSO")) == ", ".join(
+        ["handctl(1)", *(f"{other}(7)" for other in GUIDES if other != name)]
+    )
+    words, place = plain(page), 0
+    for block in guides.blocks(guides.source(stem)):
+        if isinstance(block, guides.Para | guides.Item):
+            place = words.index(" ".join(block.text.replace("`", "").split()), place)
+        elif isinstance(block, guides.Code):
+            for line in filter(str.strip, block.lines):
+                assert " ".join(line.split()) in words, line
+        elif isinstance(block, guides.Table):
+            assert all(cell.replace("`", "") in words for row in block.rows[1:] for cell in row), block
+        else:
+            assert f".SH {escape(block.text.upper())}\n" in page or f".SS {escape(block.text)}\n" in page
 
 
 @pytest.mark.parametrize("name", COMMANDS)
@@ -184,20 +214,20 @@ def test_every_shared_option_has_its_variable() -> None:
 # -- lint ---------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", PAGES)
+@pytest.mark.parametrize("name", SECTION_OF)
 def test_the_roff_is_sound(name: str) -> None:
     """What mandoc and groff would complain of, also where neither is installed."""
-    page = PAGES[name]
+    page = {**PAGES, **GUIDES}[name]
     assert page.isascii() and page.endswith("\n") and "\n\n" not in page and "\t" not in page
     depth = 0
     for number, line in enumerate(page.splitlines(), 1):
-        where = f"{name}.1:{number}: {line}"
+        where = f"{name}:{number}: {line}"
         assert line == line.rstrip() and len(line) <= 250, where
         if line.startswith((".", "'")):
             assert line.split()[0] in MACROS, where
         depth += line.startswith(".RS") - line.startswith(".RE")
         assert depth >= 0, where
-        assert re.fullmatch(r"(?:[^\\]|\\(?:[e&%-]|f[BIR]|\((?:aq|ga|ha|ti)|\[u[0-9A-F]{4,6}\]))*", line), where
+        assert re.fullmatch(r"(?:[^\\]|\\(?:[e&%-]|f[BIR]|\((?:aq|bu|ga|ha|ti)|\[u[0-9A-F]{4,6}\]))*", line), where
     assert depth == 0
     assert page.count(".nf\n") == page.count(".fi\n")
     assert page.count("\\fR") == page.count("\\fB") + page.count("\\fI")
@@ -210,10 +240,10 @@ def linters() -> list[list[str]]:
     return [command for command in known if shutil.which(command[0])]
 
 
-@pytest.mark.parametrize("name", PAGES)
+@pytest.mark.parametrize("name", SECTION_OF)
 def test_the_linters_of_this_machine_find_nothing(name: str, tmp_path: Path) -> None:
-    path = tmp_path / f"{name}.1"
-    path.write_text(PAGES[name], encoding="ascii")
+    path = tmp_path / f"{name}.{SECTION_OF[name]}"
+    path.write_text({**PAGES, **GUIDES}[name], encoding="ascii")
     for command in linters():
         done = subprocess.run([*command, str(path)], capture_output=True, text=True, check=False)
         said = done.stdout + done.stderr

@@ -1,23 +1,28 @@
-"""The README against the program: every example line runs, the tables of commands and exit codes are those of the code."""
+"""README and guides against the program: every example line runs, the tables of commands and exit codes are those of the code."""
 
 from __future__ import annotations
 
 import re
 import shlex
+import shutil
+import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from handctl import errors
+from handctl import errors, guides
 from handctl.docgen.readme import MAKERS, SECTION, filled
 from handctl.docgen.tree import read_tree
 from handctl.families import COMMANDS, FAMILIES
 from handctl.frame.options import lasting_options
 from tests.support.cli import Result, run, run_program
-from tests.support.places import README
+from tests.support.places import README, TEXTS
 
-TEXT = README.read_text(encoding="utf-8")
+PAGES = {name: path.read_text(encoding="utf-8") for name, path in TEXTS.items()}
+TEXT = "\n".join(PAGES.values())
+MOST_LINES = 150
+"""Of README: what is more belongs into a guide."""
 FENCED = re.compile(r"^```\w*\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 INDENTED = re.compile(r"^    (\S.*)$", re.MULTILINE)
 SPAN = re.compile(r"(?<!`)`([^`\n]*\bhandctl [^`\n]+)`(?!`)")
@@ -49,11 +54,11 @@ def commands_in(line: str) -> Iterator[list[str]]:
         yield rest[:end]
 
 
-def examples() -> list[tuple[str, ...]]:
-    """Every handctl command line of the README in order: code blocks, then spans in the text."""
-    lines = [line for block in FENCED.findall(TEXT) for line in block.replace("\\\n", " ").splitlines()]
-    lines += INDENTED.findall(FENCED.sub("", TEXT))
-    lines += [span for span in SPAN.findall(FENCED.sub("", TEXT)) if "…" not in span]
+def examples(text: str) -> list[tuple[str, ...]]:
+    """Every handctl command line of a text in order: code blocks, then spans in the text."""
+    lines = [line for block in FENCED.findall(text) for line in block.replace("\\\n", " ").splitlines()]
+    lines += INDENTED.findall(FENCED.sub("", text))
+    lines += [span for span in SPAN.findall(FENCED.sub("", text)) if "…" not in span]
     return list(dict.fromkeys(tuple(words) for line in lines for words in commands_in(line)))
 
 
@@ -83,39 +88,101 @@ def at_home() -> dict[str, str]:
     return {"HOME": str(Path.cwd()), "XDG_CONFIG_HOME": str(Path.cwd() / "config")}
 
 
+def on_a_bench(words: tuple[str, ...]) -> tuple[str, ...]:
+    """`scan` or `doctor` of a simulated device in place of the link that the example names."""
+    kind = words[words.index("--family") + 1] if "--family" in words else ""
+
+    def link(word: str) -> str:
+        for start, usual in (("/dev/", "exo"), ("tcp:", "aidin"), ("can:", "wrist")):
+            if word.startswith(start):
+                return f"fake://{kind or usual}?clock=virtual{'&bus=can' if start == 'can:' else ''}"
+        return word
+
+    return tuple(map(link, words))
+
+
 def tried(words: tuple[str, ...]) -> Result:
     """Run one example as far as is sensible without a device: a dry run, the simulator, a short server, its help."""
     group = len(words) == 1 and not words[0].startswith("-")  # named as a whole
-    if group or "replay:" in " ".join(words) or words[:2] == ("sim", "control"):
+    if group or "replay:FILE" in words or words[:2] == ("sim", "control"):
         return run(*words, "-h")
     if words[:1] == ("sim",):
         return run(*words) if words[-1] in ("-h", "--help") else run_program(*words, "--duration", "0.1")
     if words[0] in ("scan", "doctor"):
-        return run(*("fake://exo?clock=virtual" if word.startswith("/dev/tty") else word for word in words))
+        return run(*on_a_bench(words))
     if not any(word in FAMILIES for word in words) or {"-h", "--help", "describe"} & set(words) or "devices" in words:
         return run(*words, env=at_home())
+    if any(word.startswith("replay:") for word in words):
+        return run(*words)
     simulated = bench_version(words)
-    planned = run(*simulated, "-n")
-    return run(*simulated) if planned.code == 2 and "only reads" in planned.err else planned
+    planned = run(*simulated, "-n", env=at_home())
+    return run(*simulated, env=at_home()) if planned.code == 2 and "only reads" in planned.err else planned
 
 
 def test_examples_of_every_family() -> None:
-    assert len(examples()) >= 15
+    assert len(examples(PAGES["README"])) >= 15
     for kind in FAMILIES:
-        assert any(kind in words for words in examples()), f"no example of handctl {kind}"
+        assert any(kind in words for text in PAGES.values() for words in examples(text)), (
+            f"no example of handctl {kind}"
+        )
 
 
-def test_every_example_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("name", PAGES)
+def test_every_example_runs(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """In order and in one directory, as a reader would: one example's file is the next one's input."""
     monkeypatch.chdir(tmp_path)
-    for name, text in GIVEN.items():
-        (tmp_path / name).write_text(text, encoding="ascii")
+    for file, text in GIVEN.items():
+        (tmp_path / file).write_text(text, encoding="ascii")
+    if "devices add left" not in PAGES[name]:
+        assert run("devices", "add", "left", "exo", "-p", "fake://exo?clock=virtual", env=at_home()).code == 0
     failed = {}
-    for words in examples():
+    for words in examples(PAGES[name]):
         result = tried(words)
         if result.code not in ((0, 7) if set(words) & FINDS else (0,)) or "Traceback" in result.err:
             failed[shlex.join(words)] = result
     assert not failed, failed
+
+
+def test_readme_stays_short() -> None:
+    assert len(PAGES["README"].splitlines()) <= MOST_LINES
+
+
+def test_handctl_is_found_behind_the_line_that_readme_has_for_it(tmp_path: Path) -> None:
+    """README's lines for a checkout in order: the program is in .venv, and later lines say `handctl` alone."""
+    lines = INDENTED.findall(PAGES["README"])
+    (path,) = [line for line in lines if line.startswith("export PATH=")]
+    place = next(i for i, line in enumerate(lines) if ".venv/bin/pip install" in line)
+    assert place < lines.index(path) < next(i for i, line in enumerate(lines) if line.startswith("handctl "))
+    program = tmp_path / ".venv" / "bin" / "handctl"
+    program.parent.mkdir(parents=True)
+    program.write_text("#!/bin/sh\necho it is this one\n", encoding="ascii")
+    program.chmod(0o755)
+    done = subprocess.run(
+        ["sh", "-c", f"{path}; handctl"], cwd=tmp_path, capture_output=True, text=True, check=False, timeout=20
+    )
+    assert (done.returncode, done.stdout) == (0, "it is this one\n")
+
+
+@pytest.mark.skipif(shutil.which("man") is None, reason="no man")
+def test_a_guide_is_shown_in_a_checkout() -> None:
+    (line,) = [line for line in INDENTED.findall(PAGES["README"]) if line.startswith("man ")]
+    done = subprocess.run(
+        ["sh", "-c", line], cwd=README.parent, capture_output=True, text=True, check=False, timeout=60
+    )
+    assert done.returncode == 0, done
+    assert "no documented unit" in " ".join(done.stdout.split())
+
+
+def test_every_family_has_a_guide() -> None:
+    assert set(FAMILIES) <= set(PAGES)
+    for kind in FAMILIES:
+        assert guides.title(PAGES[kind])[0] == f"handctl-{kind}-guide"
+
+
+def test_every_guide_that_is_named_is_there() -> None:
+    pages = {f"{guides.title(text)[0]}(7)" for name, text in PAGES.items() if name != "README"}
+    named = set(re.findall(r"handctl-[a-z-]+\(7\)", TEXT))
+    assert named == pages
 
 
 def test_the_examples_are_really_tried() -> None:
@@ -157,12 +224,14 @@ def test_exit_codes() -> None:
 
 
 def test_commands() -> None:
-    table = [cells[0] for cells in rows("command")]
-    assert table == [f"`handctl {name}`" for name in COMMANDS]
+    tables = [line.split("|")[1].strip() for line in PAGES["README"].splitlines() if line.startswith("| `handctl ")]
+    assert sorted(tables) == sorted(f"`handctl {name}`" for name in COMMANDS)
+    assert tables[: len(FAMILIES)] == [f"`handctl {name}`" for name in FAMILIES]
 
 
 def test_generated_sections_are_as_generated() -> None:
-    assert filled(TEXT, read_tree()) == TEXT, "run `python -m handctl.docgen`"
+    for text in PAGES.values():
+        assert filled(text, read_tree()) == text, "run `python -m handctl.docgen`"
     assert {found["name"] for found in SECTION.finditer(TEXT)} == set(MAKERS)
 
 
@@ -175,5 +244,5 @@ def test_environment_variables() -> None:
 def test_files_that_are_named_exist() -> None:
     root = README.parent
     assert (root / "src/handctl/schema/envelope-1.json").exists()
-    for path in set(re.findall(r"`((?:src|tests|handctl)/[\w./-]+)`", TEXT)):
+    for path in set(re.findall(r"`((?:src|tests|handctl)/(?!\d)[\w./-]+)`", TEXT)):
         assert (root / path).exists() or (root / "src" / path).exists(), path

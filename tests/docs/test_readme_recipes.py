@@ -1,4 +1,4 @@
-"""The recipes of README.md for other programs and for scripts do what they say: each block is run as it stands."""
+"""The recipes of the guides for other programs and for scripts do what they say: each block is run as it stands."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.places import README
+from tests.support.places import GUIDES
 
-TEXT = README.read_text(encoding="utf-8")
+TEXT = "\n".join((GUIDES / f"{name}.md").read_text(encoding="utf-8") for name in ("simulators", "output"))
 BLOCK = re.compile(r"^```(python|c|sh)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 BLOCKS = BLOCK.findall(TEXT)
 ANSWER = "90 eb 01 05 11 c0 05 2e 02 0c"

@@ -10,9 +10,11 @@ from typing import Any
 
 import pytest
 
+from handctl import guides
 from handctl.docgen.tree import read_tree
 from handctl.families import COMMANDS
 from tests.support.forks import ROOT
+from tests.support.places import TEXTS
 
 SOURCE = ROOT / "src/handctl"
 ROOMS = {
@@ -152,6 +154,24 @@ def test_help(top: str) -> None:
             if place == node.name and len(sentences(words)[0]) > 76:
                 faulty.append(f"the first sentence has {len(sentences(words)[0])} characters")
             found += [f"{place}: {fault}: {words[:100]!r}" for fault in faulty]
+    assert not found, f"{len(found)} faults\n" + "\n".join(found)
+
+
+def spoken(text: str) -> Iterator[str]:
+    """The words of README or a guide, a paragraph, an item or a cell at a time; not what a program prints or compares."""
+    text = re.sub(r"<!-- figures.*?<!-- end -->|^ {4}[^\n]*$|^!\[[^\n]*$", "", text, flags=re.DOTALL | re.MULTILINE)
+    for block in guides.blocks(text):
+        if isinstance(block, guides.Table):
+            yield from (cell for row in block.rows for cell in row)
+        elif not isinstance(block, guides.Code):
+            yield block.text
+
+
+@pytest.mark.parametrize("name", TEXTS)
+def test_readme_and_guides(name: str) -> None:
+    pieces = list(spoken(TEXTS[name].read_text(encoding="utf-8")))
+    assert len(pieces) > 10
+    found = [f"{fault}: {text[:160]!r}" for text in pieces for fault in faults(text)]
     assert not found, f"{len(found)} faults\n" + "\n".join(found)
 
 

@@ -1,7 +1,7 @@
 """Settings, commands and triggers: what each quantity of each map is, found out from the simulators, and what follows.
 
 The simulators were transcribed from the manuals by themselves. What moves or pushes in them once it is written must be a
-command in the map; README's line for scripts must be harmless on a worn hand.
+command in the map; the guide's line for scripts must be harmless on a worn hand.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from handctl.model.param import (
 )
 from handctl.model.result import Journal
 from tests.support.cli import fake, memory, pairs, run, s16, spying, writes
-from tests.support.places import README
+from tests.support.places import GUIDES
 from tests.support.snapshots import signed, snapshot_of
 
 MAPS = {kind: found for kind in FAMILIES if (found := map_of(kind)) is not None}
@@ -148,10 +148,10 @@ def test_a_snapshot_tells_how_many_of_which_kind(tmp_path: Path) -> None:
     assert "3 set-points (yaw_set, pitch_set, move_time) of wrist" in wrist.err
 
 
-def test_the_line_of_the_readme_commands_nothing_on_a_worn_hand(tmp_path: Path) -> None:
+def test_the_line_of_the_guide_commands_nothing_on_a_worn_hand(tmp_path: Path) -> None:
     """snapshot; force 0; `exo diff … || exo restore … --yes`: the forces of the file are not sent, and diff finds nothing."""
-    readme = README.read_text(encoding="utf-8")
-    assert "exo diff before.json --format plain -q || handctl exo restore before.json --yes" in readme
+    guide = (GUIDES / "output.md").read_text(encoding="utf-8")
+    assert "exo diff before.json --format plain -q || handctl exo restore before.json --yes" in guide
     link, path, trace = fake(state=tmp_path / "state.json"), tmp_path / "before.json", tmp_path / "t.txt"
     assert run("exo", "force", *["-800"] * 5, "-y", "-p", link).code == 0
     assert run("exo", "snapshot", path, "-p", link).code == 0

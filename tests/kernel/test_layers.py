@@ -48,13 +48,14 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
     ("frame*", (*GROUND, "frame.*", "link*", "model.*", "report", "screen.*", "stop.*")),
     ("report.facts", ("tools.machine",)),
     ("report*", (*GROUND, "frame.*", "link.tap", "model.*", "report.*", "screen.render")),
-    ("docgen*", (*GROUND, "docgen*", "frame.clikit", "frame.options", "model.param")),
+    ("docgen*", (*GROUND, "guides", "docgen*", "frame.clikit", "frame.options", "model.param")),
+    ("guides", ()),
     ("newfamily*", ("newfamily",)),
     ("sim*", ("sim*",)),
     ("devices.*cli", (*GROUND, "frame.*", "link", "model.*", "stop.*", "@")),
     ("devices.*", (*GROUND[1:], "link", "link.deadman", "model.*", "stop.talk", "@")),
     ("tools.completion", (*GROUND, "docgen*", "frame.*", "model.*")),
-    ("tools.*", (*GROUND, "frame.*", "link*", "model.*", "report*", "screen.*", "stop.*", "tools*")),
+    ("tools.*", (*GROUND, "guides", "frame.*", "link*", "model.*", "report*", "screen.*", "stop.*", "tools*")),
 ]
 
 OUTSIDE: list[tuple[str, tuple[str, ...]]] = [

@@ -26,7 +26,8 @@ SHARED = {
     "share/bash-completion/completions": ["handctl"],
     "share/zsh/site-functions": ["_handctl"],
     "share/fish/vendor_completions.d": ["handctl.fish"],
-    "share/man/man1": sorted(path.name for path in (PROJECT / "man").glob("*.1")),
+    "share/man/man1": sorted(path.name for path in (PROJECT / "man/man1").glob("*.1")),
+    "share/man/man7": sorted(path.name for path in (PROJECT / "man/man7").glob("*.7")),
 }
 BARE = [sys.executable, "-I", "-S"]
 """An interpreter that sees its standard library only: no site-packages, no environment, not the present directory."""

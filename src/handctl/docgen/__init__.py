@@ -1,6 +1,6 @@
-"""Man pages, shell completions and README's tables, generated from the command tree and the parameter maps.
+"""Man pages, shell completions and the tables of README and guides, from the command tree and the parameter maps.
 
-`python -m handctl.docgen` writes them into `man/` and `completions/`; `handctl completion` prints the one of a shell.
+`python -m handctl.docgen` writes them into `man/`, `completions/`, README and guides; `handctl completion` prints the one of a shell.
 `tree` reads the click commands into plain data, `man` and `bash`, `zsh`, `fish` write text from that. Only `tree`
 knows click; nothing here talks to a device.
 """
@@ -22,10 +22,17 @@ def completion(shell: str, tree: Node | None = None) -> str:
 
 
 def generate() -> dict[str, str]:
-    """Every generated file: path below the project -> text."""
-    from handctl.docgen.man import pages
+    """Every generated file: path below the project -> text. A guide is one where it holds generated tables."""
+    from handctl import guides
+    from handctl.docgen.guides import page
+    from handctl.docgen.man import EDITION, pages
+    from handctl.docgen.readme import filled
 
     tree = read_tree()
     files = {f"completions/{path}": completion(shell, tree) for shell, path in COMPLETIONS.items()}
-    files |= {f"man/{name}": text for name, text in pages(tree).items()}
+    files |= {f"man/man1/{name}": text for name, text in pages(tree).items()}
+    for name in guides.names():
+        text = filled(guides.source(name), tree)
+        files[f"src/handctl/guides/{name}.md"] = text
+        files[f"man/man7/{guides.title(text)[0]}.7"] = page(text, EDITION)
     return files

@@ -28,8 +28,8 @@ def main(argv: Sequence[str]) -> int:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text, encoding="utf-8")
         sys.stdout.write(f"wrote {path}\n")
-    for path in sorted(top.glob("man/handctl*.1")):
-        if f"man/{path.name}" not in files:
+    for path in sorted(top.glob("man/**/handctl*.[17]")):
+        if path.relative_to(top).as_posix() not in files:
             path.unlink()
             sys.stdout.write(f"removed {path}\n")
     return 0

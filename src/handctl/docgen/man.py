@@ -13,6 +13,7 @@ from typing import Any
 
 from handctl import __version__
 from handctl.docgen import texts
+from handctl.docgen.guides import page_names
 from handctl.docgen.roff import Page, bold, escape, italic, marked
 from handctl.docgen.tables import common, mnemonic
 from handctl.docgen.tree import Node, Option
@@ -219,7 +220,8 @@ def _closing(page: Page, node: Node, tree: Node) -> str:
         page.item(bold(line), marked(text))
     page.section("SEE ALSO")
     others = ["handctl", *(f"handctl-{child.path[0]}" for child in tree.children)]
-    page.para(",\n".join(_reference(other) for other in others if other != "-".join(("handctl", *node.path))))
+    shown = [_reference(other) for other in others if other != "-".join(("handctl", *node.path))]
+    page.para(",\n".join([*shown, *(_reference(other, 7) for other in page_names())]))
     return page.text
 
 
@@ -263,8 +265,8 @@ def examples(node: Node) -> list[tuple[str, str]]:
     return usual or [(f"handctl {name} --help", "What it takes.")]
 
 
-def _reference(page: str) -> str:
-    return f"\\%{bold(page)}(1)"
+def _reference(page: str, section: int = 1) -> str:
+    return f"\\%{bold(page)}({section})"
 
 
 def _sentence(text: str) -> str:

@@ -1,4 +1,4 @@
-"""The tables of README.md that say what the code says: commands, verbs by device, links, exit codes.
+"""The tables of README.md and of the guides that say what the code says: devices, commands, verbs, links, exit codes.
 
 Each stands between `<!-- NAME: … -->` and `<!-- end -->`; everything else of the page is left as it is.
 """
@@ -8,12 +8,17 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable
 
+from handctl import guides
 from handctl.docgen.man import exit_codes
 from handctl.docgen.texts import LINKS
 from handctl.docgen.tree import Node
 from handctl.families import COMMANDS, FAMILIES
+from handctl.guides import Heading, Para
 
 SECTION = re.compile(r"(<!-- (?P<name>[a-z-]+): generated[^>]*-->\n).*?(<!-- end -->)", re.DOTALL)
+
+KNOWN = "What is known"
+"""The section of a family's guide from which README's table of devices takes two sentences."""
 
 
 def filled(text: str, tree: Node) -> str:
@@ -21,8 +26,29 @@ def filled(text: str, tree: Node) -> str:
     return SECTION.sub(lambda found: found[1] + "\n".join(MAKERS[found["name"]](tree)) + "\n" + found[3], text)
 
 
+def _devices(_tree: Node) -> Iterable[str]:
+    rows = ((f"`handctl {name}`", COMMANDS[name][1], *_known(name)) for name in FAMILIES)
+    return _table(("command", "device", "run on hardware", "what is known", "guide"), rows)
+
+
+def _known(family: str) -> tuple[str, str, str]:
+    """The first two paragraphs of a guide's section KNOWN: run on hardware, and what the family's bytes rest on."""
+    if family not in guides.names():
+        return "not yet", "the manual", ""
+    text = guides.source(family)
+    blocks = list(guides.blocks(text))
+    place = next(place for place, block in enumerate(blocks) if isinstance(block, Heading) and block.text == KNOWN)
+    said = [
+        block.text.removeprefix("Run on hardware: ")
+        for block in blocks[place + 1 : place + 3]
+        if isinstance(block, Para)
+    ]
+    return said[0], said[1], f"{guides.title(text)[0]}(7)"
+
+
 def _commands(_tree: Node) -> Iterable[str]:
-    return _table(("command", "what"), ((f"`handctl {name}`", text) for name, (_, text) in COMMANDS.items()))
+    rows = ((f"`handctl {name}`", text) for name, (_, text) in COMMANDS.items() if name not in FAMILIES)
+    return _table(("command", "what it does"), rows)
 
 
 def _verbs(tree: Node) -> Iterable[str]:
@@ -45,6 +71,7 @@ def _exit_codes(_tree: Node) -> Iterable[str]:
 
 
 MAKERS: dict[str, Callable[[Node], Iterable[str]]] = {
+    "devices": _devices,
     "commands": _commands,
     "verbs": _verbs,
     "links": _links,
@@ -52,8 +79,8 @@ MAKERS: dict[str, Callable[[Node], Iterable[str]]] = {
 }
 
 
-def _table(heading: tuple[str, str], rows: Iterable[tuple[str, str]]) -> Iterable[str]:
-    yield f"| {heading[0]} | {heading[1]} |"
-    yield "|---|---|"
-    for first, second in rows:
-        yield f"| {first} | {second.replace('|', chr(92) + '|')} |"
+def _table(heading: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> Iterable[str]:
+    yield f"| {' | '.join(heading)} |"
+    yield "|---" * len(heading) + "|"
+    for row in rows:
+        yield f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in row)} |"

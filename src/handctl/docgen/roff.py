@@ -36,8 +36,8 @@ def marked(text: str) -> str:
 class Page:
     """Collects the lines of one page. Texts for `para`, `item` and `tag` are roff already: see `marked`."""
 
-    def __init__(self, name: str, date: str, source: str, manual: str) -> None:
-        self._lines = [f'.TH {escape(name.upper())} 1 {date} "{source}" "{manual}"', ".nh", ".ad l"]
+    def __init__(self, name: str, date: str, source: str, manual: str, *, section: int = 1) -> None:
+        self._lines = [f'.TH {escape(name.upper())} {section} {date} "{source}" "{manual}"', ".nh", ".ad l"]
 
     @property
     def text(self) -> str:
@@ -61,6 +61,11 @@ class Page:
     def item(self, tag: str, text: str) -> None:
         """A tagged paragraph."""
         self._lines += [".TP", tag]
+        self._fill(text)
+
+    def bullet(self, text: str) -> None:
+        """An entry of a list."""
+        self._lines.append(r".IP \(bu 2")
         self._fill(text)
 
     def more(self, text: str) -> None:

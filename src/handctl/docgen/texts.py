@@ -17,7 +17,7 @@ LINKS = (
     ),
     (
         "fake://DEVICE[?KEY=VALUE&...]",
-        "The simulator in this process; `--fake` is short for it. The keys are those of handctl-sim(1).",
+        "The simulator in this process. `--fake` is short for it. The keys are those of handctl-sim(1).",
     ),
     ("replay:FILE", "A transcript that `--trace` recorded plays the device."),
 )
