@@ -203,6 +203,22 @@ def test_live_view_names_units_and_words() -> None:
     assert any(line.split() == ["state", "standing", "(0x2040)"] for line in ekso)
 
 
+def test_the_live_view_of_an_eksonr_shows_bars_hips_and_steps_at_80x24() -> None:
+    display = screen("ekso", "watch", "--count", "2", "-p", LINKS["ekso"]).display
+    bars = [line.split()[0] for line in display if "▕" in line]
+    sides = [f"{side}_{part}" for side in ("left", "right") for part in ("hip_x", "hip_y", "hip_angle", "toe_pressure")]
+    assert len(bars) == 18 and {*sides, "torso_pitch", "left_knee_current"} <= set(bars), bars
+    assert any(line.split() == ["steps_taken", "214", "steps"] for line in display), display
+    assert not any(line.startswith("+ ") for line in display)
+
+
+def test_single_values_share_lines_before_any_is_hidden() -> None:
+    display = screen("ekso", "watch", "--count", "1", "-p", LINKS["ekso"], columns=60, rows=20).display
+    assert not any(line.startswith("+ ") for line in display), display
+    assert sum("▕" in line for line in display) >= 6
+    assert any("left_hip_x" in line and "right_hip_x" in line and "▕" not in line for line in display), display
+
+
 def test_a_motor_without_a_gauge_has_no_bar() -> None:
     """255 is "no gauge" (barrett §5.3.2), and was a full bar."""
     display = screen("barrett", "watch", "SG", "--count", "1", "-p", LINKS["barrett"]).display

@@ -7,13 +7,16 @@ leaves it out with `without` and defines it itself.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Collection
+from shutil import get_terminal_size
 from typing import Any
 
 import click
 
 from handctl.frame import stored, verbs
 from handctl.frame.clikit import Group, stream_options
+from handctl.frame.console import is_terminal
 from handctl.frame.filetypes import InFile, OutFile
 from handctl.frame.numbers import FiniteRange
 from handctl.frame.run import Run
@@ -81,7 +84,9 @@ def add_map_verbs(
     @stream_options
     def watch(run: Run, names: tuple[str, ...], rate: float, count: int | None, duration: float | None) -> Table:
         """Live view on a terminal, a stream of rows elsewhere. Without names: what changes by itself."""
-        return verbs.watch(run, params, names, rate=rate, count=count, duration=duration)
+        seen = run.settings.format == "table" and not run.settings.output and is_terminal(sys.stdout)
+        seen = seen and get_terminal_size().columns >= verbs.BESIDE_COLUMNS
+        return verbs.watch(run, params, names, rate=rate, count=count, duration=duration, seen=seen)
 
     @click.argument("file", type=OutFile())
     def snapshot(run: Run, file: str) -> Table:

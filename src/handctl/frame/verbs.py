@@ -101,19 +101,39 @@ def describe_row(param: Param) -> Row:
 
 # -- watch --------------------------------------------------------------------------------------------------------
 
+BESIDE_COLUMNS = 60
+"""A narrower window has no room for what the device shows beside."""
+SLOWLY_SECONDS = 1.0
+"""Between two reads of what the live view reads slowly."""
+SLOWLY_FAILED_SECONDS = 10.0
+"""The same after a read that failed: waiting for it holds the view up."""
+
 
 def watch(
-    run: Run, params: ParamMap[Any], names: Sequence[str], *, rate: float, count: int | None, duration: float | None
+    run: Run,
+    params: ParamMap[Any],
+    names: Sequence[str],
+    *,
+    rate: float,
+    count: int | None,
+    duration: float | None,
+    seen: bool = False,
 ) -> Table:
-    """Sample quantities until `count` samples or `duration` seconds, or until Ctrl-C. `rate` 0 = as fast as it goes."""
+    """Sample quantities until `count` samples or `duration` seconds, or until Ctrl-C. `rate` 0 = as fast as it goes.
+
+    `seen`: a person looks at the live view, and sees what the device shows beside. That may fail.
+    """
     from functools import partial
 
     from handctl.model.sampling import Sampler
 
     elements = select(params, names)  # a wrong name is told before the link is opened
     device: Device = run.device()
+    more, slowly = (
+        select(params, names) if seen and not elements and names else [] for names in (device.beside, device.slowly)
+    )
     elements = elements or select(params, device.live)
-    ranges = {
+    ranges = dict(device.scales) | {
         element.param.name: (float(element.param.low), float(element.param.high))
         for element in elements
         if element.param.low is not None and element.param.high is not None
@@ -123,12 +143,19 @@ def watch(
         one.full_name for one in elements
     )  # never read so far, and why
 
+    turn = device.link.now()
+
     def read() -> tuple[list[Row], HandctlError | None]:
+        nonlocal turn
+        late = slowly if slowly and device.link.now() >= turn else []
+        wanted = [*elements, *more, *late]
         try:
-            readings = device.read(elements)
+            readings = device.read(wanted)
         except (NoAnswer, ProtocolError) as exc:
-            readings = [Reading(element, None, b"", exc) for element in elements]
-        errors = [reading.error for reading in readings]
+            readings = [Reading(element, None, b"", exc) for element in wanted]
+        if late:
+            turn = device.link.now() + (SLOWLY_FAILED_SECONDS if readings[-1].error else SLOWLY_SECONDS)
+        errors = [reading.error for reading in readings[: len(elements)]]
         for reading in readings if unread else ():
             if reading.error is None:
                 unread.pop(reading.element.full_name, None)
@@ -150,7 +177,7 @@ def watch(
         samples=_all_read(sampler.samples(), unread),
         summary=sampler.summary,
         ranges=ranges,
-        decimals={element.param.name: element.param.decimals for element in elements if element.param.decimals},
+        decimals={e.param.name: e.param.decimals for e in (*elements, *more, *slowly) if e.param.decimals},
         flags=frozenset(element.param.name for element in elements if element.param.bits),
     )
 

@@ -7,8 +7,9 @@ bytes. What a family overrides is its protocol; what it inherits is what every v
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Protocol, TypedDict, TypeVar
 
 from handctl.errors import CheckFailed, HandctlError, NoAnswer, ProtocolError
@@ -127,7 +128,9 @@ class Device(ABC):
     kind         command and simulator are named so
     map          its parameters; what is not in it does not exist for the verbs
     columns      of its tables; `plain` of --format plain, where these are fewer
-    live         what changes by itself: the default of `watch`
+    live         what changes during use: the default of `watch`
+    beside       what a person at the live view sees too, where no quantity was named; `slowly` once a second
+    scales       ends of the live view's bars where no range is documented: ours, and wider as soon as more is seen
     worn         a person may wear it: what moves it is asked for first
     not_covered  what a snapshot cannot hold, told by `restore`
 
@@ -140,6 +143,9 @@ class Device(ABC):
     columns: tuple[Column, ...]
     plain: tuple[str, ...] = ()
     live: tuple[str, ...]
+    beside: tuple[str, ...] = ()
+    slowly: tuple[str, ...] = ()
+    scales: Mapping[str, tuple[float, float]] = MappingProxyType({})
     worn = False
     not_covered: tuple[str, ...] = ()
 

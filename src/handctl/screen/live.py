@@ -175,7 +175,7 @@ class View:
         yield from (*header, *body, *footer)
 
     def _body(self, width: int, height: int) -> list[Text]:
-        """All quantities; those without a range share lines, then the last ones too until all fits."""
+        """All quantities. What does not fit loses its bar, the last one first; single values without a bar then share lines."""
         groups: dict[str, list[Series]] = {}
         for series in self._series.values():
             groups.setdefault(series.name, []).append(series)
@@ -183,15 +183,30 @@ class View:
         folded = {name: self._values(group, widths) for name, group in groups.items()}
         bars = {name: self._bars(group, widths) for name, group in groups.items()}
         drawn = {name for name, group in groups.items() if group[0].limits is not None and not self._worded(group)}
-        for name in reversed(list(groups)):
-            if sum(len(bars[n] if n in drawn else folded[n]) for n in groups) <= height:
-                break
-            drawn.discard(name)
-        shown = {name: bars[name] if name in drawn else folded[name] for name in groups}
+        short = {n: self._short(g[0]) for n, g in groups.items() if len(g) == 1 and not self._alarming(g)}
         order = list(groups)
-        if sum(map(len, shown.values())) > height:  # errors must not be among what has no room
+
+        def lines(share: bool) -> list[Text]:
+            together = [name for name in order if share and name in short and name not in drawn]
+            alone = [name for name in order if name not in together]
+            shown = [line for name in alone for line in (bars if name in drawn else folded)[name]]
+            return shown + (flowing([short[name] for name in together], width, gap=2) if together else [])
+
+        body = lines(share=False)
+        for name in ("", *reversed(order)):
+            if len(body) <= height:
+                return body
+            drawn.discard(name)
+            body = lines(share=True)
+        if len(body) > height:  # errors must not be among what has no room
             order.sort(key=lambda name: not self._alarming(groups[name]))
-        return [line for name in order for line in shown[name]]
+            body = lines(share=True)
+        return body
+
+    def _short(self, series: Series) -> Text:
+        """A quantity with one value, as one piece."""
+        value = series.label if self._worded([series]) and series.value is not None else series.text(series.value)
+        return Text.assemble(f"{series.name} ", (value, tone_of(series)), f" {series.unit}" if series.unit else "")
 
     def _alarming(self, group: Sequence[Series]) -> bool:
         return any(series.value is None or (series.name in self._flags and series.label != "ok") for series in group)
@@ -242,7 +257,8 @@ class View:
     def _bars(group: Sequence[Series], widths: Widths) -> list[Text]:
         """A quantity with a bar per element."""
         lines = []
-        above = not widths.span and any(part_name(series) for series in group)
+        long = widths.name + widths.part + widths.value + 3 + LEAST // 2 > widths.window
+        above = not widths.span and (long or any(part_name(series) for series in group))
         if above:
             lines.append(Text(heading(group[0])))
         for number, series in enumerate(group):

@@ -6,6 +6,7 @@ Knows words and names, no bytes: those are the port's.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Protocol
 
 from handctl.devices.ekso import gates
@@ -58,6 +59,17 @@ class Ekso(Device):
         *("right_knee_angle", "left_toe_pressure", "left_heel_pressure", "right_toe_pressure", "right_heel_pressure"),
         *("left_hip_current", "left_knee_current", "right_hip_current", "right_knee_current"),
     )
+    beside = ("left_hip_x", "left_hip_y", "right_hip_x", "right_hip_y")
+    slowly = ("steps_taken",)
+    scales = MappingProxyType({
+        **dict.fromkeys(("torso_pitch", "torso_roll"), (-30.0, 30.0)),
+        **{f"{side}_{joint}_angle": (-30.0, 120.0) for side in ("left", "right") for joint in ("hip", "knee")},
+        **{f"{side}_{joint}_current": (-10.0, 10.0) for side in ("left", "right") for joint in ("hip", "knee")},
+        **{f"{side}_{part}_pressure": (0.0, 0.0) for side in ("left", "right") for part in ("toe", "heel")},
+        **{f"{side}_hip_x": (-20.0, 20.0) for side in ("left", "right")},
+        **{f"{side}_hip_y": (0.0, 40.0) for side in ("left", "right")},
+    })  # fmt: skip
+    """The manual has no ranges. A recorded rise from a chair fits into these; a pressure is drawn against its own maximum so far."""
     columns = (
         Column("name", "Name"),
         Column("word", "Word", right=True),
