@@ -1,7 +1,8 @@
 # fish completion of handctl, generated from its command tree: do not edit
 
 function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets cmds opts takes args
-    set shared
+    set shared '-p	Where the device is: /dev/ttyUSB0, COM3, usb:VID:PID[:SERIAL], tcp://HOST:PORT, fake://…, replay:FILE, any pyserial URL.' '--port	Where the device is: /dev/ttyUSB0, COM3, usb:VID:PID[:SERIAL], tcp://HOST:PORT, fake://…, replay:FILE, any pyserial URL.' '--fake	Talk to the built-in simulator of this device.' '-d	A device named in the configuration file, see handctl devices.' '--device	A device named in the configuration file, see handctl devices.' '--id	Device id, as the protocol has it.' '--baud	Speed of the serial port in bit/s.' '--timeout	Seconds of silence allowed per reply.' '--deadline	Seconds for the whole command.' '--retries	Repetitions of a read without a valid answer (writes are never repeated).' '--trace	Record every byte with its time; play it back with -p replay:FILE.' '--format	How results are written (default: table).' '--json	Same as --format json; for a stream one row a line.' '--csv	Same as --format csv.' '-o	Write the data there instead of stdout, whole or not at all.' '--output	Write the data there instead of stdout, whole or not at all.' '--no-formulas	In CSV, put \' before a text that a spreadsheet would calculate.' '--color	Colour (default: auto; NO_COLOR is honoured).' '-q	No messages but errors.' '--quiet	No messages but errors.' '-v	Show every byte on stderr, as --trace records it.' '--verbose	Show every byte on stderr, as --trace records it.' '--debug	Show tracebacks.' '-n	Print the exact bytes of a command that writes or moves; send nothing.' '--dry-run	Print the exact bytes of a command that writes or moves; send nothing.' '-y	Answer the confirmation.' '--yes	Answer the confirmation.' '--assume-identity	Write without a look at which device is there. Must be typed: no variable and no configuration file has it.'
+    set lacks
     set cmds
     set opts
     set takes
@@ -9,463 +10,568 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
     switch "$argv[1]"
         case ''
             set cmds 'exo	Inspire EH55BF1 exoskeleton hand (RS-232, Bluetooth serial)' 'wrist	Inspire wrist module of the dexterous hand (RS-232, RS-485, CAN)' 'barrett	BarrettHand BH8 series (RS-232)' 'ekso	EksoNR DataPort (serial over USB)' 'aidin	AIDIN-hand (TCP, JSON)' 'ports	list serial ports and CAN interfaces, and who holds them' 'scan	find which device answers on a port: family, speed, id' 'doctor	check this machine and one link, with a remedy per finding' 'stop	stop a device at once, even while another handctl uses it' 'devices	name devices in the configuration file: list, add, remove, show' 'completion	print or install the shell completion: bash, zsh, fish' 'sim	serve a simulated device to any client: pty, TCP, slcan' 'trace	show, decode or compare recorded transcripts'
-            set opts '-V	Show the version.' '--version	Show the version.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '-V	Show the version.' '--version	Show the version.' '-h	Show this help.' '--help	Show this help.'
         case 'exo'
             set cmds 'status	What to look at first, decoded: values per part, errors in words.' 'dump	Every readable documented quantity, in as few transactions as the protocol allows.' 'get	Read quantities by name, such as position_actual.index temperature.' 'watch	Live view on a terminal, a stream of rows elsewhere. Without names: what changes by itself.' 'describe	The map itself: place, type, range, access, manual section. Needs no device.' 'stop	Stop the device at once, also while another handctl has it. Asks nothing; says what went out and what came back.' 'position	Command positions, 0 (bent) to 1000 (open). Shows the forces it answers; --wait shows where the fingers end.' 'force	Command forces, -1000 to 1000: positive opens the hand, negative closes it. Shows the positions it answers.' 'set	Write quantities by name and read them back, such as position_set.index=300 force_set=0,0,0,0,0.' 'id	Show the id, or give the hand a NEW one (1 to 254). Acts at once; save keeps it. One hand on the line.' 'baud	Show the speed code, or write a new RATE: 115200, 57600 or 19200. Effective after save and a power cycle.' 'save	Keep the present parameters in flash; waits for the hand\'s result (about 1 s).' 'factory-reset	Restore factory defaults. The address is undocumented for this hand; writes a backup first.' 'report	One page for a service ticket: status, dump, findings, curves, environment, bytes. Only reads.' 'clear-errors	Clear actuator errors and show what is left. Over-temperature is not clearable: it goes away by cooling.' 'calibrate	Guided calibration of forces and positions. The hand must be worn, and it moves the wearer\'s fingers.' 'scan	Look for hands by read-only probes: id 1 at each speed, then all ids. Bounded; confirms each hit twice.' 'read	Read COUNT bytes (1 to 252) from any ADDRESS; documented registers are decoded.' 'write	Write bytes at ADDRESS, low byte first, and read them back. Checked against the manual; asks first.' 'raw	Send these bytes exactly and show what comes back, decoded. Anything but a read asks first.' 'snapshot	Write settings and set-points to FILE, with device identity, tool version, time and checksum.' 'diff	Compare the settings of two snapshots, or of snapshot A with the live device. Exit 7 when they differ.' 'restore	Write the settings that differ from a snapshot, read them back.'
-            set opts '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '-h	Show this help.' '--help	Show this help.'
         case 'exo status'
-            set opts '--check	Exit 7 when anything is unhealthy.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '--check	Exit 7 when anything is unhealthy.' '-h	Show this help.' '--help	Show this help.'
+            set lacks -n --dry-run -y --yes --assume-identity
         case 'exo dump'
-            set opts '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '-h	Show this help.' '--help	Show this help.'
+            set lacks -n --dry-run -y --yes --assume-identity
         case 'exo get'
-            set opts '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '-h	Show this help.' '--help	Show this help.'
             set args 'read:exo*'
+            set lacks -n --dry-run -y --yes --assume-identity
         case 'exo watch'
-            set opts '--rate	Samples per second; 0 = as fast as the device answers. Default: 10.' '--count	End after N samples.' '--duration	End after S seconds.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '--rate	Samples per second; 0 = as fast as the device answers. Default: 10.' '--count	End after N samples.' '--duration	End after S seconds.' '-h	Show this help.' '--help	Show this help.'
             set takes --rate=none --count=none --duration=none
             set args 'read:exo*'
+            set lacks -n --dry-run -y --yes --assume-identity
         case 'exo describe'
-            set opts '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '-h	Show this help.' '--help	Show this help.'
             set args 'name:exo*'
+            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --assume-identity
         case 'exo stop'
-            set opts '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '-h	Show this help.' '--help	Show this help.'
         case 'exo position'
-            set opts '--wait	Watch up to S seconds until the fingers stand still; Ctrl-C holds them where they are.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '--wait	Watch up to S seconds until the fingers stand still; Ctrl-C holds them where they are.' '-h	Show this help.' '--help	Show this help.'
             set takes --wait=none
             set args 'none*'
         case 'exo force'
-            set opts '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '-h	Show this help.' '--help	Show this help.'
             set args 'none*'
         case 'exo set'
-            set opts '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '-h	Show this help.' '--help	Show this help.'
             set args 'set:exo*'
         case 'exo id'
-            set opts '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '-h	Show this help.' '--help	Show this help.'
             set args 'none'
         case 'exo baud'
-            set opts '--save	Save to flash afterwards: the speed acts only after that and a power cycle.' '--verify	Then wait for the power cycle (up to 120 s) and find the hand at the new speed.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '--save	Save to flash afterwards: the speed acts only after that and a power cycle.' '--verify	Then wait for the power cycle (up to 120 s) and find the hand at the new speed.' '-h	Show this help.' '--help	Show this help.'
             set args 'none'
         case 'exo save'
-            set opts '--skip-identity-check	Do not check first that the registers look like an EH55BF1\'s.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '--skip-identity-check	Do not check first that the registers look like an EH55BF1\'s.' '-h	Show this help.' '--help	Show this help.'
         case 'exo factory-reset'
-            set opts '--undocumented-address	Yes, write to address 1006: this manual names none, it is taken from the RH56 hand.' '--backup	Snapshot to write first (default: exo-before-reset.json); never overwritten.' '--skip-identity-check	Do not check first that the registers look like an EH55BF1\'s.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '--undocumented-address	Yes, write to address 1006: this manual names none, it is taken from the RH56 hand.' '--backup	Snapshot to write first (default: exo-before-reset.json); never overwritten.' '--skip-identity-check	Do not check first that the registers look like an EH55BF1\'s.' '-h	Show this help.' '--help	Show this help.'
             set takes --backup=file
         case 'exo report'
-            set opts '--watch	Seconds to watch what changes by itself; 0 = not at all. Default: 3.' '--include-ids	Keep serial numbers, pilot ids, and the answers that hold them.' '--force	Replace FILE.html.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '--watch	Seconds to watch what changes by itself; 0 = not at all. Default: 3.' '--include-ids	Keep serial numbers, pilot ids, and the answers that hold them.' '--force	Replace FILE.html.' '-h	Show this help.' '--help	Show this help.'
             set takes --watch=none
             set args 'file'
+            set lacks -n --dry-run -y --yes --assume-identity
         case 'exo clear-errors'
-            set opts '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '-h	Show this help.' '--help	Show this help.'
         case 'exo calibrate'
-            set opts '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '-h	Show this help.' '--help	Show this help.'
         case 'exo scan'
-            set opts '--ids	Ids to ask. Default: 1-254.' '--speeds	Speeds to try. Default: 115200,57600,19200.' '--window	Ids asked per reply window; 1 = one by one (RS-485). Default: 8.' '--reply-window	Wait per window (default: 20, or 30 with an FTDI adapter whose latency timer is high).' '--all	Go through all ids and speeds instead of ending at the first hand.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '--ids	Ids to ask. Default: 1-254.' '--speeds	Speeds to try. Default: 115200,57600,19200.' '--window	Ids asked per reply window; 1 = one by one (RS-485). Default: 8.' '--reply-window	Wait per window (default: 20, or 30 with an FTDI adapter whose latency timer is high).' '--all	Go through all ids and speeds instead of ending at the first hand.' '-h	Show this help.' '--help	Show this help.'
             set takes --ids=none --speeds=none --window=none --reply-window=none
+            set lacks -n --dry-run -y --yes --assume-identity
         case 'exo read'
-            set opts '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '-h	Show this help.' '--help	Show this help.'
             set args 'none' 'none'
+            set lacks -n --dry-run -y --yes --assume-identity
         case 'exo write'
-            set opts '--undocumented	Allow an address that the manual does not document.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '--undocumented	Allow an address that the manual does not document.' '-h	Show this help.' '--help	Show this help.'
             set args 'none' 'none'
         case 'exo raw'
-            set opts '--wait	Seconds to listen after the last byte. Default: 0.5.' '--force-ambiguous	Send what another device of this maker would take for something else, or what is out of range.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '--wait	Seconds to listen after the last byte. Default: 0.5.' '--force-ambiguous	Send what another device of this maker would take for something else, or what is out of range.' '-h	Show this help.' '--help	Show this help.'
             set takes --wait=none
             set args 'none*'
         case 'exo snapshot'
-            set opts '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '-h	Show this help.' '--help	Show this help.'
             set args 'file'
+            set lacks -n --dry-run -y --yes --assume-identity
         case 'exo diff'
-            set opts '--setpoints	Also what was commanded: positions, and forces, which ask by themselves.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '--setpoints	Also what was commanded: positions, and forces, which ask by themselves.' '-h	Show this help.' '--help	Show this help.'
             set args 'file' 'file'
+            set lacks -n --dry-run -y --yes --assume-identity
         case 'exo restore'
-            set opts '--setpoints	Also what was commanded: positions, and forces, which ask by themselves.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '--setpoints	Also what was commanded: positions, and forces, which ask by themselves.' '-h	Show this help.' '--help	Show this help.'
             set args 'file'
         case 'wrist'
             set cmds 'status	What to look at first, decoded: values per part, errors in words.' 'dump	Every readable documented quantity, in as few transactions as the protocol allows.' 'get	Read quantities by name, such as pitch_actual yaw_actual.' 'watch	Live view on a terminal, a stream of rows elsewhere. Without names: what changes by itself.' 'describe	The map itself: place, type, range, access, manual section. Needs no device.' 'stop	Stop the device at once, also while another handctl has it. Asks nothing; says what went out and what came back.' 'move	Move to angles in degrees and wait until it stands; tells what was reached. Ctrl-C holds it where it is.' 'center	Move both axes to 0 degrees and wait until they stand.' 'set	Write quantities by name and read them back, such as yaw_set=10 pitch_set=-10 move_time=1000.' 'report	One page for a service ticket: status, dump, findings, curves, environment, bytes. Only reads.' 'scan	Look for wrist modules by read-only probes, at 115200 (or --baud) or on the CAN bus. Bounded; confirms each hit twice.' 'read	Read COUNT bytes from ADDRESS of the wrist\'s registers; documented ones are decoded.' 'hand-read	Read COUNT bytes from ADDRESS of the hand that carries the wrist (flags 11, CAN 0), raw.' 'write	Write 2, 4 or 6 bytes at 1038..1043, low byte first, and read them back. Moves.' 'hand-write	Write bytes into the register space of the hand that carries the wrist. Undocumented here; asks first.' 'raw	Send exactly these bytes (on CAN: IDENTIFIER#DATA) and show what comes back. Anything but a read asks first.' 'snapshot	Write settings and set-points to FILE, with device identity, tool version, time and checksum.' 'diff	Compare the settings of two snapshots, or of snapshot A with the live device. Exit 7 when they differ.' 'restore	Write the settings that differ from a snapshot, read them back.'
-            set opts '-h	Show this message and exit.' '--help	Show this message and exit.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
+            set opts '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
         case 'wrist status'
-            set opts '--check	Exit 7 when anything is unhealthy.' '-h	Show this message and exit.' '--help	Show this message and exit.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
+            set opts '--check	Exit 7 when anything is unhealthy.' '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
+            set lacks -n --dry-run -y --yes --assume-identity
         case 'wrist dump'
-            set opts '-h	Show this message and exit.' '--help	Show this message and exit.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
+            set opts '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
+            set lacks -n --dry-run -y --yes --assume-identity
         case 'wrist get'
-            set opts '-h	Show this message and exit.' '--help	Show this message and exit.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
+            set opts '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
             set args 'read:wrist*'
+            set lacks -n --dry-run -y --yes --assume-identity
         case 'wrist watch'
-            set opts '--rate	Samples per second; 0 = as fast as the device answers. Default: 10.' '--count	End after N samples.' '--duration	End after S seconds.' '-h	Show this message and exit.' '--help	Show this message and exit.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
+            set opts '--rate	Samples per second; 0 = as fast as the device answers. Default: 10.' '--count	End after N samples.' '--duration	End after S seconds.' '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
             set takes --rate=none --count=none --duration=none
             set args 'read:wrist*'
+            set lacks -n --dry-run -y --yes --assume-identity
         case 'wrist describe'
-            set opts '-h	Show this message and exit.' '--help	Show this message and exit.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
+            set opts '-h	Show this help.' '--help	Show this help.'
             set args 'name:wrist*'
+            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --assume-identity
         case 'wrist stop'
-            set opts '-h	Show this message and exit.' '--help	Show this message and exit.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
+            set opts '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
         case 'wrist move'
-            set opts '--pitch	-22.66 to 22.12, two decimals.' '--yaw	-25.50 to 25.50, two decimals.' '--time	Movement time; without it the one the wrist holds.' '--wait	Longest wait for the arrival.' '-h	Show this message and exit.' '--help	Show this message and exit.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
+            set opts '--pitch	-22.66 to 22.12, two decimals.' '--yaw	-25.50 to 25.50, two decimals.' '--time	Movement time; without it the one the wrist holds.' '--wait	Longest wait for the arrival.' '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
             set takes --pitch=none --yaw=none --time=none --wait=none
         case 'wrist center'
-            set opts '--time	Movement time; without it the one the wrist holds.' '-h	Show this message and exit.' '--help	Show this message and exit.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
+            set opts '--time	Movement time; without it the one the wrist holds.' '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
             set takes --time=none
         case 'wrist set'
-            set opts '-h	Show this message and exit.' '--help	Show this message and exit.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
+            set opts '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
             set args 'set:wrist*'
         case 'wrist report'
-            set opts '--watch	Seconds to watch what changes by itself; 0 = not at all. Default: 3.' '--include-ids	Keep serial numbers, pilot ids, and the answers that hold them.' '--force	Replace FILE.html.' '-h	Show this message and exit.' '--help	Show this message and exit.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
+            set opts '--watch	Seconds to watch what changes by itself; 0 = not at all. Default: 3.' '--include-ids	Keep serial numbers, pilot ids, and the answers that hold them.' '--force	Replace FILE.html.' '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
             set takes --watch=none
             set args 'file'
+            set lacks -n --dry-run -y --yes --assume-identity
         case 'wrist scan'
-            set opts '--ids	Ids to ask (on CAN up to 16383, 4096 at once). Default: 1-254.' '--window	Serial: ids asked per reply window; more than 1 needs full duplex (RS-232). Default: 1.' '--reply-window	Wait per window (default 20).' '--all	Go through all ids instead of ending at the first wrist.' '-h	Show this message and exit.' '--help	Show this message and exit.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
+            set opts '--ids	Ids to ask (on CAN up to 16383, 4096 at once). Default: 1-254.' '--window	Serial: ids asked per reply window; more than 1 needs full duplex (RS-232). Default: 1.' '--reply-window	Wait per window (default 20).' '--all	Go through all ids instead of ending at the first wrist.' '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
             set takes --ids=none --window=none --reply-window=none
+            set lacks -n --dry-run -y --yes --assume-identity
         case 'wrist read'
-            set opts '-h	Show this message and exit.' '--help	Show this message and exit.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
+            set opts '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
             set args 'none' 'none'
+            set lacks -n --dry-run -y --yes --assume-identity
         case 'wrist hand-read'
-            set opts '-h	Show this message and exit.' '--help	Show this message and exit.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
+            set opts '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
             set args 'none' 'none'
+            set lacks -n --dry-run -y --yes --assume-identity
         case 'wrist write'
-            set opts '-h	Show this message and exit.' '--help	Show this message and exit.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
+            set opts '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
             set args 'none' 'none'
         case 'wrist hand-write'
-            set opts '--force-ambiguous	Send what another device or register space would take for something else.' '-h	Show this message and exit.' '--help	Show this message and exit.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
+            set opts '--force-ambiguous	Send what another device or register space would take for something else.' '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
             set args 'none' 'none'
         case 'wrist raw'
-            set opts '--wait	Seconds to listen. Default: 0.5.' '--force-ambiguous	Send what another device or register space would take for something else.' '-h	Show this message and exit.' '--help	Show this message and exit.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
+            set opts '--wait	Seconds to listen. Default: 0.5.' '--force-ambiguous	Send what another device or register space would take for something else.' '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
             set takes --wait=none
             set args 'none*'
         case 'wrist snapshot'
-            set opts '-h	Show this message and exit.' '--help	Show this message and exit.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
+            set opts '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
             set args 'file'
+            set lacks -n --dry-run -y --yes --assume-identity
         case 'wrist diff'
-            set opts '--setpoints	Also what was commanded: positions, and forces, which ask by themselves.' '-h	Show this message and exit.' '--help	Show this message and exit.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
+            set opts '--setpoints	Also what was commanded: positions, and forces, which ask by themselves.' '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
             set args 'file' 'file'
+            set lacks -n --dry-run -y --yes --assume-identity
         case 'wrist restore'
-            set opts '--setpoints	Also what was commanded: positions, and forces, which ask by themselves.' '-h	Show this message and exit.' '--help	Show this message and exit.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
+            set opts '--setpoints	Also what was commanded: positions, and forces, which ask by themselves.' '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
             set args 'file'
         case 'barrett'
             set cmds 'status	What to look at first, decoded: values per part, errors in words.' 'dump	Every readable documented quantity, in as few transactions as the protocol allows.' 'get	Read quantities by name, such as P SG.F1 temperature.' 'watch	Live view on a terminal, a stream of rows elsewhere. Without names: what changes by itself.' 'describe	List every parameter with range, defaults, access and manual section.' 'version	Show the firmware version.' 'errors	Explain status codes in the manual\'s words. CODE may be a sum. Needs no device.' 'help	Show the hand\'s own help for COMMAND or a parameter, and the manual\'s.' 'fingertips	Show each fingertip\'s position in mm and its joint angles (§9.5, §9.6).' 'stop	Stop the hand at once, even while another handctl uses it. Asks nothing.' 'init	Initialize the motors: the fingers open fully (HI). Needed once after power-on or reset.' 'open	Open until OT is reached.' 'close	Close until CT is reached or the fingers meet an object.' 'move	Move to POSITION in counts (default: the parameter DP).' 'home	Move to position 0.' 'step-open	Open by COUNTS (default: the parameter DS).' 'step-close	Close by COUNTS (default: the parameter DS).' 'torque-open	Open under torque control until the motors stall.' 'torque-close	Close under torque control until the motors stall.' 'realtime	Exchange RealTime blocks (LOOP): live view, NDJSON or CSV.' 'set	Set parameters in RAM and read them back.' 'save	Save the settings from RAM to EEPROM. Asks first.' 'baud	Show the speed of the serial line, or change it.' 'load	Load the saved settings from EEPROM into RAM (FLOAD, PLOAD).' 'defaults	Set all parameters in RAM to their factory values (FDEF, PDEF). Saves nothing.' 'report	One page for a service ticket: status, dump, findings, curves, environment, bytes. Only reads.' 'diagnose	Run the checks of §8. For a SYMPTOM, also list the manual steps.' 'maintenance	Show the strokes of each motor and the maintenance that is due (§7).' 'strain	Measure the strain gauges without load, and show how to adjust them (§7.4).' 'reset	Restart the firmware, as a power cycle does, and show its banner. Asks first.' 'gcl	Send any GCL commands, one per argument.' 'firmware	Check a firmware file, or load one into the hand (barrett §3.7).' 'snapshot	Write settings and set-points to FILE, with device identity, tool version, time and checksum.' 'diff	Compare the settings of two snapshots, or of snapshot A with the live device. Exit 7 when they differ.' 'restore	Write the values that differ from a snapshot into RAM and read them back.'
-            set opts '-h	Show this message and exit.' '--help	Show this message and exit.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
+            set opts '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
+            set lacks --id
         case 'barrett status'
-            set opts '--check	Exit 7 when anything is unhealthy.' '-h	Show this message and exit.' '--help	Show this message and exit.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
+            set opts '--check	Exit 7 when anything is unhealthy.' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
+            set lacks --id -n --dry-run -y --yes --assume-identity
         case 'barrett dump'
-            set opts '-h	Show this message and exit.' '--help	Show this message and exit.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
+            set opts '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
+            set lacks --id -n --dry-run -y --yes --assume-identity
         case 'barrett get'
-            set opts '-h	Show this message and exit.' '--help	Show this message and exit.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
+            set opts '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
             set args 'read:barrett*'
+            set lacks --id -n --dry-run -y --yes --assume-identity
         case 'barrett watch'
-            set opts '--rate	Samples per second; 0 = as fast as the device answers. Default: 10.' '--count	End after N samples.' '--duration	End after S seconds.' '-h	Show this message and exit.' '--help	Show this message and exit.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
+            set opts '--rate	Samples per second; 0 = as fast as the device answers. Default: 10.' '--count	End after N samples.' '--duration	End after S seconds.' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
             set takes --rate=none --count=none --duration=none
             set args 'read:barrett*'
+            set lacks --id -n --dry-run -y --yes --assume-identity
         case 'barrett describe'
-            set opts '-h	Show this message and exit.' '--help	Show this message and exit.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
+            set opts '-h	Show this help.' '--help	Show this help.'
             set args 'name:barrett*'
+            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --assume-identity
         case 'barrett version'
-            set opts '-h	Show this message and exit.' '--help	Show this message and exit.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
+            set opts '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
+            set lacks --id -n --dry-run -y --yes --assume-identity
         case 'barrett errors'
-            set opts '-h	Show this message and exit.' '--help	Show this message and exit.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
+            set opts '-h	Show this help.' '--help	Show this help.'
             set args 'none'
+            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --assume-identity
         case 'barrett help'
-            set opts '-h	Show this message and exit.' '--help	Show this message and exit.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
+            set opts '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
             set args 'none'
+            set lacks --id -n --dry-run -y --yes --assume-identity
         case 'barrett fingertips'
-            set opts '--positions	Calculate with these counts instead of the hand\'s. Needs no device.' '--breakaway	With --positions: the clutch let go at COUNTS.' '--live	Repeat the reading: live view on a terminal, a stream elsewhere.' '--rate	Samples per second; 0 = as fast as the device answers. Default: 10.' '--count	End after N samples.' '--duration	End after S seconds.' '-h	Show this message and exit.' '--help	Show this message and exit.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
+            set opts '--positions	Calculate with these counts instead of the hand\'s. Needs no device.' '--breakaway	With --positions: the clutch let go at COUNTS.' '--live	Repeat the reading: live view on a terminal, a stream elsewhere.' '--rate	Samples per second; 0 = as fast as the device answers. Default: 10.' '--count	End after N samples.' '--duration	End after S seconds.' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
             set takes --positions=none --breakaway=none --rate=none --count=none --duration=none
+            set lacks --id -n --dry-run -y --yes --assume-identity
         case 'barrett stop'
-            set opts '--motors	Motors: digits 1 to 4, G = fingers, S = spread (default: all).' '-h	Show this message and exit.' '--help	Show this message and exit.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
+            set opts '--motors	Motors: digits 1 to 4, G = fingers, S = spread (default: all).' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
             set takes --motors=none
+            set lacks --id
         case 'barrett init'
-            set opts '--force	Also open faster than IVEL allows, or with OT and CT that reverse the movement.' '--motors	Motors: digits 1 to 4, G = fingers, S = spread (default: all).' '-h	Show this message and exit.' '--help	Show this message and exit.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
+            set opts '--force	Also open faster than IVEL allows, or with OT and CT that reverse the movement.' '--motors	Motors: digits 1 to 4, G = fingers, S = spread (default: all).' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
             set takes --motors=none
+            set lacks --id
         case 'barrett open'
-            set opts '--force	Also open faster than IVEL allows, or with OT and CT that reverse the movement.' '--motors	Motors: digits 1 to 4, G = fingers, S = spread (default: all).' '-h	Show this message and exit.' '--help	Show this message and exit.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
+            set opts '--force	Also open faster than IVEL allows, or with OT and CT that reverse the movement.' '--motors	Motors: digits 1 to 4, G = fingers, S = spread (default: all).' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
             set takes --motors=none
+            set lacks --id
         case 'barrett close'
-            set opts '--force	Also open faster than IVEL allows, or with OT and CT that reverse the movement.' '--motors	Motors: digits 1 to 4, G = fingers, S = spread (default: all).' '-h	Show this message and exit.' '--help	Show this message and exit.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
+            set opts '--force	Also open faster than IVEL allows, or with OT and CT that reverse the movement.' '--motors	Motors: digits 1 to 4, G = fingers, S = spread (default: all).' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
             set takes --motors=none
+            set lacks --id
         case 'barrett move'
-            set opts '--force	Also open faster than IVEL allows, or with OT and CT that reverse the movement.' '--motors	Motors: digits 1 to 4, G = fingers, S = spread (default: all).' '-h	Show this message and exit.' '--help	Show this message and exit.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
+            set opts '--force	Also open faster than IVEL allows, or with OT and CT that reverse the movement.' '--motors	Motors: digits 1 to 4, G = fingers, S = spread (default: all).' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
             set takes --motors=none
             set args 'none'
+            set lacks --id
         case 'barrett home'
-            set opts '--force	Also open faster than IVEL allows, or with OT and CT that reverse the movement.' '--motors	Motors: digits 1 to 4, G = fingers, S = spread (default: all).' '-h	Show this message and exit.' '--help	Show this message and exit.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
+            set opts '--force	Also open faster than IVEL allows, or with OT and CT that reverse the movement.' '--motors	Motors: digits 1 to 4, G = fingers, S = spread (default: all).' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
             set takes --motors=none
+            set lacks --id
         case 'barrett step-open'
-            set opts '--force	Also open faster than IVEL allows, or with OT and CT that reverse the movement.' '--motors	Motors: digits 1 to 4, G = fingers, S = spread (default: all).' '-h	Show this message and exit.' '--help	Show this message and exit.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
+            set opts '--force	Also open faster than IVEL allows, or with OT and CT that reverse the movement.' '--motors	Motors: digits 1 to 4, G = fingers, S = spread (default: all).' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
             set takes --motors=none
             set args 'none'
+            set lacks --id
         case 'barrett step-close'
-            set opts '--force	Also open faster than IVEL allows, or with OT and CT that reverse the movement.' '--motors	Motors: digits 1 to 4, G = fingers, S = spread (default: all).' '-h	Show this message and exit.' '--help	Show this message and exit.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
+            set opts '--force	Also open faster than IVEL allows, or with OT and CT that reverse the movement.' '--motors	Motors: digits 1 to 4, G = fingers, S = spread (default: all).' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
             set takes --motors=none
             set args 'none'
+            set lacks --id
         case 'barrett torque-open'
-            set opts '--force	Also open faster than IVEL allows, or with OT and CT that reverse the movement.' '--motors	Motors: digits 1 to 4, G = fingers, S = spread (default: all).' '-h	Show this message and exit.' '--help	Show this message and exit.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
+            set opts '--force	Also open faster than IVEL allows, or with OT and CT that reverse the movement.' '--motors	Motors: digits 1 to 4, G = fingers, S = spread (default: all).' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
             set takes --motors=none
+            set lacks --id
         case 'barrett torque-close'
-            set opts '--motors	Motors: digits 1 to 4, G = fingers, S = spread (default: all).' '-h	Show this message and exit.' '--help	Show this message and exit.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
+            set opts '--motors	Motors: digits 1 to 4, G = fingers, S = spread (default: all).' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
             set takes --motors=none
+            set lacks --id
         case 'barrett realtime'
-            set opts '--motors	Motors of the loop: digits 1 to 4, G = fingers, S = spread (default: all).' '--send	Values in control blocks: velocity, gain. velocity@12 is for some motors only.' '--receive	Values in feedback: velocity, strain, position, delta, temperature, none. strain@12 is for some motors only (default: the hand\'s own flags).' '--velocity	Constant control velocity, -127 to 127: 20, or 20,5, or F1=20,F2=5.' '--gain	Constant proportional gain, 0 to 255, written in the same way.' '--control	Control values as CSV or JSON lines (t, velocity.F1 …). - is stdin. Live lines (without t) hold for 1 s, then velocity is 0.' '--measure	Exchange N blocks and show only the timing.' '--sequential	Wait for the whole feedback before the next block, or only for its *. Default: sequential when driving, overlapped when watching. Overlapped driving begins with a self-test that drives nothing.' '--overlapped	Wait for the whole feedback before the next block, or only for its *. Default: sequential when driving, overlapped when watching. Overlapped driving begins with a self-test that drives nothing.' '--no-guard	Switch a guard off: stall, window, strain, opening, heat, all. See GUARDS below.' '--force	The same as --no-guard opening. It may deform the clutch permanently.' '--delta-unit	Counts of one unit of delta (LFDPC). Default: the hand\'s own, or more where velocity and rate need it.' '--init	Initialize the motors first (HI): the fingers open fully.' '--hold	Leave the motors powered at the end.' '--rate	Samples per second; 0 = as fast as the device answers. Default: 0.' '--count	End after N samples.' '--duration	End after S seconds.' '-h	Show this message and exit.' '--help	Show this message and exit.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
+            set opts '--motors	Motors of the loop: digits 1 to 4, G = fingers, S = spread (default: all).' '--send	Values in control blocks: velocity, gain. velocity@12 is for some motors only.' '--receive	Values in feedback: velocity, strain, position, delta, temperature, none. strain@12 is for some motors only (default: the hand\'s own flags).' '--velocity	Constant control velocity, -127 to 127: 20, or 20,5, or F1=20,F2=5.' '--gain	Constant proportional gain, 0 to 255, written in the same way.' '--control	Control values as CSV or JSON lines (t, velocity.F1 …). - is stdin. Live lines (without t) hold for 1 s, then velocity is 0.' '--measure	Exchange N blocks and show only the timing.' '--sequential	Wait for the whole feedback before the next block, or only for its *. Default: sequential when driving, overlapped when watching. Overlapped driving begins with a self-test that drives nothing.' '--overlapped	Wait for the whole feedback before the next block, or only for its *. Default: sequential when driving, overlapped when watching. Overlapped driving begins with a self-test that drives nothing.' '--no-guard	Switch a guard off: stall, window, strain, opening, heat, all. See GUARDS below.' '--force	The same as --no-guard opening. It may deform the clutch permanently.' '--delta-unit	Counts of one unit of delta (LFDPC). Default: the hand\'s own, or more where velocity and rate need it.' '--init	Initialize the motors first (HI): the fingers open fully.' '--hold	Leave the motors powered at the end.' '--rate	Samples per second; 0 = as fast as the device answers. Default: 0.' '--count	End after N samples.' '--duration	End after S seconds.' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
             set takes --motors=none --send=none --receive=none --velocity=none --gain=none --control=file --measure=none --no-guard=choice:stall,window,strain,opening,heat,all --delta-unit=none --rate=none --count=none --duration=none
+            set lacks --id
         case 'barrett set'
-            set opts '--motors	Motors: digits 1 to 4, G = fingers, S = spread (default: all).' '--force	Write a value that the manual warns about, or save unchanged values.' '-h	Show this message and exit.' '--help	Show this message and exit.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
+            set opts '--motors	Motors: digits 1 to 4, G = fingers, S = spread (default: all).' '--force	Write a value that the manual warns about, or save unchanged values.' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
             set takes --motors=none
             set args 'set:barrett*'
+            set lacks --id
         case 'barrett save'
-            set opts '--motors	Motors: digits 1 to 4, G = fingers, S = spread (default: all).' '--force	Write a value that the manual warns about, or save unchanged values.' '-h	Show this message and exit.' '--help	Show this message and exit.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
+            set opts '--motors	Motors: digits 1 to 4, G = fingers, S = spread (default: all).' '--force	Write a value that the manual warns about, or save unchanged values.' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
             set takes --motors=none
+            set lacks --id
         case 'barrett baud'
-            set opts '--save	Save the speed to EEPROM: the hand then starts with it.' '-h	Show this message and exit.' '--help	Show this message and exit.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
+            set opts '--save	Save the speed to EEPROM: the hand then starts with it.' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
             set args 'none'
+            set lacks --id
         case 'barrett load'
-            set opts '--motors	Motors: digits 1 to 4, G = fingers, S = spread (default: all).' '-h	Show this message and exit.' '--help	Show this message and exit.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
+            set opts '--motors	Motors: digits 1 to 4, G = fingers, S = spread (default: all).' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
             set takes --motors=none
+            set lacks --id
         case 'barrett defaults'
-            set opts '--motors	Motors: digits 1 to 4, G = fingers, S = spread (default: all).' '-h	Show this message and exit.' '--help	Show this message and exit.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
+            set opts '--motors	Motors: digits 1 to 4, G = fingers, S = spread (default: all).' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
             set takes --motors=none
+            set lacks --id
         case 'barrett report'
-            set opts '--watch	Seconds to watch what changes by itself; 0 = not at all. Default: 3.' '--include-ids	Keep serial numbers, pilot ids, and the answers that hold them.' '--force	Replace FILE.html.' '-h	Show this message and exit.' '--help	Show this message and exit.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
+            set opts '--watch	Seconds to watch what changes by itself; 0 = not at all. Default: 3.' '--include-ids	Keep serial numbers, pilot ids, and the answers that hold them.' '--force	Replace FILE.html.' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
             set takes --watch=none
             set args 'file'
+            set lacks --id -n --dry-run -y --yes --assume-identity
         case 'barrett diagnose'
-            set opts '--list	List the symptoms of the manual. Needs no device.' '--move	MOVES: also try the symptom\'s movements. Asks first.' '--motors	Fingers to move with --move. Default: G.' '--hand	Name of the hand in the journal, where its serial number is 0.' '-h	Show this message and exit.' '--help	Show this message and exit.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
+            set opts '--list	List the symptoms of the manual. Needs no device.' '--move	MOVES: also try the symptom\'s movements. Asks first.' '--motors	Fingers to move with --move. Default: G.' '--hand	Name of the hand in the journal, where its serial number is 0.' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
             set takes --motors=none --hand=none
             set args 'none'
+            set lacks --id
         case 'barrett maintenance'
-            set opts '--greased	Record points as greased now: all, worm, spur, motor-spur, palm, or spur.F1 for one finger. Separate several by commas.' '--steps	List the steps of a procedure with manual sections. Needs no device.' '--check	Exit 7 when anything is due or too hot.' '--hand	Name of the hand in the journal, where its serial number is 0.' '-h	Show this message and exit.' '--help	Show this message and exit.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
+            set opts '--greased	Record points as greased now: all, worm, spur, motor-spur, palm, or spur.F1 for one finger. Separate several by commas.' '--steps	List the steps of a procedure with manual sections. Needs no device.' '--check	Exit 7 when anything is due or too hot.' '--hand	Name of the hand in the journal, where its serial number is 0.' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
             set takes --greased=none --steps=choice:lubrication,fasteners,pretension,strain,firmware --hand=none
+            set lacks --id -n --dry-run -y --yes --assume-identity
         case 'barrett strain'
-            set opts '--open	MOVES: first initialize, free the spread and open the fingers.' '--live	Show the readings while you turn the potentiometer. The bar ends at 100 and 140.' '--check	Exit 7 when a reading is not within 100 to 140.' '--rate	Samples per second; 0 = as fast as the device answers. Default: 10.' '--count	End after N samples.' '--duration	End after S seconds.' '-h	Show this message and exit.' '--help	Show this message and exit.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
+            set opts '--open	MOVES: first initialize, free the spread and open the fingers.' '--live	Show the readings while you turn the potentiometer. The bar ends at 100 and 140.' '--check	Exit 7 when a reading is not within 100 to 140.' '--rate	Samples per second; 0 = as fast as the device answers. Default: 10.' '--count	End after N samples.' '--duration	End after S seconds.' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
             set takes --rate=none --count=none --duration=none
+            set lacks --id
         case 'barrett reset'
-            set opts '-h	Show this message and exit.' '--help	Show this message and exit.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
+            set opts '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
+            set lacks --id
         case 'barrett gcl'
-            set opts '--keep-going	Continue after an error.' '-h	Show this message and exit.' '--help	Show this message and exit.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
+            set opts '--keep-going	Continue after an error.' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
             set args 'none*'
+            set lacks --id
         case 'barrett firmware'
             set cmds 'check	Check an S-record FILE. Needs no device.' 'download	Load a firmware FILE into the hand.'
-            set opts '-h	Show this message and exit.' '--help	Show this message and exit.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
+            set opts '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
+            set lacks --id
         case 'barrett firmware check'
-            set opts '--force	Accept a file without an end record.' '-h	Show this message and exit.' '--help	Show this message and exit.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
+            set opts '--force	Accept a file without an end record.' '-h	Show this help.' '--help	Show this help.'
             set args 'file'
+            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --assume-identity
         case 'barrett firmware download'
-            set opts '--force	Load a file without an end record.' '--expect	Exit 7 unless the hand then reports this version, such as 4.34.' '--window	Bytes sent ahead of their echo, 1 to 4. 2 halves the time. More than 2 is unproven on hardware. Default: 1.' '-h	Show this message and exit.' '--help	Show this message and exit.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
+            set opts '--force	Load a file without an end record.' '--expect	Exit 7 unless the hand then reports this version, such as 4.34.' '--window	Bytes sent ahead of their echo, 1 to 4. 2 halves the time. More than 2 is unproven on hardware. Default: 1.' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
             set takes --expect=none --window=none
             set args 'file'
+            set lacks --id
         case 'barrett snapshot'
-            set opts '-h	Show this message and exit.' '--help	Show this message and exit.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
+            set opts '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
             set args 'file'
+            set lacks --id -n --dry-run -y --yes --assume-identity
         case 'barrett diff'
-            set opts '-h	Show this message and exit.' '--help	Show this message and exit.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
+            set opts '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
             set args 'file' 'file'
+            set lacks --id -n --dry-run -y --yes --assume-identity
         case 'barrett restore'
-            set opts '--save	Save to EEPROM afterwards.' '--force	Write a value that the manual warns about, or save unchanged values.' '-h	Show this message and exit.' '--help	Show this message and exit.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
+            set opts '--save	Save to EEPROM afterwards.' '--force	Write a value that the manual warns about, or save unchanged values.' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
             set args 'file'
+            set lacks --id
         case 'ekso'
             set cmds 'status	What to look at first, decoded: values per part, errors in words.' 'dump	Every readable documented quantity, in as few transactions as the protocol allows.' 'get	Read quantities by name, such as step_length left_knee_angle 216.' 'watch	Live view on a terminal, a stream of rows elsewhere. Without names: what changes by itself.' 'describe	The map itself; needs no device.' 'time	The device\'s time of day.' 'date	The device\'s date.' 'settings	All settings (GetSettings, 22 words).' 'data	What the device senses now (GetData, 27 words).' 'feedback	Steps, times, assistance (GetFeedback, 17 words).' 'policy	What this tool asks for before it writes; needs no device.' 'stop	Stop the device at once, also while another handctl has it. Asks nothing; says what went out and what came back.' 'set	Write one setting, with every check.' 'cancel	Cancel the running action (CancelAction).' 'report	One page for a service ticket: status, dump, findings, curves, environment, bytes. Only reads.' 'snapshot	Write settings and set-points to FILE, with device identity, tool version, time and checksum.' 'diff	Compare the settings of two snapshots, or of snapshot A with the live device. Exit 7 when they differ.' 'restore	Write what differs from a snapshot, one by one.' 'log	Record GetData into FILE (CSV) with a sidecar FILE.json; FILE may be a directory. Ctrl-C ends it.' 'export	Turn a log into an OpenSim motion file or SI units, on stdout or into -o FILE. Needs no device.'
-            set opts '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '-h	Show this help.' '--help	Show this help.'
+            set lacks --id
         case 'ekso status'
-            set opts '--check	Exit 7 when anything is unhealthy.' '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '--check	Exit 7 when anything is unhealthy.' '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this help.' '--help	Show this help.'
             set takes --length-mode=none
+            set lacks --id -n --dry-run -y --yes --assume-identity
         case 'ekso dump'
-            set opts '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this help.' '--help	Show this help.'
             set takes --length-mode=none
+            set lacks --id -n --dry-run -y --yes --assume-identity
         case 'ekso get'
-            set opts '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this help.' '--help	Show this help.'
             set takes --length-mode=none
             set args 'read:ekso*'
+            set lacks --id -n --dry-run -y --yes --assume-identity
         case 'ekso watch'
-            set opts '--rate	Samples per second; 0 = as fast as the device answers. Default: 10.' '--count	End after N samples.' '--duration	End after S seconds.' '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '--rate	Samples per second; 0 = as fast as the device answers. Default: 10.' '--count	End after N samples.' '--duration	End after S seconds.' '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this help.' '--help	Show this help.'
             set takes --rate=none --count=none --duration=none --length-mode=none
             set args 'read:ekso*'
+            set lacks --id -n --dry-run -y --yes --assume-identity
         case 'ekso describe'
-            set opts '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '-h	Show this help.' '--help	Show this help.'
             set args 'name:ekso*'
+            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --assume-identity
         case 'ekso time'
-            set opts '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this help.' '--help	Show this help.'
             set takes --length-mode=none
+            set lacks --id -n --dry-run -y --yes --assume-identity
         case 'ekso date'
-            set opts '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this help.' '--help	Show this help.'
             set takes --length-mode=none
+            set lacks --id -n --dry-run -y --yes --assume-identity
         case 'ekso settings'
-            set opts '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this help.' '--help	Show this help.'
             set takes --length-mode=none
+            set lacks --id -n --dry-run -y --yes --assume-identity
         case 'ekso data'
-            set opts '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this help.' '--help	Show this help.'
             set takes --length-mode=none
+            set lacks --id -n --dry-run -y --yes --assume-identity
         case 'ekso feedback'
-            set opts '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this help.' '--help	Show this help.'
             set takes --length-mode=none
+            set lacks --id -n --dry-run -y --yes --assume-identity
         case 'ekso policy'
-            set opts '--audit	The audit log to look through (default: ekso-audit.jsonl in the user\'s state folder).' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '--audit	The audit log to look through (default: ekso-audit.jsonl in the user\'s state folder).' '-h	Show this help.' '--help	Show this help.'
             set takes --audit=file
+            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --assume-identity
         case 'ekso stop'
-            set opts '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this help.' '--help	Show this help.'
             set takes --length-mode=none
+            set lacks --id
         case 'ekso set'
-            set opts '--operator	Who does it, for the audit log; needed by --yes.' '--audit	The audit log (default: ekso-audit.jsonl in the user\'s state folder). No log, no write. It is also the memory of the last writes, so the policy holds over several runs with one log.' '--override-step-limit	Allow a larger step than this tool\'s policy; never for leg lengths.' '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '--operator	Who does it, for the audit log; needed by --yes.' '--audit	The audit log (default: ekso-audit.jsonl in the user\'s state folder). No log, no write. It is also the memory of the last writes, so the policy holds over several runs with one log.' '--override-step-limit	Allow a larger step than this tool\'s policy; never for leg lengths.' '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this help.' '--help	Show this help.'
             set takes --operator=none --audit=file --length-mode=none
             set args 'set:ekso*'
+            set lacks --id
         case 'ekso cancel'
-            set opts '--word	Command word, any but 0; 0x0100 is 256. Default: 256.' '--operator	Who does it, for the audit log; needed by --yes.' '--audit	The audit log (default: ekso-audit.jsonl in the user\'s state folder). No log, no write. It is also the memory of the last writes, so the policy holds over several runs with one log.' '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '--word	Command word, any but 0; 0x0100 is 256. Default: 256.' '--operator	Who does it, for the audit log; needed by --yes.' '--audit	The audit log (default: ekso-audit.jsonl in the user\'s state folder). No log, no write. It is also the memory of the last writes, so the policy holds over several runs with one log.' '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this help.' '--help	Show this help.'
             set takes --word=none --operator=none --audit=file --length-mode=none
+            set lacks --id
         case 'ekso report'
-            set opts '--watch	Seconds to watch what changes by itself; 0 = not at all. Default: 3.' '--include-ids	Keep serial numbers, pilot ids, and the answers that hold them.' '--force	Replace FILE.html.' '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '--watch	Seconds to watch what changes by itself; 0 = not at all. Default: 3.' '--include-ids	Keep serial numbers, pilot ids, and the answers that hold them.' '--force	Replace FILE.html.' '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this help.' '--help	Show this help.'
             set takes --watch=none --length-mode=none
             set args 'file'
+            set lacks --id -n --dry-run -y --yes --assume-identity
         case 'ekso snapshot'
-            set opts '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this help.' '--help	Show this help.'
             set takes --length-mode=none
             set args 'file'
+            set lacks --id -n --dry-run -y --yes --assume-identity
         case 'ekso diff'
-            set opts '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this help.' '--help	Show this help.'
             set takes --length-mode=none
             set args 'file' 'file'
+            set lacks --id -n --dry-run -y --yes --assume-identity
         case 'ekso restore'
-            set opts '--operator	Who does it, for the audit log; needed by --yes.' '--audit	The audit log (default: ekso-audit.jsonl in the user\'s state folder). No log, no write. It is also the memory of the last writes, so the policy holds over several runs with one log.' '--override-step-limit	Allow a larger step than this tool\'s policy; never for leg lengths.' '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '--operator	Who does it, for the audit log; needed by --yes.' '--audit	The audit log (default: ekso-audit.jsonl in the user\'s state folder). No log, no write. It is also the memory of the last writes, so the policy holds over several runs with one log.' '--override-step-limit	Allow a larger step than this tool\'s policy; never for leg lengths.' '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this help.' '--help	Show this help.'
             set takes --operator=none --audit=file --length-mode=none
             set args 'file'
+            set lacks --id
         case 'ekso log'
-            set opts '--rate	Samples per second; 0 = as fast as the device answers. Default: 0.' '--count	End after N samples.' '--duration	End after S seconds.' '--raw	Append the 27 words as they came.' '--mark	Mark the first row.' '--silence	End after S seconds without a valid answer; a restart of the device takes less. Default: 60.' '--include-pilot-id	Keep the wearer\'s number in the sidecar.' '--force	Overwrite FILE.' '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '--rate	Samples per second; 0 = as fast as the device answers. Default: 0.' '--count	End after N samples.' '--duration	End after S seconds.' '--raw	Append the 27 words as they came.' '--mark	Mark the first row.' '--silence	End after S seconds without a valid answer; a restart of the device takes less. Default: 60.' '--include-pilot-id	Keep the wearer\'s number in the sidecar.' '--force	Overwrite FILE.' '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this help.' '--help	Show this help.'
             set takes --rate=none --count=none --duration=none --mark=none --silence=none --length-mode=none
             set args 'file'
+            set lacks --id -n --dry-run -y --yes --assume-identity
         case 'ekso export'
-            set opts '--format	mot = OpenSim motion file, csv = the log\'s columns.' '--si	With csv: metres and radians instead of inches and degrees.' '--segment	Only segment N; a motion file holds just one.' '--knee-sign	With mot: sign of knee flexion in your model (default 1, as the device has it; gait2392 has -1).' '--rate	With mot: resample linearly, never across a gap.' '-h	Show this message and exit.' '--help	Show this message and exit.' '-p	Where the device is: /dev/ttyUSB0, COM3, usb:VID:PID[:SERIAL], tcp://HOST:PORT, fake://…, replay:FILE, any pyserial URL.' '--port	Where the device is: /dev/ttyUSB0, COM3, usb:VID:PID[:SERIAL], tcp://HOST:PORT, fake://…, replay:FILE, any pyserial URL.' '--fake	Talk to the built-in simulator of this device.' '-d	A device named in the configuration file, see handctl devices.' '--device	A device named in the configuration file, see handctl devices.' '--id	Device id, as the protocol has it.' '--baud	Speed of the serial port in bit/s.' '--timeout	Seconds of silence allowed per reply.' '--deadline	Seconds for the whole command.' '--retries	Repetitions of a read without a valid answer (writes are never repeated).' '--trace	Record every byte with its time; play it back with -p replay:FILE.' '--json	Same as --format json; for a stream one row a line.' '--csv	Same as --format csv.' '-o	Write the data there instead of stdout, whole or not at all.' '--output	Write the data there instead of stdout, whole or not at all.' '--no-formulas	In CSV, put \' before a text that a spreadsheet would calculate.' '--color	Colour (default: auto; NO_COLOR is honoured).' '-q	No messages but errors.' '--quiet	No messages but errors.' '-v	Show every byte on stderr, as --trace records it.' '--verbose	Show every byte on stderr, as --trace records it.' '--debug	Show tracebacks.' '-n	Print the exact bytes of a command that writes or moves; send nothing.' '--dry-run	Print the exact bytes of a command that writes or moves; send nothing.' '-y	Answer the confirmation.' '--yes	Answer the confirmation.' '--assume-identity	Write without a look at which device is there. Must be typed: no variable and no configuration file has it.'
-            set takes --format=choice:mot,csv --segment=none --knee-sign=choice:1,-1 --rate=none -p=link --port=link -d=device --device=device --id=none --baud=none --timeout=none --deadline=none --retries=none --trace=file -o=file --output=file --color=choice:auto,always,never
+            set opts '--format	mot = OpenSim motion file, csv = the log\'s columns.' '--si	With csv: metres and radians instead of inches and degrees.' '--segment	Only segment N; a motion file holds just one.' '--knee-sign	With mot: sign of knee flexion in your model (default 1, as the device has it; gait2392 has -1).' '--rate	With mot: resample linearly, never across a gap.' '-h	Show this help.' '--help	Show this help.'
+            set takes --format=choice:mot,csv --segment=none --knee-sign=choice:1,-1 --rate=none
             set args 'file'
-            set shared no
+            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace --format -n --dry-run -y --yes --assume-identity
         case 'aidin'
             set cmds 'status	What to look at first, decoded: values per part, errors in words.' 'dump	Every readable documented quantity, in as few transactions as the protocol allows.' 'get	Read quantities by name, such as joint_pos.index current_state.thumb.m1 sensor_state.fz.' 'watch	Live view on a terminal, a stream of rows elsewhere. Without names: motors, joints, currents, fingertip forces.' 'describe	The map itself: place, type, range, access, manual section. Needs no device.' 'stop	Stop the device at once, also while another handctl has it. Asks nothing; says what went out and what came back.' 'home	Homing: OPENS ALL FINGERS for 3.5 s, then open is the origin. Asks first; Ctrl-C stops.' 'initial	Move all fingers to the origin that homing set: fully open. Asks first; Ctrl-C stops.' 'encoders	Move motors to encoder counts.' 'joints	Move joints to angles in degrees.' 'fingertips	Move fingertips to coordinates in mm.' 'currents	Drive motors by current: NO POSITION LIMIT.' 'bias	Make the present sensor values 0. Touch nothing: a load present now is taken away from all later values.' 'max-torque	Set the maximum output current. 0 to 1000 in 0.1 %, 700 to 1000 is recommended; it cannot be read back.' 'report	One page for a service ticket: status, dump, findings, curves, environment, bytes. Only reads.'
-            set opts '-h	Show this message and exit.' '--help	Show this message and exit.' '--exchange	Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only.' '--poll-json	The JSON object that asks for feedback (default: {}); none that commands.' '--tx-terminator	What follows each object that is sent (default: newline).'
+            set opts '-h	Show this help.' '--help	Show this help.' '--exchange	Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only.' '--poll-json	The JSON object that asks for feedback (default: {}); none that commands.' '--tx-terminator	What follows each object that is sent (default: newline).'
             set takes --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
+            set lacks --id --baud
         case 'aidin status'
-            set opts '--check	Exit 7 when anything is unhealthy.' '-h	Show this message and exit.' '--help	Show this message and exit.' '--exchange	Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only.' '--poll-json	The JSON object that asks for feedback (default: {}); none that commands.' '--tx-terminator	What follows each object that is sent (default: newline).'
+            set opts '--check	Exit 7 when anything is unhealthy.' '-h	Show this help.' '--help	Show this help.' '--exchange	Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only.' '--poll-json	The JSON object that asks for feedback (default: {}); none that commands.' '--tx-terminator	What follows each object that is sent (default: newline).'
             set takes --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
+            set lacks --id --baud -n --dry-run -y --yes --assume-identity
         case 'aidin dump'
-            set opts '-h	Show this message and exit.' '--help	Show this message and exit.' '--exchange	Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only.' '--poll-json	The JSON object that asks for feedback (default: {}); none that commands.' '--tx-terminator	What follows each object that is sent (default: newline).'
+            set opts '-h	Show this help.' '--help	Show this help.' '--exchange	Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only.' '--poll-json	The JSON object that asks for feedback (default: {}); none that commands.' '--tx-terminator	What follows each object that is sent (default: newline).'
             set takes --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
+            set lacks --id --baud -n --dry-run -y --yes --assume-identity
         case 'aidin get'
-            set opts '-h	Show this message and exit.' '--help	Show this message and exit.' '--exchange	Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only.' '--poll-json	The JSON object that asks for feedback (default: {}); none that commands.' '--tx-terminator	What follows each object that is sent (default: newline).'
+            set opts '-h	Show this help.' '--help	Show this help.' '--exchange	Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only.' '--poll-json	The JSON object that asks for feedback (default: {}); none that commands.' '--tx-terminator	What follows each object that is sent (default: newline).'
             set takes --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
             set args 'read:aidin*'
+            set lacks --id --baud -n --dry-run -y --yes --assume-identity
         case 'aidin watch'
-            set opts '--rate	Samples per second; 0 = as fast as the device answers. Default: 10.' '--count	End after N samples.' '--duration	End after S seconds.' '-h	Show this message and exit.' '--help	Show this message and exit.' '--exchange	Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only.' '--poll-json	The JSON object that asks for feedback (default: {}); none that commands.' '--tx-terminator	What follows each object that is sent (default: newline).'
+            set opts '--rate	Samples per second; 0 = as fast as the device answers. Default: 10.' '--count	End after N samples.' '--duration	End after S seconds.' '-h	Show this help.' '--help	Show this help.' '--exchange	Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only.' '--poll-json	The JSON object that asks for feedback (default: {}); none that commands.' '--tx-terminator	What follows each object that is sent (default: newline).'
             set takes --rate=none --count=none --duration=none --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
             set args 'read:aidin*'
+            set lacks --id --baud -n --dry-run -y --yes --assume-identity
         case 'aidin describe'
-            set opts '-h	Show this message and exit.' '--help	Show this message and exit.' '--exchange	Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only.' '--poll-json	The JSON object that asks for feedback (default: {}); none that commands.' '--tx-terminator	What follows each object that is sent (default: newline).'
-            set takes --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
+            set opts '-h	Show this help.' '--help	Show this help.'
             set args 'name:aidin*'
+            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --assume-identity
         case 'aidin stop'
-            set opts '-h	Show this message and exit.' '--help	Show this message and exit.' '--exchange	Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only.' '--poll-json	The JSON object that asks for feedback (default: {}); none that commands.' '--tx-terminator	What follows each object that is sent (default: newline).'
+            set opts '-h	Show this help.' '--help	Show this help.' '--exchange	Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only.' '--poll-json	The JSON object that asks for feedback (default: {}); none that commands.' '--tx-terminator	What follows each object that is sent (default: newline).'
             set takes --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
+            set lacks --id --baud
         case 'aidin home'
-            set opts '-h	Show this message and exit.' '--help	Show this message and exit.' '--exchange	Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only.' '--poll-json	The JSON object that asks for feedback (default: {}); none that commands.' '--tx-terminator	What follows each object that is sent (default: newline).'
+            set opts '-h	Show this help.' '--help	Show this help.' '--exchange	Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only.' '--poll-json	The JSON object that asks for feedback (default: {}); none that commands.' '--tx-terminator	What follows each object that is sent (default: newline).'
             set takes --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
+            set lacks --id --baud
         case 'aidin initial'
-            set opts '--assume-homed	Go on although the encoders are out of their range, as before homing.' '-h	Show this message and exit.' '--help	Show this message and exit.' '--exchange	Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only.' '--poll-json	The JSON object that asks for feedback (default: {}); none that commands.' '--tx-terminator	What follows each object that is sent (default: newline).'
+            set opts '--assume-homed	Go on although the encoders are out of their range, as before homing.' '-h	Show this help.' '--help	Show this help.' '--exchange	Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only.' '--poll-json	The JSON object that asks for feedback (default: {}); none that commands.' '--tx-terminator	What follows each object that is sent (default: newline).'
             set takes --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
+            set lacks --id --baud
         case 'aidin encoders'
-            set opts '--assume-homed	Go on although the encoders are out of their range, as before homing.' '-h	Show this message and exit.' '--help	Show this message and exit.' '--exchange	Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only.' '--poll-json	The JSON object that asks for feedback (default: {}); none that commands.' '--tx-terminator	What follows each object that is sent (default: newline).'
+            set opts '--assume-homed	Go on although the encoders are out of their range, as before homing.' '-h	Show this help.' '--help	Show this help.' '--exchange	Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only.' '--poll-json	The JSON object that asks for feedback (default: {}); none that commands.' '--tx-terminator	What follows each object that is sent (default: newline).'
             set takes --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
             set args 'none*'
+            set lacks --id --baud
         case 'aidin joints'
-            set opts '--rad	The values are radians, not degrees.' '--assume-homed	Go on although the encoders are out of their range, as before homing.' '-h	Show this message and exit.' '--help	Show this message and exit.' '--exchange	Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only.' '--poll-json	The JSON object that asks for feedback (default: {}); none that commands.' '--tx-terminator	What follows each object that is sent (default: newline).'
+            set opts '--rad	The values are radians, not degrees.' '--assume-homed	Go on although the encoders are out of their range, as before homing.' '-h	Show this help.' '--help	Show this help.' '--exchange	Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only.' '--poll-json	The JSON object that asks for feedback (default: {}); none that commands.' '--tx-terminator	What follows each object that is sent (default: newline).'
             set takes --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
             set args 'none*'
+            set lacks --id --baud
         case 'aidin fingertips'
-            set opts '--assume-homed	Go on although the encoders are out of their range, as before homing.' '-h	Show this message and exit.' '--help	Show this message and exit.' '--exchange	Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only.' '--poll-json	The JSON object that asks for feedback (default: {}); none that commands.' '--tx-terminator	What follows each object that is sent (default: newline).'
+            set opts '--assume-homed	Go on although the encoders are out of their range, as before homing.' '-h	Show this help.' '--help	Show this help.' '--exchange	Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only.' '--poll-json	The JSON object that asks for feedback (default: {}); none that commands.' '--tx-terminator	What follows each object that is sent (default: newline).'
             set takes --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
             set args 'none*'
+            set lacks --id --baud
         case 'aidin currents'
-            set opts '--cap	Refuse more. Default: 300.' '--duration	How long they flow once the ramp is over. Default: 1.' '-h	Show this message and exit.' '--help	Show this message and exit.' '--exchange	Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only.' '--poll-json	The JSON object that asks for feedback (default: {}); none that commands.' '--tx-terminator	What follows each object that is sent (default: newline).'
+            set opts '--cap	Refuse more. Default: 300.' '--duration	How long they flow once the ramp is over. Default: 1.' '-h	Show this help.' '--help	Show this help.' '--exchange	Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only.' '--poll-json	The JSON object that asks for feedback (default: {}); none that commands.' '--tx-terminator	What follows each object that is sent (default: newline).'
             set takes --cap=none --duration=none --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
             set args 'none*'
+            set lacks --id --baud
         case 'aidin bias'
-            set opts '-h	Show this message and exit.' '--help	Show this message and exit.' '--exchange	Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only.' '--poll-json	The JSON object that asks for feedback (default: {}); none that commands.' '--tx-terminator	What follows each object that is sent (default: newline).'
+            set opts '-h	Show this help.' '--help	Show this help.' '--exchange	Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only.' '--poll-json	The JSON object that asks for feedback (default: {}); none that commands.' '--tx-terminator	What follows each object that is sent (default: newline).'
             set takes --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
+            set lacks --id --baud
         case 'aidin max-torque'
-            set opts '-h	Show this message and exit.' '--help	Show this message and exit.' '--exchange	Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only.' '--poll-json	The JSON object that asks for feedback (default: {}); none that commands.' '--tx-terminator	What follows each object that is sent (default: newline).'
+            set opts '-h	Show this help.' '--help	Show this help.' '--exchange	Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only.' '--poll-json	The JSON object that asks for feedback (default: {}); none that commands.' '--tx-terminator	What follows each object that is sent (default: newline).'
             set takes --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
             set args 'none'
+            set lacks --id --baud
         case 'aidin report'
-            set opts '--watch	Seconds to watch what changes by itself; 0 = not at all. Default: 3.' '--include-ids	Keep serial numbers, pilot ids, and the answers that hold them.' '--force	Replace FILE.html.' '-h	Show this message and exit.' '--help	Show this message and exit.' '--exchange	Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only.' '--poll-json	The JSON object that asks for feedback (default: {}); none that commands.' '--tx-terminator	What follows each object that is sent (default: newline).'
+            set opts '--watch	Seconds to watch what changes by itself; 0 = not at all. Default: 3.' '--include-ids	Keep serial numbers, pilot ids, and the answers that hold them.' '--force	Replace FILE.html.' '-h	Show this help.' '--help	Show this help.' '--exchange	Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only.' '--poll-json	The JSON object that asks for feedback (default: {}); none that commands.' '--tx-terminator	What follows each object that is sent (default: newline).'
             set takes --watch=none --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
             set args 'file'
+            set lacks --id --baud -n --dry-run -y --yes --assume-identity
         case 'ports'
-            set opts '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '-h	Show this help.' '--help	Show this help.'
+            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --assume-identity
         case 'scan'
-            set opts '-p	Where to look; may be repeated. Default: all serial ports that are free and permitted.' '--port	Where to look; may be repeated. Default: all serial ports that are free and permitted.' '--family	Look for this one only; may be repeated.' '--ids	Ids to ask for where devices have one, e.g. 1-254 (default: --id, or 1).' '--all	Go on after the first device on a port.' '-h	Show this message and exit.' '--help	Show this message and exit.' '--fake	Talk to the built-in simulator of this device.' '-d	A device named in the configuration file, see handctl devices.' '--device	A device named in the configuration file, see handctl devices.' '--id	Device id, as the protocol has it.' '--baud	Speed of the serial port in bit/s.' '--timeout	Seconds of silence allowed per reply.' '--deadline	Seconds for the whole command.' '--retries	Repetitions of a read without a valid answer (writes are never repeated).' '--trace	Record every byte with its time; play it back with -p replay:FILE.' '--format	How results are written (default: table).' '--json	Same as --format json; for a stream one row a line.' '--csv	Same as --format csv.' '-o	Write the data there instead of stdout, whole or not at all.' '--output	Write the data there instead of stdout, whole or not at all.' '--no-formulas	In CSV, put \' before a text that a spreadsheet would calculate.' '--color	Colour (default: auto; NO_COLOR is honoured).' '-q	No messages but errors.' '--quiet	No messages but errors.' '-v	Show every byte on stderr, as --trace records it.' '--verbose	Show every byte on stderr, as --trace records it.' '--debug	Show tracebacks.' '-n	Print the exact bytes of a command that writes or moves; send nothing.' '--dry-run	Print the exact bytes of a command that writes or moves; send nothing.' '-y	Answer the confirmation.' '--yes	Answer the confirmation.' '--assume-identity	Write without a look at which device is there. Must be typed: no variable and no configuration file has it.'
-            set takes -p=link --port=link --family=choice:exo,wrist,barrett,ekso,aidin --ids=none -d=device --device=device --id=none --baud=none --timeout=none --deadline=none --retries=none --trace=file --format=choice:table,plain,json,ndjson,csv -o=file --output=file --color=choice:auto,always,never
-            set shared no
+            set opts '-p	Where to look; may be repeated. Default: all serial ports that are free and permitted.' '--port	Where to look; may be repeated. Default: all serial ports that are free and permitted.' '--family	Look for this one only; may be repeated.' '--ids	Ids to ask for where devices have one, e.g. 1-254 (default: --id, or 1).' '--all	Go on after the first device on a port.' '-h	Show this help.' '--help	Show this help.'
+            set takes -p=link --port=link --family=choice:exo,wrist,barrett,ekso,aidin --ids=none
+            set lacks -p --port -n --dry-run -y --yes --assume-identity
         case 'doctor'
-            set opts '--family	Which device is on the link; -d NAME knows it.' '--count	Reads for the error rate. Default: 100.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '--family	Which device is on the link; -d NAME knows it.' '--count	Reads for the error rate. Default: 100.' '-h	Show this help.' '--help	Show this help.'
             set takes --family=choice:exo,wrist,barrett,ekso,aidin --count=none
+            set lacks -n --dry-run -y --yes --assume-identity
         case 'stop'
-            set opts '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '-h	Show this help.' '--help	Show this help.'
         case 'devices'
             set cmds 'list	List the named devices.' 'add	Name a device: its family and what is given of --port, --id, --baud, --timeout, --deadline, --retries.' 'remove	Forget a name. Writes the configuration file; comments and everything else in it stay.' 'show	Show every setting as -d NAME would have it, and where each comes from.'
-            set opts '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '-h	Show this help.' '--help	Show this help.'
         case 'devices list'
-            set opts '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '-h	Show this help.' '--help	Show this help.'
+            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --assume-identity
         case 'devices add'
-            set opts '--from-scan	Take family, link, id and baud from the output of scan --json; - is stdin.' '--force	Replace the device that has this name now.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '--from-scan	Take family, link, id and baud from the output of scan --json; - is stdin.' '--force	Replace the device that has this name now.' '-h	Show this help.' '--help	Show this help.'
             set takes --from-scan=file
             set args 'none' 'choice:exo,wrist,barrett,ekso,aidin'
         case 'devices remove'
-            set opts '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '-h	Show this help.' '--help	Show this help.'
             set args 'device'
+            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace --assume-identity
         case 'devices show'
-            set opts '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '-h	Show this help.' '--help	Show this help.'
             set args 'device'
+            set lacks -n --dry-run -y --yes --assume-identity
         case 'completion'
-            set opts '--install	Write it into your own completion directory instead of to stdout.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '--install	Write it into your own completion directory instead of to stdout.' '-h	Show this help.' '--help	Show this help.'
             set args 'choice:bash,zsh,fish'
+            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace --assume-identity
         case 'sim'
             set cmds 'aidin	AIDIN-hand (TCP, JSON).' 'barrett	BarrettHand BH8-series: supervisory and RealTime mode, boot monitor.' 'control	Send a command to a running simulator.' 'ekso	EksoNR exoskeleton, DataPort.' 'exo	Inspire EH55BF1 exoskeleton hand.' 'wrist	Inspire wrist module with the hand behind it.'
-            set opts '-h	Show this message and exit.' '--help	Show this message and exit.'
-            set shared no
+            set opts '-h	Show this help.' '--help	Show this help.'
+            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace --format --json --csv -o --output --no-formulas --color -q --quiet -v --verbose --debug -n --dry-run -y --yes --assume-identity
         case 'sim aidin'
-            set opts '--tcp	Serve on a TCP port; port 0 is any free one.' '--seed	Start of the random generator.' '--fault	Faults and states, see below; may be repeated.' '--after	The first N requests are healthy.' '--every	Of the later requests only each N-th is hit.' '--wire	Emulate the transmission time at this speed (\'auto\': the device\'s).' '--state	Keep memory, flash and positions in this file.' '--duration	Stop by itself after S seconds.' '--control	Unix socket for commands, see \'sim control\'.' '--set	A further option, see below.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '--tcp	Serve on a TCP port; port 0 is any free one.' '--seed	Start of the random generator.' '--fault	Faults and states, see below; may be repeated.' '--after	The first N requests are healthy.' '--every	Of the later requests only each N-th is hit.' '--wire	Emulate the transmission time at this speed (\'auto\': the device\'s).' '--state	Keep memory, flash and positions in this file.' '--duration	Stop by itself after S seconds.' '--control	Unix socket for commands, see \'sim control\'.' '--set	A further option, see below.' '-h	Show this help.' '--help	Show this help.'
             set takes --tcp=none --seed=none --fault=choice:healthy,silent,deaf,noise,garble,truncate,dribble,split,bad-checksum,wrong-id,twin-id,echo,loopback,duplicate,stale,late,slow,disconnect,refuse,missing-key,extra-key,wrong-length,nan,wrong-type,not-json,braces,unclosed,degrees,swapped,stuck,frozen,blocked,dead-motor,no-homing,no-bias,weak,touched --after=none --every=none --wire=none --state=file --duration=none --control=file --set=none
-            set shared no
+            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace --format --json --csv -o --output --no-formulas --color -q --quiet -v --verbose --debug -n --dry-run -y --yes --assume-identity
         case 'sim barrett'
-            set opts '--pty	Serve on a new pseudo terminal.' '--tcp	Serve on a TCP port; port 0 is any free one.' '--seed	Start of the random generator.' '--fault	Faults and states, see below; may be repeated.' '--after	The first N requests are healthy.' '--every	Of the later requests only each N-th is hit.' '--wire	Emulate the transmission time at this speed (\'auto\': the device\'s).' '--state	Keep memory, flash and positions in this file.' '--duration	Stop by itself after S seconds.' '--control	Unix socket for commands, see \'sim control\'.' '--set	A further option, see below.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '--pty	Serve on a new pseudo terminal.' '--tcp	Serve on a TCP port; port 0 is any free one.' '--seed	Start of the random generator.' '--fault	Faults and states, see below; may be repeated.' '--after	The first N requests are healthy.' '--every	Of the later requests only each N-th is hit.' '--wire	Emulate the transmission time at this speed (\'auto\': the device\'s).' '--state	Keep memory, flash and positions in this file.' '--duration	Stop by itself after S seconds.' '--control	Unix socket for commands, see \'sim control\'.' '--set	A further option, see below.' '-h	Show this help.' '--help	Show this help.'
             set takes --tcp=none --seed=none --fault=choice:healthy,silent,deaf,noise,garble,truncate,dribble,split,bad-checksum,wrong-id,twin-id,echo,loopback,duplicate,stale,late,slow,disconnect,refuse,no-echo,hang,no-abort,blocked,obstacle,strain,strain-offset,no-gauges,hot,over-temperature,not-homed,no-board,no-motor,reversed,breakaway,eeprom-worn,erratic,unknown-codes,loop-error,loop-silent,loop-drop,loop-extra,blank-firmware,wrong-echo,missing-echo,extra-byte,monitor-hang --after=none --every=none --wire=none --state=file --duration=none --control=file --set=none
-            set shared no
+            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace --format --json --csv -o --output --no-formulas --color -q --quiet -v --verbose --debug -n --dry-run -y --yes --assume-identity
         case 'sim control'
-            set opts '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '-h	Show this help.' '--help	Show this help.'
             set args 'file' 'none*'
-            set shared no
+            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace --format --json --csv -o --output --no-formulas --color -q --quiet -v --verbose --debug -n --dry-run -y --yes --assume-identity
         case 'sim ekso'
-            set opts '--pty	Serve on a new pseudo terminal.' '--tcp	Serve on a TCP port; port 0 is any free one.' '--seed	Start of the random generator.' '--fault	Faults and states, see below; may be repeated.' '--after	The first N requests are healthy.' '--every	Of the later requests only each N-th is hit.' '--wire	Emulate the transmission time at this speed (\'auto\': the device\'s).' '--state	Keep memory, flash and positions in this file.' '--duration	Stop by itself after S seconds.' '--control	Unix socket for commands, see \'sim control\'.' '--set	A further option, see below.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '--pty	Serve on a new pseudo terminal.' '--tcp	Serve on a TCP port; port 0 is any free one.' '--seed	Start of the random generator.' '--fault	Faults and states, see below; may be repeated.' '--after	The first N requests are healthy.' '--every	Of the later requests only each N-th is hit.' '--wire	Emulate the transmission time at this speed (\'auto\': the device\'s).' '--state	Keep memory, flash and positions in this file.' '--duration	Stop by itself after S seconds.' '--control	Unix socket for commands, see \'sim control\'.' '--set	A further option, see below.' '-h	Show this help.' '--help	Show this help.'
             set takes --tcp=none --seed=none --fault=choice:healthy,silent,deaf,noise,garble,truncate,dribble,split,bad-checksum,wrong-id,twin-id,echo,loopback,duplicate,stale,late,slow,disconnect,refuse,acknowledge,acknowledge-set,set-unanswered,not-taken,neighbour,pendant,stands-up,fidget,unlisted-codes,unknown-state,stuck-sensor,hip-offset,frozen-clock,clock-jump,reboot,unsolicited,wrong-command,short-body,stray-zero --after=none --every=none --wire=none --state=file --duration=none --control=file --set=none
-            set shared no
+            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace --format --json --csv -o --output --no-formulas --color -q --quiet -v --verbose --debug -n --dry-run -y --yes --assume-identity
         case 'sim exo'
-            set opts '--pty	Serve on a new pseudo terminal.' '--tcp	Serve on a TCP port; port 0 is any free one.' '--seed	Start of the random generator.' '--fault	Faults and states, see below; may be repeated.' '--after	The first N requests are healthy.' '--every	Of the later requests only each N-th is hit.' '--wire	Emulate the transmission time at this speed (\'auto\': the device\'s).' '--state	Keep memory, flash and positions in this file.' '--duration	Stop by itself after S seconds.' '--control	Unix socket for commands, see \'sim control\'.' '--set	A further option, see below.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '--pty	Serve on a new pseudo terminal.' '--tcp	Serve on a TCP port; port 0 is any free one.' '--seed	Start of the random generator.' '--fault	Faults and states, see below; may be repeated.' '--after	The first N requests are healthy.' '--every	Of the later requests only each N-th is hit.' '--wire	Emulate the transmission time at this speed (\'auto\': the device\'s).' '--state	Keep memory, flash and positions in this file.' '--duration	Stop by itself after S seconds.' '--control	Unix socket for commands, see \'sim control\'.' '--set	A further option, see below.' '-h	Show this help.' '--help	Show this help.'
             set takes --tcp=none --seed=none --fault=choice:healthy,silent,deaf,noise,garble,truncate,dribble,split,bad-checksum,wrong-id,twin-id,echo,loopback,duplicate,stale,late,slow,disconnect,refuse,strict,block-silent,no-late-frames,save-fails,fresh,foreign,baud-at-1002,faults,hot,blocked,locked-rotor,over-temperature,over-current,motor-abnormal,communication,unknown-bits --after=none --every=none --wire=none --state=file --duration=none --control=file --set=none
-            set shared no
+            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace --format --json --csv -o --output --no-formulas --color -q --quiet -v --verbose --debug -n --dry-run -y --yes --assume-identity
         case 'sim wrist'
-            set opts '--pty	Serve on a new pseudo terminal.' '--tcp	Serve on a TCP port; port 0 is any free one.' '--slcan-pty	CAN, as an slcan adapter on a new pseudo terminal.' '--slcan-tcp	CAN, as an slcan adapter on a TCP port.' '--seed	Start of the random generator.' '--fault	Faults and states, see below; may be repeated.' '--after	The first N requests are healthy.' '--every	Of the later requests only each N-th is hit.' '--wire	Emulate the transmission time at this speed (\'auto\': the device\'s).' '--state	Keep memory, flash and positions in this file.' '--duration	Stop by itself after S seconds.' '--control	Unix socket for commands, see \'sim control\'.' '--set	A further option, see below.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '--pty	Serve on a new pseudo terminal.' '--tcp	Serve on a TCP port; port 0 is any free one.' '--slcan-pty	CAN, as an slcan adapter on a new pseudo terminal.' '--slcan-tcp	CAN, as an slcan adapter on a TCP port.' '--seed	Start of the random generator.' '--fault	Faults and states, see below; may be repeated.' '--after	The first N requests are healthy.' '--every	Of the later requests only each N-th is hit.' '--wire	Emulate the transmission time at this speed (\'auto\': the device\'s).' '--state	Keep memory, flash and positions in this file.' '--duration	Stop by itself after S seconds.' '--control	Unix socket for commands, see \'sim control\'.' '--set	A further option, see below.' '-h	Show this help.' '--help	Show this help.'
             set takes --tcp=none --slcan-tcp=none --seed=none --fault=choice:healthy,silent,deaf,noise,garble,truncate,dribble,split,bad-checksum,wrong-id,twin-id,echo,loopback,duplicate,stale,late,slow,disconnect,refuse,strict,block-silent,no-wrist,save-fails,foreign,faults,hot,blocked,locked-rotor,over-temperature,over-current,motor-abnormal,communication,unknown-bits,no-late-frames,no-ack,bus-off --after=none --every=none --wire=none --state=file --duration=none --control=file --set=none
-            set shared no
+            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace --format --json --csv -o --output --no-formulas --color -q --quiet -v --verbose --debug -n --dry-run -y --yes --assume-identity
         case 'trace'
             set cmds 'diff	Compare two transcripts by what was said, not by time or pieces; exit 7 when they differ.' 'show	Every frame of FILE (- = stdin) in words: time, direction, bytes, meaning, round trip; statistics at the end.' 'decode	Explain one frame or several, field by field: from a manual, a scope, a hex dump; - reads stdin.'
-            set opts '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '-h	Show this help.' '--help	Show this help.'
+            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --assume-identity
         case 'trace diff'
-            set opts '--family	Whose bytes they are (default: as the file says, else as the bytes look).' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '--family	Whose bytes they are (default: as the file says, else as the bytes look).' '-h	Show this help.' '--help	Show this help.'
             set takes --family=choice:exo,wrist,barrett,ekso,aidin
             set args 'file' 'file'
+            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --assume-identity
         case 'trace show'
-            set opts '--family	Whose bytes they are (default: as the file says, else as the bytes look).' '--only	Rows with something wrong: bad frames, refusals, no answer.' '--grep	Rows whose meaning or bytes match, in any case.' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '--family	Whose bytes they are (default: as the file says, else as the bytes look).' '--only	Rows with something wrong: bad frames, refusals, no answer.' '--grep	Rows whose meaning or bytes match, in any case.' '-h	Show this help.' '--help	Show this help.'
             set takes --family=choice:exo,wrist,barrett,ekso,aidin --only=choice:errors --grep=none
             set args 'file'
+            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --assume-identity
         case 'trace decode'
-            set opts '--from	Who sent it (default: as the bytes look).' '-h	Show this message and exit.' '--help	Show this message and exit.'
+            set opts '--from	Who sent it (default: as the bytes look).' '-h	Show this help.' '--help	Show this help.'
             set takes --from=choice:host,device
             set args 'choice:exo,wrist,barrett,ekso,aidin' 'none*'
+            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --assume-identity
     end
-    if test -z "$shared"
-        set -a opts '-p	Where the device is: /dev/ttyUSB0, COM3, usb:VID:PID[:SERIAL], tcp://HOST:PORT, fake://…, replay:FILE, any pyserial URL.' '--port	Where the device is: /dev/ttyUSB0, COM3, usb:VID:PID[:SERIAL], tcp://HOST:PORT, fake://…, replay:FILE, any pyserial URL.' '--fake	Talk to the built-in simulator of this device.' '-d	A device named in the configuration file, see handctl devices.' '--device	A device named in the configuration file, see handctl devices.' '--id	Device id, as the protocol has it.' '--baud	Speed of the serial port in bit/s.' '--timeout	Seconds of silence allowed per reply.' '--deadline	Seconds for the whole command.' '--retries	Repetitions of a read without a valid answer (writes are never repeated).' '--trace	Record every byte with its time; play it back with -p replay:FILE.' '--format	How results are written (default: table).' '--json	Same as --format json; for a stream one row a line.' '--csv	Same as --format csv.' '-o	Write the data there instead of stdout, whole or not at all.' '--output	Write the data there instead of stdout, whole or not at all.' '--no-formulas	In CSV, put \' before a text that a spreadsheet would calculate.' '--color	Colour (default: auto; NO_COLOR is honoured).' '-q	No messages but errors.' '--quiet	No messages but errors.' '-v	Show every byte on stderr, as --trace records it.' '--verbose	Show every byte on stderr, as --trace records it.' '--debug	Show tracebacks.' '-n	Print the exact bytes of a command that writes or moves; send nothing.' '--dry-run	Print the exact bytes of a command that writes or moves; send nothing.' '-y	Answer the confirmation.' '--yes	Answer the confirmation.' '--assume-identity	Write without a look at which device is there. Must be typed: no variable and no configuration file has it.'
-        set -a takes -p=link --port=link -d=device --device=device --id=none --baud=none --timeout=none --deadline=none --retries=none --trace=file --format=choice:table,plain,json,ndjson,csv -o=file --output=file --color=choice:auto,always,never
+    for option in $lacks
+        set shared (string match -v -- $option\t'*' $shared)
     end
+    set -a opts $shared
+    set -a takes -p=link --port=link -d=device --device=device --id=none --baud=none --timeout=none --deadline=none --retries=none --trace=file --format=choice:table,plain,json,ndjson,csv -o=file --output=file --color=choice:auto,always,never
 end
 
 function __handctl_map --no-scope-shadowing # FAMILY: names of its quantities; sets readable settable known elements values
@@ -584,6 +690,7 @@ end
 
 function __handctl
     set -l shared
+    set -l lacks
     set -l cmds
     set -l opts
     set -l takes

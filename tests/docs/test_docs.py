@@ -314,4 +314,4 @@ def test_the_examples_that_need_no_device_run(tmp_path: Path, monkeypatch: pytes
         virtual = ["-p", f"fake://{kind}?clock=virtual{bus}"]
         done = run(*(virtual if "--fake" in words else []), *(w for w in words if w not in ("--fake", "--can")))
         assert done.code == 0, (line, done)
-    assert (tmp_path / "before.json").is_file()
+    assert (tmp_path / "exo-before.json").is_file()

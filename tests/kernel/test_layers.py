@@ -48,7 +48,7 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
     ("frame*", (*GROUND, "frame.*", "link*", "model.*", "report", "screen.*", "stop.*")),
     ("report.facts", ("tools.machine",)),
     ("report*", (*GROUND, "frame.*", "link.tap", "model.*", "report.*", "screen.render")),
-    ("docgen*", (*GROUND, "guides", "docgen*", "frame.clikit", "frame.options", "model.param")),
+    ("docgen*", (*GROUND, "guides", "docgen*", "frame.clikit", "frame.examples", "frame.options", "model.param")),
     ("guides", ()),
     ("newfamily*", ("newfamily",)),
     ("sim*", ("sim*",)),

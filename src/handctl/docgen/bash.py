@@ -38,14 +38,14 @@ def _takes(options: tuple[Option, ...]) -> str:
 
 
 def _node(node: Node, shared: tuple[Option, ...]) -> str:
-    options, takes_shared = own(node, shared)
+    options, lacks = own(node, shared)
     arguments = " ".join(argument.value.token + ("*" if argument.repeats else "") for argument in node.arguments)
     parts = {
         "cmds": " ".join(child.path[-1] for child in node.children),
         "opts": _words(options),
         "takes": _takes(options),
         "args": arguments,
-        "shared": "" if takes_shared else "no",
+        "lacks": lacks,
     }
     return f"        {quote(node.name)}) {' '.join(f'{key}={quote(text)}' for key, text in parts.items() if text)} ;;"
 
@@ -66,13 +66,15 @@ TEMPLATE = r"""# bash @MARK@: do not edit
 
 _handctl_node() # PATH: what stands below it; sets cmds opts takes args
 {
-    local shared=
+    local option lacks= shared=" "@SHARED@" "
     cmds='' opts='' takes='' args=''
     case $1 in
 @NODES@
     esac
-    [[ $shared ]] || opts+=" "@SHARED@ takes+=" "@SHARED_TAKES@
-    takes=" $takes"
+    for option in $lacks; do
+        shared=${shared/" $option "/ }
+    done
+    opts+=$shared takes=" $takes "@SHARED_TAKES@
 }
 
 _handctl_map() # FAMILY: names of its quantities; sets read set name elements values

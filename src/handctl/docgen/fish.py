@@ -43,14 +43,14 @@ def _takes(options: tuple[Option, ...]) -> str:
 
 
 def _node(node: Node, shared: tuple[Option, ...]) -> str:
-    options, takes_shared = own(node, shared)
+    options, lacks = own(node, shared)
     return (
         f"        case {quote(node.name)}\n"
         + _words("cmds", [quote(f"{child.path[-1]}\t{plain(child.summary)}") for child in node.children])
         + _words("opts", [_described(options)] if options else [])
         + _words("takes", [_takes(options)] if _takes(options) else [])
         + _words("args", [quote(argument.value.token + "*" * argument.repeats) for argument in node.arguments])
-        + ("" if takes_shared else "            set shared no\n")
+        + _words("lacks", lacks.split())
     ).rstrip()
 
 
@@ -74,7 +74,8 @@ def _map(node: Node) -> str:
 TEMPLATE = r"""# fish @MARK@: do not edit
 
 function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets cmds opts takes args
-    set shared
+    set shared @SHARED@
+    set lacks
     set cmds
     set opts
     set takes
@@ -82,10 +83,11 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
     switch "$argv[1]"
 @NODES@
     end
-    if test -z "$shared"
-        set -a opts @SHARED@
-        set -a takes @SHARED_TAKES@
+    for option in $lacks
+        set shared (string match -v -- $option\t'*' $shared)
     end
+    set -a opts $shared
+    set -a takes @SHARED_TAKES@
 end
 
 function __handctl_map --no-scope-shadowing # FAMILY: names of its quantities; sets readable settable known elements values
@@ -180,6 +182,7 @@ end
 
 function __handctl
     set -l shared
+    set -l lacks
     set -l cmds
     set -l opts
     set -l takes

@@ -19,6 +19,7 @@ from handctl.docgen.tables import common, mnemonic
 from handctl.docgen.tree import Node, Option
 from handctl.errors import HandctlError
 from handctl.families import FAMILIES
+from handctl.frame.examples import examples_of
 from handctl.model.param import MEASURED, Param
 
 EDITION = "2026-11-21"
@@ -99,9 +100,9 @@ def _own(family: str, name: str) -> Any:
     return getattr(importlib.import_module(where), name, None) if where and find_spec(where) else None
 
 
-def _said(command: str, name: str) -> Sequence[tuple[str, str]]:
-    """The rows of `name`, FILES or EXAMPLES, of a command's own page."""
-    found: Sequence[tuple[str, str]] = _own(command, name) or getattr(texts, name).get(command, ())
+def _files(command: str) -> Sequence[tuple[str, str]]:
+    """The rows of FILES of a command's own page."""
+    found: Sequence[tuple[str, str]] = _own(command, "FILES") or texts.FILES.get(command, ())
     return found
 
 
@@ -206,9 +207,9 @@ def _closing(page: Page, node: Node, tree: Node) -> str:
         page.section("ENVIRONMENT")
         for variable, text in _environment(node):
             page.item(bold(variable), text)
-    files = list(_said(name, "FILES"))
+    files = list(_files(name))
     if not name:
-        files = [entry for child in tree.children for entry in _said(child.path[0], "FILES") if "/" in entry[0]]
+        files = [entry for child in tree.children for entry in _files(child.path[0]) if "/" in entry[0]]
     elif name in FAMILIES and any(child.path == ("devices",) for child in tree.children):
         files += texts.FILES["devices"]
     if files:
@@ -255,14 +256,9 @@ def _same(name: str, metavar: str) -> str:
 
 
 def examples(node: Node) -> list[tuple[str, str]]:
-    """Command line -> what it shows: the page's own, or the usual ones that the command has the verbs for."""
-    name = node.path[0] if node.path else ""
-    own = _said(name, "EXAMPLES")
-    if own:
-        return list(own)
-    verbs = {child.path[-1] for child in node.children}
-    usual = [(line.format(name), text) for line, text in texts.USUAL if line.split()[2] in verbs]
-    return usual or [(f"handctl {name} --help", "What it takes.")]
+    """Command line -> what it shows, of each command of a page in the order of its commands."""
+    leaves = [node] if not node.path else [leaf for leaf in node.walk() if not leaf.children]
+    return [one for leaf in leaves for one in examples_of(leaf.path)]
 
 
 def _reference(page: str, section: int = 1) -> str:

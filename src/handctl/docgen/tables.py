@@ -61,14 +61,10 @@ def common(tree: Node) -> tuple[Option, ...]:
     return tuple(option for option in tree.options if option.shared)
 
 
-def own(node: Node, shared: tuple[Option, ...]) -> tuple[tuple[Option, ...], bool]:
-    """The options of a command without the `shared` ones, and whether it takes all of those too.
-
-    One that has an option of its own in place of a shared one lists all.
-    """
-    if not set(shared) <= set(node.options):
-        return node.options, False
-    return tuple(option for option in node.options if option not in shared), True
+def own(node: Node, shared: tuple[Option, ...]) -> tuple[tuple[Option, ...], str]:
+    """The options of a command without the `shared` ones, and the names of those that it does not offer."""
+    lacks = (name for option in shared if option not in node.options for name in option.names)
+    return tuple(option for option in node.options if option not in shared), " ".join(lacks)
 
 
 def plain(text: str) -> str:

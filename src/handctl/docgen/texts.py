@@ -1,8 +1,8 @@
-"""What a man page says beyond the command tree: links, output, files, examples. Data only.
+"""What a man page says beyond the command tree: links, output, files. Data only.
 
 A page is looked up by its top-level command, "" is handctl(1). A family has its own files and examples in its module
-`page`: FILES and EXAMPLES as here, and `section() -> title, paragraphs, (term, text, lines) items` where it has more to say.
-A command without examples of its own gets those of USUAL that it has the verbs for.
+`page`: FILES as here, EXAMPLES as in `frame.examples`, and `section() -> title, paragraphs, (term, text, lines) items` where
+it has more to say.
 """
 
 from __future__ import annotations
@@ -58,45 +58,3 @@ FILES: dict[str, tuple[tuple[str, str], ...]] = {
         ("$XDG_CONFIG_HOME/fish/completions/handctl.fish", "Installed for fish; by default below ~/.config."),
     ),
 }
-
-EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
-    "": (
-        ("handctl exo dump --fake", "Everything that a simulated exoskeleton hand tells; needs no device."),
-        ("handctl exo status -p /dev/ttyUSB0", "What to look at first, decoded."),
-        ("handctl wrist status -p can:socketcan:can0", "The same for a wrist module on CAN."),
-        ("handctl barrett status -p usb:0403:6001 --json", "The same for a BarrettHand, for a script."),
-    ),
-    "ports": (
-        ("handctl ports", "What is plugged in, who holds it, and what to do where it cannot be opened."),
-        ("handctl ports --json", "The same for a script."),
-    ),
-    "stop": (
-        ("handctl stop -p /dev/ttyUSB0", "Stop what another handctl moves there."),
-        ("handctl stop -d left", "Stop a device by its name, whoever has it."),
-    ),
-    "scan": (("handctl scan -p /dev/ttyUSB0", "Which device answers there; only reads."),),
-    "doctor": (("handctl doctor -p /dev/ttyUSB0", "Checks of this machine and of that link."),),
-    "devices": (
-        ("handctl devices list", "The devices that have a name."),
-        ("handctl devices show left", "One of them, and where each value comes from."),
-    ),
-    "trace": (("handctl trace show run.txt", "A transcript, decoded line by line."),),
-    "sim": (
-        ("handctl sim exo --pty", "A simulated hand on a new pseudo terminal; the link is printed."),
-        ("handctl sim wrist --slcan-tcp 127.0.0.1:0", "A wrist module behind an slcan adapter, for python-can."),
-        ("handctl sim exo --pty --fault noise --every 5 --control hand.sock", "Every fifth answer comes with junk."),
-        ("handctl sim control hand.sock power-cycle", "Switch it off and on."),
-    ),
-    "completion": (
-        ("handctl completion bash --install", "For this user; says what to do next."),
-        ("handctl completion zsh -o _handctl", "Into a file of your choice."),
-    ),
-}
-
-USUAL: tuple[tuple[str, str], ...] = (
-    ("handctl {} status --fake", "What to look at first, of a simulated device."),
-    ("handctl {} status --check --fake", "Exit status 7 when anything is unhealthy."),
-    ("handctl {} dump --fake --json", "Everything it tells, for a script."),
-    ("handctl {} describe", "All its quantities; needs no device."),
-    ("handctl {} watch --count 3 --fake", "Three samples."),
-)

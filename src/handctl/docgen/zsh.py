@@ -42,7 +42,7 @@ def _takes(options: tuple[Option, ...]) -> list[str]:
 
 
 def _node(node: Node, shared: tuple[Option, ...]) -> str:
-    options, takes_shared = own(node, shared)
+    options, lacks = own(node, shared)
     parts = {
         "cmds": [_pair(child.path[-1], child.summary) for child in node.children],
         "opts": _described(options),
@@ -50,7 +50,7 @@ def _node(node: Node, shared: tuple[Option, ...]) -> str:
         "args": [quote(argument.value.token + ("*" if argument.repeats else "")) for argument in node.arguments],
     }
     lines = [f"            {key}=({' '.join(words)})\n" for key, words in parts.items() if words]
-    lines += [] if takes_shared else ["            shared=no\n"]
+    lines += [f"            lacks=({lacks})\n"] if lacks else []
     return f"        ({quote(node.name)})\n{''.join(lines)}            ;;"
 
 
@@ -76,14 +76,17 @@ TEMPLATE = r"""#compdef handctl handctl.pyz
 # zsh @MARK@: do not edit
 
 _handctl_node() { # PATH: what stands below it; sets cmds opts takes args
-    local shared=
+    local option
+    local -a lacks shared=(@SHARED@)
     cmds=() opts=() takes=() args=()
     case $1 in
 @NODES@
     esac
-    [[ -n $shared ]] && return
-    opts+=(@SHARED@)
-    takes+=(@SHARED_TAKES@)
+    for option in $lacks; do
+        shared=(${shared:#$option:*})
+    done
+    opts+=($shared)
+    takes=(@SHARED_TAKES@ ${(kv)takes})
 }
 
 _handctl_map() { # FAMILY: names of its quantities; sets read set name elements values

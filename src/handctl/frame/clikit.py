@@ -21,85 +21,17 @@ from handctl.frame.console import print_message, print_stderr
 from handctl.frame.envelope import make_envelope
 from handctl.frame.family import Family
 from handctl.frame.numbers import Hertz, Seconds
-from handctl.frame.options import (
-    COMMAND_LINE,
-    config_path,
-    from_click,
-    own_options,
-    read_config,
-    resolve,
-    shared_options,
-)
+from handctl.frame.options import COMMAND_LINE, SharedOption, config_path, from_click, read_config, resolve
 from handctl.frame.run import Run
+from handctl.frame.usage import HEADINGS, MOST, USUAL, Described, plain_help
 from handctl.screen.streams import utf8_stdout
 
-MOST = 1000
-"""Characters of a first sentence: all of it."""
-HEADINGS = ("Look", "Move", "Settings", "Service", "Files")
-"""What a technician wants to do: the commands of a family are listed below these, in this order."""
-USUAL = ("status", "dump", "get", "watch", "describe", "stop", "set", "report", "snapshot", "diff", "restore")
-"""What every device has stands first below its heading, in this order."""
 
-
-def _show_help(ctx: click.Context, _param: click.Parameter, value: bool) -> None:
-    if value and not ctx.resilient_parsing:
-        sys.stdout.write(ctx.get_help() + "\n")
-        ctx.exit()
-
-
-def _plain_help(command: click.Command) -> None:
-    """Help of a command that is not one of ours, and of those below it, goes to stdout as ours does."""
-    if "get_help_option" not in vars(command):
-        made = command.get_help_option
-        command.get_help_option = lambda ctx: _written_plainly(made(ctx))  # type: ignore[method-assign]
-    for below in command.commands.values() if isinstance(command, click.Group) else ():
-        _plain_help(below)
-
-
-def _written_plainly(option: click.Option | None) -> click.Option | None:
-    """Help goes to stdout as it is: click would make a stream in ASCII UTF-8, and leave nothing to a substitute."""
-    if option is not None:
-        option.callback = _show_help
-    return option
-
-
-class _SharedOptions(click.Command):
-    """Accepts the shared options, and lists them by section after the command's own.
-
-    They are made when a command is parsed, not when it is defined: most commands of a family are never used in a run.
-    """
-
-    def get_params(self, ctx: click.Context) -> list[click.Parameter]:
-        if self._shared is None:
-            family = self.family
-            self._shared = (
-                shared_options(family.wires, own_options(family.kind)) if family is not None else shared_options()
-            )
-        own = super().get_params(ctx)
-        return [*own, *self._shared]
-
-    _shared: list[click.Parameter] | None = None
-    family: Family | None = None
-
-    def get_help_option(self, ctx: click.Context) -> click.Option | None:
-        return _written_plainly(super().get_help_option(ctx))
-
-    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        sections: dict[str, list[tuple[str, str]]] = {}
-        for param in self.get_params(ctx):
-            record = param.get_help_record(ctx) if isinstance(param, click.Option) else None
-            if record is not None:
-                sections.setdefault(getattr(param, "section", "Options"), []).append(record)
-        for title in ("Options", *(name for name in sections if name != "Options")):
-            if title in sections:
-                with formatter.section(title):
-                    formatter.write_dl(sections[title])
-
-
-class Command(_SharedOptions):
+class Command(Described):
     """A leaf command with the shared options.
 
-    `heading`: one of HEADINGS; `writes`: --dry-run makes sense for it; `streams`: --json means NDJSON; `stops`: an emergency, which nothing holds up.
+    `heading`: one of HEADINGS; `writes`: --dry-run makes sense for it; `streams`: --json means NDJSON; `stops`: an
+    emergency, which nothing holds up; `offline`: it never opens a link.
     """
 
     def __init__(
@@ -108,6 +40,7 @@ class Command(_SharedOptions):
         writes: bool = False,
         streams: bool = False,
         stops: bool = False,
+        offline: bool = False,
         heading: str = "",
         family: Family | None = None,
         **more: Any,
@@ -116,6 +49,7 @@ class Command(_SharedOptions):
         self.heading = heading
         self.writes = writes
         self.stops = stops
+        self.offline = offline
         self.streams = streams
         self.family = family
 
@@ -150,7 +84,7 @@ class Command(_SharedOptions):
         return run.execute(lambda: super(Command, self).invoke(ctx))
 
 
-class Group(_SharedOptions, click.Group):
+class Group(Described, click.Group):
     """A group with the shared options. `first` are the commands that stand first below their heading, behind the usual."""
 
     command_class = Command
@@ -162,6 +96,27 @@ class Group(_SharedOptions, click.Group):
         self.heading = heading
         self.first = (*USUAL, *first)
         self.family = family
+
+    def refused(self) -> frozenset[str]:
+        """What all its commands refuse."""
+        below = [one.refused() for one in self.commands.values() if isinstance(one, Described)]
+        return frozenset.intersection(*below) if below else frozenset()
+
+    def format_examples(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Its commands have them."""
+
+    def format_common(
+        self, ctx: click.Context, formatter: click.HelpFormatter, options: Sequence[SharedOption]
+    ) -> None:
+        """The options that a family has for itself in full, and where the rest stands."""
+        mine = [option for option in options if option.family]
+        if mine:
+            with formatter.section(f"Options of each {self.name} command"):
+                formatter.write_dl([record for option in mine if (record := option.get_help_record(ctx)) is not None])
+        formatter.write_paragraph()
+        formatter.write_text(
+            f"`{ctx.command_path} COMMAND -h` shows one command with examples; `handctl help options` the common options; `handctl help` lists the guides."
+        )
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """By heading; below it first what every device has, then `first`, then the rest as it was added."""
@@ -194,7 +149,14 @@ class Group(_SharedOptions, click.Group):
         ]
 
     def verb(
-        self, name: str, heading: str = "", *, writes: bool = False, streams: bool = False, stops: bool = False
+        self,
+        name: str,
+        heading: str = "",
+        *,
+        writes: bool = False,
+        streams: bool = False,
+        stops: bool = False,
+        offline: bool = False,
     ) -> Callable[[Callable[..., Any]], Command]:
         """Decorator: add a leaf command whose body gets the Run first and returns a Table (or None).
 
@@ -206,7 +168,14 @@ class Group(_SharedOptions, click.Group):
                 return body(click.get_current_context().obj, *args, **more)
 
             made: Command = click.command(
-                name, cls=Command, heading=heading, writes=writes, streams=streams, stops=stops, family=self.family
+                name,
+                cls=Command,
+                heading=heading,
+                writes=writes,
+                streams=streams,
+                stops=stops,
+                offline=offline,
+                family=self.family,
             )(update_wrapper(call, body))
             self.add_command(made)
             return made
@@ -250,8 +219,8 @@ class Root(Group):
             return None
         command = importlib.import_module(COMMANDS[cmd_name][0]).cli
         assert isinstance(command, click.Command)
-        if not isinstance(command, _SharedOptions):
-            _plain_help(command)
+        if not isinstance(command, Described):
+            plain_help(command)
         return command
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
@@ -267,6 +236,10 @@ class Root(Group):
         """From `families`: nothing of a command is loaded."""
         return [(heading, name, COMMANDS[name][1]) for heading, names in LISTED.items() for name in names]
 
+    def format_examples(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """To begin with."""
+        Described.format_examples(self, ctx, formatter)
+
     def shell_complete(self, ctx: click.Context, incomplete: str) -> list[Any]:
         from click.shell_completion import CompletionItem
 
@@ -277,9 +250,6 @@ class Root(Group):
 root = Root(
     "handctl",
     help="Diagnostics and configuration of hand and exoskeleton devices.",
-    epilog="Options work at any level; the one nearest the verb wins. Each has an environment variable, e.g. "
-    "HANDCTL_PORT. Exit codes: 0 done, 2 usage, 3 link, 4 no answer, 5 no valid answer, 6 refused by the device, "
-    "7 check failed, 8 not confirmed, 130 interrupted.",
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
 )
 

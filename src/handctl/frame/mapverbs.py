@@ -150,4 +150,4 @@ def add_map_verbs(
         ("report", "Service", report, False),
     ):
         if name not in without:
-            group.verb(name, heading, writes=writes, streams=name == "watch")(body)
+            group.verb(name, heading, writes=writes, streams=name == "watch", offline=name == "describe")(body)

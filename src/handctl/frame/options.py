@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
+from copy import copy
 from functools import cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -72,6 +73,8 @@ class Source(NamedTuple):
 
 COMMAND_LINE = Source("command line")
 ENVIRONMENT, NAMED, FILE = "environment", "named device", "configuration file"
+CONNECTION, OUTPUT, WRITING = "Connection", "Output", "Writing"
+"""Sections of the common options."""
 WITHOUT_FILE = "completion"
 """Its script must come out whatever the file says, also when that is damaged."""
 WITHOUT_DEVICE = ("devices list", "devices add", "devices remove")
@@ -81,13 +84,21 @@ WITHOUT_DEVICE = ("devices list", "devices add", "devices remove")
 class SharedOption(click.Option):
     """An option that means the same at root, group and leaf. It writes `settings key = value` into the shared meta.
 
-    One that must be `typed` has neither a variable nor a key in the configuration file.
+    One that must be `typed` has neither a variable nor a key in the configuration file. `family`: not every family has it.
     """
 
     def __init__(
-        self, names: Sequence[str], section: str, key: str = "", fixed: Any = None, typed: bool = False, **more: Any
+        self,
+        names: Sequence[str],
+        section: str,
+        key: str = "",
+        fixed: Any = None,
+        typed: bool = False,
+        family: bool = False,
+        **more: Any,
     ) -> None:
         self.section = section
+        self.family = family
         self.fixed = fixed
         self.typed = typed
         super().__init__(list(names), expose_value=False, callback=self._remember, **more)
@@ -110,21 +121,35 @@ class SharedOption(click.Option):
         given[f"{self.key}@"] = level
 
 
-def shared_options(wires: Sequence[str] = (), own: Sequence[OwnOption] = ()) -> list[click.Parameter]:
+def shared_options(
+    wires: Sequence[str] = (), own: Sequence[OwnOption] = (), refused: frozenset[str] = frozenset()
+) -> list[click.Parameter]:
     """The options that every command, group and the root accept, with those of a family that has several `wires` and some
-    of its `own`. They hold nothing of a run, so they are made once.
+    of its `own`. What is `refused`, by key, is understood, but not offered; "" stands for the section CONNECTION.
+    They hold nothing of a run, so they are made once.
     """
-    return list(_shared(tuple(wires), tuple(own)))
+    return list(_offered(tuple(wires), tuple(own), refused))
 
 
 @cache
-def _shared(wires: tuple[str, ...], own: tuple[OwnOption, ...]) -> list[click.Parameter]:
-    connect, output, safety = "Connection", "Output", "Writing"
+def _offered(wires: tuple[str, ...], own: tuple[OwnOption, ...], refused: frozenset[str]) -> list[SharedOption]:
+    def offered(option: SharedOption) -> SharedOption:
+        if option.key in refused or (option.section == CONNECTION and "" in refused):
+            option = copy(option)
+            option.hidden = True
+        return option
+
+    return list(map(offered, _shared(wires, own)))
+
+
+@cache
+def _shared(wires: tuple[str, ...], own: tuple[OwnOption, ...]) -> list[SharedOption]:
+    connect, output, safety = CONNECTION, OUTPUT, WRITING
     number = Seconds()
     return [
         SharedOption(["-p", "--port"], connect, metavar="LINK", help="Where the device is: /dev/ttyUSB0, COM3, usb:VID:PID[:SERIAL], tcp://HOST:PORT, fake://…, replay:FILE, any pyserial URL."),
         SharedOption(["--fake"], connect, is_flag=True, help="Talk to the built-in simulator of this device."),
-        *(SharedOption([f"--{wire}"], connect, key="wire", fixed=wire, is_flag=True, help=f"With --fake or --dry-run: the {wire} wire (default: {wires[0]}).") for wire in wires),
+        *(SharedOption([f"--{wire}"], connect, key="wire", fixed=wire, family=True, is_flag=True, help=f"With --fake or --dry-run: the {wire} wire (default: {wires[0]}).") for wire in wires),
         SharedOption(["-d", "--device"], connect, metavar="NAME", help="A device named in the configuration file, see `handctl devices`."),
         *(_own_option(option, connect) for option in own),
         SharedOption(["--id"], connect, type=int, metavar="N", help="Device id, as the protocol has it."),
@@ -150,9 +175,11 @@ def _shared(wires: tuple[str, ...], own: tuple[OwnOption, ...]) -> list[click.Pa
 
 def _own_option(option: OwnOption, section: str) -> SharedOption:
     if option.flag:
-        return SharedOption([f"--{option.name}"], section, is_flag=True, help=option.help)
+        return SharedOption([f"--{option.name}"], section, family=True, is_flag=True, help=option.help)
     takes = click.Choice(option.choices) if option.choices else None
-    return SharedOption([f"--{option.name}"], section, type=takes, metavar=option.metavar or None, help=option.help)
+    return SharedOption(
+        [f"--{option.name}"], section, family=True, type=takes, metavar=option.metavar or None, help=option.help
+    )
 
 
 def own_options(kind: str = "") -> tuple[OwnOption, ...]:

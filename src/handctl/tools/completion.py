@@ -20,7 +20,7 @@ SHELLS = ("bash", "zsh", "fish")
 """Those that `docgen` writes for; a test compares."""
 
 
-@click.command("completion", cls=Command, writes=True)
+@click.command("completion", cls=Command, writes=True, offline=True)
 @click.argument("shell", type=click.Choice(SHELLS))
 @click.option("--install", is_flag=True, help="Write it into your own completion directory instead of to stdout.")
 def cli(shell: str, install: bool) -> Table:

@@ -57,7 +57,7 @@ def row_of(device: Device) -> Row:
     return {"name": device.name, "family": device.kind, "link": said["port"], **{key: said.get(key) for key in keys}}
 
 
-@cli.verb("list")
+@cli.verb("list", offline=True)
 def list_devices(run: Run) -> Table:
     """List the named devices."""
     path = config_path()
@@ -116,7 +116,7 @@ def add(run: Run, name: str, family: str | None, scanned: str | None, force: boo
 DONE = (Column("file", "File"), Column("result", "Result"))
 
 
-@cli.verb("remove", writes=True)
+@cli.verb("remove", writes=True, offline=True)
 @click.argument("name")
 def remove(run: Run, name: str) -> Table:
     """Forget a name. Writes the configuration file; comments and everything else in it stay."""

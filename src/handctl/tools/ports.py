@@ -47,7 +47,7 @@ class Problem(NamedTuple):
     remedy: str
 
 
-@click.command("ports", cls=Command)
+@click.command("ports", cls=Command, offline=True)
 def cli() -> Table:
     """List serial ports and CAN interfaces: what they are, who holds them, what to do about it. Opens none of them."""
     run: Run = click.get_current_context().obj

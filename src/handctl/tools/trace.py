@@ -37,7 +37,7 @@ family_option = click.option(
 )
 
 
-@cli.verb("show")
+@cli.verb("show", offline=True)
 @click.argument("file", type=InFile())
 @family_option
 @click.option(
@@ -61,7 +61,7 @@ def show(run: Run, file: str, family: str | None, only: str | None, pattern: str
             return _streamed(run, told, matches)
 
 
-@cli.verb("diff")
+@cli.verb("diff", offline=True)
 @click.argument("a", type=InFile())
 @click.argument("b", type=InFile())
 @family_option
@@ -100,7 +100,7 @@ def diff(run: Run, a: str, b: str, family: str | None) -> Table:
     return Table(rows=rows, columns=columns, text=_difference_text, failure=failure, extra={"statistics": counts})
 
 
-@cli.verb("decode")
+@cli.verb("decode", offline=True)
 @click.argument("family", type=click.Choice(list(FAMILIES)))
 @click.argument("hex_bytes", metavar="HEX...", nargs=-1, required=True)
 @click.option("--from", "side", type=click.Choice(["host", "device"]), help="Who sent it (default: as the bytes look).")

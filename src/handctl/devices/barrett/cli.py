@@ -77,7 +77,7 @@ add_map_verbs(
 # -- reading ------------------------------------------------------------------------------------------------------
 
 
-@cli.verb("describe", "Look")
+@cli.verb("describe", "Look", offline=True)
 @click.argument("names", nargs=-1, metavar="[NAME]...")
 def describe(run: Run, names: tuple[str, ...]) -> Table:
     """List every parameter with range, defaults, access and manual section.
@@ -113,7 +113,7 @@ def version(run: Run) -> Table:
     )
 
 
-@cli.verb("errors", "Look")
+@cli.verb("errors", "Look", offline=True)
 @click.argument("code", required=False, type=click.IntRange(0, 1 << 32))
 def errors(run: Run, code: int | None) -> Table:
     """Explain status codes in the manual's words. CODE may be a sum. Needs no device."""

@@ -89,7 +89,7 @@ def feedback(run: Run) -> Table:
     return run.device().message("feedback")  # type: ignore[no-any-return]
 
 
-@cli.verb("describe", "Look")
+@cli.verb("describe", "Look", offline=True)
 @click.argument("names", nargs=-1, metavar=NAMES)
 def describe(run: Run, names: tuple[str, ...]) -> Table:
     """The map itself; needs no device.
@@ -121,7 +121,7 @@ def describe(run: Run, names: tuple[str, ...]) -> Table:
     return Table(rows=table.rows, columns=columns)
 
 
-@cli.verb("policy", "Look")
+@cli.verb("policy", "Look", offline=True)
 @click.option(
     "--audit",
     envvar="HANDCTL_AUDIT",

@@ -31,7 +31,7 @@ def add_firmware(group: Group) -> None:
     )
     group.add_command(firmware)
 
-    @firmware.verb("check")
+    @firmware.verb("check", offline=True)
     @click.argument("file", type=InFile())
     @click.option("--force", is_flag=True, help="Accept a file without an end record.")
     def check(run: Run, file: str, force: bool) -> Table:

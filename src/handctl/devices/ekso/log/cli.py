@@ -293,7 +293,7 @@ def _own_format(group: Group, name: str, body: Callable[..., Table]) -> click.Co
     def call(*args: Any, **more: Any) -> Any:
         return body(click.get_current_context().obj, *args, **more)
 
-    made: click.Command = click.command(name, cls=_ExportCommand, heading="Files", family=group.family)(
+    made: click.Command = click.command(name, cls=_ExportCommand, heading="Files", offline=True, family=group.family)(
         update_wrapper(call, body)
     )
     return made

@@ -1,12 +1,20 @@
 """What the manual page says beside the commands (see `docgen.texts`). Data only."""
 
 EXAMPLES = (
-    ("handctl wrist scan -p can:socketcan:can0", "Which id answers on a CAN bus."),
     ("handctl wrist status --fake --can", "The simulated module on its CAN wire."),
+    ("handctl wrist status --fake", "The same on its serial wire."),
+    ("handctl wrist get pitch_actual yaw_actual --fake", "The angles of both axes."),
     ("handctl wrist move --pitch -10 --yaw 10 --time 1000 --fake", "Move to angles in degrees and wait."),
-    ("handctl wrist center -p /dev/ttyUSB0", "Both axes to 0."),
-    (
-        'handctl wrist raw -n "EB 90 01 04 30 FC 03 02 36"',
-        "What a frame from the manual really does; sends nothing.",
-    ),
+    ("handctl wrist move --pitch 5 -n --fake", "The bytes that would be sent."),
+    ("handctl wrist center -p /dev/ttyUSB0", "Move both axes to 0."),
+    ("handctl wrist center --time 2000 --fake", "The same within two seconds."),
+    ("handctl wrist set yaw_set=10 pitch_set=-10 --fake", "Write two quantities and read them back."),
+    ("handctl wrist set move_time=1000 -n --fake", "The bytes that would be sent."),
+    ("handctl wrist scan -p can:socketcan:can0", "Which id answers on a CAN bus."),
+    ("handctl wrist scan --ids 1-10 -p /dev/ttyUSB0", "Ten ids on a serial port."),
+    ("handctl wrist read 1038 6 --fake", "Six bytes from address 1038."),
+    ("handctl wrist hand-read 1000 2 -p /dev/ttyUSB0", "Two bytes of the hand that carries the wrist."),
+    ("handctl wrist write 1038 6400 -n --fake", "The bytes that would be sent."),
+    ("handctl wrist hand-write 1486 2C01 -n --fake", "The bytes that would be sent."),
+    ('handctl wrist raw -n "EB 90 01 04 30 FC 03 02 36"', "What a frame from the manual really does; sends nothing."),
 )

@@ -1,0 +1,102 @@
+"""Examples of the commands: for their help and for the manual. Data, and where to find that of a family.
+
+A family has its own in EXAMPLES of its module `page`. A verb that every device has gets those of USUAL beside them.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Sequence
+from importlib.util import find_spec
+
+from handctl.families import FAMILIES
+
+MOST = 3
+"""Of one command, in its help; the manual has all."""
+
+Examples = Sequence[tuple[str, str]]
+
+EXAMPLES: dict[str, Examples] = {
+    "": (
+        ("handctl exo status --fake", "The health of a simulated exoskeleton hand; needs no device."),
+        ("handctl ports", "Which ports there are, and who holds them."),
+        ("handctl barrett status -p /dev/ttyUSB0", "The health of a BarrettHand on a serial port."),
+        ("handctl wrist status -p can:socketcan:can0", "The same for a wrist module on CAN."),
+    ),
+    "ports": (
+        ("handctl ports", "What is plugged in, who holds it, and what to do where it cannot be opened."),
+        ("handctl ports --json", "The same for a script."),
+    ),
+    "stop": (
+        ("handctl stop -p /dev/ttyUSB0", "Stop what another handctl moves there."),
+        ("handctl stop -d left", "Stop a device by its name, whoever has it."),
+    ),
+    "scan": (
+        ("handctl scan", "Look on every free serial port."),
+        ("handctl scan -p /dev/ttyUSB0 --ids 1-254", "Look on one port, for every id."),
+        ("handctl scan -p tcp://192.168.0.20 --json", "Look for a device on the network, for a script."),
+    ),
+    "doctor": (
+        ("handctl doctor", "Check this machine."),
+        ("handctl doctor -p /dev/ttyUSB0", "Check this machine and that link."),
+    ),
+    "devices": (
+        ("handctl devices list", "The devices that have a name."),
+        ("handctl devices show left", "One of them, and where each value comes from."),
+        ("handctl devices add left exo -p /dev/ttyUSB0 --id 2", "Call a hand `left`."),
+        ("handctl devices add left --from-scan found.json", "The same from the output of `handctl scan --json`."),
+        ("handctl devices remove left", "Forget the name."),
+    ),
+    "trace": (
+        ("handctl trace show run.txt", "A transcript, decoded line by line."),
+        ("handctl trace show run.txt --only errors", "Bad frames, refusals and missing answers alone."),
+        ("handctl trace diff before.txt after.txt", "Where two transcripts differ in meaning."),
+        ('handctl trace decode exo "EB 90 01 04 11 E8 03 01 02"', "One frame, explained."),
+    ),
+    "sim": (
+        ("handctl sim exo --pty", "A simulated hand on a new pseudo terminal; the link is printed."),
+        ("handctl sim wrist --slcan-tcp 127.0.0.1:0", "A wrist module behind an slcan adapter, for python-can."),
+        ("handctl sim exo --pty --fault noise --every 5 --control hand.sock", "Every fifth answer comes with junk."),
+        ("handctl sim control hand.sock power-cycle", "Switch it off and on."),
+    ),
+    "completion": (
+        ("handctl completion bash --install", "For this user; says what to do next."),
+        ("handctl completion zsh -o _handctl", "Into a file of your choice."),
+    ),
+}  # fmt: skip
+"""Top-level command -> command line, what it shows. "" is handctl itself."""
+
+USUAL: Examples = (
+    ("handctl {0} status --fake", "The health of a simulated device."),
+    ("handctl {0} status --check -d left", "Exit status 7 when anything is unhealthy."),
+    ("handctl {0} dump --fake", "Every value that can be read."),
+    ("handctl {0} dump --fake --json", "The same for a script."),
+    ("handctl {0} describe", "All quantities; needs no device."),
+    ("handctl {0} describe --csv -o quantities.csv", "The same for a spreadsheet."),
+    ("handctl {0} watch --count 3 --fake", "Three samples."),
+    ("handctl {0} watch --duration 60 --csv -o curve.csv -d left", "One minute into a file."),
+    ("handctl {0} stop -d left", "Stop at once, also while another handctl uses the device."),
+    ("handctl {0} stop -n --fake", "The bytes that would be sent."),
+    ("handctl {0} report {0}.html --fake", "One page for a service ticket."),
+    ("handctl {0} snapshot {0}-before.json --fake", "All settings into a file."),
+    ("handctl {0} diff {0}-before.json -d left", "What has changed since."),
+    ("handctl {0} diff {0}-before.json {0}-after.json", "What differs between two files; needs no device."),
+    ("handctl {0} restore {0}-before.json --dry-run -d left", "The bytes that would be sent."),
+    ("handctl {0} restore {0}-before.json -d left", "Write the settings that differ, and read them back."),
+)
+
+
+def examples_of(path: Sequence[str]) -> Examples:
+    """Of one command that does something, by all its words; of a group those of all its commands; () is handctl itself."""
+    if not path:
+        return EXAMPLES[""]
+    return [(line, text) for line, text in _known(path[0]) if line.split()[1 : 1 + len(path)] == list(path)]
+
+
+def _known(name: str) -> Examples:
+    """All of a top-level command: a family's own, from its module `page`, then those that its verbs share with others."""
+    if name not in FAMILIES:
+        return EXAMPLES.get(name, ())
+    where = FAMILIES[name].module("page")
+    own: Examples = getattr(importlib.import_module(where), "EXAMPLES", ()) if find_spec(where) else ()
+    return [*own, *((line.format(name), text) for line, text in USUAL)]

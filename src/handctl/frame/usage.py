@@ -1,0 +1,118 @@
+"""What `-h` shows, and which of the common options a command offers. Imports click and data only.
+
+A command shows its arguments, its own options and its examples; of the common options only the names, and of those only
+what it accepts: `Described.refused` is the one rule, which man pages and completions follow too.
+"""
+
+from __future__ import annotations
+
+import sys
+import textwrap
+from collections.abc import Sequence
+
+import click
+
+from handctl.frame.examples import MOST as MOST_EXAMPLES
+from handctl.frame.examples import examples_of
+from handctl.frame.family import Family
+from handctl.frame.options import CONNECTION, OUTPUT, WRITING, SharedOption, own_options, shared_options
+
+MOST = 1000
+"""Characters of a first sentence: all of it."""
+HEADINGS = ("Look", "Move", "Settings", "Service", "Files")
+"""What a technician wants to do: the commands of a family are listed below these, in this order."""
+USUAL = ("status", "dump", "get", "watch", "describe", "stop", "set", "report", "snapshot", "diff", "restore")
+"""What every device has stands first below its heading, in this order."""
+
+
+def _show_help(ctx: click.Context, _param: click.Parameter, value: bool) -> None:
+    if value and not ctx.resilient_parsing:
+        sys.stdout.write(ctx.get_help() + "\n")
+        ctx.exit()
+
+
+def plain_help(command: click.Command) -> None:
+    """Help of a command that is not one of ours, and of those below it, goes to stdout as ours does."""
+    if "get_help_option" not in vars(command):
+        made = command.get_help_option
+        command.get_help_option = lambda ctx: _written_plainly(made(ctx))  # type: ignore[method-assign]
+    for below in command.commands.values() if isinstance(command, click.Group) else ():
+        plain_help(below)
+
+
+def _written_plainly(option: click.Option | None) -> click.Option | None:
+    """Help goes to stdout as it is: click would make a stream in ASCII UTF-8, and leave nothing to a substitute."""
+    if option is not None:
+        option.callback = _show_help
+        option.help = "Show this help."
+    return option
+
+
+class Described(click.Command):
+    """Accepts the common options, offers those that make sense, and names them behind its own.
+
+    They are made when a command is parsed, not when it is defined: most commands of a family are never used in a run.
+    """
+
+    family: Family | None = None
+    heading = ""
+    writes = False
+    offline = False
+    _shared: list[click.Parameter] | None = None
+
+    def refused(self) -> frozenset[str]:
+        """Common options that this command cannot use, by key; "" stands for all that concern a link.
+
+        Who gives one all the same is told why (`frame.premises`, `clikit.Command`).
+        """
+        keys = set() if self.writes else {"dry_run", "yes", "assume_identity"}
+        if self.offline:
+            keys |= {"", "assume_identity"}
+        if self.family is not None:
+            keys |= {"id"} if not self.family.ids else set()
+            keys |= {"baud"} if self.family.baud is None else set()
+        return frozenset(keys)
+
+    def get_params(self, ctx: click.Context) -> list[click.Parameter]:
+        if self._shared is None:
+            family = self.family
+            wires, own = (family.wires, own_options(family.kind)) if family is not None else ((), ())
+            self._shared = shared_options(wires, own, self.refused())
+        return [*super().get_params(ctx), *self._shared]
+
+    def get_help_option(self, ctx: click.Context) -> click.Option | None:
+        return _written_plainly(super().get_help_option(ctx))
+
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        common = [param for param in self.get_params(ctx) if isinstance(param, SharedOption)]
+        own = [param for param in self.get_params(ctx) if isinstance(param, click.Option) and param not in common]
+        records = [param.get_help_record(ctx) for param in own]
+        with formatter.section("Options"):
+            formatter.write_dl([record for record in records if record is not None])
+        self.format_examples(ctx, formatter)
+        self.format_common(ctx, formatter, [param for param in common if not param.hidden])
+
+    def format_examples(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Two or three command lines with what they show."""
+        if examples := examples_of(ctx.command_path.split()[1:])[:MOST_EXAMPLES]:
+            with formatter.section("Examples"):
+                for line, text in examples:
+                    formatter.write(f"  {line}\n")
+                    _wrapped(formatter, text.replace("`", ""), "      ")
+
+    def format_common(
+        self, ctx: click.Context, formatter: click.HelpFormatter, options: Sequence[SharedOption]
+    ) -> None:
+        """The common options of a command: their names, and where they are explained."""
+        with formatter.section("Common options, explained by `handctl help options` and in handctl(1)"):
+            for title in (CONNECTION, OUTPUT, WRITING):
+                names = [max(option.opts, key=len) for option in options if option.section == title]
+                if names:
+                    _wrapped(formatter, f"{title}: {', '.join(names)}", "  ", "    ")
+
+
+def _wrapped(formatter: click.HelpFormatter, text: str, first: str, later: str | None = None) -> None:
+    """A text with each option in one piece: click would break at hyphens."""
+    later = first if later is None else later
+    lines = textwrap.wrap(text, formatter.width, initial_indent=first, subsequent_indent=later, break_on_hyphens=False)
+    formatter.write("\n".join(lines) + "\n")

@@ -1,0 +1,73 @@
+"""What `-h` shows: own options, examples, and of the common options only those that a command accepts."""
+
+from __future__ import annotations
+
+import re
+
+import click
+import pytest
+
+from handctl.docgen.tree import read_tree
+from handctl.families import FAMILIES
+from handctl.frame.clikit import root
+from handctl.frame.options import CONNECTION, SharedOption
+from tests.support.cli import run
+
+LEAVES = [node for node in read_tree().walk() if not node.children and node.path[0] != "sim"]
+IDS = [node.name for node in LEAVES]
+WRITING = ("--dry-run", "--yes", "--assume-identity")
+WITHOUT_A_LINK = ("ports", "completion", "trace show", "trace diff", "trace decode", "devices list", "exo describe",
+                  "barrett errors", "ekso policy", "barrett firmware check")  # fmt: skip
+
+
+def help_of(*path: str) -> str:
+    done = run(*path, "-h")
+    assert (done.code, done.err) == (0, "")
+    return done.out
+
+
+@pytest.mark.parametrize("node", LEAVES, ids=IDS)
+def test_a_command_shows_examples_of_its_own(node) -> None:  # type: ignore[no-untyped-def]
+    text = help_of(*node.path)
+    found = re.findall(rf"^  handctl {node.name}( .*)?\n      \S", text.partition("\nExamples:\n")[2], re.MULTILINE)
+    assert 1 <= len(found) <= 3
+
+
+@pytest.mark.parametrize("node", LEAVES, ids=IDS)
+def test_the_common_options_are_those_that_a_command_accepts(node) -> None:  # type: ignore[no-untyped-def]
+    text = help_of(*node.path)
+    common = set(re.findall(r"--[\w-]+", text.partition("\nCommon options, ")[2]))
+    assert common == {option.names[-1] for option in node.options if option.shared}
+    assert (set(WRITING) & common == set()) is not node.writes or node.path[0] in ("completion",)
+
+
+def test_the_help_of_status_fits_a_screen() -> None:
+    assert len(help_of("exo", "status").splitlines()) <= 24
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_what_a_protocol_does_not_have_is_not_offered(family: str) -> None:
+    virtual = ("-p", f"fake://{family}?clock=virtual")
+    given = (("--id", "1"), ("--baud", "115200"))
+    refused = [name for name, value in given if run(family, "status", *virtual, name, value).code == 2]
+    offered = re.findall(r"--[\w-]+", help_of(family, "status"))
+    assert not set(refused) & set(offered)
+    assert len(refused) == {"exo": 0, "wrist": 0, "barrett": 1, "ekso": 1, "aidin": 2}.get(family, len(refused))
+
+
+@pytest.mark.parametrize("name", WITHOUT_A_LINK)
+def test_what_opens_no_link_offers_none(name: str) -> None:
+    offered = set(re.findall(r"--[\w-]+", help_of(*name.split()).partition("\nCommon options, ")[2]))
+    links = [option for option in root.get_params(click.Context(root)) if isinstance(option, SharedOption)]
+    assert not {option.opts[-1] for option in links if option.section == CONNECTION} & offered
+
+
+def test_what_is_not_offered_is_still_refused_with_its_reason() -> None:
+    for words, why in (
+        (("barrett", "status", "--fake", "--id", "2"), "--id: barrett has no device ids"),
+        (("aidin", "status", "--fake", "--baud", "9600"), "--baud: aidin has no serial wire"),
+        (("exo", "status", "--fake", "-n"), "`handctl exo status` only reads"),
+        (("ports", "-n"), "`handctl ports` only reads"),
+    ):
+        done = run(*words)
+        assert done.code == 2 and why in done.err
