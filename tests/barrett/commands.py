@@ -193,6 +193,8 @@ MOVING = (
 )  # fmt: skip
 WRITING = (*SETTING, *MOVING)
 COMMANDS = (*READING, *WRITING)
+FIRMWARE = "S1132C40000102030405060708090A0B0C0D0E0F08\nS9032C4090\n"
+"""A small S-record file: 16 bytes at 2C40, and the end record."""
 QUERIES = ("FGET", "PGET", "VERS", "?", "A?", "ERR", "FLIST", "PLIST")
 
 
@@ -221,7 +223,8 @@ def factory() -> dict[str, int | float]:
 
 
 def prepare(scratch: Path) -> None:
-    """The input files of the commands: `factory.json` equals a healthy hand, `stored.json` differs from it."""
+    """The input files of the commands: `factory.json` equals a healthy hand, `stored.json` differs from it; firmware."""
+    (scratch / "image.s19").write_text(FIRMWARE, encoding="ascii")
     for name, values in (("factory.json", factory()), ("stored.json", {**factory(), **STORED})):
         content = snapshot.make("barrett", {"kind": "barrett", "serial_number": 1042}, values, link="fake://barrett",
                                 fake=True)  # fmt: skip

@@ -26,12 +26,13 @@ from unittest import mock
 import pytest
 
 from handctl import cli
+from handctl.families import FAMILIES
 
 HANG_SECONDS = 20.0
 """A command that has not ended by then is stopped and counted as a hang; the tests' own bounds are tighter."""
 AGAIN = 5.0
 PROPERTY = "handctl-cells"
-DEVICES = ("exo", "wrist", "barrett", "ekso", "aidin")
+DEVICES = tuple(FAMILIES)
 CODES = (0, 2, 3, 4, 5, 6, 7, 8)
 JUDGES = ("truthful", "complete", "harmless")
 """Functions of the tests that compare values: a test that fails there has seen a wrong one."""

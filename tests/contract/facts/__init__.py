@@ -50,6 +50,11 @@ class Facts:
     memory    the simulated device, full name of an element -> the raw number that it holds there
     power_on  full name -> value at power-on, in the unit, as its manual would print it
     refuses   lines that the codec must refuse
+    broken_from  answers after which a fault can meet `dump` in the middle; 0 = one message holds all that it shows
+    lines     for the harm matrix: command lines that need words of their own; {dir} holds the files of `prepare`
+    looking   those of `lines` that only read, though their command may write
+    rows_in   module with COMMANDS, lines with their kinds, and `prepare`, which makes the files that they name
+    states_in  module whose `states` makes the states in which a command may meet its devices; "" = at rest, and moving
     """
 
     writes: Mapping[str, str]
@@ -72,6 +77,11 @@ class Facts:
     memory: Callable[[object, str], int] | None = None
     power_on: Mapping[str, float] | None = None
     refuses: Sequence[bytes] = ()
+    broken_from: int = 1
+    lines: Sequence[tuple[str, ...]] = ()
+    looking: frozenset[tuple[str, ...]] = frozenset()
+    rows_in: str = ""
+    states_in: str = ""
 
     def words(self, command: str, folder: Path) -> list[str]:
         """The arguments of a command, with the files of `folder` in place."""

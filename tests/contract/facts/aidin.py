@@ -31,4 +31,18 @@ FACTS = Facts(
     adapts=frozenset({"encoders", "joints", "fingertips", "currents"}),  # a ramp from where it is
     halts=dict.fromkeys(("home", "initial", "encoders", "joints", "fingertips", "currents"), b'{"hand_mode":3}'),
     plans=frozenset(),
+    broken_from=0,
+    lines=(
+        *(("status",), ("status", "--check"), ("dump",), ("get", "motor_pos"), ("describe",)),
+        *(
+            ("report", "{dir}/report.html"),
+            ("watch", "motor_pos", "--count", "2"),
+            ("home", "--yes"),
+            ("initial", "--yes"),
+        ),
+        *(("stop",), ("bias",), ("max-torque", "500"), ("max-torque", "0", "--yes"), ("encoders", "index.m1=200000")),
+        *(("joints", "index.q3=160"), ("fingertips", "index.x=10")),
+        ("currents", "index.m1=100", "--duration", "0.3", "--yes"),
+    ),
+    states_in="tests.aidin.states",
 )

@@ -101,4 +101,29 @@ FACTS = Facts(
     adapts=frozenset({"restore", "realtime"}),
     confusing=frozenset({"noise", "no-echo", "late", "loop-silent"}),
     screens=("status", "dump", "maintenance", "fingertips", "diagnose", "strain"),
+    broken_from=4,
+    lines=(
+        *(("describe",), ("errors", "20"), ("report", "{dir}/report.html"), ("firmware", "check", "{dir}/image.s19")),
+        *(("firmware", "download", "{dir}/image.s19", "--yes"), ("maintenance",), ("strain",), ("strain", "--open")),
+        *(
+            ("strain", "--live", "--count", "2"),
+            ("fingertips",),
+            ("fingertips", "--live", "--count", "2"),
+            ("diagnose",),
+        ),
+        *(("diagnose", "sticks-open"), ("diagnose", "sticks-open", "--move", "--yes")),
+        *(
+            ("realtime", "--count", "3"),
+            ("realtime", "--velocity", "20", "--count", "3"),
+            ("realtime", "--measure", "5"),
+        ),
+        *(("gcl", "PSET BAUD 384"), ("gcl", "1C"), ("gcl", "LOOP"), ("gcl", "T"), ("watch", "--count", "2")),
+    ),
+    looking=frozenset(
+        {
+            *(("strain",), ("strain", "--live", "--count", "2"), ("diagnose",), ("diagnose", "sticks-open")),
+        }
+    ),
+    rows_in="tests.barrett.commands",
+    states_in="tests.barrett.states",
 )

@@ -30,4 +30,8 @@ FACTS = Facts(
     snapshot={"step_length": 15.5},
     plans=frozenset(["restore"]),
     screens=("status", "dump", "settings", "data", "feedback"),
+    broken_from=2,
+    lines=(("report", "{dir}/report.html"), ("policy",), ("stop",), ("export", "{dir}/log.csv", "--format", "mot")),
+    rows_in="tests.ekso.commands",
+    states_in="tests.ekso.states",
 )

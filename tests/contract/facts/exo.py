@@ -37,4 +37,8 @@ FACTS = Facts(
     snapshot={"position_set.index": 300, "position_set.ring": 250, "force_set.little": 5},
     halts={"position": bytes.fromhex("EB 90 01 0B 32")},
     plans=frozenset(["baud", "restore", "set"]),
+    lines=(("report", "{dir}/report.html"), ("describe",), ("raw", "EB 90 01 04 11 C0 05 02 DD"), ("stop",)),
+    looking=frozenset({("raw", "EB 90 01 04 11 C0 05 02 DD")}),
+    rows_in="tests.inspire.exo_commands",
+    states_in="tests.inspire.states",
 )

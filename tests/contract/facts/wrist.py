@@ -33,4 +33,7 @@ FACTS = Facts(
     snapshot={"pitch_set": 5.0, "yaw_set": 3.0, "move_time": 400},
     halts=dict.fromkeys(("move", "center"), bytes.fromhex("EB 90 01 07 31 0E 04")),
     plans=frozenset(["restore", "set"]),
+    lines=(("report", "{dir}/report.html"), ("describe",), ("stop",)),
+    rows_in="tests.inspire.wrist_commands",
+    states_in="tests.inspire.states",
 )
