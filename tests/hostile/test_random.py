@@ -179,7 +179,7 @@ def test_random_lines(seed: int, folder: Folder, request: pytest.FixtureRequest)
     with no_devices():
         for number in range(LINES):
             words = source.one()
-            json_wanted = words[-1] != "-h" and "--" not in words and number % 3 == 0
+            json_wanted = words[-1:] != ["-h"] and "--" not in words and number % 3 == 0
             if not share(request.config, f"{seed}|{number}"):
                 continue
             more = ["--json"] if json_wanted else []
