@@ -39,7 +39,11 @@ NUMBERS = itertools.count()
 @pytest.fixture(autouse=True)
 def own_state(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> None:
     """What this machine keeps for a user between commands is kept for each test apart, and never in a home."""
-    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path_factory.getbasetemp() / f"state{next(NUMBERS)}"))
+    own = tmp_path_factory.getbasetemp() / f"state{next(NUMBERS)}"
+    runtime = own / "run"
+    runtime.mkdir(0o700, parents=True)
+    monkeypatch.setenv("XDG_STATE_HOME", str(own))
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(runtime))
 
 
 def pytest_configure(config: pytest.Config) -> None:

@@ -177,7 +177,7 @@ TOOLS: dict[str, dict[str, tuple[str, str]]] = {
         "completion": ("handctl.tools.completion", "print or install the shell completion: bash, zsh, fish"),
     },
     "Work without a device": {
-        "sim": ("handctl.sim.cli", "serve a simulated device to any client: pty, TCP, slcan"),
+        "sim": ("handctl.tools.sim", "serve a simulated device to any client: pty, TCP, slcan"),
         "trace": ("handctl.tools.trace", "show, decode or compare recorded transcripts"),
     },
 }

@@ -55,6 +55,7 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
     ("devices.*cli", (*GROUND, "frame.*", "link", "model.*", "stop.*", "@")),
     ("devices.*", (*GROUND[1:], "link", "link.deadman", "model.*", "stop.talk", "@")),
     ("tools.completion", (*GROUND, "docgen*", "frame.*", "model.*")),
+    ("tools.sim", ("families", "link.kept", "sim.cli")),
     ("tools.*", (*GROUND, "guides", "frame.*", "link*", "model.*", "report*", "screen.*", "stop.*", "tools*")),
 ]
 

@@ -99,7 +99,7 @@ def test_json_on_a_terminal_is_json() -> None:
 
 
 def test_live_view_at_80x24() -> None:
-    with Terminal("exo", "watch", "--fake", "--rate", "20") as terminal:
+    with Terminal("exo", "watch", "-p", "fake://exo", "--rate", "20") as terminal:
         lines = terminal.until_samples(12)
         assert terminal.screen.cursor.hidden
         terminal.send("\x03")

@@ -48,7 +48,7 @@ def test_a_folder_of_somebody_else_is_not_trusted(folders: tuple[Path, Path], mo
     for folder in folders:
         folder.mkdir()
     user = os.getuid()
-    monkeypatch.setattr(lock, "_folders", lambda: [str(folder) for folder in folders])
+    monkeypatch.setattr(lock, "private_folders", lambda: [str(folder) for folder in folders])
     monkeypatch.setattr(os, "getuid", lambda: user + 1)
     with pytest.raises(LinkError) as caught:
         hold(LINK, "handctl aidin stop")

@@ -72,3 +72,10 @@ def refuse_serial(family: Family, link: str) -> None:
     if serial and family.tcp_port is not None:
         hint = f"-p tcp://HOST (port {family.tcp_port} when not given)"
         raise UsageError(f"{link}: {family.kind} has no serial wire", hint=hint)
+
+
+def in_words(kind: str, data: bytes, can_id: int | None) -> str:
+    """What a frame of the host says, by the family's own explainer."""
+    from handctl.model.piece import HOST
+
+    return "; ".join(piece.meaning for piece in load(kind, "explain").explainer().decode(data, HOST, can_id))

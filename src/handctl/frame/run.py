@@ -18,7 +18,7 @@ from handctl.errors import HandctlError, Interrupted, NotConfirmed, OutputError
 from handctl.frame.cause import as_told, judged
 from handctl.frame.console import TerminalGuide, print_message, print_stderr
 from handctl.frame.envelope import device_row, make_envelope
-from handctl.frame.family import Family, implied, load
+from handctl.frame.family import Family, implied, in_words, load
 from handctl.frame.filetypes import files_of
 from handctl.frame.options import COMMAND_LINE, FILE, SOURCES, Settings, Source, from_click
 from handctl.frame.premises import check_before, link_name, refuse_other_family
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from contextlib import AbstractContextManager
 
     from handctl.link import Link
+    from handctl.link.kept import Kept
     from handctl.link.tracefile import TraceFile
     from handctl.model.ledger import Ledger
     from handctl.model.param import Step
@@ -60,6 +61,9 @@ class Run:
         self.stops = bool(getattr(ctx.command, "stops", False))
         self._held: list[Message] = []
         self.link: Link | None = None
+        self.in_use = self.streams
+        """Whether the simulated device of plain --fake is shown in use."""
+        self.kept: Kept | None = None
         self.hold: Hold | None = None
         self._trace: TraceFile | None = None
         self.end: float | None = None
@@ -98,17 +102,15 @@ class Run:
             self.link.close()
             self.link = None
         if self.link is None:
-            from handctl.link import open_link
+            from handctl.frame.simulated import opened
 
-            assert self.family is not None
             name = self.link_name()
             tap = self._tap()
-            baud = self.settings.baud or baud or self.family.baud
             if self.hold is None:
                 from handctl.stop.holding import Hold, lock_for
 
                 self.hold = Hold(self, lock_for(self, name))
-            link = open_link(name, baud=baud, tap=tap, tcp_port=self.family.tcp_port, exclusive=not self.stops)
+            link = opened(self, name, baud, tap)
             if self.writes:
                 from handctl.link.tap import observed
 
@@ -128,6 +130,11 @@ class Run:
         return link_name(self)
 
     @property
+    def keeps(self) -> bool:
+        """Whether what this command does to a simulated device is kept for the next one."""
+        return self.settings.fake and self.writes and not self.settings.dry_run
+
+    @property
     def place(self) -> str:
         """Where the LINK leads, the same for all names of one port."""
         from handctl.link.lock import canonical
@@ -142,7 +149,7 @@ class Run:
             from functools import partial
 
             ledger.words = load(self.family.kind, "writes").words()
-            ledger.explain = partial(_in_words, self.family.kind)
+            ledger.explain = partial(in_words, self.family.kind)
         return ledger
 
     def planned(self, steps: Sequence[Step]) -> Table | None:
@@ -333,6 +340,8 @@ class Run:
         try:
             if self.link is not None:
                 self.link.close()
+                if self.kept is not None and self.kept.begun:
+                    self.journal.info("kept", self.kept.text)
         except HandctlError as exc:
             failure = failure or exc
         finally:
@@ -388,10 +397,3 @@ class Run:
         if not self.settings.quiet and self.settings.format not in ("json", "ndjson"):
             self.guide.done()
             print_message("note" if message.level == "info" else message.level, message.text, message.hint)
-
-
-def _in_words(kind: str, data: bytes, can_id: int | None) -> str:
-    """What a frame of the host says, by the family's own explainer."""
-    from handctl.model.piece import HOST
-
-    return "; ".join(piece.meaning for piece in load(kind, "explain").explainer().decode(data, HOST, can_id))

@@ -19,6 +19,8 @@ from handctl.errors import UsageError
 from handctl.link.base import ByteLink, CanFrame, Deadline, FrameLink, Link, NoFrames, NoLink, Outlet
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from handctl.link.tap import Tap
 
 __all__ = [
@@ -42,15 +44,16 @@ def open_link(
     tap: Tap | None = None,
     tcp_port: int | None = None,
     exclusive: bool = True,
+    simulator: Mapping[str, str] | None = None,
 ) -> Link:
     """Open `link`; `baud` in bit/s for serial ports, `tcp_port` for a tcp:// without a port of its own.
 
     With `tap`, everything that passes is recorded. Not `exclusive` is for a stop only, which must go out although
-    another program has the port.
+    another program has the port. `simulator` are options of a simulated device beyond those of its LINK.
 
     Raises UsageError for a LINK that cannot be understood, LinkError for one that cannot be opened.
     """
-    opened = _open(link, baud, tcp_port, exclusive)
+    opened = _open(link, baud, tcp_port, exclusive, simulator or {})
     return tap.around(opened) if tap is not None else opened
 
 
@@ -68,16 +71,16 @@ def is_can(link: str) -> bool:
     return link.startswith("can:") or (link.startswith("fake://") and "bus=can" in link.partition("?")[2].split("&"))
 
 
-def _open(link: str, baud: int | None, tcp_port: int | None, exclusive: bool) -> Link:
+def _open(link: str, baud: int | None, tcp_port: int | None, exclusive: bool, simulator: Mapping[str, str]) -> Link:
     # Imported on use: a fake or a TCP link must not pay for pyserial.
     if link.startswith("fake://") and is_can(link):
         from handctl.link.fake import FakeFrames
 
-        return FakeFrames(link)
+        return FakeFrames(link, simulator)
     if link.startswith("fake://"):
         from handctl.link.fake import FakeLink
 
-        return FakeLink(link, baud)
+        return FakeLink(link, baud, simulator)
     if link.startswith("replay:"):
         from handctl.link.replay import open_replay
 

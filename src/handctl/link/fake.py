@@ -6,10 +6,13 @@ Begins where the cable would: it hands bytes to a simulator and takes bytes from
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from typing import Any
 
 from handctl.errors import LinkError, UsageError
 from handctl.link.base import ByteLink, CanFrame, Deadline, FrameLink, Link
+
+NOTHING: Mapping[str, str] = {}
 
 
 def split_url(link: str) -> tuple[str, dict[str, str]]:
@@ -37,11 +40,13 @@ class _Simulated(Link):
 
     fake = True
 
-    def __init__(self, link: str) -> None:
+    def __init__(self, link: str, more: Mapping[str, str]) -> None:
+        """`more` are options of the simulator beyond those of the LINK."""
         from handctl.sim import create
 
         self.name = link
         kind, options = split_url(link)
+        options.update(more)
         clock = options.pop("clock", "real")
         if clock not in ("real", "virtual"):
             raise UsageError(f"{link}: clock={clock}: expected real or virtual")
@@ -106,8 +111,8 @@ class FakeLink(_Simulated, ByteLink):
 
     can_set_baud = True
 
-    def __init__(self, link: str, baud: int | None = None) -> None:
-        super().__init__(link)
+    def __init__(self, link: str, baud: int | None = None, more: Mapping[str, str] = NOTHING) -> None:
+        super().__init__(link, more)
         self._rest = b""
         self.baud = baud
         self._line.client_baud = baud
@@ -143,8 +148,8 @@ class FakeLink(_Simulated, ByteLink):
 class FakeFrames(_Simulated, FrameLink):
     """A simulated CAN bus."""
 
-    def __init__(self, link: str) -> None:
-        super().__init__(link)
+    def __init__(self, link: str, more: Mapping[str, str] = NOTHING) -> None:
+        super().__init__(link, more)
         self._arrived: list[tuple[int, bytes]] = []
 
     def send(self, frame: CanFrame, deadline: Deadline) -> None:

@@ -100,13 +100,15 @@ def hold(
     family: str = "",
     writes: bool = False,
     patience: float | None = None,
+    kept: bool = False,
 ) -> Lock | None:
     """Lock what `link` leads to; `command`, its `family` and whether it `writes` are told to those who come second.
 
-    `tcp_port` is that of a tcp:// without one, `patience` the seconds for a dead holder's last stop. None where there is nothing to lock. Raises InUse naming the holder,
+    `tcp_port` is that of a tcp:// without one, `patience` the seconds for a dead holder's last stop, `kept` whether a simulated
+    device is that of several commands. None where there is nothing to lock. Raises InUse naming the holder,
     LinkError (code "no-lock") where no lock can be made.
     """
-    if link.startswith(OURS):
+    if link.startswith(OURS) and not kept:
         return None
     try:
         import fcntl
@@ -132,7 +134,7 @@ def hold(
 
 def last_holder(link: str) -> Holder | None:
     """Who has, or had and did not let go, what `link` leads to; None where no lock file tells."""
-    for folder in _folders():
+    for folder in private_folders():
         try:
             descriptor = os.open(os.path.join(folder, _file_name(canonical(link))), os.O_RDONLY | os.O_NOFOLLOW)
         except OSError:
@@ -200,30 +202,37 @@ def _file_name(place: str) -> str:
     return f"lock-{plain}"
 
 
-def _folders() -> list[str]:
-    """Where this user's lock files may lie, the best first; the second for a job without a login's environment."""
+def private_folders() -> list[str]:
+    """Where what is this user's until log-out may lie, the best first; the second for a job without a login's environment."""
+    if os.name != "posix":
+        return [os.path.join(os.environ["TEMP"], "handctl")] if "TEMP" in os.environ else []
     user = os.getuid()
     runtime = os.environ.get("XDG_RUNTIME_DIR", "")
     found = [os.path.join(runtime, "handctl")] if os.path.isabs(runtime) else [f"/run/user/{user}/handctl"]
     return [*found, os.path.join(os.environ.get("TMPDIR") or "/tmp", f"handctl-{user}")]  # noqa: S108 - made 0700, checked
 
 
+def own_folder(folder: str, *, make: bool = False) -> bool:
+    """Whether a folder is this user's, not to be trusted otherwise; with `make` a missing one is made. Raises OSError."""
+    if make and not os.path.isdir(folder):
+        os.mkdir(folder, 0o700)
+    return os.name != "posix" or os.stat(folder).st_uid == os.getuid()
+
+
 def _open(name: str) -> tuple[int, str]:
     problem: OSError | None = None
-    for folder in _folders():
+    for folder in private_folders():
         path = os.path.join(folder, name)
         try:
-            if not os.path.isdir(folder):
-                os.mkdir(folder, 0o700)
-            if os.stat(folder).st_uid != os.getuid():
-                continue  # somebody else's: not to be trusted
+            if not own_folder(folder, make=True):
+                continue
             return os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600), path
         except FileExistsError:
             continue
         except OSError as exc:
             problem = exc
     raise LinkError(
-        f"no place for the lock that keeps two programs off one device: {', '.join(_folders())}"
+        f"no place for the lock that keeps two programs off one device: {', '.join(private_folders())}"
         + (f": {problem.strerror}" if problem is not None else ""),
         hint="set XDG_RUNTIME_DIR or TMPDIR to a directory that you may write to",
         code="no-lock",
@@ -254,8 +263,11 @@ def _holder(descriptor: int) -> Holder | None:
 
 def _way_out(link: str, holder: Holder | None, family: str) -> str:
     """What can be done about a device in use, as far as it is true of this holder."""
+    where = f"-p {link}"
+    if link.startswith("fake://"):
+        where = "--fake --can" if link.endswith("?bus=can") else "--fake"
     kind = (holder.family if holder is not None else "") or family
-    stops = f"`handctl {f'{kind} ' if kind else ''}stop -p {link}` stops the device and ends that command"
+    stops = f"`handctl {f'{kind} ' if kind else ''}stop {where}` stops the device and ends that command"
     if holder is None:
         return f"wait for it, or: {stops}"
     if holder.writes:

@@ -89,6 +89,7 @@ def report(
     _refuse(path, wishes.force)
     privacy = Privacy(params, wishes.include_ids)
     visit = _Visit(run)
+    run.in_use = True
     _recorded(run, visit)
     content = Report(params.kind, run.command, __version__, _now(), simulated=False)
     content.privacy, content.masked = _promise(privacy), privacy.masks

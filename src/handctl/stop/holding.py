@@ -32,14 +32,23 @@ LONG = 60
 
 def lock_for(run: Run, name: str) -> Lock | None:
     """The lock of the LINK `name`, None where nobody else can reach it. Raises InUse, LinkError."""
-    if name.startswith(("fake://", "replay:")):
+    if name.startswith("replay:") or (name.startswith("fake://") and not run.keeps):
         return None
-    from handctl.link.lock import hold
+    from handctl.link.lock import InUse, hold
 
     assert run.family is not None
     command = f"handctl {run.command}"
     more = {"patience": 0.0} if run.stops else {}  # what else is on its way stops the device too
-    return hold(name, command, run.family.tcp_port, family=run.family.kind, writes=run.writes, **more)
+    try:
+        return hold(
+            name, command, run.family.tcp_port, family=run.family.kind, writes=run.writes, kept=run.keeps, **more
+        )
+    except InUse:
+        raise
+    except LinkError:
+        if not run.keeps:
+            raise
+        return None  # a simulated device is in no danger
 
 
 class Hold:

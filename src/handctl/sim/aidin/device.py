@@ -17,6 +17,7 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import Any
 
+LONGEST = 10.0  # s for a whole stroke with a tenth of the torque
 HOLD = 3.0  # s that mode 1 must be held (Homing mode)
 GAP = 0.25  # s between two objects of mode 1 that still count as held (our guess)
 FORGET = 1.0  # s of silence after which half an object is forgotten: its client is taken to have left (our guess)
@@ -73,6 +74,7 @@ class Device(Model):
     """The hand without its cable."""
 
     KIND = "aidin"
+    USE = "handctl.sim.aidin.use"
     CONTROL = "handctl.sim.aidin.control"
     HEADER = b'}]",:0-e\r\n'  # no opening brace: noise beside an object leaves the object whole
     OPTIONS = _OPTIONS
@@ -121,6 +123,10 @@ class Device(Model):
         super().boot(now)
         self.hand.now = now
         self._next_feedback = now + self._period
+
+    def elapse(self, seconds: float) -> None:
+        """Nobody hears the feedback of that time."""
+        self.hand.advance(self.hand.now + max(seconds, LONGEST))
 
     def reconnected(self) -> None:
         """Half an object of the last client is no part of what the next one sends."""

@@ -33,6 +33,7 @@ class Device(Model):
     """The hand without its wire."""
 
     KIND = "barrett"
+    USE = "handctl.sim.barrett.use"
     CONTROL = "handctl.sim.barrett.control"
     HEADER = b"=> \n\r*:0E"
     OPTIONS = barrett_options.OPTIONS

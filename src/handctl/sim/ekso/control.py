@@ -105,7 +105,7 @@ def restore(device: Device, state: dict[str, Any]) -> None:
     settings = _row(state["settings"], tables.SETTING_COUNT)
     feedback = _row(state["feedback"], len(tables.FEEDBACK))
     boot_ms = state["boot_ms"]
-    if boot_ms not in range(WRAP):
+    if not isinstance(boot_ms, int) or not 0 <= boot_ms < WRAP:  # a float is looked for in a range one by one
         raise ValueError(f"boot_ms {boot_ms!r} is not a number of two words")
     values = {name: state["body"][name] for name, _, _ in BODY}
     for name, low, high in BODY:

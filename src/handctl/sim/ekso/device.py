@@ -39,6 +39,7 @@ class Device(Model):
     """
 
     KIND = "ekso"
+    USE = "handctl.sim.ekso.use"
     CONTROL = "handctl.sim.ekso.control"
     HEADER = bytes(range(150, 161))
     OPTIONS = OPTIONS
@@ -104,6 +105,12 @@ class Device(Model):
 
     def next_event(self) -> float | None:
         return self._event_at
+
+    def elapse(self, seconds: float) -> None:
+        """The clocks go on as well."""
+        self.advance(self.now + seconds)
+        self.boot_time.restart(self.boot_ms(), self.now)
+        self.calendar.set(self.calendar.text(self.now), self.now)
 
     def power(self, on: bool) -> None:
         """A second power-on starts BootTime and the counts of the session anew; the wearer stays where he is."""

@@ -9,7 +9,9 @@ from handctl.sim.engine.model import NOTHING, Model, Options, Random
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
+
+UNTOUCHED = 0.05  # s from the start until the user of the device does anything: the first look finds it as it was left
 
 
 class Cable:
@@ -29,6 +31,9 @@ class Cable:
         self._late = self._options.seconds("late", 0.6, 3600.0)
         self._state = self._options.text("state")
         self._faults = self._parse_faults(self._options.text("fault") or "")
+        self._save = self._options.choice("save", "always", ("always", "changed", "never"))
+        used = self._options.choice("use", "off", ("off", "on")) == "on"
+        elapsed = self._options.seconds("elapse", 0.0, 1e9) if self._options.text("elapse") is not None else None
         power_cycle = self._options.choice("power-cycle", "0", ("0", "1")) == "1"
         self.device = model(self._options, self._random)
         self.device.judge = self._judge
@@ -38,7 +43,13 @@ class Cable:
         self.requests = 0  # requests that the device understood so far
         self._now: float | None = None
         self._closed = False
-        self._load()
+        self._changed = False
+        self._user: Iterator[float] | None = None  # acts, then tells for how many seconds it does nothing else
+        self._acts = 0.0  # when it acts next
+        self._load(elapsed)
+        if used:
+            self._user = self.device.user()
+            self._save = "never"
         if power_cycle:
             self.device.power(False)
             self.device.power(True)
@@ -87,8 +98,8 @@ class Cable:
 
     def close(self) -> None:
         """Writes the state file, if there is one."""
-        if self._state is not None and not self._closed:
-            self.device.dirty = True
+        if not self._closed:
+            self.device.dirty = self.device.dirty or self._changed or self._save == "always"
             self._persist()
         self._closed = True
 
@@ -97,6 +108,20 @@ class Cable:
     def _drop(self) -> None:
         """Forgets what is on the wire."""
         raise NotImplementedError
+
+    def _pass(self, now: float) -> None:
+        """Moves time on to this moment, with all that happens until then."""
+        raise NotImplementedError
+
+    def _boot(self, now: float) -> None:
+        self.device.boot(now)
+        self._acts = now + UNTOUCHED
+
+    def _follow(self, now: float) -> None:
+        """Lets the user of the device act at each moment that has come."""
+        while self._user is not None and self._acts <= now:
+            self._pass(self._acts)
+            self._acts += next(self._user)
 
     def _present(self) -> float:
         return 0.0 if self._now is None else self._now
@@ -119,15 +144,17 @@ class Cable:
         self.requests += 1
         return self._hits(self.requests)
 
-    def _load(self) -> None:
+    def _load(self, elapsed: float | None) -> None:
         if self._state is not None:
             from handctl.sim.engine import statefile
 
-            statefile.load(self._state, self.device)
+            if statefile.load(self._state, self.device) and elapsed is not None:
+                self.device.elapse(elapsed)
 
     def _persist(self) -> None:
-        if self._state is not None and self.device.dirty:
+        if self._state is not None and self.device.dirty and self._save != "never":
             from handctl.sim.engine import statefile
 
             statefile.save(self._state, self.device)
+            self._changed = True
         self.device.dirty = False

@@ -88,9 +88,14 @@ class CanLine(Cable):
         """Moves time on; the first call is the moment of power-on. A time before the last one is taken as the last."""
         if self._now is None:
             self._now = self._traffic_due = now
-            self.device.boot(now)
+            self._boot(now)
             return
-        self._now = max(now, self._now)
+        if self._user is not None:
+            self._follow(now)
+        self._pass(now)
+
+    def _pass(self, now: float) -> None:
+        self._now = max(now, self._present())
         self._run(self._now)
         self.device.advance(self._now)
         self._collect()

@@ -19,7 +19,10 @@ LINE_OPTIONS: dict[str, str] = {
     "turnaround": "seconds from the last bit of a request to the first of its reply (default 0)",
     "late": "seconds that the fault 'late' adds (default 0.6)",
     "state": "file that keeps memory, flash and positions from one run to the next",
+    "save": "when the state file is written: always (default), changed (when something was done to the device), never",
+    "elapse": "seconds that have passed since the state file was written; what was moving has arrived",
     "power-cycle": "1: power cycle after the state file was loaded",
+    "use": "on: somebody uses the device, a slow grasp or a walk; its state file is read, not written (default off)",
     "clock": "used by the in-process link, ignored here",
 }
 LINE_FAULTS: dict[str, str] = {
@@ -122,9 +125,14 @@ class Line(Cable):
         """Moves time on; the first call is the moment of power-on. A time before the last one is taken as the last."""
         if self._now is None:
             self._now = now
-            self.device.boot(now)
+            self._boot(now)
             return
-        self._now = max(now, self._now)
+        if self._user is not None:
+            self._follow(now)
+        self._pass(now)
+
+    def _pass(self, now: float) -> None:
+        self._now = max(now, self._present())
         self._listen()
         self.device.advance(self._now)
         self._collect()

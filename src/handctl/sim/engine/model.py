@@ -7,7 +7,7 @@ from __future__ import annotations
 
 TYPE_CHECKING = False  # the typing and collections.abc modules are not worth their import time here
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable, Iterable, Iterator
     from typing import Any, ClassVar, Protocol
 
     class Control(Protocol):
@@ -120,6 +120,7 @@ class Model:
     KIND = ""
     OPTIONS: ClassVar[dict[str, str]] = {}  # name -> help; in addition to those of the line
     FAULTS: ClassVar[dict[str, str]] = {}  # name -> help; states of the device, in addition to the faults of the line
+    USE = ""  # name of the module that knows what somebody does with it
     CONTROL = ""  # name of the module that is its Control, loaded on use
     HEADER = b""  # bytes that start frames here; noise is made of them to trap naive framers
     speed: int | None = None  # the speed of the wire in force, bit/s; None: it has none
@@ -202,6 +203,23 @@ class Model:
         """Takes a snapshot back; KeyError, TypeError or ValueError when it does not fit."""
         if self.CONTROL:
             self._control().restore(self, state)
+
+    def elapse(self, seconds: float) -> None:
+        """So much time has passed since the state was written that was just restored; what was moving has arrived.
+
+        Called before `boot`.
+        """
+        self.advance(self.now + seconds)
+
+    def user(self) -> Iterator[float]:
+        """Somebody who uses the device: each step acts on it, and tells the seconds until the next one."""
+        from importlib import import_module
+        from itertools import repeat
+
+        if not self.USE:
+            return repeat(3600.0)
+        used: Iterator[float] = import_module(self.USE).use(self)
+        return used
 
     def _control(self) -> Control:
         from importlib import import_module

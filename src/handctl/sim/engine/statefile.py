@@ -13,8 +13,8 @@ MOST = 4_000_000
 """Bytes of a state file: more than ten times the largest, that of a BarrettHand with its firmware."""
 
 
-def load(path: str, device: Model) -> None:
-    """Puts the state into the device when the file exists; ValueError when it cannot be used."""
+def load(path: str, device: Model) -> bool:
+    """Puts the state into the device; False when there is no such file, ValueError when it cannot be used."""
     folder = os.path.dirname(path) or "."
     if not os.path.isdir(folder):
         raise ValueError(f"state file {path}: there is no directory {folder}")
@@ -27,7 +27,7 @@ def load(path: str, device: Model) -> None:
             raise ValueError(f"state file {path} cannot be read: larger than {MOST // 1_000_000} MB")
         text = content.decode("utf-8")
     except FileNotFoundError:
-        return
+        return False
     except (OSError, UnicodeDecodeError) as exc:
         raise ValueError(f"state file {path} cannot be read: {exc}") from exc
     try:
@@ -38,6 +38,7 @@ def load(path: str, device: Model) -> None:
     except (AttributeError, KeyError, TypeError, ValueError, RecursionError) as exc:
         reason = f"{exc} is missing" if isinstance(exc, KeyError) else str(exc)
         raise ValueError(f"state file {path} is damaged or foreign ({reason}); remove it to start afresh") from exc
+    return True
 
 
 def save(path: str, device: Model) -> None:

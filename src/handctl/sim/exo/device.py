@@ -37,6 +37,7 @@ REGISTERS = (
 SPEEDS = (115200, 57600, 19200)  # speed codes 0, 1, 2 (exo §2.3.2)
 MEMORY = 4096  # bytes kept; above, everything reads 0
 TRIGGERS = (1004, 1005, 1006, 1009)  # act when 1 is written and read back as 0 (open on hardware)
+LONGEST = 1.0  # s; no movement takes longer
 SAVE_TIME = 1.0  # s from the ack to the result (RH56)
 LATCHED = {  # fault -> (finger, error byte): another finger for each bit, so that a swap is seen
     "locked-rotor": (0, 1),
@@ -82,6 +83,7 @@ class Device(Model):
     """The hand without its wire."""
 
     KIND = "exo"
+    USE = "handctl.sim.exo.use"
     CONTROL = "handctl.sim.exo.control"
     HEADER = b"\x90\xeb"
     OPTIONS = _OPTIONS
@@ -113,6 +115,9 @@ class Device(Model):
         self.hand.advance(now)
         if self._inbox and now - self._heard > self._gap:
             self._inbox.clear()
+
+    def elapse(self, seconds: float) -> None:
+        self.hand.advance(self.hand.now + max(seconds, LONGEST))
 
     def power(self, on: bool) -> None:
         """Id and speed come from flash (exo §2.3.1, §2.3.2), set points start anew, late frames are gone."""

@@ -54,6 +54,7 @@ class Module(Model):
     """Wrist and hand. The id, the speed and what is kept live in the hand's space: the wrist's manual has none."""
 
     KIND = "wrist"
+    USE = "handctl.sim.wrist.use"
     CONTROL = "handctl.sim.wrist.control"
     OPTIONS = OPTIONS
     FAULTS = FAULTS
@@ -81,6 +82,9 @@ class Module(Model):
     def advance(self, now: float) -> None:
         self.now = now
         self.body.advance(now)
+
+    def elapse(self, seconds: float) -> None:
+        self.body.advance(self.body.now + max(seconds, self.body.left))
 
     def power(self, on: bool) -> None:
         """Id and speed come from flash, set values start anew, late frames are gone; angles and heat stay."""
