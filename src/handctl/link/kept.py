@@ -11,7 +11,7 @@ import os
 import time
 from collections.abc import Iterator
 
-from handctl.link.lock import own_folder, private_folders
+from handctl.link.folders import own_folder, private_folders
 
 
 class Kept:

@@ -13,6 +13,7 @@ import time
 from typing import NamedTuple
 
 from handctl.errors import LinkError
+from handctl.link.folders import own_folder, private_folders
 
 OURS = ("fake://", "replay:", "loop://")
 """Links that nobody else can reach."""
@@ -200,23 +201,6 @@ def _file_name(place: str) -> str:
 
         plain = hashlib.sha256(place.encode("utf-8", "surrogateescape")).hexdigest()
     return f"lock-{plain}"
-
-
-def private_folders() -> list[str]:
-    """Where what is this user's until log-out may lie, the best first; the second for a job without a login's environment."""
-    if os.name != "posix":
-        return [os.path.join(os.environ["TEMP"], "handctl")] if "TEMP" in os.environ else []
-    user = os.getuid()
-    runtime = os.environ.get("XDG_RUNTIME_DIR", "")
-    found = [os.path.join(runtime, "handctl")] if os.path.isabs(runtime) else [f"/run/user/{user}/handctl"]
-    return [*found, os.path.join(os.environ.get("TMPDIR") or "/tmp", f"handctl-{user}")]  # noqa: S108 - made 0700, checked
-
-
-def own_folder(folder: str, *, make: bool = False) -> bool:
-    """Whether a folder is this user's, not to be trusted otherwise; with `make` a missing one is made. Raises OSError."""
-    if make and not os.path.isdir(folder):
-        os.mkdir(folder, 0o700)
-    return os.name != "posix" or os.stat(folder).st_uid == os.getuid()
 
 
 def _open(name: str) -> tuple[int, str]:
