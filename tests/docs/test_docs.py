@@ -120,6 +120,8 @@ def test_there_is_a_page_for_every_command() -> None:
     assert set(PAGES) == {"handctl", *(f"handctl-{name}" for name in COMMANDS)}
     for name in COMMANDS:
         assert f"handctl-{name}(1)" in plain(section(PAGES["handctl"], "COMMANDS"))
+    for name in GUIDES:
+        assert f"{name}(7)" in plain(section(PAGES["handctl"], "GUIDES"))
 
 
 @pytest.mark.parametrize("name", PAGES)

@@ -17,7 +17,7 @@ from pathlib import Path
 import pexpect
 import pytest
 
-from handctl import __version__, build_zipapp
+from handctl import __version__, build_zipapp, guides
 from tests.support.cli import Result, run
 from tests.support.places import PROJECT
 from tests.support.shell import SCRIPTS
@@ -58,6 +58,15 @@ def test_it_runs_without_any_installed_package(pyz: Path, tmp_path: Path) -> Non
     assert done.rows == run("exo", "dump", "-p", "fake://exo?clock=virtual", "--json").rows
     assert start(pyz, "--version").out == f"handctl {__version__}\n"
     assert not list(tmp_path.iterdir())
+
+
+def test_the_guides_are_in_it(pyz: Path) -> None:
+    with zipfile.ZipFile(pyz) as archive:
+        inside = {name for name in archive.namelist() if name.endswith(".md")}
+    assert inside == {f"handctl/guides/{name}.md" for name in guides.names()}
+    code = f"import sys; sys.path.insert(0, {str(pyz)!r}); from handctl import guides; print(*guides.names())"
+    done = subprocess.run([*BARE, "-c", code], capture_output=True, text=True, check=False, timeout=60)
+    assert (done.returncode, done.stdout.split()) == (0, list(guides.names())), done
 
 
 def test_python_can_and_every_tool_are_inside(pyz: Path) -> None:

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Sequence
 from importlib.util import find_spec
 from typing import Any
 
-from handctl import __version__
+from handctl import __version__, guides
 from handctl.docgen import texts
 from handctl.docgen.guides import page_names
 from handctl.docgen.roff import Page, bold, escape, italic, marked
@@ -54,6 +54,9 @@ def _root(tree: Node) -> str:
     page.section("COMMANDS")
     for node in tree.children:
         page.item(_reference(f"handctl-{node.path[0]}"), _sentence(node.summary))
+    page.section("GUIDES")
+    for name, summary in map(guides.title, map(guides.source, guides.names())):
+        page.item(_reference(name, 7), _sentence(summary))
     page.section("OPTIONS")
     _options(page, tree.options)
     page.section("LINKS")
