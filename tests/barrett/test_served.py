@@ -47,6 +47,11 @@ def state_home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 places = pytest.mark.parametrize("place", PLACES)
 
 
+def f1_at(panel: Path) -> int:
+    """Where finger 1 is, in counts, as the simulator's panel tells."""
+    return int(run("sim", "control", panel, "motors").out.split()[2])
+
+
 def do(link: str, *args: str | Path) -> Result:
     result = run("barrett", *args, "-p", link, "--json")
     assert result.code == 0, result
@@ -111,8 +116,14 @@ def test_a_saved_speed_survives_the_power(start: Start, tmp_path: Path) -> None:
 
     def power_cycle() -> int:
         assert run("sim", "control", panel, "power-cycle").code == 0
-        time.sleep(0.3)
-        return int(do(link, "get", "BAUD").rows[0]["value"])
+        seen: list[Result] = []  # until it has booted
+
+        def answers() -> bool:
+            seen.append(run("barrett", "get", "BAUD", "-p", link, "--json"))
+            return seen[-1].code == 0
+
+        wait_until(answers)
+        return int(seen[-1].rows[0]["value"])
 
     do(link, "baud", "19200", "--yes")
     assert power_cycle() == 96
@@ -129,7 +140,8 @@ def test_a_saved_speed_survives_the_power(start: Start, tmp_path: Path) -> None:
 @pytest.mark.parametrize(("place", "number"), [("pty", signal.SIGINT), ("tcp", signal.SIGINT), ("pty", signal.SIGTERM)])
 def test_interrupt_in_the_middle_of_a_movement(start: Start, tmp_path: Path, place: str, number: int) -> None:
     """^C stops every motor (§5.5 case 4): exit 130, positions told, and there they stay."""
-    link, trace = start(place, *READY).link, tmp_path / "t.txt"
+    panel, trace = tmp_path / "panel", tmp_path / "t.txt"
+    link = start(place, *READY, "--control", panel).link
     do(link, "set", "MCV=20", "--force")  # 17,000 counts in 3.5 s
     process = forks.start(
         ["barrett", "close", "-p", link, "--json", "--trace", trace],
@@ -138,7 +150,7 @@ def test_interrupt_in_the_middle_of_a_movement(start: Start, tmp_path: Path, pla
         stderr=subprocess.PIPE,
     )
     wait_until(lambda: trace.exists() and "C" in sent_lines(trace))
-    time.sleep(0.5)
+    wait_until(lambda: f1_at(panel) > 1500)
     process.send_signal(number)
     out, err = process.communicate(timeout=30)
     assert process.returncode == 130, (out, err)
@@ -154,7 +166,8 @@ def test_interrupt_in_the_middle_of_a_movement(start: Start, tmp_path: Path, pla
 
 def test_a_hand_that_ignores_the_abort(start: Start, tmp_path: Path) -> None:
     """What could not be stopped is said, with what to do."""
-    link, trace = start("pty", *READY, "--fault", "no-abort").link, tmp_path / "t.txt"
+    panel, trace = tmp_path / "panel", tmp_path / "t.txt"
+    link = start("pty", *READY, "--fault", "no-abort", "--control", panel).link
     do(link, "set", "MCV=16", "--force")
     process = forks.start(
         ["barrett", "close", "-p", link, "--json", "--trace", trace],
@@ -163,7 +176,7 @@ def test_a_hand_that_ignores_the_abort(start: Start, tmp_path: Path) -> None:
         stderr=subprocess.PIPE,
     )
     wait_until(lambda: trace.exists() and "C" in sent_lines(trace))
-    time.sleep(0.2)
+    wait_until(lambda: f1_at(panel) > 500)
     process.send_signal(signal.SIGINT)
     out, _ = process.communicate(timeout=30)
     assert process.returncode == 130

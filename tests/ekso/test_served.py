@@ -89,9 +89,13 @@ def test_a_foreign_client_reads_and_writes(start: Start, place: str) -> None:
         assert client.ask(150, b"", 4)[3] == 0 and client.ask(151, b"", 4)[:3] == b"\x1a\x0b\x14"
         assert client.ask(155, b"\0\xca\6\x0e", 2) == b"\0\0"
         assert client.words(152, 22) == [*settings[:2], 1550, *settings[3:]]
-        time.sleep(0.01)  # BootTime ticks every 2 ms
-        second = client.words(153, 27)
-        assert first[-2] * 65536 + first[-1] < second[-2] * 65536 + second[-1]
+        boot_time = first[-2] * 65536 + first[-1]  # it ticks every 2 ms
+
+        def ticked() -> bool:
+            later = client.words(153, 27)
+            return later[-2] * 65536 + later[-1] > boot_time
+
+        wait_until(ticked)
         assert client.ask(156, b"\1\0", 2) == b"\0\0"
     finally:
         client.port.close()

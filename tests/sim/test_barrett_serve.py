@@ -17,7 +17,7 @@ from click.testing import CliRunner
 
 from handctl.sim.cli import cli
 from handctl.sim.engine import serve
-from tests.support.cli import in_time
+from tests.support.cli import in_time, run, wait_until
 
 PROMPT = b"\n\r=> "
 
@@ -83,8 +83,9 @@ def test_pty(start: Start) -> None:
     assert server.stop() == (0, "", "")
 
 
-def test_movement_takes_its_time_and_an_abort_stops_it(start: Start) -> None:
-    server = start("--pty", "--set", "initialized=1")
+def test_movement_takes_its_time_and_an_abort_stops_it(start: Start, tmp_path: Path) -> None:
+    panel = tmp_path / "panel"
+    server = start("--pty", "--set", "initialized=1", "--control", str(panel))
     with server.port() as port:
 
         def there_and_back() -> None:
@@ -95,7 +96,7 @@ def test_movement_takes_its_time_and_an_abort_stops_it(start: Start) -> None:
         ask(port, "GC")
         ask(port, "FSET MOV 20")  # 3.5 s for the whole way: the abort comes in the middle on a busy machine, too
         port.write(b"GO\r")
-        time.sleep(0.6)
+        wait_until(lambda: int(run("sim", "control", panel, "motors").out.split()[2]) < 15000)
         begin = time.monotonic()
         port.write(b"\x03")
         assert port.read_until(b"=> ") == b"GO\n\rERR 16384" + PROMPT

@@ -20,6 +20,7 @@ from click.testing import CliRunner
 from rh56_sdk import RH56Driver
 
 from handctl.sim.cli import cli
+from tests.support.cli import wait_until
 
 READ_ID = bytes.fromhex("EB 90 01 04 11 E8 03 01 02")
 ID_IS_1 = bytes.fromhex("90 EB 01 04 11 E8 03 01 02")
@@ -164,8 +165,7 @@ def test_speed_change_needs_save_and_power_cycle(start: Start) -> None:
         assert 0.9 < time.monotonic() - began < 1.3
         server.process.send_signal(signal.SIGUSR1)
         port.timeout = 0.1
-        time.sleep(0.05)
-        assert ask(port, READ_ID, 9) == b""
+        wait_until(lambda: ask(port, READ_ID, 9) == b"")
         port.baudrate = 57600
         assert ask(port, READ_ID, 9) == ID_IS_1
 

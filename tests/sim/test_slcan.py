@@ -21,6 +21,7 @@ from click.testing import CliRunner
 from handctl.sim import create
 from handctl.sim.cli import cli
 from handctl.sim.engine.slcan import Adapter, link
+from tests.support.cli import wait_until
 
 PROBE = b"T10FF0001102\r"  # 2 bytes at 1020
 PROBE_REPLY = b"T10FF00012A7FE\r"
@@ -411,8 +412,7 @@ def test_python_can_reads_and_moves_the_wrist(start: Start, place: list[str]) ->
         assert b"".join(exchange(bus, identifier, 8) for identifier in DUMP_IDS) == DUMP_DATA
         assert exchange(bus, 0x15048001, 100, 0) == b""
         assert exchange(bus, 0x15038001, 0xE8, 0x03, 0x18, 0xFC) == b""
-        time.sleep(0.15)
-        assert exchange(bus, 0x10FF0001, 4) == b"\x18\xfc\xe8\x03"
+        wait_until(lambda: exchange(bus, 0x10FF0001, 4) == b"\x18\xfc\xe8\x03")
         assert bus.get_version(1.0) == (10, 13)
         assert bus.get_serial_number(1.0) == "SIM1"
     assert server.stop() == (0, "", "")
