@@ -17,7 +17,8 @@ LINKS = (
     ),
     (
         "fake://DEVICE[?KEY=VALUE&...]",
-        "The simulator in this process. `--fake` is short for it. The keys are those of handctl-sim(1).",
+        "The simulator in this process, begun afresh. The keys are those of handctl-sim(1). Plain `--fake` keeps what was "
+        "done to the device until you log out.",
     ),
     ("replay:FILE", "A transcript that `--trace` recorded plays the device."),
 )
@@ -50,6 +51,12 @@ FILES: dict[str, tuple[tuple[str, str], ...]] = {
         (
             "$XDG_CONFIG_HOME/handctl/config.toml",
             "Options by their long names, with _ for -, and the named devices; by default below ~/.config.",
+        ),
+    ),
+    "sim": (
+        (
+            "$XDG_RUNTIME_DIR/handctl/sim-FAMILY.json",
+            "What plain --fake keeps of a simulated device; without that variable below /run/user or the temporary folder.",
         ),
     ),
     "completion": (
