@@ -179,6 +179,7 @@ TOOLS: dict[str, dict[str, tuple[str, str]]] = {
     "Work without a device": {
         "sim": ("handctl.tools.sim", "serve a simulated device to any client: pty, TCP, slcan"),
         "trace": ("handctl.tools.trace", "show, decode or compare recorded transcripts"),
+        "help": ("handctl.tools.help", "show the manual, a guide, a command or the common options"),
     },
 }
 """Heading of the root's help -> command name -> module with a click command named `cli`, and one line of help."""

@@ -56,6 +56,7 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
     ("devices.*", (*GROUND[1:], "link", "link.deadman", "model.*", "stop.talk", "@")),
     ("tools.completion", (*GROUND, "docgen*", "frame.*", "model.*")),
     ("tools.sim", ("families", "link.kept", "sim.cli")),
+    ("tools.help", (*GROUND, "docgen*", "frame.*", "guides", "model.*")),
     ("tools.*", (*GROUND, "guides", "frame.*", "link*", "model.*", "report*", "screen.*", "stop.*", "tools*")),
 ]
 

@@ -59,6 +59,11 @@ EXAMPLES: dict[str, Examples] = {
         ("handctl sim exo --pty --fault noise --every 5 --control hand.sock", "Every fifth answer comes with junk."),
         ("handctl sim control hand.sock power-cycle", "Switch it off and on."),
     ),
+    "help": (
+        ("handctl help", "All topics."),
+        ("handctl help options", "The common options."),
+        ("handctl help exo status", "The same as `handctl exo status -h`."),
+    ),
     "completion": (
         ("handctl completion bash --install", "For this user; says what to do next."),
         ("handctl completion zsh -o _handctl", "Into a file of your choice."),

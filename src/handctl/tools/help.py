@@ -1,0 +1,128 @@
+"""`handctl help [TOPIC]`: the manual's pages, the guides and the common options as text, also where there is no man(1).
+
+The pages are made at once from what the man pages are made of, so they fit this version and need neither files nor a network.
+"""
+
+from __future__ import annotations
+
+import shutil
+import sys
+
+import click
+
+from handctl.errors import UsageError
+from handctl.families import COMMANDS
+from handctl.frame.clikit import Command, root
+from handctl.frame.options import CONNECTION, OUTPUT, WRITING, SharedOption
+from handctl.frame.run import Run
+from handctl.model.result import Column, Table
+
+OPTIONS = "options"
+HOW = (
+    "The common options may stand anywhere in the line: `handctl -p PORT exo status` is `handctl exo status -p PORT`. "
+    "When one is given twice, the one nearest the verb wins.\n\n"
+    "Each has an environment variable, such as HANDCTL_PORT for --port, and a key in the configuration file. The command "
+    "line goes before the environment, then what a named device says, then the file. Only --assume-identity must be typed.\n\n"
+    "A command offers the options that it accepts: `-h` lists them. A command that only reads has no --dry-run."
+)  # fmt: skip
+
+
+@click.command("help", cls=Command, offline=True)
+@click.argument("topic", nargs=-1, metavar="[TOPIC]...")
+@click.pass_obj
+def cli(run: Run, topic: tuple[str, ...]) -> Table | None:
+    """Show a page of the manual, a guide, or the help of one command. Without TOPIC: list them all.
+
+    A page longer than the screen opens in the pager of the system. On a pipe it is plain text.
+    """
+    words = " ".join(topic).removeprefix("handctl-").split()
+    if not words:
+        rows = [{"topic": name, "about": about} for name, about in _topics().items()]
+        return Table(rows=rows, columns=(Column("topic", "Topic"), Column("about", "About")), plain=("topic",))
+    text = _text(words)
+    if run.settings.format == "table" and not run.settings.output and _too_long(text):
+        click.echo_via_pager(text)
+        return None
+    return Table(rows=[{"topic": " ".join(words), "text": text}], text=lambda _rows: text, columns=(Column("text"),))
+
+
+def _too_long(text: str) -> bool:
+    return sys.stdout.isatty() and len(text.splitlines()) >= shutil.get_terminal_size().lines
+
+
+def _guides() -> dict[str, tuple[str, str]]:
+    """Topic -> text of the guide, and one line about it."""
+    from handctl import guides
+
+    texts = {name: guides.source(name) for name in guides.names()}
+    titles = {name: guides.title(text) for name, text in texts.items()}
+    return {page.removeprefix("handctl-"): (texts[name], about) for name, (page, about) in titles.items()}
+
+
+def _topics() -> dict[str, str]:
+    """Topic -> one line about it."""
+    found = {OPTIONS: "the options that most commands have: links, output, safety", "handctl": "handctl as a whole"}
+    found |= {name: about for name, (_, about) in _guides().items()}
+    return found | {name: text for name, (_, text) in COMMANDS.items()}
+
+
+def _text(words: list[str]) -> str:
+    """What stands below a topic. Raises UsageError for one that is not there."""
+    name = words[0]
+    if len(words) == 1:
+        from handctl.docgen import man
+        from handctl.docgen.guides import page
+        from handctl.docgen.plain import plain
+        from handctl.docgen.tree import read_tree
+
+        if name == OPTIONS:
+            return _options()
+        if name in COMMANDS or name == "handctl":
+            made = man.pages(read_tree())
+            return plain(made[f"handctl-{name}.1" if name in COMMANDS else "handctl.1"])
+        if name in (guides := _guides()):
+            return plain(page(guides[name][0], man.EDITION))
+    else:
+        context: click.Context | None = click.Context(root, info_name="handctl", **root.context_settings)
+        for word in words:
+            context = _below(context, word) if context is not None else None
+        if context is not None:
+            return context.get_help() + "\n"
+    raise _unknown(words)
+
+
+def _below(context: click.Context, word: str) -> click.Context | None:
+    group = context.command
+    found = group.get_command(context, word) if isinstance(group, click.Group) else None
+    return click.Context(found, context, word, **found.context_settings) if found is not None else None
+
+
+def _unknown(words: list[str]) -> UsageError:
+    from difflib import get_close_matches
+
+    name = " ".join(words)
+    known = list(_topics())
+    if words[0] in COMMANDS:
+        context = _below(click.Context(root, info_name="handctl"), words[0])
+        if context is not None and isinstance(context.command, click.Group):
+            known = [f"{words[0]} {verb}" for verb in context.command.list_commands(context)]
+    near = get_close_matches(name, known, cutoff=0.6)
+    meant = f"did you mean {' or '.join(map(repr, near))}? " if near else ""
+    return UsageError(f"no help on {name!r}", hint=f"{meant}`handctl help` lists the topics", code="no-topic")
+
+
+def _options() -> str:
+    """All common options in full, with those that one family has."""
+    context = click.Context(root, info_name="handctl", **root.context_settings)
+    formatter = context.make_formatter()
+    for paragraph in HOW.split("\n\n"):
+        formatter.write_text(paragraph)
+        formatter.write_paragraph()
+    options = [param for param in root.get_params(context) if isinstance(param, SharedOption)]
+    for title in (CONNECTION, OUTPUT, WRITING):
+        with formatter.section(title):
+            formatter.write_dl([
+                record for option in options if option.section == title and (record := option.get_help_record(context))
+            ])  # fmt: skip
+    formatter.write_text("Options that only one family has stand in `handctl FAMILY -h`.")
+    return formatter.getvalue()
