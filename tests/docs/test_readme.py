@@ -107,7 +107,8 @@ def tried(words: tuple[str, ...]) -> Result:
     if group or "replay:FILE" in words or words[:2] == ("sim", "control"):
         return run(*words, "-h")
     if words[:1] == ("sim",):
-        return run(*words) if words[-1] in ("-h", "--help") else run_program(*words, "--duration", "0.1")
+        ends = words[-1] in ("-h", "--help") or words[1] == "forget"  # by itself
+        return run(*words) if ends else run_program(*words, "--duration", "0.1")
     if words[0] in ("scan", "doctor"):
         return run(*on_a_bench(words))
     if not any(word in FAMILIES for word in words) or {"-h", "--help", "describe"} & set(words) or "devices" in words:
