@@ -320,7 +320,7 @@ def test_save_is_counted_and_refused_when_nothing_changed(tmp_path: Path) -> Non
     port, trace = fake(state=tmp_path / "state.json"), tmp_path / "t.txt"
     with spying() as spy:
         first = do("save", "--yes", port=port)
-        assert first.code == 0 and "1 by handctl of at most 5000" in json.dumps(first.json["messages"])
+        assert first.code == 0 and "1 by handctl, of at most 5000" in json.dumps(first.json["messages"])
         assert saves(spy) == (1, 1)
         again = do("save", "--yes", "--trace", trace, port=port)
         assert (again.code, written_lines(trace)) == (2, []) and "--force" in again.error["hint"]

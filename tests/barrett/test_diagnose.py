@@ -244,7 +244,7 @@ def test_garbage_is_shown_per_speed() -> None:
     assert finding.status == FAIL
     assert (
         "9600:" in finding.evidence
-        and "as --baud says" in finding.evidence
+        and "no other speed because of --baud" in finding.evidence
         and "FE" in finding.evidence
         and "38400" not in finding.evidence
     )
@@ -291,7 +291,7 @@ def test_table() -> None:
     assert [row["check"] for row in good.rows] == ["a", "b", "by_hand.1"]
     assert good.rows[2]["status"] == SKIPPED and "§8" in good.rows[2]["source"]
     bad = diagnose.table_of(hand, [Finding("a", WARNING, "meh", "do it", "§1")], None, None)
-    assert isinstance(bad.failure, CheckFailed) and "1 warnings: a" in bad.failure.text
+    assert isinstance(bad.failure, CheckFailed) and "1 warning: a" in bad.failure.text
     assert bad.rows == [{"check": "a", "status": WARNING, "evidence": "meh", "remedy": "do it", "source": "§1"}]
 
 

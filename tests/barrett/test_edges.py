@@ -166,7 +166,7 @@ def test_the_old_firmware_that_started_is_told_once() -> None:
     texts = iter([b"\n\r=> "])
 
     def started(deadline: Deadline, size: int = 4096) -> bytes:
-        asked = any("ON;" in text for text in guide.said)
+        asked = any("ON. The download" in text for text in guide.said)
         return (next(texts, b"") if asked else b"") or inner(deadline, size)
 
     link.inner.read = started  # type: ignore[method-assign]

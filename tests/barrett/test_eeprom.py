@@ -133,7 +133,7 @@ def test_a_damaged_journal_is_refused_before_anything_is_saved(text: str, state:
     with pytest.raises(UsageError) as caught:
         save(hand)
     assert str(state) in caught.value.text
-    assert "move it away" in caught.value.hint
+    assert "move the file away" in caught.value.hint
     assert saves(link) == []
     assert state.read_bytes() == before
 

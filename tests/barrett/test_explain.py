@@ -56,6 +56,6 @@ def test_the_question_of_a_connect_is_no_mistake() -> None:
     ):
         explainer = BarrettExplainer()
         (asked,) = explainer.feed(HOST, b"!\0\r")
-        assert (asked.meaning, asked.problem) == ("!: asks for the prompt, and is no command", "")
+        assert (asked.meaning, asked.problem) == ("!: asks for the prompt, and is not a command", "")
         (answer,) = explainer.feed(DEVICE, b"!\0\n\rERR %d\n\r=> " % status)
         assert (answer.meaning, answer.problem, answer.answers) == (meaning, problem, asked.asks)

@@ -99,7 +99,7 @@ def test_progress(moving: bool) -> None:
     lines = [text for text in guide.said if "%" in text]
     if moving:
         assert len(bars) == 32 and not lines
-        assert "[###############...............]" in bars[15] and "512 of 1024 bytes" in bars[15]
+        assert "[#####.....]" in bars[15] and "512 of 1024 bytes" in bars[15]
         assert "bytes/s" in bars[15] and "s left" in bars[15]
     else:
         assert not bars and 9 <= len(lines) <= 11 and "1024 of 1024 bytes" in lines[-1]
@@ -193,7 +193,7 @@ def test_a_colon_in_a_text_is_not_the_monitor() -> None:
     texts = iter([b"\n\rPlease note:", b" version: 1\n\r", b"x", b": 2"])
 
     def chatty(deadline: Deadline, size: int = 4096) -> bytes:
-        asked = any("ON;" in text for text in guide.said)
+        asked = any("ON. The download" in text for text in guide.said)
         return (next(texts, b"") if asked else b"") or inner(deadline, size)
 
     link.inner.read = chatty  # type: ignore[method-assign]
@@ -275,7 +275,7 @@ def test_a_fault_with_a_window(fault: str, window: int) -> None:
         assert (exit_code, code) == FAULTS[fault], text
     if fault == "wrong-echo":
         assert "2C45h" in text and f"sent {DATA[0x45]:02X}, got {DATA[0x45] ^ 0x40:02X}" in text
-        assert run.error is not None and "without --window" in str(run.error.hint)
+        assert run.error is not None and "leave --window out" in str(run.error.hint)
 
 
 def test_silence_never_passes_for_an_echo_of_00() -> None:
@@ -307,7 +307,7 @@ def test_the_first_ctrl_c_asks_and_goes_on() -> None:
     guide.press_at = {6: 1}
     run = Run("wire=auto", guide=guide)
     assert run.error is None and sha(DATA) in run.image
-    assert len([text for text in guide.said if "Press it again" in text]) == 1
+    assert len([text for text in guide.said if "Press Ctrl-C again" in text]) == 1
 
 
 def test_the_second_ctrl_c_stops_and_says_where() -> None:

@@ -5,8 +5,10 @@ from __future__ import annotations
 import pytest
 
 from handctl.devices.barrett.gcl.language import Answer
-from handctl.devices.barrett.views import unhealthy
+from handctl.devices.barrett.map import BARRETT
+from handctl.devices.barrett.views import parameters_view, unhealthy
 from handctl.errors import CheckFailed, DeviceRefused, NoAnswer, ProtocolError
+from handctl.screen.terminal import fitting
 from tests.barrett.support import (
     CR,
     QUESTION,
@@ -54,6 +56,20 @@ def test_dump_says_what_the_hand_says() -> None:
     assert rows[("S", "F1")]["label"] == "Motor not initialized (4)"
     assert rows[("OTEMP", None)]["label"] == "off"
     assert (rows[("DP", "SPREAD")]["default"], rows[("DP", "F1")]["default"]) == (1575, 8500)
+
+
+def test_dump_is_a_table_at_80_columns_whatever_it_holds() -> None:
+    """The longest value of each parameter, changed and doubted: no table of a dump becomes records."""
+    hand, _ = simulated("")
+    table = hand.dump()
+    for row in table.rows:
+        param = BARRETT[row["name"]]
+        high = param.high if param.high is not None else 2**31
+        row["value"] = -high if param.low is None else high
+    grids = parameters_view(table.rows)
+    assert [grid.headings[0] for grid in grids] == ["GCL"] * 4
+    assert all(fitting(grid, 80) for grid in grids), [fitting(grid, 80) for grid in grids]
+    assert sum(len(grid.lines) for grid in grids) == len({row["name"] for row in table.rows})
 
 
 def test_dump_warns_of_what_heats() -> None:

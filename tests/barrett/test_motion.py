@@ -310,7 +310,7 @@ def test_ctrl_c_stops_the_hand(name: str) -> None:
     assert caught.value.exit_code == 130
     assert ABORT in link.sent
     assert "16384" in caught.value.text
-    places = [int(word.rstrip(",")) for word in caught.value.text.rpartition("positions:")[2].split()[1::2]]
+    places = [int(word.rstrip(",")) for word in caught.value.text.rpartition("Positions:")[2].split()[1::2]]
     assert len(places) == 4
     assert all(100 < place < 16000 for place in places[:3])
     link.sleep(3.0)

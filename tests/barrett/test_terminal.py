@@ -92,7 +92,7 @@ def test_an_interrupt_of_a_movement(sim: Simulator) -> None:
         terminal.send("\x03")
         assert terminal.finish() == 130
         text = " ".join(terminal.text.split())
-    told = re.findall(r"(?:F\d|SPREAD) (\d+)", text.partition("positions")[2])
+    told = re.findall(r"(?:F\d|SPREAD) (\d+)", text.partition("Positions")[2])
     assert len(told) == 4 and 300 < int(told[0]) < 15000, text
     now = [row["value"] for row in run("barrett", "get", "P", "-p", sim.link, "--json").rows]
     assert [abs(a - int(b)) <= 2 for a, b in zip(now, told, strict=True)] == [True] * 4

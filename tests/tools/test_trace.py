@@ -61,7 +61,7 @@ FRAMES = [
     ("wrist", "can 15038001 [0]", DEVICE, "acknowledged: write at 1038 yaw_set, id 1"),
     ("wrist", "10FF0001 [2] A7 FE", DEVICE, "pitch_actual = -3.45 °, id 1"),
     ("wrist", "05738001 [8] F4 01 FF FF FF FF FF FF", HOST, "write F4 01 FF FF FF FF FF FF at 1486 of the hand's own registers, id 1"),
-    ("barrett", hex_of("13M 1000\r"), HOST, "13M 1000: move to a position, without one to DP; F1 F3"),
+    ("barrett", hex_of("13M 1000\r"), HOST, "13M 1000: move to a position (default: DP); F1 F3"),
     ("barrett", hex_of("SFSET DS 100 DP 1500\r"), HOST, "SFSET DS 100 DP 1500: set default_step = 100 cts, default_position = 1500 cts of SPREAD"),
     ("barrett", hex_of("14FGET SG P\n\r112 255\n\r0 0\n\r=> "), DEVICE, "strain 112 255 (no gauge), position 0 0 cts (F1 SPREAD)"),
     ("barrett", hex_of("PGET TEMP\r\n412\r\n=>"), DEVICE, "temperature 41.2 °C"),
@@ -241,7 +241,7 @@ def test_a_wrong_header_ends_realtime() -> None:
         "barrett", *LOOP_SETUP, "> 5A", "< 0A 0D 45 52 52 20 32 30 34 38 0A 0D 3D 3E 20", "> 0D", "< 0A 0D 3D 3E 20"
     )[8:]
     assert [(row.problem, row.meaning) for row in rows] == [
-        ("bad-block", "Z: no block begins so; the hand leaves RealTime with ERR 2048"),
+        ("bad-block", "Z: not the start of a block. The hand leaves RealTime with ERR 2048"),
         ("refused", "ERR 2048: Invalid RealTime control block header (2048); RealTime is over, prompt"),
         ("", "an empty line: asks for the prompt"), ("", "prompt"),
     ]  # fmt: skip
@@ -269,7 +269,7 @@ def test_a_download_record_by_record() -> None:
 
 def test_an_abort_and_a_new_speed() -> None:
     assert meanings("barrett", "> 43 0D", "< 43", "> 03", "< 0A 0D 45 52 52 20 31 36 33 38 34 0A 0D 3D 3E 20") == [
-        "C: close to CT; spread: F1 and F2 go beside F3; F1 F2 F3 SPREAD", "^C: abort", "ERR 16384: Cntl-C abort command received (16384)",
+        "C: close to CT (spread: F1 and F2 go beside F3); F1 F2 F3 SPREAD", "^C: abort", "ERR 16384: Cntl-C abort command received (16384)",
     ]  # fmt: skip
 
 

@@ -29,7 +29,7 @@ def later_settings(firmware: str, journal: Journal) -> list[str]:
     known = re.search(r"(\d+)\.(\d)(\d?)", firmware.replace("_", "."))
     if known is None:
         names = " ".join(param.mnemonic for param in later)
-        journal.warn("later-firmware", f"the firmware tells no version: whether it has {names} was not asked")
+        journal.warn("later-firmware", f"the firmware reports no version, so it was not asked for {names}")
         return []
     version = tuple(int(digit or 0) for digit in known.groups())
     return [param.name for param in later if version >= FIRST[param.since]]

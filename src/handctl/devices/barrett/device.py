@@ -77,8 +77,8 @@ class BarrettHand(Device):
         if answer.lines:
             came = answer.raw[-48:].hex(" ").upper()
             return ProtocolError(
-                f"{self.link.name}: {answer.command}: expected a prompt or ERR, got {answer.lines[0]!r}; came {came}",
-                hint="whether it was carried out is not known: `handctl barrett status`, then the cable",
+                f"{self.link.name}: {answer.command}: expected a prompt or ERR, got {answer.lines[0]!r} ({came})",
+                hint="`handctl barrett status`, then check the cable: whether the command took effect is not known",
                 code="bad-line",
             )
         return None
@@ -243,7 +243,7 @@ class BarrettHand(Device):
                 self._write_line(command, mine, last=number == len(commands))
             except HandctlError as exc:
                 if done:
-                    exc.leaves(Left(behind=f"already set: {'; '.join(done)}"))
+                    exc.leaves(Left(behind=f"already set: {', '.join(done)}"))
                 raise
             done.append(command)
         return self._read_back(changes, commands)
@@ -256,7 +256,7 @@ class BarrettHand(Device):
         except (NoAnswer, ProtocolError) as exc:
             if self.journal.counters.sent == sent:
                 raise
-            self.journal.warn("answer-lost", f"no valid answer to {command} ({exc.text}); reading it back")
+            self.journal.warn("answer-lost", f"no valid answer to {command} ({exc.text}), so handctl reads it back")
             self.line.resynchronise()
             if not last:
                 self._read_back(changes, [(command, changes)])
@@ -265,7 +265,7 @@ class BarrettHand(Device):
             error = self.name_heat(self.refusal(answer))
             names = list(dict.fromkeys(_gcl(element) for element, _ in changes))
             if len(names) > 1:  # the first wrong pair ends the line, those before it stay
-                error.leaves(Left(behind=f"perhaps set too: {', '.join(names[:-1])}: `handctl barrett get` tells"))
+                error.leaves(Left(behind=f"perhaps set too: {', '.join(names[:-1])}: `handctl barrett get` shows it"))
             raise error
 
     def _read_back(
@@ -282,7 +282,7 @@ class BarrettHand(Device):
                 self.journal.ledger.confirm("read back", step)
             elif all(now[element.full_name] is not None for element, _ in mine):
                 self.journal.ledger.doubt("reads back otherwise", step)
-        self.check_read_back(changes, readings, "look with `handctl barrett get` before writing again")
+        self.check_read_back(changes, readings, "read them with `handctl barrett get` before writing again")
         return readings
 
     def change_speed(self, code: int) -> None:
@@ -318,7 +318,7 @@ class BarrettHand(Device):
         self.journal.info(
             "later-firmware",
             f"not in a dump: {later}, which firmware 4.34 and 4.4 have",
-            hint=f"`handctl barrett get {later}` asks for them; a snapshot holds the settings among them",
+            hint=f"`handctl barrett get {later}` reads them. A snapshot holds the settings among them",
         )
         return table
 
@@ -338,7 +338,7 @@ class BarrettHand(Device):
         if check:  # S says nothing of it: a hand that was left in RealTime is "ready" while it runs
             from handctl.devices.barrett.gcl.meet import look_for_motion
 
-            findings += [f"it moves: {motor}" for motor in look_for_motion(self.line)]
+            findings += [f"the hand moves: {motor}" for motor in look_for_motion(self.line)]
         return self.judge(table, findings, check)
 
 

@@ -154,7 +154,7 @@ class BarrettExplainer:
             meaning, _ = gclwords.command(gclwords.MARK)
             return _piece(HOST, raw, meaning, asks=self._expect(command.lstrip("\0")))
         if any(not 32 <= byte < 127 for byte in raw[:-1]):
-            return stray(HOST, raw, f"a line that is no command: {gclwords.shown(raw)}")
+            return stray(HOST, raw, f"a line that is not a command: {gclwords.shown(raw)}")
         if not command and self._asked and self._came:
             return _piece(HOST, raw, "an empty line")  # to an answer that has already begun, e.g. behind a new speed
         fields = {"command": command}
@@ -246,7 +246,7 @@ class BarrettExplainer:
         elif answer.status:
             problem = "refused" if answer.status != 16384 else ""
             status = f"ERR {answer.status}: {explain_status(answer.status)}"
-            meaning = f"{meaning}; {status}" if answer.lines else status
+            meaning = f"{meaning}. {status}" if answer.lines else status
         fields = {"command": asked.command, "status": answer.status}
         return _piece(
             DEVICE, raw, meaning, problem=problem, answers=asked.key, fields=fields, values=values,

@@ -18,7 +18,7 @@ MOST_BYTES = 4_000_000
 
 def load(path: Path, what: str, valid: Callable[[object], bool]) -> dict[str, Any]:
     """The object in `path`; empty when there is no file. Raises UsageError when an entry is not `valid`."""
-    hint = "move it away to begin a new one"
+    hint = "move the file away to begin a new one"
     try:
         content = json.loads(files.read_text(path, f"the {what}", MOST_BYTES, hint=hint))
     except files.NoFile:
@@ -37,4 +37,5 @@ def store(path: Path, what: str, content: dict[str, Any]) -> None:
         with files.atomic_write(path) as file:
             json.dump(content, file, indent=1, sort_keys=True)
     except OSError as exc:
-        raise OutputError(f"{path}: the {what} cannot be written: {exc.strerror or exc}") from exc
+        text = f"{path}: the {what} cannot be written: {exc.strerror or exc}"
+        raise OutputError(text, hint="check the folder's permissions and its free space") from exc

@@ -70,7 +70,7 @@ class GclParam(Param):
                 factor, unit = self.scale
                 wanted = float(text) * factor
                 hint = f"{float(text):g} {unit} is {self.name}={wanted:.0f}. " if wanted == round(wanted) else ""
-                exc.text = f"{where or self.name} is a whole number of {self.unit}: {text} is none"
+                exc.text = f"{where or self.name} takes a whole number of {self.unit}, not {text}"
                 exc.hint = f"{hint}{exc.hint}"
             raise
 
@@ -159,59 +159,59 @@ BARRETT = GclMap(
     "barrett",
     [
         # -- movement, §5.3.1
-        _motor("DP", "default_position", "target of M without argument; useful to 17,800 / 3150", "5.3.1", 0, 65535, unit="cts", default=(8500, 1575), **_USEFUL, **_RW),
-        _motor("DS", "default_step", "step of IC and IO without argument", "5.3.1", 0, 65535, unit="cts", default=(1700, 315), **_USEFUL, **_RW),
-        _motor("HSG", "strain_limit_high", "a movement ends above this strain; 255 and 256 = off", "5.3.1", 0, 256, special=_OFF, default=(256, 256), **_RW),
-        _motor("LSG", "strain_limit_low", "a movement ends below this strain; 255 and 256 = off", "5.3.1", 0, 256, special=_OFF, default=(256, 256), **_RW),
-        _motor("MOV", "max_open_velocity", "opening velocity; below 40 it may not move (§8)", "5.3.1", 16, 4080, unit="1/16 cts/sample", default=(100, 60), careful=((40, 300), (40, 150)), why="faster than IVEL may be: it deforms the clutch for good, no breakaway any more (§5.3.4)", why_less="below 40 the motor may not move (§8)", **_RW),
-        _motor("MCV", "max_close_velocity", "closing velocity; sets the tip force of TC", "5.3.1", 16, 4080, unit="1/16 cts/sample", default=(100, 60), careful=((40, 2032), (40, 2032)), why="beyond 127 counts a sample the motor controller has no profile", why_less="below 40 the motor may not move (§8)", **_RW),
+        _motor("DP", "default_position", "target of M without an argument, useful to 17,800 (spread 3150)", "5.3.1", 0, 65535, unit="cts", default=(8500, 1575), **_USEFUL, **_RW),
+        _motor("DS", "default_step", "step of IC and IO without an argument", "5.3.1", 0, 65535, unit="cts", default=(1700, 315), **_USEFUL, **_RW),
+        _motor("HSG", "strain_limit_high", "a movement ends above this strain (255 and 256 = off)", "5.3.1", 0, 256, special=_OFF, default=(256, 256), **_RW),
+        _motor("LSG", "strain_limit_low", "a movement ends below this strain (255 and 256 = off)", "5.3.1", 0, 256, special=_OFF, default=(256, 256), **_RW),
+        _motor("MOV", "max_open_velocity", "opening velocity, below 40 the motor may not move (§8)", "5.3.1", 16, 4080, unit="1/16 cts/sample", default=(100, 60), careful=((40, 300), (40, 150)), why="faster than IVEL allows: it deforms the clutch permanently, which then loses its breakaway (§5.3.4)", why_less="below 40 the motor may not move (§8)", **_RW),
+        _motor("MCV", "max_close_velocity", "closing velocity, sets the tip force of TC", "5.3.1", 16, 4080, unit="1/16 cts/sample", default=(100, 60), careful=((40, 2032), (40, 2032)), why="beyond 127 counts a sample the motor controller has no profile", why_less="below 40 the motor may not move (§8)", **_RW),
         _motor("MSG", "strain_limit_high_alias", "the same value as HSG", "5.3.1", 0, 256, special=_OFF, default=(256, 256), **_RW),
         # -- status, §5.3.2
-        _motor("OD", "odometer", "way of the motor in its life", "5.3.2", 0, 2**32, unit="1000 cts"),
-        _motor("P", "position", "position; about 0 to 17,800, spread 3150", "5.3.2", None, None, unit="cts"),
+        _motor("OD", "odometer", "distance moved in the motor's life", "5.3.2", 0, 2**32, unit="1000 cts"),
+        _motor("P", "position", "position, about 0 to 17,800 (spread 3150)", "5.3.2", None, None, unit="cts"),
         _motor("S", "status", "sum of status codes, 0 = ready", "5.3.2", 0, 65535),
-        _motor("SG", "strain", "strain gauge; 255 = no gauge, 100 to 140 without load (§7.4)", "5.3.2", 0, 255, special={255: "no gauge"}),
+        _motor("SG", "strain", "strain gauge, 100 to 140 without load (§7.4), 255 = no gauge", "5.3.2", 0, 255, special={255: "no gauge"}),
         # -- realtime, §5.3.3
         _motor("LCV", "loop_control_velocity", "control block has a velocity", "5.3.3", 0, 1, default=(1, 1), **_KNOWN_FLAG),
-        _motor("LCVC", "loop_control_velocity_coefficient", "factor of the control velocity; 0 would always stop", "5.3.3", 1, 255, default=(1, 1), careful=((1, 2), (1, 1)), why="with it a velocity of -127 opens faster than IVEL may be: it deforms the clutch for good (§5.3.4)", **_RW),
+        _motor("LCVC", "loop_control_velocity_coefficient", "factor of the control velocity, 0 would always stop", "5.3.3", 1, 255, default=(1, 1), careful=((1, 2), (1, 1)), why="with it a velocity of -127 opens faster than IVEL allows: it deforms the clutch permanently (§5.3.4)", **_RW),
         _motor("LCPG", "loop_control_proportional_gain", "control block has a gain", "5.3.3", 0, 1, default=(1, 1), **_KNOWN_FLAG),
         _motor("LFV", "loop_feedback_velocity", "feedback has the velocity", "5.3.3", 0, 1, default=(1, 1), **_KNOWN_FLAG),
-        _motor("LFVC", "loop_feedback_velocity_coefficient", "divisor of the fed back velocity", "5.3.3", 1, 255, default=(1, 1), **_RW),
+        _motor("LFVC", "loop_feedback_velocity_coefficient", "divisor of the velocity in feedback", "5.3.3", 1, 255, default=(1, 1), **_RW),
         _motor("LFS", "loop_feedback_strain", "feedback has the strain", "5.3.3", 0, 1, default=(1, 1), **_KNOWN_FLAG),
         _motor("LFAP", "loop_feedback_absolute_position", "feedback has the position", "5.3.3", 0, 1, default=(1, 1), **_KNOWN_FLAG),
         _motor("LFDP", "loop_feedback_delta_position", "feedback has the change of position", "5.3.3", 0, 1, default=(1, 1), **_KNOWN_FLAG),
-        _motor("LFDPC", "loop_feedback_delta_position_coefficient", "divisor of the fed back change", "5.3.3", 1, 255, default=(1, 1), **_RW),
+        _motor("LFDPC", "loop_feedback_delta_position_coefficient", "divisor of the change in feedback", "5.3.3", 1, 255, default=(1, 1), **_RW),
         # -- advanced, §5.3.4
-        _motor("ACCEL", "acceleration", "acceleration; 0 would never move", "5.3.4", 1, 65535, unit="1/256 cts/sample²", default=(4, 2), **_ADV),
-        _motor("CT", "close_target", "where C goes", "5.3.4", 0, 65535, unit="cts", default=(17000, 3150), careful=((51, 18000), (51, 3150)), why="beyond the joint's travel: C drives into the stop", why_less="C has no way to go from the open target", **_ADV),
-        _motor("EN", "enabled", "moves without a prefix too; 0 makes a finger seem dead", "5.3.4", 0, 1, choices={0: "no", 1: "yes"}, default=(1, 1), **_ADV),
-        _motor("FDZ", "filter_derivative_zero", "filter zero; other than 0 is noisy", "5.3.4", 0, 255, default=(0, 0), **_ADV),
-        _motor("FIP", "filter_integral_pole", "filter pole; other than 0 may go unstable", "5.3.4", 0, 255, default=(0, 0), careful=((0, 0), (0, 0)), why="may go unstable", **_ADV),
-        _motor("FPG", "filter_proportional_gain", "filter gain; sets the spread's pinch torque", "5.3.4", 0, 255, default=(10, 10), **_ADV),
-        _motor("HOLD", "hold", "servo after a movement; fingers only heat from it", "5.3.4", 0, 1, choices={0: "no", 1: "yes"}, default=(0, 1), **_ADV),
+        _motor("ACCEL", "acceleration", "acceleration, with 0 the motor would never move", "5.3.4", 1, 65535, unit="1/256 cts/sample²", default=(4, 2), **_ADV),
+        _motor("CT", "close_target", "target of C", "5.3.4", 0, 65535, unit="cts", default=(17000, 3150), careful=((51, 18000), (51, 3150)), why="beyond the joint's travel: C drives into the stop", why_less="C has no way to go from the open target", **_ADV),
+        _motor("EN", "enabled", "moves without being named too, 0 makes a finger seem dead", "5.3.4", 0, 1, choices={0: "no", 1: "yes"}, default=(1, 1), **_ADV),
+        _motor("FDZ", "filter_derivative_zero", "filter zero, other than 0 is noisy", "5.3.4", 0, 255, default=(0, 0), **_ADV),
+        _motor("FIP", "filter_integral_pole", "filter pole, other than 0 may go unstable", "5.3.4", 0, 255, default=(0, 0), careful=((0, 0), (0, 0)), why="may go unstable", **_ADV),
+        _motor("FPG", "filter_proportional_gain", "filter gain, sets the spread's pinch torque", "5.3.4", 0, 255, default=(10, 10), **_ADV),
+        _motor("HOLD", "hold", "servo after a movement, which only heats a finger", "5.3.4", 0, 1, choices={0: "no", 1: "yes"}, default=(0, 1), **_ADV),
         _motor("IHIT", "init_hit_count", "hits of the open stop during HI", "5.3.4", 0, 65535, default=(2, 0), careful=((0, 5), (0, 5)), why="more than 5 hits is beyond the vendor's limit", **_ADV),
-        _motor("IOFF", "init_offset", "way back from the stop after HI; larger lowers the breakaway force", "5.3.4", 0, 65535, unit="cts", default=(50, 0), careful=((0, 500), (0, 500)), why="useful values are 0 to 500", **_ADV),
-        _motor("IVEL", "init_velocity", "velocity of HI", "5.3.4", 16, 4080, unit="1/16 cts/sample", default=(300, 150), careful=((16, 300), (16, 150)), why="above the default it deforms the clutch for good: no breakaway any more", **_ADV),
+        _motor("IOFF", "init_offset", "distance back from the stop after HI, a larger one lowers the breakaway force", "5.3.4", 0, 65535, unit="cts", default=(50, 0), careful=((0, 500), (0, 500)), why="useful values are 0 to 500", **_ADV),
+        _motor("IVEL", "init_velocity", "velocity of HI", "5.3.4", 16, 4080, unit="1/16 cts/sample", default=(300, 150), careful=((16, 300), (16, 150)), why="above the default it deforms the clutch permanently, which then loses its breakaway", **_ADV),
         _motor("MPE", "max_position_error", "how near counts as reached", "5.3.4", 0, 65535, unit="cts", default=(50, 50), **_USEFUL, **_ADV),
-        _motor("OT", "open_target", "where O goes; also sets the breakaway force", "5.3.4", 0, 65535, unit="cts", default=(0, 0), careful=((0, 17800), (0, 3150)), why="beyond the joint's travel: O closes instead", **_ADV),
-        _motor("SAMPLE", "sample_time", "sample time of the motor controller; not to be changed", "5.3.4", 15, 255, default=(31, 31), careful=((31, 31), (31, 31)), why="the manual says not to change it", **_ADV),
-        _motor("SGFLIP", "strain_flip", "strain is turned around; legacy", "5.3.4", 0, 1, choices={0: "no", 1: "yes"}, default=(0, 0), careful=((0, 0), (0, 0)), why="legacy, turns every strain reading around", **_ADV),
-        _motor("TSTOP", "stop_time", "how long a stalled motor is driven on", "5.3.4", 0, 65535, unit="ms", default=(30, 30), careful=((0, 30), (0, 30)), why="above 30 ms the motors heat up very fast", **_ADV),
+        _motor("OT", "open_target", "target of O, also sets the breakaway force", "5.3.4", 0, 65535, unit="cts", default=(0, 0), careful=((0, 17800), (0, 3150)), why="beyond the joint's travel: O closes instead", **_ADV),
+        _motor("SAMPLE", "sample_time", "sample time of the motor controller, not to be changed", "5.3.4", 15, 255, default=(31, 31), careful=((31, 31), (31, 31)), why="the manual says not to change it", **_ADV),
+        _motor("SGFLIP", "strain_flip", "strain readings are inverted (legacy)", "5.3.4", 0, 1, choices={0: "no", 1: "yes"}, default=(0, 0), careful=((0, 0), (0, 0)), why="legacy, inverts every strain reading", **_ADV),
+        _motor("TSTOP", "stop_time", "time for which a stalled motor is driven on", "5.3.4", 0, 65535, unit="ms", default=(30, 30), careful=((0, 30), (0, 30)), why="above 30 ms the motors heat up very fast", **_ADV),
         # -- global, §5.4
-        _global("BAUD", "baud_rate", "speed of the serial line; acts at once", "5.4.1", 6, 384, unit="100 bit/s", choices=BAUD_CODES, default=(96, 96), strands=True, **_RW),
+        _global("BAUD", "baud_rate", "speed of the serial line, changes at once", "5.4.1", 6, 384, unit="100 bit/s", choices=BAUD_CODES, default=(96, 96), strands=True, **_RW),
         _global("LFT", "loop_feedback_temperature", "feedback has the temperature", "5.4.1", 0, 1, default=(0, 0), **_KNOWN_FLAG),
-        _global("OTEMP", "over_temperature_limit", "motor commands fail above; 0 = off, 600 to 650 advised", "5.4.1", 0, 1250, unit=TENTHS, special={0: "off"}, default=(0, 0), careful=((300, 1250), (300, 1250)), why="that is in tenths of a degree: below 30 °C every movement fails", **_RW),
-        _global("TEMP", "temperature", "CPU board; normal 400 to 600, limit 650 (§2)", "5.4.2", -550, 1250, unit=TENTHS),
-        _global("PTEMP", "peak_temperature", "highest temperature of its life", "5.4.2", 0, 1250, unit=TENTHS),
+        _global("OTEMP", "over_temperature_limit", "motor commands fail above it (0 = off, 600 to 650 advised)", "5.4.1", 0, 1250, unit=TENTHS, special={0: "off"}, default=(0, 0), careful=((300, 1250), (300, 1250)), why="that is in tenths of a degree: below 30 °C every movement fails", **_RW),
+        _global("TEMP", "temperature", "temperature of the CPU board, normal 400 to 600, limit 650 (§2)", "5.4.2", -550, 1250, unit=TENTHS),
+        _global("PTEMP", "peak_temperature", "highest temperature in its life", "5.4.2", 0, 1250, unit=TENTHS),
         _global("UPSECS", "uptime_seconds", "time of operation in its life", "5.4.2", 0, 2**32, unit="s"),
-        _global("SN", "serial_number", "serial number; 0 on upgraded hands", "5.4.2", 0, None, private=True),
-        _global("LFDPD", "loop_feedback_delta_discard", "what a change too large for a byte does", "5.4.3", 0, 1, default=(0, 0), advanced=True, **_KNOWN_FLAG),
+        _global("SN", "serial_number", "serial number (0 on upgraded hands)", "5.4.2", 0, None, private=True),
+        _global("LFDPD", "loop_feedback_delta_discard", "drop a change that is too large for a byte", "5.4.3", 0, 1, default=(0, 0), advanced=True, **_KNOWN_FLAG),
         # -- later firmware: ERR 64 where absent
         _motor("BD", "breakaway_detected", "the clutch has let go", "later firmware", 0, 1, since="4.34"),
         _motor("BP", "breakaway_position", "where the clutch let go", "later firmware", None, None, unit="cts", since="4.34"),
         _motor("BS", "breakaway_stop", "stop at breakaway", "later firmware", 0, 1, default=(0, 0), since="4.34", **_RW),
         _motor("BDAT", "breakaway_acceleration_threshold", "threshold of the detection", "later firmware", 0, 20000, default=(1500, 1500), since="4.34", **_RW),
-        _motor("LCT", "loop_control_torque", "control block has a torque; excludes velocity and gain", "later firmware", 0, 1, since="4.4", **_KNOWN_FLAG),
+        _motor("LCT", "loop_control_torque", "control block has a torque, excludes velocity and gain", "later firmware", 0, 1, since="4.4", **_KNOWN_FLAG),
         _motor("LFBP", "loop_feedback_breakaway_position", "feedback block has the breakaway position", "later firmware", 0, 1, since="4.4", **_KNOWN_FLAG),
         _motor("LFAIN", "loop_feedback_analog_input", "feedback block has the analog input", "later firmware", 0, 1, since="4.4", **_KNOWN_FLAG),
     ],
@@ -239,5 +239,5 @@ def check_careful(changes: Sequence[tuple[Element, Number]], force: bool) -> lis
     objections = [careful(element, value) for element, value in changes]
     found = list(dict.fromkeys(objection for objection in objections if objection is not None))
     if found and not force:
-        raise UsageError("; ".join(found), hint="--force writes it all the same. Nothing was sent.", code="careful")
+        raise UsageError(". ".join(found), hint="use --force to write it anyway. Nothing was sent.", code="careful")
     return found

@@ -49,7 +49,7 @@ def command_text(prefix: str, name: str, argument: int | None) -> str:
     if argument is not None and not 0 <= argument <= 20000:
         raise UsageError(
             f"{name} {argument} is out of range",
-            hint="0 to 20000 counts (barrett §5.2.1). Nothing was sent.",
+            hint="use 0 to 20000 counts (barrett §5.2.1). Nothing was sent.",
             code="out-of-range",
         )
     return f"{prefix}{name}" + (f" {argument}" if argument is not None else "")
@@ -81,7 +81,7 @@ def move(
     try:
         table = _result(hand, name, answer, motors, goals, all_motors=not prefix)
     except (NoAnswer, ProtocolError) as exc:
-        exc.text = f"{text} ended with status {answer.status}, but where the motors stand could not be read: {exc.text}"
+        exc.text = f"{text} ended with status {answer.status}, but the positions could not be read: {exc.text}"
         raise
     table.failure = hand.objection(answer)
     if table.failure is not None:
@@ -127,17 +127,17 @@ def refuse_harm(name: str, index: int, at: dict[str, int], goal: int | None) -> 
     if opens and at.get(own, 0) > limit:
         raise UsageError(
             f"{motor}: {own} {at[own]} opens at {at[own] / 16:.1f} counts a sample, IVEL allows {limit / 16:.2f}: "
-            "it may deform the clutch for good",
-            hint=f"`handctl barrett set {own}.{motor}={BARRETT.by_mnemonic(own).default_of(index)}`; --force opens so "
-            "fast all the same (barrett §5.3.4 IVEL). Nothing moved.",
+            "it may deform the clutch permanently",
+            hint=f"`handctl barrett set {own}.{motor}={BARRETT.by_mnemonic(own).default_of(index)}`, or use --force "
+            "to open so fast anyway (barrett §5.3.4 IVEL). Nothing moved.",
             code="opening-speed",
         )
     travel = USUAL["spread" if index == 3 else "finger"]
     if name in ("O", "C") and {"OT", "CT"} <= at.keys() and (at["OT"] >= at["CT"] or at["OT"] > travel):
         raise UsageError(
-            f"{motor}: OT {at['OT']} and CT {at['CT']} leave {name} no way to go, or turn it around",
-            hint=f"`handctl barrett set OT.{motor}=0 CT.{motor}={BARRETT.by_mnemonic('CT').default_of(index)}`; --force "
-            "sends it all the same (barrett §5.3.4). Nothing moved.",
+            f"{motor}: OT {at['OT']} and CT {at['CT']} leave {name} no way to go, or reverse it",
+            hint=f"`handctl barrett set OT.{motor}=0 CT.{motor}={BARRETT.by_mnemonic('CT').default_of(index)}`, or use "
+            "--force to send it anyway (barrett §5.3.4). Nothing moved.",
             code="targets",
         )
 
@@ -220,12 +220,12 @@ def power_off(hand: BarrettHand, prefix: str) -> str:
     answer = hand.line.ask(f"{prefix}T")
     error = hand.objection(answer)
     if error is not None and (not answer.status or answer.status & ~5):
-        error.leaves(Left(hint="the motors may still have power: if they must not, switch the supply off"))
+        error.leaves(Left(hint="the motors may still have power. Switch the supply off if they must not"))
         raise error
     if answer.status:
         hand.journal.ledger.confirm("ERR 4: its power is off all the same", Step("T", encode(f"{prefix}T")))
     status = f" (status {answer.status}: {explain_status(answer.status)})" if answer.status else ""
-    return f"the hand was found, ^C was sent to it; {prefix}T was acknowledged{status}: motor power is off"
+    return f"the hand was found and ^C was sent. {prefix}T was acknowledged{status}: motor power is off"
 
 
 def halt(hand: BarrettHand, *, tell_positions: bool = True) -> str:
@@ -236,14 +236,14 @@ def halt(hand: BarrettHand, *, tell_positions: bool = True) -> str:
             return "the hand gave no prompt after ^C: switch its power off if it still moves"
         readings = hand.read(_elements(["P"], [0, 1, 2, 3])) if tell_positions else []
     except HandctlError as exc:
-        return f"^C was sent; {exc.text}: switch the power off if it still moves"
+        return f"^C was sent. {exc.text}: switch the power off if it still moves"
     except KeyboardInterrupt:
         return "interrupted again while waiting for the hand's answer to ^C: switch its power off if it still moves"
     places = ", ".join(f"{reading.element.part} {reading.value}" for reading in readings)
     status = f"status {answer.status}: {explain_status(answer.status)}"
     ended = answer.status & ABORTED  # else it had ended before, or what ran was no movement
     stopped = f"^C stopped the hand ({status})" if ended else f"the hand is at its prompt again after ^C ({status})"
-    return f"{stopped}; positions: {places}" if places else stopped
+    return f"{stopped}. Positions: {places}" if places else stopped
 
 
 def _elements(names: list[str], motors: list[int]) -> list[Element]:

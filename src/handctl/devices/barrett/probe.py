@@ -39,7 +39,7 @@ def probe(
     """A row with the evidence. Raises NoAnswer, ProtocolError for what came instead."""
     waiting = _until_prompt(link, link.deadline(0))
     if seen_in(waiting, b"") == connecting.COLON:
-        raise _monitor(link, "a ':' came by itself")
+        raise _monitor(link, "a ':' arrived unasked")
     wire = 16 * 10 / link.baud if link.baud else 0.0
     link.write(QUESTION, link.deadline(1.0).earlier(deadline))
     journal.counters.sent += 1
@@ -54,7 +54,7 @@ def probe(
     if not has_prompt(came):
         raise ProtocolError(
             f"{link.name}: no prompt, but {len(came)} bytes: {hex_bytes(came[:24])}",
-            hint="another device, an echo or a wrong speed",
+            hint="check the port and the speed: another device, an echo or a wrong speed",
             code="echo" if seen == connecting.ECHO else "garbage",
         )
     found = _identity(link, journal, deadline, timeout or READ_TIMEOUT)
@@ -65,7 +65,7 @@ def probe(
 def _monitor(link: ByteLink, evidence: str) -> ProtocolError:
     return ProtocolError(
         f"{link.name}: {evidence}: a BarrettHand in its {MONITOR_TEXT}",
-        hint="wait until its firmware runs, then scan again; without firmware: `handctl barrett firmware`",
+        hint="scan again when its firmware runs. Without firmware: `handctl barrett firmware download FILE`",
         code="boot-monitor",
     )
 
@@ -86,12 +86,12 @@ def _identity(link: ByteLink, journal: Journal, deadline: Deadline, timeout: flo
     try:
         answer = line.read("PGET SN")
         if answer.status:
-            raise ProtocolError(f"ERR {answer.status} to PGET SN")
+            raise ProtocolError(f"ERR {answer.status} to PGET SN", hint="scan again")
         (numbers,) = values(answer, 1, 1)
     except (NoAnswer, ProtocolError) as exc:
         raise ProtocolError(
             f"{link.name}: a prompt came, but no serial number: {exc.text}",
-            hint="another device with a prompt, or a disturbed line",
+            hint="check the port and the cable: another device with a prompt, or a disturbed line",
             code="garbage",
         ) from exc
     return f"prompt, serial number {numbers[0]}"

@@ -27,7 +27,7 @@ POWER_OFF, BRIEF = 1.0, 0.3
 """Seconds for the answer to T: at the end, and before the other speeds are tried."""
 HARMLESS = 1 | 4 | 16384
 """Statuses with which T works: a motor was never initialized (printed as 1 in §5.2.1), ^C was received."""
-OFF = "switch the supply off if it still moves"
+OFF = "switch the supply off if the hand still moves"
 
 
 class Turn(NamedTuple):
@@ -95,15 +95,15 @@ def _ending(command: str, turns: list[Turn]) -> Stopped:
     if answer is None:
         return _unanswered(turns)
     at = f" at {last.speed} bit/s" if last.speed is not None else ""
-    before = f"no answer at {turns[0].speed} bit/s; " if last.speed != turns[0].speed else ""
+    before = f"no answer at {turns[0].speed} bit/s. " if last.speed != turns[0].speed else ""
     ended = f"{before}^C{at} was answered with a prompt" if last.ended else f"{before}^C{at} was not answered"
     if answer.lines or answer.status & ~HARMLESS:
         told = f"{answer.status} ({explain_status(answer.status)})" if answer.status else repr(answer.lines[0])
-        text = f"{ended}; {command} was answered with {told}: the motors may still have power"
+        text = f"{ended}. {command} was answered with {told}: the motors may still have power"
         refused = DeviceRefused if answer.status else ProtocolError
-        return Stopped(text, "if they must not, switch the supply off", refused)
+        return Stopped(text, "switch the supply off if they must not", refused)
     status = f" (status {answer.status}: {explain_status(answer.status)})" if answer.status else ""
-    text = f"{ended}; {command} was acknowledged{status}: motor power is off"
+    text = f"{ended}. {command} was acknowledged{status}: motor power is off"
     return Stopped(text, evidence=f"{command} was answered{at}{status}" if len(turns) == 1 or status else "")
 
 
@@ -111,9 +111,9 @@ def _unanswered(turns: list[Turn]) -> Stopped:
     sent = ", ".join(dict.fromkeys(turn.sent for turn in turns))
     seen = next((turn.seen for turn in turns if turn.seen), b"")
     if not seen:
-        return Stopped(f"{sent} went out; nothing answered", OFF, NoAnswer)
+        return Stopped(f"{sent} went out. Nothing answered", OFF, NoAnswer)
     shown = seen[-24:].hex(" ").upper()
-    return Stopped(f"{sent} went out; no prompt came, but {shown}", OFF, ProtocolError)
+    return Stopped(f"{sent} went out. No prompt came, but {shown}", OFF, ProtocolError)
 
 
 def _prompt_in(before: tuple[bytes, ...], pieces: Pieces) -> bool:

@@ -31,12 +31,15 @@ def meaning(param: GclParam, value: Number, index: int) -> str | None:
 def heat_hint(now: int, limit: int) -> str:
     """What to do about 8192, from TEMP and OTEMP in 0.1 °C: cool it, or mend the setting."""
     if 0 < limit < SENSIBLE_LIMIT:
-        meant = f"; {limit} °C is OTEMP={limit * 10}" if limit * 10 <= LIMIT_TENTHS else ""
+        meant = f". {limit} °C is OTEMP={limit * 10}" if limit * 10 <= LIMIT_TENTHS else ""
         return (
-            f"it is the setting: OTEMP is {limit / 10:.1f} °C (its unit is 0.1 °C{meant}), and the board is at "
-            f"{now / 10:.1f} °C: `handctl barrett set OTEMP=650`"
+            f"`handctl barrett set OTEMP=650`: it is the setting. OTEMP is {limit / 10:.1f} °C, and the board is at "
+            f"{now / 10:.1f} °C. The unit of OTEMP is 0.1 °C{meant}"
         )
-    return f"TEMP is {now / 10:.1f} °C, OTEMP {limit / 10:.1f} °C: let the hand cool, free the spread: `handctl barrett stop --motors S`"
+    return (
+        f"let the hand cool, and free the spread with `handctl barrett stop --motors S`: TEMP is {now / 10:.1f} °C, "
+        f"OTEMP {limit / 10:.1f} °C"
+    )
 
 
 def audit(rows: Sequence[Row]) -> list[str]:
@@ -51,7 +54,7 @@ def audit(rows: Sequence[Row]) -> list[str]:
             found.append(f"{row['motor'] or 'hand'}: {objection}")
     by = {(row["parameter"], row["motor"]): row.get("value") for row in rows}
     found += [
-        f"{motor}: HSG {by[('HSG', motor)]} and MSG {by[('MSG', motor)]} differ, they are one value"
+        f"{motor}: HSG {by[('HSG', motor)]} and MSG {by[('MSG', motor)]} differ, although they are one value"
         for motor in MOTORS
         if ("HSG", motor) in by and by[("HSG", motor)] != by.get(("MSG", motor))
     ]
@@ -82,15 +85,17 @@ def unhealthy(rows: Sequence[Row]) -> list[str]:
 
 
 def parameters_view(rows: list[Row]) -> list[Grid]:
-    """One line per parameter, motors side by side: what moves, what shapes RealTime blocks, what is the hand's.
+    """One line per parameter, motors side by side: readings, settings, what shapes RealTime blocks, what is the hand's.
 
-    What differs from the factory is marked. Units stand below where a column of them would not fit 80 cells.
+    What differs from the factory is marked. Readings stand apart, for they are long and have no factory value: so each
+    table fits 80 cells whatever it holds. Units stand below where a column of them would not.
     """
     names = list(dict.fromkeys(row["name"] for row in rows))
-    groups: list[list[str]] = [[], [], []]
+    groups: list[list[str]] = [[], [], [], []]
     for name in names:
         param = BARRETT[name]
-        groups[2 if param.is_global else 1 if param.source.endswith("5.3.3") else 0].append(name)
+        motor = 0 if not param.writable else 2 if param.source.endswith("5.3.3") else 1
+        groups[3 if param.is_global else motor].append(name)
     return [_parameter_grid([row for row in rows if row["name"] in group], group) for group in groups if group]
 
 

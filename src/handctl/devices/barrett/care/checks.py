@@ -116,10 +116,17 @@ def parameters(patient: Patient) -> list[Finding]:
         and value != param.default_of(MOTORS.index(motor) if motor else 0)
     ]
     more = f" and {len(changed) - 12} more" if len(changed) > 12 else ""
-    shown = f"{len(changed)} settings are not the factory's: {', '.join(changed[:12])}{more}"
-    usual = [Finding("parameters", OK, shown if changed else "all as from the factory", source="barrett §5.3, §5.4")]
+    shown = f"{len(changed)} settings differ from the factory values: {', '.join(changed[:12])}{more}"
+    usual = [
+        Finding(
+            "parameters",
+            OK,
+            shown if changed else "all settings have their factory values",
+            source="barrett §5.3, §5.4",
+        )
+    ]
     unread = {said(error): error.hint for error in values.errors.values()}
-    failed = [Finding("parameters", FAIL, f"not all could be read: {text}", hint) for text, hint in unread.items()]
+    failed = [Finding("parameters", FAIL, f"some could not be read: {text}", hint) for text, hint in unread.items()]
     return [*(failed or usual), *found]
 
 
@@ -171,12 +178,12 @@ def repeatable(patient: Patient) -> list[Finding]:
     settings = [param.mnemonic for param in standard() if param.writable]
     again = patient.read(*settings)
     differ = [
-        f"{name}.{motor or 'hand'}: {patient.values[name, motor]}, then {value}"
+        f"{name}.{motor or 'hand'} {patient.values[name, motor]} then {value}"
         for (name, motor), value in again.items()
         if value != patient.values[name, motor]
     ]
     if differ:
-        return [doubtful("repeatable", f"read twice, {len(differ)} settings differ: {'; '.join(differ[:4])}")]
+        return [doubtful("repeatable", f"read twice, {len(differ)} settings differ: {', '.join(differ[:4])}")]
     return [Finding("repeatable", OK, f"{len(again)} settings read twice, all alike", source="barrett §8")]
 
 
@@ -190,10 +197,10 @@ def strain_limits(patient: Patient) -> list[Finding]:
         if sg == health.NO_GAUGE and (high < 255 or low < 255):
             found.append(Finding(check, FAIL, f"no gauge, but limits {low} to {high}: it never moves", off, source))
         elif (high < 255 and sg >= high) or (low < 255 and sg <= low):
-            remedy = f"zero the gauge (§7.4), or limits off: {off}"
+            remedy = f"zero the gauge (§7.4), or switch the limits off: {off}"
             found.append(Finding(check, FAIL, f"SG {sg} is not within LSG {low} and HSG {high}", remedy, source))
         else:
-            found.append(Finding(check, OK, f"SG {sg}, HSG {high}, LSG {low}; 255 and 256 are off", source=source))
+            found.append(Finding(check, OK, f"SG {sg}, HSG {high}, LSG {low} (255 and 256 are off)", source=source))
     return found
 
 
@@ -206,7 +213,7 @@ def velocities(patient: Patient) -> list[Finding]:
         if patient.values[name, motor] < health.LEAST_VELOCITY
     ]
     if slow:
-        remedy = "`handctl barrett set MOV=100 MCV=100 --motors G`, spread 60; then `handctl barrett init`"
+        remedy = "`handctl barrett set MOV=100 MCV=100 --motors G`, 60 for the spread, then `handctl barrett init`"
         return [Finding("velocities", WARNING, f"below 40: {', '.join(slow)}", remedy, "barrett §8")]
     return [Finding("velocities", OK, "MOV and MCV are 40 or more", source="barrett §8")]
 
@@ -222,14 +229,18 @@ def init_settings(patient: Patient) -> list[Finding]:
     if changed:
         remedy = f"`handctl barrett set {' '.join(changed)}`, then `handctl barrett init`"
         return [Finding("init_settings", WARNING, f"{len(changed)} of OT IVEL IOFF IHIT changed", remedy, "barrett §8")]
-    return [Finding("init_settings", OK, "OT IVEL IOFF IHIT are the factory's", source="barrett §8, §9.3.1")]
+    return [Finding("init_settings", OK, "OT IVEL IOFF IHIT have their factory values", source="barrett §8, §9.3.1")]
 
 
 def breakaway(patient: Patient) -> list[Finding]:
     """BD and BP, which firmware 4.34 and later has."""
     now = patient.read("BD", "BP")
     if any(error.code == "err-64" for error in now.errors.values()):
-        return [Finding("breakaway", SKIPPED, "this firmware does not tell (4.34 and later do)", source="barrett §9.5")]
+        return [
+            Finding(
+                "breakaway", SKIPPED, "this firmware does not report it (4.34 and later does)", source="barrett §9.5"
+            )
+        ]
     gone = [f"{finger} at {now['BP', finger]}" for finger in FINGERS if now["BD", finger]]
     if gone:
         remedy = "open the finger: that resets its clutch"
@@ -274,7 +285,7 @@ def spread_greasing(patient: Patient) -> list[Finding]:
 def open_position(patient: Patient) -> list[Finding]:
     """Where the fingers stand when they should be open."""
     shown = ", ".join(f"{finger} {patient.values['P', finger]}" for finger in FINGERS)
-    return [Finding("open_position", OK, f"{shown}; compare the tips by eye with each other", source="barrett §8")]
+    return [Finding("open_position", OK, f"{shown}. Compare the tips with each other by eye", source="barrett §8")]
 
 
 CHECKS: dict[str, Check] = {

@@ -49,16 +49,16 @@ def communication(hand: BarrettHand, speed: int | None) -> Finding:
         seen.append(f"{baud}: {what}" if baud else what)
     if error is None:
         where = f"prompt at {line.link.baud} bit/s" if line.link.can_set_baud else "prompt"
-        before = f" (before: {'; '.join(seen)})" if seen else ""
+        before = f" (before: {', '.join(seen)})" if seen else ""
         return Finding("communication", OK, where + before, source="barrett §5.1.1")
     if line.over:
         seen.append("--deadline is over")
     if isinstance(error, DeviceRefused):
-        evidence = f"{error.text}; {'; '.join(seen)}" if seen else error.text
+        evidence = f"{error.text}. Tried {', '.join(seen)}" if seen else error.text
         return Finding("communication", FAIL, evidence, error.hint, "barrett §3.7")
     if speed is not None:
-        seen.append("no other speed, as --baud says")
-    evidence = f"{link.name}: no prompt; {'; '.join(dict.fromkeys(seen))}"
+        seen.append("no other speed because of --baud")
+    evidence = f"{link.name}: no prompt ({', '.join(dict.fromkeys(seen))})"
     return Finding("communication", FAIL, evidence, error.hint, "barrett §8, §3.3")
 
 
@@ -68,7 +68,7 @@ def symptom_of(name: str) -> Symptom:
         likely = near(name.lower())
         meant = f"did you mean {' or '.join(likely)}? " if likely else ""
         raise UsageError(
-            f"no symptom {name!r} in the manual",
+            f"{name!r} is not a symptom in the manual",
             hint=f"{meant}`handctl barrett diagnose --list` shows them all",
             code="unknown-name",
         )
@@ -128,12 +128,11 @@ def table_of(hand: BarrettHand, findings: list[Finding], symptom: str | None, fa
         table.failure = failure
     elif bad:
         fails = sum(finding.status == FAIL for finding in bad)
+        warnings = len(bad) - fails
         names = ", ".join(finding.check for finding in bad)
         table.failure = CheckFailed(
-            f"{hand.link.name}: {fails} failed, {len(bad) - fails} warnings: {names}",
-            hint="each row has its remedy; `handctl barrett diagnose --list` shows the symptoms"
-            if symptom is None
-            else "",
+            f"{hand.link.name}: {fails} failed, {warnings} warning{'' if warnings == 1 else 's'}: {names}",
+            hint=f"do what each row says{'. `handctl barrett diagnose --list` shows the symptoms' if symptom is None else ''}",
             code="findings",
         )
     return table
@@ -174,5 +173,5 @@ def list_table() -> Table:
         }
         for name, entry in SYMPTOMS.items()
     ]
-    columns = (Column("symptom", "Symptom"), Column("title", "What is seen"), Column("moves", "Has --move"))
+    columns = (Column("symptom", "Symptom"), Column("title", "Description"), Column("moves", "Has --move"))
     return Table(rows=rows, columns=columns)

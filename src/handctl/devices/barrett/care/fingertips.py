@@ -43,7 +43,8 @@ def breakaways(texts: Sequence[str]) -> dict[str, int]:
         finger = name if name in FINGERS else f"F{name}"
         if not equals or finger not in FINGERS or not value.isdecimal() or int(value) > HIGHEST:
             raise UsageError(
-                f"{text!r} is not FINGER=COUNTS", hint=f"e.g. --breakaway F1=6000, 0 to {HIGHEST}. Nothing was sent."
+                f"{text!r} is not FINGER=COUNTS",
+                hint=f"write it as --breakaway F1=6000, with 0 to {HIGHEST} counts. Nothing was sent.",
             )
         found[finger] = int(value)
     return found
@@ -129,8 +130,8 @@ class Tips:
             if not self._tells:
                 self.hand.journal.info(
                     "breakaway-unknown",
-                    "this firmware does not tell whether a clutch has let go: before breakaway is assumed",
-                    hint="after a finger has met an object its tip is not known until it was opened (barrett §9.5)",
+                    "this firmware does not report whether a clutch has let go: before breakaway is assumed",
+                    hint="open a finger that has met an object: until then its tip is not known (barrett §9.5)",
                 )
         broken = {
             finger: at["BP"][finger] if at["BD"].get(finger) and finger in at["BP"] else None
@@ -144,8 +145,8 @@ class Tips:
         if lost:
             self.hand.journal.warn(
                 "not-initialized",
-                f"{', '.join(lost)} {NOT_HOMED}: what follows from it is no place of a fingertip",
-                hint="`handctl barrett init` first; the fingers open fully",
+                f"{', '.join(lost)} {NOT_HOMED}. The fingertips that follow from it mean nothing either",
+                hint="`handctl barrett init` first. The fingers open fully",
             )
 
 
@@ -186,11 +187,11 @@ def _view(rows: list[Row]) -> list[Grid]:
     if any(row["doubt"] for row in rows):
         notes.append(f"? {NOT_HOMED}")
     if AFTER in states.values():
-        notes.append("after breakaway a tip is only right while its finger moves; open it to reset the clutch (§9.5)")
+        notes.append("after breakaway a tip is only right while its finger moves. Open it to reset the clutch (§9.5)")
     outside = [f"{row['motor']} {row['name']}" for row in rows if row.get("beyond_limit")]
     if outside:
         notes.append(f"! beyond the joint's limit (§9.6): {', '.join(outside)}")
-    notes.append("limits: spread 180°, inner 140°, outer 48°; frame: centre of the palm, z out of it (§9.5, §9.6)")
+    notes.append("limits: spread 180°, inner 140°, outer 48°. Frame: centre of the palm, z out of it (§9.5, §9.6)")
     headings = ("Finger", "Counts", "Spread °", "Inner °", "Outer °", "x mm", "y mm", "z mm")
     return [Grid(headings, tuple(lines), right=frozenset(range(1, 8)), notes=tuple(notes))]
 

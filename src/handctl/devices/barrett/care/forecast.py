@@ -61,7 +61,7 @@ def _state(motor: str, at: At) -> list[Reason]:
         what = "motor board" if status & 1 else "motor"
         found.append(Reason(f"no {what} found (S {status})", "power-cycle the hand, then ask the vendor"))
     if at["EN", motor] == 0:
-        text = "EN 0: only where it is named (--motors)"
+        text = "EN 0: it moves only where it is named (--motors)"
         found.append(Reason(text, _back(motor, "EN"), stands=False))
     return found
 
@@ -72,8 +72,8 @@ def _heat(at: At) -> list[Reason]:
         return []
     if limit < 300:
         meant = f", {limit}.0 °C is OTEMP={limit * 10}" if limit * 10 <= 650 else ""
-        return [Reason(f"OTEMP {limit / 10:.1f} °C, and it is {now / 10:.1f} °C: a setting, no heat{meant}", "`handctl barrett set OTEMP=650`")]  # fmt: skip
-    return [Reason(f"{now / 10:.1f} °C is above OTEMP {limit / 10:.1f} °C", "let it rest; free the spread: `handctl barrett stop --motors S`")]  # fmt: skip
+        return [Reason(f"OTEMP {limit / 10:.1f} °C, and it is {now / 10:.1f} °C: a setting, not heat{meant}", "`handctl barrett set OTEMP=650`")]  # fmt: skip
+    return [Reason(f"{now / 10:.1f} °C is above OTEMP {limit / 10:.1f} °C", "let it rest, and free the spread: `handctl barrett stop --motors S`")]  # fmt: skip
 
 
 def _strain(motor: str, at: At) -> list[Reason]:
@@ -94,7 +94,7 @@ def _drive(motor: str, at: At) -> list[Reason]:
     if at["FPG", motor] == 0:
         found.append(Reason("FPG 0: no gain, no torque", _back(motor, "FPG")))
     if at["ACCEL", motor] == 0:
-        found.append(Reason("ACCEL 0: it never gets a speed", _back(motor, "ACCEL")))
+        found.append(Reason("ACCEL 0: it never gains speed", _back(motor, "ACCEL")))
     elif at["ACCEL", motor] >= 16 * slowest:  # 1/256 and 1/16 count: a ramp that is shorter than one sample
         text = f"ACCEL {at['ACCEL', motor]} is full speed within one sample: the motor cannot follow"
         found.append(Reason(text, _back(motor, "ACCEL")))

@@ -49,7 +49,7 @@ class Finding(NamedTuple):
 
 def temperature(tenths: int) -> Finding:
     """The CPU board's temperature now."""
-    text, cool = f"{tenths / 10:.1f} °C", "let it rest; free the spread: `handctl barrett stop --motors S`"
+    text, cool = f"{tenths / 10:.1f} °C", "let it rest, and free the spread: `handctl barrett stop --motors S`"
     if tenths > LIMIT_TENTHS:
         return Finding("temperature", FAIL, f"{text}: above 65 °C, the limit", cool, "barrett §2")
     if tenths > WARM_TENTHS:
@@ -72,9 +72,9 @@ def over_temperature_limit(tenths: int) -> Finding:
     check, source = "over_temperature_limit", "barrett §5.4.1"
     if tenths == 0:
         remedy = "`handctl barrett set OTEMP=650` stops movements at 65 °C"
-        return Finding(check, OK, "OTEMP is 0, as from the factory: the hand does not protect itself", remedy, source)
+        return Finding(check, OK, "OTEMP is 0, the factory value: the hand does not protect itself", remedy, source)
     if tenths < 300:
-        meant = f"; did you mean {tenths}.0 °C ({tenths * 10})?" if tenths * 10 <= 1250 else ""
+        meant = f". Did you mean {tenths}.0 °C ({tenths * 10})?" if tenths * 10 <= 1250 else ""
         remedy = "`handctl barrett set OTEMP=650`: the unit is 0.1 °C"
         return Finding(check, FAIL, f"OTEMP {tenths} is {tenths / 10:.1f} °C: movements fail{meant}", remedy, source)
     if tenths > LIMIT_TENTHS:
@@ -103,9 +103,9 @@ def no_load(readings: Mapping[str, Sequence[int]], *, check: str = "strain") -> 
         name, source = f"{check}.{finger}", "barrett §7.4"
         mean = sum(values) / len(values)
         shown = f"mean {mean:.1f}, {min(values)} to {max(values)} in {len(values)} readings"
-        adjust = "zero it: `handctl barrett strain --live`, balancing potentiometer"
+        adjust = "zero it at the balancing potentiometer: `handctl barrett strain --live`"
         if max(values) >= NO_GAUGE or min(values) <= 0:
-            remedy = "gauge, its wires or contact pins: look at the finger's seat; then ask the vendor"
+            remedy = "check the gauge, its wires and contact pins, and the finger's seat, then ask the vendor"
             found.append(Finding(name, FAIL, f"{shown}: at the end of the scale", remedy, "barrett §7.3, §9.4"))
         elif not NO_LOAD[0] <= mean <= NO_LOAD[1]:
             found.append(Finding(name, WARNING, f"{shown}: not within 100 to 140", adjust, source))
@@ -148,7 +148,7 @@ def _setting(param: GclParam, motor: str | None, index: int, value: int) -> Find
     source = param.source
     if not param.allowed(value):
         evidence = f"{name} = {value} is outside its range {param.range_text}: RAM contents are doubtful"
-        return Finding(name, FAIL, evidence, f"{back}; if it comes again, reload the firmware (§3.7)", source)
+        return Finding(name, FAIL, evidence, f"{back}. If it comes again, reload the firmware (§3.7)", source)
     objection = param.objection(index, value)
     if objection is not None:
         harms = param.mnemonic in HARD or (param.mnemonic == "MOV" and value > LEAST_VELOCITY)
@@ -163,11 +163,11 @@ def _advice(mnemonic: str, motor: str | None, value: int, default: int | None) -
         case "EN" if value == 0:
             return "disabled: it does not move without a prefix"
         case "HOLD" if value == 1 and motor != "SPREAD":
-            return "HOLD 1: a finger cannot be driven back, holding only heats it"
+            return "HOLD 1: a finger cannot be driven back, so holding only heats it"
         case "FDZ" if value != 0:
             return f"FDZ {value}: other than 0 is noisy"
         case "BAUD" if value != 96:
-            return f"{value * 100} bit/s: not the factory's 9600; programs that expect it find no hand"
+            return f"{value * 100} bit/s is not the factory's 9600: programs that expect 9600 find no hand"
         case "IVEL" | "IHIT" | "IOFF" | "TSTOP" if value != default:
             return f"{mnemonic} {value}: within its limit, but changed from {default}"
     return None

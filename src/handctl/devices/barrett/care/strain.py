@@ -81,7 +81,7 @@ def loaded_fingers(hand: BarrettHand) -> list[str]:
     if flipped:
         hand.journal.warn(
             "strain-flip",
-            f"SGFLIP is 1 for {', '.join(flipped)}: its readings are turned around",
+            f"SGFLIP is 1 for {', '.join(flipped)}: its readings are inverted",
             hint="`handctl barrett set SGFLIP=0` before anything is adjusted (barrett §5.3.4)",
         )
     found = []
@@ -99,7 +99,7 @@ def warn_if_loaded(hand: BarrettHand) -> list[str]:
     if loaded:
         hand.journal.warn(
             "not-open",
-            f"no load is only sure with open fingers: {', '.join(loaded)}",
+            f"the readings are without load only when the fingers are open: {', '.join(loaded)}",
             hint="`handctl barrett strain --open` opens them first",
         )
     return loaded
@@ -139,7 +139,8 @@ def table(hand: BarrettHand, *, check: bool) -> Table:
     bad = [finding for finding in verdicts if finding.bad]
     if check and bad:
         text = "; ".join(f"{finding.check}: {finding.evidence}" for finding in bad)
-        result.failure = CheckFailed(f"{hand.link.name}: {text}", code="strain")
+        hint = "adjust the gauge: `handctl barrett strain --live`"
+        result.failure = CheckFailed(f"{hand.link.name}: {text}", hint=hint, code="strain")
     return result
 
 

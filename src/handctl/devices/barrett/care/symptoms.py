@@ -29,23 +29,23 @@ _VENDOR = ("if it persists: contact the vendor", "§8")
 _RELOAD = ("load the firmware again: `handctl barrett firmware download FILE`", "§3.7")
 _PRETENSION = ("adjust the cable's pretension: `handctl barrett maintenance --steps pretension`", "§7.1")
 _ZERO = ("adjust the balancing potentiometer: `handctl barrett strain --live`", "§7.4")
-_PULLEY = ("cable over both the top and the bottom of the idler pulley", "§8, Figure 18")
-_FREE = ("no object and no other finger in its way", "§8")
+_PULLEY = ("check that the cable runs over both the top and the bottom of the idler pulley", "§8, Figure 18")
+_FREE = ("check that no object and no other finger is in its way", "§8")
 _CABLE = ("shroud off (Figure 16): is the finger's cable whole? Broken: vendor", "§8, Figure 16")
 
 SYMPTOMS: dict[str, Symptom] = {
     "erratic": Symptom(
         "erratic: obeys some commands, disobeys others", ("repeatable",),
-        steps=(("off for more than a day or two, in humid weather above all: its RAM may be borderline", "§8, §3.7"), _RELOAD),
+        steps=(("after more than a day or two without power, above all in humid weather, its RAM may be borderline", "§8, §3.7"), _RELOAD),
     ),
     "no-communication": Symptom(
         "the host computer will not communicate",
         steps=(
-            ("every plug seated: supply, hand, computer; supply off before a cable is touched; the serial cable straight-through", "§8, §3.3, §2"),
-            ("the supply switched on", "§8"),
+            ("switch the supply off, then check that every plug is seated (supply, hand, computer) and the serial cable is straight-through", "§8, §3.3, §2"),
+            ("check that the supply is switched on", "§8"),
             _RELOAD,
-            ("supply off and on: the hand starts at its saved speed", "§8"),
-            ("no other program on the port", "§8"),
+            ("switch the supply off and on: the hand starts at its saved speed", "§8"),
+            ("check that no other program uses the port", "§8"),
             _VENDOR,
         ),
     ),
@@ -54,11 +54,11 @@ SYMPTOMS: dict[str, Symptom] = {
     ),
     "strain-curve": Symptom(
         "strain does not follow the expected curves", ("strain_limits",), ("strain_curve",),
-        (_PRETENSION, _ZERO, _PULLEY, ("the idler pulley turns freely; its shoulder screw not tight against it", "§8, Figure 18"), _VENDOR),
+        (_PRETENSION, _ZERO, _PULLEY, ("check that the idler pulley turns freely and its shoulder screw is not tight against it", "§8, Figure 18"), _VENDOR),
     ),
     "early-breakaway": Symptom(
         "only the fingertip closes", ("breakaway", "init_settings"), ("initialize",),
-        (("no object blocks the inner link", "§8"), _VENDOR),
+        (("check that no object blocks the inner link", "§8"), _VENDOR),
     ),
     "sticks-closed": Symptom(
         "a finger sticks fully closed", ("strain_limits", "velocities"), ("open", "initialize"),
@@ -75,7 +75,7 @@ SYMPTOMS: dict[str, Symptom] = {
         "the TorqueSwitch does not break away", ("breakaway", "velocities", "init_settings"), ("initialize",),
         (
             ("by hand: 2-mm hex in the left drive hole, anticlockwise until the finger is fully open", "§8, Figures 19, 20"),
-            ("hold the inner link hard, the outer one free; turn clockwise until the tip breaks free", "§8, Figure 19"),
+            ("hold the inner link hard, leave the outer one free, and turn clockwise until the tip breaks free", "§8, Figure 19"),
             ("wrench out, then `handctl barrett init`", "§8"),
             _VENDOR,
         ),

@@ -98,10 +98,10 @@ def direction(patient: Patient, digits: str, guide: Guide) -> list[Finding]:
         check, source = f"direction.{motor}", "barrett §8"
         evidence = f"closing {closed - start:+d}, opening {opened - closed:+d} of {DIRECTION_COUNTS}"
         if closed < start or opened > closed:
-            remedy = "encoder feedback: `handctl barrett init`; if it comes again, service"
+            remedy = "`handctl barrett init` (encoder feedback). If it comes again, ask for service"
             found.append(Finding(check, FAIL, f"{evidence}: the wrong way", remedy, source))
         elif closed == start and opened == closed:
-            found.append(Finding(check, WARNING, f"{evidence}: it stands", "is something in its way?", source))
+            found.append(Finding(check, WARNING, f"{evidence}: it stands", "check that nothing is in its way", source))
         else:
             found.append(Finding(check, OK, evidence, source=source))
     return found

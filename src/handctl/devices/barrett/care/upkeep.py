@@ -66,8 +66,8 @@ def chosen_points(text: str) -> list[tuple[GreasePoint, str]]:
         finger = motor.upper() if not motor.isdecimal() else f"F{motor}"
         if part != "all" and (name not in known or (dot and finger not in motors)):
             raise UsageError(
-                f"{part!r} is no greasing point",
-                hint=f"all, or some of {', '.join(known)}, with a finger as in spur.F1 (barrett Table 6)",
+                f"{part!r} is not a greasing point",
+                hint=f"use all, or some of {', '.join(known)}, with a finger as in spur.F1 (barrett Table 6)",
             )
         wanted |= {
             (point.name, place)
@@ -76,7 +76,7 @@ def chosen_points(text: str) -> list[tuple[GreasePoint, str]]:
             if part == "all" or (point.name == name and (not dot or place == finger))
         }
     if not wanted:
-        raise UsageError("no greasing point named", hint=f"all, or some of {', '.join(known)}")
+        raise UsageError("no greasing point named", hint=f"use all, or some of {', '.join(known)}")
     return [(point, motor) for point in POINTS for motor in point.motors if (point.name, motor) in wanted]
 
 
@@ -106,8 +106,8 @@ class Care:
         """Record that `points` have been greased now. Raises UsageError for a serial number that many hands have."""
         if self.ambiguous:
             raise UsageError(
-                "serial number 0, as of every hand upgraded in the field: whose greasing is it?",
-                hint="name the hand: --hand NAME. Nothing was recorded.",
+                "serial number 0, as of every hand upgraded in the field: the hand is not identified",
+                hint="name the hand with --hand NAME. Nothing was recorded.",
                 code="which-hand",
             )
         date = datetime.now(UTC).date().isoformat()
@@ -131,7 +131,7 @@ class Care:
                     self._hand.journal.warn(
                         "odometer-back",
                         f"{point.name}.{motor}: greased at odometer {entry['odometer']}, which now reads "
-                        f"{self.at['OD', motor]}: not the same hand, or new electronics; counted from 0",
+                        f"{self.at['OD', motor]}: another hand, or new electronics. Counted from 0",
                     )
                     entry = None
                 rows.append(self._point(point, motor, entry))
@@ -219,20 +219,24 @@ def table_of(hand: BarrettHand, care: Care, *, check: bool) -> Table:
     if care.ambiguous:
         hand.journal.warn(
             "which-hand",
-            "serial number 0, as of every hand upgraded in the field: the journal of greasing was not asked",
-            hint="name the hand: --hand NAME",
+            "serial number 0, as of every hand upgraded in the field: the journal of greasing was not used",
+            hint="name the hand with --hand NAME",
         )
     elif any(row.get("due_at") and row["greased"] is None for row in rows):
         hand.journal.info(
             "never-greased",
             "no greasing is recorded for some points: counted from the first stroke of the hand's life",
-            hint="`handctl barrett maintenance --greased POINT` after the work records it",
+            hint="`handctl barrett maintenance --greased POINT` records the work",
         )
     table = Table(rows=rows, columns=COLUMNS, view=view)
     bad = [row for row in rows if row["status"] in (health.WARNING, health.FAIL)]
     if check and bad:
         names = ", ".join(".".join(filter(None, (row["name"], row["motor"]))) for row in bad)
-        table.failure = CheckFailed(f"{hand.link.name}: {len(bad)} need care: {names}", code="care-due")
+        table.failure = CheckFailed(
+            f"{hand.link.name}: {len(bad)} need{'s' if len(bad) == 1 else ''} care: {names}",
+            hint="`handctl barrett maintenance --steps PROCEDURE` lists the work",
+            code="care-due",
+        )
     return table
 
 
@@ -272,4 +276,4 @@ def view(rows: list[Row]) -> list[Grid]:
 
 
 def _next(row: Row) -> str:
-    return f"; next: {row['remedy']}" if row.get("remedy") else ""
+    return f". Next: {row['remedy']}" if row.get("remedy") else ""

@@ -32,15 +32,18 @@ OFF = (
     "Switch the hand's power supply OFF. Do not pull any cable. "
     "Press Enter when it has been off for 5 seconds (barrett §3.7)."
 )
-ON = "Now switch the power supply ON; the download begins by itself."
+ON = "Now switch the power supply ON. The download then begins automatically."
+KEEP_ON = "Keep the power on."
+"""Said first in every progress line of a download: half a firmware is none."""
+AGAIN = "check the cable, then run the download again"
 CYCLE = "Switch the power supply OFF, wait 5 seconds, switch it ON."
 MISSED = "The hand started its old firmware: the moment was missed. Switch it off and on again."
 HALF = "the firmware in the hand is incomplete: switch the hand off, do not move it, and load the whole file again"
-DOWNLOADS = "a firmware download runs: the boot monitor moves nothing, and would take a stop for firmware"
+DOWNLOADS = "a firmware download is running: the boot monitor moves nothing, and would take a stop as firmware"
 """Why nobody else can have the device stopped meanwhile."""
 WHOLE = (
-    "no data byte was sent, so nothing of the firmware was replaced: switch the hand off and on; "
-    "`handctl barrett version` tells whether it runs"
+    "no data byte was sent, so nothing of the firmware was replaced: switch the hand off and on. "
+    "`handctl barrett version` shows whether it runs"
 )
 
 
@@ -107,14 +110,14 @@ class Loader:
 
     def _version_before(self) -> str:
         """What the hand runs now; "" when nothing answers, as of a hand without firmware."""
-        self._guide.say("Looking for the firmware that runs now (a few seconds when there is none)")
+        self._guide.say("Looking for the firmware that runs now. Without one this takes a few seconds.")
         try:
             return self.hand.version()
         except HandctlError as exc:
             if exc.exit_code == 3:
                 raise
             self.hand.journal.info(
-                "silent-before", "no firmware answers before the download: an empty hand is like that"
+                "silent-before", "no firmware answers before the download, as from a hand without firmware"
             )
             return ""
 
@@ -152,7 +155,7 @@ class Loader:
         heard, tail, at = b"", b"", link.now()  # `tail`: what came just before, without a pause
         while not deadline.expired:
             left = deadline.remaining
-            self._guide.progress(f"waiting for the boot monitor, {left:.0f} s left")
+            self._guide.progress(f"Waiting for the boot monitor, {left:.0f} s left.")
             chunk = link.read(link.deadline(min(left, 1.0)))
             if link.now() - at > TEXT_GAP:
                 tail = b""
@@ -172,13 +175,13 @@ class Loader:
                 self._guide.say(MISSED)
                 heard, missed = b"", True
         self._guide.done()
-        came = f"; came {heard[:48].hex(' ').upper()}" if heard else ""
+        came = f", received {heard[:48].hex(' ').upper()}" if heard else ""
         bound = " (--deadline)" if seconds < READY_SECONDS else ""
         raise NoAnswer(
             f"{link.name}: no boot monitor (:) within {seconds:.0f} s{bound}{came}",
             hint=f"{MISSED} Nothing was loaded."
             if missed
-            else "was the power supply switched off for 5 seconds and on again? Check the cable and the port. Nothing was loaded.",
+            else "switch the power supply off for 5 seconds and on again. Check the cable and the port. Nothing was loaded.",
             code="no-monitor",
         )
 
@@ -206,7 +209,7 @@ class Loader:
                     self._judge_pace()
         self._guide.unstoppable = ""
         self._guide.done()
-        self._guide.say(f"{self._sent} bytes sent and echoed in {link.now() - start:.1f} s")
+        self._guide.say(f"{self._sent} bytes sent and echoed in {link.now() - start:.1f} s.")
 
     def _send(self, transfer: Transfer, number: int) -> None:
         link = self.link
@@ -226,7 +229,9 @@ class Loader:
             came = link.read(deadline, 64)
             if not came:
                 raise NoAnswer(
-                    f"{link.name}: stopped at {transfer.where}: no echo of {transfer.awaited:02X}", code="no-echo"
+                    f"{link.name}: stopped at {transfer.where}: no echo of {transfer.awaited:02X}",
+                    hint=AGAIN,
+                    code="no-echo",
                 )
             self.hand.journal.counters.received += len(came)
             try:
@@ -234,7 +239,7 @@ class Loader:
             except ProtocolError as exc:
                 self.hand.journal.counters.bad_frames += 1
                 more = came + self._listen(0.2)
-                slower = "without --window" if self._window > 1 else ""
+                slower = "leave --window out, then run the download again" if self._window > 1 else AGAIN
                 text, code = exc.text, exc.code
                 if READY in came or BANNER in more.upper():
                     text, code = f"{text}: the hand restarted: power or cable", "restarted"
@@ -250,6 +255,7 @@ class Loader:
         if came.strip(TRIGGER):
             raise ProtocolError(
                 f"{link.name}: stopped at {transfer.where}: {came[:16].hex(' ').upper()} came after the trigger FF",
+                hint=AGAIN,
                 code="extra-byte",
             )
         if came:
@@ -267,7 +273,7 @@ class Loader:
         self._guide.done()
         if presses.count == 1:
             self._guide.say(
-                "Ctrl-C: stopping now leaves the hand without firmware. Press it again to stop; otherwise it goes on."
+                "Press Ctrl-C again to stop the download: the hand is then without firmware. Otherwise the download goes on."
             )
             return
         warning = "The vendor warns of damage when a download is cut off: leave the hand off until one has finished"
@@ -281,10 +287,10 @@ class Loader:
         part = self._sent / self.firmware.size
         rate = self._sent / seconds if seconds > 0 else 0.0
         left = (self.firmware.size - self._sent) / rate if rate else 0.0
-        text = f"{part:4.0%}  {self._sent} of {self.firmware.size} bytes  {rate:.0f} bytes/s  {left:.0f} s left"
+        text = f"{part:4.0%}  {left:.0f} s left  {self._sent} of {self.firmware.size} bytes  {rate:.0f} bytes/s"
         if self._guide.moving:
-            filled = int(part * 30)
-            self._guide.progress(f"[{'#' * filled}{'.' * (30 - filled)}] {text}")
+            filled = int(part * 10)
+            self._guide.progress(f"[{'#' * filled}{'.' * (10 - filled)}] {text}", KEEP_ON)
         elif part * 100 >= told + STEP_PERCENT:
             told = int(part * 100) // STEP_PERCENT * STEP_PERCENT
             self._guide.say(text)
@@ -299,7 +305,7 @@ class Loader:
             self.hand.journal.warn(
                 "slow-adapter",
                 f"each echo takes {extra * 1000:.0f} ms longer than the wire: about {total:.0f} s in all",
-                hint="an FTDI adapter's latency timer is 16 ms: set it to 1 (/sys/bus/usb-serial/devices/ttyUSB0/latency_timer)",
+                hint="set the latency timer of an FTDI adapter from 16 ms to 1 ms (/sys/bus/usb-serial/devices/ttyUSB0/latency_timer)",
             )
 
     # -- after ---------------------------------------------------------------------------------------------------
@@ -311,7 +317,7 @@ class Loader:
         for send, seconds in ((b"", PROMPT_SECONDS), (CR, 1.0), (b"RESET" + CR, PROMPT_SECONDS)):
             if send:
                 link.write(send, link.deadline(1.0))
-            self._guide.progress("waiting for the new firmware")
+            self._guide.progress("Waiting for the new firmware.", KEEP_ON)
             came = line.collect(seconds)
             heard += came
             if has_prompt(came):
@@ -333,10 +339,10 @@ class Loader:
         if not link.power_cycle() and not self._guide.wait_for_enter(
             f"No firmware answers yet. {CYCLE} Press Enter then."
         ):
-            self._guide.say(f"waiting up to {READY_SECONDS:.0f} s")
+            self._guide.say(f"Waiting up to {READY_SECONDS:.0f} s.")
             deadline = line.deadline(READY_SECONDS)
             while not deadline.expired and not link.read(link.deadline(1.0)):
-                self._guide.progress(f"waiting for a power cycle, {deadline.remaining:.0f} s left")
+                self._guide.progress(f"Waiting for a power cycle, {deadline.remaining:.0f} s left.")
             self._guide.done()
         line.collect(PROMPT_SECONDS)  # the monitor's window must be over before a byte is sent
         try:
@@ -360,12 +366,16 @@ class Loader:
         wanted = self.expect or version_in(self.firmware.name) or version_in(self.firmware.header)
         mismatch: HandctlError | None = None
         if wanted is not None and found != wanted:
-            text = f"{self.link.name}: the hand says {after!r}; expected version {wanted}"
+            text = f"{self.link.name}: the hand reports {after!r}, expected version {wanted}"
             if self.expect is not None:
-                mismatch = CheckFailed(text, hint="the wrong file, or the old firmware is still there", code="version")
+                mismatch = CheckFailed(
+                    text, hint="check the file: it is the wrong one, or the old firmware is still there", code="version"
+                )
             else:
                 # The manual itself is not sure which file is which version (§1.1.2 against T1): a remark only.
-                self.hand.journal.warn("version", f"{text} by the file's name", hint="--expect makes this a check")
+                self.hand.journal.warn(
+                    "version", f"{text} by the file's name", hint="use --expect to make this a check"
+                )
         self.hand.journal.info("init", "the motors need `handctl barrett init` before any movement")
         return Download(rows, mismatch)
 

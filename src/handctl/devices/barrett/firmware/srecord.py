@@ -107,14 +107,14 @@ class _Reader:
         from bincopy import Error, unpack_srec
 
         if text[:1] not in "Ss" or len(text) < 2:
-            self.note("text", f"line {number} is no S-record: {text[:24]!r}", "use the vendor's .S19 file as it is")
+            self.note("text", f"line {number} is not an S-record: {text[:24]!r}", "use the vendor's .S19 file as it is")
             return
         kind = text[1]
         if kind in "2378":
             self.note("types", f"line {number}: S{kind} has {24 if kind in '28' else 32}-bit addresses", SIXTEEN_BIT)
             return
         if kind not in "0159":
-            self.note("types", f"line {number}: S{kind} is no type of a 16-bit file", SIXTEEN_BIT)
+            self.note("types", f"line {number}: S{kind} is not a type of a 16-bit file", SIXTEEN_BIT)
             return
         try:
             _, address, size, data = unpack_srec(f"S{text[1:]}")
@@ -166,9 +166,11 @@ class _Reader:
     def finish(self) -> None:
         """Checks that need the whole file."""
         if not self.s1:
-            self.note("data", "no S1 record: there is nothing to load", "this is no BarrettHand firmware")
+            self.note(
+                "data", "no S1 record: there is nothing to load", "use another file: this is not BarrettHand firmware"
+            )
         elif not self.records and not self.bad["addresses"]:
-            self.note("data", "every S1 record is empty", "this is no BarrettHand firmware")
+            self.note("data", "every S1 record is empty", "use another file: this is not BarrettHand firmware")
         for number, count in self.counts:
             if count != self.s1 & 0xFFFF:
                 self.note(
@@ -204,7 +206,7 @@ class _Reader:
                 self.note("overlaps", clash[1], "which bytes count is not defined: get the file again", clash[0])
 
 
-DAMAGED = "the file is damaged: get it again; never edit it"
+DAMAGED = "get the file again and never edit it: it is damaged"
 SIXTEEN_BIT = "BarrettHand firmware has 16-bit S1 records"
 GOOD = {
     "text": "every line is an S-record",

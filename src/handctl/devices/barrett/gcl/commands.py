@@ -25,13 +25,13 @@ _TRAVEL = (0, 20000)
 COMMANDS: dict[str, Command] = {
     command.name: command
     for command in (
-        Command("C", True, "motion", "close to CT; spread: F1 and F2 go beside F3", "barrett §5.2.1"),
-        Command("HI", True, "init", "initialize: finds the open stop; must be the first movement", "barrett §5.2.1"),
+        Command("C", True, "motion", "close to CT (spread: F1 and F2 go beside F3)", "barrett §5.2.1"),
+        Command("HI", True, "init", "initialize: find the open stop (must be the first movement)", "barrett §5.2.1"),
         Command("HOME", True, "motion", "move to 0", "barrett §5.2.1"),
-        Command("IC", True, "motion", "close by a distance, without one by DS", "barrett §5.2.1", _TRAVEL),
-        Command("IO", True, "motion", "open by a distance, without one by DS", "barrett §5.2.1", _TRAVEL),
+        Command("IC", True, "motion", "close by a distance (default: DS)", "barrett §5.2.1", _TRAVEL),
+        Command("IO", True, "motion", "open by a distance (default: DS)", "barrett §5.2.1", _TRAVEL),
         Command("LOOP", True, "loop", "enter RealTime", "barrett §5.2.1, §6"),
-        Command("M", True, "motion", "move to a position, without one to DP", "barrett §5.2.1", _TRAVEL),
+        Command("M", True, "motion", "move to a position (default: DP)", "barrett §5.2.1", _TRAVEL),
         Command("O", True, "motion", "open to OT", "barrett §5.2.1"),
         Command("T", True, "set", "motor power off", "barrett §5.2.1"),
         Command("TC", True, "motion", "close under torque control until it stalls", "barrett §5.2.1"),
@@ -39,7 +39,7 @@ COMMANDS: dict[str, Command] = {
         Command("FSET", True, "set", "set motor parameters in RAM: NAME VALUE pairs", "barrett §5.2.2"),
         Command("FGET", True, "query", "read motor parameters", "barrett §5.2.2"),
         Command("FLOAD", True, "set", "motor parameters from EEPROM to RAM", "barrett §5.2.2"),
-        Command("FSAVE", True, "save", "motor parameters from RAM to EEPROM; at most 5,000 times", "barrett §5.2.2"),
+        Command("FSAVE", True, "save", "motor parameters from RAM to EEPROM (at most 5,000 times)", "barrett §5.2.2"),
         Command("FDEF", True, "set", "motor parameters to factory values, in RAM", "barrett §5.2.2"),
         Command("FLIST", False, "query", "standard motor parameters", "barrett §5.2.2"),
         Command("FLISTV", True, "query", "standard motor parameters with values", "barrett §5.2.2"),
@@ -47,16 +47,16 @@ COMMANDS: dict[str, Command] = {
         Command("FLISTAV", True, "query", "all motor parameters with values", "barrett §5.2.5"),
         Command("PSET", False, "set", "set hand parameters in RAM: NAME VALUE pairs", "barrett §5.2.3"),
         Command("PGET", False, "query", "read hand parameters", "barrett §5.2.3"),
-        Command("PLOAD", False, "speed", "hand parameters from EEPROM to RAM; may change the speed", "barrett §5.2.3"),
-        Command("PSAVE", False, "save", "hand parameters from RAM to EEPROM; at most 5,000 times", "barrett §5.2.3"),
+        Command("PLOAD", False, "speed", "hand parameters from EEPROM to RAM (may change the speed)", "barrett §5.2.3"),
+        Command("PSAVE", False, "save", "hand parameters from RAM to EEPROM (at most 5,000 times)", "barrett §5.2.3"),
         Command(
-            "PDEF", False, "speed", "hand parameters to factory values, in RAM; may change the speed", "barrett §5.2.3"
+            "PDEF", False, "speed", "hand parameters to factory values, in RAM (may change the speed)", "barrett §5.2.3"
         ),
         Command("PLIST", False, "query", "standard hand parameters", "barrett §5.2.3"),
         Command("PLISTV", False, "query", "standard hand parameters with values", "barrett §5.2.3"),
         Command("PLISTA", False, "query", "all hand parameters", "barrett §5.2.5"),
         Command("PLISTAV", False, "query", "all hand parameters with values", "barrett §5.2.5"),
-        Command("?", False, "query", "help; ?NAME describes a command", "barrett §5.2.4"),
+        Command("?", False, "query", "help (?NAME describes a command)", "barrett §5.2.4"),
         Command("A?", False, "query", "help on standard and advanced commands", "barrett §5.2.5"),
         Command("RESET", False, "reset", "restart the firmware: motors uninitialized, saved speed", "barrett §5.2.4"),
         Command("ERR", False, "query", "text for a status code or a sum of codes", "barrett §5.2.4"),

@@ -46,12 +46,12 @@ OPENED, REMEMBERED, ASKED, SILENT, BOOTING = "opened", "remembered", "asked", "s
 RESTARTED, LEAVING, ECHOED, ELSEWHERE, AGAIN = "restarted", "leaving", "echoed", "elsewhere", "again"
 CONFIRMED, FILLED_FIRST, FILLED = "confirmed", "filled first", "filled"
 STATES = {
-    OPENED: "the port is open: look at what has arrived by itself",
+    OPENED: "the port is open: read the bytes that have arrived unasked",
     REMEMBERED: "asked at the last known speed, which is not 9600",
     FILLED_FIRST: "no prompt at the last known speed: RealTime may want the rest of a control block",
     ASKED: "asked at 9600, or at the only speed of the link",
     FILLED: "no answer there either: the same at 9600, or at the only speed",
-    SILENT: "no answer at 9600: off, no cable, busy, starting, or another speed; listen until the port is open for 3 s",
+    SILENT: "no answer at 9600 (off, no cable, busy, starting, or another speed): listen until the port has been open for 3 s",
     BOOTING: "boot window, or no firmware: send nothing for 6 s",
     CONFIRMED: "asked once more at 9600: a ':' may have been noise",
     RESTARTED: "the banner is there: its prompt must follow, or is asked for",
@@ -78,7 +78,7 @@ SEND_NOTHING, ASK, REST, ABORTS, LOOP_TEST = (
     "",
     "! 00 CR",
     f"{BLOCK_REST} x 00 ! 00 CR",
-    f"{BLOCK_REST} x 00 ! 00 CR; with --interrupt ^C, up to 9 times",
+    f"{BLOCK_REST} x 00 ! 00 CR, or with --interrupt ^C, up to 9 times",
     "7F at 115200",
 )
 
@@ -93,15 +93,15 @@ class Row(NamedTuple):
     said: str = ""
 
 
-BUSY = "it was in the middle of a command, which has ended"
-IN_LOOP = "it was in RealTime and has left it by the question; the motors may still run"
+BUSY = "the hand was in the middle of a command, which has ended"
+IN_LOOP = "the hand was in RealTime and left it when handctl asked. The motors may still run"
 IN_BLOCK = (
-    "it was in RealTime, in a control block that was cut off; the rest of it was sent as 0, and it has left RealTime; "
-    "the motors may still run"
+    "the hand was in RealTime, in a control block that was cut off. handctl sent 0 for the rest of it, and the hand left "
+    "RealTime. The motors may still run"
 )
-RESTARTED_TEXT = "the hand restarted: power or cable; HI is needed"
+RESTARTED_TEXT = "the hand restarted: power or cable. HI is needed"
 SILENCE = (
-    "check in this order: the hand's power supply, the serial cable (straight-through, 9 pins), the port; a hand without "
+    "check the hand's power supply, then the serial cable (straight-through, 9 pins), then the port. A hand without "
     "firmware (off for more than a day or two) does not answer: load it again"
 )
 MONITOR_TEXT = "boot monitor: no firmware, or just switched on"
@@ -233,7 +233,7 @@ PAGE = (
     "writes or stops, and `--interrupt`, sends ^C first.",
     "The boot monitor hears at 9600, and FF is its trigger: it would overwrite good firmware. So nothing that it could "
     "hear as FF is sent before 9600 was asked and the port was open for 3 s. `handctl scan` may send one after that: a "
-    "monitor that neither speaks nor echoes for longer cannot be told from a port with nothing on it.",
+    "monitor that neither speaks nor echoes for longer cannot be distinguished from a port with nothing on it.",
     "A port that was silent for 3 s and then gives bytes may be a hand whose firmware started on the way: all speeds are "
     "asked once more.",
     "A hand says nothing while it moves or saves. When it does not answer at any speed, it may be in the middle of a long "

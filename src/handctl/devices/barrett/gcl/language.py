@@ -19,6 +19,8 @@ ABORT = b"\x03"
 PROMPT = b"=>"
 BANNER = b"BARRETTHAND FIRMWARE"
 """What a hand says when its firmware starts, in upper case; nothing else of its banner is known (dossier 1.2)."""
+DISTURBED = "run it again and check the cable: the line is disturbed"
+"""The next step after bytes that cannot be an answer."""
 MAX_LINE = 70
 MAX_ARGUMENTS = 18
 """Longest lines and argument lists seen to work; the limit is undocumented (dossier 1.4)."""
@@ -27,19 +29,25 @@ MOTOR_DIGITS = "1234"
 MOTORS = ("F1", "F2", "F3", "SPREAD")
 
 ERRORS: dict[int, tuple[str, str]] = {
-    1: ("No motor board found", "electronics: power-cycle the hand, then ask the vendor"),
-    2: ("No motor found", "electronics or cable: power-cycle the hand, then ask the vendor"),
-    4: ("Motor not initialized", "run `handctl barrett init`; the fingers open fully, keep the space around them free"),
-    16: ("Couldn't reach position", "an obstacle, a strain limit, or MPE: see `handctl barrett status`"),
-    32: ("Unknown command", "a wrong name, or noise on the line: `handctl barrett help` lists the commands"),
-    64: ("Unknown parameter name", "this firmware does not have it: `handctl barrett describe`"),
+    1: ("No motor board found", "power-cycle the hand, then ask the vendor (electronics)"),
+    2: ("No motor found", "power-cycle the hand, then ask the vendor (electronics or cable)"),
+    4: ("Motor not initialized", "run `handctl barrett init`. The fingers open fully: keep the space around them free"),
+    16: ("Couldn't reach position", "look for an obstacle, a strain limit, or MPE: `handctl barrett status`"),
+    32: ("Unknown command", "`handctl barrett help` lists the commands: a wrong name, or noise on the line"),
+    64: (
+        "Unknown parameter name",
+        "`handctl barrett describe` lists the parameters: this firmware does not have this one",
+    ),
     128: ("Invalid value", "`handctl barrett describe` shows the ranges"),
-    256: ("Tried to write a read only parameter", "it can only be read"),
-    1024: ("Too many arguments for this command", "give fewer at a time"),
-    2048: ("Invalid RealTime control block header", "the block did not fit the hand's loop flags"),
+    256: ("Tried to write a read only parameter", "read it with `handctl barrett get`: it cannot be written"),
+    1024: ("Too many arguments for this command", "give fewer arguments at a time"),
+    2048: ("Invalid RealTime control block header", "check the hand's loop flags: the block did not fit them"),
     4096: ("Command can't have motor prefix", "leave the motors out"),
-    8192: ("Overtemperature fault tripped", "compare TEMP with OTEMP in `handctl barrett status`; let the hand cool"),
-    16384: ("Cntl-C abort command received", "normal after an abort"),
+    8192: (
+        "Overtemperature fault tripped",
+        "compare TEMP with OTEMP in `handctl barrett status`, and let the hand cool",
+    ),
+    16384: ("Cntl-C abort command received", "nothing to do: this is normal after ^C"),
 }
 """barrett §5.1.3, T3: code -> (the manual's wording, next step)."""
 
@@ -63,7 +71,8 @@ def explain_status(code: int) -> str:
 def hint_for(code: int) -> str:
     """The next step for the most telling bit of a status sum."""
     return next(
-        (ERRORS[bit][1] for bit in split_status(code) if bit in ERRORS), "the manual does not name this code (T3)"
+        (ERRORS[bit][1] for bit in split_status(code) if bit in ERRORS),
+        "ask the vendor: the manual does not name this code (T3)",
     )
 
 
@@ -81,11 +90,11 @@ def motor_prefix(text: str) -> str:
                 if not found:
                     raise UsageError(
                         f"{text!r} does not name motors",
-                        hint="digits 1 2 3 4, G = the fingers 1 2 3, S = the spread 4 (barrett T2)",
+                        hint="use the digits 1 2 3 4, G for the fingers 1 2 3, S for the spread 4 (barrett T2)",
                     )
                 digits |= set(found)
     if not digits:
-        raise UsageError("no motor named", hint="e.g. --motors 12S, --motors G")
+        raise UsageError("no motor named", hint="name some, such as --motors 12S or --motors G")
     return "".join(sorted(digits))
 
 
@@ -98,7 +107,8 @@ def encode(command: str) -> bytes:
     """A command as it goes out: upper case is left to the caller; printable ASCII, no CR in it. Raises UsageError."""
     if not command.isascii() or any(not 32 <= ord(letter) < 127 for letter in command):
         raise UsageError(
-            f"{command!r} has characters that a GCL command cannot have", hint="printable ASCII only (barrett §5.1.1)"
+            f"{command!r} has characters that a GCL command cannot have",
+            hint="use printable ASCII only (barrett §5.1.1)",
         )
     return command.encode("ascii") + CR
 
@@ -262,12 +272,16 @@ def values(answer: Answer, names: int, motors: int) -> list[list[int]]:
         if len(numbers) != motors or len(words) != motors:
             came = next((part for part in _parts(answer.raw) if _text(part) == line), b"").hex(" ").upper()
             raise ProtocolError(
-                f"{answer.command}: expected {motors} numbers a line, got {line!r} ({came})", code="bad-line"
+                f"{answer.command}: expected {motors} numbers a line, got {line!r} ({came})",
+                hint=DISTURBED,
+                code="bad-line",
             )
         table.append(numbers)
     if len(table) != names and not answer.status:
         raise ProtocolError(
-            f"{answer.command}: expected {names} lines, got {len(table)}: {list(answer.lines)}", code="bad-line"
+            f"{answer.command}: expected {names} lines, got {len(table)}: {list(answer.lines)}",
+            hint=DISTURBED,
+            code="bad-line",
         )
     return table
 

@@ -16,7 +16,17 @@ from handctl.devices.barrett.gcl.connecting import (
     SILENCE,
     is_answer,
 )
-from handctl.devices.barrett.gcl.language import ABORT, BANNER, PROMPT, Answer, Decoder, encode, has_colon, has_prompt
+from handctl.devices.barrett.gcl.language import (
+    ABORT,
+    BANNER,
+    DISTURBED,
+    PROMPT,
+    Answer,
+    Decoder,
+    encode,
+    has_colon,
+    has_prompt,
+)
 from handctl.errors import HandctlError, Left, LinkError, NoAnswer, ProtocolError
 from handctl.link import ByteLink, Deadline
 from handctl.model.device import Line
@@ -103,8 +113,8 @@ class GclLine(Line):
             if has_prompt(came):
                 self.journal.warn(
                     "loop",
-                    f"the prompt came after {count + 1} ^C: the hand was in its RealTime loop (each but the last then was a "
-                    "small velocity), or the line is disturbed",
+                    f"the prompt came after {count + 1} ^C. The hand was in its RealTime loop, where each ^C but the last "
+                    "was a small velocity, or the line is disturbed",
                 )
                 return None
         return came
@@ -134,7 +144,7 @@ class GclLine(Line):
             return self._answer(command, answer, echo)
         except LinkError as exc:
             if kind in ("motion", "init"):
-                exc.leaves(Left(hint=f"{command} may go on to its end: switch the hand's power off if it must not"))
+                exc.leaves(Left(hint=f"{command} may go on to its end. Switch the hand's power off if it must not"))
             raise
         except Restarted:
             raise
@@ -147,7 +157,7 @@ class GclLine(Line):
                 error = (
                     ProtocolError(f"{text}: {exc.text}", hint=exc.hint, code=exc.code)
                     if exc.code == "echo-differs"
-                    else NoAnswer(text, hint="a longer --deadline", code="deadline")
+                    else NoAnswer(text, hint="use a longer --deadline", code="deadline")
                 )
             if kind in ("motion", "init"):  # whatever still moves must not go on
                 stands = self._stop_motors()
@@ -194,7 +204,7 @@ class GclLine(Line):
         self._unread, self._connected = stale, False
         self.connect()
         if restarted_in(stale, command) and kind != "query":
-            raise Restarted(f"{self.link.name}: {RESTARTED_TEXT}; {command} was not sent", hint=RESTART_HINT)
+            raise Restarted(f"{self.link.name}: {RESTARTED_TEXT}. {command} was not sent", hint=RESTART_HINT)
 
     def _judge(self, answer: Answer, check: Callable[[Answer], object]) -> None:
         try:
@@ -245,7 +255,7 @@ class GclLine(Line):
         place = received.upper().find(BANNER)
         self._unread, self._connected = received[place:] if place >= 0 else b":", False
         self.journal.counters.bad_frames += 1
-        return Restarted(f"{self.link.name}: {RESTARTED_TEXT}; {what}", hint=RESTART_HINT)
+        return Restarted(f"{self.link.name}: {RESTARTED_TEXT}. {what}", hint=RESTART_HINT)
 
     def _failure(self, command: str, decoder: Decoder, since: float) -> HandctlError:
         received = decoder.received
@@ -259,8 +269,8 @@ class GclLine(Line):
         else:
             code, text = "echo-differs", f"the echo differs from {encode(command).hex(' ').upper()}"
         return ProtocolError(
-            f"{self.where}{speed}: {text}; came {shown}",
-            hint="a disturbed line or a wrong speed: run it again, check the cable",
+            f"{self.where}{speed}: {text}, received {shown}",
+            hint="run it again and check the cable: the line is disturbed, or the speed is wrong",
             code=code,
         )
 
@@ -380,10 +390,9 @@ def _speaks_of_restart(data: bytes, command: str) -> bool:
     return restarted_in(data, command) or has_colon(data)
 
 
-RESTART_HINT = "`handctl barrett init` before any movement; values that were not saved are gone"
+RESTART_HINT = "`handctl barrett init` before any movement. Values that were not saved are lost"
 COLON_ALONE = 0.05
 OFF = "switch the supply off if anything still moves"
-DISTURBED = "a disturbed line: run it again, check the cable"
 
 
 def _must_have_lines(command: str) -> bool:

@@ -22,15 +22,15 @@ PAUSE, MIDDLE = 0.1, 0.3
 APART = 0.1
 """Seconds between two reads of P that show whether the hand moves."""
 PROGRESS = {
-    table.SILENT: "no answer yet: listening for a hand that starts or is busy, then other speeds",
-    table.BOOTING: "the hand has just been switched on: waiting for its firmware, nothing is sent",
-    table.RESTARTED: "the firmware has started: waiting for its prompt",
+    table.SILENT: "no answer yet. Listening for a hand that starts or is busy, then trying other speeds",
+    table.BOOTING: "the hand has just been switched on. Waiting for its firmware, sending nothing",
+    table.RESTARTED: "the firmware has started. Waiting for its prompt",
 }
 REMEDY = (
-    "just switched on: run it again in a few seconds; no firmware (off for more than a day or two): "
+    "run it again in a few seconds if the hand was just switched on. Without firmware (off for more than a day or two): "
     "`handctl barrett firmware download FILE` (barrett §3.7, §8)"
 )
-BUSY_HINT = "it says nothing while it moves or saves: `handctl barrett stop`, or --interrupt, ends a movement"
+BUSY_HINT = "A hand that moves or saves says nothing: `handctl barrett stop`, or --interrupt, ends a movement"
 
 MOST = 2
 """A state is entered so often: a device that says what is never an answer must not lead round in a circle."""
@@ -185,7 +185,7 @@ class Meeting:
         link.write(self.line.abort_bytes, link.deadline(1.0))
         early = self.line.until_prompt(max(ABORT_COLLECT, self.line.timeout or 0.0) + self.line.wire_seconds(32))
         if b"ERR 16384" in early:
-            self.line.journal.info("stopped", "^C ended the movement that the hand was in")
+            self.line.journal.info("stopped", "^C ended a movement of the hand")
         return early
 
     def _leave(self, state: str) -> bytes:
@@ -219,11 +219,11 @@ class Meeting:
             line.journal.info("busy", f"{link.name}: {table.BUSY}")
         if link.can_set_baud and link.baud != self._first:
             line.journal.info(
-                "speed", f"the hand answers at {link.baud} bit/s", hint=f"--baud {link.baud} finds it at once"
+                "speed", f"the hand answers at {link.baud} bit/s", hint=f"use --baud {link.baud} to find it at once"
             )
         for text in (table.IN_LOOP, table.IN_BLOCK):
             if text in self.told:
-                line.journal.warn("loop", f"{link.name}: {text}", hint="`handctl barrett stop` ends what moves")
+                line.journal.warn("loop", f"{link.name}: {text}", hint="`handctl barrett stop` ends any movement")
                 look_for_motion(line)
 
     def _failure(self, end: str) -> HandctlError:
@@ -232,21 +232,21 @@ class Meeting:
         tried = f"at {speeds} bit/s" if speeds and link.can_set_baud else "on this link"
         shown = came[:24].hex(" ").upper()
         if end == table.MONITOR:
-            text = f"{link.name}: {table.MONITOR_TEXT}; nothing more was sent"
+            text = f"{link.name}: {table.MONITOR_TEXT}. Nothing more was sent"
             return DeviceRefused(text, hint=REMEDY, code="boot-monitor")
         if end in (table.WIRE, table.GARBAGE):
             echo = end == table.WIRE or not came.strip(ABORT + CR + b"!\0")
-            monitor = " or the boot monitor of a hand without firmware;" if echo and not link.can_set_baud else ""
+            monitor = " or the boot monitor of a hand without firmware" if echo and not link.can_set_baud else ""
             lacking = "no prompt" if b"=>" not in came else "no answer to the question"
             return ProtocolError(
                 f"{link.name}: {lacking} {tried}, but {len(came)} bytes came: {shown}",
-                hint=f"an echo (TX and RX joined),{monitor} check the wiring; unplug the hand: what comes back then is a wire"
+                hint=f"check the wiring: this is an echo (TX and RX joined){monitor}. Bytes that come back without the hand come from a wire"
                 if echo
-                else "another device or a disturbed line: check port and cable; power-cycle the hand",
+                else "check the port and the cable, then power-cycle the hand: another device, or a disturbed line",
                 code="echo" if echo else "garbage",
                 came=came,
             )
-        return NoAnswer(f"{link.name}: no answer {tried}", hint=f"{table.SILENCE}; {BUSY_HINT}")
+        return NoAnswer(f"{link.name}: no answer {tried}", hint=f"{table.SILENCE}. {BUSY_HINT}")
 
 
 def comes_back(link: ByteLink) -> bool:
@@ -284,6 +284,8 @@ def _places(line: GclLine, after: float = 0.0) -> list[int]:
     line.link.sleep(after)
     answer = line.ask("FGET P")
     if answer.status:
-        raise ProtocolError(f"{line.link.name}: no positions: ERR {answer.status}")
+        raise ProtocolError(
+            f"{line.link.name}: no positions: ERR {answer.status}", hint="`handctl barrett status` shows each motor"
+        )
     (places,) = values(answer, 1, 4)
     return places

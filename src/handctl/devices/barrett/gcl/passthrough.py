@@ -27,7 +27,7 @@ def refuse(text: str) -> None:
     if command is None:
         return
     if command.kind == "loop":
-        raise UsageError("LOOP leaves the text protocol", hint="the realtime loop has a command of its own")
+        raise UsageError("LOOP leaves the text protocol", hint="use `handctl barrett realtime`")
     if command.name == "RESET":
         raise UsageError("RESET may change the speed", hint="use `handctl barrett reset`: it finds the hand again")
     if command.name == "PSET" and "BAUD" in arguments:
@@ -114,7 +114,8 @@ def ask(hand: BarrettHand, text: str) -> Answer:
             raise
         hand.journal.ledger.confirm(f"answers at {hand.line.link.baud} bit/s now", Step(text, encode(text)))
         hand.journal.info(
-            "speed-changed", f"{text} changed the speed to {hand.line.link.baud} bit/s; its answer was lost by that"
+            "speed-changed",
+            f"{text} changed the speed to {hand.line.link.baud} bit/s. Its answer was lost in the change",
         )
         return Answer(text, (), 0, b"")
     hand.line.reconnect()
@@ -176,7 +177,7 @@ def explain_help(text: str) -> str:
         param = BARRETT.find(name)[0]
     except UsageError:
         return ""
-    return f"  {param.mnemonic}: {param.doc}; {param.range_text} ({param.source})"
+    return f"  {param.mnemonic}: {param.doc}, {param.range_text} ({param.source})"
 
 
 def interactive(run: Run, hand: BarrettHand, read_line: Callable[[str], str], before: Callable[[str], None]) -> Table:
@@ -185,7 +186,7 @@ def interactive(run: Run, hand: BarrettHand, read_line: Callable[[str], str], be
     `before` asks, where a line needs it, and raises NotConfirmed.
     """
     hand.line.connect()
-    run.guide.say("GCL prompt; ?NAME explains, Ctrl-C stops a movement, Ctrl-D ends.")
+    run.guide.say("Ctrl-C stops a movement. Ctrl-D ends this GCL prompt. ?NAME explains a command or parameter.")
     while True:
         try:
             text = read_line("=> ").strip()

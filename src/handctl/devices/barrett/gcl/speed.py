@@ -38,7 +38,7 @@ def change(line: GclLine, code: int) -> None:
         line.resynchronise()
         raise ProtocolError(
             f"{link.name}: the echo of {command} differs: {echo.hex(' ').upper()}",
-            hint="the speed may or may not have changed: `handctl barrett status` looks at all speeds",
+            hint="`handctl barrett status` looks at all speeds: the speed may or may not have changed",
             code="echo-differs",
         )
     if link.can_set_baud:
@@ -55,18 +55,18 @@ def change(line: GclLine, code: int) -> None:
         try:
             line.reconnect()
         except (NoAnswer, ProtocolError) as exc:
-            text = f"{link.name}: after {command} no prompt at {new} or any other speed; {exc.text}"
+            text = f"{link.name}: no prompt after {command}, at {new} bit/s or any other speed. {exc.text}"
             raise exc.retold(text, code="lost-speed") from exc
         if link.baud == new:
             ledger.confirm(answers, Step(command, data))
             return
         ledger.doubt(f"answers at {link.baud} bit/s", Step(command, data))
         raise DeviceRefused(
-            f"{link.name}: the hand did not follow to {new} bit/s, it answers at {link.baud}",
-            hint="some hands cannot do the higher speeds",
+            f"{link.name}: the hand did not change to {new} bit/s. It answers at {link.baud} bit/s",
+            hint="use a lower speed: some hands cannot do the higher ones",
             code="baud",
         )
-    raise NoAnswer(f"{link.name}: no prompt after {command}", hint="the device's server may keep another speed")
+    raise NoAnswer(f"{link.name}: no prompt after {command}", hint="check the speed that the device's server keeps")
 
 
 def reset(line: GclLine) -> str:
@@ -87,8 +87,8 @@ def reset(line: GclLine) -> str:
         line.journal.ledger.confirm("its banner came, and it answers", Step("RESET", encode("RESET")))
     else:
         raise ProtocolError(
-            f"{link.name}: the banner does not say {BANNER_TEXT!r}: {banner!r}; whether the hand restarted is not known",
-            hint="`handctl barrett status`: after a restart the motors are not initialized",
+            f"{link.name}: the banner does not say {BANNER_TEXT!r}: {banner!r}. Whether the hand restarted is not known",
+            hint="look with `handctl barrett status`: after a restart the motors are not initialized",
             code="banner",
         )
     line.journal.info("uninitialized", "the motors are not initialized now", hint="`handctl barrett init`")
@@ -99,7 +99,7 @@ def code_of(rate: int) -> int:
     """BAUD value of a speed in bit/s. Raises UsageError."""
     if rate % 100 or rate // 100 not in (6, 12, 24, 48, 96, 192, 384):
         raise UsageError(
-            f"{rate} bit/s does not exist on this hand",
-            hint="600 1200 2400 4800 9600 19200 38400 (barrett §5.4.1). Nothing was sent.",
+            f"{rate} bit/s is not a speed of this hand",
+            hint="use 600, 1200, 2400, 4800, 9600, 19200 or 38400 (barrett §5.4.1). Nothing was sent.",
         )
     return rate // 100

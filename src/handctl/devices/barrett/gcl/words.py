@@ -63,10 +63,10 @@ def command(text: str) -> tuple[str, str]:
     if not text:
         return "an empty line: asks for the prompt", ""
     if text == MARK:
-        return f"{MARK}: asks for the prompt, and is no command", ""
+        return f"{MARK}: asks for the prompt, and is not a command", ""
     prefix, found, words = split(text)
     if found is None:
-        return f"{text}: no command of GCL", "unknown-command"
+        return f"{text}: not a GCL command", "unknown-command"
     who = f" of {' '.join(motors(prefix))}" if found.prefix else ""
     head = f"{text}: "
     if found.name in ("FGET", "PGET"):
@@ -75,7 +75,7 @@ def command(text: str) -> tuple[str, str]:
     if found.name in ("FSET", "PSET"):
         pairs = zip(words[::2], [*words[1::2], "?"], strict=False)
         return f"{head}set {', '.join(f'{_name(name)} = {_with_unit(name, value)}' for name, value in pairs)}{who}", ""
-    return f"{head}{found.doc}{who and f'; {chr(32).join(motors(prefix))}'}", ""
+    return f"{head}{found.doc}{who and f', for {chr(32).join(motors(prefix))}'}", ""
 
 
 def _param(word: str) -> GclParam | None:

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
 
-from handctl.devices.barrett.gcl.language import PROMPT
+from handctl.devices.barrett.gcl.language import DISTURBED, PROMPT
 from handctl.errors import ProtocolError, UsageError
 
 ACKNOWLEDGE = 0x2A
@@ -119,7 +119,7 @@ def check_control(name: str, value: int) -> int:
     if not low <= value <= high:
         raise UsageError(
             f"{name} {value} is out of range",
-            hint=f"{low} to {high}, one byte (barrett §6.2.1){'; LCVC multiplies it' if name == 'velocity' else ''}",
+            hint=f"use {low} to {high}, one byte (barrett §6.2.1){'. LCVC multiplies it' if name == 'velocity' else ''}",
             code="out-of-range",
         )
     return value
@@ -173,11 +173,13 @@ class Decoder:
         if self._buffer[0] in (0x0A, 0x0D):
             return self._error()
         if not self._expected:
-            raise ProtocolError(f"RealTime: bytes that no block asked for: {self._shown()}", code="unasked")
+            raise ProtocolError(
+                f"RealTime: bytes that no block asked for: {self._shown()}", hint=DISTURBED, code="unasked"
+            )
         if self._buffer[0] != ACKNOWLEDGE:
             raise ProtocolError(
                 f"RealTime: expected 2A (*) or an error, got {self._shown()}",
-                hint="bytes were lost or changed on the line; which, cannot be told: the loop must end",
+                hint="run it again and check the cable: bytes were lost or changed, so the loop had to end",
                 code="bad-block",
             )
         size = self._layout.feedback_size if self._expected[0] else 1
@@ -192,7 +194,9 @@ class Decoder:
         end = text.find(PROMPT)
         if end < 0:
             if len(text) > ERROR_TEXT:
-                raise ProtocolError(f"RealTime: expected ERR and a prompt, got {self._shown()}", code="bad-block")
+                raise ProtocolError(
+                    f"RealTime: expected ERR and a prompt, got {self._shown()}", hint=DISTURBED, code="bad-block"
+                )
             return None
         words = text[:end].split()
         del self._buffer[:]
@@ -201,7 +205,8 @@ class Decoder:
             return LoopError(0)
         if len(words) == 2 and words[0] == b"ERR" and words[1].isdigit() and len(words[1]) <= 10:
             return LoopError(int(words[1]))
-        raise ProtocolError(f"RealTime: expected ERR and a number, got {text[:48].hex(' ').upper()}", code="bad-block")
+        came = text[:48].hex(" ").upper()
+        raise ProtocolError(f"RealTime: expected ERR and a number, got {came}", hint=DISTURBED, code="bad-block")
 
     def _shown(self) -> str:
         return bytes(self._buffer[:48]).hex(" ").upper()
@@ -256,11 +261,11 @@ def selections(
         if name not in known:
             raise UsageError(
                 f"{option}: {name!r} is not one of {', '.join(known)}",
-                hint=f"e.g. {option} {next(iter(known))}, for some motors only {next(iter(known))}@12",
+                hint=f"write {option} {next(iter(known))}, or {next(iter(known))}@12 for some motors only",
             )
         digits = which.upper().replace("S", "4").replace("G", "123") if at else ""
         if at and (not digits or not set(digits) <= set("1234")):
-            raise UsageError(f"{option}: {text!r} does not name motors", hint=f"e.g. {name}@12S")
+            raise UsageError(f"{option}: {text!r} does not name motors", hint=f"write it as {name}@12S")
         wanted = {int(digit) - 1 for digit in digits} if at else set(motors)
         if not wanted <= set(motors):
             raise UsageError(f"{option}: {text!r} names a motor that --motors leaves out", hint="add it to --motors")

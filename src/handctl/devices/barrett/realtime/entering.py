@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from handctl.devices.barrett.gcl.language import CR, Answer, has_prompt, status_in
-from handctl.devices.barrett.gcl.line import DISTURBED
+from handctl.devices.barrett.gcl.language import CR, DISTURBED, Answer, has_prompt, status_in
 from handctl.devices.barrett.realtime.blocks import ACKNOWLEDGE
 from handctl.devices.barrett.realtime.session import Session
 from handctl.errors import ProtocolError
@@ -43,7 +42,7 @@ def enter(session: Session) -> None:
         came = (came + chunk).lstrip(b" ")  # the space behind the prompt before may come late
     line.check_bound()
     if not came:
-        raise line.unanswered(command, ENTER_SECONDS, begun, "`handctl barrett status` tells whether it is there")
+        raise line.unanswered(command, ENTER_SECONDS, begun, "`handctl barrett status` shows whether the hand is there")
     raise ProtocolError(
         f"{link.name}: expected {command} and *, or ERR, got {came[:48].hex(' ').upper()}",
         hint=DISTURBED,

@@ -115,7 +115,7 @@ def prepare(
     discards = bool(wanted["LFDPD", 0])
     if discards and any("delta" in motor.feedback for motor in layout.motors.values()):
         hand.journal.warn(
-            "discard", "LFDPD is 1: a change too large for a byte is dropped, positions from deltas may be wrong"
+            "discard", "LFDPD is 1: a change too large for a byte is dropped, and positions from deltas may be wrong"
         )
     return Prepared(layout, shown, temperature, limits, heat, discards)
 
@@ -181,8 +181,8 @@ def _delta_unit(
     if needed > 255:
         hand.journal.warn(
             "delta-too-small",
-            f"{MOTORS[index]}: {fastest:.0f} counts a block do not fit a delta, also with LFDPC 255",
-            hint="position in --receive tells where it is; or a higher --rate",
+            f"{MOTORS[index]}: {fastest:.0f} counts a block do not fit a delta, even with LFDPC 255",
+            hint="add position to --receive, or use a higher --rate",
         )
     return max(now["LFDPC", index], min(needed, 255))
 
@@ -192,8 +192,8 @@ def _heat(hand: BarrettHand, wish: Wish, now: Mapping[tuple[str, int], int]) -> 
     limit = now["OTEMP", 0] if 0 < now["OTEMP", 0] < LIMIT_TENTHS else LIMIT_TENTHS
     if "heat" in wish.guards and now["TEMP", 0] > limit:
         raise CheckFailed(
-            f"{hand.link.name}: {now['TEMP', 0] / 10:.1f} °C: above {limit / 10:.1f} °C nothing is driven (guard heat)",
-            hint="`handctl barrett status` shows TEMP and OTEMP; let it cool, or correct OTEMP",
+            f"{hand.link.name}: the board has {now['TEMP', 0] / 10:.1f} °C, and above {limit / 10:.1f} °C nothing is driven (guard heat)",
+            hint="`handctl barrett status` shows TEMP and OTEMP. Let the hand cool, or correct OTEMP",
             code="guard-heat",
         )
     return limit
@@ -209,8 +209,8 @@ def refuse_disabled(hand: BarrettHand) -> None:
     if off:
         others = "".join(str(reading.element.index + 1) for reading in readings if reading.value)
         raise UsageError(
-            f"{', '.join(off)} disabled (EN 0): whether to move without being named is not guessed",
-            hint=f"--motors 1234 takes all{f', --motors {others} the enabled ones' if others else ''}. Nothing moved.",
+            f"{', '.join(off)} disabled (EN 0): handctl does not guess whether to move without being named",
+            hint=f"use --motors 1234 for all{f', or --motors {others} for the enabled ones' if others else ''}. Nothing moved.",
             code="disabled",
         )
 
@@ -255,7 +255,7 @@ def _fitted(hand: BarrettHand, wish: Wish, controls: Controls | None, later: boo
         if any(asked):
             raise DeviceRefused(
                 f"{hand.link.name}: this firmware has no {flag}",
-                hint=f"leave {name} out: it came with 4.4",
+                hint=f"leave {name} out: it needs firmware 4.4",
                 code="no-flag",
             )
     return wanted
@@ -281,7 +281,7 @@ def _refuse_zero(now: Mapping[tuple[str, int], int], motors: tuple[int, ...], *,
                 does = "stop the motor" if name == "LCVC" else "divide by zero"
                 raise CheckFailed(
                     f"{name} of {MOTORS[index]} is 0: that would {does}",
-                    hint=f"handctl barrett set {name}.{MOTORS[index]}=1",
+                    hint=f"`handctl barrett set {name}.{MOTORS[index]}=1`",
                     code="coefficient",
                 )
 

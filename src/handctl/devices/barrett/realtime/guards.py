@@ -16,9 +16,9 @@ from handctl.errors import UsageError
 
 GUARDS = {
     "stall": "velocity 0 for a motor that stands still longer than TSTOP",
-    "window": "velocity 0 where a motor would leave 0..CT; a position that cannot be ends the loop",
+    "window": "velocity 0 where a motor would leave 0 to CT. An impossible position ends the loop",
     "strain": "velocity 0 above HSG and below LSG",
-    "opening": "no opening faster than IVEL may be",
+    "opening": "no opening faster than IVEL allows",
     "heat": "the loop ends above 65 °C, or OTEMP",
 }
 """Name -> what it does; all are on unless switched off by name."""
@@ -155,7 +155,7 @@ class Guards:
             return
         if "window" in self._on and implausible(index, position):
             most = TRAVEL[index == 3]
-            text = f"position {position} cannot be: the travel ends at about {most}"
+            text = f"position {position} is impossible: the travel ends at about {most}"
             self.events.append(Event(now, "window", index, position, most, 0.0, text, ends=True))
         if turned or not direction:
             watch.mark = (now, position)
@@ -216,7 +216,7 @@ def check_opening(index: int, velocity: int, limits: Limits) -> None:
         raise UsageError(
             f"{MOTORS[index]}: velocity {velocity} x LCVC {limits.factor} opens at {fast / 16:.1f} counts a sample, "
             f"IVEL allows {limits.opening / 16:.2f}",
-            hint="a smaller velocity or LCVC; --force opens so fast all the same, which may deform the clutch's washers "
-            "for good (barrett §5.3.4 IVEL)",
+            hint="use a smaller velocity or LCVC. --force opens so fast anyway, which may deform the clutch's washers "
+            "permanently (barrett §5.3.4 IVEL)",
             code="opening-speed",
         )

@@ -121,7 +121,7 @@ class RealtimeLoop:
             raise
         except LinkError as exc:
             if session.inside and self.controls is not None:
-                exc.leaves(Left(hint="the motors keep their last velocity: switch the hand's power off now"))
+                exc.leaves(Left(hint="switch the hand's power off now: the motors keep their last velocity"))
             session.give_up()
             if exc.code == "lost":  # no T can reach the hand either
                 session.last = {}
@@ -147,8 +147,8 @@ class RealtimeLoop:
         self._leave()
         stopped = "the motors were stopped" if self.failure is None else f"stopping failed: {self.failure.text}"
         return OutputError(
-            f"the rows were not taken for {READER_SECONDS:g} s: no further block could be sent, {stopped}",
-            hint="a reader that keeps up, a lower --rate, or -o FILE",
+            f"the reader took no rows for {READER_SECONDS:g} s, so no further block could be sent: {stopped}",
+            hint="use a reader that keeps up, a lower --rate, or -o FILE",
             code="reader",
         )
 
@@ -178,8 +178,8 @@ class RealtimeLoop:
             for _ in self._exchange(idle, 0.0, SELF_TEST_BLOCKS, None):
                 pass
         except (NoAnswer, ProtocolError) as exc:
-            exc.text = f"{exc.text} (self-test of overlapped blocks; nothing was driven)"
-            exc.hint = f"leave --overlapped out; {exc.hint}"
+            exc.text = f"{exc.text} (self-test of overlapped blocks, nothing was driven)"
+            exc.hint = f"leave --overlapped out. {exc.hint}"
             raise
         self._intake.forget()
         self.session.stood = False
@@ -247,7 +247,7 @@ class RealtimeLoop:
                 yield intake.sample(last, text)
             raise
         if bound is not None and bound.expired:
-            raise NoAnswer(f"{link.name}: --deadline is over", hint="a longer --deadline", code="deadline")
+            raise NoAnswer(f"{link.name}: --deadline is over", hint="use a longer --deadline", code="deadline")
 
     def _prove_by_silence(self) -> None:
         """Nothing more comes where nothing was asked for: the block ended where it should. Raises ProtocolError."""
@@ -275,7 +275,7 @@ class RealtimeLoop:
         try:
             return controls.at(seconds)
         except UsageError as exc:
-            raise CheckFailed(f"{exc.text}; the loop was left", hint=exc.hint, code="control") from exc
+            raise CheckFailed(f"{exc.text}. The loop was left", hint=exc.hint, code="control") from exc
 
     def _send(self, controls: Controls | None, values: Values, now: float) -> Sent:
         """One block, as the guards allow. A Ctrl-C meanwhile waits until it is sent: leaving must know what is on the wire."""
@@ -307,7 +307,7 @@ class RealtimeLoop:
         try:
             return guards.allow(values, now, self._intake.cycle)
         except UsageError as exc:
-            raise CheckFailed(f"{exc.text}; the loop was left", hint=exc.hint, code=exc.code) from exc
+            raise CheckFailed(f"{exc.text}. The loop was left", hint=exc.hint, code=exc.code) from exc
 
     def _answer(self, sent: deque[Sent]) -> Feedback | None:
         """The answer to the oldest block; None once when its acknowledgement has come."""
@@ -357,12 +357,12 @@ class RealtimeLoop:
             return ProtocolError(
                 f"{name}: a feedback block of {self.layout.feedback_size} bytes stopped after "
                 f"{decoder.received.hex(' ').upper()}",
-                hint="bytes were lost on the line, or the flags changed: check the cable, run it again",
+                hint="run it again and check the cable: bytes were lost on the line, or the flags changed",
                 code="cut-short",
             )
         return NoAnswer(
             f"{name}: block {self._intake.answers + 1} was not acknowledged",
-            hint="the cable, or the hand's power; --timeout allows a slow link more time",
+            hint="check the cable and the hand's power. --timeout allows a slow link more time",
         )
 
     def _refused(self, error: LoopError) -> HandctlError:
@@ -370,7 +370,7 @@ class RealtimeLoop:
         if error.status:
             return self.hand.refusal(answer)
         return DeviceRefused(
-            f"{self.hand.link.name}: {answer.command}: the hand left RealTime by itself",
+            f"{self.hand.link.name}: {answer.command}: the hand left RealTime unasked",
             hint="run it again",
             code="left",
         )

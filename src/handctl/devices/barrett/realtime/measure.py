@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
+from handctl.model.guide import CTRL_C
 from handctl.model.result import Column, Grid, Row, Table
 
 if TYPE_CHECKING:
@@ -16,7 +17,7 @@ def measured(run: Run, loop: RealtimeLoop, blocks: int, rate: float) -> Table:
     """Round trips, rate and the line's limits: what the vendor's "test delays" run is for."""
     for number, _ in enumerate(loop.run(rate=rate, count=blocks, duration=None), 1):
         if number % 20 == 0:
-            run.guide.progress(f"{number} of {blocks} blocks")
+            run.guide.progress(f"{number} of {blocks} blocks.", CTRL_C)
     run.guide.done()
     found = loop.summary()
     latency = found["loop"]["latency"]
@@ -61,7 +62,7 @@ def _advise(run: Run, found: dict[str, Any]) -> None:
         run.journal.warn(
             "slow-adapter",
             f"a block takes {cycle_ms:.1f} ms, its bytes {wire_ms:.1f} ms: the adapter waits",
-            hint="an FTDI adapter's latency timer is 16 ms: set it to 1 "
+            hint="set the latency timer of an FTDI adapter from 16 ms to 1 ms "
             "(/sys/bus/usb-serial/devices/ttyUSB0/latency_timer)",
         )
 

@@ -148,8 +148,8 @@ class Intake:
             text = f"{where}{event.text} (guard {event.guard}, {event.at - self.start:.3f} s)"
             if event.ends:
                 self.end = CheckFailed(
-                    f"{self._hand.link.name}: {text}; the loop was left",
-                    hint=f"--no-guard {event.guard} goes on all the same",
+                    f"{self._hand.link.name}: {text}. The loop was left",
+                    hint=f"use --no-guard {event.guard} to go on anyway",
                     code=f"guard-{event.guard}",
                 )
             else:
@@ -168,7 +168,7 @@ class Intake:
             self._hand.journal.warn(
                 "saturated",
                 "a delta did not fit its byte: the position that is added up from deltas lags (its rows say so)",
-                hint="more counts in --delta-unit, position in --receive, or a higher --rate (barrett §6.2.3)",
+                hint="use more counts in --delta-unit, position in --receive, or a higher --rate (barrett §6.2.3)",
             )
         rows = rows_of(taken, layout, self.prepared.shown, self.prepared.temperature, doubt)
         return Sample(taken.at - self.start, tuple(rows))

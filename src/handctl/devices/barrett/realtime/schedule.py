@@ -24,6 +24,8 @@ Values = dict[int, dict[str, int]]
 Change = dict[tuple[int, str], int]
 MOST_ROWS = 100_000
 """With times: they are all kept, and a pipe may have more without end. At 50 a second it is half an hour."""
+ONE_OBJECT = 'write one object a line, such as {"t": 0, "velocity.F1": 20}'
+WHOLE = "use a whole number, such as 20"
 ALIASES = {"F1": 0, "F2": 1, "F3": 2, "SPREAD": 3, "1": 0, "2": 1, "3": 2, "4": 3, "S": 3}
 
 
@@ -41,7 +43,7 @@ class Controls:
                     self._state[index][name] = start[(index, name)]
                 elif name == "gain":
                     raise UsageError(
-                        f"no gain for {MOTORS[index]} to start with", hint="--gain G, or leave gain out of --send"
+                        f"no gain for {MOTORS[index]} to start with", hint="give --gain G, or leave gain out of --send"
                     )
 
     @property
@@ -115,7 +117,11 @@ class Live(Controls):
         except UsageError as exc:
             self._arrived.append(exc)
         except (OSError, ValueError) as exc:
-            self._arrived.append(UsageError(f"the control input cannot be read: {exc}"))
+            self._arrived.append(
+                UsageError(
+                    f"the control input cannot be read: {exc}", hint="check the program that writes the control values"
+                )
+            )
 
     def at(self, seconds: float) -> Values | None:
         while self._arrived:
@@ -147,7 +153,7 @@ def constant(text: str, name: str, motors: Sequence[int]) -> Change:
     if len(values) != len(motors):
         raise UsageError(
             f"--{name} {text}: {len(values)} values for {len(motors)} motors",
-            hint=f"one for all, one each in the order {', '.join(MOTORS[index] for index in motors)}, or F1=20,F3=5",
+            hint=f"give one for all, one each in the order {', '.join(MOTORS[index] for index in motors)}, or F1=20,F3=5",
         )
     return {(index, name): value for index, value in zip(motors, values, strict=True)}
 
@@ -157,7 +163,7 @@ def read(lines: Iterable[str], where: str, motors: Sequence[int], start: Change)
     numbered = ((number, line) for number, line in enumerate(lines, 1) if line.strip() and not line.startswith("#"))
     first = next(numbered, None)
     if first is None:
-        raise UsageError(f"{where}: no rows", hint="a header such as t,velocity.F1 and rows of numbers")
+        raise UsageError(f"{where}: no rows", hint="begin with a header such as t,velocity.F1, then rows of numbers")
     if first[1].lstrip().startswith("{"):
         rows = _json_rows(chain([first], numbered), where, motors)
     else:
@@ -171,7 +177,7 @@ def read(lines: Iterable[str], where: str, motors: Sequence[int], start: Change)
     timed = [(t or 0.0, change) for t, change in islice(rows, MOST_ROWS + 1)]
     if len(timed) > MOST_ROWS:
         raise UsageError(
-            f"{where}: more than {MOST_ROWS} rows", hint="leave t out and give each line when it is due: --control -"
+            f"{where}: more than {MOST_ROWS} rows", hint="leave t out and send each line when it is due: --control -"
         )
     return Schedule(carried, timed, start)
 
@@ -179,7 +185,7 @@ def read(lines: Iterable[str], where: str, motors: Sequence[int], start: Change)
 def _first(rows: Iterator[tuple[float | None, Change]], where: str) -> tuple[float | None, Change]:
     for row in rows:
         return row
-    raise UsageError(f"{where}: a header, but no rows")
+    raise UsageError(f"{where}: a header, but no rows", hint="add rows of numbers below the header")
 
 
 def _steady(
@@ -190,17 +196,21 @@ def _steady(
     for number, (time, change) in enumerate(rows, 1):
         if (time is not None) != timed:
             raise UsageError(
-                f"{where}: row {number} has {'no ' if timed else 'a '}time, the first has {'one' if timed else 'none'}"
+                f"{where}: row {number} has {'no ' if timed else 'a '}time, the first has {'one' if timed else 'none'}",
+                hint="give every row a time, or none",
             )
         if time is not None:
             if time < last:
-                raise UsageError(f"{where}: row {number}: time {time:g} s is before {last:g} s", hint="times must rise")
+                raise UsageError(
+                    f"{where}: row {number}: time {time:g} s is before {last:g} s",
+                    hint="sort the rows: times must rise",
+                )
             last = time
         for index, name in change:
             if name not in carried[index]:
                 raise UsageError(
                     f"{where}: row {number}: {name}.{MOTORS[index]} was not in the first row",
-                    hint="the blocks' structure is fixed when the loop is entered: name everything in the first row",
+                    hint="name everything in the first row: the blocks' structure is fixed when the loop is entered",
                 )
         yield time, change
 
@@ -214,7 +224,10 @@ def _csv_rows(
     for number, line in lines:
         fields = _fields(line, f"{where}: line {number}")
         if len(fields) != len(names):
-            raise UsageError(f"{where}: line {number}: {len(fields)} fields, the header has {len(names)}")
+            raise UsageError(
+                f"{where}: line {number}: {len(fields)} fields, the header has {len(names)}",
+                hint="give each line as many fields as the header has",
+            )
         yield _row(
             {name: field.strip() for name, field in zip(names, fields, strict=True) if field.strip()},
             motors, f"{where}: line {number}",
@@ -227,7 +240,7 @@ def _fields(line: str, where: str) -> list[str]:
     try:
         return next(csv.reader([line]))
     except csv.Error as exc:
-        raise UsageError(f"{where} is not CSV: {exc}") from exc
+        raise UsageError(f"{where} is not CSV: {exc}", hint="separate the fields with commas") from exc
 
 
 def _json_rows(
@@ -239,9 +252,9 @@ def _json_rows(
         try:
             found = json.loads(line)
         except (ValueError, RecursionError) as exc:
-            raise UsageError(f"{where}: line {number} is not JSON: {exc}") from exc
+            raise UsageError(f"{where}: line {number} is not JSON: {exc}", hint=ONE_OBJECT) from exc
         if not isinstance(found, dict):
-            raise UsageError(f"{where}: line {number} is not a JSON object")
+            raise UsageError(f"{where}: line {number} is not a JSON object", hint=ONE_OBJECT)
         yield _row({str(name): value for name, value in found.items()}, motors, f"{where}: line {number}")
 
 
@@ -265,8 +278,8 @@ def _targets(key: str, motors: Sequence[int], where: str) -> tuple[str, list[int
         return key, []
     if name not in CONTROL:
         raise UsageError(
-            f"{where}: {key!r} is no control value",
-            hint=f"t, {', '.join(f'{name}.MOTOR' for name in CONTROL)} (motors {', '.join(MOTORS[i] for i in motors)})",
+            f"{where}: {key!r} is not a control value",
+            hint=f"use t, {', '.join(f'{name}.MOTOR' for name in CONTROL)} (motors {', '.join(MOTORS[i] for i in motors)})",
         )
     return name, [_motor(who, motors, where)] if dot else list(motors)
 
@@ -275,7 +288,8 @@ def _motor(text: str, motors: Sequence[int], where: str) -> int:
     index = ALIASES.get(text.strip().upper())
     if index is None or index not in motors:
         raise UsageError(
-            f"{where}: {text!r} is not one of the loop's motors", hint=", ".join(MOTORS[i] for i in motors)
+            f"{where}: {text!r} is not one of the loop's motors",
+            hint=f"use one of {', '.join(MOTORS[i] for i in motors)}",
         )
     return index
 
@@ -285,10 +299,10 @@ def _whole(value: Any, name: str, where: str) -> int:
         text = value.strip()
         digits = text.removeprefix("-").removeprefix("+")
         if not (digits.isascii() and digits.isdecimal()):
-            raise UsageError(f"{where}: {name} {value!r} is not a whole number")
+            raise UsageError(f"{where}: {name} {value!r} is not a whole number", hint=WHOLE)
         value = int(text) if len(digits) < 10 else 10**9
     if isinstance(value, bool) or not isinstance(value, int):
-        raise UsageError(f"{where}: {name} {value!r} is not a whole number")
+        raise UsageError(f"{where}: {name} {value!r} is not a whole number", hint=WHOLE)
     try:
         return check_control(name, value)
     except UsageError as exc:
@@ -301,7 +315,7 @@ def _seconds(value: Any, where: str) -> float:
     except (TypeError, ValueError):
         seconds = -1.0
     if isinstance(value, bool) or not 0 <= seconds < 1e6:
-        raise UsageError(f"{where}: t {value!r} is not a time in seconds from 0 on")
+        raise UsageError(f"{where}: t {value!r} is not a time in seconds", hint="use seconds from 0 on, such as 0.5")
     return seconds
 
 

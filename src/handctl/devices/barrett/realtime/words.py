@@ -82,7 +82,7 @@ def factory_block(direction: str, data: bytes) -> list[Piece]:
     binary = any(byte < 32 or byte > 126 for byte in data[1:].rstrip(b"\r\n"))
     if data[:1] in known and binary and b"=>" not in data:
         kind = "control" if direction == HOST else "feedback"
-        rest = f"{len(data) - 1} data bytes; which values they are depends on the flags of the loop"
+        rest = f"{len(data) - 1} data bytes. Their meaning depends on the flags of the loop"
         numbers = " ".join(str(byte - 256 if byte > 127 else byte) for byte in data[1:])
         parts = (Part(data[:1], "header", kind), Part(data[1:], "data", f"as signed bytes: {numbers}"))
         return [Piece(direction=direction, raw=data, meaning=f"RealTime {kind} block with {rest}", parts=parts)]
@@ -107,7 +107,7 @@ def control_piece(layout: Layout, block: bytes, key: str) -> Piece:
     data = ", ".join(filter(None, texts)) or "no control values"
     back = "feedback" if header in "CA" else "acknowledgement"
     return Piece(
-        direction=HOST, raw=block, meaning=f"{header}: {data}; asks for {back}", title=f"block {header}", asks=key,
+        direction=HOST, raw=block, meaning=f"{header}: {data}, asks for {back}", title=f"block {header}", asks=key,
         values=tuple(carried), parts=tuple(parts), fields={"header": header},
     )  # fmt: skip
 
@@ -185,7 +185,7 @@ class LoopWords:
             else:
                 raw = bytes(self._out)
                 self._out.clear()
-                why = f"{shown(raw)}: no block begins so; the hand leaves RealTime with ERR 2048"
+                why = f"{shown(raw)}: not the start of a block. The hand leaves RealTime with ERR 2048"
                 pieces.append(stray(HOST, raw, why, "bad-block"))
         rest = bytes(self._out) if self.leaving else b""
         if self.leaving:
@@ -226,7 +226,7 @@ class LoopWords:
             return stray(DEVICE, data, "ERR and a prompt were expected here", "bad-block")
         words = data[:end].split()
         status = int(words[1]) if len(words) == 2 and words[1].isdigit() and len(words[1]) < 11 else 0
-        why = f"ERR {status}: {explain_status(status)}; " if status else ""
+        why = f"ERR {status}: {explain_status(status)}. " if status else ""
         key = "leave" if self.leaving else self._asked[0][0] if self._asked else ""
         return Piece(
             direction=DEVICE, raw=data[: _behind(data, end)], meaning=f"{why}RealTime is over, prompt", answers=key,
