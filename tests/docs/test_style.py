@@ -34,12 +34,14 @@ VERBATIM = ("Cntl-C abort command received",)
 """The manuals' own words, and what a program prints that is none of ours."""
 
 
-UNREAD = {"aidin", "barrett", "ekso", "inspire", "sim", "kernel", "root", *COMMANDS}
-"""What is still to be edited: rooms, and commands whose help is. Empty in the end."""
+UNREAD = {"aidin", "ekso", "inspire", "sim", "kernel", "root"}
+"""Rooms that are still to be edited. Empty in the end."""
+UNREAD_HELP = {*COMMANDS}
+"""Commands whose help is, with the common options in it. Empty in the end."""
 
 
-def still(names: Iterable[str]) -> list[Any]:
-    return [pytest.param(name, marks=[pytest.mark.xfail(strict=False)] if name in UNREAD else []) for name in names]
+def still(names: Iterable[str], unread: set[str]) -> list[Any]:
+    return [pytest.param(name, marks=[pytest.mark.xfail(strict=False)] if name in unread else []) for name in names]
 
 
 def page() -> str:
@@ -115,13 +117,13 @@ def faults(text: str) -> Iterator[str]:
             yield f"{len(sentence.split())} words in a sentence"
 
 
-@pytest.mark.parametrize("room", still(ROOMS))
+@pytest.mark.parametrize("room", still(ROOMS, UNREAD))
 def test_texts(room: str) -> None:
     found = [f"{place}: {fault}: {text[:120]!r}" for place, text in texts(room) for fault in faults(text)]
     assert not found, f"{len(found)} faults\n" + "\n".join(found)
 
 
-@pytest.mark.parametrize("room", still(ROOMS))
+@pytest.mark.parametrize("room", still(ROOMS, UNREAD))
 def test_every_error_has_a_next_step(room: str) -> None:
     found = []
     for folder in ROOMS[room]:
@@ -135,7 +137,7 @@ def test_every_error_has_a_next_step(room: str) -> None:
     assert not found, "\n".join(found)
 
 
-@pytest.mark.parametrize("top", still(COMMANDS))
+@pytest.mark.parametrize("top", still(COMMANDS, UNREAD_HELP))
 def test_help(top: str) -> None:
     """Each help begins with a capital, ends with a full stop, has a first sentence of one line, and keeps to the rules."""
     found = []

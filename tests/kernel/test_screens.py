@@ -87,7 +87,7 @@ def test_the_same_on_a_pipe(kind: str, verb: str) -> None:
 
 
 @pytest.mark.parametrize(("kind", "verb", "rows", "columns"), [
-    ("exo", "status", 6, 8), ("exo", "dump", 13, 10), ("wrist", "dump", 11, 5), ("barrett", "dump", 26, 7),
+    ("exo", "status", 6, 8), ("exo", "dump", 13, 10), ("wrist", "dump", 11, 5), ("barrett", "dump", 22, 7),
     ("ekso", "settings", 22, 5), ("aidin", "dump", 19, 7), ("exo", "describe", 14, 10),
 ])  # fmt: skip
 def test_columns_line_up_on_a_pipe(kind: str, verb: str, rows: int, columns: int) -> None:

@@ -61,14 +61,14 @@ FRAMES = [
     ("wrist", "can 15038001 [0]", DEVICE, "acknowledged: write at 1038 yaw_set, id 1"),
     ("wrist", "10FF0001 [2] A7 FE", DEVICE, "pitch_actual = -3.45 °, id 1"),
     ("wrist", "05738001 [8] F4 01 FF FF FF FF FF FF", HOST, "write F4 01 FF FF FF FF FF FF at 1486 of the hand's own registers, id 1"),
-    ("barrett", hex_of("13M 1000\r"), HOST, "13M 1000: move to a position (default: DP); F1 F3"),
+    ("barrett", hex_of("13M 1000\r"), HOST, "13M 1000: move to a position (default: DP), for F1 F3"),
     ("barrett", hex_of("SFSET DS 100 DP 1500\r"), HOST, "SFSET DS 100 DP 1500: set default_step = 100 cts, default_position = 1500 cts of SPREAD"),
     ("barrett", hex_of("14FGET SG P\n\r112 255\n\r0 0\n\r=> "), DEVICE, "strain 112 255 (no gauge), position 0 0 cts (F1 SPREAD)"),
     ("barrett", hex_of("PGET TEMP\r\n412\r\n=>"), DEVICE, "temperature 41.2 °C"),
     ("barrett", hex_of("GM 1000\n\rERR 4\n\r=> "), DEVICE, "ERR 4: Motor not initialized (4)"),
     ("barrett", hex_of("ERR 3\n\r1 No motor board found\n\r2 No motor found\n\r=> "), DEVICE, "ERR 3: 1 No motor board found | 2 No motor found"),
     ("barrett", "03", HOST, "^C: abort"),
-    ("barrett", "43 10 0A 10 0A 10 0A F0 0A", HOST, "C: F1 velocity 16 gain 10, F2 velocity 16 gain 10, F3 velocity 16 gain 10, SPREAD velocity -16 gain 10; asks for feedback"),
+    ("barrett", "43 10 0A 10 0A 10 0A F0 0A", HOST, "C: F1 velocity 16 gain 10, F2 velocity 16 gain 10, F3 velocity 16 gain 10, SPREAD velocity -16 gain 10, asks for feedback"),
     ("barrett", "2A 01 78 21 34 0A 01 76 21 2A 09 01 7E 21 3E 0B FF FF 06 27 F6", DEVICE, "* F1 velocity 1 strain 120 position 8500 cts delta 10 cts, F2 velocity 1 strain 118 position 8490 cts delta 9 cts, F3 velocity 1 strain 126 position 8510 cts delta 11 cts, SPREAD velocity -1 strain 255 position 1575 cts delta -10 cts"),
     ("barrett", "FF 00 20 08 FF 11 22 33 44 55 66 FF 00", HOST, "download record: 8 bytes at 2000h"),
     ("ekso", "99 00 00 CB D9 0F", HOST, "ask for GetData"),
@@ -223,11 +223,11 @@ def test_realtime_blocks_by_the_flags_that_were_set() -> None:
     assert [row.problem for row in rows] == [""] * len(rows)
     assert [row.meaning for row in rows[7:]] == [
         "in RealTime: control 3 bytes, feedback 8 bytes",
-        "C: F1 velocity 20, F2 velocity 127; asks for feedback",
-        "a: no control values; asks for acknowledgement",
+        "C: F1 velocity 20, F2 velocity 127, asks for feedback",
+        "a: no control values, asks for acknowledgement",
         "* F1 strain 120 delta 20 cts, F2 strain 120 delta 127 cts, SPREAD delta 0 cts, temperature 41.2 °C",
         "* acknowledgement",
-        "A: no control values; asks for feedback",
+        "A: no control values, asks for feedback",
         "* F1 strain 120 delta 0 cts, F2 strain 120 delta 0 cts, SPREAD delta 0 cts, temperature -5.5 °C",
         "^C: leave RealTime",
         "RealTime is over, prompt",
@@ -242,7 +242,7 @@ def test_a_wrong_header_ends_realtime() -> None:
     )[8:]
     assert [(row.problem, row.meaning) for row in rows] == [
         ("bad-block", "Z: not the start of a block. The hand leaves RealTime with ERR 2048"),
-        ("refused", "ERR 2048: Invalid RealTime control block header (2048); RealTime is over, prompt"),
+        ("refused", "ERR 2048: Invalid RealTime control block header (2048). RealTime is over, prompt"),
         ("", "an empty line: asks for the prompt"), ("", "prompt"),
     ]  # fmt: skip
 
@@ -269,7 +269,7 @@ def test_a_download_record_by_record() -> None:
 
 def test_an_abort_and_a_new_speed() -> None:
     assert meanings("barrett", "> 43 0D", "< 43", "> 03", "< 0A 0D 45 52 52 20 31 36 33 38 34 0A 0D 3D 3E 20") == [
-        "C: close to CT (spread: F1 and F2 go beside F3); F1 F2 F3 SPREAD", "^C: abort", "ERR 16384: Cntl-C abort command received (16384)",
+        "C: close to CT (spread: F1 and F2 go beside F3), for F1 F2 F3 SPREAD", "^C: abort", "ERR 16384: Cntl-C abort command received (16384)",
     ]  # fmt: skip
 
 

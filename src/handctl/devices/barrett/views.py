@@ -85,7 +85,7 @@ def unhealthy(rows: Sequence[Row]) -> list[str]:
 
 
 def parameters_view(rows: list[Row]) -> list[Grid]:
-    """One line per parameter, motors side by side: readings, settings, what shapes RealTime blocks, what is the hand's.
+    """One line per parameter, motors side by side: settings, readings, what shapes RealTime blocks, what is the hand's.
 
     What differs from the factory is marked. Readings stand apart, for they are long and have no factory value: so each
     table fits 80 cells whatever it holds. Units stand below where a column of them would not.
@@ -94,7 +94,7 @@ def parameters_view(rows: list[Row]) -> list[Grid]:
     groups: list[list[str]] = [[], [], [], []]
     for name in names:
         param = BARRETT[name]
-        motor = 0 if not param.writable else 2 if param.source.endswith("5.3.3") else 1
+        motor = 1 if not param.writable else 2 if param.source.endswith("5.3.3") else 0
         groups[3 if param.is_global else motor].append(name)
     return [_parameter_grid([row for row in rows if row["name"] in group], group) for group in groups if group]
 

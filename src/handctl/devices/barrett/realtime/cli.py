@@ -78,7 +78,7 @@ def add_realtime(group: Group) -> None:
         multiple=True,
         metavar="NAME",
         type=click.Choice([*GUARDS, "all"]),
-        help=f"Switch a guard off: {', '.join(GUARDS)}, all. See GUARDS below.",
+        help=f"Switch a guard off: {', '.join(GUARDS)}, all. See GUARDS.",
     )
     @click.option("--force", is_flag=True, help="The same as --no-guard opening. It may deform the clutch permanently.")
     @click.option(

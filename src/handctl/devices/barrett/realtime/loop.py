@@ -13,8 +13,8 @@ from collections.abc import Iterator
 from typing import Any
 
 from handctl.devices.barrett.device import BarrettHand
-from handctl.devices.barrett.gcl.language import Answer
-from handctl.devices.barrett.gcl.line import COLON_ALONE, DISTURBED, restarted_in
+from handctl.devices.barrett.gcl.language import DISTURBED, Answer
+from handctl.devices.barrett.gcl.line import COLON_ALONE, restarted_in
 from handctl.devices.barrett.map import BARRETT
 from handctl.devices.barrett.realtime.blocks import (
     FEEDBACK_ONLY,
