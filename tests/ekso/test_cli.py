@@ -169,7 +169,8 @@ def test_set_writes_once_reads_back_and_logs(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("setting", "typed", "code"),
     [
-        ("step_length=16", "16.00\n", 0), ("step_length=16", "16\n", 8), ("step_length=16", "y\n", 8), ("step_length=16", "", 8),
+        ("step_length=16", "16.00\n", 0), ("step_length=16", "16\n", 0), ("step_length=16", "16.0\n", 0),
+        ("step_length=16", "17\n", 8), ("step_length=16", "1600\n", 8), ("step_length=16", "16.01\n", 8), ("step_length=16", "y\n", 8), ("step_length=16", "", 8),
         ("right_stance_support=Full", "Full\nyes\n", 0), ("right_stance_support=Full", "Full\nno\n", 8),
         ("right_stance_support=High", "High\n", 0),
     ],

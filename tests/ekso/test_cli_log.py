@@ -67,7 +67,8 @@ def test_the_values_of_the_dossier_reach_the_file(tmp_path: Path) -> None:
     about = sidecar(path)
     assert (about["complete"], about["simulated"], about["rows"], about["ended"]) == (True, True, 3, "limit")
     assert about["settings_before"] == about["settings_after"]
-    assert about["settings_before"]["forward_shift"] == {"raw": -75, "value": -0.75, "unit": None}
+    assert about["settings_before"]["forward_shift"] == {"raw": -75, "value": -0.75, "unit": None, "label": None}
+    assert about["settings_before"]["walk_mode"]["label"] == "ProStep"
     assert "pilot_id" not in about["settings_before"]
     assert about["counters"]["answered"] >= 5
     assert about["device_time"]["device"].startswith("2026-11-20T14:05:")
@@ -126,7 +127,11 @@ def test_changes_at_the_pendant_are_noticed(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     done = log(path, "--count", "2", fault="pendant")
     assert "settings-changed" in done.codes()
-    assert sidecar(path)["settings_changed"] == ["target_sounds"]
+    about = sidecar(path)
+    assert about["settings_changed"] == ["target_sounds"]
+    words = [about[key]["target_sounds"]["label"] for key in ("settings_before", "settings_after")]
+    (told,) = [message["text"] for message in done.json["messages"] if message["code"] == "settings-changed"]
+    assert f"target_sounds {words[0]} -> {words[1]}" in told and words[0] != words[1]
 
 
 def test_a_frozen_clock_is_told(tmp_path: Path) -> None:

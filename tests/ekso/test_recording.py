@@ -101,8 +101,8 @@ def test_settings_without_the_wearer() -> None:
     words = [*range(8), 0xFFB5, 9, *range(10, 22)]
     row = settings_row(words, personal=False)
     assert list(row) == [q.name for q in SETTINGS if q.name != "pilot_id"]
-    assert row["forward_shift"] == {"raw": -75, "value": -0.75, "unit": None}
-    assert row["step_length"] == {"raw": 2, "value": 0.02, "unit": "in"}
+    assert row["forward_shift"] == {"raw": -75, "value": -0.75, "unit": None, "label": None}
+    assert row["step_length"] == {"raw": 2, "value": 0.02, "unit": "in", "label": None}
     assert settings_row(words, personal=True)["pilot_id"]["raw"] == 19
     other = settings_row([*words[:20], 99, 21], personal=False)
     assert changed(row, other) == ["sit_mode"]

@@ -87,10 +87,11 @@ def snapshot(run: Run, path: str) -> Table:
                 hint=f"`handctl {device.kind} set {name}=…`, then take the snapshot again",
             )
     run.journal.info("written", f"{path}: {counted(device.map, list(values))} of {device.kind}")
-    rows = [{"name": name, "kind": kind_of(device.map, name), "value": value} for name, value in values.items()]
-    return Table(
-        rows=rows, columns=(Column("name", "Name"), Column("kind", "Kind"), Column("value", "Value", right=True))
-    )
+    rows: list[Row] = [
+        {"name": name, "kind": kind_of(device.map, name), "value": value} for name, value in values.items()
+    ]
+    columns = [Column("name", "Name"), Column("kind", "Kind"), Column("value", "Value", right=True)]
+    return Table(rows=rows, columns=_in_words(device.map, rows, columns))
 
 
 def diff(run: Run, params: ParamMap[Any], a: str, b: str | None, *, setpoints: bool = False) -> Table:
@@ -116,7 +117,7 @@ def diff(run: Run, params: ParamMap[Any], a: str, b: str | None, *, setpoints: b
         if left.get(name) != right.get(name)
     ]
     columns = (Column("name", "Name"), Column("a", a, right=True), Column("b", b or "device", right=True))
-    table = Table(rows=rows, columns=columns)
+    table = Table(rows=rows, columns=_in_words(params, rows, columns))
     _tell_left_out(run, params, [name for name in names if name not in compared], "compared")
     if rows:
         hint = f"`handctl {params.kind} restore {a}{' --setpoints' if setpoints else ''}` writes those of the file"
@@ -184,14 +185,14 @@ def restore(
         what = counted(params, [element.full_name for element, _ in changes])
         text = f"the device already holds {what} of the snapshot" if changes else "there is nothing to write"
         run.journal.info("equal", f"{text}; nothing was written")
-        return _restored([], live, {})
+        return _restored(params, [], live, {})
     _ask(run, params, device, differing, live)
     after: dict[str, Number] = {}
     for group in _groups(differing):
         for reading in device.write(group):
             if reading.value is not None:
                 after[reading.element.full_name] = reading.value
-    return _restored(differing, live, after)
+    return _restored(params, differing, live, after)
 
 
 def _checked(params: ParamMap[Any], values: dict[str, Number], path: str) -> list[Change]:
@@ -259,7 +260,9 @@ def _restoring(params: ParamMap[Any], changes: Sequence[Change]) -> str:
     return text + (f"; may leave it unreachable: {', '.join(stranding)}" if stranding else "")
 
 
-def _restored(differing: Sequence[Change], before: dict[str, Number], after: dict[str, Number]) -> Table:
+def _restored(
+    params: ParamMap[Any], differing: Sequence[Change], before: dict[str, Number], after: dict[str, Number]
+) -> Table:
     rows: list[Row] = [
         {
             "name": element.full_name,
@@ -271,11 +274,31 @@ def _restored(differing: Sequence[Change], before: dict[str, Number], after: dic
         }
         for element, _ in differing
     ]
-    columns = (
+    columns = [
         Column("name", "Name"),
         Column("kind", "Kind"),
         Column("before", "Before", right=True),
         Column("value", "Now", right=True),
         Column("moves", "Moves"),
-    )
-    return Table(rows=rows, columns=columns)
+    ]
+    return Table(rows=rows, columns=_in_words(params, rows, columns))
+
+
+def _in_words(params: ParamMap[Any], rows: Sequence[Row], columns: Sequence[Column]) -> tuple[Column, ...]:
+    """Give each row the meaning of its codes, and return the columns with one for it behind each that has any."""
+    names = {"value": "label", "before": "before_label", "a": "a_label", "b": "b_label"}
+    for row in rows:
+        try:
+            param = params.find(row["name"])[0]
+        except UsageError:
+            continue  # the name of another version
+        for key, told in names.items():
+            if row.get(key) is not None and (label := param.label(row[key])):
+                row[told] = label
+    shown: list[Column] = []
+    for column in columns:
+        shown.append(column)
+        told = names.get(column.key, "")
+        if any(told in row for row in rows):
+            shown.append(Column(told, "Meaning"))
+    return tuple(shown)

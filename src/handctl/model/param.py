@@ -108,6 +108,11 @@ class Param:
             return ", ".join([*outside, f"{self.low}..{self.high}"])
         return ", ".join(outside)
 
+    @property
+    def limits_source(self) -> str:
+        """Whose the limits are: a section of the manual, where that has them."""
+        return self.source
+
     def _within(self, value: Number) -> bool:
         return (self.low is None or value >= self.low) and (self.high is None or value <= self.high)
 
@@ -127,7 +132,7 @@ class Param:
             unit = f" {self.unit}" if self.unit else ""
             raise UsageError(
                 f"{where or self.name} = {value}{unit} is out of range",
-                hint=f"allowed: {self.range_text}{unit} ({self.source}). Nothing was sent.",
+                hint=f"allowed: {self.range_text}{unit} ({self.limits_source}). Nothing was sent.",
                 code="out-of-range",
             )
 

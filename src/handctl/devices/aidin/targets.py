@@ -172,7 +172,8 @@ def _check(param: AidinParam, values: dict[int, float], *, rad: bool) -> None:
     named = [f"{param.elements[index]} = {value:g}{unit}" for index, value, _ in wrong]
     more = f" and {len(named) - SHOWN} more" if len(named) > SHOWN else ""
     ranges = [f"{param.elements[index]} {limit[0]:g}..{limit[1]:g}{unit}" for index, _, limit in wrong[:SHOWN]]
-    source = "assumed, the manual gives no range" if param is CURRENTS.command else "aidin, Ranges"
+    ours = param is CURRENTS.command or any(param.limit(index) is None for index, _, _ in wrong[:SHOWN])
+    source = "handctl's own limits, the manual gives no range" if ours else "aidin, Ranges"
     hint = f"allowed: {', '.join(ranges)} ({source}). Nothing was sent."
     if param.angles and _fits(param, values, rad=rad):
         hint = f"as {'degrees: leave --rad out' if rad else 'radians they would fit: --rad'}. {hint}"

@@ -83,6 +83,11 @@ class Word(Param):
         named = ", ".join(f"{code} = {label}" for code, label in ASSIST.items() if code not in PERCENT_CODES)
         return f"0..20 = 0 %..100 % in steps of 5 %, {named}"
 
+    @property
+    def limits_source(self) -> str:
+        """The manual's codes; of a number it gives no range, so the ends are those of the 16-bit word."""
+        return self.source if self.choices else f"the limits of its 16-bit word, the manual gives none: {self.source}"
+
     def raw_of(self, word: int) -> int:
         """The raw integer of a 16-bit word, given signed or unsigned, in this field's own sign."""
         word &= 0xFFFF
@@ -192,6 +197,9 @@ def state_text(state: int) -> str:
     return f"{posture}{', moving' if state & DRIVEN else ''} (0x{state:04X})"
 
 
+WORD_LIMITS = "the manual gives no range, this one is that of the 16-bit word"
+
+
 def _setting(word: int, number: int | None, name: str, doc: str, *aliases: str, **more: Any) -> Word:
     decimals = 2 if number is not None and number < 210 else 0
     high = 0x7FFF if more.get("signed") else 0xFFFF
@@ -200,7 +208,7 @@ def _setting(word: int, number: int | None, name: str, doc: str, *aliases: str, 
     source = "ekso §6, GetSettings" + ("" if number is None else f", ParameterID {number}")
     return Word(
         message="settings", word=word, id=number, name=name, doc=doc, aliases=aliases, decimals=decimals, source=source,
-        access="r" if number is None else "rw", kind=MEASURED if number is None else SETTING, persistent="no" if number is None else "unknown", **limits, **more,
+        access="r" if number is None else "rw", kind=MEASURED if number is None else SETTING, persistent="no" if number is None else "unknown", **limits, **{"note": WORD_LIMITS if limits else "", **more},
     )  # fmt: skip
 
 

@@ -151,8 +151,24 @@ def _clock(ekso: Ekso) -> list[Row]:
     except ValueError:
         return rows
     if abs(offset) > CLOCK_SECONDS:
-        ekso.journal.info("clock", f"the device's clock is {offset:+.0f} s from this computer's")
+        way = "ahead of" if offset > 0 else "behind"
+        ekso.journal.info(
+            "clock",
+            f"the device's clock is {span_text(abs(offset))} {way} this computer's",
+            hint="take the times of this computer: `handctl ekso log` records both",
+        )
     return [*rows, _row("clock_offset", round(offset), None, "s", None)]
+
+
+def span_text(seconds: float) -> str:
+    """A difference between clocks in its two largest units: ``1 d 17 h``, ``2 min 5 s``."""
+    left = round(seconds)
+    parts: list[str] = []
+    for unit, size in (("d", 86400), ("h", 3600), ("min", 60), ("s", 1)):
+        number, left = divmod(left, size)
+        if number or parts:
+            parts.append(f"{number} {unit}")
+    return " ".join(parts[:2]) or "0 s"
 
 
 def status_view(rows: list[Row]) -> list[Grid]:

@@ -89,7 +89,7 @@ def motor_prefix(text: str) -> str:
                 found = {"G": "123", "S": "4"}.get(letter, letter if letter in MOTOR_DIGITS else "")
                 if not found:
                     raise UsageError(
-                        f"{text!r} does not name motors",
+                        f"motors {text}: there is no motor {letter}",
                         hint="use the digits 1 2 3 4, G for the fingers 1 2 3, S for the spread 4 (barrett T2)",
                     )
                 digits |= set(found)

@@ -265,7 +265,7 @@ def selections(
             )
         digits = which.upper().replace("S", "4").replace("G", "123") if at else ""
         if at and (not digits or not set(digits) <= set("1234")):
-            raise UsageError(f"{option}: {text!r} does not name motors", hint=f"write it as {name}@12S")
+            raise UsageError(f"{option} {text}: there is no motor {which!r}", hint=f"write it as {name}@12S")
         wanted = {int(digit) - 1 for digit in digits} if at else set(motors)
         if not wanted <= set(motors):
             raise UsageError(f"{option}: {text!r} names a motor that --motors leaves out", hint="add it to --motors")

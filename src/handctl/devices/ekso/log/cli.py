@@ -172,7 +172,7 @@ def _finish(
     failure: HandctlError | None,
 ) -> HandctlError | None:
     """Read the settings again, close the file, write the sidecar; returns what went wrong first."""
-    from handctl.devices.ekso.log.recording import changed, undisturbed
+    from handctl.devices.ekso.log.recording import changed, in_words, undisturbed
 
     after = None
     if not isinstance(failure, LinkError):
@@ -181,8 +181,9 @@ def _finish(
         except (HandctlError, KeyboardInterrupt) as exc:
             run.journal.warn("settings-unread", f"the settings after the log are not known: {exc or 'interrupted'}")
     differing = changed(before, after) if after is not None else None
-    if differing:
-        run.journal.warn("settings-changed", f"settings changed meanwhile: {', '.join(differing)}")
+    if differing and after is not None:
+        shown = ", ".join(f"{name} {in_words(before[name])} -> {in_words(after[name])}" for name in differing)
+        run.journal.warn("settings-changed", f"settings changed during the log: {shown}")
     with undisturbed():
         try:
             recording.close()

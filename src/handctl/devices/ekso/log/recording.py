@@ -265,10 +265,21 @@ def write_whole(path: str, text: str) -> None:
 def settings_row(words: Sequence[int], *, personal: bool) -> dict[str, Any]:
     """The 22 words of GetSettings for the sidecar, raw and scaled; the wearer's number only when `personal`."""
     return {
-        param.name: {"raw": param.raw_of(word), "value": param.value_of(word), "unit": param.unit}
+        param.name: {
+            "raw": param.raw_of(word),
+            "value": param.value_of(word),
+            "unit": param.unit,
+            "label": param.label(param.value_of(word)),
+        }
         for param, word in zip(SETTINGS, words, strict=True)
         if personal or param.name != PERSONAL
     }
+
+
+def in_words(setting: Mapping[str, Any]) -> str:
+    """One value of `settings_row` for people: ``Left Affected``, ``15.5 in``."""
+    unit = f" {setting['unit']}" if setting["unit"] else ""
+    return str(setting["label"] or f"{setting['value']}{unit}")
 
 
 def changed(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[str]:
