@@ -369,7 +369,7 @@ def test_duration() -> None:
         (["--pty", "--set", "dance=1"], "unknown option 'dance'"),
         (["--pty", "--set", "dance"], "KEY=VALUE"),
         (["--pty", "--wire", "fast"], "wire=fast"),
-        (["--pty", "--state", "/nonexistent/directory/file"], "no directory"),
+        (["--pty", "--state", "/dev/null/directory/file"], "no directory"),
         (["--pty", "--duration", "-1"], "duration"),
     ],
 )

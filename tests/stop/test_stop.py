@@ -363,9 +363,9 @@ def test_the_configuration_does_not_hold_up_a_stop(content: str | None, stand: M
 
 def test_neither_trace_nor_output_hold_up_a_stop(stand: MakeStand) -> None:
     place = stand("exo")
-    result, _ = place.stop("exo", "stop", "--json", "--trace", "/nonexistent/t.txt")
+    result, _ = place.stop("exo", "stop", "--json", "--trace", "/dev/null/t.txt")
     assert result.code == 0 and "trace" in result.codes(), result
-    result, _ = place.stop("exo", "stop", "-o", "/nonexistent/o.txt")
+    result, _ = place.stop("exo", "stop", "-o", "/dev/null/o.txt")
     assert result.code == 1 and "cannot be written" in result.err, result
 
 

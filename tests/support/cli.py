@@ -130,7 +130,7 @@ def clean_environment(extra: Mapping[str, str] | None = None) -> dict[str, str]:
     """The environment without anything that changes handctl's output, plus `extra`."""
     dropped = ("NO_COLOR", "COLUMNS", "LINES", "FORCE_COLOR", "PYTHONUNBUFFERED")
     kept = {k: v for k, v in os.environ.items() if not k.startswith("HANDCTL_") and k not in dropped}
-    return {**kept, "XDG_CONFIG_HOME": "/nonexistent", **(extra or {})}
+    return {**kept, "XDG_CONFIG_HOME": "/dev/null/none", **(extra or {})}
 
 
 def run(*args: str | Path, env: Mapping[str, str] | None = None, stdin: str = "") -> Result:

@@ -352,7 +352,7 @@ PROBE = "import sys; from handctl.cli import main; main(sys.argv[1:]); print(sor
 def test_without_a_file_nothing_is_loaded_for_it(place: Place) -> None:
     place.write("not TOML at all")
     here = {**clean_environment(place.env)}
-    nowhere = {**here, "XDG_CONFIG_HOME": "/nonexistent"}
+    nowhere = {**here, "XDG_CONFIG_HOME": "/dev/null/none"}
     for args, env in ((("exo", "dump", "--fake"), nowhere), (("exo", "dump", "-h"), here)):
         done = subprocess.run(
             [*program()[:1], "-c", PROBE, *args], env=env, capture_output=True, text=True, timeout=30, check=False
