@@ -118,6 +118,14 @@ class Group(Described, click.Group):
             f"`{ctx.command_path} COMMAND -h` shows one command with examples; `handctl help options` the common options; `handctl help` lists the guides."
         )
 
+    def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
+        name = args[0]
+        if self.get_command(ctx, name) is None and not name.startswith("-") and not ctx.resilient_parsing:
+            from handctl.frame.nearest import meant
+
+            raise click.UsageError(f"No such command {name!r}.{meant(name, self.commands)}", ctx)
+        return super().resolve_command(ctx, args)
+
     def list_commands(self, ctx: click.Context) -> list[str]:
         """By heading; below it first what every device has, then `first`, then the rest as it was added."""
         headings, first = (*HEADINGS, ""), self.first
@@ -224,13 +232,17 @@ class Root(Group):
         return command
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
-        if args[0] not in COMMANDS and not args[0].startswith("-"):
-            from difflib import get_close_matches
+        """With -d the family may be left out: the device says which it is."""
+        name = args[0]
+        if name in COMMANDS or name.startswith("-"):
+            return super().resolve_command(ctx, args)
+        from handctl.frame.nearest import device_in, top
 
-            near = get_close_matches(args[0], list(COMMANDS), cutoff=0.3)
-            meant = f" Did you mean {' or '.join(map(repr, near))}?" if near else ""
-            raise click.UsageError(f"No such command {args[0]!r}.{meant}", ctx)
-        return super().resolve_command(ctx, args)
+        device = device_in(ctx, args)
+        if device is None:
+            raise click.UsageError(f"No such command {name!r}.{top(args)}", ctx)
+        kind = read_config(config_path()).find(device).kind
+        return kind, self.get_command(ctx, kind), args
 
     def listed(self, ctx: click.Context) -> list[tuple[str, str, str]]:
         """From `families`: nothing of a command is loaded."""

@@ -268,7 +268,8 @@ class ParamMap(Generic[P]):
     def _near(self, name: str) -> str:
         from difflib import get_close_matches
 
-        near = get_close_matches(name, list(self._params), n=3, cutoff=0.5)
+        known = {known.casefold(): known for one in self for known in (one.name, getattr(one, "mnemonic", "")) if known}
+        near = [known[one] for one in get_close_matches(name.casefold(), known, n=3, cutoff=0.6)]
         ask = f"`handctl {self.kind} describe` lists them all"
         return f"did you mean {' or '.join(near)}? {ask}" if near else ask
 

@@ -9,7 +9,7 @@ from handctl.sim.engine.model import NOTHING, Model, Options, Random
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Collection, Iterator, Mapping
 
 UNTOUCHED = 0.05  # s from the start until the user of the device does anything: the first look finds it as it was left
 
@@ -131,7 +131,7 @@ class Cable:
         for name in sorted(names):
             if name not in self._known:
                 raise ValueError(
-                    f"unknown fault {name!r} of the simulated {self.kind}; known: {', '.join(sorted(self._known))}"
+                    f"unknown fault {name!r} of the simulated {self.kind}; {_near(name, self._known)}known: {', '.join(sorted(self._known))}"
                 )
         return frozenset(names)
 
@@ -158,3 +158,11 @@ class Cable:
             statefile.save(self._state, self.device)
             self._changed = True
         self.device.dirty = False
+
+
+def _near(name: str, known: Collection[str]) -> str:
+    """The one that was meant, if one is near."""
+    from difflib import get_close_matches
+
+    near = get_close_matches(name, known, n=1, cutoff=0.6)
+    return f"did you mean {near[0]!r}? " if near else ""

@@ -120,5 +120,5 @@ def near(name: str) -> list[str]:
     """Symptoms whose name or title is like `name`."""
     from difflib import get_close_matches
 
-    found = get_close_matches(name, list(SYMPTOMS), n=3, cutoff=0.4)
+    found = get_close_matches(name, list(SYMPTOMS), n=3, cutoff=0.6)
     return found + [key for key, entry in SYMPTOMS.items() if name in entry.title and key not in found]
