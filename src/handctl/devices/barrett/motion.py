@@ -223,7 +223,7 @@ def power_off(hand: BarrettHand, prefix: str) -> str:
         error.leaves(Left(hint="the motors may still have power. Switch the supply off if they must not"))
         raise error
     if answer.status:
-        hand.journal.ledger.confirm("ERR 4: its power is off all the same", Step("T", encode(f"{prefix}T")))
+        hand.journal.ledger.confirm("ERR 4: its power is off anyway", Step("T", encode(f"{prefix}T")))
     status = f" (status {answer.status}: {explain_status(answer.status)})" if answer.status else ""
     return f"the hand was found and ^C was sent. {prefix}T was acknowledged{status}: motor power is off"
 

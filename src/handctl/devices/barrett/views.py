@@ -70,7 +70,7 @@ def unhealthy(rows: Sequence[Row]) -> list[str]:
         if status and int(status) & ~NEARLY_READY:
             found.append(f"{motor}: {explain_status(int(status))}")
         if at.get(("EN", motor)) == 0:
-            found.append(f"{motor} is disabled (EN 0): it does not move without a prefix")
+            found.append(f"{motor} is disabled (EN 0): it does not move unless it is named (--motors)")
     temperature, limit, peak = (at.get((name, None)) for name in ("TEMP", "OTEMP", "PTEMP"))
     if temperature is not None and temperature >= LIMIT_TENTHS:
         found.append(f"temperature {temperature / 10:.1f} °C: never above 65 °C (barrett §2)")

@@ -60,7 +60,7 @@ def temperature(tenths: int) -> Finding:
 def peak(tenths: int) -> Finding:
     """The highest temperature of its life."""
     if tenths >= LIMIT_TENTHS:
-        remedy = "set OTEMP to 600 to 650, TSTOP to at most 30, let the spread idle"
+        remedy = "set OTEMP to 600 to 650 and TSTOP to at most 30, and let the spread idle"
         return Finding(
             "peak_temperature", WARNING, f"{tenths / 10:.1f} °C once: 65 °C is the limit", remedy, "barrett §2"
         )
@@ -161,7 +161,7 @@ def _advice(mnemonic: str, motor: str | None, value: int, default: int | None) -
     """What is allowed and harmless, but explains a complaint."""
     match mnemonic:
         case "EN" if value == 0:
-            return "disabled: it does not move without a prefix"
+            return "disabled: it does not move unless it is named (--motors)"
         case "HOLD" if value == 1 and motor != "SPREAD":
             return "HOLD 1: a finger cannot be driven back, so holding only heats it"
         case "FDZ" if value != 0:

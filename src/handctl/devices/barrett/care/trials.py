@@ -125,7 +125,7 @@ def strain_curve(patient: Patient, digits: str, guide: Guide) -> list[Finding]:
             continue
         evidence = f"{min(values)} to {max(values)} in {len(values)} steps of {STEP_COUNTS} counts"
         if max(values) - min(values) > width:
-            remedy = "nothing touched it? Then pretension (§7.1), potentiometer (§7.4), idler pulley (Figure 18)"
+            remedy = "if nothing touched it, check pretension (§7.1), potentiometer (§7.4) and idler pulley (Figure 18)"
             found.append(Finding(check, WARNING, f"{evidence}: more than {width} in free air", remedy, source))
         else:
             found.append(Finding(check, OK, evidence, source=source))
@@ -172,8 +172,16 @@ def _one(name: str) -> Callable[[str], list[str]]:
 
 TRIALS: dict[str, Trial] = {
     "initialize": Trial("initialize, fingers open fully", _one("HI"), initialize),
-    "open": Trial("open", _one("O"), _to_target("open", "O", "object, other finger, strain limit, or MOV below 40")),
-    "close": Trial("close", _one("C"), _to_target("close", "C", "object, other finger, strain limit, or MCV below 40")),
+    "open": Trial(
+        "open",
+        _one("O"),
+        _to_target("open", "O", "look for an object, another finger, a strain limit, or MOV below 40"),
+    ),
+    "close": Trial(
+        "close",
+        _one("C"),
+        _to_target("close", "C", "look for an object, another finger, a strain limit, or MCV below 40"),
+    ),
     "direction": Trial(
         "close and open a little",
         lambda digits: [f"{digits}{name} {DIRECTION_COUNTS}" for name in ("IC", "IO")],
@@ -189,7 +197,7 @@ TRIALS: dict[str, Trial] = {
         lambda digits: [f"{digit}{name}" for digit in digits for name in ("O", "TC", "O")],
         torque_speed,
     ),
-    "spread_time": Trial("open, then the spread to and fro", lambda _: ["123O", "4O", "4C", "4O"], spread_time),
+    "spread_time": Trial("open, then move the spread to and fro", lambda _: ["123O", "4O", "4C", "4O"], spread_time),
 }
 
 

@@ -32,9 +32,9 @@ NOTHING, PROMPT, LATE, LOOP = "nothing", "prompt", "late prompt", "ERR 2048"
 RESTART, BANNER_ONLY, COLON, ECHO, BYTES = "banner and prompt", "banner", "':'", "echo", "other bytes"
 SEEN = {
     NOTHING: "silence until the end of the wait",
-    PROMPT: "a prompt that answers the question, or one that lay waiting",
-    LATE: "a prompt without the echo of the question: something before it has ended",
-    LOOP: "ERR 2048 and a prompt: the question was no header of RealTime",
+    PROMPT: "a prompt that answers the question, or one that was already there",
+    LATE: "a prompt without the echo of the question: a command before it has ended",
+    LOOP: "ERR 2048 and a prompt: the question was not a header of RealTime",
     RESTART: "the banner, then a prompt",
     BANNER_ONLY: "the banner, no prompt yet",
     COLON: "':' of the boot monitor, nothing behind it",
@@ -56,7 +56,7 @@ STATES = {
     CONFIRMED: "asked once more at 9600: a ':' may have been noise",
     RESTARTED: "the banner is there: its prompt must follow, or is asked for",
     LEAVING: "noise, a wrong speed, or RealTime in the middle of a control block",
-    ECHOED: "our bytes came back: a wire does that at 115200 too, the monitor cannot hear it",
+    ECHOED: "our bytes came back: a wire does that at 115200 too, where the monitor cannot hear it",
     ELSEWHERE: "asked at one of the other speeds",
     AGAIN: "no speed answered, or a banner without a prompt: asked once more, at the first speed or at that of the banner",
 }
@@ -68,7 +68,7 @@ ENDS = {
     MONITOR: "exit 6: boot monitor, no firmware, or just switched on",
     WIRE: "exit 5: TX and RX are joined",
     NOBODY: "exit 4: nothing answers",
-    GARBAGE: "exit 5: bytes, no prompt",
+    GARBAGE: "exit 5: bytes arrived, but no prompt",
 }
 SECONDS = {OPENED: 0.0, REMEMBERED: 0.4, FILLED_FIRST: 0.1, ASKED: 0.4, FILLED: 0.1, SILENT: 3.0, BOOTING: 6.0, CONFIRMED: 0.5, RESTARTED: 5.0, LEAVING: 0.2,
            ECHOED: 0.05, ELSEWHERE: 0.3, AGAIN: 0.5}  # fmt: skip
@@ -227,19 +227,19 @@ RULES = {(row.state, row.seen): row for row in TABLE}
 
 
 PAGE = (
-    "How a hand is met. Each line below is what is seen, the next state, and what is sent on the way. The question is the "
-    "mark !, 00 and CR: a half-typed command becomes an unknown one, no movement is ended, and in a control block of "
-    "RealTime that was cut off no motor begins to move. Behind silence 0 is sent for the rest of such a block. What moves, "
-    "writes or stops, and `--interrupt`, sends ^C first.",
-    "The boot monitor hears at 9600, and FF is its trigger: it would overwrite good firmware. So nothing that it could "
-    "hear as FF is sent before 9600 was asked and the port was open for 3 s. `handctl scan` may send one after that: a "
-    "monitor that neither speaks nor echoes for longer cannot be distinguished from a port with nothing on it.",
-    "A port that was silent for 3 s and then gives bytes may be a hand whose firmware started on the way: all speeds are "
-    "asked once more.",
+    "This section shows how handctl finds a hand on a link. Each line below gives what handctl sees, the next state, and "
+    "what it sends on the way. The question is the mark !, 00 and CR. It ends no movement. A half-typed command becomes an "
+    "unknown one. In a control block of RealTime that was cut off it starts no motor. After silence handctl sends 0 for "
+    "the rest of such a block. A command that moves, writes or stops sends ^C first. So does `--interrupt`.",
+    "The boot monitor listens at 9600, and FF is its trigger: good firmware would be overwritten. handctl therefore sends "
+    "nothing that the monitor could hear as FF until 9600 was asked and the port was open for 3 s. `handctl scan` may send "
+    "such a byte after that. A monitor that neither speaks nor echoes for longer looks like a port with nothing on it.",
+    "A port that is silent for 3 s and then sends bytes may be a hand whose firmware has just started. handctl then asks "
+    "all speeds once more.",
     "A hand says nothing while it moves or saves. When it does not answer at any speed, it may be in the middle of a long "
-    "movement, which `handctl barrett stop` ends.",
-    "A banner, or the monitor's : alone, also ends every later wait for an answer: the hand restarted, its power or its "
-    "cable, and it needs `init`.",
+    "movement. `handctl barrett stop` ends it.",
+    "A banner, or the monitor's : alone, also ends every later wait for an answer. The hand restarted, because of its "
+    "power or its cable, and needs `init`.",
 )
 
 

@@ -240,7 +240,7 @@ class Meeting:
             lacking = "no prompt" if b"=>" not in came else "no answer to the question"
             return ProtocolError(
                 f"{link.name}: {lacking} {tried}, but {len(came)} bytes came: {shown}",
-                hint=f"check the wiring: this is an echo (TX and RX joined){monitor}. Bytes that come back without the hand come from a wire"
+                hint=f"check the wiring: this is an echo (TX and RX joined){monitor}. Unplug the hand: bytes that still come back come from a wire"
                 if echo
                 else "check the port and the cable, then power-cycle the hand: another device, or a disturbed line",
                 code="echo" if echo else "garbage",
