@@ -51,11 +51,11 @@ def page() -> str:
 def column(heading: str, number: int) -> list[str]:
     """One column of the table below a heading of the page."""
     rows = [line for line in page().split(heading, 1)[1].split("\n## ")[0].splitlines() if line.startswith("| ")]
-    return [row.split("|")[number].strip() for row in rows[1:]]
+    return [row.split("|")[number].partition(" (")[0].strip() for row in rows[1:]]
 
 
 BANNED = [
-    re.compile(rf"(?<![\w`-]){re.escape(words)}(?!\w)", re.IGNORECASE)
+    re.compile(rf"(?<![\w`-])(?<!there ){re.escape(words)}(?!\w)", re.IGNORECASE)
     for words in [
         *column("## Not this, but that", 1),
         "baud rate",
