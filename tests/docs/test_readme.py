@@ -16,6 +16,7 @@ from handctl.docgen.readme import MAKERS, SECTION, filled
 from handctl.docgen.tree import read_tree
 from handctl.families import COMMANDS, FAMILIES
 from handctl.frame.options import lasting_options
+from handctl.model import ledger
 from tests.support.cli import Result, run, run_program
 from tests.support.places import README, TEXTS
 
@@ -173,6 +174,13 @@ def test_each_message_of_the_table_is_met() -> None:
     assert set(named) == set(MESSAGES) | ELSEWHERE
     for message, code in named.items():
         assert code == (str(MESSAGES[message][0]) if MESSAGES.get(message, (0,))[0] else code), message
+
+
+def test_the_states_of_a_write_are_those_of_the_schema() -> None:
+    schema = (README.parent / "src/handctl/schema/envelope-1.json").read_text(encoding="utf-8")
+    states = [cells[0].strip("`") for cells in rows("state")]
+    assert states == list(ledger.IN_WORDS)
+    assert all(f'"{state}"' in schema for state in states)
 
 
 def test_readme_stays_short() -> None:
