@@ -34,7 +34,7 @@ def _devices(_tree: Node) -> Iterable[str]:
 def _known(family: str) -> tuple[str, str, str]:
     """The first two paragraphs of a guide's section KNOWN: run on hardware, and what the family's bytes rest on."""
     if family not in guides.names():
-        return "not yet", "the manual", ""
+        return "Not yet.", "The manual.", ""
     text = guides.source(family)
     blocks = list(guides.blocks(text))
     place = next(place for place, block in enumerate(blocks) if isinstance(block, Heading) and block.text == KNOWN)
@@ -43,7 +43,7 @@ def _known(family: str) -> tuple[str, str, str]:
         for block in blocks[place + 1 : place + 3]
         if isinstance(block, Para)
     ]
-    return said[0], said[1], f"{guides.title(text)[0]}(7)"
+    return said[0][:1].upper() + said[0][1:], said[1], f"{guides.title(text)[0]}(7)"
 
 
 def _commands(_tree: Node) -> Iterable[str]:
