@@ -124,7 +124,7 @@ FAMILIES: dict[str, FamilyRow] = {
         scan=1,
         tell=5,
         options=(
-            OwnOption("operator", "Who does it, for the audit log; needed by --yes.", metavar="NAME", asked=True),
+            OwnOption("operator", "Who does it, for the audit log. Needed with --yes.", metavar="NAME", asked=True),
             OwnOption(
                 "length-mode",
                 "What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.",
@@ -148,7 +148,7 @@ FAMILIES: dict[str, FamilyRow] = {
             ),
             OwnOption(
                 "poll-json",
-                "The JSON object that asks for feedback (default: {}); none that commands.",
+                "The JSON object that asks for feedback (default: {}). Never one that commands.",
                 metavar="TEXT",
                 named=True,
             ),

@@ -27,7 +27,7 @@ from tests.support.cli import Result, run
 pytestmark = pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")  # the server is a thread of this process
 
 STOP = b'{"hand_mode":3}\n'
-LOST = "the connection was lost; connected again and sent the stop mode 3 times"
+LOST = "the connection was lost. Connected again and sent the stop mode 3 times"
 TRIED = "tried to connect again for 1 s"
 POWER = "the connection is lost, stop cannot be sent: switch the hand's power off if it still moves"
 
@@ -124,7 +124,7 @@ def test_a_lost_connection_is_opened_again_for_the_stop(name: str, serve: MakeSe
     assert STOP not in server.log[0]
     error = result.error
     assert "closed" in error["text"] and error["code"] == "lost"
-    assert error["hint"].startswith(f"{LOST}, no current flows; without power the fingers move freely"), error
+    assert error["hint"].startswith(f"{LOST}, no current flows. Without power the fingers move freely"), error
     for untrue in ("no stop", "cannot", "goes on"):
         assert untrue not in error["hint"]
     last = [row for row in result.json["writes"] if row["state"] != "not-sent"][-1]
@@ -219,7 +219,7 @@ def test_the_wish_of_another_process_opens_it_again_too(serve: MakeServer) -> No
     told = hold.stop("stopped")
     link.close()
     server.end()
-    assert not told["error"] and "the connection was lost; connected again: stop was sent" in told["text"], told
+    assert not told["error"] and "the connection was lost. Connected again: stop was sent" in told["text"], told
     assert server.log[1].startswith(STOP * 3) and server.log[1].replace(STOP, b"") == b""
     events = [text.split(" ", 2)[2].strip() for text in lines if " ! " in text]
     assert events == ["disconnect", "reconnect"]

@@ -54,7 +54,7 @@ def test_a_hand_that_falls_silent_at_the_stop_is_told_as_such(instead: bytes) ->
     """It told its currents once, perhaps before the stop: neither a confirmation nor "no currents"."""
     ended = stopped(Streamer(lambda t: line(CLOSED) if t < 0.04 else instead))
     assert ended.error is (ProtocolError if instead else NoAnswer), ended
-    assert ("what came since tells no currents" if instead else "has said nothing since") in ended.text
+    assert ("what came since reports no currents" if instead else "has said nothing since") in ended.text
 
 
 # -- what stays in force -----------------------------------------------------------------------------------------------
@@ -176,7 +176,7 @@ def test_before_anything_is_sent_nothing_is_said_to_have_been() -> None:
 def test_the_range_of_currents_is_not_said_to_be_the_manuals() -> None:
     with pytest.raises(UsageError) as caught:
         parse(CURRENTS, ["index.m1=1001"], cap=1000)
-    assert "-1000..1000 (assumed, the manual gives no range)" in caught.value.hint
+    assert "-1000..1000 (handctl's own limits, the manual gives no range)" in caught.value.hint
 
 
 # -- where a ramp begins -----------------------------------------------------------------------------------------------
@@ -187,7 +187,7 @@ ALL = ["10", "5", "118", "-4", "5", "165", "0", "5", "165", "4", "5", "165", "8"
 @pytest.mark.parametrize("assume", [False, True])
 def test_a_ramp_does_not_begin_at_degrees_on_the_wire(assume: bool) -> None:
     hand, link = simulated(start="homed", fault="degrees")
-    with pytest.raises(CheckFailed, match=r"joint_pos is no angle in radians.*cannot begin there") as caught:
+    with pytest.raises(CheckFailed, match=r"joint_pos is not an angle in radians.*cannot begin there") as caught:
         motion.move(hand, parse(ANGLES, ALL), Guide(), assume_homed=assume)
     assert caught.value.code == "start-out-of-range" and link.sent == []
 

@@ -48,7 +48,7 @@ def test_homing_is_held_for_3_5_s_and_nothing_comes_between(polled: bool) -> Non
     assert min(b - a for a, b in itertools.pairwise(times)) >= 0.0199
     assert set(link.sent) <= {HOME, POLL}
     assert [row["value"] for row in table.rows] == [0] * 15
-    assert "all fingers open" in notes.lines[0] and "keep clear" in notes.lines[0]
+    assert "all fingers open" in notes.lines[0] and "Keep clear" in notes.lines[0]
     assert any("of 3.5 s" in text for text in notes.lines)
 
 

@@ -330,7 +330,7 @@ def test_cancel_without_an_answer_shows_the_state_and_is_not_repeated() -> None:
     unit.on = {CANCEL: lambda _msg_id, _body: []}
     noted, error = cancelling(unit)
     assert isinstance(error, NoAnswer)
-    assert "the state is standing (0x2040)" in error.hint
+    assert "The state is standing (0x2040)" in error.hint
     assert unit.commands() == [CANCEL, DATA]
     assert noted[1][1]["answer"] is None
 
@@ -346,7 +346,7 @@ def test_ctrl_c_says_that_cancel_was_sent() -> None:
         unit.on = {CANCEL: silent, DATA: lambda _msg_id, _body: []}
         noted, error = cancelling(unit)
         assert isinstance(error, Interrupted)
-        assert error.text == "interrupted; CancelAction was sent and may have been taken"
+        assert error.text == "interrupted. CancelAction was sent and may have been taken"
         assert noted[-1] == (
             "cancel-result", {"answer": None, "verdict": "interrupted: its answer was not waited for"},
         )  # fmt: skip

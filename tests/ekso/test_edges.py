@@ -61,7 +61,7 @@ def test_a_write_whose_result_cannot_be_noted_is_told_as_written(
 
     monkeypatch.setattr(AuditLog, "record", full)
     with pytest.raises(
-        OutputError, match=r"was written and reads back; only its entry is missing: .*No space"
+        OutputError, match=r"was written and reads back. Only its entry is missing: .*No space"
     ) as caught:
         ekso.write([one_setting(["step_length=16"])])
     assert (caught.value.code, len(unit.written())) == ("audit", 1)

@@ -286,7 +286,7 @@ def test_a_log_that_was_killed_is_exported_up_to_its_last_whole_row(tmp_path: Pa
     path.write_bytes(path.read_bytes()[:-20])
     found = table(LogFile(str(path)), segment=None, si=False)
     assert found.length == 2
-    assert found.remarks[0].endswith("its last row was unfinished and is left out")
+    assert found.remarks[0].endswith("Its last row was unfinished and is left out")
     assert parsed_mot(exported_mot(path))[0]["nRows"] == "2"
 
 

@@ -104,7 +104,7 @@ def test_fault_at_the_cancel(scratch: Path, fault: str) -> None:
     assert [data[0] for data in cell.sent if data[0] == CANCEL] == [CANCEL], cell
     if code in (4, 5) and cell.result.code:
         (error,) = [message for message in cell.messages if message["level"] == "error"]
-        assert error["hint"].startswith("It was sent and may have been taken; the state "), error
+        assert error["hint"].startswith("It was sent and may have been taken. The state "), error
 
 
 ONCE = ("silent", "deaf", "truncate", "bad-checksum", "wrong-id", "twin-id", "late", "acknowledge", "wrong-command",

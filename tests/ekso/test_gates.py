@@ -137,7 +137,7 @@ def test_an_entry_that_does_not_reach_the_disk(
     result = set_(*STEP, "--audit", str(path), "--trace", str(trace))
     assert refused_by(result, name), result
     assert [data[0] for data in sent(trace)].count(SET) == (name == gates.RESULT)
-    assert ("only its entry is missing" in result.error["text"]) == (name == gates.RESULT)
+    assert ("Only its entry is missing" in result.error["text"]) == (name == gates.RESULT)
 
 
 def test_the_pace_holds_over_runs(tmp_path: Path) -> None:

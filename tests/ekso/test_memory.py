@@ -291,7 +291,7 @@ def test_ctrl_c_in_a_wait_says_where_it_stands_and_the_next_run_goes_on(bench: B
     stepwise(bench)
     bench.unit.interrupt_at = bench.unit.clock + 5
     error = bench.failing(Interrupted, "step_length=15.5")
-    assert error.text == "interrupted; step_length stands at 17.25 in on its way to 15.50 in"
+    assert error.text == "interrupted. step_length stands at 17.25 in on its way to 15.50 in"
     assert bench.unit.settings[2] == 1725 and len(bench.unit.written()) == 1
     again(bench, stepwise=True)
     assert bench.set("step_length=15.5") == [15.5]

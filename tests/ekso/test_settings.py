@@ -363,7 +363,7 @@ def test_the_way_back_can_be_pasted_into_a_shell(bench: Bench) -> None:
     error = bench.failing(CheckFailed, "left_swing_assist=60 %")
     (line,) = re.findall("`(handctl ekso set .*?)`", error.hint)
     assert shlex.split(line) == ["handctl", "ekso", "set", "left_swing_assist=50 %"]
-    assert error.hint.endswith("walk_mode cannot be set back by this tool")
+    assert error.hint.endswith("handctl cannot set back walk_mode")
 
 
 def lost(bench: Bench, *, taken: bool, replies: Callable[[int], list[Reply]] = lambda _msg_id: []) -> None:
@@ -511,7 +511,12 @@ def test_what_stops_in_between_says_what_is_done(bench: Bench) -> None:
     ("stop", "kind", "text", "hint"),
     [
         (NotConfirmed("no", hint="nothing was sent"), NotConfirmed, "no", "Already written: step_length."),
-        (KeyboardInterrupt(), Interrupted, "interrupted; already written: step_length", "the same command goes on"),
+        (
+            KeyboardInterrupt(),
+            Interrupted,
+            "interrupted. Already written: step_length",
+            "repeat the command: it goes on",
+        ),
     ],
 )
 def test_a_no_or_a_ctrl_c_at_the_next_question_says_what_is_done(

@@ -38,7 +38,7 @@ def bias(hand: AidinHand) -> Table:
     if restless:
         raise CheckFailed(
             f"{hand.link.name}: {named(MOTOR_POS, restless, second)} moves: a load would be taken for the offset",
-            hint="wait until the hand stands, touching nothing. Nothing was sent.",
+            hint="wait until the hand stands still and touches nothing. Nothing was sent.",
             code="moving",
         )
     ledger = hand.journal.ledger
@@ -58,14 +58,16 @@ def bias(hand: AidinHand) -> Table:
     if worse and table.failure is None:
         table.failure = CheckFailed(
             f"{hand.link.name}: sensor values did not come nearer to 0: {', '.join(worse[:4])}",
-            hint="is something touching the fingertips? Bias the hand unloaded",
+            hint="take every load off the fingertips, then run `handctl aidin bias` again",
             code="not-biased",
         )
     nearer = any(abs(row["value"]) < abs(row["before"]) for row in table.rows if "value" in row)
     if table.failure is None and nearer:
         ledger.confirm("the sensor values came nearer to 0", since=begun)
     elif table.failure is None:
-        hand.journal.warn("unproven", "sent; no sensor value changed, so feedback does not show that it was taken")
+        hand.journal.warn(
+            "unproven", "The bias was sent. No sensor value changed, so feedback does not show that the hand took it"
+        )
     return table
 
 
@@ -102,9 +104,11 @@ def max_torque(hand: AidinHand, value: int) -> Table:
     if blind and not hand.talk.feedback.seen:
         raise NoAnswer(
             f"{hand.link.name}: maxtorque {value} was sent, but the hand says nothing",
-            hint="is it the hand's port (8000)? Another client may hold it",
+            hint="check address and port (8000), and that no other client holds the hand",
         )
-    hand.journal.info("not-read-back", "sent; the hand does not tell its maximum torque, so it cannot be read back")
+    hand.journal.info(
+        "not-read-back", "The maximum torque was sent. The hand does not report it, so it cannot be read back"
+    )
     param = AIDIN["maxtorque"]
     row: Row = {
         "name": param.name,

@@ -50,7 +50,7 @@ add_map_verbs(
     cli,
     AIDIN,
     part="PART",
-    example="joint_pos.index current_state.thumb.m1 sensor_state.fz",
+    example="joint_pos.index sensor_state.fz",
     without=("set", "watch", "snapshot", "diff", "restore"),
 )
 
@@ -59,7 +59,7 @@ add_map_verbs(
 @click.argument("names", nargs=-1, metavar="[NAME[.PART]]...")
 @stream_options
 def watch(run: Run, names: tuple[str, ...], rate: float, count: int | None, duration: float | None) -> Table:
-    """Live view on a terminal, a stream of rows elsewhere. Without names: motors, joints, currents, fingertip forces."""
+    """Show live values on a terminal, or stream rows. Default: motors, joints, currents, fingertip forces."""
     verbs.select(AIDIN, names)
     run.device().talk.connect()  # finding out how the hand speaks takes 0.3 s: no part of the first sample
     return verbs.watch(run, AIDIN, names, rate=rate, count=count, duration=duration)
@@ -83,9 +83,9 @@ ASSUME = click.option(
 
 @cli.verb("home", "Move", writes=True)
 def home(run: Run) -> Table:
-    """Homing: OPENS ALL FINGERS for 3.5 s, then open is the origin. Asks first; Ctrl-C stops.
+    """OPEN ALL FINGERS for 3.5 s and make that place the origin (homing).
 
-    Needed after every power-on: the encoders are incremental.
+    Ctrl-C stops. Asks first. Home after every power-on: the encoders are incremental.
     """
     from handctl.devices.aidin import homing
 
@@ -99,7 +99,7 @@ def home(run: Run) -> Table:
 @cli.verb("initial", "Move", writes=True)
 @ASSUME
 def initial(run: Run, assume_homed: bool) -> Table:
-    """Move all fingers to the origin that homing set: fully open. Asks first; Ctrl-C stops."""
+    """Open all fingers to the origin that homing set. Ctrl-C stops. Asks first."""
     from handctl.devices.aidin import homing
 
     steps = [_step(run, "initial position, every 20 ms until it is reached", Mode.INITIAL)]
@@ -111,7 +111,7 @@ def initial(run: Run, assume_homed: bool) -> Table:
 
 @cli.verb("bias", "Settings", writes=True)
 def bias(run: Run) -> Table:
-    """Make the present sensor values 0. Touch nothing: a load present now is taken away from all later values."""
+    """Make the present sensor values 0. Touch nothing: a load present now is subtracted from all later values."""
     from handctl.devices.aidin import adjust
 
     if (plan := run.planned([_step(run, "sensor bias, every 20 ms for 0.5 s", Mode.BIAS)])) is not None:
@@ -122,7 +122,7 @@ def bias(run: Run) -> Table:
 @cli.verb("max-torque", "Settings", writes=True)
 @click.argument("value", metavar="N")
 def max_torque(run: Run, value: str) -> Table:
-    """Set the maximum output current. 0 to 1000 in 0.1 %, 700 to 1000 is recommended; it cannot be read back."""
+    """Set the maximum output current. 0 to 1000 in 0.1 %, 700 to 1000 is recommended. It cannot be read back."""
     from handctl.devices.aidin import adjust
 
     param = AIDIN["maxtorque"]
@@ -168,8 +168,8 @@ def encoders(run: Run, values: tuple[str, ...], assume_homed: bool) -> Table:
     """Move motors to encoder counts.
 
     All 15 (thumb, index, middle, ring, little, each m1 m2 m3), or pairs.
-    Others keep their place: `encoders index.m3=85000`. The hand must be homed. A ramp of a fifth of the stroke a second;
-    Ctrl-C stops (motor power off).
+    Others keep their place: `encoders index.m3=85000`. The hand must be homed.
+    The ramp takes five seconds for a whole stroke. Ctrl-C stops and switches motor power off.
     """
     return _move(run, ENCODERS, values, assume_homed)
 
@@ -182,8 +182,8 @@ def joints(run: Run, values: tuple[str, ...], rad: bool, assume_homed: bool) -> 
     """Move joints to angles in degrees.
 
     All 15 (thumb, index, middle, ring, little, each q1 q2 q3) or 20 (with q4), or pairs.
-    Others keep their place: `joints index.q3=160 thumb.q1=10`. q3 is the angle between two links (180 is straight);
-    q4 follows q3. The hand must be homed. A ramp of 60 degrees a second; Ctrl-C stops (motor power off).
+    Others keep their place: `joints index.q3=160 thumb.q1=10`. q3 is the angle between two links (180 is straight).
+    q4 follows q3. The hand must be homed. The ramp has 60 degrees a second. Ctrl-C stops and switches motor power off.
     """
     return _move(run, ANGLES, values, assume_homed, rad=rad)
 
@@ -195,8 +195,8 @@ def fingertips(run: Run, values: tuple[str, ...], assume_homed: bool) -> Table:
     """Move fingertips to coordinates in mm.
 
     All 15 (thumb, index, middle, ring, little, each x y z in its finger's own frame), or pairs.
-    Others keep their place: `fingertips index.z=120`. The hand must be homed. A ramp of 60 mm a second; Ctrl-C stops
-    (motor power off).
+    Others keep their place: `fingertips index.z=120`. The hand must be homed.
+    The ramp has 60 mm a second. Ctrl-C stops and switches motor power off.
     """
     return _move(run, TIPS, values, assume_homed)
 
@@ -215,9 +215,10 @@ def fingertips(run: Run, values: tuple[str, ...], assume_homed: bool) -> Table:
 def currents(run: Run, values: tuple[str, ...], cap: float, duration: float) -> Table:
     """Drive motors by current: NO POSITION LIMIT.
 
-    All 15 (thumb, index, middle, ring, little, each m1 m2 m3), or pairs; the fingers push as far as they get.
-    Sets the maximum torque to 1000 first, as the manual requires, and leaves it there. A ramp of 200 a second, held,
-    back to 0, then stop. Asks first; Ctrl-C takes them back to 0 and stops, a second one stops at once.
+    All 15 (thumb, index, middle, ring, little, each m1 m2 m3), or pairs. The fingers push as far as they get.
+    Ctrl-C takes the currents back to 0 and stops. A second Ctrl-C stops at once. Asks first.
+    Sets the maximum torque to 1000 first, as the manual requires, and leaves it there.
+    The ramp has 200 a second up, a hold, the same ramp back to 0, then stop.
     """
     from handctl.devices.aidin import currents as driving
     from handctl.devices.aidin.targets import parse

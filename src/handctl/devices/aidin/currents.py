@@ -39,7 +39,7 @@ def currents(hand: AidinHand, goal: Goal, guide: Guide, *, seconds: float, cap: 
                 drive.to(drive.zero, "Currents return to 0,")
             except KeyboardInterrupt:
                 with guide.counting() as presses:
-                    guide.say("interrupted: the currents go back to 0; Ctrl-C again stops at once")
+                    guide.say("Ctrl-C again stops at once. Interrupted: the currents return to 0.")
                     drive.to(drive.zero, "Currents return to 0,", presses)
                 raise
         except HandctlError as exc:
@@ -59,15 +59,15 @@ def currents(hand: AidinHand, goal: Goal, guide: Guide, *, seconds: float, cap: 
 def _tell_stop(hand: AidinHand, begun: int, *, flowed: bool) -> None:
     """What feedback says of the currents after the stop."""
     told = told_currents(hand.talk.feedback)
-    free = "without power the fingers move freely; the maximum torque stays at 1000"
+    free = "Without power the fingers move freely. The maximum torque stays at 1000"
     if flowed and told is not None and not flow(told):
         hand.journal.ledger.confirm("no current flows", since=begun)
-        hand.journal.info("stopped", f"currents were taken back to 0 and stop was sent, no current flows: {free}")
+        hand.journal.info("stopped", f"currents were taken back to 0 and stop was sent, no current flows. {free}")
     elif told is not None and flow(told):
-        text = f"stop was sent, but currents up to {max(map(abs, told))} were told after it"
-        hand.journal.warn("not-stopped", text, "watch the hand; `handctl aidin stop`, or switch its power off")
+        text = f"stop was sent, but currents up to {max(map(abs, told))} were reported after it"
+        hand.journal.warn("not-stopped", text, "watch the hand, and run `handctl aidin stop` or switch its power off")
     else:
-        hand.journal.info("stopped", f"currents were taken back to 0 and stop was sent; {free}")
+        hand.journal.info("stopped", f"currents were taken back to 0 and stop was sent. {free}")
 
 
 def _values(hand: AidinHand, goal: Goal, cap: float, *, blind: bool) -> list[float]:
@@ -75,7 +75,7 @@ def _values(hand: AidinHand, goal: Goal, cap: float, *, blind: bool) -> list[flo
     if blind:
         if not goal.names_all:
             raise NoAnswer(
-                f"{hand.link.name}: the hand says nothing unasked, so the currents that are not given are not known",
+                f"{hand.link.name}: the hand sends nothing unasked, so the currents that are not given are not known",
                 hint="give the whole vector of 15. Nothing was commanded.",
             )
         return goal.complete(None)

@@ -22,7 +22,7 @@ SLACK = 0.01
 LARGEST_RADIAN = 6.3
 MOST_ERRORS = 5
 """As many as there are keys: more of them are counted."""
-NO_ANGLE = "is no angle in radians: degrees on the wire?"
+NO_ANGLE = "is not an angle in radians: degrees on the wire?"
 SHORT = {"current_state": "current"}
 
 
@@ -78,19 +78,19 @@ class AidinHand(Device):
         """What is wrong with each key, each said once."""
         errors = {taken.error.text: taken.error for taken in failed if taken.error is not None}
         first = next(iter(errors.values()))
-        more = f"; and {len(errors) - MOST_ERRORS} more" if len(errors) > MOST_ERRORS else ""
+        more = f", and {len(errors) - MOST_ERRORS} more" if len(errors) > MOST_ERRORS else ""
         return ProtocolError("; ".join(list(errors)[:MOST_ERRORS]) + more, hint=first.hint, code=first.code)
 
     def status(self, check: bool) -> Table:
         """The same, looked at: values out of their range, how the hand speaks. With `check`, unhealthy is exit 7."""
         table = self.dump()
         self.talk.look_again()
-        how = "streams by itself" if self.talk.exchange is ExchangeMode.STREAM else "answers when it is asked"
+        how = "streams" if self.talk.exchange is ExchangeMode.STREAM else "answers when it is asked"
         self.journal.info("exchange", f"the hand {how}")
         findings = unhealthy(table.rows)
         odd = all(NO_ANGLE in finding for finding in findings)
         hint = (
-            "look at its bytes with --trace FILE; until then move with `encoders` only"
+            "look at its bytes with --trace FILE. Until then move with `encoders` only"
             if odd
             else "`handctl aidin home` sets the origin of the encoders"
         )
@@ -134,7 +134,7 @@ def unhealthy(rows: Sequence[Row]) -> list[str]:
             found.append(f"{param.name} {NO_ANGLE}")
         elif wrong:
             more = f" and {len(wrong) - 4} more" if len(wrong) > 4 else ""
-            found.append(f"{param.name} out of range: {', '.join(wrong[:4])}{more}; not homed since power-on?")
+            found.append(f"{param.name} out of range: {', '.join(wrong[:4])}{more}. Not homed since power-on?")
     return found
 
 

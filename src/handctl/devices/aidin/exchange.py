@@ -70,7 +70,7 @@ class Conversation(Reception):
             raise UsageError(
                 "--exchange command: a hand that only answers commands is not read, nothing is commanded just to look",
                 hint="`home`, `stop`, `max-torque`, `initial --assume-homed` and `currents` with the whole vector show its "
-                "answers; other targets need to know where it is. Nothing was sent.",
+                "answers. Other targets need to know where it is. Nothing was sent.",
                 code="commands-only",
             )
         if self.exchange is not ExchangeMode.UNKNOWN:

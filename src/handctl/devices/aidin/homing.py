@@ -31,7 +31,7 @@ TICKS = 5
 STILL = 0.001
 """Share of a stroke that a motor may change from one look to the next and still stand."""
 LEFT = "the hand was left in homing mode, no stop was sent"
-GOES_ON = "no stop was sent, the hand is expected to go on to its origin; `handctl aidin stop` frees it"
+GOES_ON = "no stop was sent, the hand is expected to go on to its origin. `handctl aidin stop` frees it"
 MOTOR_POS = AIDIN["motor_pos"]
 
 
@@ -48,7 +48,7 @@ def connect_or_command(hand: AidinHand) -> bool:
         hand.talk.connect()
     except NoAnswer:
         hand.talk.check_bound()
-        hand.journal.warn("unasked", "the hand says nothing unasked; perhaps it answers commands only")
+        hand.journal.warn("unasked", "The hand sends nothing unless it is asked. Perhaps it answers commands only")
         return True
     return False
 
@@ -62,16 +62,16 @@ def home(hand: AidinHand, guide: Guide) -> Table:
     bound = hand.talk.bound
     if bound is not None and bound.remaining < HOLD:
         raise UsageError(
-            f"homing takes {HOLD:g} s, --deadline leaves less", hint="a longer --deadline. Nothing was sent."
+            f"homing takes {HOLD:g} s, --deadline leaves less", hint="give a longer --deadline. Nothing was sent."
         )
     blind = connect_or_command(hand)
     seen = _Travel()
     if not blind:  # before the guard: a hand that has not been driven yet is not stopped
         seen.note(tuple(int(number) for number in hand.talk.need(MOTOR_POS)[0]))
-    guide.say(f"homing: all fingers open for {HOLD:g} s; keep clear")
+    guide.say(f"Keep clear. Homing: all fingers open for {HOLD:g} s.")
     data = object_of(Mode.HOMING)
     mark = hand.journal.ledger.mark
-    with stopped_if_cut_short(hand, guide, "homing failed, the hand is not homed; "):
+    with stopped_if_cut_short(hand, guide, "homing failed, the hand is not homed. "):
         try:
             _hold(hand, data, guide, seen, blind=blind)
         except HandctlError as exc:
@@ -86,7 +86,7 @@ def home(hand: AidinHand, guide: Guide) -> Table:
     if off:
         raise CheckFailed(
             f"{hand.link.name}: homing is not confirmed, encoders are not at 0: {named(MOTOR_POS, off, now)}",
-            hint=f"{LEFT}; is a finger blocked? Home again; look with `handctl aidin status`",
+            hint=f"{LEFT}. Free any blocked finger, look with `handctl aidin status`, and home again",
             code="not-homed",
         )
     _judge_travel(hand, seen, mark)
@@ -103,7 +103,7 @@ def _judge_travel(hand: AidinHand, seen: _Travel, mark: int) -> None:
             f"{hand.link.name}: not homed: {len(held)} of {len(first)} motors never moved, the hand set 0 where they "
             f"stood: {named(MOTOR_POS, held, first)} before",
             hint=f"every target of such a motor is off by what it was away from open. {LEFT}. Free the finger and home "
-            "again; one that was fully open before homing passes then",
+            "again. One that was fully open before homing passes then",
             code="not-homed",
         )
     if stood and not any(first):  # as after power-on: 0 wherever the fingers are
@@ -112,7 +112,7 @@ def _judge_travel(hand: AidinHand, seen: _Travel, mark: int) -> None:
             "nothing-moved",
             f"not confirmed: the encoders were 0 before and are 0 now, and {who}. They were open already, or are blocked, "
             "or did not take the command (just switched on, the encoders are 0 wherever the fingers are)",
-            hint="look at the fingers: are they fully open?",
+            hint="check that the fingers are fully open",
         )
         return
     hand.journal.ledger.confirm("each motor moved or was at its stop, and is at 0", since=mark)
@@ -162,12 +162,12 @@ def _hold(hand: AidinHand, data: bytes, guide: Guide, seen: _Travel, *, blind: b
         if now - last > LARGEST_GAP:
             if holds == HOLDS:
                 raise CheckFailed(
-                    f"{link.name}: homing was held up again and again, last for {now - last:.2f} s",
-                    hint="a slow answer or a busy machine: homing needs an object at least every 0.25 s",
+                    f"{link.name}: homing was delayed again and again, the last time for {now - last:.2f} s",
+                    hint="close other programs and home again: homing needs a command at least every 0.25 s",
                     code="interrupted-hold",
                 )
             holds, begin = holds + 1, now
-            hand.journal.warn("interrupted-hold", f"homing was held up for {now - last:.2f} s and begins again")
+            hand.journal.warn("interrupted-hold", f"homing was delayed for {now - last:.2f} s and begins again")
         last = now
         guide.progress(f"Homing {min(HOLD, now - begin):.1f} of {HOLD:g} s, the fingers open.", CTRL_C)
 
@@ -183,7 +183,7 @@ def _origin(hand: AidinHand, data: bytes, *, blind: bool) -> tuple[int, ...]:
         if MOTOR_POS.key not in talk.feedback.seen:
             raise NoAnswer(
                 f"{hand.link.name}: homing was sent for {HOLD:g} s, but the hand says nothing: it is not confirmed",
-                hint="is it the hand's port (8000)? Another client may hold it",
+                hint="check address and port (8000), and that no other client holds the hand",
             )
         found = talk.feedback.result(MOTOR_POS.key)
     return tuple(int(number) for number in talk.usable(MOTOR_POS, found))
@@ -228,17 +228,19 @@ def check_homed(hand: AidinHand, *, assume: bool) -> None:
         raise CheckFailed(
             f"{hand.link.name}: encoders are out of their range, the hand was not homed since power-on: "
             f"{named(MOTOR_POS, wrong, encoders)}",
-            hint="`handctl aidin home` first; --assume-homed goes on all the same. Nothing was sent.",
+            hint="run `handctl aidin home` first. --assume-homed goes on without it. Nothing was sent.",
             code="not-homed",
         )
     if not any(encoders):
         hand.journal.warn(
             "homed-unknown",
             "all encoders are exactly 0: as just after homing, and as just after power-on wherever the fingers are",
-            hint="was it homed since it was switched on? If not, `handctl aidin home` first",
+            hint="run `handctl aidin home` first unless it was homed since power-on",
         )
         return
-    hand.journal.info("homed-unknown", "the hand does not tell whether it was homed since power-on: this needs it")
+    hand.journal.info(
+        "homed-unknown", "The hand does not report whether it was homed since power-on. This command needs a homed hand"
+    )
 
 
 def initial(hand: AidinHand, guide: Guide, *, assume_homed: bool) -> Table:
@@ -249,8 +251,8 @@ def initial(hand: AidinHand, guide: Guide, *, assume_homed: bool) -> Table:
         check_homed(hand, assume=assume_homed)
     elif not assume_homed:
         raise NoAnswer(
-            f"{hand.link.name}: the hand says nothing unasked, so nothing shows that it is homed",
-            hint="`handctl aidin home` first; --assume-homed goes on all the same. Nothing was sent.",
+            f"{hand.link.name}: the hand sends nothing unasked, so nothing shows that it is homed",
+            hint="run `handctl aidin home` first. --assume-homed goes on without it. Nothing was sent.",
         )
     data, end = object_of(Mode.INITIAL), talk.deadline(INITIAL)
     seen, ledger = _Travel(), hand.journal.ledger
@@ -270,11 +272,14 @@ def initial(hand: AidinHand, guide: Guide, *, assume_homed: bool) -> Table:
             guide.done()
         talk.check_bound()
         if now is None:
-            raise NoAnswer(f"{hand.link.name}: the initial position was commanded, but the hand says nothing")
+            raise NoAnswer(
+                f"{hand.link.name}: the initial position was commanded, but the hand sends nothing",
+                hint="check the link with `handctl aidin status`",
+            )
     if _away(now):
         raise CheckFailed(
             f"{hand.link.name}: the initial position was not reached: {named(MOTOR_POS, _away(now), now)}",
-            hint=f"{GOES_ON}; a hand that was not homed ignores it; or blocked, or the maximum torque is too low",
+            hint=f"{GOES_ON}. A hand that was not homed ignores the command. A blocked finger or a low maximum torque stops it too",
             code="not-reached",
         )
     if seen.moved:
@@ -284,7 +289,7 @@ def initial(hand: AidinHand, guide: Guide, *, assume_homed: bool) -> Table:
             "nothing-moved",
             "the encoders are at 0, but no motor moved: the fingers were there already, or the hand was not homed since "
             "power-on and ignored it",
-            hint="look at the fingers; `handctl aidin home` makes it sure",
+            hint="look at the fingers, and run `handctl aidin home` if they are not open",
         )
     return hand.table(hand.read(elements_of(MOTOR_POS))) if not blind else _last_known(hand)
 

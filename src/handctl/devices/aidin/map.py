@@ -141,9 +141,9 @@ MODES: dict[Number, str] = {
     Mode.TASKSPACE: "taskspace",
     Mode.CURRENT: "current",
 }
-CURRENT_NOTE = "unit and range are not in the manual; per mille of the rated current is likely"
-SENSOR_NOTE = "unit is not in the manual; N and N m are likely"
-FRAME_NOTE = "in each finger's own frame, by the ranges; the manual's figures are missing"
+CURRENT_NOTE = "unit and range are not in the manual, per mille of the rated current is likely"
+SENSOR_NOTE = "unit is not in the manual, N and N m are likely"
+FRAME_NOTE = "in each finger's own frame, by the ranges, the manual's figures are missing"
 COUPLED_NOTE = "q4 is coupled to q3: only q3 counts"
 
 
@@ -191,7 +191,7 @@ AIDIN = AidinMap("aidin", [
     _array("current_state", "motor currents", "Feedback keys", MOTORS, int_range=INT16, note=CURRENT_NOTE),
     _array("sensor_state", "fingertip forces and torques", "Feedback keys", SENSORS, places=5, note=SENSOR_NOTE),
     AidinParam(key="hand_mode", name="hand_mode", doc="operating mode", source="aidin, Modes", int_range=UINT16, choices=MODES, access="w", kind=TRIGGER, verb="home, initial, stop, bias …", acts=MOVES),
-    AidinParam(key="maxtorque", name="maxtorque", doc="maximum current; 700 to 1000 recommended", source="aidin, Modes", unit="0.1 %", low=0, high=1000, int_range=UINT16, access="w", kind=SETTING, verb="max-torque", persistent="unknown"),
+    AidinParam(key="maxtorque", name="maxtorque", doc="maximum current, 700 to 1000 recommended", source="aidin, Modes", unit="0.1 %", low=0, high=1000, int_range=UINT16, access="w", kind=SETTING, verb="max-torque", persistent="unknown"),
     _command("hand_TP_cmd", "encoders", "encoder targets", MOTORS, unit="cts", limits=MOTOR_LIMITS, int_range=INT32),
     _command("hand_joint_cmd", "joints", "joint angle targets", JOINTS, unit="deg", limits=JOINT_LIMITS, angles=True, places=1, note=COUPLED_NOTE),
     _command("hand_taskspace_cmd", "fingertips", "fingertip targets", AXES, unit="mm", limits=TIP_LIMITS, places=1, note=FRAME_NOTE),

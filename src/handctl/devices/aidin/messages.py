@@ -12,6 +12,7 @@ from math import inf, isfinite
 
 from handctl.errors import ProtocolError, UsageError
 
+BYTES = "look at the bytes with --trace FILE"
 LARGEST_OUT = 2047
 """The hand's buffer has 2048 bytes; whose and of what is not said."""
 LONGEST_END = 2
@@ -63,7 +64,11 @@ def encode(fields: Mapping[str, Out]) -> bytes:
     body = ",".join(f'"{key}":{_value(value)}' for key, value in fields.items())
     data = b"{" + body.encode("ascii") + b"}"
     if len(data) + LONGEST_END > LARGEST_OUT:
-        raise UsageError(f"an object of {len(data)} bytes: the hand takes {LARGEST_OUT}", code="too-long")
+        raise UsageError(
+            f"an object of {len(data)} bytes: the hand takes {LARGEST_OUT}",
+            hint="send fewer keys in one object",
+            code="too-long",
+        )
     return data
 
 
@@ -121,7 +126,7 @@ class Decoder:
         except Twice as exc:
             raise self._drop(str(exc)) from exc
         if content is None:
-            raise self._drop("an object that is no JSON")
+            raise self._drop("an object that is not JSON")
         self.taken = data
         del self._buffer[:end]
         self._restart()
@@ -135,7 +140,7 @@ class Decoder:
             place = rest.find(b"{")
             data = bytes(rest if place < 0 else rest[:place])
             del self._buffer[: len(data)]
-            raise MalformedObject(f"{len(data)} bytes that begin no JSON object", data, stray=True)
+            raise MalformedObject(f"{len(data)} bytes that do not begin a JSON object", data, stray=True)
 
     def _scan(self) -> int | None:
         """Where the object ends that the buffer begins with, None when it is not closed yet."""
@@ -166,7 +171,7 @@ class Decoder:
                 if self._depth == 0:
                     return self._position
             else:
-                raise self._drop("an object that is no JSON")
+                raise self._drop("an object that is not JSON")
 
     def _open(self, place: int) -> None:
         """Count an opening brace. The hand's objects are flat; inside one, a brace must at least stand where JSON has it.
@@ -222,9 +227,9 @@ def numbers(
     numbers of a WrongNumbers.
     """
     if not isinstance(value, list):
-        raise ProtocolError(f"expected an array of {count} numbers, found {_shown(value)}", code="bad-type")
+        raise ProtocolError(f"expected an array of {count} numbers, found {_shown(value)}", hint=BYTES, code="bad-type")
     if len(value) != count:
-        raise ProtocolError(f"expected {count} numbers, found {len(value)}", code="bad-length")
+        raise ProtocolError(f"expected {count} numbers, found {len(value)}", hint=BYTES, code="bad-length")
     found: list[int | float | None] = []
     wrong: dict[int, ProtocolError] = {}
     for place, single in enumerate(value):
@@ -241,16 +246,16 @@ def numbers(
 
 def _checked(single: object, int_range: tuple[int, int] | None) -> float:
     if isinstance(single, bool) or not isinstance(single, int | float):
-        raise ProtocolError(f"is no number: {_shown(single)}", code="bad-type")
+        raise ProtocolError(f"is not a number: {_shown(single)}", hint=BYTES, code="bad-type")
     try:
         number = float(single)
     except OverflowError:
         number = inf
     if not isfinite(number):
-        raise ProtocolError(f"is not finite: {_shown(single)}", code="not-finite")
+        raise ProtocolError(f"is not finite: {_shown(single)}", hint=BYTES, code="not-finite")
     if int_range is not None and (number != int(number) or not int_range[0] <= number <= int_range[1]):
         raise ProtocolError(
-            f"is {_shown(single)}, not an integer from {int_range[0]} to {int_range[1]}", code="bad-type"
+            f"is {_shown(single)}, not an integer from {int_range[0]} to {int_range[1]}", hint=BYTES, code="bad-type"
         )
     return number
 

@@ -22,8 +22,8 @@ from handctl.model.result import Column, Table
 
 ARRIVE = 3.0
 """Seconds after the ramp's end until a target counts as not reached."""
-GOES_ON = "no stop was sent, the hand is expected to go on to the last target it got; `handctl aidin stop` frees it"
-HOLDS = "reached; nothing more is sent, the hand is expected to hold"
+GOES_ON = "no stop was sent, the hand is expected to go on to the last target it got. `handctl aidin stop` frees it"
+HOLDS = "reached. Nothing more is sent, the hand is expected to hold"
 FAR = 0.1
 """Share of a range: a start that is farther outside is no start of a ramp."""
 SETTLED = 0.2
@@ -99,7 +99,7 @@ def _check_start(hand: AidinHand, target: Target, here: list[Number], *, assume:
     if far and not assume:
         raise CheckFailed(
             f"{name}: a ramp cannot begin where the hand is, far out of range: {named(param, far, here)}",
-            hint="`handctl aidin home` first; --assume-homed begins at the limit all the same. Nothing was sent.",
+            hint="run `handctl aidin home` first. --assume-homed begins at the limit without it. Nothing was sent.",
             code="start-out-of-range",
         )
 

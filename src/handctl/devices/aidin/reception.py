@@ -182,7 +182,7 @@ class Reception(Line):
             return exc
         if self._junk:
             return self._no_feedback()
-        hint = "another client may hold the hand, which serves one; or it is another server: check address and port"
+        hint = "check address and port: it may be another server, or another client may hold the hand, which serves one"
         return LinkError(exc.text, hint=hint, code=exc.code)
 
     def _no_feedback(self) -> HandctlError:

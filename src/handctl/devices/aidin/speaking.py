@@ -9,22 +9,22 @@ from typing import NamedTuple
 
 LISTENED, ASKED, AGAIN, DOUBTED = "listened", "asked", "again", "doubted"
 STATES = {
-    LISTENED: "connected, and listened to for 0.3 s; with `--exchange stream` for 1 s, or --timeout. What has begun may finish",
-    ASKED: "the empty object, or that of `--poll-json`, was sent; `--exchange poll` begins here",
-    AGAIN: "sent once more; never with `--retries 0`",
+    LISTENED: "connected, and listened to for 0.3 s. With `--exchange stream` for 1 s, or --timeout. What has begun may finish",
+    ASKED: "the empty object, or that of `--poll-json`, was sent. `--exchange poll` begins here",
+    AGAIN: "sent once more. Never with `--retries 0`",
     DOUBTED: "the answer may be the next object of a slow stream: listened to for 1.2 s, nothing is sent",
 }
 FEEDBACK, LATE, DAMAGED, OTHER, NOTHING = "feedback", "late", "damaged", "other", "nothing"
 SEEN = {
     FEEDBACK: "an object with keys of feedback",
-    LATE: "the same, but later than 0.13 s after it was asked for; only with `--exchange auto`",
-    DAMAGED: "bytes that are no object of JSON; before anything was sent half an object, too",
-    OTHER: "objects that are no feedback, or what was sent comes back",
+    LATE: "the same, but later than 0.13 s after it was asked for. Only with `--exchange auto`",
+    DAMAGED: "bytes that are not a JSON object. Before anything was sent, half an object too",
+    OTHER: "objects that are not feedback, or what was sent comes back",
     NOTHING: "silence",
 }
 STREAMS, ANSWERS, STRANGER, SILENT = "streams", "answers", "stranger", "silent"
 ENDS = {
-    STREAMS: "the hand sends feedback by itself: nothing is sent to read it",
+    STREAMS: "the hand sends feedback unasked: nothing is sent to read it",
     ANSWERS: "the hand answers: it is asked for each reading",
     STRANGER: "exit 5: something speaks, but not as an AIDIN-hand does",
     SILENT: "exit 4: nothing answers",

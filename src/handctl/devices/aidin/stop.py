@@ -26,8 +26,8 @@ AGAIN = 1.0
 TRY = 0.05
 """Seconds from one try to the next."""
 UNTOLD = "the connection is lost, stop cannot be sent: switch the hand's power off if it still moves"
-MENDS = "the connection was lost; this command is opening it again and sends the stop itself"
-MENDED = f"the connection was lost; connected again and sent the stop mode {STOPS} times"
+MENDS = "the connection was lost. This command is opening it again and sends the stop itself"
+MENDED = f"the connection was lost. Connected again and sent the stop mode {STOPS} times"
 CURRENT_STATE = AIDIN["current_state"]
 
 
@@ -76,7 +76,7 @@ def _seen(hand: AidinHand, sent: str) -> str:
         seen = f"currents up to {max(map(abs, told))} still flowed: watch it"
     else:
         seen = "no current flows"
-    return f"{sent}, {seen}; without power the fingers move freely and a held object falls"
+    return f"{sent}, {seen}. Without power the fingers move freely and a held object falls"
 
 
 def stop_after(hand: AidinHand, exc: HandctlError) -> None:

@@ -23,7 +23,7 @@ CONFIRM = 60
 MOTORS = 15
 NO_CURRENT = 20
 """2 % of 1000."""
-HINT = "watch the hand; switch its power off if it still moves"
+HINT = "watch the hand, and switch its power off if it still moves"
 
 
 def stop_talk(aim: Aim) -> Talk:
@@ -50,13 +50,13 @@ def stop_talk(aim: Aim) -> Talk:
         since = (
             ("what came since", "the hand has said nothing since") if spoke else ("what came", "the hand says nothing")
         )
-        text += f"{since[0]} tells no currents" if heard else since[1]
+        text += f"{since[0]} reports no currents" if heard else since[1]
         return Stopped(text, HINT, ProtocolError if heard else NoAnswer)
     if flow(told):
         return Stopped(f"stop was sent, but currents up to {max(map(abs, told))} flow", HINT, CheckFailed)
     if not flowed:
         text = (
-            "stop was sent; no current was seen to vanish, because none flowed when the hand was heard first: feedback "
+            "stop was sent. No current was seen to vanish, because none flowed when the hand was heard first: feedback "
         )
         return Stopped(f"{text}does not show that the motors are off", "if in doubt, switch the power off")
     return Stopped(f"stop was sent, and the currents have gone: {falls}", evidence="the currents have gone")

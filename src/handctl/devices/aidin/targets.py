@@ -39,7 +39,9 @@ class Goal:
         """
         param = self.target.command
         if measured is None and not self.names_all:
-            raise UsageError("the elements that are not given keep their place, which is not known")
+            raise UsageError(
+                "the elements that are not given keep their place, which is not known", hint="give the whole vector"
+            )
         values = []
         for index in range(param.count):
             if index in self.named:
@@ -79,7 +81,7 @@ def parse(target: Target, texts: Sequence[str], *, rad: bool = False, cap: float
     pairs = [text for text in texts if "=" in text]
     if pairs and len(pairs) != len(texts):
         raise UsageError(
-            "values in order and pairs are mixed", hint="either the whole vector, or FINGER.ELEMENT=VALUE only"
+            "values in order and pairs are mixed", hint="give either the whole vector, or FINGER.ELEMENT=VALUE only"
         )
     named = _pairs(param, pairs) if pairs else _vector(param, texts)
     values = {index: _number(param, index, text) for index, text in named.items()}
@@ -88,7 +90,7 @@ def parse(target: Target, texts: Sequence[str], *, rad: bool = False, cap: float
     elif param.angles and len(values) >= 15 and not any(values.values()):
         raise UsageError(
             "all zeros: q3 = 0 is out of range for every finger",
-            hint=f"q3 is the angle between two links, 180 is straight; allowed, in degrees: q3 {both_ranges(param.limits['q3'])} "
+            hint=f"q3 is the angle between two links, 180 is straight. Allowed, in degrees: q3 {both_ranges(param.limits['q3'])} "
             "(aidin, Ranges). Nothing was sent.",
             code="out-of-range",
         )
@@ -106,7 +108,7 @@ def _pairs(param: AidinParam, texts: Sequence[str]) -> dict[int, str]:
         name, _, value = text.partition("=")
         if name.lower() not in param.elements:
             raise UsageError(
-                f"{name!r} is no element of {param.key}",
+                f"{name!r} is not an element of {param.key}",
                 hint=f"FINGER.ELEMENT with {', '.join(FINGERS)} and {', '.join(param.labels)}: index.{param.labels[2]}=VALUE",
                 code="unknown-name",
             )
@@ -132,7 +134,7 @@ def _vector(param: AidinParam, texts: Sequence[str]) -> dict[int, str]:
         without = " (without q4)" if param.count != len(places) else ""
         raise UsageError(
             f"{len(texts)} values given, {param.key} takes {counts}{without}",
-            hint=f"{', '.join(FINGERS)}, each {' '.join(param.labels)}; or pairs such as index.{param.labels[2]}=VALUE",
+            hint=f"{', '.join(FINGERS)}, each {' '.join(param.labels)}. Or pairs such as index.{param.labels[2]}=VALUE",
             code="wrong-count",
         )
     return dict(zip(places, texts, strict=True))

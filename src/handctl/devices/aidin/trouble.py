@@ -17,7 +17,7 @@ def silent(name: str, way: Way, patience: float, *, asked: bool, stopped: bool) 
     if stopped:
         return NoAnswer(
             f"{name}: the hand has stopped sending feedback",
-            hint="look at its state and at the network: `status`; a hand that sends less than once a second needs "
+            hint="look at the hand with `status` and check the network. A hand that sends less than once a second needs "
             "--exchange stream --timeout S",
         )
     if said is ExchangeMode.STREAM:
@@ -25,15 +25,15 @@ def silent(name: str, way: Way, patience: float, *, asked: bool, stopped: bool) 
         return NoAnswer(f"{name}: {text}", hint="leave --exchange out: then the hand is asked with an empty object")
     if not asked:
         return NoAnswer(
-            f"{name}: connected, the hand says nothing unasked, and a dry run asks nothing",
+            f"{name}: connected, the hand sends nothing unasked, and a dry run asks nothing",
             hint="give the whole vector: then nothing needs to be known",
         )
     poll = "an empty object" if way.poll == FIND_OUT.poll else way.poll.decode("ascii")[:60]
-    unasked = "says nothing unasked and does not answer" if said is ExchangeMode.UNKNOWN else "does not answer"
+    unasked = "sends nothing unasked and does not answer" if said is ExchangeMode.UNKNOWN else "does not answer"
     return NoAnswer(
         f"{name}: connected, the hand {unasked} {poll}",
         hint="is it the hand's port (8000)? Another client may hold it. If it speaks otherwise: --exchange stream|poll, "
-        "--poll-json TEXT, --tx-terminator nul|none; one that answers commands only: --exchange command; `stop` is always sent",
+        "--poll-json TEXT, --tx-terminator nul|none. One that answers commands only: --exchange command. `stop` is always sent",
     )
 
 
@@ -45,11 +45,11 @@ def no_feedback(name: str, seen: bytes, *, whole: bool, more: str = "", why: str
     if not seen:
         return ProtocolError(
             f"{name}: only our own object came back, no feedback",
-            hint="an echo server, not the hand: check address and port",
+            hint="check address and port: this is an echo server, not the hand",
             code="echo",
         )
     text = "".join(chr(byte) if 32 <= byte < 127 else "." for byte in seen)
-    hint = "another server, or another kind of hand: this speaks to the AIDIN-hand (TCP/JSON), port 8000"
+    hint = "check address and port: it is another server or another kind of hand. The AIDIN-hand speaks JSON on TCP port 8000"
     if whole:
         hint = f"a JSON object without any key of the manual: what the hand reports in its own words, or {hint}"
     return ProtocolError(

@@ -62,7 +62,7 @@ def way_of(settings: Settings) -> Way:
 def neutral(text: str) -> bytes:
     """An object of the user that asks for feedback, compact and in ASCII.
 
-    Raises UsageError for a text that is no JSON object, and for one with a key that commands: a mode moves the hand or
+    Raises UsageError for a text that is not a JSON object, and for one with a key that commands: a mode moves the hand or
     drops what it holds, and never provokes a status.
     """
     from json import dumps, loads
@@ -73,7 +73,7 @@ def neutral(text: str) -> bytes:
     except (ValueError, RecursionError) as exc:
         raise UsageError(f"--poll-json {text[:40]!r} is no JSON: {exc}", hint='e.g. {"get":1}') from exc
     if not isinstance(content, dict):
-        raise UsageError(f"--poll-json {text[:40]!r} is no JSON object", hint='e.g. {"get":1}')
+        raise UsageError(f"--poll-json {text[:40]!r} is not a JSON object", hint='e.g. {"get":1}')
     commanding = sorted(_keys(content) & COMMANDS)
     if commanding:
         raise UsageError(
@@ -87,7 +87,7 @@ def neutral(text: str) -> bytes:
 
 
 def _no_number(name: str) -> None:
-    raise ValueError(f"{name} is no number of JSON")
+    raise ValueError(f"{name} is not a JSON number")
 
 
 def _keys(content: object, depth: int = 0) -> set[str]:

@@ -47,7 +47,7 @@ class Attempt:
                 return "cut-short", f"the answer to {name} was cut off after {len(self.received)} bytes"
             if command in tuple(Command):
                 return "wrong-command", f"an answer to {name_of(command)} came instead of {name}"
-        return "garbage", f"{len(self.received)} bytes came that form no frame"
+        return "garbage", f"{len(self.received)} bytes came that do not form a frame"
 
 
 def key_of(request: bytes) -> tuple[int, int]:
@@ -68,17 +68,17 @@ def shorten(data: bytes, limit: int = 40) -> str:
 
 
 HINTS = {
-    "silence": "check that the device is on, the USB cable, and that no other program holds the port; if it is on, "
+    "silence": "check that the device is on, the USB cable, and that no other program holds the port. If it is on, "
     "another --length-mode may be needed (auto tries them with GetTime)",
     "echo": "our own bytes come back: a loop in the cable or another kind of device. If the device answers elsewhere, "
-    "it acknowledges without data: please report it",
-    "acknowledged": "an acknowledgement without a status is no success: read the value back",
-    "bad-checksum": "bytes were damaged on the way: check cable and hub, and that no other program reads the port",
-    "bad-length": "another protocol version or damaged bytes: please report the hex",
+    "it acknowledges without data: report it",
+    "acknowledged": "an acknowledgement without a status is not a success: read the value back",
+    "bad-checksum": "check cable and hub, and that no other program reads the port: bytes were damaged on the way",
+    "bad-length": "another protocol version or damaged bytes: report the hex",
     "wrong-id": "an answer to another request: a second program may use this port",
-    "late": "answers take longer than the time allowed: a longer --timeout",
-    "unsolicited": "the device sent something by itself and did not answer; try again",
-    "wrong-command": "another protocol version or a second program on this port: please report the hex",
+    "late": "give a longer --timeout: answers take longer than the time allowed",
+    "unsolicited": "try again. The device sent something unasked and did not answer",
+    "wrong-command": "another protocol version or a second program on this port: report the hex",
     "cut-short": "the answer was cut off: check the cable, and that no other program reads the port",
-    "garbage": "no frame in it: another kind of device, or a wrong speed (115200 is the usual one)",
+    "garbage": "check device and speed (usually 115200 bit/s): the bytes hold no frame",
 }

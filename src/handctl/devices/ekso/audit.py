@@ -65,7 +65,7 @@ class AuditLog:
             raise gates.refusal(
                 gates.LOG,
                 f"{self.path}: the audit log cannot be written: {exc.strerror or exc}",
-                "without it no setting is written; --audit FILE names another place",
+                "without it no setting is written. --audit FILE names another place",
             ) from exc
 
     def unfinished(self) -> dict[str, Any] | None:
@@ -121,7 +121,7 @@ class AuditLog:
                 raise gates.refusal(
                     gates.FREE,
                     f"{self.path}: another handctl writes a setting now",
-                    "let it end, then repeat the command. Nothing was sent.",
+                    "wait until it ends, then repeat the command. Nothing was sent.",
                 ) from exc
             yield
 

@@ -25,7 +25,9 @@ class Change(NamedTuple):
 def check_code(change: Change) -> None:
     """Raise UsageError for a code that nobody knows."""
     if change.param.choices and change.new not in change.param.choices:
-        raise gates.refusal(gates.LISTED, f"{change.text}: nobody knows this code; it is not written", NOTHING_SENT)
+        raise gates.refusal(
+            gates.LISTED, f"{change.text}: this code is not documented. It is not written", NOTHING_SENT
+        )
 
 
 def most(change: Change, override: bool) -> int | None:

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from handctl.link import ByteLink
     from handctl.model.result import Journal
 
-NOT_MEDICAL = "handctl is no medical device; who changes a setting answers for it"
+NOT_MEDICAL = "handctl is not a medical device. Whoever changes a setting is responsible for the result"
 
 
 def open_ekso(link: ByteLink, settings: Settings, journal: Journal) -> Ekso:
@@ -46,8 +46,8 @@ def open_ekso(link: ByteLink, settings: Settings, journal: Journal) -> Ekso:
 cli = Group(
     "ekso",
     family=Family("ekso", open_ekso, 115200),
-    help="EksoNR DataPort (serial, USB). A person stands in this device: reading is free, every setting is asked for, "
-    f"checked, read back and logged. {NOT_MEDICAL}.",
+    help="EksoNR exoskeleton over its DataPort (serial, USB). A person may stand in it. "
+    f"Reading changes nothing. Every write of a setting asks first, is checked, read back and logged. {NOT_MEDICAL}.",
 )
 add_map_verbs(cli, EKSO, example="step_length left_knee_angle 216", without=("set", "describe", "restore"))
 add_log_commands(cli)
@@ -58,25 +58,25 @@ add_log_commands(cli)
 
 @cli.verb("time", "Look")
 def time_(run: Run) -> Table:
-    """The device's time of day."""
+    """Show the device's time of day."""
     return run.device().clock("time")  # type: ignore[no-any-return]
 
 
 @cli.verb("date", "Look")
 def date(run: Run) -> Table:
-    """The device's date."""
+    """Show the device's date."""
     return run.device().clock("date")  # type: ignore[no-any-return]
 
 
 @cli.verb("settings", "Look")
 def settings(run: Run) -> Table:
-    """All settings (GetSettings, 22 words)."""
+    """Show all settings (GetSettings, 22 words)."""
     return run.device().message("settings")  # type: ignore[no-any-return]
 
 
 @cli.verb("data", "Look")
 def data(run: Run) -> Table:
-    """What the device senses now (GetData, 27 words).
+    """Show the present sensor values (GetData, 27 words).
 
     Trunk, soles, hips, motor currents, joint angles, state, boot time.
     """
@@ -85,16 +85,16 @@ def data(run: Run) -> Table:
 
 @cli.verb("feedback", "Look")
 def feedback(run: Run) -> Table:
-    """Steps, times, assistance (GetFeedback, 17 words)."""
+    """Show steps, times and assistance (GetFeedback, 17 words)."""
     return run.device().message("feedback")  # type: ignore[no-any-return]
 
 
 @cli.verb("describe", "Look", offline=True)
 @click.argument("names", nargs=-1, metavar=NAMES)
 def describe(run: Run, names: tuple[str, ...]) -> Table:
-    """The map itself; needs no device.
+    """List every word with message, ParameterID, type, codes and aliases.
 
-    Message, word, ParameterID, type, codes, aliases, and this tool's policy for writing.
+    Shows the step that handctl writes at once, too. Needs no device.
     """
     table = verbs.describe(EKSO, names)
     for row in table.rows:
@@ -130,10 +130,10 @@ def describe(run: Run, names: tuple[str, ...]) -> Table:
     help="The audit log to look through (default: ekso-audit.jsonl in the user's state folder).",
 )
 def policy(run: Run, audit: str | None) -> Table:
-    """What this tool asks for before it writes; needs no device.
+    """Show the checks and questions before a write. Needs no device.
 
     Steps, postures, second questions, stillness. The device's own limits are not documented.
-    The audit log is looked through as well: exit code 7 when an entry was edited, removed or moved.
+    Checks the audit log too: exit code 7 when an entry was edited, removed or moved.
     """
     from pathlib import Path
 
@@ -166,7 +166,7 @@ OVERRIDE = click.option(
     "--override-step-limit",
     "override",
     is_flag=True,
-    help="Allow a larger step than this tool's policy; never for leg lengths.",
+    help="Allow a larger step than this tool's policy. Never for leg lengths.",
 )
 
 
@@ -244,7 +244,7 @@ def _need_operator(run: Run) -> None:
         raise gates.refusal(
             gates.OPERATOR,
             "--yes writes without asking: it needs --operator NAME",
-            "the audit log must tell who did it. Nothing was sent.",
+            "add --operator NAME: the audit log must name who did it. Nothing was sent.",
         )
 
 
@@ -255,7 +255,8 @@ def _need_operator(run: Run) -> None:
 def set_(run: Run, assignments: tuple[str, ...], audit: str | None, override: bool) -> Table:
     """Write one setting, with every check.
 
-    Such as `step_length=15.5`, `walk_mode=ProStep`, `216='50 %'`. Shows old -> new, asks, wants the wearer still, sends it once, reads back all settings, keeps an audit log.
+    Such as `step_length=15.5`, `walk_mode=ProStep`, `216='50 %'`. Shows old -> new and asks.
+    The wearer must be still. Sends it once, reads back all settings, and keeps an audit log.
     """
     change = one_setting(assignments)
     _need_operator(run)
@@ -263,7 +264,7 @@ def set_(run: Run, assignments: tuple[str, ...], audit: str | None, override: bo
         steps = run.planner().plan([change])
         run.journal.info(
             "dry-run-gates",
-            "step limit and stillness are checked against the device, when it is written; the message number (and with it the CRC) "
+            "step limit and stillness are checked against the device, when it is written. The message number (and with it the CRC) "
             "counts the reads before it",
         )
         return run.dry_run(steps)
@@ -271,7 +272,7 @@ def set_(run: Run, assignments: tuple[str, ...], audit: str | None, override: bo
     before = ekso.words("settings")
     param = EKSO[change[0].param.name]
     if before[param.word] == param.to_raw(change[1]):
-        run.journal.info("equal", f"{param.name} is {param.shown(change[1])} already; nothing was written")
+        run.journal.info("equal", f"{param.name} is {param.shown(change[1])} already. Nothing was written")
     else:
         run.ledger.plan(ekso.plan([change]))
     return written_table(ekso, before, ekso.write([change]))
@@ -282,9 +283,10 @@ def set_(run: Run, assignments: tuple[str, ...], audit: str | None, override: bo
 @_audit_options
 @OVERRIDE
 def restore(run: Run, file: str, audit: str | None, override: bool) -> Table:
-    """Write what differs from a snapshot, one by one.
+    """Write the settings that differ from a snapshot, one by one.
 
-    By the rules of `set`, with the same questions. A far value is led to in permitted steps, one in 10 s, each read back. Safe to run again after any interruption, which says where it stands.
+    Has the checks and questions of `set`. Goes to a far value in permitted steps, one in 10 s, each read back.
+    After an interruption run it again: it continues where the settings stand.
     """
     _need_operator(run)
     if not run.settings.dry_run:
@@ -294,7 +296,7 @@ def restore(run: Run, file: str, audit: str | None, override: bool) -> Table:
 
         return stored.restore(run, EKSO, file, check=check)
     run.journal.info(
-        "steps", "a far value is led to in permitted steps, one in 10 s: how many, only the device can tell"
+        "steps", "a far value is reached in permitted steps, one in 10 s. Their number is only known with the device"
     )
     return stored.restore(run, EKSO, file)
 
@@ -316,13 +318,14 @@ class _WordRange(click.IntRange):
     show_default=True,
     metavar="N",
     type=_WordRange(1, 0xFFFF),
-    help="Command word, any but 0; 0x0100 is 256.",
+    help="Command word, any but 0. 0x0100 is 256.",
 )
 @_audit_options
 def cancel(run: Run, word: int, audit: str | None) -> Table:
     """Cancel the running action (CancelAction).
 
-    Sent once, without asking, and logged; a log that cannot be written does not hold it up. What it stops is not documented.
+    Sends it once, without asking, and logs it. A log that cannot be written does not delay it.
+    The manual does not say which actions it stops.
     """
     if (plan := run.planned(run.planner().plan_cancel(word))) is not None:
         return plan

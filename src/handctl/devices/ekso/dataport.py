@@ -212,7 +212,7 @@ class DataPort(Line):
             return False
         if attempt.empty is not None and attempt.empty.data == attempt.request:
             self.journal.info(
-                "echo", f"{self.link.name}: our own bytes come back before the answers; they were dropped"
+                "echo", f"{self.link.name}: our own bytes come back before the answers. They were dropped"
             )
         return True
 
@@ -268,15 +268,15 @@ class DataPort(Line):
         if not known:
             self.counts.unsolicited += 1
             self.journal.info(
-                "unsolicited", f"{self.link.name}: frames that nobody asked for came in between; they were dropped"
+                "unsolicited", f"{self.link.name}: frames came in between that were not asked for. They were dropped"
             )
         elif (frame.command, frame.msg_id) == self._last:
             self.counts.duplicates += 1
-            self.journal.info("duplicate", f"{self.link.name}: answers came twice; the second was dropped")
+            self.journal.info("duplicate", f"{self.link.name}: answers came twice. The second was dropped")
         else:
             self.counts.late += 1
             self.journal.info(
-                "late", f"{self.link.name}: answers with another msgID or command came; they were dropped as late"
+                "late", f"{self.link.name}: answers with another msgID or command came. They were dropped as late"
             )
         counters = self.journal.counters
         counters.foreign_frames = (counters.foreign_frames or 0) + 1
@@ -309,5 +309,5 @@ class DataPort(Line):
             return self.unanswered(request, self.timeout, self.sent_at, HINTS["silence"])
         code, text = attempt.mishap()
         came = bytes(attempt.received)
-        text = f"{self.where}: {text}; {sent}, got {shorten(came)}"
+        text = f"{self.where}: {text}. {sent}, got {shorten(came)}"
         return ProtocolError(text, hint=HINTS[code], code=code, came=came)

@@ -250,7 +250,7 @@ class Ekso(Device):
                 steps += self._permitted(change)
                 continue
             if param.choices and raw not in param.choices:
-                self.journal.warn("unlisted", f"{meaning}: nobody knows this code; it is never written")
+                self.journal.warn("unlisted", f"{meaning}: this code is not documented. It is never written")
                 continue
             body = set_value_body(param.id, raw)
             steps.append(Step(meaning, self._port.request(Command.SET_VALUE, body)))
@@ -313,8 +313,8 @@ class Ekso(Device):
                 raise
             record("cancel-result", {"answer": None, "verdict": "interrupted: its answer was not waited for"})
             raise Interrupted(
-                "interrupted; CancelAction was sent and may have been taken",
-                hint="look with `handctl ekso status`; `handctl ekso cancel` sends it again",
+                "interrupted. CancelAction was sent and may have been taken",
+                hint="look with `handctl ekso status`, and send it again with `handctl ekso cancel` if needed",
             ) from None
         status = frame.words[0] & 0xFFFF
         text = status_text(status)
@@ -341,9 +341,9 @@ class Ekso(Device):
 
     def _state_now(self) -> str:
         try:
-            return f"It was sent and may have been taken; the state is {DATA[18].label(self.words('data')[18])}."
+            return f"It was sent and may have been taken. The state is {DATA[18].label(self.words('data')[18])}."
         except HandctlError:
-            return "It was sent and may have been taken; the state cannot be read."
+            return "It was sent and may have been taken. The state cannot be read."
 
 
 def _word(element: Element) -> Word:

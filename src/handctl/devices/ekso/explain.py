@@ -99,10 +99,10 @@ class EksoExplainer(Cutter):
         problem, frame, extra = cut.problem, not cut.problem, ""
         if problem == "bad-checksum":
             right = crc(raw[:-2])
-            extra = f"bad CRC {raw[-2:].hex().upper()}, should be {right:04X}; it would say: "
+            extra = f"bad CRC {raw[-2:].hex().upper()}, should be {right:04X}. It would say: "
         elif problem == "bad-length":
             sizes = sorted(_sizes(command, direction))
-            extra = f"{len(body)} body bytes, {' or '.join(map(str, sizes))} expected; CRC right: "
+            extra = f"{len(body)} body bytes, {' or '.join(map(str, sizes))} expected. CRC right: "
         elif direction == DEVICE and raw == self._asked:
             problem, extra = "echo", "our own bytes came back, or an acknowledgement without a body: "
         elif direction == DEVICE and status_of(command, body) not in (None, 0):

@@ -101,9 +101,12 @@ def _crc_function() -> Callable[[bytes], int]:
 def encode(command: Command, msg_id: int, body: bytes = b"", mode: str = "body") -> bytes:
     """A request. Raises UsageError for a command, a msgID, a size or a length convention that does not exist."""
     if command not in REQUEST_SIZES or len(body) != REQUEST_SIZES[command]:
-        raise UsageError(f"command {int(command)} with {len(body)} body bytes does not exist (ekso §6)")
+        raise UsageError(
+            f"command {int(command)} with {len(body)} body bytes does not exist (ekso §6)",
+            hint="use a command of the manual",
+        )
     if not 0 <= msg_id <= 0xFFFF:
-        raise UsageError(f"msgID {msg_id} does not fit 16 bits")
+        raise UsageError(f"msgID {msg_id} does not fit 16 bits", hint="use 0 to 65535")
     if mode not in LENGTH_MODES:
         raise UsageError(f"length convention {mode!r} does not exist", hint=f"one of {', '.join(LENGTH_MODES)}")
     head = bytes([command, len(body) + LENGTH_MODES[mode]]) + msg_id.to_bytes(2, "big") + body
@@ -113,7 +116,10 @@ def encode(command: Command, msg_id: int, body: bytes = b"", mode: str = "body")
 def set_value_body(parameter_id: int, raw: int) -> bytes:
     """ParameterID and scaled value of a SetValue; negative values as two's complement (ekso §6, ParameterID table)."""
     if not 200 <= parameter_id <= 219 or not -0x8000 <= raw <= 0xFFFF:
-        raise UsageError(f"ParameterID {parameter_id} with raw value {raw} cannot be sent")
+        raise UsageError(
+            f"ParameterID {parameter_id} with raw value {raw} cannot be sent",
+            hint="use a ParameterID from 200 to 219 and a 16-bit value",
+        )
     return struct.pack(">HH", parameter_id, raw & 0xFFFF)
 
 

@@ -53,23 +53,23 @@ TABLE = (
     Gate(TYPED, READ_ONLY, "its ParameterID", "a quantity without one", UsageError, "read-only", "", "ekso §6"),
     Gate(TYPED, NUMBER, "the value", "no number, no label, no code", UsageError, "not-a-number", "", "dossier 6.4"),
     Gate(TYPED, AMBIGUOUS, "a bare number for assistance", "it may be percent or a code", UsageError, "ambiguous", "", "dossier 3.1"),
-    Gate(TYPED, EXACT, "its decimals", "more than the scale has; nothing is rounded", UsageError, "not-exact", "", "dossier 6.4"),
+    Gate(TYPED, EXACT, "its decimals", "more than the scale has. Nothing is rounded", UsageError, "not-exact", "", "dossier 6.4"),
     Gate(TYPED, RANGE, "the word", "a value beyond the wire type, a code of no table", UsageError, "out-of-range", "", "dossier 6.4"),
     Gate(TYPED, ONE, "how many settings", "more than one", UsageError, "one-by-one", "", "dossier 6.1"),
     Gate(TYPED, OPERATOR, "`--operator` with `--yes`", "nobody is named", UsageError, "no-operator", "", "dossier 6.1"),
     Gate(TYPED, TERMINAL, "whether a person can answer", "no terminal", NotConfirmed, "not-confirmed", "--yes", "dossier 6.1"),
     Gate(READ, LOG, "the audit log", "no file that can be written", OutputError, "audit", "", "dossier 6.7"),
-    Gate(READ, LISTED, "the new code", "one that nobody knows", UsageError, "unlisted", "", "dossier 3.1"),
-    Gate(READ, STEP, "old and new value", "more than the step of `ekso policy`, which the option lifts but for leg lengths; `restore` goes there in steps", UsageError, "step-limit", OVERRIDE, "dossier 6.3"),
+    Gate(READ, LISTED, "the new code", "one that is not documented", UsageError, "unlisted", "", "dossier 3.1"),
+    Gate(READ, STEP, "old and new value", "more than the step of `ekso policy`, which the option lifts but for leg lengths. `restore` goes there in steps", UsageError, "step-limit", OVERRIDE, "dossier 6.3"),
     Gate(READ, STILL, "two GetData, 0.1 s apart", "a wearer who moves", CheckFailed, "not-still", "", "dossier 6.2"),
     Gate(READ, RESTARTED, "BootTime since the last look", "a restart: other settings may hold", CheckFailed, "restarted", "", "dossier 5"),
     Gate(ASKED, CONFIRMED, "the new value, typed", "anything else", NotConfirmed, "not-confirmed", "--yes", "dossier 6.1"),
     Gate(ASKED, TWICE, "a second yes for a mode that drives otherwise", "anything else", NotConfirmed, "not-confirmed", "--yes", "dossier 6.3"),
     Gate(TURN, FREE, "the lock of the log", "another handctl writes now", LinkError, "busy", "", "dossier 5"),
     Gate(TURN, EDITED, "the hashes of its last entries", "an edit in the last 10 s", CheckFailed, "audit-edited", "", "dossier 6.7"),
-    Gate(TURN, DAMAGED, "the last lines", "one that nobody can read, of the last 10 s", CheckFailed, "audit-damaged", "", "dossier 6.7"),
+    Gate(TURN, DAMAGED, "the last lines", "one of the last 10 s that cannot be read", CheckFailed, "audit-damaged", "", "dossier 6.7"),
     Gate(TURN, CLOCK, "an entry of another machine", "one from the future", CheckFailed, "clock-set-back", "", "dossier 6.7"),
-    Gate(TURN, PACE, "each value of the last 10 s", "more than the step from one of them; `restore` waits", UsageError, "step-limit", OVERRIDE, "dossier 6.6"),
+    Gate(TURN, PACE, "each value of the last 10 s", "more than the step from one of them. `restore` waits", UsageError, "step-limit", OVERRIDE, "dossier 6.6"),
     Gate(TURN, WAITED, "the waits of `restore`", "30 s: somebody else writes all the time", CheckFailed, "step-limit", OVERRIDE, "dossier 6.6"),
     Gate(ALONE, SAME, "GetSettings once more", "settings other than shown", CheckFailed, "changed-meanwhile", "", "dossier 6.5"),
     Gate(ALONE, STILL, "two GetData, 0.1 s apart", "a wearer who moves", CheckFailed, "not-still", "", "dossier 6.2"),
@@ -77,7 +77,7 @@ TABLE = (
     Gate(ALONE, INTENT, "the entry of the audit log", "one that is not on the disk", OutputError, "audit", "", "dossier 6.7"),
     Gate(SENT, STATUS, "the status word", "any but 0", DeviceRefused, "status-{}", "", "dossier 2"),
     Gate(SENT, READ_BACK, "all 22 settings", "another value than sent, a change of another", CheckFailed, "read-back", "", "dossier 6.5"),
-    Gate(SENT, RESULT, "the entry of what came of it", "one that is not on the disk", OutputError, "audit", "", "dossier 6.7"),
+    Gate(SENT, RESULT, "the entry of the result", "one that is not on the disk", OutputError, "audit", "", "dossier 6.7"),
     Gate(LOOK, POSTURE, "State, its high digit", "neither sitting nor standing", CheckFailed, "not-still", "", "dossier 6.2"),
     Gate(LOOK, DRIVEN, "State, bit 0x0400", "joints that are being driven", CheckFailed, "not-still", "", "dossier 6.2"),
     Gate(LOOK, SEATED, "State, for leg lengths, `walk_mode`, `injury_mode`", "standing", CheckFailed, "not-still", "", "dossier 6.2"),
@@ -114,7 +114,7 @@ def section() -> tuple[str, tuple[str, ...], list[tuple[str, str, list[str]]]]:
         for moment, text in MOMENTS.items()
     ]
     words: list[tuple[str, str, list[str]]] = [
-        (gate.name, f"{gate.looked_at}; refused: {gate.refused}{_manual(gate)}.", []) for gate in GATES.values()
+        (gate.name, f"{gate.looked_at}. Refused: {gate.refused}{_manual(gate)}.", []) for gate in GATES.values()
     ]
     return "BEFORE A SETTING IS WRITTEN", PAGE, [*items, *words]
 

@@ -153,7 +153,7 @@ class Word(Param):
         if int(digits) not in self.choices:
             raise gates.refusal(
                 gates.RANGE,
-                f"{where} = {digits}: nobody knows this code",
+                f"{where} = {digits}: this code is not documented",
                 f"allowed: {self.range_text}. {NOTHING_SENT}",
             )
         return int(digits)
@@ -242,8 +242,8 @@ SETTINGS: tuple[Word, ...] = (
     _setting(5, 205, "stand_time", "duration of the stance", unit="s", step=0.25),
     _setting(6, 206, "knee_flexion", "flexion of the knee", "knee_flex", unit="deg", step=2.0),
     _setting(7, 207, "hip_flexion", "flexion of the hip", "hip_flex", unit="deg", step=2.0),
-    _setting(8, 208, "forward_shift", "weight shift forward; unit unknown", signed=True, step=0.5),
-    _setting(9, 209, "lateral_shift", "weight shift to the side; unit unknown", signed=True, step=0.5),
+    _setting(8, 208, "forward_shift", "weight shift forward, unit unknown", signed=True, step=0.5),
+    _setting(9, 209, "lateral_shift", "weight shift to the side, unit unknown", signed=True, step=0.5),
     _setting(10, 212, "walk_mode", "how steps are started", "Walk", choices=WALK, sitting=True),
     _setting(11, 210, "stand_mode", "how standing up is led", "Stand", choices=STAND),
     _setting(12, 213, "target_sounds", "which targets sound", choices=SOUNDS),
@@ -252,8 +252,8 @@ SETTINGS: tuple[Word, ...] = (
     _setting(15, 218, "right_swing_assist", "help in the right swing", "Right Swing Assistance", **_ASSIST),
     _setting(16, 217, "left_stance_support", "support of the left stance", **_STANCE),
     _setting(17, 219, "right_stance_support", "support of the right stance", **_STANCE),
-    _setting(18, None, "swing_complete", "when a swing is complete; unit unknown", choices=SWING_COMPLETE, note=_NO_ID),
-    _setting(19, None, "pilot_id", "number of the pilot; personal", "PilotID", private=True, note=_NO_ID),
+    _setting(18, None, "swing_complete", "when a swing is complete, unit unknown", choices=SWING_COMPLETE, note=_NO_ID),
+    _setting(19, None, "pilot_id", "number of the pilot, personal", "PilotID", private=True, note=_NO_ID),
     _setting(20, 211, "sit_mode", "how sitting down is led", "Sit", choices=SIT),
     _setting(21, 214, "lean_allowance", "how far leaning is allowed", choices=LEAN),
 )
@@ -265,11 +265,11 @@ _HEX: dict[str, Any] = {"hex": True}
 
 DATA: tuple[Word, ...] = (
     _data(0, "torso_pitch", "trunk, leaning forward is positive", "Torso Pitch Angle", 2, "deg", **_S),
-    _data(1, "torso_roll", "trunk to the side; sign unknown", "Torso Roll Angle", 2, "deg", **_S),
-    _data(2, "right_toe_pressure", "sole sensor; unit unknown", "Right Toe Pressure", **_COUNTS),
-    _data(3, "right_heel_pressure", "sole sensor; unit unknown", "Right Heel Pressure", **_COUNTS),
-    _data(4, "left_toe_pressure", "sole sensor; unit unknown", "Left Toe Pressure", **_COUNTS),
-    _data(5, "left_heel_pressure", "sole sensor; unit unknown", "Left Heel Pressure", **_COUNTS),
+    _data(1, "torso_roll", "trunk to the side, sign unknown", "Torso Roll Angle", 2, "deg", **_S),
+    _data(2, "right_toe_pressure", "sole sensor, unit unknown", "Right Toe Pressure", **_COUNTS),
+    _data(3, "right_heel_pressure", "sole sensor, unit unknown", "Right Heel Pressure", **_COUNTS),
+    _data(4, "left_toe_pressure", "sole sensor, unit unknown", "Left Toe Pressure", **_COUNTS),
+    _data(5, "left_heel_pressure", "sole sensor, unit unknown", "Left Heel Pressure", **_COUNTS),
     _data(6, "right_hip_x", "hip before the foot", "Right Hip X Position", 1, "in", **_S),
     _data(7, "right_hip_y", "hip above the sole", "Right Hip Y Position", 2, "in", **_S),
     _data(8, "left_hip_x", "hip before the foot", "Left Hip X Position", 1, "in", **_S),
@@ -282,8 +282,8 @@ DATA: tuple[Word, ...] = (
     _data(15, "left_hip_angle", "flexion is positive", "Left Hip Angle", 2, "deg", **_S),
     _data(16, "left_knee_current", "motor current", "Left Knee Current", 2, "A", **_S),
     _data(17, "left_knee_angle", "flexion is positive", "Left Knee Angle", 2, "deg", **_S),
-    _data(18, "state", "high digit posture, bit 0x0400 joints driven; other bits unknown", "State", **_HEX),
-    _data(19, "foot_state", "one byte a foot; meaning unknown", "Foot State", **_HEX),
+    _data(18, "state", "high digit posture, bit 0x0400 joints driven, other bits unknown", "State", **_HEX),
+    _data(19, "foot_state", "one byte a foot, meaning unknown", "Foot State", **_HEX),
     _data(20, "min_state", "meaning unknown", "Min State"),
     _data(21, "lcd_button_state", "meaning unknown", "LCD Button State", **_HEX),
     _data(22, "weight_shift", "weight shift", "Weight Shift", 3, **_S),

@@ -2,7 +2,7 @@
 
 from handctl.devices.ekso.gates import section
 
-FILES = (("$XDG_STATE_HOME/handctl/ekso-audit.jsonl", "Who changed which setting; by default below ~/.local/state."),)
+FILES = (("$XDG_STATE_HOME/handctl/ekso-audit.jsonl", "Who changed which setting. By default below ~/.local/state."),)
 EXAMPLES = (
     ("handctl ekso status -p /dev/ttyACM0 --json", "The health, for a script."),
     ("handctl ekso status --fake", "The simulated DataPort."),
@@ -13,7 +13,7 @@ EXAMPLES = (
     ("handctl ekso settings --fake", "All settings, decoded."),
     ("handctl ekso data --fake", "Angles, currents and forces now."),
     ("handctl ekso feedback --fake", "Steps, times and assistance."),
-    ("handctl ekso policy", "Which checks and questions come before a setting; needs no device."),
+    ("handctl ekso policy", "Which checks and questions come before a setting. Needs no device."),
     (
         "handctl ekso set step_length=14 --operator Ada -p /dev/ttyACM0",
         "Change one setting, with every check and question.",

@@ -50,9 +50,11 @@ def look_through(audit: AuditLog, journal: Journal) -> CheckFailed | None:
     """Whether the audit log is as it was written, told as a note, or as the failure. Raises UsageError."""
     checked = audit.checked(whole=True)
     if checked.findings and not checked.chained + checked.unchained:
-        raise UsageError(f"{audit.path}: not an audit log: {next(told(checked))}")
+        raise UsageError(
+            f"{audit.path}: not an audit log: {next(told(checked))}", hint="name the audit log with --audit FILE"
+        )
     count = checked.unchained
-    older = f" Entries of an older handctl, without a hash: {count}; nothing can be said of them." if count else ""
+    older = f" Entries of an older handctl, without a hash: {count}. Nothing can be said of them." if count else ""
     if not checked.findings:
         journal.info(
             "audit",
@@ -61,10 +63,10 @@ def look_through(audit: AuditLog, journal: Journal) -> CheckFailed | None:
         )
         return None
     places = list(told(checked))
-    more = f"; and {len(places) - MOST_TOLD} more" if len(places) > MOST_TOLD else ""
+    more = f", and {len(places) - MOST_TOLD} more" if len(places) > MOST_TOLD else ""
     return CheckFailed(
         f"{audit.path}: the audit log is not as it was written: {'; '.join(places[:MOST_TOLD])}{more}.{older}",
-        hint="ask who has access to the file, and compare it with a backup; a log that is moved away begins anew",
+        hint="ask who has access to the file, and compare it with a backup. A log that is moved away begins again",
         code="audit-edited",
     )
 

@@ -109,8 +109,8 @@ class Writer:
                 if not done and not left:
                     raise
                 raise Interrupted(
-                    f"interrupted; {_lower(_standing(done, left, 'stands at'))}",
-                    hint="the same command goes on where it stopped",
+                    f"interrupted. {_standing(done, left, 'stands at')}",
+                    hint="repeat the command: it goes on where it stopped",
                 ) from None
             done.append(change.param.name)
         return shown
@@ -154,7 +154,7 @@ class Writer:
                     f"see the end of {self.audit.path}. {NOTHING_SENT}",
                 )
             self._guide.say(
-                f"waiting {seconds:.0f} s: one step in {WINDOW:.0f} s; {change.text} is next. Ctrl-C ends it here"
+                f"waiting {seconds:.0f} s: one step in {WINDOW:.0f} s. {change.text} is next. Ctrl-C ends it here"
             )
             self._sleep(seconds)
 
@@ -212,7 +212,7 @@ class Writer:
             self._record("intent", change, frame=hex_bytes(self.port.request(Command.SET_VALUE, _body(change))))
         if presses.count:
             self._result(change, None, None, f"{NOT_SENT}: interrupted")
-            raise Interrupted(f"interrupted; {change.text} was not sent", hint="this setting is as it was")
+            raise Interrupted(f"interrupted. {change.text} was not sent", hint="this setting is as it was")
 
     def _send(self, change: Change, before: Raws) -> Raws:
         """The one SetValue; from here on nothing but a second Ctrl-C keeps the read-back from being done."""
@@ -258,11 +258,11 @@ class Writer:
         if unlogged is not None:
             raise gates.refusal(
                 gates.RESULT,
-                f"{change.text} was written and reads back; only its entry is missing: {unlogged.text}",
-                "make room and note it by hand; nothing else was sent",
+                f"{change.text} was written and reads back. Only its entry is missing: {unlogged.text}",
+                "make room and note it by hand. Nothing else was sent",
             )
         if self._interrupted:
-            raise Interrupted(f"interrupted; {change.text} was written and read back", hint="nothing else was sent")
+            raise Interrupted(f"interrupted. {change.text} was written and read back", hint="nothing else was sent")
         if answer is None:
             self.port.journal.warn(
                 "answer-lost", f"{change.text}: applied, but its answer was lost ({lost.text if lost else ''})"
@@ -285,7 +285,7 @@ class Writer:
         if self._last is not None and self._boot is not None and (self._boot - self._last) % 2**32 >= 2**31:
             raise gates.refusal(
                 gates.RESTARTED,
-                f"{self.port.where}: the device has restarted meanwhile; nothing was written",
+                f"{self.port.where}: the device has restarted meanwhile. Nothing was written",
                 LOOK_AGAIN,
             )
 
@@ -333,10 +333,6 @@ def _standing(done: Sequence[str], left: Sequence[Change], verb: str) -> str:
         now, end = (change.param.shown(change.param.from_raw(raw)) for raw in (change.old, change.new))
         texts.append(f"{change.param.name} {verb} {now} on its way to {end}")
     return ". ".join(texts)
-
-
-def _lower(text: str) -> str:
-    return text[:1].lower() + text[1:]
 
 
 def _unread(change: Change) -> Left:

@@ -122,12 +122,12 @@ def _remarks(data: list[Reading], settings: list[Reading]) -> list[str]:
         if reading.value is None or not param.choices:
             continue
         if reading.value not in param.choices:
-            found.append(f"{param.name} is {param.label(reading.value)}, word {param.word}; please report it")
+            found.append(f"{param.name} is {param.label(reading.value)}, word {param.word}. Report it")
         elif param.choices[reading.value] in param.twice:
             found.append(f"{param.name} stands out: {param.label(reading.value)}")
     state = int(data[18].value or 0)
     if state >> 12 not in POSTURES:
-        found.append(f"the posture is {DATA[18].label(state)}: its meaning is not known, please report it")
+        found.append(f"the posture is {DATA[18].label(state)}: its meaning is not known. Report it")
     values = _values(settings)
     for what in ("swing_assist", "stance_support"):
         if values[f"left_{what}"] != values[f"right_{what}"]:

@@ -108,6 +108,6 @@ def require_stillness(port: DataPort, sitting: Sequence[Word] = ()) -> int:
     second = port.read(Command.GET_DATA).words
     why = moving(first, second, (port.sent_at + port.answered_at) / 2 - moment, sitting)
     if why is not None:
-        hint = f"{'sit' if sitting else 'sit or stand'} still and repeat the command; there is no override"
+        hint = f"{'sit' if sitting else 'sit or stand'} still and repeat the command. This check cannot be switched off"
         raise gates.refusal(gates.STILL, f"{port.where}: not written: {why}", hint)
     return boot_ms(second)

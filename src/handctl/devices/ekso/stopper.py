@@ -27,12 +27,12 @@ def stop_talk(aim: Aim) -> Talk:
     pieces = yield Say(step, aim.settings.timeout or PATIENCE, lambda pieces: _answer(request, pieces))
     frame = _answer(request, pieces)
     if frame is None:
-        text = "CancelAction was sent and not answered" if not pieces else "CancelAction was sent; no valid answer came"
+        text = "CancelAction was sent and not answered" if not pieces else "CancelAction was sent. No valid answer came"
         return Stopped(f"{text}; {LIMIT}", HINT, ProtocolError if pieces else NoAnswer)
     status = frame.words[0] & 0xFFFF
     if status & 0xFF:
-        return Stopped(f"CancelAction was not taken: {status_text(status)}; {LIMIT}", HINT, DeviceRefused)
-    return Stopped(f"CancelAction was accepted; {LIMIT}", HINT)
+        return Stopped(f"CancelAction was not taken: {status_text(status)}. {LIMIT}", HINT, DeviceRefused)
+    return Stopped(f"CancelAction was accepted. {LIMIT}", HINT)
 
 
 def _answer(request: bytes, pieces: Pieces) -> Frame | None:

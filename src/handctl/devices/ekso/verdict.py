@@ -31,7 +31,7 @@ def judge(
         return gates.refusal(
             gates.READ_BACK,
             f"{where}: {change.text}: {status_text(status)}, and yet the new value reads back",
-            "look with `handctl ekso settings` before anything else; please report it",
+            "look with `handctl ekso settings` before anything else. Report it",
         )
     if after != wanted and (after != before or (status is not None and not refused)):
         return gates.refusal(
@@ -44,15 +44,15 @@ def judge(
         return gates.refusal(
             gates.STATUS,
             f"{where}: {change.text}: {status_text(status)} (status 0x{status:04X})",
-            REFUSALS.get(status & 0xFF, "the device gave a status that nobody knows; please report it"),
+            REFUSALS.get(status & 0xFF, "the device gave a status that is not documented. Report it"),
             status & 0xFF,
         )
     if after == before and status is None:
         if lost is None:
-            return Interrupted(f"interrupted; {change.text} was not applied")
+            return Interrupted(f"interrupted. {change.text} was not applied")
         return lost.retold(
             f"{change.text}: not applied, the old value was read twice. {lost.text}",
-            hint="nothing was changed; repeat the command if you still want it",
+            hint="nothing was changed. Repeat the command if you still want it",
         )
     return None
 
@@ -61,15 +61,15 @@ def _way_back(before: Raws, after: Raws) -> str:
     """What would set the settings that changed to what they were."""
     changed = [param for param in SETTINGS if after[param.word] != before[param.word]]
     if not changed:
-        return "the old value is still there: nothing needs to be set back; look with `handctl ekso settings`"
+        return "the old value is still there: nothing needs to be set back. Look with `handctl ekso settings`"
     # a code that nobody knows is never written
     able = [p for p in changed if p.id is not None and (not p.choices or before[p.word] in p.choices)]
     ways = ", ".join(
         f"`handctl ekso set {shlex.quote(f'{p.name}={p.typed(p.from_raw(before[p.word]))}')}`" for p in able
     )
     left = ", ".join(p.name for p in changed if p not in able)
-    text = "look with `handctl ekso settings` first" + (f"; {ways} sets back what changed" if ways else "")
-    return text + (f"; {left} cannot be set back by this tool" if left else "")
+    text = "look with `handctl ekso settings` first" + (f". Then {ways} sets back what changed" if ways else "")
+    return text + (f". handctl cannot set back {left}" if left else "")
 
 
 def differences(expected: Raws, found: Raws) -> str:

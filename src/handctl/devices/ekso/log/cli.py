@@ -69,7 +69,7 @@ def _sample(port: DataPort) -> _Sample:
     default=60.0,
     show_default=True,
     metavar="S",
-    help="End after S seconds without a valid answer; a restart of the device takes less.",
+    help="End after S seconds without a valid answer. A restart of the device takes less.",
 )
 @click.option("--include-pilot-id", is_flag=True, help="Keep the wearer's number in the sidecar.")
 @click.option("--force", is_flag=True, help="Overwrite FILE.")
@@ -85,9 +85,9 @@ def log(
     include_pilot_id: bool,
     force: bool,
 ) -> Table:
-    """Record GetData into FILE (CSV) with a sidecar FILE.json; FILE may be a directory. Ctrl-C ends it.
+    """Record GetData into FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it.
 
-    On a terminal any letter or space sets a mark.
+    FILE may be a directory. On a terminal any letter or space sets a mark.
     """
     from handctl.devices.ekso.log import recording as files
 
@@ -110,7 +110,7 @@ def log(
 
     try:
         with Keys(run.guide.interactive) as keys:
-            run.guide.say(f"recording into {path}; {'a key sets a mark, ' if keys.heard else ''}Ctrl-C ends")
+            run.guide.say(f"recording into {path}. {'a key sets a mark, ' if keys.heard else ''}Ctrl-C ends")
             failure = files.record(
                 recording,
                 partial(_sample, port),
@@ -208,14 +208,12 @@ def _tell(run: Run, recording: Recording) -> None:
     if len(line.segments) > 1:
         run.journal.warn("rebooted", f"the device was restarted {len(line.segments) - 1} times: see column segment")
     if recording.lost:
-        run.journal.warn(
-            "lost", f"{recording.lost} requests stayed without a valid answer: see the holes in column seq"
-        )
+        run.journal.warn("lost", f"{recording.lost} requests had no valid answer: see the holes in column seq")
     if line.standstill:
         run.journal.warn(
             "boot-time-still",
             f"BootTime did not advance in {line.standstill} rows",
-            hint="its clock stands, or --rate is needed: it ticks every 2 ms",
+            hint="give a lower --rate: BootTime ticks every 2 ms. Or the device's clock stands still",
         )
 
 
@@ -309,12 +307,12 @@ def _own_format(group: Group, name: str, body: Callable[..., Table]) -> click.Co
 )
 @click.option("--si", is_flag=True, help="With csv: metres and radians instead of inches and degrees.")
 @click.option(
-    "--segment", type=click.IntRange(min=1), metavar="N", help="Only segment N; a motion file holds just one."
+    "--segment", type=click.IntRange(min=1), metavar="N", help="Only segment N. A motion file holds just one."
 )
 @click.option(
     "--knee-sign",
     type=click.Choice(["1", "-1"]),
-    help="With mot: sign of knee flexion in your model (default 1, as the device has it; gait2392 has -1).",
+    help="With mot: sign of knee flexion in your model (default 1, as in the device, gait2392 has -1).",
 )
 @click.option(
     "--rate",
@@ -348,7 +346,7 @@ def export(
         result = exports.motion(source, segment=segment, knee_sign=sign, rate=rate, tool=f"handctl {__version__}")
     if source.simulated:
         run.settings = run.settings._replace(port=None, fake=True)
-        run.journal.info("simulated", f"{log}: a simulator was recorded, no device")
+        run.journal.info("simulated", f"{log}: a simulator was recorded, not a device")
     return _shown(run, result, as_rows)
 
 

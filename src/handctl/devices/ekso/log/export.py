@@ -64,7 +64,7 @@ def motion(log: LogFile, *, segment: int | None, knee_sign: int, rate: float | N
     else:
         lines = list(_resampled(moving, rate))
     name = clean(os.path.basename(log.path)).replace("=", " ") or "log"
-    source = f"{tool}; {name}, segment {number}{'; simulated' if log.simulated else ''}"
+    source = "; ".join((tool, f"{name}, segment {number}", *(["simulated"] if log.simulated else [])))
     head = [
         f"name {name}",
         "version=1",
@@ -149,7 +149,11 @@ def table(log: LogFile, *, segment: int | None, si: bool, as_rows: bool = False)
         else:
             lines.append(",".join(map(quoted, texts)) + "\r\n")
     if first is None or last is None:
-        raise UsageError(f"{log.path} has no {'rows' if segment is None else f'segment {segment}'}", code="segment")
+        raise UsageError(
+            f"{log.path} has no {'rows' if segment is None else f'segment {segment}'}",
+            hint="choose a segment that its sidecar lists",
+            code="segment",
+        )
     return Exported("".join(lines), rows, max(len(lines) - 1, len(rows)), (last - first) / 1000, _remarks(log))
 
 
@@ -164,5 +168,5 @@ def _remarks(log: LogFile) -> tuple[str, ...]:
         return (f"{log.path}.json is missing: nothing vouches that the log is whole",)
     if log.complete:
         return ()
-    cut = "; its last row was unfinished and is left out" if log.cut else ""
+    cut = ". Its last row was unfinished and is left out" if log.cut else ""
     return (f"{log.path} was never closed (killed, or still running){cut}",)

@@ -31,7 +31,7 @@ class LogRow(NamedTuple):
 
 def damaged(path: str, line: int, what: str) -> UsageError:
     """The error for a file that is not a whole log."""
-    return UsageError(f"{path} line {line}: {what}", hint=f"not a log, or damaged; {UNTOUCHED}", code="damaged-log")
+    return UsageError(f"{path} line {line}: {what}", hint=f"not a log, or damaged. {UNTOUCHED}", code="damaged-log")
 
 
 class LogFile:
@@ -87,7 +87,9 @@ class LogFile:
                     count += 1
                     yield row
         except OSError as exc:
-            raise UsageError(f"{self.path}: cannot be read: {exc.strerror or exc}") from exc
+            raise UsageError(
+                f"{self.path}: cannot be read: {exc.strerror or exc}", hint="check the file and its permissions"
+            ) from exc
         if self.sidecar and self.complete and self.sidecar.get("rows") != count:
             raise damaged(
                 self.path, count + 1, f"the file ends after {count} rows, its sidecar counts {self.sidecar.get('rows')}"

@@ -234,7 +234,7 @@ def refuse_existing(path: str, force: bool) -> None:
     for taken in (path, f"{path}.json"):
         if os.path.exists(taken) and not os.path.isfile(taken):
             raise UsageError(
-                f"{taken} is no file: a log is a file with its sidecar beside it",
+                f"{taken} is not a file: a log is a file with its sidecar beside it",
                 hint="give the name of a new file, or a directory",
                 code="log-file",
             )
@@ -250,7 +250,9 @@ def open_new(path: str, force: bool) -> int:
     try:
         return os.open(path, os.O_WRONLY | os.O_CREAT | (os.O_TRUNC if force else os.O_EXCL), 0o666)
     except OSError as exc:
-        raise UsageError(f"{path}: cannot be written: {exc.strerror or exc}", code="log-file") from exc
+        raise UsageError(
+            f"{path}: cannot be written: {exc.strerror or exc}", hint="name another file", code="log-file"
+        ) from exc
 
 
 def write_whole(path: str, text: str) -> None:
@@ -321,7 +323,9 @@ def record(
                 continue
             heard = clock.now()
             if recording.add(answer, seq):
-                guide.say(f"reboot: BootTime starts anew; segment {len(recording.timeline.segments)} begins")
+                guide.say(
+                    f"The device restarted: BootTime begins at 0. Segment {len(recording.timeline.segments)} begins"
+                )
                 on_reboot()
             if heard - shown >= PROGRESS_S:
                 shown = heard
