@@ -40,7 +40,7 @@ def test_a_silent_hand_is_asked_with_the_neutral_object_after_300_ms() -> None:
 
 def test_a_mute_hand_is_asked_twice_and_never_commanded() -> None:
     link = ScriptedLink()
-    with pytest.raises(NoAnswer, match="says nothing unasked"):
+    with pytest.raises(NoAnswer, match="sends nothing unasked"):
         hand_on(link).dump()
     assert link.sent == [POLL, POLL]
     assert link.clock == pytest.approx(0.3 + 2 * 0.5)

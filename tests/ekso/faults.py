@@ -18,7 +18,7 @@ NO_ANSWER: dict[str, tuple[int, str]] = {
     # fault -> exit code, words of which one names the cause
     "silent": (4, "no answer"), "deaf": (4, "no answer"), "reboot": (4, "no answer"),
     "late": (5, "msgID"), "wrong-id": (5, "msgID"), "wrong-command": (5, "instead of|, not Get|, not Set"),
-    "truncate": (5, "cut off|form no frame"), "bad-checksum": (5, "CRC|checksum"), "twin-id": (5, "CRC|checksum"),
+    "truncate": (5, "cut off|do not form a frame"), "bad-checksum": (5, "CRC|checksum"), "twin-id": (5, "CRC|checksum"),
     "short-body": (5, "body|CRC"), "loopback": (5, "echo|our own bytes"), "acknowledge": (5, "acknowledged without data"),
     "disconnect": (3, "hung up"),
 }  # fmt: skip

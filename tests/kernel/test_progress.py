@@ -14,7 +14,7 @@ from tests.support.terminal import Terminal
 WIDTH = 40
 STOPS = "Ctrl-C stops."
 MOVEMENTS = {
-    "aidin home": (("aidin", "home", "--fake", "-y"), STOPS, "Homing"),
+    "aidin home": (("aidin", "home", "--fake", "-y"), STOPS, "of 3.5 s"),
     "aidin initial": (("aidin", "initial", "-p", "fake://aidin?start=homed", "-y"), STOPS, "Moving"),
     "barrett close": (("barrett", "close", "-p", "fake://barrett?initialized=1", "-y"), STOPS, "C: moving"),
     "exo position": (("exo", "position", "--wait", "3", "500", "500", "500", "500", "500", "-p", "fake://exo", "-y"), STOPS, "positions"),

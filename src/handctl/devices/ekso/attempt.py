@@ -80,5 +80,5 @@ HINTS = {
     "unsolicited": "try again. The device sent something unasked and did not answer",
     "wrong-command": "another protocol version or a second program on this port: report the hex",
     "cut-short": "the answer was cut off: check the cable, and that no other program reads the port",
-    "garbage": "check device and speed (usually 115200 bit/s): the bytes hold no frame",
+    "garbage": "check for a wrong speed (115200 bit/s is usual) or another kind of device: the bytes hold no frame",
 }
