@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from handctl import ending
+from handctl.frame.sentence import sentence
 from handctl.model.guide import Guide, Presses
 from handctl.screen.filter import short, shown
 
@@ -149,7 +150,7 @@ def confirms(answer: str, word: str) -> bool:
 
 def print_message(level: str, text: str, hint: str) -> None:
     """A message with its next step. Neither can begin a line of its own: what a device said may stand in it."""
-    print_stderr(f"handctl: {level}: {shown(text)}" + (f"\n  next: {shown(hint)}" if hint else ""))
+    print_stderr(f"handctl: {level}: {shown(sentence(text))}" + (f"\n  next: {shown(sentence(hint))}" if hint else ""))
 
 
 def print_stderr(text: str) -> None:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from handctl import __version__
+from handctl.frame.sentence import sentence
 
 if TYPE_CHECKING:
     from handctl.errors import HandctlError
@@ -54,6 +55,6 @@ def make_envelope(
         "ok": failure is None,
         "exit_code": failure.exit_code if failure is not None else 0,
         **(extra or {}),
-        "messages": rows,
+        "messages": [{**row, "text": sentence(row["text"]), "hint": sentence(row["hint"])} for row in rows],
         "counters": counters if counters is not None else Counters().as_row(),
     }

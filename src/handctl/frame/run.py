@@ -193,7 +193,7 @@ class Run:
             text = f"a device that may be worn moves unasked, by {source.where}: {question}"
             if not any(message.code == UNASKED for message in self.journal.messages):
                 self.journal.messages.append(Message("warning", UNASKED, text))
-                print_stderr(shown(f"handctl: warning: {text}"))
+                print_message("warning", text, "")
         elif source.level == FILE:
             self.journal.warn("yes-from-file", f"not asked: yes = true in {source.where}")
 

@@ -1,0 +1,35 @@
+"""A message as a sentence: the capital and the full stop that a text lacks when it leaves handctl."""
+
+from __future__ import annotations
+
+from handctl.families import FAMILIES
+
+NAMES = frozenset({"handctl", "stdin", "stdout", "stderr", "socketcan", "slcan", "id", "ids", "maxtorque", *FAMILIES})
+"""Written as they are typed, also where they come first. Another name that is also a word stands in backquotes."""
+IN_NAMES = frozenset("/\\=_~$*<>|@#:.")
+"""Characters of paths, links, commands and names in code: behind them a full stop would be read as part."""
+
+
+def sentence(text: str) -> str:
+    """`text` with a capital where it begins with an ordinary word, and a full stop where it ends without punctuation."""
+    first = text.split(" ", 1)[0]
+    word = first.rstrip(",;")
+    plain = word.replace("-", "").replace("'", "")
+    ordinary = plain.isascii() and plain.isalpha() and plain.islower() and word not in NAMES
+    if ordinary and not text.startswith(f"{word}, line "):
+        text = text[0].upper() + text[1:]
+    return text + "." if _open(text) else text
+
+
+def _open(text: str) -> bool:
+    """Whether a full stop is missing, and cannot be read as part of what stands before it."""
+    words = text.split()
+    if not words or text[-1] in ".!?:;,…" or text[-1].isspace():
+        return False
+    last, before = words[-1], words[-2] if len(words) > 1 else ""
+    if last[-1] in "`'\")]}%°":
+        return True
+    if last.startswith("-") or (before.startswith("-") and before != "-"):
+        return False
+    number = last.replace(".", "", 1).isdecimal() or (last.endswith("/s") and before.replace(".", "", 1).isdecimal())
+    return number or not IN_NAMES & set(last)
