@@ -238,7 +238,7 @@ def test_no_device_is_exit_2() -> None:
     for args in (("dump",), ("status",), ("scan",), ("watch",), ("id", "2", "-y"), ("calibrate", "-y")):
         result = run("exo", *args)
         assert (result.code, result.out) == (2, "")
-        assert "no device" in result.err and "--fake" in result.err
+        assert "error: No device" in result.err and "--fake" in result.err
     assert run("exo", "dump", "--json").error["code"] == "no-link"
     assert run("exo", "dump", "--json").json["device"] == {"kind": "exo", "link": None, "fake": False, "id": None}
 

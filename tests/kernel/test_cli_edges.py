@@ -31,7 +31,7 @@ def test_an_output_that_cannot_be_written_is_told_before_the_device_is_served(
     with spying() as spy:
         result = run("exo", *args, "-p", fake(), "-o", tmp_path / place, "--format", "plain")
     assert result.code == 1
-    assert "nothing was sent" in result.err and str(tmp_path / place) in result.err
+    assert "Nothing was sent" in result.err and str(tmp_path / place) in result.err
     assert spy.lines == []
 
 

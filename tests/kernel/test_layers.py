@@ -24,7 +24,7 @@ from handctl.sim import kinds
 from tests.support.loading import back_ends, heavy, loaded, ours
 
 ROOT = Path(handctl.__file__).parent
-GROUND = ("", "errors", "families", "files", "ending")
+GROUND = ("", "errors", "families", "files", "ending", "sentence")
 """What any room may import: they know nothing of handctl, or each other at most."""
 PURE = ("errors", "model.param", "@.pure")
 
@@ -34,6 +34,7 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
     ("families", ()),
     ("ending", ()),
     ("files", ("errors",)),
+    ("sentence", ("families",)),
     ("cli", (*GROUND, "frame.clikit", "screen.streams")),
     ("__main__", ("cli",)),
     ("model.asking", (*GROUND, "link", "link.deadman", "model.*")),

@@ -221,7 +221,7 @@ def test_what_was_written_is_told_though_stdout_takes_nothing(form: str) -> None
         done = subprocess.run(program(*args), stdout=full, stderr=subprocess.PIPE, stdin=subprocess.DEVNULL,
                               env=clean_environment(), timeout=20, check=False, text=True)  # fmt: skip
     assert done.returncode == 1, done
-    assert "handctl: note: the force stays until another is commanded" in done.stderr
+    assert "handctl: note: The force stays until another is commanded" in done.stderr
     assert "handctl: note: writes: 1 confirmed" in done.stderr and "stdout: cannot be written" in done.stderr
 
 

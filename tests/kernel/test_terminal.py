@@ -264,7 +264,7 @@ def test_interrupted_calibration_says_that_nothing_stops_it(tmp_path: Path) -> N
         assert terminal.finish() == 130
         text = " ".join(terminal.text.split())
     assert "goes on calibrating" in text
-    assert "no documented command stops a calibration" in text
+    assert "No documented command stops a calibration" in text
     assert writes(trace) == sent(trace)[-1:] == [frame("EB 90 01 04 12 F1 03 01 0C")]
 
 

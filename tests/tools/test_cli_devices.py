@@ -113,7 +113,7 @@ def test_a_dry_run_writes_nothing(place: Place) -> None:
     ("args", "words"),
     [
         (("a b", "exo", "-p", "/dev/x"), "a b"), (("a", "toaster", "-p", "/dev/x"), "toaster"),
-        (("a", "-p", "/dev/x"), "which family"), (("a", "exo"), "where is it"), (("a", "exo", "--fake"), "--fake"),
+        (("a", "-p", "/dev/x"), "Which family"), (("a", "exo"), "Where is it"), (("a", "exo", "--fake"), "--fake"),
         (("a", "exo", "-p", ""), "empty"), (("a", "exo", "-p", "ttyUSB0"), "full path"),
         (("a", "exo", "-p", "usb:0403"), "usb:VID:PID"), (("a", "exo", "-p", "usb:04033:1"), "usb:VID:PID"),
         (("a", "exo", "-p", "usb:zz:1"), "usb:VID:PID"), (("a", "exo", "-p", "tcp://host"), "tcp://HOST:PORT"),
@@ -188,7 +188,7 @@ def test_from_a_scan(place: Place, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("text", "words"),
-    [(json.dumps(SCAN), "2 devices"), ("[]", "no device"), ("", "no device"), ("no", "not JSON"), ("3", "no device"),
+    [(json.dumps(SCAN), "2 devices"), ("[]", "No device"), ("", "No device"), ("no", "not JSON"), ("3", "No device"),
      ('[{"link": "/dev/x"}]', "family = None"), ('[{"link": "/dev/x", "family": "toaster"}]', "'toaster'"),
      ('[{"link": "/dev/x", "family": "exo", "id": "1"}]', "id = '1'"), ('[{"link": 3, "family": "exo"}]', "link = 3"),
      ('[{"link": "/dev/x", "family": "exo", "id": true}]', "id = True")],
@@ -221,7 +221,7 @@ def test_a_device_of_another_family_is_refused(place: Place) -> None:
         with spying() as spy:
             result = place(*args, "--json")
         assert (result.code, result.error["code"]) == (2, "wrong-family")
-        assert "left is of family exo" in result.error["text"]
+        assert "'left' is of family exo" in result.error["text"]
         assert spy.lines == []
 
 

@@ -203,7 +203,7 @@ def test_a_device_that_cannot_be_opened_is_not_asked(tmp_path: Path, monkeypatch
     result = taken("exo", tmp_path / "r.html")
     assert result.code == 5
     text = Page((tmp_path / "r.html").read_text(encoding="utf-8")).text
-    assert "connection: this is something else who-is-it" in text
+    assert "connection: This is something else. who-is-it" in text
     assert "status: " not in text
 
 

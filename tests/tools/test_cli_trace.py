@@ -193,7 +193,7 @@ def test_diff_compares_meaning(trace: Path, tmp_path: Path) -> None:
     one.write_text(TRACE.rpartition("1.004")[0], encoding="ascii")
     same = run("trace", "diff", one, other)
     assert (same.code, same.out) == (0, "")
-    assert "no difference in 2 exchanges" in same.err
+    assert "No difference in 2 exchanges." in same.err
     other.write_text(other.read_text(encoding="ascii").replace("2E 02 0C", "2F 02 0D"), encoding="ascii")
     changed = run("trace", "diff", one, other, "--json")
     assert changed.code == 7
@@ -204,7 +204,7 @@ def test_diff_compares_meaning(trace: Path, tmp_path: Path) -> None:
     text = run("trace", "diff", one, other)
     assert text.lines[0] == "changed: line 2 of A, line 2 of B"
     assert text.lines[2] == "    system_voltage: 558 -> 559"
-    assert "the transcripts differ: 1 same, 1 changed, 0 only in" in text.err
+    assert "The transcripts differ: 1 same, 1 changed, 0 only in" in text.err
     assert run("trace", "diff", trace, one).lines[0] == "only-a: line 6 of A"
     assert run("trace", "diff", one, tmp_path / "none").code == 2
     assert run("trace", "diff", "-", "-").code == 2

@@ -205,7 +205,7 @@ def test_a_wrong_speed_is_named_with_the_right_one(system: System) -> None:
     assert rows["speed"] == (
         "fail", "the device answers at 57600, not at 115200", "--baud 57600, or set the device back to 115200",
     )  # fmt: skip
-    assert answer.error["hint"] == rows["speed"][2]
+    assert answer.error["hint"] == f"{rows['speed'][2]}."
 
 
 def test_a_hand_that_finds_its_speed_by_itself(system: System) -> None:

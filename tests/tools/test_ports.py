@@ -175,7 +175,7 @@ def test_modem_manager_is_told_to_ignore_these_adapters(system: System) -> None:
     assert answer.code == 0
     (message,) = answer.json["messages"]
     assert (message["level"], message["code"]) == ("warning", "modemmanager")
-    assert message["text"] == "ModemManager (pid 812) writes AT commands to serial ports that are plugged in"
+    assert message["text"] == "ModemManager (pid 812) writes AT commands to serial ports that are plugged in."
     assert 'ATTRS{idVendor}=="0403", ATTRS{idProduct}=="6001", ENV{ID_MM_DEVICE_IGNORE}="1"' in message["hint"]
 
 
@@ -184,9 +184,9 @@ def test_brltty_and_the_adapter_it_took_away(system: System) -> None:
     system.usb("1-5", "10c4", "ea60")
     system.process(813, "brltty")
     messages = {message["code"]: message for message in shown(system.machine(), "--json").json["messages"]}
-    assert messages["brltty"]["text"] == "brltty (pid 813) takes adapters for braille displays (1a86:7523)"
-    assert messages["no-driver"]["text"] == "CP210x (10c4:ea60) is plugged in but has no serial port"
-    assert messages["no-driver"]["hint"].startswith("is brltty installed?")
+    assert messages["brltty"]["text"] == "brltty (pid 813) takes adapters for braille displays (1a86:7523)."
+    assert messages["no-driver"]["text"] == "CP210x (10c4:ea60) is plugged in but has no serial port."
+    assert messages["no-driver"]["hint"].startswith("Is brltty installed?")
 
 
 def test_nothing_plugged_in_is_no_error(system: System) -> None:

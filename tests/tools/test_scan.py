@@ -428,7 +428,7 @@ def test_several_links() -> None:
 def test_several_links_without_any_device() -> None:
     answer = run("scan", "--json", "-p", "tcp://127.0.0.1:1", "-p", "fake://exo?fault=silent&clock=virtual")
     assert answer.code == 4
-    assert answer.error["text"].startswith("no device on 2 links")
+    assert answer.error["text"].startswith("No device on 2 links")
 
 
 def test_all_simulators_at_once() -> None:

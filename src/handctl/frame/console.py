@@ -9,9 +9,9 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from handctl import ending
-from handctl.frame.sentence import sentence
 from handctl.model.guide import Guide, Presses
 from handctl.screen.filter import short, shown
+from handctl.sentence import sentence
 
 if TYPE_CHECKING:
     from handctl.errors import HandctlError

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from handctl import __version__
-from handctl.frame.sentence import sentence
+from handctl.sentence import sentence
 
 if TYPE_CHECKING:
     from handctl.errors import HandctlError

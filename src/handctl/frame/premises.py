@@ -108,7 +108,7 @@ def refuse_other_family(run: Run) -> None:
         return
     name = run.settings.device
     raise UsageError(
-        f"{name} is of family {kind} ({run.sources['kind'].where}), not {run.family.kind}",
+        f"{name!r} is of family {kind} ({run.sources['kind'].where}), not {run.family.kind}",
         hint=f"`handctl {kind} …` reaches it; `handctl devices list` shows the others",
         code="wrong-family",
     )

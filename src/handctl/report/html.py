@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from handctl.errors import HandctlError
 from handctl.model.result import Cell, Grid, Message
 from handctl.report.svg import Curve, draw, escape
+from handctl.sentence import sentence
 
 
 @dataclass(slots=True)
@@ -129,7 +130,7 @@ def _problems(report: Report) -> str:
     if not report.problems:
         return ""
     items = "".join(
-        f"<li><strong>{escape(section)}</strong>: {escape(error.text)} <code>{escape(error.code)}</code>{_hint(error.hint)}</li>"
+        f"<li><strong>{escape(section)}</strong>: {escape(sentence(error.text))} <code>{escape(error.code)}</code>{_hint(error.hint)}</li>"
         for section, error in report.problems
     )
     return (
@@ -138,12 +139,12 @@ def _problems(report: Report) -> str:
 
 
 def _hint(text: str) -> str:
-    return f'<br><span class="note">next: {escape(text)}</span>' if text else ""
+    return f'<br><span class="note">next: {escape(sentence(text))}</span>' if text else ""
 
 
 def _findings(report: Report) -> str:
     items = "".join(
-        f'<li><span class="{escape(found.level)}">{LEVELS.get(found.level, "Note")}:</span> {escape(found.text)} '
+        f'<li><span class="{escape(found.level)}">{LEVELS.get(found.level, "Note")}:</span> {escape(sentence(found.text))} '
         f"<code>{escape(found.code)}</code>{_hint(found.hint)}</li>"
         for found in report.findings
     )

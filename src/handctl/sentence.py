@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from handctl.families import FAMILIES
 
-NAMES = frozenset({"handctl", "stdin", "stdout", "stderr", "socketcan", "slcan", "id", "ids", "maxtorque", *FAMILIES})
+NAMES = frozenset(
+    {"handctl", "stdin", "stdout", "stderr", "socketcan", "slcan", "id", "ids", "maxtorque", "brltty", *FAMILIES}
+)
 """Written as they are typed, also where they come first. Another name that is also a word stands in backquotes."""
 IN_NAMES = frozenset("/\\=_~$*<>|@#:.")
 """Characters of paths, links, commands and names in code: behind them a full stop would be read as part."""
