@@ -156,10 +156,10 @@ def test_a_damaged_or_foreign_file_begins_afresh_and_says_so(content: bytes) -> 
     (folder() / "sim-exo.json").write_bytes(content)
     read = run("exo", "get", "position_set.index", "--fake")
     assert read.code == 0 and "454" in read.out
-    assert "the simulated exo begins afresh" in read.err and "`handctl sim forget exo` removes" in read.err
+    assert "The simulated exo begins afresh" in read.err and "`handctl sim forget exo` removes" in read.err
     assert kept() == content
     written = run("exo", "set", "position_set.index=300", "--fake", "--yes")
-    assert written.code == 0 and "the simulated exo begins afresh" in written.err
+    assert written.code == 0 and "The simulated exo begins afresh" in written.err
     assert get("exo", "get", "position_set.index") == "300"
 
 
@@ -219,5 +219,5 @@ def test_a_killed_command_leaves_a_whole_file() -> None:
 def test_without_a_folder_nothing_is_kept(tmp_path: Path) -> None:
     nowhere = {"XDG_RUNTIME_DIR": str(tmp_path / "none" / "run"), "TMPDIR": str(tmp_path / "none" / "tmp")}
     done = run("exo", "set", "position_set.index=300", "--fake", "--yes", env=nowhere)
-    assert done.code == 0 and "nothing is kept of the simulated exo" in done.err
+    assert done.code == 0 and "Nothing is kept of the simulated exo" in done.err
     assert run("exo", "dump", "--fake", env=nowhere).code == 0

@@ -21,7 +21,7 @@ def test_the_key_stops_the_device(family: str, tmp_path: Path) -> None:
             place.heard()
             terminal.send("s")
             assert terminal.finish() == 130
-            assert "stopped by the key s" in terminal.text
+            assert "Stopped by the key s" in terminal.text
             assert not terminal.screen.cursor.hidden
         place.reached(0.0)
     finally:
@@ -35,4 +35,4 @@ def test_other_keys_do_nothing_and_ctrl_c_ends() -> None:
         terminal.run_for(0.2)
         terminal.send("\x03")
         assert terminal.finish() == 130
-        assert "stopped by the key" not in terminal.text
+        assert "Stopped by the key" not in terminal.text
