@@ -145,7 +145,11 @@ def test_every_guide_is_a_page_of_section_7(name: str) -> None:
     assert re.fullmatch(head, page.replace("\\-", "-").splitlines()[0])
     assert plain(section(page, "NAME")) == f"{name} - {guides.title(guides.source(stem))[1]}"
     assert plain(section(page, "SEE ALSO")) == ", ".join(
-        ["handctl(1)", *(f"{other}(7)" for other in GUIDES if other != name)]
+        [
+            "handctl(1)",
+            *([f"handctl-{stem}(1)"] if stem in FAMILIES else []),
+            *(f"{other}(7)" for other in GUIDES if other != name),
+        ]
     )
     words, place = plain(page), 0
     for block in guides.blocks(guides.source(stem)):

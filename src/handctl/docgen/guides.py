@@ -38,7 +38,9 @@ def page(text: str, edition: str) -> str:
         else:
             _table(made, block)
     made.section("SEE ALSO")
-    others = ["handctl(1)", *(f"{other}(7)" for other in page_names() if other != name)]
+    own = name.removesuffix("-guide")
+    first = ["handctl(1)", *([f"{own}(1)"] if own != name else [])]
+    others = [*first, *(f"{other}(7)" for other in page_names() if other != name)]
     made.para(",\n".join(words(other) for other in others))
     return made.text
 
