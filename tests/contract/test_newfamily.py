@@ -56,6 +56,10 @@ def test_it_runs_at_once(tree: Path) -> None:
     assert done.returncode == 0, done
     assert "temperature\t31.4" in done.stdout.splitlines()
     assert f"handctl\\-{NAME}" in (tree / "man/man1" / f"handctl-{NAME}.1").read_text("utf-8")
+    assert f"handctl\\-{NAME}" in (tree / "man/man7" / f"handctl-{NAME}-guide.7").read_text("utf-8")
+    assert f"| Not yet. Simulators only. | The manual alone. | handctl-{NAME}-guide(7) |" in (
+        tree / "README.md"
+    ).read_text("utf-8")
 
 
 def test_it_is_short(tree: Path) -> None:

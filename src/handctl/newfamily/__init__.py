@@ -1,4 +1,4 @@
-"""A new device family, as files that run: a codec, a map, a device, its commands, a simulator, a transcript, its facts.
+"""A new device family, as files that run: a codec, a map, a device, its commands, a simulator, a guide, a transcript, its facts.
 
 `plan` makes the texts of all of them from the templates beside this file, `carry_out` writes them into a source tree: all,
 or none. The protocol is an example, to be replaced line by line with what a manual says. Imports nothing of handctl.
@@ -14,6 +14,7 @@ from pathlib import Path
 PLACES = {
     "device": "src/handctl/devices/{name}/{file}",
     "sim": "src/handctl/sim/{name}/{file}",
+    "guide": "src/handctl/guides/{name}.md",
     "tests/facts.py": "tests/contract/facts/{name}.py",
     "tests/transcript": "tests/transcripts/{name}-lines.txt",
 }
