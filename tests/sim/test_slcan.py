@@ -651,3 +651,80 @@ def test_help_lists_both_wires() -> None:
     ):
         assert word in done.output
     assert "slcan" not in CliRunner().invoke(cli, ["exo", "--help"]).output
+
+
+# -- faults of the adapter ------------------------------------------------------------------------------------------------
+
+
+def faulty(*faults: str, **options: object) -> Adapter:
+    adapter = opened(**options)
+    adapter.faults = frozenset(faults)
+    return adapter
+
+
+def test_a_frame_that_no_one_acknowledges_is_tried_again_and_again() -> None:
+    adapter = opened(fault="no-ack")
+    assert ask(adapter, PROBE) == b"\a"
+    assert ask(adapter, b"F\rF\r") == b"FA4\rF00\r"
+    adapter.faults = frozenset(["queue"])
+    assert ask(adapter, PROBE) == b"Z\r"
+    assert ask(adapter, b"F\rF\rF\r") == b"FA4\rFA0\rFA0\r"
+    assert ask(adapter, b"C\rO\rF\r") == b"\r\rF00\r"
+
+
+def test_after_bus_off_no_error_is_added() -> None:
+    adapter = opened(fault="bus-off")
+    assert ask(adapter, PROBE) == b"\a"
+    assert ask(adapter, b"F\rF\r") == b"FA4\rF02\r"
+    assert ask(adapter, PROBE + b"F\r") == b"\aF02\r"
+
+
+def test_an_adapter_that_refuses_every_frame() -> None:
+    adapter = faulty("bel")
+    assert ask(adapter, PROBE + b"F\rF\r") == b"\aF02\rF00\r"
+
+
+def test_an_adapter_that_only_queues() -> None:
+    assert ask(faulty("queue"), PROBE) == b"Z\r" + PROBE_REPLY
+    assert ask(faulty("queue", fault="no-ack"), PROBE + b"F\rF\r") == b"Z\rFA4\rFA0\r"
+
+
+def test_an_adapter_that_reports_errors_unasked() -> None:
+    assert ask(faulty("reports", fault="no-ack"), PROBE + PROBE) == b"\ae1a\rsp000128\r\ae1a\r"
+    assert ask(faulty("reports", "queue", fault="bus-off"), PROBE + PROBE) == b"Z\rsb000256\rZ\r"
+
+
+def test_an_adapter_without_version_and_status() -> None:
+    assert ask(faulty("no-status"), b"V\rv\rN\rF\r" + PROBE) == b"\a\a\a\aZ\r" + PROBE_REPLY
+
+
+def test_damaged_lines_and_no_adapter() -> None:
+    (line,) = ask(faulty("damaged-lines"), PROBE).removeprefix(b"Z\r").splitlines()
+    assert len(line) == len(PROBE_REPLY) - 2
+    assert ask(faulty("no-adapter"), b"V\r" + PROBE) == b""
+
+
+def test_frames_at_another_bitrate_are_bus_errors_to_who_listens() -> None:
+    adapter = adapter_of(b"S6\rL\r", traffic=100)
+    adapter.advance(0.1)
+    assert ask(adapter, b"F\r") == b"F80\r"
+    adapter = adapter_of(b"S8\rL\r", traffic=100)
+    adapter.advance(0.1)
+    assert ask(adapter, b"F\r").endswith(b"F00\r")
+    assert adapter.take() == b""
+
+
+def test_faults_of_the_adapter_are_options_and_commands(start: Start, tmp_path: Path) -> None:
+    control = tmp_path / "control"
+    server = start("--slcan-tcp", "127.0.0.1:0", "--fault", "queue,no-ack", "--control", str(control))
+    with server.connect() as client:
+        client.sendall(b"O\r" + PROBE)
+        heard = b""
+        while len(heard) < 3:
+            heard += client.recv(100)
+        assert heard == b"\rZ\r"
+        done = CliRunner().invoke(cli, ["control", str(control), "fault", "bel"])
+        assert (done.exit_code, done.output) == (0, "fault bel\n")
+        client.sendall(PROBE)
+        assert client.recv(100) == b"\a"
+    assert "bel" in CliRunner().invoke(cli, ["wrist", "--help"]).output

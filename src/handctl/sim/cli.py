@@ -43,11 +43,14 @@ class _ServerCommand(click.Command):
                 formatter.write_dl(list(rows.items()))
         if "--slcan-pty" in {option for param in self.params for option in param.opts}:
             from handctl.sim.engine.canline import CAN_FAULTS, CAN_OPTIONS
+            from handctl.sim.engine.slcan import ADAPTER_FAULTS
 
             new = {name: text for name, text in CAN_OPTIONS.items() if LINE_OPTIONS.get(name) != text}
             on_can = {**new, **model_class(str(self.name), "can").OPTIONS}
             with formatter.section("Faults of the line with --slcan-pty, --slcan-tcp"):
                 formatter.write_dl(list(CAN_FAULTS.items()))
+            with formatter.section("Faults of the adapter there"):
+                formatter.write_dl(list(ADAPTER_FAULTS.items()))
             with formatter.section("Further options there"):
                 formatter.write_dl([row for row in on_can.items() if row not in model.OPTIONS.items()])
 
@@ -158,14 +161,20 @@ def _server(kind: str) -> click.Command:
             raise click.UsageError(
                 f"bus={raw['bus']}: CAN is served by --slcan-pty or --slcan-tcp, serial by --pty or --tcp"
             )
+        from handctl.sim.engine import serve, slcan
+
+        adapter: list[str] = []
+        if on_can and "fault" in raw:
+            adapter, raw["fault"] = slcan.split_faults(raw["fault"])
+            if not raw["fault"]:
+                del raw["fault"]
         try:
             line: Any = create(kind, raw)  # a Line or a CanLine
         except ValueError as exc:
             raise click.UsageError(str(exc)) from exc
-        from handctl.sim.engine import serve, slcan
 
         place = slcan_tcp if on_can else tcp
-        served: serve.Served = slcan.Adapter(line) if on_can else line
+        served: serve.Served = slcan.Adapter(line, adapter) if on_can else line
         speed = None if on_can else line.device.speed
         link = slcan.link if on_can else str
         try:

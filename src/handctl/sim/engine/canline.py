@@ -72,7 +72,7 @@ class CanLine(Cable):
         self.client_bitrate: int | None = None  # None: taken for the right one
         self.acknowledged = True  # whether anybody acknowledged the last frame of the client
         self.unacknowledged = 0  # frames of the client that nobody acknowledged so far
-        self.bus_errors = 0  # replies that came to grief on the bus
+        self.bus_errors = 0  # frames of others that came to grief on the bus, or at the client's bitrate
         self.bus_off = False
         self._sent = 0
         self._host: list[_Frame] = []
@@ -204,6 +204,8 @@ class CanLine(Cable):
             self._flying, self._free = None, end
             if frame.echo or (not of_client and self._hears()):
                 self._arrived.append(frame)
+            elif not of_client and not self.bus_off:
+                self.bus_errors += 1  # at another bitrate a frame is a violation of bit stuffing
             # The device knows no other frames (wrist §2.3).
             if of_client and frame.extended and not frame.remote and self.device.powered:
                 self.device.advance(max(self.device.now, end))

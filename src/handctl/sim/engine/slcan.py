@@ -5,29 +5,45 @@
     Tiiiiiiiildd.. Riiiiiiiil    the same, extended          Z CR
     O L C  Sn sxxyy  Zn  Mxxxxxxxx mxxxxxxxx  V v N F        channel, bitrate, timestamps, filter, versions, status
 
+    Fxx CR              status: 01 receive queue full, 02 transmit queue full, 04 error warning, 08 overrun,
+                        20 error passive, 40 arbitration lost, 80 bus error; reading clears it
+
 Behaves as a `Line` towards a server: advance, feed, take, next_event. A frame that nobody acknowledged (wrong bitrate,
-no power, bus off) is answered with BEL and shows in the status flags; adapters that only queue a frame say Z all the same.
+no power, bus off) is answered with BEL and shows in the status flags; adapters that only queue a frame say Z all the
+same (fault `queue`), and go on with it until the channel is closed: each status shows a new bus error. After bus off
+nothing happens on the bus: the queue stays full, and no error is added.
 """
 
 from __future__ import annotations
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from handctl.sim.engine.canline import CanLine
 
 OK, ERROR = b"\r", b"\x07"
 BITRATES = (10000, 20000, 50000, 100000, 125000, 250000, 500000, 800000, 1000000, 83300)  # S0 to S8; S9 of some
 CLOCK = 8000000  # Hz, of the bit timing registers
 VERSION, FIRMWARE, SERIAL_NUMBER = b"V1013", b"v0100", b"NSIM1"
-WARNING, PASSIVE, BUS_ERROR = 4, 32, 128  # status flags
+QUEUE_FULL, WARNING, PASSIVE, BUS_ERROR = 2, 4, 32, 128  # status flags
+ADAPTER_FAULTS: dict[str, str] = {
+    "bel": "the adapter refuses every frame with BEL: its transmit queue is full",
+    "queue": "the adapter says Z before a frame is on the bus; only the status flags show its end",
+    "reports": "the adapter reports bus errors and its state unasked: e1a, sp000128, sb000256",
+    "no-status": "the adapter does not know V, v, N and F",
+    "damaged-lines": "one character is missing in the line of each received frame",
+    "no-adapter": "the port is not one of an adapter: it answers nothing",
+}
 LONGEST = 64  # bytes of a command that are kept; no command is longer than 27
 
 
 class Adapter:
     """The adapter with the bus and the device behind it; the client's serial speed does not matter to it."""
 
-    def __init__(self, line: CanLine) -> None:
+    def __init__(self, line: CanLine, faults: Iterable[str] = ()) -> None:
         self.line = line
+        self.faults = frozenset(faults)
         self.device = line.device
         self.client_baud: int | None = None
         self._command = bytearray()
@@ -44,6 +60,8 @@ class Adapter:
         self._bitrate = 1000000
         self._code, self._mask = 0, 4294967295
         self._flags = 0
+        self._stuck = False  # a frame waits in the controller and cannot leave
+        self._state = b"a"  # error active; p passive, b bus off
 
     # -- as a line ------------------------------------------------------------------------------------------------
 
@@ -60,7 +78,7 @@ class Adapter:
 
     def feed(self, data: bytes) -> None:
         """Bytes that the client writes at the present time."""
-        for byte in b"" if self.hung_up else data:
+        for byte in b"" if self.hung_up or "no-adapter" in self.faults else data:
             if byte == 13:
                 self._out += self._do(bytes(self._command))
                 self._command.clear()
@@ -87,7 +105,13 @@ class Adapter:
         self.line.power_cycle()
 
     def command(self, text: str) -> str:
-        return self.line.command(text)
+        name, _, rest = text.strip().partition(" ")
+        if name != "fault" or not rest:
+            return self.line.command(text)
+        mine, others = split_faults(rest)
+        answer = self.line.command(f"fault {others or 'none'}")
+        self.faults = frozenset(mine)
+        return f"fault {rest.strip()}" if mine else answer
 
     def close(self) -> None:
         self.line.close()
@@ -99,10 +123,12 @@ class Adapter:
         for identifier, data in self.line.take_frames():
             if not self._open or not self._passes(identifier):
                 continue
-            self._out += b"T%08X%d" % (identifier, len(data)) + data.hex().upper().encode()
+            text = b"T%08X%d" % (identifier, len(data)) + data.hex().upper().encode()
             if self._stamped:
-                self._out += b"%04X" % (int((self._now - (self._started or 0.0)) * 1000 + 0.001) % 60000)
-            self._out += OK
+                text += b"%04X" % (int((self._now - (self._started or 0.0)) * 1000 + 0.001) % 60000)
+            if "damaged-lines" in self.faults:
+                text = text[: len(text) // 2] + text[len(text) // 2 + 1 :]
+            self._out += text + OK
 
     def _passes(self, identifier: int) -> bool:
         """The acceptance filter: two filters over the upper 16 of 29 bits, a 1 in the mask means any."""
@@ -120,6 +146,8 @@ class Adapter:
             return OK
         if name in b"tTrR":
             return self._send(name, rest)
+        if name in b"VvNF" and "no-status" in self.faults:
+            return ERROR
         if not rest:
             match name:
                 case b"O" | b"L":
@@ -141,7 +169,8 @@ class Adapter:
         if self._open:
             return ERROR
         self._open, self._listening = True, listening
-        self._flags = 0
+        self._flags = self.line.bus_errors = 0
+        self._stuck, self._state = False, b"a"
         self.line.reconnect()  # the controller starts anew: bus off is over
         self.line.client_bitrate = self._bitrate
         return OK
@@ -155,6 +184,8 @@ class Adapter:
     def _status(self) -> bytes:
         """Two hex digits; reading clears the flags."""
         flags, self._flags = self._flags, 0
+        if self._stuck:
+            self._flags = QUEUE_FULL if self.line.bus_off else PASSIVE + BUS_ERROR
         if self.line.bus_errors:
             flags |= BUS_ERROR
             self.line.bus_errors = 0
@@ -189,11 +220,27 @@ class Adapter:
         size = 0 if remote else int(count)
         if len(body) != 2 * size or (size and _hex(body, 2 * size) is None) or not self._open or self._listening:
             return ERROR
-        self.line.feed_frame(identifier, bytes.fromhex(body.decode("ascii")), extended, remote)
-        if not self.line.acknowledged:
-            self._flags |= WARNING + PASSIVE + BUS_ERROR
+        if "bel" in self.faults:
+            self._flags |= QUEUE_FULL
             return ERROR
-        return (b"Z" if extended else b"z") + OK
+        self.line.feed_frame(identifier, bytes.fromhex(body.decode("ascii")), extended, remote)
+        queued = (b"Z" if extended else b"z") + OK
+        if self.line.acknowledged:
+            self._stuck = False
+            return queued
+        if not (self._stuck and self.line.bus_off):
+            self._flags |= WARNING + PASSIVE + BUS_ERROR
+        self._stuck = "queue" in self.faults or self.line.bus_off
+        return (queued if "queue" in self.faults else ERROR) + self._report()
+
+    def _report(self) -> bytes:
+        """What such an adapter tells unasked: the kind of error, and its state with both error counters once it changes."""
+        state = b"b" if self.line.bus_off else b"p"
+        if "reports" not in self.faults or state == self._state == b"b":
+            return b""
+        changed, self._state = state != self._state, state
+        told = b"" if state == b"b" else b"e1a\r"
+        return told + (b"s%s000%03d\r" % (state, 256 if state == b"b" else 128) if changed else b"")
 
 
 _COUNTS = frozenset(b"%d" % count for count in range(9))
@@ -204,6 +251,12 @@ def _hex(text: bytes, digits: int) -> int | None:
     if len(text) != digits or not all(byte in b"0123456789abcdefABCDEF" for byte in text):
         return None
     return int(text, 16)
+
+
+def split_faults(text: str) -> tuple[list[str], str]:
+    """Those of NAME,NAME that are the adapter's, and the others."""
+    names = [name.strip() for name in text.split(",")]
+    return [name for name in names if name in ADAPTER_FAULTS], ",".join(n for n in names if n not in ADAPTER_FAULTS)
 
 
 def link(address: str) -> str:
