@@ -68,6 +68,10 @@ def is_can(link: str) -> bool:
                 return b"> can " in next((line for line in asked if not line.lstrip().startswith(b"#")), b"")
         except (OSError, UsageError):
             return False  # opening it will say what is wrong
+    if link.startswith("fake://bus?"):
+        from handctl.link.fake import carries_frames
+
+        return carries_frames(link)
     return link.startswith("can:") or (link.startswith("fake://") and "bus=can" in link.partition("?")[2].split("&"))
 
 

@@ -35,6 +35,13 @@ def _unquote(value: str) -> str:
     return unquote(value)
 
 
+def carries_frames(link: str) -> bool:
+    """Whether this fake:// LINK is a CAN bus."""
+    from handctl.sim import carries_frames
+
+    return carries_frames(*split_url(link))
+
+
 class _Simulated(Link):
     """A simulator in this process, in real time or (`clock=virtual`) in time that jumps from event to event."""
 

@@ -49,12 +49,15 @@ def model_class(kind: str, bus: str = "serial") -> type[Model]:
 def create(kind: str, options: dict[str, str]) -> Line | Any:
     """A simulated device at the end of a line, from the raw option strings of a fake:// link.
 
-    A `CanLine` for the wrist with bus=can, otherwise a `Line`. (Any in the signature is the `CanLine`: a caller that
+    A `CanLine` for the wrist with bus=can, otherwise a `Line`; for "bus" a client's end of the bus in the file of the
+    option `file`, which behaves as one of them. (Any in the signature is the `CanLine`: a caller that
     never asks for one need not tell them apart.)
 
     Raises ValueError with one line of text (what is wrong, what is known) for an unknown kind, option or fault, for a
-    bad value, and for a state file that cannot be used.
+    bad value or FILE, and for a state file that cannot be used.
     """
+    if kind == "bus":
+        return importlib.import_module(f"{__name__}.bus").create(options)
     if options.get("bus") == "can" and "can" in getattr(folder_of(kind), "WIRES", ()):
         from handctl.sim.engine.canline import CanLine
 
@@ -62,3 +65,11 @@ def create(kind: str, options: dict[str, str]) -> Line | Any:
     from handctl.sim.engine.line import Line
 
     return Line(model_class(kind), options)
+
+
+def carries_frames(kind: str, options: dict[str, str]) -> bool:
+    """Whether `create` gives a CAN bus; of a whole bus its file tells."""
+    if kind == "bus":
+        found: bool = importlib.import_module(f"{__name__}.bus.file").on_can(options.get("file", ""))
+        return found
+    return options.get("bus") == "can"

@@ -40,6 +40,7 @@ class Cable:
         self.device.faults = self._faults
         self.device.power(True)
         self.hung_up = False
+        self.second = False  # another device than the first of its kind: what it measures differs a little
         self.requests = 0  # requests that the device understood so far
         self._now: float | None = None
         self._closed = False

@@ -36,7 +36,7 @@ BACKLOG = 1024  # frames of the client that wait for the bus; what comes beyond 
 SOON = 0.000000001  # s, rounding
 
 
-class _Frame:
+class Frame:
     """A frame that waits for the bus, not sent before `ready`."""
 
     __slots__ = ("data", "echo", "extended", "hang", "identifier", "ready", "remote")
@@ -75,11 +75,11 @@ class CanLine(Cable):
         self.bus_errors = 0  # frames of others that came to grief on the bus, or at the client's bitrate
         self.bus_off = False
         self._sent = 0
-        self._host: list[_Frame] = []
-        self._device: list[_Frame] = []  # in order of time
-        self._flying: tuple[_Frame, float, bool] | None = None  # the frame on the bus, its end, whether a client's
+        self._host: list[Frame] = []
+        self._device: list[Frame] = []  # in order of time
+        self._flying: tuple[Frame, float, bool] | None = None  # the frame on the bus, its end, whether a client's
         self._free = 0.0  # when the bus is or was free
-        self._arrived: list[_Frame] = []
+        self._arrived: list[Frame] = []
         self._previous: tuple[int, bytes] | None = None
 
     # -- time and frames ------------------------------------------------------------------------------------------
@@ -120,7 +120,7 @@ class CanLine(Cable):
             self.unacknowledged += 1
             return
         now = self._present()
-        frame = _Frame(now, can_id, bytes(data), extended, remote)
+        frame = Frame(now, can_id, bytes(data), extended, remote)
         heard = extended and not remote  # there is no way to hand over any other
         if alone and heard:
             self._arrived.append(frame)
@@ -160,6 +160,11 @@ class CanLine(Cable):
         super().reconnect()
         self.bus_off = False
 
+    @property
+    def deafened(self) -> bool:
+        """Whether by its faults it acknowledges nothing just now."""
+        return not self._hits(self._sent + 1).isdisjoint(("no-ack", "bus-off", "loopback"))
+
     # -- inside -----------------------------------------------------------------------------------------------------
 
     def _hears(self) -> bool:
@@ -172,14 +177,14 @@ class CanLine(Cable):
             return
         self._traffic_due = max(self._traffic_due, now - BACKLOG / self._traffic)
         while self._traffic_due <= now + SOON:
-            self._device.append(_Frame(self._traffic_due, *self._foreign(self._traffic_near)))
+            self._device.append(Frame(self._traffic_due, *self._foreign(self._traffic_near)))
             self._traffic_due += 1.0 / self._traffic
         self._device.sort(key=lambda frame: frame.ready)
 
-    def _duration(self, frame: _Frame) -> float:
+    def _duration(self, frame: Frame) -> float:
         return frame.bits() / self.device.speed if self._timed and self.device.speed else 0.0
 
-    def _winner(self) -> tuple[_Frame, float, bool]:
+    def _winner(self) -> tuple[Frame, float, bool]:
         """The frame that gets the bus next, when, and whether it is the client's."""
         heads = [(queue[0], queue is self._host) for queue in (self._host, self._device) if queue]
         start = max(self._free, min(frame.ready for frame, _ in heads))
@@ -220,7 +225,7 @@ class CanLine(Cable):
 
     def _transmit(self, reply: Reply) -> None:
         """Applies the faults of the bus to one reply."""
-        hits, message = reply.hits, reply.data
+        hits, message = reply.hits, self.device.twin(reply.data) if self.second else reply.data
         previous, self._previous = self._previous, _split(message)
         lost = "silent" in hits
         if "twin-id" in hits and self.device.twin(message) != message:
@@ -241,9 +246,9 @@ class CanLine(Cable):
             due += SLOW
         if "late" in hits:
             due += self._late
-        queue = [_Frame(due, *frame) for frame in frames]
+        queue = [Frame(due, *frame) for frame in frames]
         if "disconnect" in hits:
-            queue = [_Frame(due, identifier, b"")]
+            queue = [Frame(due, identifier, b"")]
             queue[0].hang = True
         self._device += queue
         self._device.sort(key=lambda frame: frame.ready)

@@ -253,7 +253,7 @@ class Line(Cable):
 
     def _transmit(self, reply: Reply) -> None:
         """Applies the faults of the line to one reply."""
-        hits, frame = reply.hits, reply.data
+        hits, frame = reply.hits, self.device.twin(reply.data) if self.second else reply.data
         previous, self._previous = self._previous, frame
         if "silent" in hits:
             return

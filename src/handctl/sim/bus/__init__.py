@@ -1,0 +1,44 @@
+"""Several simulated devices, clients and other masters on one line, from a FILE: RS-232, RS-485 or a CAN bus.
+
+    file.py    the FILE (TOML): what may stand in it, one clear complaint for what may not
+    models.py  lines as they are met, by name: clean, half-duplex, bluetooth …
+    pair.py    a pair of wires: who drives it when, and what a UART makes of that at its own speed
+    line.py    the devices and masters on their wires
+    client.py  a client behind its adapter: latency, packets, a timer, the first byte
+    can.py     the same for frames on a CAN bus
+    cli.py     handctl sim bus FILE
+
+No protocol is known here, and no device: those are the other folders beside this one.
+"""
+
+from __future__ import annotations
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from typing import Any
+
+
+def create(options: dict[str, str]) -> Any:
+    """The client's end of the bus in the file of the option `file`: bytes, or frames where the wire is "can".
+
+    Raises ValueError with one line of text for a missing option, a file that cannot be read, and whatever it says wrongly.
+    """
+    from handctl.sim.bus.file import read
+
+    for name in options:
+        if name not in ("file", "seed", "bus"):
+            raise ValueError(f"unknown option {name!r} of the simulated bus; known: file, seed")
+    if not options.get("file"):
+        raise ValueError("option file: say which file tells what is on the bus (fake://bus?file=PATH)")
+    return client_of(read(options["file"], options.get("seed")))
+
+
+def client_of(plan: Any) -> Any:
+    """The end of one client of this bus."""
+    if plan.wire == "can":
+        from handctl.sim.bus.can import CanBus
+
+        return CanBus(plan)
+    from handctl.sim.bus.line import Bus
+
+    return Bus(plan).join()

@@ -1,0 +1,179 @@
+"""Simulated devices and other masters on one CAN bus.
+
+Every device stands behind a `CanLine` of its own without bus time, with its options and faults; here frames take turns by
+their rank. Who sends the same identifier at the same time with the same data sends one frame; with other data both are
+destroyed. A device at another bitrate hears and acknowledges nothing. For a client it behaves as a `CanLine`.
+"""
+
+from __future__ import annotations
+
+from handctl.sim.bus.file import Plan
+from handctl.sim.bus.rack import IDLE, Master, Rack
+from handctl.sim.engine.canline import BACKLOG, SOON, CanLine, Frame
+
+Sender = CanLine | Master | None  # None: the client
+
+
+class CanBus(Rack[CanLine]):
+    """The bus as a client's CAN controller sees it: takes and gives frames."""
+
+    hung_up = False
+
+    def __init__(self, plan: Plan) -> None:
+        """Raises ValueError for options that a device does not know."""
+        super().__init__(plan, CanLine)
+        self.speed = plan.baud
+        self.client_bitrate: int | None = None  # None: taken for the right one
+        self.acknowledged = True  # whether anybody acknowledged the last frame of the client
+        self.unacknowledged = 0  # frames of the client that nobody acknowledged so far
+        self.bus_errors = 0  # frames that came to grief on the bus
+        self.bus_off = False
+        self._waiting: list[tuple[Frame, Sender]] = []
+        self._flying: list[tuple[Frame, Sender]] = []  # who sends now; several when they cannot tell each other
+        self._end = 0.0  # of what flies
+        self._free = 0.0  # when the bus is or was free
+        self._arrived: list[tuple[float, int, bytes]] = []
+        self._wakes: dict[CanLine, float] = {}
+        self._now: float | None = None
+
+    @property
+    def device(self) -> CanBus:
+        """For an adapter, which asks for the speed of what is behind it."""
+        return self
+
+    # -- time and frames ------------------------------------------------------------------------------------------
+
+    def advance(self, now: float) -> None:
+        """Moves time on; the first call is the moment of power-on. A time before the last one is taken as the last."""
+        self._now = now if self._now is None else self._now
+        for master in self.masters:
+            master.wait(now)
+        while (event := self._next()) is not None and event <= now + SOON:
+            self._now = max(event, self._now)
+            self._happen(self._now)
+        self._now = max(now, self._now)
+        for line in self.lines:
+            self._act(line, self._now)
+
+    def feed_frame(self, can_id: int, data: bytes, extended: bool = True, remote: bool = False) -> None:
+        """A frame that the client sends at the present time. ValueError: there is no such frame."""
+        if not 0 <= can_id < (536870912 if extended else 2048) or len(data) > 8:
+            raise ValueError(f"no CAN frame: identifier {can_id}, {len(data)} data bytes")
+        if self._now is None:
+            self.advance(0.0)
+        heard = self.client_bitrate in (None, self.speed) and not self.bus_off
+        self.acknowledged = heard and (any(self._takes_part(line) for line in self.lines) or bool(self.masters))
+        if not self.acknowledged:
+            self.unacknowledged += 1
+        elif sum(sender is None for _, sender in self._waiting) < BACKLOG:
+            frame = Frame(self._present() + self._half(), can_id, bytes(data), extended, remote)
+            frame.echo = self.plan.echo and extended and not remote
+            self._wait(frame, None)
+
+    def take_frames(self) -> list[tuple[int, bytes]]:
+        """(identifier, data) of the frames that have fully arrived at the client by now."""
+        count = sum(when <= self._present() + SOON for when, _, _ in self._arrived)
+        frames = [(identifier, data) for _, identifier, data in self._arrived[:count]]
+        del self._arrived[:count]
+        return frames
+
+    def next_event(self) -> float | None:
+        """The earliest time at which `take_frames` may return something or something happens; None: nothing is due."""
+        times = [self._arrived[0][0]] if self._arrived else []
+        event = self._next()
+        return min([*times, *(() if event is None else (event,))], default=None)
+
+    def reconnect(self) -> None:
+        """A new client: what was on its way is lost, the devices go on."""
+        self._arrived.clear()
+        self._waiting = [(frame, sender) for frame, sender in self._waiting if sender is not None]
+        self.bus_off = False
+
+    # -- inside -----------------------------------------------------------------------------------------------------
+
+    def _present(self) -> float:
+        return 0.0 if self._now is None else self._now
+
+    def _takes_part(self, line: CanLine) -> bool:
+        return line.device.powered and line.device.speed == self.speed and not line.deafened
+
+    def _half(self) -> float:
+        """Seconds of one way between client and bus."""
+        return self.plan.latency / 2 + self.plan.spread / 2 * self.random.between(0, 1000) / 1000
+
+    def _next(self) -> float | None:
+        times = [master.due for master in self.masters] + list(self._wakes.values())
+        if self._flying:
+            times.append(self._end)
+        elif self._waiting:
+            times.append(max(self._free, min(frame.ready for frame, _ in self._waiting)))
+        return min(times, default=None)
+
+    def _happen(self, now: float) -> None:
+        """What is due at this moment: a frame ends, questions and answers come, the next frame begins."""
+        if self._flying and self._end <= now + SOON:
+            self._finish(now)
+        for master in self.masters:
+            if master.due <= now + SOON:
+                self._wait(Frame(master.due, master.identifier, master.data), master)
+                master.asked()
+        for line in [line for line, wake in self._wakes.items() if wake <= now + SOON]:
+            self._act(line, now)
+        if not self._flying:
+            self._begin(now)
+
+    def _wait(self, frame: Frame, sender: Sender) -> None:
+        self._waiting.append((frame, sender))
+
+    def _act(self, line: CanLine, now: float) -> None:
+        """Lets the device do what it does by itself; its frames wait for the bus."""
+        line.advance(now)
+        for identifier, data in line.take_frames():
+            if line.device.speed == self.speed:
+                self._wait(Frame(now, identifier, data), line)
+        if line.hung_up:
+            line.reconnect()
+        wake = line.next_event()
+        self._wakes.pop(line, None)
+        if wake is not None:
+            self._wakes[line] = wake if wake > now else now + IDLE
+
+    def _begin(self, now: float) -> None:
+        """The lowest identifier wins the bus, of each sender its first frame."""
+        heads: dict[Sender, Frame] = {}
+        for frame, sender in self._waiting:
+            if frame.ready <= now + SOON:
+                heads.setdefault(sender, frame)
+        if not heads or self._free > now + SOON:
+            return
+        best = min(frame.rank() for frame in heads.values())
+        self._flying = [(frame, sender) for sender, frame in heads.items() if frame.rank() == best]
+        self._waiting = [pair for pair in self._waiting if pair not in self._flying]
+        self._end = self._free = now + max(frame.bits() for frame, _ in self._flying) / self.speed
+
+    def _finish(self, now: float) -> None:
+        """A frame is over: everybody else has it, unless others sent another one with the same identifier."""
+        flown, self._flying = self._flying, []
+        frame, senders = flown[0][0], [sender for _, sender in flown]
+        if any(other.data != frame.data for other, _ in flown):
+            self.bus_errors += 1
+            return
+        hears = self.client_bitrate in (None, self.speed) and not self.bus_off
+        if hears and (None not in senders or frame.echo) and frame.extended and not frame.remote:
+            when = now + self._half()
+            self._arrived.append(
+                (max(when, self._arrived[-1][0] if self._arrived else when), frame.identifier, frame.data)
+            )
+        for line in self.lines:
+            if line not in senders and line.device.speed == self.speed:
+                line.advance(now)
+                line.feed_frame(frame.identifier, frame.data, frame.extended, frame.remote)
+                self._act(line, now)
+
+    def _switched(self, on: bool) -> None:
+        if not on:
+            self._waiting = [pair for pair in self._waiting if pair[1] not in self.lines]
+
+    def _changed(self) -> None:
+        for line in self.lines:
+            self._act(line, self._present())

@@ -1,0 +1,225 @@
+"""The FILE of a simulated bus: [line], [[device]] and [[master]], checked before anything starts.
+
+Every complaint is a ValueError of one line: which key of which table, what is allowed.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass, field
+from typing import Any
+
+from handctl.sim import folder_of, kinds, model_class
+from handctl.sim.bus.models import MODELS
+
+WIRES = ("rs485", "rs232", "can")
+MOST = 100_000  # bytes of a file
+LINE_KEYS: dict[str, str] = {
+    "wire": "rs485, rs232 or can",
+    "model": f"a line by its name, which the other keys change: {', '.join(MODELS)}",
+    "baud": "speed of the line, and of devices and masters that say none (default 115200, can 1000000)",
+    "latency_ms": "a round trip takes so much longer, half of it on each way (default 0)",
+    "spread_ms": "up to so much more for each round trip, at random (default 0)",
+    "packet": "largest packet in bytes; with one the client's speed does not matter (default 0: none)",
+    "speed_ignored": "true: the client's speed does not matter (default: whether there is a packet)",
+    "half_duplex": "true: one pair of wires, and who sends hears nothing (default: whether it is rs485)",
+    "first_byte_lost": "true: the client's adapter swallows the first byte after each sending (default false)",
+    "coalesce_ms": "the client gets bytes so long after the first of them (default 0)",
+    "echo": "true: the client's adapter hears itself (default false)",
+    "seed": "start of the random generator (default 0)",
+}
+OF_LINE = ("wire", "clock", "bus", "traffic")  # options of a lone simulator that a bus has by itself
+
+
+@dataclass
+class Plan:
+    """What stands in a file."""
+
+    path: str
+    wire: str
+    baud: int
+    latency: float = 0.0  # s
+    spread: float = 0.0  # s
+    packet: int = 0
+    speed_ignored: bool = False
+    half_duplex: bool = False
+    first_byte_lost: bool = False
+    coalesce: float = 0.0  # s
+    echo: bool = False
+    seed: int = 0
+    devices: list[tuple[str, dict[str, str]]] = field(default_factory=list)  # kind, raw options
+    masters: list[tuple[bytes, int, float]] = field(default_factory=list)  # bytes, identifier on CAN, s
+
+
+def load(path: str) -> dict[str, Any]:
+    """The tables of the file."""
+    try:
+        with open(path, "rb") as file:
+            content = file.read(MOST + 1)
+        if len(content) > MOST:
+            raise ValueError(f"{path}: larger than {MOST // 1000} kB")
+        return tomllib.loads(content.decode("utf-8"))
+    except OSError as exc:
+        raise ValueError(f"{path}: cannot be read: {exc.strerror or exc}") from exc
+    except UnicodeDecodeError as exc:
+        raise ValueError(f"{path}: no UTF-8 text") from exc
+    except tomllib.TOMLDecodeError as exc:
+        raise ValueError(f"{path}: no TOML: {exc}") from exc
+
+
+def on_can(path: str) -> bool:
+    """Whether the bus of this file carries frames; one that cannot be used complains when it is opened."""
+    try:
+        line = load(path).get("line")
+    except ValueError:
+        return False
+    return isinstance(line, dict) and line.get("wire") == "can"
+
+
+def read(path: str, seed: str | None = None) -> Plan:
+    """The bus in this file; `seed` replaces that of the file."""
+    try:
+        tables = load(path)
+        if seed is not None:
+            tables = {**tables, "line": {**_table(tables, "line"), "seed": _seed(seed)}}
+        return _plan(path, tables)
+    except ValueError as exc:
+        raise exc if str(exc).startswith(path) else ValueError(f"{path}: {exc}") from exc
+
+
+def _seed(text: str) -> int:
+    if not text.isascii() or not text.isdigit():
+        raise ValueError(f"option seed={text}: not a whole number (0 to 4294967295)")
+    return int(text)
+
+
+def _table(tables: dict[str, Any], name: str) -> dict[str, Any]:
+    table = tables.get(name, {})
+    if not isinstance(table, dict):
+        raise ValueError(f"{name} is a table, [{name}]")
+    return table
+
+
+def _rows(tables: dict[str, Any], name: str) -> list[dict[str, Any]]:
+    rows = tables.get(name, [])
+    if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
+        raise ValueError(f"each {name} is a table of its own, [[{name}]]")
+    return rows
+
+
+def _plan(path: str, tables: dict[str, Any]) -> Plan:
+    for name in tables:
+        if name not in ("line", "device", "master"):
+            raise ValueError(f"unknown table {name!r}; known: [line], [[device]], [[master]]")
+    line = _Keys("[line]", _table(tables, "line"), tuple(LINE_KEYS))
+    if (model := line.choice("model", "clean", tuple(MODELS))) and "model" in line.given:
+        line.given = {**MODELS[model], **line.given}
+    if "wire" not in line.given:
+        raise ValueError(f"[line] wire is missing: one of {', '.join(WIRES)}")
+    wire = line.choice("wire", "", WIRES)
+    plan = Plan(
+        path=path,
+        wire=wire,
+        baud=line.whole("baud", 1000000 if wire == "can" else 115200, 50, 20_000_000),
+        latency=line.number("latency_ms", 0.0, 10_000.0) / 1000.0,
+        spread=line.number("spread_ms", 0.0, 10_000.0) / 1000.0,
+        packet=line.whole("packet", 0, 0, 65536),
+        half_duplex=line.flag("half_duplex", wire == "rs485"),
+        first_byte_lost=line.flag("first_byte_lost", False),
+        coalesce=line.number("coalesce_ms", 0.0, 10_000.0) / 1000.0,
+        echo=line.flag("echo", False),
+        seed=line.whole("seed", 0, 0, 4294967295),
+    )
+    plan.speed_ignored = line.flag("speed_ignored", plan.packet > 0)
+    if wire == "can" and (beside := [key for key in _SERIAL if key in line.given]):
+        raise ValueError(f'[line] {beside[0]} is of a serial line; with wire = "can" there are {", ".join(_CAN)}')
+    plan.devices = [_device(number, row, plan) for number, row in enumerate(_rows(tables, "device"), 1)]
+    plan.masters = [_master(number, row, wire) for number, row in enumerate(_rows(tables, "master"), 1)]
+    return plan
+
+
+_SERIAL = ("packet", "speed_ignored", "half_duplex", "first_byte_lost", "coalesce_ms")
+_CAN = ("baud", "latency_ms", "spread_ms", "echo", "seed")
+
+
+def _device(number: int, row: dict[str, Any], plan: Plan) -> tuple[str, dict[str, str]]:
+    """Kind and raw options, which the device itself checks."""
+    where = f"[[device]] {number}"
+    wire = "can" if plan.wire == "can" else "serial"
+    fitting = [kind for kind in kinds() if wire in folder_of(kind).WIRES]
+    kind = row.get("kind")
+    if kind not in fitting:
+        what = "kind is missing" if kind is None else f"kind = {kind!r}: no simulated device on {plan.wire}"
+        raise ValueError(f"{where} {what}; one of {', '.join(fitting)}")
+    raw: dict[str, str] = {}
+    for key, given in row.items():
+        name, value = key.replace("_", "-"), given
+        if name in OF_LINE:
+            raise ValueError(f"{where} {key}: that is said in [line], of all")
+        if isinstance(given, list) and all(isinstance(item, str) for item in given):
+            value = ",".join(given)
+        if not isinstance(value, str | int | float):
+            raise ValueError(f"{where} {key}: a text or a number is allowed")
+        if name != "kind":
+            raw[name] = str(int(value)) if isinstance(value, bool) else str(value)
+    speed = "bitrate" if wire == "can" else "baud"
+    if wire == "can":
+        raw["bus"] = "can"
+    if speed not in raw and speed in model_class(str(kind), wire).OPTIONS:
+        raw[speed] = str(plan.baud)
+    return str(kind), raw
+
+
+def _master(number: int, row: dict[str, Any], wire: str) -> tuple[bytes, int, float]:
+    keys = _Keys(f"[[master]] {number}", row, ("ask", "every_ms"))
+    ask = row.get("ask")
+    allowed = 'ID#DATA in hex, as "11000001#04"' if wire == "can" else 'bytes in hex, as "EB 90 01 04 11 E8 03 01 02"'
+    if not isinstance(ask, str):
+        raise ValueError(f"{keys.where} ask is {'missing' if ask is None else 'no text'}: {allowed}")
+    identifier, digits = 0, ask
+    try:
+        if wire == "can":
+            head, sign, digits = ask.partition("#")
+            identifier = int(head, 16) if sign and head.strip().isalnum() else -1
+        data = bytes.fromhex(digits)
+    except ValueError:
+        raise ValueError(f"{keys.where} ask = {ask!r}: {allowed}") from None
+    if not 0 <= identifier < 536870912 or (wire == "can" and len(data) > 8) or (wire != "can" and not data):
+        raise ValueError(f"{keys.where} ask = {ask!r}: {allowed}")
+    return data, identifier, keys.number("every_ms", None, 3_600_000.0, 1.0) / 1000.0
+
+
+class _Keys:
+    """The keys of one table, with their ranges."""
+
+    def __init__(self, where: str, given: dict[str, Any], known: tuple[str, ...]) -> None:
+        self.where, self.given = where, given
+        for key in given:
+            if key not in known:
+                raise ValueError(f"{where} unknown key {key!r}; known: {', '.join(known)}")
+
+    def choice(self, key: str, default: str, allowed: tuple[str, ...]) -> str:
+        value = self.given.get(key, default)
+        if value not in allowed:
+            raise ValueError(f"{self.where} {key} = {value!r}: one of {', '.join(allowed)}")
+        return str(value)
+
+    def flag(self, key: str, default: bool) -> bool:
+        value = self.given.get(key, default)
+        if not isinstance(value, bool):
+            raise ValueError(f"{self.where} {key} = {value!r}: true or false")
+        return value
+
+    def whole(self, key: str, default: int, low: int, high: int) -> int:
+        value = self.given.get(key, default)
+        if not isinstance(value, int) or isinstance(value, bool) or not low <= value <= high:
+            raise ValueError(f"{self.where} {key} = {value!r}: a whole number from {low} to {high}")
+        return value
+
+    def number(self, key: str, default: float | None, high: float, low: float = 0.0) -> float:
+        value = self.given.get(key, default)
+        if value is None:
+            raise ValueError(f"{self.where} {key} is missing: a number from {low:g} to {high:g}")
+        if not isinstance(value, int | float) or isinstance(value, bool) or not low <= value <= high:
+            raise ValueError(f"{self.where} {key} = {value!r}: a number from {low:g} to {high:g}")
+        return float(value)

@@ -1,0 +1,115 @@
+"""What a byte line and a CAN bus have in common: the devices and masters of the file, power, control commands."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Generic, TypeVar
+
+from handctl.sim import model_class
+from handctl.sim.bus.file import Plan
+from handctl.sim.engine.cable import Cable
+from handctl.sim.engine.model import Model, Random
+
+IDLE = 0.001  # s until a device is asked again that says that it acts now, and does not
+BEHIND = 5.0  # s; a master does not catch up with more
+HELP = (
+    "power-cycle | power on|off | fault NAME[,NAME]|none | requests | devices"
+    " | device NUMBER COMMAND, of the device with this number in the file, from 1"
+)
+
+
+class Master:
+    """Somebody else who asks at regular intervals and does not look whether the line is free."""
+
+    def __init__(self, data: bytes, identifier: int, every: float) -> None:
+        self.data = data
+        self.identifier = identifier
+        self.every = every
+        self._due: float | None = None
+
+    @property
+    def due(self) -> float:
+        """When it asks next."""
+        return self._due or 0.0
+
+    def wait(self, now: float) -> None:
+        """Time has come to this moment: the first question is asked one interval behind the start."""
+        if self._due is None:
+            self._due = now + self.every
+        elif now - self._due > BEHIND:
+            self._due = now
+
+    def asked(self) -> None:
+        self._due = self.due + self.every
+
+
+Wire = TypeVar("Wire", bound=Cable)
+
+
+class Rack(Generic[Wire]):
+    """The devices of a file, each at a cable of its own, and the masters."""
+
+    def __init__(self, plan: Plan, cable: Callable[[type[Model], dict[str, str]], Wire]) -> None:
+        """Raises ValueError for options that a device does not know."""
+        self.plan = plan
+        self.random = Random(plan.seed)
+        self.masters = [Master(*row) for row in plan.masters]
+        self.lines: list[Wire] = []
+        for number, (kind, raw) in enumerate(plan.devices, 1):
+            try:
+                self.lines.append(cable(model_class(kind, raw.get("bus", "serial")), raw))
+            except ValueError as exc:
+                raise ValueError(f"{plan.path}: [[device]] {number} {exc}") from exc
+            self.lines[-1].second = kind in [before for before, _ in plan.devices[: number - 1]]
+
+    def power(self, on: bool) -> None:
+        """All devices."""
+        for line in self.lines:
+            line.power(on)
+        self._switched(on)
+        self._changed()
+
+    def power_cycle(self) -> None:
+        self.power(False)
+        self.power(True)
+
+    def command(self, text: str) -> str:
+        """A control command; returns one line, raises ValueError."""
+        match text.split():
+            case ["power-cycle"]:
+                self.power_cycle()
+                return "power cycled"
+            case ["power", "on" | "off" as state]:
+                self.power(state == "on")
+                return f"power {state}"
+            case ["fault", _, *_]:
+                answers = [line.command(text) for line in self.lines]
+                return answers[0] if answers else "no device"
+            case ["requests"]:
+                return f"requests {sum(line.requests for line in self.lines)}"
+            case ["devices"]:
+                return ", ".join(f"{number} {line.kind}" for number, line in enumerate(self.lines, 1)) or "none"
+            case ["device", number, *words] if words:
+                return self._one(number, " ".join(words))
+            case [] | ["help"]:
+                return HELP
+        raise ValueError(f"unknown command {text!r}; known: {HELP}")
+
+    def _one(self, number: str, text: str) -> str:
+        if not number.isascii() or not number.isdigit() or not 1 <= int(number) <= len(self.lines):
+            raise ValueError(f"there is no device {number}; known: 1 to {len(self.lines)}")
+        answer = self.lines[int(number) - 1].command(text)
+        self._changed()
+        return answer
+
+    def close(self) -> None:
+        for line in self.lines:
+            line.close()
+
+    # -- what the wires do ----------------------------------------------------------------------------------------------
+
+    def _switched(self, on: bool) -> None:
+        """All devices were switched."""
+
+    def _changed(self) -> None:
+        """A device may have something to say."""
