@@ -34,7 +34,7 @@ VERBATIM = ("Cntl-C abort command received",)
 """The manuals' own words, and what a program prints that is none of ours."""
 
 
-UNREAD = {"inspire", "sim", "kernel", "root"}
+UNREAD = {"sim", "kernel", "root"}
 """Rooms that are still to be edited. Empty in the end."""
 UNREAD_HELP = {*COMMANDS}
 """Commands whose help is, with the common options in it. Empty in the end."""

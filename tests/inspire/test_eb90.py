@@ -99,8 +99,8 @@ def test_longest_write_has_length_byte_ff() -> None:
         pytest.param(lambda: eb90.command_request(255, 0x31, [0] * 5), "id 255", id="command to id 255"),
         pytest.param(lambda: eb90.read_request(1, 65536, 1), "address 65536", id="address 65536"),
         pytest.param(lambda: eb90.read_request(1, -1, 1), "address -1", id="address -1"),
-        pytest.param(lambda: eb90.read_request(1, 65535, 2), "past 65535", id="read past the end"),
-        pytest.param(lambda: eb90.write_request(1, 65400, bytes(137)), "past 65535", id="write past the end"),
+        pytest.param(lambda: eb90.read_request(1, 65535, 2), "past address 65535", id="read past the end"),
+        pytest.param(lambda: eb90.write_request(1, 65400, bytes(137)), "past address 65535", id="write past the end"),
     ],
 )
 def test_impossible_requests_are_usage_errors(call: object, says: str) -> None:

@@ -252,7 +252,7 @@ def test_every_finding_names_finger_and_cause() -> None:
         "thumb: motor_abnormal",
     ):
         assert part in table.failure.text
-    assert "clears by cooling, now 78 °C" in table.failure.text
+    assert "ends by cooling, now 78 °C" in table.failure.text
     assert codes(hand) == ["unhealthy"] * 5
 
 
@@ -368,7 +368,7 @@ def test_status_view_has_a_line_per_finger() -> None:
     assert "rotation" in str(grid.lines[5][0])
     assert grid.lines[5][1] == "660"
     assert "id 1" in grid.title
-    assert "115200 baud" in grid.title
+    assert "115200 bit/s" in grid.title
     assert "558" in grid.title
 
 

@@ -14,7 +14,7 @@ def test_the_position_command_names_its_own_range(value: str) -> None:
     """0..1000 (exo §2.2.2); -1 is of the register alone (exo §2.3.7)."""
     answer = run("exo", "position", "500", "400", value, "200", "100", "-p", fake(), "-y", "--json")
     assert (answer.code, answer.json["counters"]["sent"]) == (2, 0)
-    assert "0..1000 (exo §2.2.2)" in answer.error["hint"]
+    assert "use 0 to 1000 (exo §2.2.2)" in answer.error["hint"]
     assert "-1, 0..1000" not in answer.error["hint"]
     assert ("position_set.middle=-1" in answer.error["hint"]) == (value == "-1")
 
@@ -22,7 +22,7 @@ def test_the_position_command_names_its_own_range(value: str) -> None:
 def test_the_force_command_names_its_own_section() -> None:
     answer = run("exo", "force", "0", "0", "0", "0", "-1001", "-p", fake(), "-y", "--json")
     assert answer.code == 2
-    assert "-1000..1000 (exo §2.2.1)" in answer.error["hint"]
+    assert "use -1000 to 1000 (exo §2.2.1)" in answer.error["hint"]
 
 
 def test_a_speed_that_is_already_set_is_not_called_unsaved() -> None:
@@ -36,7 +36,7 @@ def test_a_speed_that_is_already_set_is_not_called_unsaved() -> None:
 def test_the_next_step_after_a_new_speed_reaches_the_hand() -> None:
     answer = run("exo", "baud", "57600", "-p", fake(id=7), "--id", "7", "-y", "--json")
     (unsaved,) = [message for message in answer.json["messages"] if message["code"] == "not-saved"]
-    assert "57600 baud is not saved" in unsaved["text"]
+    assert "57600 bit/s is not saved" in unsaved["text"]
     assert "handctl exo save --id 7" in unsaved["hint"]
 
 

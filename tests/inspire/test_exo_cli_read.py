@@ -110,7 +110,7 @@ def test_baud_is_effective_after_save_and_power_cycle(tmp_path: Path) -> None:
     assert run("exo", "baud", "-p", link + "&power-cycle=1", "--format", "plain").out == "0\n"
     saved = run("exo", "baud", "57600", "--save", "-y", "-p", link, "--json")
     assert saved.code == 0
-    assert any("power-cycle" in m["code"] and "57600" in m["text"] for m in saved.json["messages"])
+    assert any("power-cycle" in m["code"] and "--baud 57600" in m["hint"] for m in saved.json["messages"])
     assert flash(state) == {"id": 1, "speed_code": 1}
     lost = run("exo", "get", "id", "-p", link + "&power-cycle=1", "--json")
     assert (lost.code, lost.error["code"]) == (5, "wrong-speed")
@@ -194,7 +194,7 @@ def test_scan_of_a_silent_line_is_bounded_and_says_what_it_tried() -> None:
             result = run("exo", "scan", "--window", str(window), "-p", fake(fault="deaf", wire="auto"), "--json")
         assert (result.code, result.error["code"], result.rows) == (4, "no-answer", [])
         assert spy.now < most
-        assert "1..254" in result.error["text"]
+        assert "ids 1 to 254" in result.error["text"]
         for speed in ("115200", "57600", "19200"):
             assert speed in result.error["text"]
 

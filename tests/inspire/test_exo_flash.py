@@ -159,7 +159,7 @@ def test_answers_to_a_save(replies: list[tuple[float, str]], result: str) -> Non
 def test_silence_after_a_save_says_that_nothing_is_known() -> None:
     with pytest.raises(NoAnswer) as caught:
         procedures.save(hand_on(ScriptedLink()), Guide())
-    assert "unknown" in caught.value.hint
+    assert "not known" in caught.value.hint
     assert "power-cycle" in caught.value.hint
 
 
@@ -198,7 +198,7 @@ def test_lost_ack_of_a_reset_is_a_note() -> None:
     procedures.factory_reset(hand)
     assert changing(link.sent) == [RESET]
     assert "ack-lost" in codes(hand)
-    assert "nobody answers" in message(hand, "power-cycle")
+    assert "do not answer now" in message(hand, "power-cycle")
 
 
 def test_reset_that_nobody_acknowledged_is_not_called_accepted() -> None:
@@ -227,7 +227,7 @@ def test_a_link_lost_during_a_save_or_a_reset_is_told() -> None:
     hand, _ = fake_hand("fault=disconnect")
     with pytest.raises(LinkError) as caught:
         procedures.save(hand, Guide())
-    assert "whether it is done is unknown" in caught.value.text
+    assert "its result is not known" in caught.value.text
     hand, _ = fake_hand("fault=disconnect")
     with pytest.raises(LinkError) as caught:
         procedures.factory_reset(hand)
@@ -242,4 +242,4 @@ def test_a_reset_that_nobody_answers_after_is_no_success() -> None:
     assert values(table) == ["accepted"]
     assert table.failure is not None
     assert (table.failure.exit_code, table.failure.code) == (4, "gone")
-    assert "nobody answers to 1 after it" in table.failure.text
+    assert "no hand answers to id 1 after it" in table.failure.text

@@ -57,8 +57,8 @@ def test_calibration_without_a_report_ends_after_30_seconds() -> None:
     table = procedures.calibrate(hand, Guide())
     assert table.rows[0]["value"] == "not reported"
     assert 30.0 <= link.sent_at[1] < 31.0
-    assert "no completion report" in message(hand, "no-completion")
-    assert "undocumented" in message(hand, "no-completion")
+    assert "did not report the end within 30 s" in message(hand, "no-completion")
+    assert "not documented" in message(hand, "no-completion")
 
 
 def calibrating(*replies: tuple[float, str]) -> ScriptedLink:
@@ -188,7 +188,7 @@ def test_hold_is_not_commanded_out_of_range() -> None:
     with pytest.raises(HandctlError) as caught:
         procedures.move(hand_on(link), TARGET, Guide(), wait=5.0)
     assert caught.value.exit_code == 130
-    assert "switch the power off" in caught.value.text
+    assert "Switch the power off" in caught.value.text
     assert len(changing(link.sent)) == 1
 
 
@@ -263,7 +263,7 @@ def test_interrupted_write_by_address_is_stopped() -> None:
 def test_interrupted_write_of_what_does_not_move_is_told() -> None:
     hand, link = fake_hand("turnaround=0.2")
     error = interrupted(link, lambda: hand.write(EXO.assignments(["baud_code=1"])))
-    assert error.text == "interrupted: baud_code may be written or not"
+    assert error.text == "interrupted: it is not known whether baud_code was written"
     assert len(changing(link.sent)) == 1
 
 
@@ -274,7 +274,7 @@ def test_a_release_without_an_answer_is_told() -> None:
     with pytest.raises(HandctlError) as caught:
         procedures.command(hand, "force", [100] * 5, Guide())
     assert hexed(link.sent[-1]) == RELEASE
-    assert "NOT answered" in caught.value.text
+    assert "the hand did NOT answer" in caught.value.text
     assert "power" in caught.value.text
 
 
@@ -327,7 +327,7 @@ def test_a_link_lost_during_a_command_or_a_write_is_told() -> None:
     hand, _ = fake_hand("fault=disconnect")
     with pytest.raises(LinkError) as caught:
         hand.write(EXO.assignments(["position_set.index=300"]))
-    assert "position_set.index may be written or not, the device may move" in caught.value.text
+    assert "it is not known whether position_set.index was written, and the device may move" in caught.value.text
 
 
 def test_a_link_lost_during_a_calibration_says_that_it_goes_on() -> None:

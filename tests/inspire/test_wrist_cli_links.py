@@ -187,7 +187,7 @@ def test_scan_says_what_it_does() -> None:
         assert last <= facts["probes"] <= last + 10
         assert facts["seconds"] == pytest.approx(spy.now, abs=0.1)
         text = " ".join(message["text"] for message in result.json["messages"])
-        assert "1.." in text and str(last) in text and "probes" in text
+        assert "ids 1 to " in text and str(last) in text and "probes" in text
     nobody = run("wrist", "scan", "-p", link("can", id=16000), "--json")
     assert (nobody.code, nobody.rows) == (4, [])
     assert run("wrist", "scan", "--ids", "15990-16010", "-p", link("can", id=16000), "--json").rows[0]["id"] == 16000

@@ -102,8 +102,8 @@ def test_the_corrected_frames_are_no_misprints(frame: str) -> None:
         ("EB 90 01 04 11 C0 05 02 DD", False, ("read 2 bytes at 1472", "hand")),
         ("EB 90 01 07 31 0E 04 E8 03 18 FC 4A", True, ("write", "1038", "wrist")),
         ("EB 90 01 04 12 E8 03 02 04", True, ("write", "1000", "hand")),
-        ("EB 90 01 04 30 00 04 04 3E", True, ("unknown",)),
-        ("EB 90 01", True, ("unknown",)),
+        ("EB 90 01 04 30 00 04 04 3E", True, ("not known",)),
+        ("EB 90 01", True, ("not known",)),
     ],
 )
 def test_meaning_of_raw_bytes(frame: str, moves: bool, words: tuple[str, ...]) -> None:
@@ -264,10 +264,10 @@ def test_write_by_address(address: int, data: str, wire: str) -> None:
     ("address", "data", "words"),
     [
         (1038, "E8", "1 bytes"), (1038, "E8 03 18", "3 bytes"), (1036, "00 " * 8, "8 bytes"), (1038, "00 " * 8, "8 bytes"),
-        (1038, "", "0 bytes"), (1020, "00 00", "read-only"), (1028, "00 00", "read-only"), (1039, "00 00", "no documented"),
-        (1036, "00 00", "no documented"), (1042, "E8 03 00 00", "no documented"), (1044, "00 00", "no documented"),
+        (1038, "", "0 bytes"), (1020, "00 00", "read-only"), (1028, "00 00", "read-only"), (1039, "00 00", "not a documented"),
+        (1036, "00 00", "not a documented"), (1042, "E8 03 00 00", "not a documented"), (1044, "00 00", "not a documented"),
         (1038, "FC 18", "63.96"), (1040, "03 EB", "-53.73"), (1042, "00 00", "out of range"), (1042, "FF FF", "out of range"),
-        (5000, "00 00", "no documented"),
+        (5000, "00 00", "not a documented"),
     ],
 )  # fmt: skip
 def test_writes_that_are_refused(address: int, data: str, words: str) -> None:

@@ -172,7 +172,7 @@ def test_a_scan_is_bounded_and_says_what_it_did() -> None:
     assert bus.link.now() <= 254 / 32 * 0.02 + 0.2
     assert len(bus.link.sent) == 254
     (said,) = [entry.text for entry in wrist.journal.messages if entry.code == "scanned"]
-    for part in ("254", "read-only", "pitch_actual", "ids 1..254"):
+    for part in ("254", "read-only", "pitch_actual", "ids 1 to 254"):
         assert part in said
 
 

@@ -22,6 +22,7 @@ import pytest
 from tests.support.cli import FINGERS, POWER_ON, Simulator, clean_environment, frame, program, run, s16, sent, writes
 from tests.support.terminal import Terminal
 
+POWER_OFF = "Ctrl-C does not stop the hand. To stop it, switch its power off."
 SPARKS = "▁▂▃▄▅▆▇█"
 
 
@@ -230,7 +231,7 @@ def test_calibration_asks_leads_and_reports(sim: Simulator) -> None:
         for number, seconds in enumerate((1, 2, 2, 2, 2), 1):
             step = asked.partition(f"step {number}: ")[2].partition(f"step {number + 1}: ")[0]
             assert re.search(rf"\b{seconds} s\b", step), asked
-        for word in ("relax", "straight", "clenched", "palm", "thumb and index", "worn", "no command stops it"):
+        for word in ("relax", "straight", "clenched", "palm", "thumb and index", "worn", POWER_OFF):
             assert word in asked, word
         terminal.send("y\r")
         terminal.until("calibrating")
@@ -264,7 +265,7 @@ def test_interrupted_calibration_says_that_nothing_stops_it(tmp_path: Path) -> N
         assert terminal.finish() == 130
         text = " ".join(terminal.text.split())
     assert "goes on calibrating" in text
-    assert "No documented command stops a calibration" in text
+    assert f"{POWER_OFF} No documented command stops a calibration" in text
     assert writes(trace) == sent(trace)[-1:] == [frame("EB 90 01 04 12 F1 03 01 0C")]
 
 

@@ -113,16 +113,16 @@ class RegisterDevice(Device):
     @contextmanager
     def stopped_by_ctrl_c(self, what: str, moving: Collection[str]) -> Iterator[None]:
         """Ctrl-C while `what` is written stops the registers `moving` set going. Raises Interrupted."""
-        before, unsure = self.journal.counters.writes, f"{what} may be written or not"
-        look = f"`handctl {self.kind} get` shows what it holds"
-        left = Left(f"{unsure}, the device may move" if moving else unsure, look, joint=". ")
+        before, unsure = self.journal.counters.writes, f"it is not known whether {what} was written"
+        look = f"check with `handctl {self.kind} get`"
+        left = Left(f"{unsure}, and the device may move" if moving else unsure, look, joint=". ")
         try:
             with leaving(left, since=self.journal.counters, interrupt=False):
                 yield
         except KeyboardInterrupt as exc:
             if self.journal.counters.writes == before:
                 raise
-            left = Left(self.halt(moving) if moving else unsure, f"{look} now")
+            left = Left(self.halt(moving) if moving else unsure, look)
             raise Interrupted("interrupted", left=left) from exc
 
     @abstractmethod
@@ -146,7 +146,7 @@ class RegisterDevice(Device):
 
     def _write_run(self, run: Sequence[tuple[Element, Number]], *, last: bool) -> None:
         """One frame. Where its acknowledgement is lost, nothing follows it before it reads back."""
-        lost = self.bus.try_write(*_encoded(run), f"the write of {_names(run)}", "reading it back")
+        lost = self.bus.try_write(*_encoded(run), f"the write of {_names(run)}", "handctl reads it back")
         if lost is not None and not last:
             self._verify(run, self.read([element for element, _ in run]))
 
@@ -164,7 +164,7 @@ class RegisterDevice(Device):
         self.check_read_back(
             [change for run in runs for change in run],
             readings,
-            f"the device did not take the value, or changed it: look with `handctl {self.kind} get` before writing again",
+            f"check with `handctl {self.kind} get` before you write again: the device did not take the value, or changed it",
         )
 
     # -- tables --------------------------------------------------------------------------------------------------
@@ -173,7 +173,7 @@ class RegisterDevice(Device):
         """How many quantities, which, and why."""
         first, names = failed[0].error, dict.fromkeys(reading.element.param.name for reading in failed)
         assert first is not None
-        text = f"{len(names)} of the quantities could not be read: {', '.join(names)}; {first.text}"
+        text = f"{len(names)} {'quantity' if len(names) == 1 else 'quantities'} could not be read ({', '.join(names)}): {first.text}"
         return first.retold(f"{self.bus.where}: {text}")
 
     def dump(self) -> Table:

@@ -96,7 +96,7 @@ class BlockReader:
             self._across_gaps = False
             bus.journal.warn(
                 "block-silent",
-                f"no answer to {block.size} bytes at {block.address}; reading the documented groups one by one",
+                f"no answer to {block.size} bytes at {block.address}: the documented groups are read one by one",
             )
             return False
         memory.blocks.append((block.address, data))

@@ -97,7 +97,7 @@ class Bus(RegisterBus):
         if ack.data != bytes([eb90.ACCEPTED]):
             raise DeviceRefused(
                 f"{self.where}: the device answered {hex_bytes(ack.data)} instead of 01 to the write at {address}",
-                hint="it did not take the value; the manual does not say what other bytes mean",
+                hint="read the value before you write again: the device did not take it. The manual does not explain other bytes",
             )
 
     def write_step(self, address: int, data: bytes, meaning: str) -> Step:
@@ -206,7 +206,7 @@ class Bus(RegisterBus):
             return self.unanswered(hex_bytes(request), self.timeout, since, self.silence_hint)
         code, text = mishap(request, received)
         return ProtocolError(
-            f"{self.where}: {text}; sent {hex_bytes(request)}, got {shorten(received)}",
+            f"{self.where}: {text} (sent {hex_bytes(request)}, received {shorten(received)})",
             hint=hint_for(code, self.family),
             code=code,
             came=received,

@@ -63,7 +63,7 @@ class CanBus(RegisterBus):
         if reply and reply[0] != len(data):
             raise DeviceRefused(
                 f"{self.where}: the device acknowledged {reply[0]} of {len(data)} bytes written at {address}",
-                hint="it did not take the value, or only a part: read it before you write again",
+                hint="read the value before you write again: the device did not take it, or took only a part",
             )
 
     def write_step(self, address: int, data: bytes, meaning: str) -> Step:
@@ -139,36 +139,36 @@ class CanBus(RegisterBus):
             access = canreg.parse_identifier(others[0].can_id)
             if access.hand_id != self.id:
                 return ProtocolError(
-                    f"{self.where}: id {access.hand_id} answered instead: {others[0]}; sent {request}",
+                    f"{self.where}: id {access.hand_id} answered instead: {others[0]} (sent {request})",
                     hint="use the --id it shows, or look with `handctl wrist scan`",
                     code="wrong-id",
                 )
             return ProtocolError(
-                f"{self.where}: the answer has {len(others[0].data)} bytes, not what was asked: {others[0]}; sent {request}",
-                hint="another kind of device, or a second master on this bus",
+                f"{self.where}: the answer has {len(others[0].data)} bytes, not the number asked for: {others[0]} (sent {request})",
+                hint="check the bus: this is another kind of device, or there is a second master",
                 code="cut-short",
             )
         if echo:
             return ProtocolError(
                 f"{self.where}: only our own frame came back: {request}",
-                hint="the adapter is in loopback mode, or hands out what it sends; no device answers",
+                hint="check the adapter: it is in loopback mode, or hands out the frames that it sends. No device answers",
                 code="echo",
             )
         if damaged:
             return ProtocolError(
-                f"{self.where}: no answer to {request}; {said_damaged(damaged, self.link.damage)}",
+                f"{self.where}: no answer to {request}, but {said_damaged(damaged, self.link.damage)}",
                 hint=DAMAGED_HINT,
                 code="damaged",
             )
         if errors:
-            return NoAnswer(f"{self.where}: nobody acknowledged {request}", hint=NO_ACK_HINT, code="no-ack")
-        hint = f"no hand has this id (`handctl wrist scan` looks), or nobody hears it at all: {NO_ACK_HINT}"
+            return NoAnswer(f"{self.where}: no device acknowledged {request}", hint=NO_ACK_HINT, code="no-ack")
+        hint = f"look for the id with `handctl wrist scan`. If no device hears the bus, {NO_ACK_HINT}"
         return self.unanswered(str(request), self.timeout, since, hint)
 
 
 NO_ACK_HINT = (
-    "check power, termination (120 ohm), CAN high and low, and the bitrate: 1000000 by the manual, "
-    "some hands of this maker use 500000 (add ?bitrate=500000 to the LINK)"
+    "check power, termination (120 ohm), CAN high and low, and the bitrate. The manual has 1000000 bit/s, "
+    "but some hands of this maker use 500000 (add ?bitrate=500000 to the LINK)"
 )
 
 

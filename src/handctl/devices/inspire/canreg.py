@@ -56,16 +56,18 @@ def check_id(hand_id: int) -> None:
     """Refuse ids that an identifier cannot hold: 0..16383 (wrist §2.3). Raises UsageError."""
     if not 0 <= hand_id <= MAX_ID:
         raise UsageError(
-            f"id {hand_id} does not exist on CAN", hint="ids are 0 to 16383 (wrist §2.3). Nothing was sent."
+            f"id {hand_id} does not exist on CAN", hint="use an id from 0 to 16383 (wrist §2.3). Nothing was sent."
         )
 
 
 def _check(hand_id: int, address: int, count: int) -> None:
     check_id(hand_id)
     if not 0 <= address <= 0xFFF:
-        raise UsageError(f"address {address} does not fit", hint="addresses are 0 to 4095 on CAN, 12 bits (wrist §2.3)")
+        raise UsageError(
+            f"address {address} does not fit on CAN", hint="use an address from 0 to 4095, 12 bits (wrist §2.3)"
+        )
     if not 1 <= count <= MAX_COUNT:
-        raise UsageError(f"{count} bytes do not fit into one CAN frame", hint="1 to 8 bytes (wrist §2.3.1)")
+        raise UsageError(f"{count} bytes do not fit into one CAN frame", hint="use 1 to 8 bytes (wrist §2.3.1)")
 
 
 def check_span(hand_id: int, address: int, count: int) -> None:
@@ -73,7 +75,8 @@ def check_span(hand_id: int, address: int, count: int) -> None:
     _check(hand_id, address, 1)
     if count < 1 or address + count > 0x1000:
         raise UsageError(
-            f"{count} bytes at {address} run past address 4095", hint="addresses have 12 bits on CAN (wrist §2.3)"
+            f"{count} bytes at {address} run past address 4095",
+            hint="ask for fewer bytes: addresses have 12 bits on CAN (wrist §2.3)",
         )
 
 

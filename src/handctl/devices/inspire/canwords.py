@@ -42,7 +42,7 @@ class CanWords:
             return self._made(DEVICE, can_id, data, f"our own frame came back: {words}", problem="echo")
         count = "an acknowledgement" if access.writes else f"{asked[0] if len(asked) == 1 else '?'} bytes"
         words = self._answer_words(can_id, data)
-        return self._made(DEVICE, can_id, data, f"{words}; {count} expected, {len(data)} came", problem="cut-short")
+        return self._made(DEVICE, can_id, data, f"{words} ({count} expected, {len(data)} came)", problem="cut-short")
 
     def decode(self, side: str, can_id: int, data: bytes) -> Piece:
         """A frame without a conversation: a read of one byte is a question, a write with data a request."""
@@ -109,7 +109,7 @@ class CanWords:
         holds = access.writes == (direction == HOST) and bool(data) and problem != "echo"
         kind = KINDS.get(access.flag, "not in the manual")
         what = f"{access.address} {span_name(space, access.address, max(1, len(data)))}"
-        parts = [Part(can_id.to_bytes(4, "big"), "identifier", f"{kind}; address {what}; id {access.hand_id}")]
+        parts = [Part(can_id.to_bytes(4, "big"), "identifier", f"{kind}, address {what}, id {access.hand_id}")]
         if holds:
             parts += span_parts(space, access.address, data)
         elif data:

@@ -78,22 +78,27 @@ def checksum(body: bytes) -> int:
 def check_id(device_id: int) -> None:
     """Refuse ids that the manual does not define: 1..254 (exo §2.3.1). Raises UsageError."""
     if not 1 <= device_id <= 254:
-        raise UsageError(f"id {device_id} does not exist", hint="ids are 1 to 254 (exo §2.3.1). Nothing was sent.")
+        raise UsageError(
+            f"id {device_id} does not exist", hint="use an id from 1 to 254 (exo §2.3.1). Nothing was sent."
+        )
 
 
 def check_span(address: int, count: int) -> None:
     """Refuse a register span that no frame can carry. Raises UsageError."""
     if not 0 <= address <= 0xFFFF:
         raise UsageError(
-            f"address {address} is not a register address", hint="addresses are 0 to 65535, 16 bits (exo §2.2.3)"
+            f"address {address} is not a register address", hint="use an address from 0 to 65535, 16 bits (exo §2.2.3)"
         )
     if not 1 <= count <= MAX_COUNT:
         raise UsageError(
             f"{count} bytes do not fit into one frame",
-            hint=f"1 to {MAX_COUNT}: the reply's length byte is count + 3 and must stay below 256 (exo §2.2.3)",
+            hint=f"use 1 to {MAX_COUNT}: the answer's length byte is count + 3 and must stay below 256 (exo §2.2.3)",
         )
     if address + count > 0x10000:
-        raise UsageError(f"address {address} + {count} bytes runs past 65535")
+        raise UsageError(
+            f"{count} bytes at {address} run past address 65535",
+            hint="ask for fewer bytes: addresses have 16 bits (exo §2.2.3)",
+        )
 
 
 def read_request(device_id: int, address: int, count: int, flag: int = READ) -> bytes:
@@ -193,6 +198,7 @@ class Decoder:
             self.rejected = frame
             raise ProtocolError(
                 f"bad checksum {frame[-1]:02X}, expected {expected:02X}, in {frame.hex(' ').upper()}",
+                hint="check cable, ground and speed",
                 code="bad-checksum",
             )
         del buffer[:end]

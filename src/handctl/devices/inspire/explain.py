@@ -114,7 +114,7 @@ class InspireExplainer(Cutter):
     def _damaged(self, direction: str, raw: bytes) -> Piece:
         right = eb90.checksum(raw[2:-1])
         words = self._words(Frame(raw[:2], raw[2], raw[4], raw[5:-1]))[0]
-        meaning = f"bad checksum {raw[-1]:02X}, should be {right:02X}; it would say: {words}"
+        meaning = f"bad checksum {raw[-1]:02X}, should be {right:02X}. It would say: {words}"
         return Piece(
             direction=direction, raw=raw, meaning=meaning,
             problem="bad-checksum", frame=False, title="bad-checksum", fields={"checksum": f"{raw[-1]:02X}",
@@ -222,9 +222,9 @@ class InspireExplainer(Cutter):
             return f"{verdict}: write at {address} {span_name(space, address, 1)}{other}, {where}", ()
         text = describe(space, address, frame.data) + (f" at {address}{other}" if space is None else "")
         if writes and len(frame.data) == 8 and frame.flag == WRIST_WRITE:
-            text += "; an exoskeleton hand takes it for a force command"
+            text += " (an exoskeleton hand takes it for a force command)"
         if writes and frame.from_device:
-            return f"no acknowledgement of a write, which has one byte: {frame.data.hex(' ').upper()}, {where}", ()
+            return f"not an acknowledgement of a write, which has one byte: {frame.data.hex(' ').upper()}, {where}", ()
         return (f"write {text}, {where}" if writes else f"{text}, {where}"), Later(
             lambda: span_values(space, address, frame.data)
         )
@@ -244,7 +244,7 @@ class InspireExplainer(Cutter):
                 values,
             )
         if frame.from_device:
-            return f"{kind} command taken; {name} = {text}, id {frame.id}", values
+            return f"{kind} command taken: {name} = {text}, id {frame.id}", values
         return f"{kind} command, {order}: {text}, id {frame.id}", values
 
     def _parts(self, raw: bytes) -> tuple[Part, ...]:

@@ -128,8 +128,10 @@ TABLE = (
 """In the order of their weight: a hand that carries a wrist shows both, an EH55BF1 only what every hand shows."""
 
 
-SIX_FINGERS = "this is no EH55BF1 but a hand of six actuators, an RH56 or the hand of a wrist module"
-SIX_HINT = "a wrist on it: `handctl wrist`; for the hand itself handctl has no command yet, and writes nothing to it"
+SIX_FINGERS = "this is not an EH55BF1 but a hand with six actuators (an RH56, or the hand of a wrist module)"
+SIX_HINT = (
+    "use `handctl wrist` for a wrist on it. handctl has no command for the hand itself yet, and writes nothing to it"
+)
 """For commands that read and ask nothing more: the bytes of a hand do not tell whether it carries a wrist."""
 
 # -- looking ------------------------------------------------------------------------------------------------------
@@ -225,8 +227,8 @@ class Look:
     def _unknown(self) -> ProtocolError:
         came = "; ".join(f"{span[0]}: {hex_bytes(data)}" for (_, span), data in self._memory.items() if data)
         return ProtocolError(
-            f"{self._bus.where}: it answers, but not as a device of this maker that is known ({came})",
-            hint="look at the type plate; `--assume-identity` writes all the same",
+            f"{self._bus.where}: the device answers, but not as a known device of this maker ({came})",
+            hint="check the type plate. --assume-identity writes all the same",
             code="unknown-device",
         )
 
@@ -263,9 +265,9 @@ class FamilyGate(Gate):
 
 def stranger(bus: RegisterBus, kind: Kind, own: Kind, evidence: str) -> DeviceRefused:
     """The error of a device of another kind, with the command that fits."""
-    fits = f"`{kind.command}` is the command for it" if kind.command else "handctl has no command for it yet"
+    fits = f"use `{kind.command}`, the command for it" if kind.command else "handctl has no command for it yet"
     return DeviceRefused(
         f"{bus.where}: this is {kind.words}, not {own.words}: {evidence}",
-        hint=f"{fits}; --assume-identity writes all the same, if you know better",
+        hint=f"{fits}. --assume-identity writes all the same, if you are sure of the device",
         code="other-device",
     )

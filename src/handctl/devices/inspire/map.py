@@ -71,7 +71,8 @@ def address_in(text: str) -> int:
         address = -1
     if "_" in text or not 0 <= address <= 0xFFFF:
         raise UsageError(
-            f"{text!r} is not a register address", hint="0 to 65535, or hexadecimal: 1486 or 0x5CE. Nothing was sent."
+            f"{text!r} is not a register address",
+            hint="use 0 to 65535, decimal or hexadecimal, such as 1486 or 0x5CE. Nothing was sent.",
         )
     return address
 
@@ -103,15 +104,15 @@ EXO: ParamMap[Register] = ParamMap("exo", [
     _u8(1000, "id", "id of the hand on its line", "exo §2.3.1", low=1, high=254, **_SET),
     _u8(1001, "baud_code", "speed after save and power cycle", "exo §2.3.2", choices=_SPEEDS, **_SET),
     _u8(1004, "clear_errors", "write 1: clear the clearable actuator errors", "exo §2.3.3", verb="clear-errors", **_DO),
-    _u8(1005, "save", "write 1: keep the present parameters in flash", "exo §2.3.4", verb="save", strands=True, **_DO),
-    _u8(1006, "factory_reset", "write 1: restore factory defaults; undocumented address, taken from the RH56 hand",
-        "exo §2.3.5 gives no address; RH56 §2.4.5", verb="factory-reset", strands=True, **(_DO | {"access": "w"})),
+    _u8(1005, "save", "write 1: save the present parameters to flash", "exo §2.3.4", verb="save", strands=True, **_DO),
+    _u8(1006, "factory_reset", "write 1: restore factory defaults (undocumented address, taken from the RH56 hand)",
+        "exo §2.3.5 (no address), RH56 §2.4.5", verb="factory-reset", strands=True, **(_DO | {"access": "w"})),
     _u8(1009, "calibrate", "write 1: calibrate forces and positions on the worn hand", "exo §2.3.6", verb="calibrate", persistent="unknown", acts=MOVES, **_DO),
     _s16(1472, "system_voltage", "supply voltage as the hand counts it", "exo §2.3", note="raw, scale unknown"),
-    _s16(1486, "position_set", "commanded position, 0 bent to 1000 open; -1 leaves a finger alone", "exo §2.3.7", low=0, high=1000, special=_NOT_COMMANDED, **_FIVE, **_GO),
-    _s16(1498, "force_set", "commanded force; positive opens the hand, negative closes it", "exo §2.3.8", low=-1000, high=1000, **_FIVE, **(_GO | {"acts": PUSHES})),
-    _s16(1546, "position_actual", "measured position, 0 bent to 1000 open; thumb rotation 0 inside the palm", "exo §2.3.9", low=0, high=1000, **_SIX),
-    _s16(1582, "force_actual", "measured force; positive: the user closes the hand, negative: opens it", "exo §2.3.10", low=-1000, high=1000, **_FIVE),
+    _s16(1486, "position_set", "commanded position, 0 bent to 1000 open, -1 leaves a finger alone", "exo §2.3.7", low=0, high=1000, special=_NOT_COMMANDED, **_FIVE, **_GO),
+    _s16(1498, "force_set", "commanded force, positive opens the hand, negative closes it", "exo §2.3.8", low=-1000, high=1000, **_FIVE, **(_GO | {"acts": PUSHES})),
+    _s16(1546, "position_actual", "measured position, 0 bent to 1000 open, thumb rotation 0 inside the palm", "exo §2.3.9", low=0, high=1000, **_SIX),
+    _s16(1582, "force_actual", "measured force, positive when the user closes the hand, negative when opening it", "exo §2.3.10", low=-1000, high=1000, **_FIVE),
     _s16(1594, "current", "actuator current", "exo §2.3.11", unit="mA", low=0, high=1000, **_FIVE),
     _u8(1606, "error", "actuator error bits", "exo §2.3.12", bits=ERROR_BITS, **_FIVE),
     _u8(1618, "temperature", "actuator temperature", "exo §2.3.13", unit="°C", low=0, high=100, **_FIVE),

@@ -9,16 +9,16 @@ from handctl.model.frames import frames_in
 from handctl.model.result import hex_bytes
 
 SILENCE_HINT = (
-    "silence means a wrong id, a wrong speed, no power or no cable alike. Check in this order: --id 1 at 115200, "
-    "`handctl exo scan`, power (7..9 V), TX/RX and RS-232 wiring; plugging power and data in again is worth a try"
+    "check in this order: --id 1 at 115200 bit/s, `handctl exo scan`, power (7 to 9 V), TX/RX and RS-232 wiring. "
+    "A wrong id, a wrong speed, no power and no cable all end in silence. Unplug power and data, and plug them in again"
 )
 HINTS = {
-    "echo": "only our own bytes come back: an echo or a TX-RX short, no device answers. Check the wiring",
-    "wrong-id": "another id answers: use the --id it shows, or look with `handctl exo scan`",
-    "bad-checksum": "bytes were damaged on the way: check cable and ground, the speed, and that one device only has this id",
-    "cut-short": "the reply was cut off: check cable and adapter, and that no other program reads the port",
-    "stale": "a valid frame came, but it answers something else: another program or a second master may use this line",
-    "garbage": "no frame in it: most likely a wrong speed (--baud 115200, 57600, 19200) or another kind of device",
+    "echo": "check the wiring: only our own bytes come back, by an echo or a TX-RX short. No device answers",
+    "wrong-id": "use the --id it shows, or look with `handctl exo scan`: another id answers",
+    "bad-checksum": "check cable, ground and speed, and that only one device has this id: bytes were damaged on the way",
+    "cut-short": "check cable and adapter, and that no other program reads the port: the answer was cut off",
+    "stale": "look for another program or a second master on this line: a valid frame came, but it answers something else",
+    "garbage": "try --baud 115200, 57600 and 19200: most likely the speed is wrong, or this is another kind of device",
 }
 
 

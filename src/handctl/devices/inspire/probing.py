@@ -23,7 +23,9 @@ def window_ms(timeout: float | None, ids: int) -> float | None:
 def found(table: Table, value: str) -> list[Row]:
     """The rows of a scan with the reading as evidence. Raises what the scan met instead of a device."""
     if table.failure is not None and table.failure.code == "deadline":
-        raise NoAnswer(table.failure.text)  # the deadline is the search's, which says so itself
+        raise NoAnswer(
+            table.failure.text, hint=table.failure.hint
+        )  # the deadline is the search's, which says so itself
     if table.failure is not None and not table.rows:
         raise table.failure
     return [
@@ -44,6 +46,6 @@ def identified(device: RegisterDevice, own: Kind) -> tuple[str, str, str]:
     look = Look(device.bus)
     kind = look.who(own)
     if kind is own:
-        return "ok", f"nothing speaks against {own.words}: {look.evidence}", ""
-    command = f"`{kind.command}` is the command for it" if kind.command else SIX_HINT
+        return "ok", f"nothing contradicts {own.words}: {look.evidence}", ""
+    command = f"use `{kind.command}`, the command for it" if kind.command else SIX_HINT
     return "fail", f"this is {kind.words}, not {own.words}: {look.evidence}", command

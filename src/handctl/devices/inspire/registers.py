@@ -91,7 +91,7 @@ class RegisterBus(Line, ABC):
         except (NoAnswer, ProtocolError) as exc:
             if self.journal.counters.writes == before:
                 raise
-            self.journal.warn("ack-lost", f"{what} was not acknowledged ({exc.text}); {then}")
+            self.journal.warn("ack-lost", f"{what} was not acknowledged ({exc.text}). {then}")
             return exc
         return None
 
@@ -146,7 +146,7 @@ class RegisterBus(Line, ABC):
         """Raise NoAnswer when --deadline, not the device, ended a wait for `what`."""
         if self.over:
             raise NoAnswer(
-                f"{self.where}: --deadline ended the wait for {what}; how it ended is unknown",
-                hint="read the values before you repeat it; a longer --deadline waits for the end",
+                f"{self.where}: --deadline ended the wait for {what}. The result is not known",
+                hint="read the values before you repeat the command. A longer --deadline waits for the end",
                 code="deadline",
             )

@@ -78,7 +78,8 @@ def parse_speeds(text: str) -> list[int]:
     for part in text.split(","):
         if not part.strip().isdecimal() or int(part) not in BAUD_RATES.values():
             raise UsageError(
-                f"--speeds {text}: {part.strip()!r} is not a speed of this hand", hint=f"{known} (exo §2.3.2)"
+                f"--speeds {text}: {part.strip()!r} is not a speed of this hand",
+                hint=f"choose from {known} bit/s (exo §2.3.2)",
             )
         speeds.append(int(part))
     return list(dict.fromkeys(speeds))
@@ -113,29 +114,32 @@ def scan(
     found = Scanner(
         bus, guide, window=window, wait=wait, find_all=find_all, probe=kind.probe, twin=kind.twin, own=kind.own
     ).run(ids, tried)
-    method = "one by one" if window == 1 else f"{window} ids per window"
+    span = f"{wait * 1000:g} ms"
+    method = f"one by one, {span} each" if window == 1 else f"{window} ids per window of {span}"
     speeds_text = ", ".join(str(speed) if speed else "the link's speed" for speed in tried)
     summary = (
-        f"{found.probes} probes in {found.windows} windows, {found.seconds:.2f} s; asked for: ids {ids[0]}..{ids[-1]} at "
-        f"{speeds_text}, {method} of {wait * 1000:g} ms"
+        f"{found.probes} probes in {found.windows} windows, {found.seconds:.2f} s: ids {ids[0]} to {ids[-1]} at "
+        f"{speeds_text}, {method}"
     )
     if found.cut:
-        summary += "; --deadline ended it before all were asked"
+        summary += ", ended by --deadline before all were asked"
     bus.journal.info("scanned", summary)
     for speed, device_id in found.unconfirmed:
-        bus.journal.warn("unconfirmed", f"id {device_id}{_at(speed)} answered once and not again: not counted")
+        bus.journal.warn("unconfirmed", f"id {device_id}{_at(speed)} answered once and not again. It is not counted")
     table = Table(
         rows=rows_of(found, link.name, kind), columns=columns_of(kind), extra={"scan": _facts(found, window, wait)}
     )
     for speed, device_id in sorted(found.twins, key=str):
         bus.journal.warn(
             "twin-id",
-            f"id {device_id}{_at(speed)}: good and bad checksums mix on values that jitter: two devices with one id?",
+            f"id {device_id}{_at(speed)}: good and bad checksums mix on values that jitter. Two devices may have this id",
             hint="leave one device on the line and give it another id",
         )
     strangers = [row for row in table.rows if row["family"] != kind.family]
     for row in strangers:
-        bus.journal.warn("other-device", f"id {row['id']}{_at(row['baud'])} is no {kind.family}: {row['suspicion']}")
+        bus.journal.warn(
+            "other-device", f"id {row['id']}{_at(row['baud'])} is not of the family {kind.family}: {row['suspicion']}"
+        )
     if not found.hits:
         table.failure = _nothing(found, link.name, summary, kind)
     elif len(strangers) == len(table.rows):
@@ -143,7 +147,7 @@ def scan(
             f"{link.name}: no {kind.family}, but {strangers[0]['suspicion']}", hint=SIX_HINT, code="other-device"
         )
     elif not find_all:
-        bus.journal.info("first", "ended at the first one; --all looks for more")
+        bus.journal.info("first", "the scan ended at the first device", hint="add --all to look for more")
     return table
 
 
@@ -168,13 +172,13 @@ def _nothing(found: Findings, name: str, summary: str, kind: Target) -> NoAnswer
     if twice:
         return ProtocolError(
             f"{name}: id {', '.join(map(str, twice))} answered, but each time with a wrong checksum ({summary})",
-            hint="two devices with one id, or a disturbed line: leave one device on the line, check cable and ground",
+            hint="leave one device on the line, check cable and ground: two devices have one id, or the line is disturbed",
             code="bad-checksum",
         )
     if found.foreign:
         ids = ", ".join(str(device_id) for _, device_id in found.unconfirmed)
         return ProtocolError(
-            f"{name}: answers under id {ids} came, but not when that id was asked ({summary})",
+            f"{name}: id {ids} answered, but not when it was asked ({summary})",
             hint=hint_for("wrong-id", kind.family),
             code="wrong-id",
         )
@@ -191,7 +195,9 @@ def _nothing(found: Findings, name: str, summary: str, kind: Target) -> NoAnswer
             code="garbage",
         )
     if found.cut:
-        return NoAnswer(f"{name}: no {kind.family} so far ({summary})", hint="a longer --deadline", code="deadline")
+        return NoAnswer(
+            f"{name}: no {kind.family} so far ({summary})", hint="give a longer --deadline", code="deadline"
+        )
     return NoAnswer(
         f"{name}: no {kind.family}, complete silence ({summary})",
         hint=kind.silence_hint,

@@ -101,7 +101,7 @@ class Scanner:
         groups = [ids[:1]] + [ids[i : i + self._window] for i in range(0, len(ids), self._window)]
         for number, group in enumerate(groups):
             self._guide.progress(
-                f"{f'{speed} baud, ' if speed else ''}ids {group[0]}..{group[-1]}, found {len(self.found.hits)}"
+                f"{f'{speed} bit/s, ' if speed else ''}ids {group[0]} to {group[-1]}, found {len(self.found.hits)}"
                 f", {100 * number // len(groups)} %"
             )
             if not self._group(group, answered) and len(group) > 1:

@@ -47,8 +47,8 @@ cli = Group(
     "exo",
     family=Family("exo", open_exo, 115200, explain_silence, ids=True),
     first=("position", "force", "clear-errors", "calibrate", "scan"),
-    help="Inspire EH55BF1 exoskeleton hand, over RS-232 or a Bluetooth serial port. A person may be wearing it: "
-    "commands that move it or change it for good ask first.",
+    help="Inspire EH55BF1 exoskeleton hand, over RS-232 or a Bluetooth serial port. A person may be wearing it. "
+    "Commands that move it, or change it permanently, ask first.",
 )
 
 
@@ -68,7 +68,7 @@ add_map_verbs(
 @click.argument("address")
 @click.argument("count", type=int)
 def read(run: Run, address: str, count: int) -> Table:
-    """Read COUNT bytes (1 to 252) from any ADDRESS; documented registers are decoded."""
+    """Read COUNT bytes (1 to 252) from any ADDRESS. Documented registers are decoded."""
     from handctl.devices.inspire.exo import raw as exo_raw
 
     place = address_in(address)
@@ -84,14 +84,14 @@ def read(run: Run, address: str, count: int) -> Table:
 @click.argument("data", metavar="HEX")
 @click.option("--undocumented", is_flag=True, help="Allow an address that the manual does not document.")
 def write(run: Run, address: str, data: str, undocumented: bool) -> Table:
-    """Write bytes at ADDRESS, low byte first, and read them back. Checked against the manual; asks first."""
+    """Write bytes at ADDRESS, low byte first, and read them back. They are checked against the manual. Asks first."""
     from handctl.devices.inspire.exo import raw as exo_raw
 
     place = address_in(address)
     step = exo_raw.plan_write(run.planner(), place, exo_raw.parse_hex(data), undocumented)
     if (plan := run.planned([step])) is not None:
         return plan
-    run.confirm(f"This writes to the hand, which may be worn: {step.meaning}", [step])
+    run.confirm(f"This writes to a hand that a person may be wearing: {step.meaning}", [step])
     return exo_raw.write(run.device(), place, exo_raw.parse_hex(data))
 
 
@@ -103,15 +103,15 @@ def write(run: Run, address: str, data: str, undocumented: bool) -> Table:
     default=0.5,
     show_default=True,
     metavar="S",
-    help="Seconds to listen after the last byte.",
+    help="Listen for S seconds after the last byte.",
 )
 @click.option(
     "--force-ambiguous",
     is_flag=True,
-    help="Send what another device of this maker would take for something else, or what is out of range.",
+    help="Send also a frame that another device of this maker reads differently, or a value out of range.",
 )
 def raw(run: Run, data: tuple[str, ...], wait: float, force_ambiguous: bool) -> Table:
-    """Send these bytes exactly and show what comes back, decoded. Anything but a read asks first."""
+    """Send exactly these bytes and show the answer, decoded. Everything except a read asks first."""
     from handctl.devices.inspire.exo import raw as exo_raw
 
     frame = exo_raw.parse_hex(" ".join(data))
@@ -119,7 +119,7 @@ def raw(run: Run, data: tuple[str, ...], wait: float, force_ambiguous: bool) -> 
     if (plan := run.planned([step])) is not None:
         return plan
     if step.moves or step.strands:
-        run.confirm(f"This may move or change the hand, which may be worn: {step.meaning}", [step])
+        run.confirm(f"This may move or change a hand that a person may be wearing: {step.meaning}", [step])
     hand = run.device()
     with exo_raw.goes_on(hand, step):
         return exo_raw.exchange(hand, frame, wait)
@@ -128,7 +128,10 @@ def raw(run: Run, data: tuple[str, ...], wait: float, force_ambiguous: bool) -> 
 @cli.verb("id", "Settings", writes=True)
 @click.argument("new", required=False, type=int)
 def id_(run: Run, new: int | None) -> Table:
-    """Show the id, or give the hand a NEW one (1 to 254). Acts at once; `save` keeps it. One hand on the line."""
+    """Show the id, or give the hand a NEW one (1 to 254).
+
+    A new id acts at once, and `save` keeps it. Only one hand may be on the line.
+    """
     from handctl.devices.inspire.exo import procedures
 
     if new is None:
@@ -138,7 +141,9 @@ def id_(run: Run, new: int | None) -> Table:
     steps = run.planner().plan([(EXO.find("id")[1][0], new)])
     if (plan := run.planned(steps)) is not None:
         return plan
-    run.confirm(f"This changes the id to {new} at once; every hand on this line with the old id would change", steps)
+    run.confirm(
+        f"This changes the id to {new} at once. Every hand on this line that has the old id would change", steps
+    )
     return procedures.change_id(run.device(), new)
 
 
@@ -148,13 +153,16 @@ def id_(run: Run, new: int | None) -> Table:
     "--save",
     "save_too",
     is_flag=True,
-    help="Save to flash afterwards: the speed acts only after that and a power cycle.",
+    help="Save to flash afterwards. The new speed acts only after that and a power-cycle.",
 )
 @click.option(
-    "--verify", is_flag=True, help="Then wait for the power cycle (up to 120 s) and find the hand at the new speed."
+    "--verify", is_flag=True, help="Wait for the power-cycle (up to 120 s), then look for the hand at the new speed."
 )
 def baud(run: Run, rate: int | None, save_too: bool, verify: bool) -> Table:
-    """Show the speed code, or write a new RATE: 115200, 57600 or 19200. Effective after save and a power cycle."""
+    """Show the speed code, or write a new RATE: 115200, 57600 or 19200 bit/s.
+
+    The new speed acts after `save` and a power-cycle.
+    """
     from handctl.devices.inspire.exo import flash, procedures
 
     if rate is None:
@@ -163,8 +171,8 @@ def baud(run: Run, rate: int | None, save_too: bool, verify: bool) -> Table:
     code = procedures.code_of(rate)
     if code is None:
         raise UsageError(
-            f"{rate} baud does not exist",
-            hint=f"the hand knows {', '.join(map(str, BAUD_RATES.values()))} (exo §2.3.2). Nothing was sent.",
+            f"{rate} bit/s is not a speed of this hand",
+            hint=f"choose one of {', '.join(map(str, BAUD_RATES.values()))} bit/s (exo §2.3.2). Nothing was sent.",
         )
     if verify and not save_too:
         raise UsageError("--verify needs --save: without it the hand keeps its old speed", hint="add --save")
@@ -175,8 +183,8 @@ def baud(run: Run, rate: int | None, save_too: bool, verify: bool) -> Table:
     if (plan := run.planned(steps)) is not None:
         return plan
     run.confirm(
-        f"After save and power cycle the hand speaks {rate} baud only, and a Bluetooth module may be left behind at the "
-        "old speed (have an RS-232 cable ready)",
+        f"After save and power-cycle the hand uses {rate} bit/s only. A Bluetooth module may stay at the old speed: have an "
+        "RS-232 cable ready",
         steps,
     )
     hand = run.device()
@@ -184,22 +192,22 @@ def baud(run: Run, rate: int | None, save_too: bool, verify: bool) -> Table:
     if save_too or run.offer("Save it to flash now"):
         hand.check_identity()
         table.rows += flash.save(hand, run.guide).rows
-        if verify or run.offer("Wait for the power cycle and look for the hand at the new speed"):
+        if verify or run.offer("Wait for the power-cycle and look for the hand at the new speed"):
             _verify_speed(run, hand, rate, table)
         else:
             run.journal.info(
                 "power-cycle",
-                f"power-cycle the hand, then use --baud {rate}",
-                hint="until then it speaks the old speed",
+                "the hand keeps its old speed until its power is switched off and on",
+                hint=f"power-cycle the hand, then use --baud {rate}",
             )
     else:
         already = any(message.code == "already" for message in run.journal.messages)
         run.journal.warn(
             "not-saved",
-            f"whether {rate} baud is saved is not known: if not, the hand keeps its old speed"
+            f"it is not known whether {rate} bit/s is saved. If it is not, the hand keeps its old speed"
             if already
-            else f"{rate} baud is not saved: the hand keeps its old speed",
-            hint=f"`handctl exo save --id {hand.bus.id}`, then power-cycle",
+            else f"{rate} bit/s is not saved: the hand keeps its old speed",
+            hint=f"run `handctl exo save --id {hand.bus.id}`, then power-cycle the hand",
         )
     return table  # fmt: skip
 
@@ -213,10 +221,10 @@ def _verify_speed(run: Run, hand: ExoHand, rate: int, table: Table) -> None:
         )
         return
     found = procedures.find_speed(hand.bus)
-    where = f"it answers at {found} baud" if found else "it answers at none of the three speeds"
+    where = f"It answers at {found} bit/s" if found else "It answers at none of the three speeds"
     table.failure = NoAnswer(
-        f"{hand.bus.link.name}: no hand at {rate} baud after the power cycle; {where}",
-        hint="a Bluetooth module may still be at the old speed: use the RS-232 cable; `handctl exo scan` looks everywhere",
+        f"{hand.bus.link.name}: no hand at {rate} bit/s after the power-cycle. {where}",
+        hint="use the RS-232 cable: a Bluetooth module may still be at the old speed. `handctl exo scan` asks all ids and speeds",
     )
 
 
@@ -229,7 +237,7 @@ def _only_reads(run: Run, name: str) -> None:
 
 @cli.verb("clear-errors", "Service", writes=True)
 def clear_errors(run: Run) -> Table:
-    """Clear actuator errors and show what is left. Over-temperature is not clearable: it goes away by cooling."""
+    """Clear actuator errors and show which remain. Over-temperature cannot be cleared. It ends by cooling."""
     from handctl.devices.inspire.exo import flash
 
     if (plan := run.planned([run.planner().trigger_step("clear_errors", "clear errors")])) is not None:
@@ -238,20 +246,20 @@ def clear_errors(run: Run) -> Table:
 
 
 SKIP_IDENTITY = click.option(
-    "--skip-identity-check", is_flag=True, help="Do not check first that the registers look like an EH55BF1's."
+    "--skip-identity-check", is_flag=True, help="Skip the check that the registers look like those of an EH55BF1."
 )
 
 
 @cli.verb("save", "Settings", writes=True)
 @SKIP_IDENTITY
 def save(run: Run, skip_identity_check: bool) -> Table:
-    """Keep the present parameters in flash; waits for the hand's result (about 1 s)."""
+    """Save the present parameters to flash and wait for the result (about 1 s)."""
     from handctl.devices.inspire.exo import flash
 
     steps = [run.planner().trigger_step("save", "save to flash")]
     if (plan := run.planned(steps)) is not None:
         return plan
-    run.confirm("Save the present parameters to flash (the manual marks id and baud_code as kept)", steps)
+    run.confirm("This saves the present parameters to flash. The manual marks id and baud_code as kept", steps)
     hand = run.device()
     if not skip_identity_check:
         hand.check_identity()
@@ -262,33 +270,39 @@ def save(run: Run, skip_identity_check: bool) -> Table:
 @click.option(
     "--undocumented-address",
     is_flag=True,
-    help="Yes, write to address 1006: this manual names none, it is taken from the RH56 hand.",
+    help="Write to address 1006, which is the RH56 hand's. The manual of this hand gives none.",
 )
 @click.option(
     "--backup",
     metavar="FILE",
     type=OutFile(),
-    help="Snapshot to write first (default: exo-before-reset.json); never overwritten.",
+    help="Snapshot to write first (default: exo-before-reset.json). An existing file is never overwritten.",
 )
 @SKIP_IDENTITY
 def factory_reset(run: Run, undocumented_address: bool, backup: str | None, skip_identity_check: bool) -> Table:
-    """Restore factory defaults. The address is undocumented for this hand; writes a backup first."""
+    """Restore the factory defaults. A snapshot is written first. The manual gives no address for this."""
     import os
 
     from handctl.devices.inspire.exo import flash
 
     if not undocumented_address:
         raise UsageError(
-            "the manual documents a factory reset but no address for it (exo §2.3.5)",
-            hint="--undocumented-address uses 1006, the address of the RH56 hand. Nothing was sent.",
+            "the manual describes a factory reset but gives no address for it (exo §2.3.5)",
+            hint="add --undocumented-address to use 1006, the address of the RH56 hand. Nothing was sent.",
         )
     steps = [run.planner().trigger_step("factory_reset", "factory reset at an undocumented address")]
     if (plan := run.planned(steps)) is not None:
         return plan
     path = backup or "exo-before-reset.json"
     if os.path.exists(path):
-        raise UsageError(f"{path} exists and is not overwritten", hint="choose another file with --backup FILE")
-    run.confirm("This restores factory defaults for good, at an address this manual does not name", steps, word="reset")
+        raise UsageError(
+            f"{path}: the file exists and is not overwritten", hint="choose another file with --backup FILE"
+        )
+    run.confirm(
+        "This restores the factory defaults permanently, at an address that the manual does not give",
+        steps,
+        word="reset",
+    )
     hand = run.device()
     if not skip_identity_check:
         hand.check_identity()
@@ -304,26 +318,26 @@ add_movements(cli)
 
 @cli.verb("scan", "Service")
 @click.option("--ids", default="1-254", show_default=True, metavar="FROM-TO", help="Ids to ask.")
-@click.option("--speeds", default="115200,57600,19200", show_default=True, metavar="LIST", help="Speeds to try.")
+@click.option(
+    "--speeds", default="115200,57600,19200", show_default=True, metavar="LIST", help="Speeds to try, in bit/s."
+)
 @click.option(
     "--window",
     type=click.IntRange(1, 254),
     default=8,
     show_default=True,
     metavar="K",
-    help="Ids asked per reply window; 1 = one by one (RS-485).",
+    help="Ids asked in one window (1 = one by one, for RS-485).",
 )
 @click.option(
     "--reply-window",
     type=FiniteRange(min=1, max=1000),
     metavar="MS",
-    help="Wait per window (default: 20, or 30 with an FTDI adapter whose latency timer is high).",
+    help="Milliseconds to wait per window. Default: 20, or 30 for an FTDI adapter with a high latency timer.",
 )
-@click.option(
-    "--all", "find_all", is_flag=True, help="Go through all ids and speeds instead of ending at the first hand."
-)
+@click.option("--all", "find_all", is_flag=True, help="Ask all ids at all speeds instead of ending at the first hand.")
 def scan(run: Run, ids: str, speeds: str, window: int, reply_window: float | None, find_all: bool) -> Table:
-    """Look for hands by read-only probes: id 1 at each speed, then all ids. Bounded; confirms each hit twice."""
+    """Look for hands: id 1 at each speed, then all ids. Only reads. A hand counts when it has answered twice."""
     from handctl.devices.inspire import scan_report
     from handctl.devices.inspire.exo import scan as exo_scan
 

@@ -30,9 +30,9 @@ class ExoHand(RegisterDevice):
     live = LIVE
     worn = True
     not_covered = (
-        "what calibration measured (no register holds it)",
-        "the flash: restored values last until power-off unless `handctl exo save` keeps them, "
-        "and the manual marks only id and baud_code as kept",
+        "the results of a calibration (no register holds them)",
+        "the flash: restored values last until power-off unless `handctl exo save` keeps them "
+        "(the manual marks only id and baud_code as kept)",
         "triggers (clear_errors, save, factory_reset, calibrate)",
     )
 
@@ -78,7 +78,7 @@ class ExoHand(RegisterDevice):
         if stored is None or stored == self.bus.id or probe(self.bus, self.bus.id):
             return
         if probe(self.bus, int(stored)):
-            self.journal.info("found", f"nobody answers to id {self.bus.id}; using the snapshot's id {stored}")
+            self.journal.info("found", f"id {self.bus.id} does not answer: handctl uses the snapshot's id {stored}")
             self.bus.id = int(stored)
 
     def command(self, which: str, values: Sequence[int]) -> Table:
@@ -92,7 +92,7 @@ class ExoHand(RegisterDevice):
                 self.journal.warn(
                     "ack-lost",
                     f"the {which} command was not answered: the hand may act on it all the same",
-                    hint=f"look with `handctl exo get {which}_set position_actual` before you repeat it",
+                    hint=f"check with `handctl exo get {which}_set position_actual` before you repeat it",
                 )
             raise
         readings = [
@@ -119,7 +119,7 @@ class ExoHand(RegisterDevice):
             self.journal.warn("other-device", f"{self.bus.where}: {identity.SIX_FINGERS}: {told}", identity.SIX_HINT)
         bits = (at(*identity.SIXTH_ERROR) or b"\0")[0]
         label = EXO["error"].label(bits)
-        sixth = f"thumb rotation, if {identity.SIXTH_ERROR[0]} is its error as on an RH56 hand: {label} (0x{bits:02X})"
+        sixth = f"thumb rotation: {label} (0x{bits:02X}), if {identity.SIXTH_ERROR[0]} is its error as on an RH56 hand"
         if bits:
             self.journal.warn("unhealthy", sixth)
         return [*([identity.SIX_FINGERS] if told else []), *([sixth] if bits else [])]
@@ -131,7 +131,9 @@ class ExoHand(RegisterDevice):
         table = self.table(readings)
         table.view = status_view
         findings = unhealthy(readings)
-        hint = "`handctl exo clear-errors` clears all but over_temperature, which goes away by cooling (exo §2.3.3)"
+        hint = (
+            "`handctl exo clear-errors` clears all errors except over_temperature, which ends by cooling (exo §2.3.3)"
+        )
         return self.judge(table, findings, check, hint=hint, more=self._strangeness)
 
     def check_identity(self) -> None:
@@ -148,8 +150,8 @@ class ExoHand(RegisterDevice):
         if odd:
             raise CheckFailed(
                 f"{self.bus.where}: this does not look like an EH55BF1: {', '.join(odd)}",
-                hint="on another hand this address may erase settings. Check the type plate; "
-                "--skip-identity-check overrides. Nothing was written.",
+                hint="check the type plate: on another hand this address may erase settings. "
+                "Add --skip-identity-check to skip this check. Nothing was written.",
                 code="not-an-exo",
             )
 
@@ -164,10 +166,10 @@ def check_command(which: str, values: Sequence[int]) -> None:
     for finger, value in zip(FINGERS, values, strict=True):
         if not low <= value <= high:
             alone = value == -1 and which == "position"
-            other = f"; to leave a finger alone: `handctl exo set position_set.{finger}=-1`" if alone else ""
+            other = f", or `handctl exo set position_set.{finger}=-1` to leave the finger alone" if alone else ""
             raise UsageError(
-                f"{which} command with {value} for {finger}: out of range",
-                hint=f"allowed: {low}..{high} ({source}){other}. Nothing was sent.",
+                f"{which} {value} for {finger} is out of range",
+                hint=f"use {low} to {high} ({source}){other}. Nothing was sent.",
                 code="out-of-range",
             )
 
@@ -191,11 +193,11 @@ def unhealthy(readings: Sequence[Reading]) -> list[str]:
         if param.bits and value:
             text = f"{reading.element.part}: {param.label(value)} (0x{int(value):02X})"
             if "over_temperature" in (param.label(value) or ""):
-                text += f", clears by cooling, now {by_name.get(f'temperature.{reading.element.part}')} °C"
+                text += f", ends by cooling, now {by_name.get(f'temperature.{reading.element.part}')} °C"
             found.append(text)
         elif not _plausible(reading):
             found.append(
-                f"{reading.element.full_name} = {value} is outside {param.range_text or 'the plausible'} ({param.source})"
+                f"{reading.element.full_name} = {value} is outside {param.range_text or 'the plausible range'} ({param.source})"
             )
     return found
 
@@ -273,9 +275,11 @@ def status_view(rows: list[Row]) -> list[Grid]:
     code = at[("baud_code", None)].get("value")
     head = (
         f"id {at[('id', None)].get('value', '?')}, "
-        f"{BAUD_RATES.get(code, '?') if isinstance(code, int) else '?'} baud (code {code if code is not None else '?'}), "
+        f"{BAUD_RATES.get(code, '?') if isinstance(code, int) else '?'} bit/s (code {code if code is not None else '?'}), "
         f"supply {at[('system_voltage', None)].get('value', '?')} (raw, scale unknown)"
     )
-    notes = ("position 0 bent .. 1000 open; force: set + opens the hand, measured + is the user closing it (raw)",)
+    notes = (
+        "Position: 0 bent to 1000 open. Force (raw): set + opens the hand, measured + means that the user closes it.",
+    )
     headings = ("Finger", "Position", "Set", "Force", "Set", "mA", "°C", "Errors")
     return [Grid(headings, (*lines, rotation), title=head, right=frozenset(range(1, 7)), notes=notes)]

@@ -19,7 +19,7 @@ from handctl.model.result import Column, Row, Table, hex_bytes
 if TYPE_CHECKING:
     from handctl.devices.inspire.exo.device import ExoHand
 
-POWER_CYCLE = "switch the power off and on, then `handctl exo scan`: id and speed may be back to 1 and 115200."
+POWER_CYCLE = "power-cycle the hand, then run `handctl exo scan`: id and speed may be 1 and 115200 bit/s again."
 SAVE_RESULT_SECONDS = 2.5
 """The result comes about a second after the acknowledgement (RH56 ch. 3 ex. 4)."""
 
@@ -33,7 +33,7 @@ def clear_errors(hand: ExoHand) -> Table:
     names = ("error", "temperature")
     elements = [element for name in names for element in elements_of(EXO[name])]
     before = {reading.element.full_name: reading.value for reading in hand.read(elements)}
-    hand.bus.try_write(EXO["clear_errors"].address, b"\x01", "the clearing", "reading what is left")
+    hand.bus.try_write(EXO["clear_errors"].address, b"\x01", "the clearing", "handctl reads which errors remain")
     after = hand.read(elements)
     warm = {reading.element.part: reading.value for reading in after if reading.element.param.name == "temperature"}
     rows: list[Row] = []
@@ -49,7 +49,7 @@ def clear_errors(hand: ExoHand) -> Table:
         if bits & OVER_TEMPERATURE:
             hand.journal.warn(
                 "over-temperature",
-                f"{reading.element.part}: over_temperature cannot be cleared, it goes away by cooling; "
+                f"{reading.element.part}: over_temperature cannot be cleared. It ends by cooling, "
                 f"now {warm.get(reading.element.part)} °C (exo §2.3.3)",
             )
         if bits & ~OVER_TEMPERATURE:
@@ -58,7 +58,7 @@ def clear_errors(hand: ExoHand) -> Table:
     if left:
         table.failure = CheckFailed(
             f"{hand.bus.where}: errors remain after clearing: {'; '.join(left)}",
-            hint="the cause is still present: free the finger, check the supply (7..9 V, 5 A peak), then clear again",
+            hint="free the finger, check the supply (7 to 9 V, 5 A peak), then clear again: the cause is still present",
             code="errors-remain",
         )
     return table
@@ -71,8 +71,8 @@ def save(hand: ExoHand, guide: Guide) -> Table:
     inverted, RH56 ch. 3 ex. 4). Nothing is sent in between. Raises DeviceRefused for FF or a refused acknowledgement.
     """
     with hand.bus.leaving(
-        "the save was sent, whether it is done is unknown",
-        "save again, or power-cycle and look with `handctl exo get id baud_code`",
+        "the save was sent, but its result is not known",
+        "save again, or power-cycle the hand and check with `handctl exo get id baud_code`",
     ):
         return _save(hand, guide)
 
@@ -80,7 +80,7 @@ def save(hand: ExoHand, guide: Guide) -> Table:
 def _save(hand: ExoHand, guide: Guide) -> Table:
     bus, register = hand.bus, EXO["save"]
     results = [eb90.write_ack_prefix(bus.id, register.address), eb90.read_reply_prefix(bus.id, register.address, 1)]
-    lost = bus.try_write(register.address, b"\x01", "the save", "waiting for its result only")
+    lost = bus.try_write(register.address, b"\x01", "the save", "handctl waits for its result only")
     guide.progress("saving to flash")
     end = bus.link.deadline(SAVE_RESULT_SECONDS)
     frame = bus.listen(results, end.remaining)
@@ -93,19 +93,19 @@ def _save(hand: ExoHand, guide: Guide) -> Table:
     if frame is None and lost is not None:
         raise lost.retold(
             lost.text,
-            hint="whether it saved is unknown: power-cycle and look with `handctl exo get id baud_code`",
+            hint="power-cycle the hand and check with `handctl exo get id baud_code`: the result is not known",
         )
     if frame is None:
         hand.journal.warn(
             "no-result",
-            "the save was accepted, its result was not reported (the result frame is undocumented on this device)",
-            hint="power-cycle and read the values to be sure",
+            "the hand accepted the save but did not report its result (the result is not documented for this hand)",
+            hint="power-cycle the hand, then read the values to be sure",
         )
         return outcome(hand, register, "accepted", None)
     if frame.data != b"\x00":
         raise DeviceRefused(
             f"{bus.where}: the save failed: result {hex_bytes(frame.data)} (00 = saved, FF = failed)",
-            hint="the values are still in RAM: check the supply, then save again",
+            hint="check the supply, then save again: the values are still in RAM",
             code="save-failed",
         )
     return outcome(hand, register, "saved", frame.data)
@@ -114,7 +114,8 @@ def _save(hand: ExoHand, guide: Guide) -> Table:
 def factory_reset(hand: ExoHand) -> Table:
     """Write 1 to the sibling's reset address 1006; this manual names none (exo §2.3.5). Then look who answers."""
     with hand.bus.leaving(
-        "the reset was sent, who answers now is unknown", f"{POWER_CYCLE} Nothing was saved automatically."
+        "the reset was sent, but it is not known which id answers now",
+        f"{POWER_CYCLE} Nothing was saved automatically.",
     ):
         return _factory_reset(hand)
 
@@ -122,15 +123,15 @@ def factory_reset(hand: ExoHand) -> Table:
 def _factory_reset(hand: ExoHand) -> Table:
     bus, old = hand.bus, hand.bus.id
     register = EXO["factory_reset"]
-    lost = bus.try_write(register.address, b"\x01", "the reset", "looking who answers", acknowledged_by=(1,))
+    lost = bus.try_write(register.address, b"\x01", "the reset", "handctl looks which id answers", acknowledged_by=(1,))
     if lost is not None:
-        lost.text = f"the reset was not acknowledged, it may have happened: {lost.text}"
+        lost.text = f"the reset was not acknowledged but may have happened: {lost.text}"
     bus.pause(1.0)
     ids = list(dict.fromkeys((1, old)))
     there = [device_id for device_id in ids if probe(bus, device_id)]
     hand.journal.warn(
         "power-cycle",
-        f"answering now: id {', '.join(map(str, there))}" if there else "nobody answers to id 1 or the old id now",
+        f"answering now: id {', '.join(map(str, there))}" if there else "id 1 and the old id do not answer now",
         hint=f"{POWER_CYCLE} Nothing was saved automatically.",
     )
     table = outcome(hand, register, "accepted" if lost is None else "not acknowledged", None)
@@ -138,9 +139,7 @@ def _factory_reset(hand: ExoHand) -> Table:
     if there:
         bus.id = there[0]
     elif lost is None:
-        text = (
-            f"{bus.link.name}: the reset was acknowledged, but nobody answers to {' or '.join(map(str, ids))} after it"
-        )
+        text = f"{bus.link.name}: the reset was acknowledged, but no hand answers to id {' or '.join(map(str, ids))} after it"
         table.failure = NoAnswer(text, hint=POWER_CYCLE, code="gone")
     return table
 

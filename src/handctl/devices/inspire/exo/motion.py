@@ -35,7 +35,7 @@ POWER_OFF = "Ctrl-C does not stop the hand. To stop it, switch its power off."
 
 CALIBRATION_STEPS = (
     (1, "relax all fingers: no force on the hand"),
-    (2, "the hand opens yours: adjust until all five fingers are naturally straight"),
+    (2, "the hand opens your fingers: adjust until all five are naturally straight"),
     (2, "the hand closes four fingers: adjust until they are fully clenched"),
     (2, "four fingers straighten, the thumb bends: adjust until it lies inside the palm, fully bent"),
     (2, "thumb and index finger touch, the others bend alike"),
@@ -54,33 +54,36 @@ def calibrate(hand: ExoHand, guide: Guide) -> Table:
     begun = hand.journal.ledger.mark
     with hand.bus.leaving(
         "the hand goes on calibrating",
-        "no documented command stops a calibration: let it finish, or switch the power off",
+        f"{POWER_OFF} No documented command stops a calibration",
     ):
-        lost = bus.try_write(EXO["calibrate"].address, b"\x01", "the start", "waiting for the end all the same")
+        lost = bus.try_write(EXO["calibrate"].address, b"\x01", "the start", "handctl waits for the end all the same")
         started = bus.link.now()
-        guide.say("Calibration runs. The hand leads through the steps above in this order; nothing is sent meanwhile.")
+        guide.say(
+            f"{POWER_OFF} The calibration runs. The hand leads through the steps above in this order. "
+            "Nothing is sent meanwhile."
+        )
         try:
             frame = _wait_with_clock(bus, done, guide, started)
         finally:
             guide.done()
     seconds = bus.link.now() - started
     if frame is None:
-        bus.out_of_time("the end of the calibration, which goes on")
+        bus.out_of_time("the end of the calibration. The calibration goes on")
     if frame is None and lost is not None:
         raise lost.retold(
-            f"the calibration may have started: its start was not acknowledged and no end was reported; {lost.text}",
-            hint="keep the hand worn until it stands still, then check with `handctl exo status`",
+            f"the calibration may have started. Its start was not acknowledged, its end was not reported: {lost.text}",
+            hint=f"{POWER_OFF} Keep the hand worn until it stands still, then check with `handctl exo status`",
         )
     if frame is None:
         hand.journal.warn(
             "no-completion",
-            f"no completion report within {CALIBRATION_SECONDS:.0f} s (undocumented on this device)",
+            f"the hand did not report the end within {CALIBRATION_SECONDS:.0f} s (the report is not documented for this hand)",
             hint="check the positions with `handctl exo status`",
         )
     else:
         guide.say(f"The hand reported the end after {seconds:.1f} s.")
         hand.journal.ledger.confirm("its end was reported", since=begun)
-    hand.journal.info("volatile", "whether a calibration survives power-off without save is not documented")
+    hand.journal.info("volatile", "the manual does not say whether a calibration survives power-off without a save")
     table = hand.read([e for name in ("position_actual", "force_actual") for e in elements_of(EXO[name])])
     ended = outcome(
         hand, EXO["calibrate"], "completed" if frame is not None else "not reported", frame.data if frame else None
@@ -167,15 +170,15 @@ def _settle(hand: ExoHand, values: list[int], guide: Guide, wait: float, guard: 
         if still >= STILL_SECONDS and equal >= STILL_SAMPLES:
             hand.journal.warn(
                 "short",
-                "the fingers stand still short of the target",
-                hint="something holds them: see error and current",
+                "the fingers stand still before they have reached their targets",
+                hint="look for what holds them: `handctl exo get error current`",
             )
             break
         if end.expired:
-            hand.journal.warn("moving", f"not there after {wait:g} s")
+            hand.journal.warn("moving", f"the fingers did not reach their targets within {wait:g} s")
             break
         bus.pause(0.05)
-        bus.out_of_time("the arrival; the fingers may still move")
+        bus.out_of_time("the arrival. The fingers may still move")
         last = hand.read(elements)
         if [reading.value for reading in last] != here:
             still_since, equal = bus.link.now(), 0
@@ -191,7 +194,9 @@ def halt(hand: ExoHand, names: Collection[str]) -> str:
     """
     hand.bus.bound = None
     done = [_release(hand)] if "force_set" in names else []
-    return "; ".join([*done, _hold(hand)] if "position_set" in names else done)
+    if "position_set" in names:
+        done.append(_hold(hand))
+    return ". ".join([*done[:1], *(text[:1].upper() + text[1:] for text in done[1:])])
 
 
 def _release(hand: ExoHand) -> str:
@@ -199,10 +204,11 @@ def _release(hand: ExoHand) -> str:
         hand.bus.command(eb90.FORCE_COMMAND, [0, 0, 0, 0, 0])
     except HandctlError as exc:
         return (
-            f"all forces were commanded to 0, NOT answered ({exc.text}): switch the power off if the hand still pushes"
+            f"all forces were commanded to 0, but the hand did NOT answer ({exc.text}). "
+            "Switch its power off if it still pushes"
         )
     except KeyboardInterrupt:
-        return "the forces could NOT be released (interrupted again): switch the power off if the hand still pushes"
+        return "the forces could NOT be released (interrupted again). Switch the power off if the hand still pushes"
     return "all forces were commanded to 0"
 
 
@@ -214,7 +220,9 @@ def _hold(hand: ExoHand) -> str:
             hand.bus.command(eb90.POSITION_COMMAND, values)
             return f"the fingers were commanded to hold at {' '.join(map(str, values))}"
     except HandctlError as exc:
-        return f"the fingers could NOT be stopped ({exc.text}): switch the power off if they still move"
+        return f"the fingers could NOT be stopped ({exc.text}). Switch the power off if they still move"
     except KeyboardInterrupt:
-        return "the fingers could NOT be stopped (interrupted again): switch the power off if they still move"
-    return "the positions are outside 0..1000, nothing was commanded: switch the power off if the fingers still move"
+        return "the fingers could NOT be stopped (interrupted again). Switch the power off if they still move"
+    return (
+        "the positions are outside 0 to 1000, so nothing was commanded. Switch the power off if the fingers still move"
+    )

@@ -36,23 +36,29 @@ def add_movements(group: Group) -> None:
 
     @group.verb("calibrate", "Service", writes=True)
     def calibrate(run: Run) -> Table:
-        """Guided calibration of forces and positions. The hand must be worn, and it moves the wearer's fingers."""
+        """Calibrate forces and positions, guided step by step.
+
+        Ctrl-C does not stop the hand. To stop it, switch its power off.
+        The hand must be worn, and it moves the wearer's fingers.
+        """
         from handctl.devices.inspire.exo import motion
 
         steps = [run.planner().trigger_step("calibrate", "calibrate")]
         if (plan := run.planned(steps)) is not None:
             return plan
         for number, (seconds, text) in enumerate(motion.CALIBRATION_STEPS, 1):
-            run.guide.say(f"  step {number}: {text}; holds {seconds} s")
-        run.confirm("The hand must be worn and moves all fingers through the steps above; no command stops it", steps)
+            run.guide.say(f"  step {number}: {text} (waits {seconds} s)")
+        run.confirm(
+            f"{motion.POWER_OFF} The hand must be worn, and it moves all fingers through the steps above", steps
+        )
         return motion.calibrate(run.device(), run.guide)
 
     @group.verb("force", "Move", writes=True)
     @click.argument("values", nargs=5, type=_Signed(), metavar="LITTLE RING MIDDLE INDEX THUMB")
     def force(run: Run, values: tuple[int, ...]) -> Table:
-        """Command forces, -1000 to 1000: positive opens the hand, negative closes it. Shows the positions it answers.
+        """Command forces from -1000 to 1000. A positive force opens the hand, a negative force closes it.
 
-        The force stays until another is commanded; `force 0 0 0 0 0` releases.
+        Shows the positions in the answer. A force stays until another is commanded. `force 0 0 0 0 0` releases the hand.
         """
         return _command(run, "force", values)
 
@@ -62,10 +68,10 @@ def add_movements(group: Group) -> None:
         "--wait",
         type=Seconds(),
         metavar="S",
-        help="Watch up to S seconds until the fingers stand still; Ctrl-C holds them where they are.",
+        help="Watch for up to S seconds until the fingers stand still. Ctrl-C holds them where they are.",
     )
     def position(run: Run, values: tuple[int, ...], wait: float | None) -> Table:
-        """Command positions, 0 (bent) to 1000 (open). Shows the forces it answers; --wait shows where the fingers end."""
+        """Command positions from 0 (bent) to 1000 (open). Shows the forces in the answer, with --wait the end positions."""
         return _command(run, "position", values, wait)  # fmt: skip
 
     for takes_numbers in (force, position):
@@ -79,11 +85,15 @@ def _command(run: Run, which: str, values: tuple[int, ...], wait: float | None =
     step = run.planner().command_step(which, list(values))
     if (plan := run.planned([step])) is not None:
         return plan
-    run.confirm(f"This moves a hand that may be worn: {step.meaning}", [step])
+    run.confirm(f"This moves a hand that a person may be wearing: {step.meaning}", [step])
     hand = run.device()
     if wait is not None:
         return motion.move(hand, list(values), run.guide, wait=wait)
     table = motion.command(hand, which, list(values), run.guide)
     if which == "force" and any(values):
-        run.journal.info("stays", "the force stays until another is commanded; `handctl exo force 0 0 0 0 0` releases")
+        run.journal.info(
+            "stays",
+            "the force stays until another is commanded",
+            hint="`handctl exo force 0 0 0 0 0` releases the hand",
+        )
     return table

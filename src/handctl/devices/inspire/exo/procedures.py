@@ -76,7 +76,7 @@ def explain_silence(hand: ExoHand, error: HandctlError) -> HandctlError:
         written = any(message.code == "ack-lost" for message in bus.journal.messages)
         return NoAnswer(
             f"id {bus.id} on {bus.link.name} answers, but later than {bus.timeout:g} s",
-            hint=f"what was written may have been carried out: read it with {longer} before you repeat it"
+            hint=f"read the values with {longer} before you repeat the command: the write may have taken effect"
             if written
             else f"run the command again with {longer}",
             code="late",
@@ -91,7 +91,7 @@ def explain_silence(hand: ExoHand, error: HandctlError) -> HandctlError:
     if found is None or found == was:
         return error
     return ProtocolError(
-        f"id {bus.id} on {bus.link.name} does not answer at {was} baud but does at {found}",
+        f"id {bus.id} on {bus.link.name} does not answer at {was} bit/s but does at {found} bit/s",
         hint=f"run the command again with --baud {found}",
         code="wrong-speed",
     )
@@ -113,7 +113,7 @@ def change_id(hand: ExoHand, new: int) -> Table:
     old_there = probe(bus, old)
     if not old_there and new_taken:
         bus.id = new
-        hand.journal.info("already", f"nobody answers to id {old}; a hand already answers to id {new}")
+        hand.journal.info("already", f"no hand answers to id {old}, but one already answers to id {new}")
         return _id_row(hand, old)
     if not old_there:
         hand.identify()  # somebody else's answers name him
@@ -126,7 +126,7 @@ def change_id(hand: ExoHand, new: int) -> Table:
         )
     with hand.bus.leaving(
         f"the hand may have id {new} already",
-        "`handctl exo scan` finds it; a power cycle brings back the saved id",
+        "find it with `handctl exo scan`. A power-cycle brings back the saved id",
     ):
         return _write_id(hand, new)
 
@@ -136,7 +136,7 @@ def _write_id(hand: ExoHand, new: int) -> Table:
     step = bus.write_step(EXO["id"].address, bytes([new]), f"id = {new}")
     # The acknowledgement comes from the new id on the sibling hand; the manual does not say (RH56 ch. 3 ex. 1).
     data, ids = bytes([new]), (new,)
-    bus.try_write(EXO["id"].address, data, "the id change", "looking for the hand", acknowledged_by=ids)
+    bus.try_write(EXO["id"].address, data, "the id change", "handctl looks for the hand", acknowledged_by=ids)
     if probe(bus, new):
         bus.id = new
         row = _id_row(hand, old)
@@ -151,15 +151,15 @@ def _write_id(hand: ExoHand, new: int) -> Table:
         hand.journal.ledger.doubt(f"still answers to id {old}", step)
         raise CheckFailed(
             f"{bus.link.name}: the hand still answers to id {old}, not to {new}",
-            hint="the id was not changed; it is safe to run the command again",
+            hint="run the command again: the id was not changed, so this is safe",
             code="read-back",
         )
     try:
         bus.read(PROBE_ADDRESS, PROBE_COUNT, device_id=new)
     except (NoAnswer, ProtocolError) as exc:
         raise exc.retold(
-            f"{bus.link.name}: after the id change nobody answers to {new} or {old}; {exc.text}",
-            hint="`handctl exo scan` looks through all ids; a power cycle brings back the saved id",
+            f"{bus.link.name}: no hand answers to id {new} or {old} after the id change: {exc.text}",
+            hint="find the hand with `handctl exo scan`. A power-cycle brings back the saved id",
         ) from exc
     bus.id = new
     return _id_row(hand, old)
@@ -171,6 +171,7 @@ def _id_row(hand: ExoHand, before: int) -> Table:
     if value[0] != hand.bus.id:
         raise CheckFailed(
             f"{hand.bus.where}: register 1000 reads {value[0]}, but the hand answers to id {hand.bus.id}",
+            hint="leave one hand on the line, then look with `handctl exo scan`",
             code="read-back",
         )
     row = hand.row(Reading(Element(register, 0), value[0], value))
@@ -193,15 +194,15 @@ def change_baud(hand: ExoHand, rate: int) -> Table:
     hand.identify()
     before = hand.bus.read(register.address, 1)[0]
     if before == code:
-        hand.journal.info("already", f"baud_code is already {code} ({rate} baud)")
+        hand.journal.info("already", f"baud_code is already {code} ({rate} bit/s)")
         readings = [Reading(element, before, bytes([before]))]
     else:
         try:
             readings = hand.write([(element, code)])
         except CheckFailed as exc:
             exc.hint = (
-                "the speed code lies at 1001 in this manual (exo §2.3), at 1002 on the RH56 hand: this may be another "
-                "hand. Only 1001 was written; `handctl exo read 1001 2` shows both"
+                "read both places of the speed code with `handctl exo read 1001 2`. It lies at 1001 in this manual (exo §2.3), "
+                "at 1002 on the RH56 hand: this may be another hand. Only 1001 was written"
             )
             raise
     return hand.table(readings)
@@ -213,18 +214,20 @@ def wait_for_speed(hand: ExoHand, rate: int, guide: Guide, *, seconds: float = P
     if link.power_cycle():
         guide.say("simulated: the simulator's power was switched off and on")
     else:
-        guide.say(f"Switch the hand's power off and on now; waiting up to {seconds:.0f} s for it at {rate} baud.")
+        guide.say(
+            f"Switch the hand's power off and on now. handctl waits up to {seconds:.0f} s for it at {rate} bit/s."
+        )
     link.set_baud(rate)
     end = link.deadline(seconds)
     while not end.expired:
-        guide.progress(f"waiting for id {hand.bus.id} at {rate} baud, {end.remaining:.0f} s left")
+        guide.progress(f"waiting for id {hand.bus.id} at {rate} bit/s, {end.remaining:.0f} s left")
         try:
             if probe(hand.bus, hand.bus.id, seconds=PROBE_SECONDS):
                 guide.done()
                 return True
         except ProtocolError:
             pass  # bytes of a hand that starts, or still talks at the old speed
-        hand.bus.out_of_time("the power cycle")
+        hand.bus.out_of_time("the power-cycle")
         hand.bus.pause(0.2)
     guide.done()
     return False

@@ -16,7 +16,7 @@ from handctl.model.frames import frames_in
 from handctl.model.param import Element, ParamMap, Reading, Step
 from handctl.model.result import Column, Row, Table, hex_bytes
 
-FORCED = "--force-ambiguous sends it all the same."
+FORCED = "Add --force-ambiguous to send it all the same."
 
 
 def parse_hex(text: str) -> bytes:
@@ -24,9 +24,11 @@ def parse_hex(text: str) -> bytes:
     try:
         data = bytes.fromhex(text.replace(":", " ").replace(",", " ").replace("0x", " "))
     except ValueError as exc:
-        raise UsageError(f"{text!r} is not hexadecimal bytes", hint="two digits a byte, e.g. 2C 01") from exc
+        raise UsageError(
+            f"{text!r}: these are not hexadecimal bytes", hint="give two digits for each byte, such as 2C 01"
+        ) from exc
     if not data:
-        raise UsageError("no bytes given", hint="two hex digits a byte, e.g. 2C 01")
+        raise UsageError("no bytes given", hint="give two hexadecimal digits for each byte, such as 2C 01")
     return data
 
 
@@ -96,13 +98,13 @@ def plan_write(hand: RegisterDevice, address: int, data: bytes, undocumented: bo
     if touched:
         names = ", ".join(register.name for register in touched)
         raise UsageError(
-            f"this write would span {names} and bytes around",
-            hint="a write stays within one documented group (exo §2.3): split it. Nothing was sent.",
+            f"this write reaches beyond one documented group: {names}",
+            hint="split it: a write stays within one documented group (exo §2.3). Nothing was sent.",
         )
     if not undocumented:
         raise UsageError(
             f"{address} is not a documented register of this hand",
-            hint="--undocumented allows it, if you know what it does there. Nothing was sent.",
+            hint="add --undocumented if you know its effect there. Nothing was sent.",
             code="undocumented",
         )
     return Step(f"{meaning}: UNDOCUMENTED", frame, moves=True, strands=True)
@@ -115,12 +117,13 @@ def _overlap(register: Register, address: int, count: int) -> bool:
 def _checked(register: Register, address: int, data: bytes) -> str:
     if register.trigger:
         raise UsageError(
-            f"{address} is {register.name}: writing it starts something",
+            f"{address} is {register.name}: a write to it starts an action",
             hint=f"use `handctl exo {register.verb}`. Nothing was sent.",
         )
     if "w" not in register.access:
         raise UsageError(
-            f"{address} is {register.name}, which is read-only ({register.source})", hint="nothing was sent"
+            f"{address} is {register.name}, which is read-only ({register.source})",
+            hint=f"read it with `handctl exo get {register.name}`. Nothing was sent.",
         )
     if register.name == "id":
         raise UsageError(
@@ -128,7 +131,8 @@ def _checked(register: Register, address: int, data: bytes) -> str:
         )
     if (address - register.address) % register.size or len(data) % register.size:
         raise UsageError(
-            f"{register.name} has {register.size} bytes an element: this write would cut one", hint="nothing was sent"
+            f"each element of {register.name} has {register.size} bytes: this write would cut one",
+            hint="write whole elements. Nothing was sent.",
         )
     texts = []
     for offset in range(0, len(data), register.size):
@@ -148,7 +152,7 @@ def write(hand: RegisterDevice, address: int, data: bytes) -> Table:
 
 def _write(hand: RegisterDevice, address: int, data: bytes) -> Table:
     step = hand.bus.write_step(address, data, "")
-    hand.bus.try_write(address, data, "the write", "reading it back")
+    hand.bus.try_write(address, data, "the write", "handctl reads it back")
     now = hand.bus.read(address, len(data))
     table = Table(rows=_rows(hand, address, now), columns=hand.columns)
     if now == data:
@@ -156,7 +160,9 @@ def _write(hand: RegisterDevice, address: int, data: bytes) -> Table:
     else:
         hand.journal.ledger.doubt(f"reads {hex_bytes(now)}", step)
         table.failure = CheckFailed(
-            f"{hand.bus.where}: {address} reads {hex_bytes(now)} after {hex_bytes(data)} was written", code="read-back"
+            f"{hand.bus.where}: {address} reads {hex_bytes(now)} after {hex_bytes(data)} was written",
+            hint=f"read it again before you write: `handctl {hand.kind} read {address} {len(data)}`",
+            code="read-back",
         )
     return table
 
@@ -169,7 +175,7 @@ def plan_raw(data: bytes, force_ambiguous: bool) -> Step:
     if not frames and not _may_go_on(data):
         return _without_frame(data, force_ambiguous)
     if len(frames) != 1 or frames[0].encode() != data:
-        return Step("not one whole frame; what the hand makes of it is unknown", data, moves=True, strands=True)
+        return Step("not one whole frame: its effect on the hand is not known", data, moves=True, strands=True)
     frame = frames[0]
     if frame.flag == eb90.READ and len(frame.payload) == 3:
         return Step(f"read {frame.payload[2]} bytes at {frame.address} from id {frame.id}", data)
@@ -192,11 +198,11 @@ def _without_frame(data: bytes, force_ambiguous: bool) -> Step:
     start = data.find(eb90.HOST)
     whole = data[start : start + data[start + 3] + eb90.OVERHEAD] if start >= 0 else b""
     if not whole:
-        return Step("no valid frame in it; the hand should stay silent", data)
+        return Step("no valid frame in it: the hand should stay silent", data)
     step = plan_raw(whole[:-1] + bytes([eb90.checksum(whole[2:-1])]), force_ambiguous)
-    meaning = f"{step.meaning}; ITS CHECKSUM IS WRONG: the hand should stay silent"
+    meaning = f"{step.meaning}. ITS CHECKSUM IS WRONG: the hand should stay silent"
     if whole != data:
-        return Step(f"{meaning}; bytes around it", data, moves=True, strands=True)
+        return Step(f"{meaning}. There are bytes around it", data, moves=True, strands=True)
     return step._replace(meaning=meaning, data=data)
 
 
@@ -235,7 +241,7 @@ def _raw_command(frame: eb90.Frame, data: bytes, force_ambiguous: bool) -> Step:
     if name == "force" and 1020 <= values[0] <= 1043 and not force_ambiguous:
         raise UsageError(
             f"a wrist module takes this frame for a write of 8 bytes at {values[0]}, this hand for a force command",
-            hint="--force-ambiguous sends it all the same. Nothing was sent.",
+            hint=f"{FORCED} Nothing was sent.",
             code="ambiguous",
         )
     if not force_ambiguous:
@@ -251,7 +257,7 @@ def goes_on(hand: RegisterDevice, step: Step) -> AbstractContextManager[None]:
     if not (step.moves or step.strands):
         return nullcontext()
     return hand.bus.leaving(
-        f"what was sent goes on: {step.meaning}", "raw bytes are not taken back: look with the verb `status`"
+        f"the bytes were sent and are not taken back: {step.meaning}", f"check with `handctl {hand.kind} status`"
     )
 
 
@@ -270,7 +276,7 @@ def exchange(hand: RegisterDevice, data: bytes, wait: float) -> Table:
         if len(received) > 65536 or bus.over:
             break
     if not received:
-        raise bus.unanswered(hex_bytes(data), wait, since, "--wait S listens longer")
+        raise bus.unanswered(hex_bytes(data), wait, since, "listen longer with --wait S")
     decoder = eb90.Decoder()
     decoder.feed(received)
     frames = _frames(decoder)
@@ -289,7 +295,9 @@ def exchange(hand: RegisterDevice, data: bytes, wait: float) -> Table:
             f"{bus.where}: {text}: {shorten(received)}", hint=hint_for(code, bus.family), code=code
         )
     elif refusal:
-        table.failure = DeviceRefused(f"{bus.where}: {refusal}")
+        table.failure = DeviceRefused(
+            f"{bus.where}: {refusal}", hint=f"check with `handctl {hand.kind} status` before you send it again"
+        )
     return table
 
 

@@ -25,7 +25,7 @@ POWER = "switch the power off if the hand still pushes or moves"
 def answers(number: int, heard: Pieces) -> Generator[Say, Pieces, bool]:
     """Whether the positions of a hand can be read here (flag 11). Everything that came is added to `heard`."""
     prefix = eb90.read_reply_prefix(number, POSITION_ACTUAL, 2 * MEASURED)
-    step = Step("is an exoskeleton hand there?", eb90.read_request(number, POSITION_ACTUAL, 2 * MEASURED))
+    step = Step("ask whether an exoskeleton hand is there", eb90.read_request(number, POSITION_ACTUAL, 2 * MEASURED))
     pieces = yield Say(step, QUICK, lambda pieces: answer(pieces, prefix), reads=True)
     heard += pieces
     return answer(pieces, prefix) is not None
@@ -51,9 +51,9 @@ def release(number: int, timeout: float | None, heard: Pieces) -> Talk:
 def unanswered(heard: Pieces) -> Stopped:
     """Forces to 0 went out, and no hand answered."""
     came = instead(heard)
-    seen = f"no valid answer came, {came}" if came else "which nothing answered"
-    text = f"all forces to 0 were commanded, {seen}. A wrist, if one is here, was not stopped"
-    hint = f"{POWER}; `handctl exo scan` looks for id and speed"
+    seen = f"no valid answer arrived: {came}" if came else "no answer arrived"
+    text = f"all forces were commanded to 0, but {seen}. A wrist, if one is here, was not stopped"
+    hint = f"{POWER}. `handctl exo scan` looks for id and speed"
     return Stopped(text, hint, ProtocolError if came else NoAnswer)
 
 
@@ -72,11 +72,13 @@ def keep(number: int, told: eb90.Frame, seconds: float, heard: Pieces) -> Talk:
         step = Step(meaning, eb90.command_request(number, eb90.POSITION_COMMAND, places), moves=True)
     else:
         prefix = eb90.write_ack_prefix(number, POSITION_SET)
-        meaning = f"no finger is to move (position_set {STAY})"
+        meaning = f"move no finger (position_set {STAY})"
         step = Step(meaning, eb90.write_request(number, POSITION_SET, eb90.pack_s16([STAY] * FINGERS)), moves=True)
     pieces = yield Say(step, seconds, lambda pieces: answer(pieces, prefix))
     heard += pieces
     held = answer(pieces, prefix)
     if held is None:
-        return Stopped(f"all forces to 0: answered; {meaning}: sent, not answered", POWER, NoAnswer)
-    return Stopped(f"all forces to 0, then {meaning}: the hand answered both; the manual has no stop command")
+        return Stopped(
+            f"the hand answered the command of all forces to 0, but not the next one: {meaning}", POWER, NoAnswer
+        )
+    return Stopped(f"the hand answered two commands: all forces to 0, then {meaning}. The manual has no stop command")

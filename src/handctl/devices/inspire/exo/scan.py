@@ -17,7 +17,7 @@ TARGET = Target(
     probe=(1472, 2),
     twin=(1546, 12),
     value="system_voltage",
-    silence_hint=SILENCE_HINT.replace("--id 1 at 115200, `handctl exo scan`, ", ""),
+    silence_hint=SILENCE_HINT.replace("--id 1 at 115200 bit/s, `handctl exo scan`, ", ""),
 )
 
 

@@ -21,7 +21,7 @@ def stop_talk(aim: Aim) -> Talk:
     heard: Pieces = []
     if (yield from stay.answers(number, stay.QUICK, heard)):  # fmt: skip
         stopped = yield from stay.stay(number, False, aim.settings.timeout)
-        return stopped._replace(text=f"no exoskeleton hand but a wrist answers here: {stopped.text}")
+        return stopped._replace(text=f"a wrist answers here, not an exoskeleton hand: {stopped.text}")
     stopped = yield from release.release(number, aim.settings.timeout, heard)
     late = stay.told_of(number, heard)
     if not late and stopped.error is not None:
@@ -35,5 +35,5 @@ def stop_talk(aim: Aim) -> Talk:
     if not late:
         return stopped
     held = yield from stay.stay(number, False, aim.settings.timeout, late=True)
-    text = f"all forces to 0 were commanded, then a wrist answered, later than {stay.QUICK:g} s"
+    text = f"all forces were commanded to 0, then a wrist answered, later than {stay.QUICK:g} s"
     return held._replace(text=f"{text}: {held.text}")

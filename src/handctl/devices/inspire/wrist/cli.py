@@ -36,7 +36,7 @@ def open_wrist(link: ByteLink | FrameLink, settings: Settings, journal: Journal)
 
         bus = CanBus(link, device_id, journal, **limits)
     else:
-        hint = f"`handctl wrist scan` looks; {WIRING_HINT}"
+        hint = f"look with `handctl wrist scan`. {WIRING_HINT}"
         bus = Bus(link, device_id, journal, family="wrist", silence_hint=hint, **limits).at("wrist")
     bus.gate = FamilyGate(kind_of("wrist"), settings.assume_identity)
     return Wrist(bus)
@@ -46,12 +46,12 @@ cli = Group(
     "wrist",
     family=Family("wrist", open_wrist, 115200, wires=("serial", "can"), ids=True),
     first=("scan", "read"),
-    help="Inspire wrist module of the dexterous hand, over RS-232, RS-485 or CAN (-p can:INTERFACE:CHANNEL). "
-    "It moves on its bench without asking.",
+    help="Inspire wrist module of the dexterous hand, over RS-232, RS-485 or CAN. For CAN give -p can:INTERFACE:CHANNEL. "
+    "Movements of the wrist do not ask first.",
 )
 
 FORCE = click.option(
-    "--force-ambiguous", is_flag=True, help="Send what another device or register space would take for something else."
+    "--force-ambiguous", is_flag=True, help="Send also a frame that another device or register space reads differently."
 )
 
 
@@ -65,7 +65,7 @@ add_map_verbs(cli, WRIST, example="pitch_actual yaw_actual", setting="yaw_set=10
 @click.argument("address")
 @click.argument("count", type=int)
 def read(run: Run, address: str, count: int) -> Table:
-    """Read COUNT bytes from ADDRESS of the wrist's registers; documented ones are decoded."""
+    """Read COUNT bytes from ADDRESS of the wrist's registers. Documented ones are decoded."""
     from handctl.devices.inspire import eb90
     from handctl.devices.inspire.exo import raw as exo_raw
 
@@ -78,7 +78,7 @@ def read(run: Run, address: str, count: int) -> Table:
 @click.argument("address")
 @click.argument("count", type=int)
 def hand_read(run: Run, address: str, count: int) -> Table:
-    """Read COUNT bytes from ADDRESS of the hand that carries the wrist (flags 11, CAN 0), raw."""
+    """Read COUNT bytes from ADDRESS of the hand that carries the wrist. Shown raw (flag 11, on CAN 0)."""
     from handctl.devices.inspire import eb90
     from handctl.devices.inspire.wrist import raw as wrist_raw
 
@@ -91,21 +91,24 @@ def hand_read(run: Run, address: str, count: int) -> Table:
 
 
 @cli.verb("move", "Move", writes=True)
-@click.option("--pitch", metavar="DEG", help="-22.66 to 22.12, two decimals.")
-@click.option("--yaw", metavar="DEG", help="-25.50 to 25.50, two decimals.")
-@click.option("--time", metavar="MS", help="Movement time; without it the one the wrist holds.")
-@click.option("--wait", type=Seconds(), metavar="S", help="Longest wait for the arrival.")
+@click.option("--pitch", metavar="DEG", help="Pitch from -22.66 to 22.12 degrees, two decimals.")
+@click.option("--yaw", metavar="DEG", help="Yaw from -25.50 to 25.50 degrees, two decimals.")
+@click.option("--time", metavar="MS", help="Movement time in ms. Default: the time set in the wrist.")
+@click.option("--wait", type=Seconds(), metavar="S", help="Longest wait for the arrival, in seconds.")
 def move(run: Run, pitch: str | None, yaw: str | None, time: str | None, wait: float | None) -> Table:
-    """Move to angles in degrees and wait until it stands; tells what was reached. Ctrl-C holds it where it is."""
+    """Move to angles in degrees and wait until the wrist stands still.
+
+    Shows the angles that were reached. Ctrl-C holds the wrist where it is.
+    """
     wanted = {"yaw_set": yaw, "pitch_set": pitch, "move_time": time}
     values = {name: WRIST[name].parse(text, name) for name, text in wanted.items() if text is not None}
     return _move(run, values, wait)
 
 
 @cli.verb("center", "Move", writes=True)
-@click.option("--time", metavar="MS", help="Movement time; without it the one the wrist holds.")
+@click.option("--time", metavar="MS", help="Movement time in ms. Default: the time set in the wrist.")
 def center(run: Run, time: str | None) -> Table:
-    """Move both axes to 0 degrees and wait until they stand."""
+    """Move both axes to 0 degrees and wait until they stand still."""
     values = {"yaw_set": 0.0, "pitch_set": 0.0}
     if time is not None:
         values["move_time"] = WRIST["move_time"].parse(time, "move_time")
@@ -126,7 +129,7 @@ def _move(run: Run, values: dict[str, Any], wait: float | None) -> Table:
 @click.argument("address")
 @click.argument("data", metavar="HEX")
 def write(run: Run, address: str, data: str) -> Table:
-    """Write 2, 4 or 6 bytes at 1038..1043, low byte first, and read them back. Moves."""
+    """Write 2, 4 or 6 bytes at 1038 to 1043, low byte first, and read them back. The wrist moves."""
     from handctl.devices.inspire.exo import raw as exo_raw
     from handctl.devices.inspire.wrist import raw as wrist_raw
 
@@ -142,7 +145,7 @@ def write(run: Run, address: str, data: str) -> Table:
 @click.argument("data", metavar="HEX")
 @FORCE
 def hand_write(run: Run, address: str, data: str, force_ambiguous: bool) -> Table:
-    """Write bytes into the register space of the hand that carries the wrist. Undocumented here; asks first."""
+    """Write bytes to registers of the hand that carries the wrist. They are not documented here. Asks first."""
     from handctl.devices.inspire.exo import raw as exo_raw
     from handctl.devices.inspire.wrist import raw as wrist_raw
 
@@ -162,13 +165,13 @@ def hand_write(run: Run, address: str, data: str, force_ambiguous: bool) -> Tabl
     default=0.5,
     show_default=True,
     metavar="S",
-    help="Seconds to listen.",
+    help="Listen for S seconds.",
 )
 @FORCE
 def raw(run: Run, data: tuple[str, ...], wait: float, force_ambiguous: bool) -> Table:
-    """Send exactly these bytes (on CAN: IDENTIFIER#DATA) and show what comes back. Anything but a read asks first.
+    """Send exactly these bytes (on CAN: IDENTIFIER#DATA) and show the answer.
 
-    With -n it only explains the frame, also the examples that the manual misprints.
+    Everything except a read asks first. With -n it only explains the frame, also the examples that the manual misprints.
     """
     from handctl.devices.inspire.canbus import CanBus
     from handctl.devices.inspire.exo import raw as exo_raw
@@ -205,7 +208,7 @@ def raw(run: Run, data: tuple[str, ...], wait: float, force_ambiguous: bool) -> 
     default="1-254",
     show_default=True,
     metavar="FROM-TO",
-    help="Ids to ask (on CAN up to 16383, 4096 at once).",
+    help="Ids to ask. On CAN up to 16383, at most 4096 at once.",
 )
 @click.option(
     "--window",
@@ -213,12 +216,20 @@ def raw(run: Run, data: tuple[str, ...], wait: float, force_ambiguous: bool) -> 
     default=1,
     show_default=True,
     metavar="K",
-    help="Serial: ids asked per reply window; more than 1 needs full duplex (RS-232).",
+    help="Ids asked in one window of a serial line. More than 1 needs full duplex (RS-232).",
 )
-@click.option("--reply-window", type=FiniteRange(min=1, max=1000), metavar="MS", help="Wait per window (default 20).")
-@click.option("--all", "find_all", is_flag=True, help="Go through all ids instead of ending at the first wrist.")
+@click.option(
+    "--reply-window",
+    type=FiniteRange(min=1, max=1000),
+    metavar="MS",
+    help="Milliseconds to wait per window. Default: 20.",
+)
+@click.option("--all", "find_all", is_flag=True, help="Ask all ids instead of ending at the first wrist.")
 def scan(run: Run, ids: str, window: int, reply_window: float | None, find_all: bool) -> Table:
-    """Look for wrist modules by read-only probes, at 115200 (or --baud) or on the CAN bus. Bounded; confirms each hit twice."""
+    """Look for wrist modules at 115200 bit/s (or --baud), or on the CAN bus.
+
+    Only reads. A wrist counts when it has answered twice.
+    """
     from handctl.devices.inspire import scan_report
     from handctl.devices.inspire.canbus import CanBus
     from handctl.devices.inspire.wrist import scan as wrist_scan

@@ -32,8 +32,9 @@ ANGLES = tuple(Element(WRIST[name], 0) for name in ("pitch_actual", "yaw_actual"
 SHORT = 40
 """Characters of a remark that fit beside a value."""
 WIRING_HINT = (
-    "silence means a wrong id, a wrong speed (115200 by the manual), no power or no cable alike. Check the hand's power, the wire (RS-232 against RS-485, A/B, "
-    "TX/RX) and that this hand carries a wrist; over CAN: -p can:INTERFACE:CHANNEL"
+    "Check the hand's power, the wire (RS-232 against RS-485, A/B, TX/RX) and that this hand carries a wrist. "
+    "A wrong id, a wrong speed (115200 bit/s by the manual), no power and no cable all end in silence. "
+    "For CAN give -p can:INTERFACE:CHANNEL"
 )
 
 
@@ -92,7 +93,7 @@ class Wrist(RegisterDevice):
         """As every register device; an unusual movement time is remarked."""
         for element, value in changes:
             if element.param.name == "move_time" and not FASTEST_USUAL <= value <= SLOWEST_USUAL:
-                self.journal.warn("move-time", f"a movement time of {value} ms is outside the usual 100..5000 ms")
+                self.journal.warn("move-time", f"the movement time {value} ms is outside the usual 100 to 5000 ms")
         return super().write(changes)
 
     def status(self, check: bool) -> Table:
@@ -114,13 +115,15 @@ class Wrist(RegisterDevice):
             and not WRIST[row["name"]].bits
             and not WRIST[row["name"]].allowed(row["value"])
         ]
-        hint = "no clearing is documented for the wrist: let it cool, free the axis, power-cycle"
+        hint = (
+            "let it cool, free the axis, then power-cycle it: the manual has no command that clears errors of the wrist"
+        )
         return self.judge(table, findings, check, hint=hint)
 
     def targets(self, pitch: float | None, yaw: float | None, time: int | None) -> list[tuple[Element, Number]]:
         """Checked changes for a movement. Raises UsageError out of range (wrist §1) or when no axis is named."""
         if pitch is None and yaw is None:
-            raise UsageError("no axis to move", hint="give --pitch DEG, --yaw DEG or both")
+            raise UsageError("no axis given", hint="give --pitch DEG, --yaw DEG or both")
         wanted: list[tuple[Element, Number]] = []
         for name, value in (("yaw_set", yaw), ("pitch_set", pitch), ("move_time", time)):
             if value is not None:
@@ -189,7 +192,7 @@ class Wrist(RegisterDevice):
                 guide.done()
                 return readings
             bus.pause(0.03)
-            bus.out_of_time("the arrival; the wrist may still move")
+            bus.out_of_time("the arrival. The wrist may still move")
 
     def _arrival(self, readings: Sequence[Reading], targets: dict[str, float]) -> Table:
         rows = []
@@ -208,11 +211,11 @@ class Wrist(RegisterDevice):
         if off:
             table.failure = CheckFailed(
                 f"{self.bus.where}: not arrived: {'; '.join(off)}",
-                hint="something holds the axis, or the time was too short: see `handctl wrist status`",
+                hint="check with `handctl wrist status`: something holds the axis, or the time was too short",
                 code="not-arrived",
             )
         else:
-            self.journal.info("arrived", "arrived")
+            self.journal.info("arrived", "the wrist has arrived")
         return table
 
     def halt(self, names: Collection[str]) -> str:
@@ -222,12 +225,12 @@ class Wrist(RegisterDevice):
             readings = self.read([Element(WRIST[name], 0) for name in ("yaw_actual", "pitch_actual")])
             yaw, pitch = (float(reading.value) for reading in readings if reading.value is not None)
             if not (WRIST["yaw_set"].allowed(yaw) and WRIST["pitch_set"].allowed(pitch)):
-                return "its angles are outside the documented range, nothing was commanded: switch the power off if it still moves"
+                return "its angles are outside the documented range, so nothing was commanded. Switch the power off if it still moves"
             self.bus.write(WRIST["yaw_set"].address, eb90.pack_s16([round(yaw * 100), round(pitch * 100)]))
         except (HandctlError, ValueError) as exc:
-            return f"the wrist could NOT be stopped ({exc}): switch the power off if it still moves"
+            return f"the wrist could NOT be stopped ({exc}). Switch the power off if it still moves"
         except KeyboardInterrupt:
-            return "the wrist could NOT be stopped (interrupted again): switch the power off if it still moves"
+            return "the wrist could NOT be stopped (interrupted again). Switch the power off if it still moves"
         return f"the wrist was commanded to stay at pitch {pitch:.2f}°, yaw {yaw:.2f}°"
 
 

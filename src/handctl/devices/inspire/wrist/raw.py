@@ -28,8 +28,8 @@ MISPRINTS: dict[bytes, str] = {
         "-10.00 and pitch +10.03. As the text says: EB 90 01 07 31 0E 04 E8 03 18 FC 4A"
     ),
     bytes.fromhex("90EB010530FC030000000035"): (
-        "wrist §2.2 prints this reply, but length 05 means two data bytes: the byte in the place of the sum does not fit, "
-        "and a decoder rejects it"
+        "wrist §2.2 prints this answer, but length 05 means two data bytes. The byte in the place of the sum does not fit, "
+        "so a decoder rejects it"
     ),
 }
 CAN_MISPRINTS: dict[tuple[int, bytes], str] = {
@@ -38,14 +38,14 @@ CAN_MISPRINTS: dict[tuple[int, bytes], str] = {
         "Both currents: 11000001 [1] 04"
     ),
     (0x00184001, bytes(4)): (
-        "wrist §2.3.1 prints this identifier for the reply with 28 bits of 29; with the zeros it lost it would be a hand "
-        "read of 1552. A reply has the request's identifier: 11000001 [4]"
+        "wrist §2.3.1 prints this identifier for the answer with 28 bits of 29. With the zeros it lost it would be a hand "
+        "read of 1552. An answer has the request's identifier: 11000001 [4]"
     ),
     (0x15750001, bytes.fromhex("E80318FC")): (
         "wrist §2.3.2 says 1492 beside the binary 1038: this writes address 1492. Yaw and pitch: 15038001 [4] E8 03 18 FC"
     ),
     (0x15038001, bytes.fromhex("FC1803EB")): (
-        "wrist §2.3.2 prints these data bytes high byte first; the device reads low byte first: yaw +63.96, pitch -53.73, "
+        "wrist §2.3.2 prints these data bytes high byte first. The device reads low byte first: yaw +63.96, pitch -53.73, "
         "out of range. As the text says: 15038001 [4] E8 03 18 FC"
     ),
 }
@@ -80,8 +80,8 @@ def _refuse_illegal(address: int, data: bytes) -> None:
                 register.check(register.decode(data[offset : offset + 2]), register.name)
             except UsageError as exc:
                 raise UsageError(
-                    f"{exc.text}{f'; {explained_as}' if explained_as else ''}",
-                    hint=f"{exc.hint} --force-ambiguous sends it all the same.",
+                    f"{exc.text}{f'. {explained_as}' if explained_as else ''}",
+                    hint=f"{exc.hint} Add --force-ambiguous to send it all the same.",
                     code=exc.code,
                 ) from exc
 
@@ -91,16 +91,16 @@ def plan_write(wrist: Wrist, address: int, data: bytes) -> Step:
     if len(data) not in WRITE_SIZES:
         raise UsageError(
             f"a wrist write of {len(data)} bytes is never sent",
-            hint="2, 4 or 6 bytes; with 8 it would be a force command of an exoskeleton hand. Nothing was sent.",
+            hint="write 2, 4 or 6 bytes: with 8 it would be a force command of an exoskeleton hand. Nothing was sent.",
         )
     texts = []
     for offset in range(0, len(data), 2):
         register = register_at(address + offset)
         if register is None or not register.writable:
-            what = f"{register.name}, which is read-only" if register is not None else "no documented register"
+            what = f"{register.name}, which is read-only" if register is not None else "not a documented register"
             raise UsageError(
                 f"{address + offset} is {what}",
-                hint="settable: 1038 yaw_set, 1040 pitch_set, 1042 move_time (wrist §2.1)",
+                hint="write to 1038 yaw_set, 1040 pitch_set or 1042 move_time (wrist §2.1). Nothing was sent.",
             )
         value = register.decode(data[offset : offset + 2])
         register.check(value, register.name)
@@ -142,8 +142,9 @@ def plan_hand_write(wrist: Wrist, address: int, data: bytes, force: bool) -> Ste
     """A write into the hand's space; refused where the wrist's own registers would lie. Raises UsageError."""
     if _touches_shared(address, len(data)) and not force:
         raise UsageError(
-            f"{address} in the hand's space holds current limits and power-on speeds, not the wrist",
-            hint="wrist registers: `handctl wrist set` or `write`. --force-ambiguous writes the hand all the same. Nothing was sent.",
+            f"address {address} of the hand holds current limits and power-on speeds, not the wrist",
+            hint="use `handctl wrist set` or `write` for the wrist. --force-ambiguous writes to the hand all the same. "
+            "Nothing was sent.",
             code="ambiguous",
         )
     if EXO["id"].address in range(address, address + len(data)):
@@ -170,13 +171,15 @@ def _hand_write(wrist: Wrist, bus: Bus | CanBus, address: int, data: bytes) -> T
     starts = [register.name for register in EXO if register.trigger and bytes_at.get(register.address) == 1]
     new = bytes_at.get(EXO["id"].address, bus.id)
     more = {"acknowledged_by": (new,)} if isinstance(bus, Bus) else {}
-    then = "it is not read back, as it starts something" if starts else "reading it back"
+    then = "It is not read back, because it starts an action" if starts else "handctl reads it back"
     lost = bus.try_write(address, data, "the write", then, **more)
     if lost is not None and starts:
         lost.leaves(Left(hint=f"it may have started {', '.join(starts)} all the same", joint=". "))
         raise lost
     if starts:
-        bus.journal.info("not-read-back", f"accepted; not read back, as it starts {', '.join(starts)} on the RH56 hand")
+        bus.journal.info(
+            "not-read-back", f"accepted, but not read back: it starts {', '.join(starts)} on the RH56 hand"
+        )
         return _hand_row(wrist, address, data, "written")
     now = _read_back(bus, address, len(data), new)
     table = _hand_row(wrist, address, now, "hand space")
@@ -187,6 +190,7 @@ def _hand_write(wrist: Wrist, bus: Bus | CanBus, address: int, data: bytes) -> T
         bus.journal.ledger.doubt(f"reads {hex_bytes(now)}", step)
         table.failure = CheckFailed(
             f"{bus.where}: {address} of the hand reads {hex_bytes(now)} after {hex_bytes(data)} was written",
+            hint=f"read it again before you write: `handctl wrist hand-read {address} {len(data)}`",
             code="read-back",
         )
     if now == data and bus.id != wrist.bus.id:
@@ -234,7 +238,7 @@ def plan_raw(data: bytes, force: bool, *, only_explain: bool = False) -> Step:
         if frame.flag == eb90.WRIST_WRITE and len(frame.payload) == 10 and not force:
             raise UsageError(
                 "8 bytes with flag 31 are a force command of an exoskeleton hand",
-                hint="a wrist write has 2, 4 or 6 bytes; --force-ambiguous sends it all the same. Nothing was sent.",
+                hint="write 2, 4 or 6 bytes to a wrist. Add --force-ambiguous to send it all the same. Nothing was sent.",
                 code="ambiguous",
             )
         if frame.flag == eb90.WRITE and not _touches_shared(frame.address or 0, len(frame.data)):
@@ -254,11 +258,11 @@ def plan_raw(data: bytes, force: bool, *, only_explain: bool = False) -> Step:
         if frame.flag == eb90.WRITE and _touches_shared(frame.address or 0, len(frame.data)) and not force:
             raise UsageError(
                 f"flag 12 at {frame.address} writes current limits or power-on speeds of the hand, not the wrist",
-                hint="wrist registers are written with flag 31; --force-ambiguous sends it all the same. Nothing was sent.",
+                hint="use flag 31 for the wrist. Add --force-ambiguous to send it all the same. Nothing was sent.",
                 code="ambiguous",
             )
     return Step(
-        explained or "not one whole read or write; what the device makes of it is unknown",
+        explained or "not one whole read or write: its effect on the device is not known",
         data,
         moves=True,
         strands=True,
@@ -276,10 +280,12 @@ def parse_can(text: str) -> CanFrame:
             raise ValueError(text)
     except ValueError as exc:
         raise UsageError(
-            f"{text!r} is not a CAN frame", hint="IDENTIFIER#DATA, e.g. 11000001#04, or 11000001 [1] 04"
+            f"{text!r} is not a CAN frame", hint="give IDENTIFIER#DATA, such as 11000001#04, or 11000001 [1] 04"
         ) from exc
     if not 0 <= identifier < 1 << 29 or len(data) > 8:
-        raise UsageError(f"{text!r}: an identifier has 29 bits and a frame 8 bytes at most", hint="e.g. 11000001#04")
+        raise UsageError(
+            f"{text!r}: an identifier has 29 bits and a frame 8 bytes at most", hint="give a frame such as 11000001#04"
+        )
     return CanFrame(identifier, data)
 
 
@@ -292,14 +298,14 @@ def plan_can(frame: CanFrame, force: bool, *, only_explain: bool = False) -> Ste
     if access.writes and access.hand_id == canreg.ANY_ID and not force:
         raise UsageError(
             "id 16383 may mean every hand on the bus",
-            hint="write to one hand; --force-ambiguous sends it all the same. Nothing was sent.",
+            hint="write to one hand. Add --force-ambiguous to send it all the same. Nothing was sent.",
         )
     if access.flag == canreg.WRITE_WRIST and not force:
         _refuse_illegal(access.address, frame.data)
     if access.flag == canreg.WRITE_HAND and _touches_shared(access.address, len(frame.data)) and not force:
         raise UsageError(
             f"this writes address {access.address} of the hand: current limits or power-on speeds, not the wrist",
-            hint="wrist registers are written with flag 5; --force-ambiguous sends it all the same. Nothing was sent.",
+            hint="use flag 5 for the wrist. Add --force-ambiguous to send it all the same. Nothing was sent.",
             code="ambiguous",
         )
     reads = access.flag in (canreg.READ_HAND, canreg.READ_WRIST) and len(frame.data) == 1
@@ -339,7 +345,7 @@ def exchange_can(wrist: Wrist, frame: CanFrame, wait: float) -> Table:
     if not any(
         row["direction"] != "other" or row["address"] == canreg.parse_identifier(frame.can_id).address for row in rows
     ):
-        raise bus.unanswered(str(frame), wait, since, "--wait S listens longer")
+        raise bus.unanswered(str(frame), wait, since, "listen longer with --wait S")
     columns = (
         Column("direction", "From"),
         Column("id", "Id", right=True),
@@ -363,16 +369,25 @@ def _judge(bus: CanBus, sent: CanFrame, rows: list[Row]) -> HandctlError | None:
         others = [row for row in rows if row["direction"] == "other" and row["address"] == asked.address]
         if others:
             return ProtocolError(
-                f"{bus.where}: id {others[0]['id']} answered instead: {others[0]['raw']}", code="wrong-id"
+                f"{bus.where}: id {others[0]['id']} answered instead: {others[0]['raw']}",
+                hint="use the --id it shows, or look with `handctl wrist scan`",
+                code="wrong-id",
             )
         return ProtocolError(
-            f"{bus.where}: only our own frame came back: {sent}", hint="no device answers", code="echo"
+            f"{bus.where}: only our own frame came back: {sent}",
+            hint="check the adapter and the wire: no device answers",
+            code="echo",
         )
     size = len(answers[0]["data"].split())
     if not asked.writes and len(sent.data) == 1 and size != sent.data[0]:
         return ProtocolError(
-            f"{bus.where}: {sent.data[0]} bytes asked, {size} came: {answers[0]['raw']}", code="cut-short"
+            f"{bus.where}: {sent.data[0]} bytes asked, {size} came: {answers[0]['raw']}",
+            hint="check the bus: this is another kind of device, or there is a second master",
+            code="cut-short",
         )
     if asked.writes and size == 1 and int(answers[0]["data"], 16) != len(sent.data):
-        return DeviceRefused(f"{bus.where}: {int(answers[0]['data'], 16)} of {len(sent.data)} bytes acknowledged")
+        return DeviceRefused(
+            f"{bus.where}: {int(answers[0]['data'], 16)} of {len(sent.data)} bytes acknowledged",
+            hint="read the value before you write again",
+        )
     return None

@@ -44,7 +44,8 @@ def parse_can_ids(text: str) -> list[int]:
     ids = ids_in(text, canreg.check_id)
     if len(ids) > MOST:
         raise UsageError(
-            f"--ids {text}: {len(ids)} ids; a scan asks 1 to {MOST}", hint="scan in parts, e.g. --ids 1-254"
+            f"--ids {text}: these are {len(ids)} ids, but a scan asks 1 to {MOST}",
+            hint="scan in parts, such as --ids 1-254",
         )
     return ids
 
@@ -57,7 +58,7 @@ def _scan_can(bus: CanBus, guide: Guide, ids: Sequence[int], wait: float, find_a
     cut = False
     for start in range(0, len(ids), CHUNK):
         chunk = ids[start : start + CHUNK]
-        guide.progress(f"ids {chunk[0]}..{chunk[-1]}, found {len(hits)}")
+        guide.progress(f"ids {chunk[0]} to {chunk[-1]}, found {len(hits)}")
         hits += search.confirmed(chunk, last=start + CHUNK >= len(ids))
         if hits and not find_all:
             break
@@ -66,9 +67,9 @@ def _scan_can(bus: CanBus, guide: Guide, ids: Sequence[int], wait: float, find_a
             break
     guide.done()
     seconds = link.now() - started
-    summary = f"{search.probes} read-only probes of pitch_actual, ids {ids[0]}..{ids[-1]}, {seconds:.2f} s"
+    summary = f"{search.probes} read-only probes of pitch_actual, ids {ids[0]} to {ids[-1]}, {seconds:.2f} s"
     if cut:
-        summary += "; --deadline ended it before all were asked"
+        summary += ", ended by --deadline before all were asked"
     bus.journal.info("scanned", summary)
     rows: list[Row] = [
         {
@@ -120,7 +121,7 @@ class _CanSearch:
             else:
                 self._lone.append(hand_id)
                 self._bus.journal.warn(
-                    "unconfirmed", f"id {hand_id} answered once and not when asked alone: not counted"
+                    "unconfirmed", f"id {hand_id} answered once, but not when it was asked alone. It is not counted"
                 )
         return hits
 
@@ -155,25 +156,25 @@ class _CanSearch:
         """Why nothing was found."""
         name = self._bus.link.name
         if errors:
-            return NoAnswer(f"{name}: nobody acknowledged anything ({summary})", hint=NO_ACK_HINT, code="no-ack")
+            return NoAnswer(f"{name}: no device acknowledged a frame ({summary})", hint=NO_ACK_HINT, code="no-ack")
         if self._lone:
-            hint = "a hand answers under another id than it is asked: power-cycle it, then scan again"
+            hint = "power-cycle the hand, then scan again: it answers under another id than was asked"
             return ProtocolError(
-                f"{name}: answers under id {', '.join(map(str, self._lone))} came, but not when that id was asked ({summary})",
+                f"{name}: id {', '.join(map(str, self._lone))} answered, but not when it was asked ({summary})",
                 hint=hint,
                 code="wrong-id",
             )
         if self._short:
-            hint = "another kind of device, or a damaged line"
+            hint = "check the bus: this is another kind of device, or the line is disturbed"
             return ProtocolError(
-                f"{name}: answers came with another length than asked ({summary})", hint=hint, code="cut-short"
+                f"{name}: the answers have another length than was asked ({summary})", hint=hint, code="cut-short"
             )
         if self._own:
-            hint = "the adapter is in loopback mode, or hands out what it sends"
+            hint = "check the adapter: it is in loopback mode, or hands out the frames that it sends"
             return ProtocolError(f"{name}: only our own frames came back ({summary})", hint=hint, code="echo")
         if damaged:
-            text = f"{name}: no wrist; {said_damaged(damaged, self._bus.link.damage)} ({summary})"
+            text = f"{name}: no wrist, but {said_damaged(damaged, self._bus.link.damage)} ({summary})"
             return ProtocolError(text, hint=DAMAGED_HINT, code="damaged")
         if cut:
-            return NoAnswer(f"{name}: no wrist so far ({summary})", hint="a longer --deadline", code="deadline")
+            return NoAnswer(f"{name}: no wrist so far ({summary})", hint="give a longer --deadline", code="deadline")
         return NoAnswer(f"{name}: no wrist, complete silence ({summary})", hint=NO_ACK_HINT)

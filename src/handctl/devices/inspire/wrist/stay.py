@@ -34,7 +34,7 @@ def answers(number: int, seconds: float, heard: Pieces, until: bytes = b"") -> G
 
     Everything that came is added to `heard`; a frame that begins with `until` ends the wait, too.
     """
-    step = Step("is a wrist there?", eb90.read_request(number, *question(number, READ), READ))
+    step = Step("ask whether a wrist is there", eb90.read_request(number, *question(number, READ), READ))
 
     def enough(pieces: Pieces) -> bool:
         return told_of(number, pieces) or (bool(until) and answer(pieces, until) is not None)
@@ -52,7 +52,7 @@ def instead(heard: Pieces) -> str:
     rest = came
     while rest.startswith(eb90.HOST) and len(rest) >= eb90.OVERHEAD:
         rest = rest[rest[3] + eb90.OVERHEAD :]  # byte 3 is the length
-    return f"but {came[:SHOWN].hex(' ').upper()} came" if rest else "only our own bytes came back"
+    return f"{came[:SHOWN].hex(' ').upper()} arrived instead" if rest else "only our own bytes came back"
 
 
 def told_of(number: int, pieces: Pieces) -> bool:
@@ -67,15 +67,15 @@ def stay(number: int, can: bool, timeout: float | None, *, late: bool = False) -
         if angles is not None:
             return (yield from hold(number, can, *angles, seconds=LATE if late or count else PATIENCE))
     return Stopped(
-        "the wrist does not tell its angles: nothing could be commanded, and if it moves it moves on to its target",
-        f"{POWER}; check id, wire and power with `handctl wrist scan`",
+        "the wrist did not report its angles, so nothing could be commanded. If it moves, it goes on to its target",
+        f"{POWER}. Check id, wire and power with `handctl wrist scan`",
         NoAnswer,
     )
 
 
 def where(number: int, can: bool, seconds: float) -> Generator[Say, Pieces, tuple[int, int] | None]:
     """Ask for the angles; (pitch, yaw) in 0.01 degrees, None without an answer."""
-    meaning = "where is it?"
+    meaning = "read the angles"
     if can:
         identifier, data = canreg.read_request(number, ANGLES, 4)
         step = Step(meaning, data, can_id=identifier)
@@ -97,7 +97,7 @@ def hold(number: int, can: bool, pitch: int, yaw: int, seconds: float) -> Talk:
     """Command both axes to where they are; the acknowledgement is waited for that long."""
     at = f"pitch {pitch / 100:.2f}°, yaw {yaw / 100:.2f}°"
     if not (PITCH[0] <= pitch <= PITCH[1] and YAW[0] <= yaw <= YAW[1]):
-        text = f"its angles ({at}) are outside the documented range, nothing was commanded"
+        text = f"the angles ({at}) are outside the documented range, so nothing was commanded"
         return Stopped(text, POWER, CheckFailed)
     data = eb90.pack_s16([yaw, pitch])
     meaning = f"stay at {at}"
@@ -115,8 +115,8 @@ def hold(number: int, can: bool, pitch: int, yaw: int, seconds: float) -> Talk:
     if refused:
         return Stopped(f"the wrist did not take the command to {meaning}", POWER, DeviceRefused)
     if not pieces:
-        return Stopped(f"the wrist was commanded to {meaning}, which it did not acknowledge", POWER, NoAnswer)
-    return Stopped(f"the wrist was commanded to {meaning}, and acknowledged it; the manual has no stop command")
+        return Stopped(f"the wrist was commanded to {meaning} but did not acknowledge it", POWER, NoAnswer)
+    return Stopped(f"the wrist was commanded to {meaning} and acknowledged it. The manual has no stop command")
 
 
 def answer(pieces: Pieces, prefix: bytes) -> eb90.Frame | None:

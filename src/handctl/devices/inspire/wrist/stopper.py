@@ -26,13 +26,13 @@ def stop_talk(aim: Aim) -> Talk:
             return (yield from stay(number, can, settings.timeout, late=count > 0))
     if (yield from release.answers(number, heard)):  # fmt: skip
         stopped = yield from release.release(number, settings.timeout, heard)
-        return stopped._replace(text=f"no wrist answers here, but an exoskeleton hand does: {stopped.text}")
+        return stopped._replace(text=f"an exoskeleton hand answers here, not a wrist: {stopped.text}")
     if told_of(number, heard) or (yield from answers(number, PATIENCE, heard)):
         return (yield from stay(number, can, settings.timeout, late=True))
     came = instead(heard)
     return Stopped(
-        f"{f'no wrist answers, {came}' if came else 'the wrist is silent'}: without its angles nothing could be commanded, "
-        "and if it moves it moves on to its target",
-        f"{POWER}; check id, wire and power with `handctl wrist scan`",
+        f"{f'no wrist answered: {came}' if came else 'the wrist did not answer'}. Without its angles nothing could be "
+        "commanded. If it moves, it goes on to its target",
+        f"{POWER}. Check id, wire and power with `handctl wrist scan`",
         ProtocolError if came else NoAnswer,
     )
