@@ -14,7 +14,7 @@ def test_the_position_command_names_its_own_range(value: str) -> None:
     """0..1000 (exo §2.2.2); -1 is of the register alone (exo §2.3.7)."""
     answer = run("exo", "position", "500", "400", value, "200", "100", "-p", fake(), "-y", "--json")
     assert (answer.code, answer.json["counters"]["sent"]) == (2, 0)
-    assert "use 0 to 1000 (exo §2.2.2)" in answer.error["hint"]
+    assert "Use 0 to 1000 (exo §2.2.2)" in answer.error["hint"]
     assert "-1, 0..1000" not in answer.error["hint"]
     assert ("position_set.middle=-1" in answer.error["hint"]) == (value == "-1")
 
@@ -22,7 +22,7 @@ def test_the_position_command_names_its_own_range(value: str) -> None:
 def test_the_force_command_names_its_own_section() -> None:
     answer = run("exo", "force", "0", "0", "0", "0", "-1001", "-p", fake(), "-y", "--json")
     assert answer.code == 2
-    assert "use -1000 to 1000 (exo §2.2.1)" in answer.error["hint"]
+    assert "Use -1000 to 1000 (exo §2.2.1)" in answer.error["hint"]
 
 
 def test_a_speed_that_is_already_set_is_not_called_unsaved() -> None:

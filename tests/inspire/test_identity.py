@@ -506,5 +506,5 @@ def test_what_a_family_cannot_name_is_left_to_scan(family: str, device: str) -> 
     if device == "json":
         assert "`handctl aidin` is the command for it" in error["hint"], error
         return
-    assert error["hint"].endswith(f"; `handctl scan -p {port}` tells which device is there"), error
+    assert error["hint"].endswith(f"; `handctl scan -p {port}` tells which device is there."), error
     assert "handctl scan -p" not in str(run(family, "status", "-p", f"fake://{family}?fault=silent&clock=virtual").err)
