@@ -76,7 +76,8 @@ def test_status_names_the_axes() -> None:
 @both
 def test_live_view(rows: int, wire: str) -> None:
     """Head and counters are on the screen whatever its height; angles have two decimals; a bar grows from zero."""
-    with Terminal("wrist", "watch", "--fake", ON[wire], "--rate", "20", rows=rows) as terminal:
+    at_rest = "fake://wrist" + ("?bus=can" if wire == "can" else "")
+    with Terminal("wrist", "watch", "-p", at_rest, "--rate", "20", rows=rows) as terminal:
         lines = terminal.until_samples(8)
         assert terminal.screen.cursor.hidden
         terminal.send("\x03")

@@ -75,12 +75,12 @@ class TerminalGuide(Guide):
             self.moving = False
         self._line = text
 
-    @staticmethod
-    def _columns() -> int:
-        """Width of the terminal; a terminal that has gone has none."""
+    def _columns(self) -> int:
+        """Width of the terminal; a terminal that has gone has none, and gets no progress any more."""
         try:
             return _columns()
         except (OSError, ValueError):
+            self.moving = False
             return 1
 
     @contextmanager
