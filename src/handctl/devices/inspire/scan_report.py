@@ -118,7 +118,7 @@ def scan(
     method = f"one by one, {span} each" if window == 1 else f"{window} ids per window of {span}"
     speeds_text = ", ".join(str(speed) if speed else "the link's speed" for speed in tried)
     summary = (
-        f"{found.probes} probes in {found.windows} windows, {found.seconds:.2f} s: ids {ids[0]} to {ids[-1]} at "
+        f"{found.probes} probes in {found.windows} windows, {found.seconds:.2f} s, asked for: ids {ids[0]} to {ids[-1]} at "
         f"{speeds_text}, {method}"
     )
     if found.cut:

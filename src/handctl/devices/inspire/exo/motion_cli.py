@@ -36,7 +36,7 @@ def add_movements(group: Group) -> None:
 
     @group.verb("calibrate", "Service", writes=True)
     def calibrate(run: Run) -> Table:
-        """Calibrate forces and positions, guided step by step.
+        """Run the calibration of forces and positions, guided step by step.
 
         Ctrl-C does not stop the hand. To stop it, switch its power off.
         The hand must be worn, and it moves the wearer's fingers.
@@ -71,7 +71,10 @@ def add_movements(group: Group) -> None:
         help="Watch for up to S seconds until the fingers stand still. Ctrl-C holds them where they are.",
     )
     def position(run: Run, values: tuple[int, ...], wait: float | None) -> Table:
-        """Command positions from 0 (bent) to 1000 (open). Shows the forces in the answer, with --wait the end positions."""
+        """Command positions from 0 (bent) to 1000 (open).
+
+        Shows the forces in the answer. With --wait it shows the positions that were reached.
+        """
         return _command(run, "position", values, wait)  # fmt: skip
 
     for takes_numbers in (force, position):

@@ -90,7 +90,7 @@ def plan_write(wrist: Wrist, address: int, data: bytes) -> Step:
     """Check a write: whole settable registers side by side, 2, 4 or 6 bytes, legal values. Raises UsageError."""
     if len(data) not in WRITE_SIZES:
         raise UsageError(
-            f"a wrist write of {len(data)} bytes is never sent",
+            f"a wrist write of {len(data)} byte{'s' * (len(data) != 1)} is never sent",
             hint="write 2, 4 or 6 bytes: with 8 it would be a force command of an exoskeleton hand. Nothing was sent.",
         )
     texts = []

@@ -67,7 +67,9 @@ def _scan_can(bus: CanBus, guide: Guide, ids: Sequence[int], wait: float, find_a
             break
     guide.done()
     seconds = link.now() - started
-    summary = f"{search.probes} read-only probes of pitch_actual, ids {ids[0]} to {ids[-1]}, {seconds:.2f} s"
+    asked = f"id {ids[0]}" if len(ids) == 1 else f"ids {ids[0]} to {ids[-1]}"
+    many = "probe" if search.probes == 1 else "probes"
+    summary = f"{search.probes} read-only {many} of pitch_actual, {asked}, {seconds:.2f} s"
     if cut:
         summary += ", ended by --deadline before all were asked"
     bus.journal.info("scanned", summary)
