@@ -106,7 +106,7 @@ def test_columns_line_up_on_a_pipe(kind: str, verb: str, rows: int, columns: int
 
 def test_a_table_that_fits_is_a_table() -> None:
     lines = shown("exo", "status", 80).lines
-    assert lines[0] == "id 1, 115200 baud (code 0), supply 558 (raw, scale unknown)  simulated"
+    assert lines[0] == "id 1, 115200 bit/s (code 0), supply 558 (raw, scale unknown)  simulated"
     assert lines[1] == "Finger    Position  Set  Force  Set  mA  °C  Errors"
     assert set(lines[2]) == {"─"}
     assert lines[3] == "little         110  151    -11  -61  21  31  ok"
@@ -123,9 +123,9 @@ def test_a_table_that_does_not_fit_names_every_value() -> None:
         "middle  Position: 330  Set: 353",
     ]
     assert lines[-4:-1] == [
-        "position 0 bent .. 1000 open; force: set",
-        "  + opens the hand, measured + is the",
-        "  user closing it (raw)",
+        "Position: 0 bent to 1000 open. Force",
+        "  (raw): set + opens the hand, measured",
+        "  + means that the user closes it.",
     ]
 
 

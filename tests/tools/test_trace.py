@@ -51,7 +51,7 @@ FRAMES = [
     ("exo", "90 EB 01 04 12 D4 05 00 F0", DEVICE, "not accepted (00): write at 1492 position_set.index, id 1"),
     ("exo", "EB 90 01 04 12 EE 03 01 09", HOST, "write factory_reset = 1, id 1"),
     ("exo", "EB 90 01 0B 31 64 00 9C FF 00 00 E8 03 18 FC 3B", HOST, "force command, little to thumb: 100 -100 0 1000 -1000, id 1"),
-    ("exo", "90 EB 01 0B 32 F5 FF 0C 00 F3 FF 0E 00 F1 FF 2E", DEVICE, "position command taken; force_actual = -11 12 -13 14 -15, id 1"),
+    ("exo", "90 EB 01 0B 32 F5 FF 0C 00 F3 FF 0E 00 F1 FF 2E", DEVICE, "position command taken: force_actual = -11 12 -13 14 -15, id 1"),
     ("exo", "EB 90 01 04 30 FC 03 02 36", HOST, "read unnamed registers: 2 bytes at 1020 of another register space, id 1"),
     ("wrist", "90 EB 01 07 30 00 04 6F 00 DE 00 89", DEVICE, "current_1024 = 111 mA (actuator #2 by the register table, #1 by the CAN example), current_1026 = 222 mA (actuator #1 by the register table, #2 by the CAN example), id 1"),
     ("wrist", "EB 90 01 07 31 0E 04 E8 03 18 FC 4A", HOST, "write yaw_set = 10.00 °, pitch_set = -10.00 °, id 1"),
@@ -98,12 +98,12 @@ def test_a_frame_in_words(family: str, text: str, direction: str, meaning: str) 
 
 
 BROKEN = [
-    ("exo", "90 EB 01 05 11 C0 05 2F 02 0C", "bad-checksum", "bad checksum 0C, should be 0D; it would say: system_voltage = 559 (raw, scale unknown), id 1"),
-    ("wrist", "90 EB 01 05 30 FC 03 A7 FE DB", "bad-checksum", "bad checksum DB, should be DA; it would say: pitch_actual = -3.45 °, id 1"),
+    ("exo", "90 EB 01 05 11 C0 05 2F 02 0C", "bad-checksum", "bad checksum 0C, should be 0D. It would say: system_voltage = 559 (raw, scale unknown), id 1"),
+    ("wrist", "90 EB 01 05 30 FC 03 A7 FE DB", "bad-checksum", "bad checksum DB, should be DA. It would say: pitch_actual = -3.45 °, id 1"),
     ("exo", "90 EB 01 05 11 C0 05", "cut-short", "the beginning of a frame, cut off after 7 of 10 bytes"),
     ("exo", "F8 00 1C FE", "stray", "4 bytes of no frame"),
     ("exo", "90 EB", "cut-short", "the beginning of a frame, cut off after 2 bytes"),
-    ("ekso", "96 04 00 C8 0E 04 25 00 31 2A", "bad-checksum", "bad CRC 312A, should be 061A; it would say: GetTime: 14:04:37"),
+    ("ekso", "96 04 00 C8 0E 04 25 00 31 2A", "bad-checksum", "bad CRC 312A, should be 061A. It would say: GetTime: 14:04:37"),
     ("ekso", "96 04 00 C8 0E", "cut-short", "the beginning of a frame, cut off after 5 bytes"),
     ("aidin", '{"motor_pos":[1,2', "cut-short", "an object cut off after 17 bytes"),
     ("barrett", hex_of("FGET P"), "cut-short", "a command without its CR: FGET P"),
