@@ -111,7 +111,7 @@ READING = (
     Command("watch-data", "stream", ("watch", "right_hip_y", "--count", "2", "--rate", "0"),
             ("right_hip_y",) * 2, (DATA,) * 2),
     Command("log", "log", ("log", "{dir}/new.csv", "--count", "3", "--rate", "20", "--silence", "2"), (),
-            (SETTINGS, *CLOCK, DATA, DATA, DATA, SETTINGS)),
+            (SETTINGS, *CLOCK, DATA, FEEDBACK, DATA, DATA, SETTINGS, FEEDBACK)),
     Command("snapshot", "read", ("snapshot", "{dir}/new.json"), tuple(
         name for name in PLACES if name not in ("swing_complete", "pilot_id")), (SETTINGS,)),
     Command("diff", "read", ("diff", "{dir}/power-on.json"), (), (SETTINGS,)),

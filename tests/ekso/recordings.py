@@ -7,7 +7,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from handctl.devices.ekso.log.recording import Limits, Recording, record
+from handctl.devices.ekso.log.polling import Limits, record
+from handctl.devices.ekso.log.recording import Recording
 from handctl.errors import HandctlError
 from handctl.model.guide import Guide
 
@@ -69,14 +70,19 @@ def recorded(
     raw: bool = False,
     limits: Limits | None = None,
     mark: Callable[[], str] = lambda: "",
-    on_reboot: Callable[[], None] = lambda: None,
+    on_segment: Callable[[], None] = lambda: None,
+    feedback: Callable[[], Sequence[int]] | None = None,
+    reopen: Callable[[], bool] = lambda: False,
 ) -> tuple[HandctlError | None, Recording, Device]:
     """Record a script to its end."""
     device = Device(script)
     limits = limits or Limits(rows=sum(isinstance(what, int) for _, what in script))
     recording = Recording(str(path), device, {"simulated": True}, raw=raw, rate=limits.rate, force=False)
     try:
-        failure = record(recording, device.sample, device, limits, mark=mark, on_reboot=on_reboot, guide=Guide())
+        failure = record(
+            recording, device.sample, device, limits,
+            mark=mark, on_segment=on_segment, guide=Guide(), feedback=feedback, reopen=reopen,
+        )  # fmt: skip
     finally:
         recording.close()
     recording.write_sidecar(complete=True)

@@ -123,6 +123,23 @@ def test_lost_answers_are_retried_told_and_counted(tmp_path: Path) -> None:
     assert sidecar(path)["counters"]["timeouts"] == row["lost"]
 
 
+def test_steps_and_walking_time_are_in_the_log(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    assert log(path, "--duration", "8", "--rate", "50", use="on").code == 0
+    feedback = sidecar(path)["feedback"]
+    assert 8 <= feedback["answered"] <= 10
+    first, *later = feedback["timeline"]
+    assert {"steps_taken", "upright_time", "walk_time", "left_step_length", "right_step_length"} <= set(
+        first["changed"]
+    )
+    for name in ("steps_taken", "walk_time"):
+        seen = [entry["changed"][name] for entry in feedback["timeline"] if name in entry["changed"]]
+        assert seen[-1] > seen[0] and seen == sorted(set(seen)), name
+    rows = table(path)
+    for entry in later:
+        assert 0 <= entry["t_s"] - float(rows[entry["row"] - 1]["t_s"]) < 0.1
+
+
 def test_changes_at_the_pendant_are_noticed(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     done = log(path, "--count", "2", fault="pendant")
@@ -193,7 +210,7 @@ def test_a_log_only_reads(tmp_path: Path) -> None:
     trace = tmp_path / "trace"
     assert run("ekso", "log", tmp_path / "a.csv", "--count", "3", "--fake", "--trace", trace).code == 0
     commands = {line.split()[2] for line in trace.read_text().splitlines() if " > " in line}
-    assert commands == {"96", "97", "98", "99"}
+    assert commands == {"96", "97", "98", "99", "9A"}
     assert log(tmp_path / "b.csv", "-n").code == 2
 
 

@@ -12,7 +12,8 @@ from handctl.devices.ekso.audit import AuditLog
 from handctl.devices.ekso.device import Ekso, one_setting
 from handctl.devices.ekso.frames import Command, cancel_body, encode
 from handctl.devices.ekso.log import recording as recording_module
-from handctl.devices.ekso.log.recording import Limits, Recording
+from handctl.devices.ekso.log.polling import Limits
+from handctl.devices.ekso.log.recording import Recording
 from handctl.devices.ekso.settings import Writer
 from handctl.devices.ekso.writes import EksoWrites
 from handctl.errors import NoAnswer, OutputError, ProtocolError, UsageError

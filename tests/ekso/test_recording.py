@@ -15,12 +15,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from handctl.devices.ekso.log.format import RowLayout, clean, parse, text_of
-from handctl.devices.ekso.log.recording import Limits, Recording, changed, file_name, record, settings_row, undisturbed
+from handctl.devices.ekso.log.polling import Limits, record
+from handctl.devices.ekso.log.recording import Recording, changed, file_name, settings_row, undisturbed
 from handctl.devices.ekso.log.timeline import FIRST_PERIOD_MS, LEARNED, SLACK_MS, ClockFit, Timeline
 from handctl.devices.ekso.map import DATA, SETTINGS
 from handctl.errors import HandctlError, Interrupted, LinkError, NoAnswer, OutputError, ProtocolError, UsageError
 from handctl.model.guide import Guide
-from tests.ekso.recordings import STANDING, Device, recorded, steady
+from tests.ekso.recordings import STANDING, Answer, Device, recorded, steady, words_at
 
 # Section 7 of the dossier, literally.
 COLUMNS = """
@@ -286,7 +287,7 @@ def test_a_reboot_is_a_segment(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     seen: list[str] = []
     script = [*steady(2), (1.5, NoAnswer("x")), (0.5, 301), (0.02, 321)]
-    recorded(path, script, on_reboot=lambda: seen.append("reboot"))
+    recorded(path, script, on_segment=lambda: seen.append("reboot"))
     assert [(row["segment"], row["t_s"], row["mark"]) for row in table(path)] == [
         ("1", "0.000", ""), ("1", "0.020", ""), ("2", "2.070", "[reboot]"), ("2", "2.090", ""),
     ]  # fmt: skip
@@ -313,8 +314,97 @@ def test_marks_stand_in_both_files_and_none_is_lost(tmp_path: Path) -> None:
 def test_rate_paces_the_requests_and_never_hurries(tmp_path: Path) -> None:
     script = [(0.01, 1001), (0.01, 1101), (0.35, 1301), (0.01, 1551), (0.01, 1651)]
     _, recording, device = recorded(tmp_path / "a.csv", list(script), limits=Limits(rate=10, rows=5))
-    assert device.asked_at == [100.0, 100.1, 100.2, 100.55, 100.65]
-    assert recording.rows == 5
+    assert device.asked_at == [100.0, 100.1, 100.2, 100.6, 100.7], "on the ticks: the late answer hurries nothing"
+    assert (recording.rows, recording.skipped) == (5, 3)
+
+
+def test_after_a_stall_no_tick_is_polled_twice(tmp_path: Path) -> None:
+    """The machine slept in the middle of the third tick, and again for less than a tick."""
+
+    class Stalls(Device):
+        def __init__(self) -> None:
+            super().__init__([])
+            self.naps = [0.0, 0.0, 0.0753, 0.0, 0.012, 0.0]
+
+        def sleep(self, seconds: float) -> None:
+            super().sleep(seconds + (self.naps.pop(0) if self.naps and seconds > 0 else 0.0))
+
+        def sample(self) -> Answer:
+            self.asked_at.append(round(self.clock, 6))
+            self.clock += 0.001
+            boot = 1 + 2 * int(self.clock * 500)
+            return Answer(self.clock - 0.001, self.clock, words_at(boot))
+
+    device = Stalls()
+    recording = Recording(str(tmp_path / "a.csv"), device, {}, raw=False, rate=50, force=False)
+    limits = Limits(rate=50, rows=8)
+    assert record(recording, device.sample, device, limits, mark=str, on_segment=lambda: None, guide=Guide()) is None
+    recording.close()
+    assert device.asked_at == [100.0, 100.02, 100.04, 100.14, 100.18, 100.2, 100.22, 100.24]
+    assert (recording.skipped, recording.timeline.standstill) == (5, 0)
+    boots = [int(row["boot_ms"]) for row in table(tmp_path / "a.csv")]
+    assert all(later - earlier >= 18 for earlier, later in pairwise(boots))
+
+
+@pytest.mark.parametrize(("answers_in", "skipped"), [(0.022, 9), (0.019, 0)])
+def test_a_device_somewhat_slower_than_the_rate_is_asked_as_it_answers(
+    tmp_path: Path, answers_in: float, skipped: int
+) -> None:
+    script: list[tuple[float, int | BaseException]] = [(answers_in, 1001 + 2 * i) for i in range(50)]
+    _, recording, device = recorded(tmp_path / "a.csv", script, limits=Limits(rate=50, rows=50))
+    ticks = [round((moment - 100.0) * 50 - 0.499) for moment in device.asked_at]
+    assert len(set(ticks)) == 50, "never two in one tick"
+    assert recording.skipped == skipped
+    assert device.clock - 100.0 < 50 * answers_in * 1.1
+
+
+def test_feedback_is_asked_once_a_second_and_only_changes_are_kept(tmp_path: Path) -> None:
+    steps = iter([7, 7, 8, 9])
+    asked: list[float] = []
+
+    def feedback() -> tuple[int, ...]:
+        asked.append(round(device.clock, 3))
+        return (next(steps), 40, 30, *range(100, 112), 0, 1001 + round((device.clock - 100.02) * 1000))
+
+    path = tmp_path / "a.csv"
+    device = Device(steady(160))
+    recording = Recording(str(path), device, {}, raw=False, rate=50, force=False)
+    limits = Limits(rows=160)
+    record(
+        recording, device.sample, device, limits,
+        mark=str, on_segment=lambda: None, guide=Guide(), feedback=feedback,
+    )  # fmt: skip
+    recording.close()
+    recording.write_sidecar(complete=True)
+    assert asked == pytest.approx([100.02, 101.03, 102.05, 103.06], abs=0.025)
+    kept = sidecar(path)["feedback"]
+    assert (kept["answered"], kept["unanswered"]) == (4, 0)
+    assert kept["words"][11] == {"name": "left_step_length", "word": 11, "unit": "in", "type": "s16/10"}
+    first, *later = kept["timeline"]
+    assert len(first["changed"]) == 15
+    assert (first["changed"]["steps_taken"], first["changed"]["left_step_length"]) == (7, 10.8)
+    assert [entry["changed"] for entry in later] == [{"steps_taken": 8}, {"steps_taken": 9}]
+    for entry in later:
+        assert (entry["segment"], entry["t_s"]) == (1, (entry["boot_ms"] - 1001) / 1000)
+        assert 0 <= entry["t_s"] - float(table(path)[entry["row"] - 1]["t_s"]) <= 0.02
+
+
+def test_a_feedback_without_an_answer_costs_no_row_and_rests(tmp_path: Path) -> None:
+    asked: list[float] = []
+
+    def feedback() -> tuple[int, ...]:
+        asked.append(round(device.clock))
+        raise NoAnswer("nothing")
+
+    device = Device(steady(600))
+    recording = Recording(str(tmp_path / "a.csv"), device, {}, raw=False, rate=0, force=False)
+    limits = Limits(rows=600)
+    failure = record(
+        recording, device.sample, device, limits, mark=str, on_segment=lambda: None, guide=Guide(), feedback=feedback
+    )
+    recording.close()
+    assert (failure, recording.rows, recording.lost, recording.feedback.unanswered) == (None, 600, 0, 2)
+    assert asked == [100, 110]
 
 
 def test_duration_ends_it(tmp_path: Path) -> None:
@@ -358,7 +448,7 @@ def test_a_full_disk_takes_back_the_broken_row(tmp_path: Path) -> None:
     resource.setrlimit(resource.RLIMIT_FSIZE, (3000, hard))
     try:
         failure = record(
-            recording, device.sample, device, Limits(), mark=lambda: "", on_reboot=lambda: None, guide=Guide()
+            recording, device.sample, device, Limits(), mark=lambda: "", on_segment=lambda: None, guide=Guide()
         )
         recording.close()
     finally:

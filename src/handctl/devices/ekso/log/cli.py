@@ -89,6 +89,8 @@ def log(
 
     FILE may be a directory. On a terminal any letter or space sets a mark.
     """
+    from handctl.devices.ekso.frames import Command as Request
+    from handctl.devices.ekso.log import polling
     from handctl.devices.ekso.log import recording as files
 
     path = files.file_name(file)
@@ -104,23 +106,27 @@ def log(
     }
     recording = files.Recording(path, port.link, about, raw=raw, rate=rate, force=force)
 
-    def rebooted() -> None:
+    def feedback() -> tuple[int, ...]:
+        return port.exchange(Request.GET_FEEDBACK).words  # once: the next row is worth more than a second try
+
+    def segment_began() -> None:
         with suppress(NoAnswer, ProtocolError):  # it has just started: the settings may come late
             recording.timeline.segments[-1].settings_changed = files.changed(before, read())
 
     try:
         with Keys(run.guide.interactive) as keys:
             run.guide.say(f"recording into {path}. {'a key sets a mark, ' if keys.heard else ''}Ctrl-C ends")
-            failure = files.record(
+            failure = polling.record(
                 recording,
                 partial(_sample, port),
                 port.link,
-                files.Limits(rate, count, duration, silence),
+                polling.Limits(rate, count, duration, silence),
                 mark=_first(mark, keys.pressed),
-                on_reboot=rebooted,
+                on_segment=segment_began,
                 guide=run.guide,
+                feedback=feedback,
             )
-        failure = _finish(run, port, recording, before, read, failure)
+        failure = _finish(run, port, recording, before, read, feedback, failure)
     finally:
         recording.close()
     _tell(run, recording)
@@ -169,9 +175,10 @@ def _finish(
     recording: Recording,
     before: dict[str, Any],
     read: Callable[[], dict[str, Any]],
+    feedback: Callable[[], tuple[int, ...]],
     failure: HandctlError | None,
 ) -> HandctlError | None:
-    """Read the settings again, close the file, write the sidecar; returns what went wrong first."""
+    """Read the settings and the feedback again, close the file, write the sidecar; returns what went wrong first."""
     from handctl.devices.ekso.log.recording import changed, in_words, undisturbed
 
     after = None
@@ -180,6 +187,11 @@ def _finish(
             after = read()
         except (HandctlError, KeyboardInterrupt) as exc:
             run.journal.warn("settings-unread", f"the settings after the log are not known: {exc or 'interrupted'}")
+    if after is not None and recording.rows:
+        try:
+            recording.feedback.add(feedback(), recording.timeline.last, recording.rows)
+        except (HandctlError, KeyboardInterrupt):
+            recording.feedback.unanswered += 1
     differing = changed(before, after) if after is not None else None
     if differing and after is not None:
         shown = ", ".join(f"{name} {in_words(before[name])} -> {in_words(after[name])}" for name in differing)
@@ -207,6 +219,10 @@ def _tell(run: Run, recording: Recording) -> None:
         run.journal.warn("gap", f"{len(lengths)} gaps, {sum(lengths):.3f} s in all, the longest {max(lengths):.3f} s")
     if len(line.segments) > 1:
         run.journal.warn("rebooted", f"the device was restarted {len(line.segments) - 1} times: see column segment")
+    if recording.skipped:
+        run.journal.info(
+            "skipped", f"{recording.skipped} ticks of --rate have no request: the device or this machine was late"
+        )
     if recording.lost:
         run.journal.warn("lost", f"{recording.lost} requests had no valid answer: see the holes in column seq")
     if line.standstill:

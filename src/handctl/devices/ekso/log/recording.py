@@ -13,19 +13,16 @@ import errno
 import json
 import os
 import signal
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any, NamedTuple, Protocol
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, Protocol
 
+from handctl.devices.ekso.log.feedback import FeedbackLine
 from handctl.devices.ekso.log.format import SCHEMA, RowLayout, Stamp, clean
-from handctl.devices.ekso.log.timeline import Timeline
+from handctl.devices.ekso.log.timeline import Hole, Timeline
 from handctl.devices.ekso.map import SETTINGS, boot_ms
-from handctl.errors import HandctlError, Interrupted, NoAnswer, OutputError, ProtocolError, UsageError
+from handctl.errors import HandctlError, OutputError, UsageError
 from handctl.files import atomic_write
-from handctl.model.guide import Guide
 
-PROGRESS_S = 0.25
-PAUSE_S = 0.05
-"""Between a request without an answer and the next, so that a dead line costs no processor time."""
 PERSONAL = "pilot_id"
 
 
@@ -45,21 +42,6 @@ class Clock(Protocol):
 
     def now(self) -> float: ...
     def sleep(self, seconds: float) -> None: ...
-
-
-class Limits(NamedTuple):
-    """When a log ends by itself, and how fast it goes.
-
-    rate      requests per second, 0 = as fast as the device answers
-    rows      rows of the file; None = no limit
-    duration  seconds; None = no limit
-    silence   seconds without an answer that end it
-    """
-
-    rate: float = 0.0
-    rows: int | None = None
-    duration: float | None = None
-    silence: float = 60.0
 
 
 @contextlib.contextmanager
@@ -88,8 +70,12 @@ class Recording:
         self.marks: list[dict[str, Any]] = []
         self.lost = 0
         """Requests without a valid answer, after the retries."""
+        self.skipped = 0
+        """Ticks of the rate without a request: the machine or the device was busy, or the port was gone."""
+        self.feedback = FeedbackLine()
         self.pending = ""
         """The mark that the next row gets."""
+        self._reopened = False
         self._utc_offset = datetime.now(UTC).timestamp() - clock.now()
         self._about = about
         self._size = 0
@@ -117,19 +103,29 @@ class Recording:
         return self.timeline.rows
 
     def add(self, sample: RawSample, seq: int) -> bool:
-        """Write the row of a sample, with the pending mark; True when the device has been rebooted before it. Raises OutputError."""
+        """Write the row of a sample, with the pending mark; True when a segment begins with it that is not the first. Raises OutputError."""
         middle, rtt = (sample.sent + sample.received) / 2, (sample.received - sample.sent) * 1000
-        place = self.timeline.place(boot_ms(sample.words), middle, rtt)
+        before = len(self.timeline.segments)
+        place = self.timeline.place(boot_ms(sample.words), middle, rtt, reopened=self._reopened)
         stamp = Stamp(middle + self._utc_offset, place, seq)
-        notes = ["[reboot]"] * place.rebooted + [f"[gap {place.gap_ms / 1000:.3f} s]"] * bool(place.gap_ms)
+        notes = (
+            ["[port lost]"] * place.reopened
+            + ["[reboot]"] * place.rebooted
+            + [f"[gap {place.gap_ms / 1000:.3f} s]"] * bool(place.gap_ms)
+        )
         mark = clean(self.pending)
         text = self.layout.line(stamp, sample.words, "; ".join([*notes, *([mark] if mark else [])]))
         with undisturbed():
             self._append(text)
             self.timeline.count(place)
+            self._reopened = False
             self._first, self._last = self._first or stamp, stamp
             self._keep_mark(self.rows)
-        return place.rebooted
+        return 0 < before < len(self.timeline.segments)
+
+    def port_lost(self) -> None:
+        """The port was lost: the next row is the first of a segment."""
+        self._reopened = True
 
     def _keep_mark(self, row: int | None) -> None:
         mark, self.pending = clean(self.pending), ""
@@ -139,8 +135,11 @@ class Recording:
             self.marks.append({"row": row, "boot_ms": boot, "t_s": t_ms, "text": mark})
 
     def end(self) -> None:
-        """No more rows: a mark that waits for one is kept by the sidecar alone, without a row."""
+        """No more rows: a mark that waits for one is kept by the sidecar alone, without a row; so is a hole."""
         self._keep_mark(None)
+        if self._reopened:
+            self._reopened = False
+            self.timeline.holes.append(Hole(None))
 
     def _append(self, text: str) -> None:
         data = text.encode()
@@ -189,10 +188,13 @@ class Recording:
             "rate_hz": line.rate_hz(),
             "interval_ms": line.interval_row(),
             "lost": self.lost,
+            "skipped": self.skipped,
             "standstill": line.standstill,
             "gaps": [[gap.boot_ms, gap.length_ms] for gap in line.gaps],
+            "holes": [hole.as_row() for hole in line.holes],
             "segments": [segment.as_row() for segment in line.segments],
             "marks": self.marks,
+            "feedback": self.feedback.as_row(),
             **more,
         }
         write_whole(self.sidecar, json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
@@ -206,7 +208,9 @@ class Recording:
             "duration": line.t_s,
             "rate": line.rate_hz(),
             "lost": self.lost,
+            "skipped": self.skipped,
             "gaps": len(line.gaps),
+            "holes": len(line.holes),
             "segments": len(line.segments),
             "marks": len(self.marks),
             "sidecar": self.sidecar,
@@ -287,70 +291,3 @@ def in_words(setting: Mapping[str, Any]) -> str:
 def changed(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[str]:
     """Names of the settings that differ."""
     return [name for name in before if before[name]["raw"] != after[name]["raw"]]
-
-
-def record(
-    recording: Recording,
-    sample: Callable[[], RawSample],
-    clock: Clock,
-    limits: Limits,
-    *,
-    mark: Callable[[], str],
-    on_reboot: Callable[[], None],
-    guide: Guide,
-) -> HandctlError | None:
-    """Record until a limit is reached; returns what ended it before that. Raises nothing of its own.
-
-    `mark` is asked before each request for the text of a mark, "" for none.
-    """
-    start = due = heard = shown = clock.now()
-    seq = 0
-    try:
-        while (limits.rows is None or recording.rows < limits.rows) and (
-            limits.duration is None or clock.now() - start < limits.duration
-        ):
-            recording.pending = "; ".join(filter(None, [recording.pending, mark()]))
-            seq += 1
-            try:
-                answer = sample()
-            except (NoAnswer, ProtocolError) as exc:
-                if exc.code == "deadline":  # it was not even sent
-                    return exc
-                recording.lost += 1
-                if clock.now() - heard >= limits.silence:
-                    return exc
-                clock.sleep(PAUSE_S)
-                continue
-            heard = clock.now()
-            if recording.add(answer, seq):
-                guide.say(
-                    f"The device restarted: BootTime begins at 0. Segment {len(recording.timeline.segments)} begins"
-                )
-                on_reboot()
-            if heard - shown >= PROGRESS_S:
-                shown = heard
-                with contextlib.suppress(OSError):  # a terminal that went away
-                    guide.progress(_progress(recording, heard - start), "Ctrl-C ends the log.")
-            if limits.rate:
-                due = max(due + 1 / limits.rate, heard)  # a late answer delays the next request, it does not hurry it
-                end = due if limits.duration is None else min(due, start + limits.duration)
-                if limits.rows is None or recording.rows < limits.rows:
-                    clock.sleep(end - heard)
-    except KeyboardInterrupt:
-        return Interrupted("interrupted")
-    except HandctlError as exc:
-        return exc
-    finally:
-        with contextlib.suppress(OSError):
-            guide.done()
-        recording.end()
-    return None
-
-
-def _progress(recording: Recording, seconds: float) -> str:
-    line = recording.timeline
-    rate = line.rate_hz()
-    text = f"{seconds:.1f} s  {line.rows} rows" + (f"  {rate:.1f} Hz" if rate is not None else "")
-    for name, count in (("gaps", len(line.gaps)), ("lost", recording.lost), ("marks", len(recording.marks))):
-        text += f"  {count} {name}" if count else ""
-    return text

@@ -1,4 +1,4 @@
-"""The time of a log: device ticks to seconds, reboots to segments, long intervals to gaps, rate and clock fit.
+"""The time of a log: device ticks to seconds, reboots and lost ports to segments, long intervals to gaps, rate and clock fit.
 
 Pure arithmetic over BootTime and host time; knows no file and no device.
 """
@@ -33,6 +33,7 @@ class Place(NamedTuple):
     segment: int
     rebooted: bool = False
     gap_ms: int = 0
+    reopened: bool = False
 
 
 class Gap(NamedTuple):
@@ -40,6 +41,23 @@ class Gap(NamedTuple):
 
     boot_ms: int
     length_ms: int
+
+
+class Hole(NamedTuple):
+    """A time in which the port was gone: the first row after it, its segment, ms without rows, whether the device restarted.
+
+    The row is None where the port, or the device behind it, did not come back before the end.
+    """
+
+    row: int | None
+    segment: int | None = None
+    length_ms: int | None = None
+    rebooted: bool | None = None
+
+    def as_row(self) -> dict[str, Any]:
+        """As it stands in the sidecar."""
+        length = None if self.length_ms is None else self.length_ms / 1000
+        return {"row": self.row, "segment": self.segment, "length_s": length, "rebooted": self.rebooted}
 
 
 class ClockFit:
@@ -70,7 +88,7 @@ class ClockFit:
 
 @dataclass(slots=True)
 class Segment:
-    """The rows from one power-on to the next."""
+    """The rows from one power-on, or one return of the port, to the next."""
 
     number: int
     first_row: int
@@ -103,42 +121,55 @@ class Timeline:
     def __init__(self, period_ms: float = 0.0) -> None:
         self.segments: list[Segment] = []
         self.gaps: list[Gap] = []
+        self.holes: list[Hole] = []
+        self.reboots = 0
         self.rows = 0
         self.standstill = 0
         """Rows whose BootTime is that of the row before."""
         self._asked = period_ms
         self._recent: deque[int] = deque(maxlen=41)
         self._intervals: Counter[int] = Counter()
-        self._last = Place(0, 0.0, 0.0, 0, 1)
+        """Those within a segment, and which of them are gaps."""
+        self._within: list[int] = []
+        self.last = Place(0, 0.0, 0.0, 0, 1)
 
-    def place(self, boot_ms: int, mono_s: float, rtt_ms: float = 0.0) -> Place:
-        """Where a row of these clocks would stand; `count` it once it is written.
+    def place(self, boot_ms: int, mono_s: float, rtt_ms: float = 0.0, *, reopened: bool = False) -> Place:
+        """Where a row of these clocks would stand; `count` it once it is written. `reopened`: the port was lost before it.
 
         A gap is an interval above three nominal periods. A reboot is a BootTime below the last one (unless it wrapped
-        after 49.7 days), or one that has fallen behind the host clock by more than a second.
+        after 49.7 days), or one that has fallen behind the host clock by more than a second. A lost port is a gap as well.
         """
         if not self.rows:
-            return Place(boot_ms, mono_s, rtt_ms, 0, 1)
-        elapsed = (mono_s - self._last.mono_s) * 1000
-        slack = SLACK_MS + (rtt_ms + self._last.rtt_ms) / 2
-        delta = (boot_ms - self._last.boot_ms) % BOOT_WRAP
-        t_ms, segment = self._last.t_ms, self._last.segment
-        wrapped = boot_ms < self._last.boot_ms and abs(delta - elapsed) <= slack
+            return Place(boot_ms, mono_s, rtt_ms, 0, 1, reopened=reopened)
+        elapsed = (mono_s - self.last.mono_s) * 1000
+        slack = SLACK_MS + (rtt_ms + self.last.rtt_ms) / 2
+        delta = (boot_ms - self.last.boot_ms) % BOOT_WRAP
+        t_ms, segment = self.last.t_ms, self.last.segment
+        wrapped = boot_ms < self.last.boot_ms and abs(delta - elapsed) <= slack
         behind = delta > 0 and elapsed - delta > slack  # the very same BootTime again is a clock that stands
-        if (boot_ms < self._last.boot_ms and not wrapped) or behind:
-            return Place(boot_ms, mono_s, rtt_ms, t_ms + max(1, round(elapsed)), segment + 1, rebooted=True)
+        if (boot_ms < self.last.boot_ms and not wrapped) or behind:
+            after = max(1, round(elapsed))
+            gap = after if reopened else 0
+            return Place(boot_ms, mono_s, rtt_ms, t_ms + after, segment + 1, True, gap, reopened)
+        if reopened:
+            return Place(boot_ms, mono_s, rtt_ms, t_ms + delta, segment + 1, False, delta, reopened)
         gap = delta if delta > GAP_PERIODS * self.period_ms else 0
         return Place(boot_ms, mono_s, rtt_ms, t_ms + delta, segment, gap_ms=gap)
 
     def count(self, place: Place) -> None:
         """The row is written: count it."""
-        if not self.rows or place.rebooted:
+        self.reboots += place.rebooted
+        if place.reopened:
+            self.holes.append(Hole(self.rows + 1, place.segment, place.gap_ms, place.rebooted))
+        if not self.rows or place.segment > self.last.segment:
             self.segments.append(Segment(place.segment, self.rows + 1, place.boot_ms, place.mono_s, place.t_ms))
         else:
-            delta = place.t_ms - self._last.t_ms
+            delta = place.t_ms - self.last.t_ms
             self._recent.append(delta)
             self._intervals[delta] += 1
             self.standstill += delta == 0
+            if place.gap_ms:
+                self._within.append(delta)
         if place.gap_ms:
             self.gaps.append(Gap(place.boot_ms, place.gap_ms))
         segment = self.segments[-1]
@@ -146,7 +177,7 @@ class Timeline:
         segment.boot_last, segment.t_last_ms = place.boot_ms, place.t_ms
         segment.fit.add((place.t_ms - segment.t_first_ms) / 1000, place.mono_s - segment.mono_first)
         self.rows += 1
-        self._last = place
+        self.last = place
 
     @property
     def period_ms(self) -> float:
@@ -158,12 +189,12 @@ class Timeline:
     @property
     def t_s(self) -> float:
         """Device time of the last row."""
-        return self._last.t_ms / 1000
+        return self.last.t_ms / 1000
 
     def rate_hz(self) -> float | None:
-        """Rows per second of recorded time: gaps and reboots do not count."""
-        count = sum(self._intervals.values()) - len(self.gaps)
-        recorded = sum(delta * n for delta, n in self._intervals.items()) - sum(gap.length_ms for gap in self.gaps)
+        """Rows per second of recorded time: gaps, reboots and lost ports do not count."""
+        count = sum(self._intervals.values()) - len(self._within)
+        recorded = sum(delta * n for delta, n in self._intervals.items()) - sum(self._within)
         return round(count * 1000 / recorded, 2) if count > 0 and recorded > 0 else None
 
     def interval_row(self) -> dict[str, int] | None:

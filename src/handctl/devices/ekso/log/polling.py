@@ -1,0 +1,233 @@
+"""The loop of a log: a poll for each tick, GetFeedback once a second, until a limit is reached.
+
+Knows no device and no file: it is given what asks and what keeps.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Sequence
+from math import ceil, inf
+from typing import NamedTuple
+
+from handctl.devices.ekso.log.recording import Clock, RawSample, Recording
+from handctl.errors import HandctlError, Interrupted, LinkError, NoAnswer, ProtocolError
+from handctl.model.guide import Guide
+
+PROGRESS_S = 0.25
+PAUSE_S = 0.05
+"""Between a request without an answer and the next where there are no ticks, so that a dead line costs no processor time."""
+RETRY_S = 0.1
+"""Between two looks for a port that was lost."""
+ENDS = "Ctrl-C ends the log."
+FEEDBACK_S = 1.0
+"""Between two GetFeedback."""
+FEEDBACK_REST_S = 10.0
+"""The same after one without an answer: each costs a timeout, in which no row is taken."""
+
+
+class Limits(NamedTuple):
+    """When a log ends by itself, and how fast it goes.
+
+    rate      requests per second, 0 = as fast as the device answers
+    rows      rows of the file; None = no limit
+    duration  seconds; None = no limit
+    silence   seconds without an answer that end it
+    """
+
+    rate: float = 0.0
+    rows: int | None = None
+    duration: float | None = None
+    silence: float = 60.0
+
+
+class Pace:
+    """The ticks of a log, 1/rate apart from its start: one poll for a tick at the most, and none to catch up.
+
+    A device somewhat slower than the rate is polled as it answers. A tick that is late by more than half a period is
+    skipped and counted, so that two polls are never closer than that. Without a rate there are no ticks.
+    """
+
+    def __init__(self, clock: Clock, rate: float) -> None:
+        self.skipped = 0
+        self._clock = clock
+        self._rate = rate
+        self._start = clock.now()
+        self._next = 0
+
+    def wait(self, end: float) -> None:
+        """Until the moment of the next poll, or `end` when that comes first."""
+        while self._rate:
+            now = self._clock.now()
+            passed = (now - self._start) * self._rate
+            if passed > self._next + 0.5:
+                first = ceil(passed)
+                self.skipped += first - self._next
+                self._next = first
+            due = min(self._start + self._next / self._rate, end)
+            if due <= now:
+                break
+            self._clock.sleep(due - now)
+            if self._clock.now() <= due + 0.5 / self._rate:  # otherwise the machine slept longer: look again
+                break
+        self._next += 1
+
+
+class _Loop:
+    """What stays between two polls."""
+
+    def __init__(
+        self,
+        recording: Recording,
+        sample: Callable[[], RawSample],
+        clock: Clock,
+        limits: Limits,
+        mark: Callable[[], str],
+        on_segment: Callable[[], None],
+        guide: Guide,
+        feedback: Callable[[], Sequence[int]] | None,
+    ) -> None:
+        self._recording, self._sample, self._clock, self._limits = recording, sample, clock, limits
+        self._mark, self._on_segment, self._guide, self._feedback = mark, on_segment, guide, feedback
+        self.pace = Pace(clock, limits.rate)
+        self._start = self._heard = self._shown = self._feedback_due = clock.now()
+        self._end = inf if limits.duration is None else self._start + limits.duration
+        self._seq = 0
+        self._asked = False
+        """Whether a GetData is without its answer."""
+
+    @property
+    def wanted(self) -> bool:
+        """Whether no limit is reached."""
+        rows = self._limits.rows
+        return (rows is None or self._recording.rows < rows) and self._clock.now() < self._end
+
+    def step(self) -> None:
+        """One poll and its row. Raises what ends the log, and LinkError for a lost port."""
+        self.pace.wait(self._end)
+        if not self.wanted:
+            return
+        recording = self._recording
+        recording.pending = "; ".join(filter(None, [recording.pending, self._mark()]))
+        self._seq += 1
+        self._asked = True
+        try:
+            answer = self._sample()
+        except (NoAnswer, ProtocolError) as exc:
+            self._asked = False
+            if exc.code == "deadline":  # it was not even sent
+                raise
+            recording.lost += 1
+            if self._clock.now() - self._heard >= self._limits.silence:
+                raise
+            if not self._limits.rate:
+                self._clock.sleep(PAUSE_S)
+            return
+        self._asked = False
+        self._heard = self._clock.now()
+        if recording.add(answer, self._seq):
+            number = len(recording.timeline.segments)
+            if recording.timeline.last.rebooted:
+                self._guide.say(f"The device restarted: BootTime begins at 0. Segment {number} begins")
+            self._on_segment()
+        if self._heard - self._shown >= PROGRESS_S:
+            self._shown = self._heard
+            with contextlib.suppress(OSError):  # a terminal that went away
+                self._guide.progress(_progress(recording, self._heard - self._start), ENDS)
+        if self._feedback is not None and self._heard >= self._feedback_due:
+            self._ask_feedback(self._feedback)
+
+    def _ask_feedback(self, ask: Callable[[], Sequence[int]]) -> None:
+        recording = self._recording
+        try:
+            words = ask()
+        except (NoAnswer, ProtocolError) as exc:
+            if exc.code == "deadline":
+                raise
+            recording.feedback.unanswered += 1
+            self._feedback_due = self._clock.now() + FEEDBACK_REST_S
+            return
+        self._feedback_due = self._heard + FEEDBACK_S
+        recording.feedback.add(words, recording.timeline.last, recording.rows)
+
+    def wait_for_port(self, lost: LinkError, reopen: Callable[[], bool]) -> bool:
+        """Until the port is open again; False where it cannot be. Raises LinkError when the time for that is over."""
+        over = min(self._heard + self._limits.silence, self._end)
+        told = False
+        while True:
+            try:
+                if not reopen():
+                    return False
+                break
+            except LinkError as exc:
+                self._recording.port_lost()
+                if (left := over - self._clock.now()) <= 0:
+                    raise self._gone(lost, exc) from exc
+            if not told:
+                told = True
+                self._guide.say(f"{lost.text}. Waiting up to {left:.0f} s for the same port")
+            with contextlib.suppress(OSError):
+                self._guide.progress(f"the port is gone, {left:.0f} s left for its return", ENDS)
+            self._clock.sleep(min(RETRY_S, left))
+        self._recording.port_lost()
+        self._recording.lost += self._asked
+        self._asked = False
+        self._guide.say("The port is open again. The next row begins a segment")
+        return True
+
+    def _gone(self, lost: LinkError, last: LinkError) -> LinkError:
+        if self._heard + self._limits.silence <= self._end:
+            when = f"within the {self._limits.silence:g} s of --silence"
+        else:
+            when = "before the end of --duration"
+        return LinkError(
+            f"{lost.text}. It did not come back {when}. {last.text}", hint=last.hint or lost.hint, code="lost"
+        )
+
+
+def _progress(recording: Recording, seconds: float) -> str:
+    line = recording.timeline
+    rate = line.rate_hz()
+    text = f"{seconds:.1f} s  {line.rows} rows" + (f"  {rate:.1f} Hz" if rate is not None else "")
+    for name, count in (("gaps", len(line.gaps)), ("lost", recording.lost), ("marks", len(recording.marks))):
+        text += f"  {count} {name}" if count else ""
+    return text
+
+
+def record(
+    recording: Recording,
+    sample: Callable[[], RawSample],
+    clock: Clock,
+    limits: Limits,
+    *,
+    mark: Callable[[], str],
+    on_segment: Callable[[], None],
+    guide: Guide,
+    feedback: Callable[[], Sequence[int]] | None = None,
+    reopen: Callable[[], bool] = lambda: False,
+) -> HandctlError | None:
+    """Record until a limit is reached; returns what ended it before that. Raises nothing of its own.
+
+    mark        asked before each request for the text of a mark, "" for none
+    on_segment  called behind the first row of a segment, but the first segment
+    feedback    asks GetFeedback once
+    reopen      opens a lost port again: False where there is no such way, LinkError while it is not there
+    """
+    loop = _Loop(recording, sample, clock, limits, mark, on_segment, guide, feedback)
+    try:
+        while loop.wanted:
+            try:
+                loop.step()
+            except LinkError as exc:
+                if exc.code != "lost" or not loop.wait_for_port(exc, reopen):
+                    raise
+    except KeyboardInterrupt:
+        return Interrupted("interrupted")
+    except HandctlError as exc:
+        return exc
+    finally:
+        recording.skipped = loop.pace.skipped
+        with contextlib.suppress(OSError):
+            guide.done()
+        recording.end()
+    return None
