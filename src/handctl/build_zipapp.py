@@ -18,7 +18,19 @@ from pathlib import Path
 
 USAGE = "usage: python -m handctl.build_zipapp [-o FILE]\n"
 OWN = "handctl"
-MAIN = "import sys\n\nfrom handctl.cli import main\n\nsys.exit(main())\n"
+OLDEST = (3, 11)
+MAIN = f"""import sys
+
+if sys.version_info < {OLDEST}:
+    sys.stderr.write("handctl: error: handctl needs Python {OLDEST[0]}.{OLDEST[1]} or newer, and this is Python %d.%d.\\n" % sys.version_info[:2])
+    sys.stderr.write("  next: Run this file with a newer Python, for example `python{OLDEST[0]}.{OLDEST[1]} handctl.pyz`.\\n")
+    sys.exit(1)
+
+from handctl.cli import main
+
+sys.exit(main())
+"""
+"""Any Python can read it, also version 2: what needs a newer one is imported behind the question."""
 UNUSED = ("pygments",)
 """rich needs it for listings of source code only, which handctl does not print; it would be half of the file."""
 LEFT_OUT = (".so", ".pyd", ".pyc", ".pyi", ".exe")
@@ -89,7 +101,7 @@ def _byte_code(path: Path, inside: str, scratch: Path) -> bytes:
             invalidation_mode=py_compile.PycInvalidationMode.UNCHECKED_HASH,
         )
     except py_compile.PyCompileError as exc:
-        raise BuildError(f"{path} is no valid module for this Python: {exc.msg.strip()}") from exc
+        raise BuildError(f"{path} is not a valid module for this Python: {exc.msg.strip()}") from exc
     return Path(str(made)).read_bytes()
 
 
@@ -102,7 +114,7 @@ def _everything() -> Iterator[tuple[str, Path]]:
     for distribution in _needed(OWN, {OWN}):
         files = distribution.files
         if files is None:
-            raise BuildError(f"{distribution.name}: its list of files is missing; install it with pip")
+            raise BuildError(f"{distribution.name}: its list of files is missing. Install it with pip")
         for file in files:
             path = Path(str(file.locate()))
             if ".." not in file.parts and path.is_file() and _wanted(path) and _kept(file.parts):
@@ -128,7 +140,7 @@ def _needed(name: str, seen: set[str]) -> Iterator[metadata.Distribution]:
     try:
         requirements = metadata.requires(name) or []
     except metadata.PackageNotFoundError as exc:
-        raise BuildError(f"{name} is not installed; `pip install .` in the project first") from exc
+        raise BuildError(f"{name} is not installed. Run `pip install .` in the project first") from exc
     for requirement in map(Requirement, requirements):
         other = canonicalize_name(requirement.name)
         if (
@@ -141,7 +153,7 @@ def _needed(name: str, seen: set[str]) -> Iterator[metadata.Distribution]:
         try:
             yield metadata.distribution(other)
         except metadata.PackageNotFoundError as exc:
-            raise BuildError(f"{other} is not installed; `pip install {other}`") from exc
+            raise BuildError(f"{other} is not installed. Run `pip install {other}`") from exc
         yield from _needed(other, seen)
 
 

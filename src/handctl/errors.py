@@ -17,6 +17,20 @@ This module imports nothing. Foreign exceptions are translated where they arise,
 from __future__ import annotations
 
 
+def joined(*texts: str, joint: str = ". ") -> str:
+    """Texts one behind the other. Sentences begin with a capital, but for a name that is typed."""
+    first, *rest = [text for text in texts if text] or [""]
+    for text in rest:
+        behind = text[:1].upper() + text[1:] if joint == ". " and _is_word(text) else text
+        first = f"{first} {behind}" if first.endswith(("?", "!")) else f"{first.rstrip(joint[0])}{joint}{behind}"
+    return first
+
+
+def _is_word(text: str) -> bool:
+    first = text.partition(" ")[0].rstrip(",:")
+    return first != "handctl" and first.isascii() and first.replace("-", "").isalpha()
+
+
 class Left:
     """What a command leaves behind that ended in the middle: by Ctrl-C, a lost link, a deadline.
 
@@ -27,7 +41,7 @@ class Left:
     """
 
     def __init__(
-        self, text: str = "", hint: str = "", *, behind: str = "", joint: str = "; ", moving: bool = False
+        self, text: str = "", hint: str = "", *, behind: str = "", joint: str = ". ", moving: bool = False
     ) -> None:
         self.text = text
         self.hint = hint
@@ -48,7 +62,7 @@ class HandctlError(Exception):
     default_code = "error"
     shown = False
     """True once it stands in the output (the JSON envelope)."""
-    joint = "; "
+    joint = ". "
     """Between what happened and what is left behind."""
 
     def __init__(
@@ -67,7 +81,7 @@ class HandctlError(Exception):
     @property
     def text(self) -> str:
         """What happened, and what that leaves behind. Set anew it says both."""
-        return self.joint.join(filter(None, (self._text, self.left.text)))
+        return joined(self._text, self.left.text, joint=self.joint)
 
     @text.setter
     def text(self, text: str) -> None:
@@ -78,9 +92,7 @@ class HandctlError(Exception):
     @property
     def hint(self) -> str:
         """The next step; what to do about what is left behind comes first. Set anew it says both."""
-        parts = [part for part in (self.left.hint, self._hint, self.left.behind) if part]
-        joint = self.left.joint
-        return joint.join([*(part.rstrip(joint[0]) for part in parts[:-1]), *parts[-1:]])
+        return joined(self.left.hint, self._hint, self.left.behind, joint=self.left.joint)
 
     @hint.setter
     def hint(self, hint: str) -> None:
@@ -157,7 +169,7 @@ class NotIdentified(HandctlError):
     default_code = "not-identified"
 
     def __init__(self, met: HandctlError) -> None:
-        super().__init__(f"{met.text}; nothing was written", hint=met.hint, code=met.code, came=met.came)
+        super().__init__(joined(met.text, "nothing was written"), hint=met.hint, code=met.code, came=met.came)
         self.exit_code = met.exit_code
 
 

@@ -165,12 +165,12 @@ FAMILIES: dict[str, FamilyRow] = {
 
 TOOLS: dict[str, dict[str, tuple[str, str]]] = {
     "Find and diagnose": {
-        "ports": ("handctl.tools.ports", "list serial ports and CAN interfaces, and who holds them"),
+        "ports": ("handctl.tools.ports", "list serial ports and CAN interfaces, and what holds them"),
         "scan": ("handctl.tools.scan", "find which device answers on a port: family, speed, id"),
-        "doctor": ("handctl.tools.doctor", "check this machine and one link, with a remedy per finding"),
+        "doctor": ("handctl.tools.doctor", "check this computer and one link, with a remedy for each problem"),
     },
     "Act": {
-        "stop": ("handctl.tools.stop", "stop a device at once, even while another handctl uses it"),
+        "stop": ("handctl.tools.stop", "stop a device at once, also while another handctl command has it"),
     },
     "Set up": {
         "devices": ("handctl.tools.devices", "name devices in the configuration file: list, add, remove, show"),

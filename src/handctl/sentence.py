@@ -23,6 +23,11 @@ def sentence(text: str) -> str:
     return text + "." if _open(text) else text
 
 
+def plural(number: int, noun: str) -> str:
+    """``1 finding``, ``2 findings``."""
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
 def _open(text: str) -> bool:
     """Whether a full stop is missing, and cannot be read as part of what stands before it."""
     words = text.split()

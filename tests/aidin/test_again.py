@@ -124,7 +124,9 @@ def test_a_lost_connection_is_opened_again_for_the_stop(name: str, serve: MakeSe
     assert STOP not in server.log[0]
     error = result.error
     assert "closed" in error["text"] and error["code"] == "lost"
-    assert error["hint"].startswith(f"{LOST}, no current flows. Without power the fingers move freely"), error
+    assert error["hint"].startswith(
+        f"{LOST[0].upper()}{LOST[1:]}, no current flows. Without power the fingers move freely"
+    ), error
     for untrue in ("no stop", "cannot", "goes on"):
         assert untrue not in error["hint"]
     last = [row for row in result.json["writes"] if row["state"] != "not-sent"][-1]
@@ -137,7 +139,7 @@ def test_a_hand_that_says_nothing_then_has_not_confirmed_it(serve: MakeServer) -
     result = drive("currents", server)
     server.end()
     assert result.code == 3 and server.log[1:] == [STOP * 3]
-    assert result.error["hint"].startswith(f"{LOST}, the hand did not confirm it: watch it")
+    assert result.error["hint"].startswith(f"{LOST[0].upper()}{LOST[1:]}, the hand did not confirm it: watch it")
 
 
 @pytest.mark.parametrize("name", ["currents", "encoders"])
@@ -149,7 +151,7 @@ def test_where_nobody_listens_any_more(name: str, serve: MakeServer) -> None:
     assert len(server.log) == 1 and STOP not in server.log[0]
     hint = result.error["hint"]
     assert f"{POWER}; {TRIED} (" in hint and "refused" in hint and LOST not in hint
-    assert ("no stop was sent" in hint) == (name == "encoders")
+    assert ("No stop was sent" in hint) == (name == "encoders")
     assert time.monotonic() - begin > stop.AGAIN
     assert all(bytes.fromhex(row["bytes"]) != STOP for row in result.json["writes"] if row["state"] != "not-sent")
 

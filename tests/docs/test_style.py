@@ -34,9 +34,9 @@ VERBATIM = ("Cntl-C abort command received",)
 """The manuals' own words, and what a program prints that is none of ours."""
 
 
-UNREAD = {"sim", "kernel", "root"}
+UNREAD = {"sim"}
 """Rooms that are still to be edited. Empty in the end."""
-UNREAD_HELP = {*COMMANDS}
+UNREAD_HELP = {"sim", "ekso"}
 """Commands whose help is, with the common options in it. Empty in the end."""
 
 
@@ -131,6 +131,8 @@ def test_every_error_has_a_next_step(room: str) -> None:
             for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
                 if not (isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call)):
                     continue
+                if ast.unparse(node.exc.func).startswith("click."):
+                    continue  # `frame.options.from_click` adds the command's own help as the next step
                 name = getattr(node.exc.func, "id", getattr(node.exc.func, "attr", ""))
                 if name in ERRORS and not any(keyword.arg == "hint" for keyword in node.exc.keywords):
                     found.append(f"{path.relative_to(SOURCE)}:{node.lineno}: {name} without a hint")

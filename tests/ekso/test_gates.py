@@ -31,7 +31,7 @@ REFUSED: dict[str, tuple[tuple[str, ...], str, str]] = {
     gates.RANGE: (("forward_shift=327.68", *ME), "", "forward_shift"),
     gates.ONE: (("step_length=16", "step_height=2.1", *ME), "", "2 settings at once"),
     gates.OPERATOR: (("step_length=16", "--yes"), "", "--operator NAME"),
-    gates.TERMINAL: (("step_length=16",), "", "nobody is at a terminal"),
+    gates.TERMINAL: (("step_length=16",), "", "not an interactive terminal"),
     gates.LOG: ((*STEP, "--audit", "/dev/full"), "", "audit log cannot be written"),
     gates.STEP: (("step_length=17", *ME), "", "policy (not the device's limit)"),
     gates.STILL: (STEP, "fault=frozen-clock", "not written"),

@@ -53,7 +53,7 @@ def test_a_late_answer_to_a_write_is_not_a_reason_to_repeat_it(tmp_path: Path) -
     trace = tmp_path / "t.txt"
     answer = run("exo", "force", "1", "2", "3", "4", "5", "-p", fake(fault="late"), "-y", "--json", "--trace", trace)
     assert (answer.code, answer.error["code"]) == (4, "late")
-    assert "--timeout" in answer.error["hint"] and "nothing was written" in answer.error["text"]
+    assert "--timeout" in answer.error["hint"] and "Nothing was written" in answer.error["text"]
     assert writes(trace) == []
     answer = run("exo", "get", "id", "-p", fake(fault="late", late="1"), "--retries", "0", "--json")
     assert "Run the command again with --timeout" in answer.error["hint"]

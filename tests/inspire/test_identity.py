@@ -153,7 +153,7 @@ def test_a_stranger_is_named_with_the_command_that_fits(
     link = STRANGERS[device]()
     result = try_(scratch, WORDS["exo force" if family == "exo" else "wrist set"], link)
     assert result.code == code, result
-    assert words in result.error["text"] and "nothing was written" in result.error["text"], result
+    assert words in result.error["text"] and "Nothing was written" in result.error["text"], result
     assert command in result.error["hint"], result
     assert "handctl hand" not in result.out, "there is no such command yet"
 
@@ -290,7 +290,7 @@ def test_a_dry_run_says_that_a_look_comes_first() -> None:
     result = run("exo", "force", "1", "2", "3", "4", "5", "-n", "--json")
     assert [row["bytes"] for row in result.rows] == ["EB 90 01 0B 31 01 00 02 00 03 00 04 00 05 00 4C"]
     (note,) = [message for message in result.json["messages"] if message["code"] == "dry-run"]
-    assert "who is there" in note["text"]
+    assert "First, reads would check which device is there" in note["text"]
 
 
 # -- the way around it ------------------------------------------------------------------------------------------------
@@ -353,7 +353,7 @@ def test_interrupted_while_it_looks_nothing_is_written_and_nothing_is_stopped(sc
     link = Line("rh56", latency=0.2)
     link.interrupt_at = 0.1
     result = try_(scratch, WORDS["exo force"], link)
-    assert result.code == 130 and "nothing was written" in result.error["text"], result
+    assert result.code == 130 and "Nothing was written" in result.error["text"], result
     assert all(harmless(data) for data in link.sent)
 
 
@@ -504,7 +504,7 @@ def test_what_a_family_cannot_name_is_left_to_scan(family: str, device: str) -> 
     error = result.error
     assert result.code == (6 if device == "json" else 4 if device == "silence" else 5), result
     if device == "json":
-        assert "`handctl aidin` is the command for it" in error["hint"], error
+        assert error["hint"] == "Use `handctl aidin`.", error
         return
-    assert error["hint"].endswith(f"; `handctl scan -p {port}` tells which device is there."), error
+    assert error["hint"].endswith(f" `handctl scan -p {port}` shows which device is there."), error
     assert "handctl scan -p" not in str(run(family, "status", "-p", f"fake://{family}?fault=silent&clock=virtual").err)

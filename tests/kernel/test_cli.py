@@ -157,7 +157,7 @@ def test_version_and_help() -> None:
 
 
 def test_a_command_that_writes_says_so_in_its_help() -> None:
-    words = ("write", "clear", "save", "keep", "command", "give", "restore", "calibration", "send", "reset")
+    words = ("write", "clear", "save", "keep", "command", "give", "restore", "calibrate", "send", "reset")
     for verb in ("set", "write", "raw", "id", "baud", "clear-errors", "save", "factory-reset", "calibrate", "force",
                  "position", "restore"):  # fmt: skip
         text = run("exo", verb, "-h").out.casefold()

@@ -15,21 +15,21 @@ LEFT = Left("the hand goes on", "let it finish")
 def test_an_error_tells_what_is_left_behind_its_text_and_before_its_hint() -> None:
     error = LinkError("the port is gone", hint="look at the cable")
     error.leaves(Left("the hand goes on", "let it finish", joint=". "))
-    assert (error.text, error.hint) == ("the port is gone; the hand goes on", "let it finish. look at the cable")
+    assert (error.text, error.hint) == ("the port is gone. The hand goes on", "let it finish. Look at the cable")
     assert str(error) == error.text
     error.leaves(Left("and on"))
     assert (error.text, error.hint) == (
-        "the port is gone; the hand goes on; and on",
-        "let it finish. look at the cable",
+        "the port is gone. The hand goes on. And on",
+        "let it finish. Look at the cable",
     )
 
 
 def test_what_stands_behind_the_hint_is_the_last_step() -> None:
     error = LinkError("the port is gone", hint="look at the cable.")
     error.leaves(Left("half is set", "keep away", behind="already set: a.", joint=". "))
-    assert error.hint == "keep away. look at the cable. already set: a."
+    assert error.hint == "keep away. Look at the cable. Already set: a."
     error.text = "gone"
-    assert (error.text, error.hint) == ("gone", "keep away. look at the cable. already set: a.")
+    assert (error.text, error.hint) == ("gone", "keep away. Look at the cable. Already set: a.")
     bare = LinkError("gone", left=Left(behind="already set: a"))
     assert bare.hint == "already set: a"
 
@@ -39,11 +39,11 @@ def test_what_is_told_anew_is_all_that_is_told() -> None:
     error.leaves(Left("it moves", "switch it off", moving=True))
     told = error.retold("other", hint="next")
     assert (told.text, told.hint, told.left.moving, type(told)) == ("other", "next", False, CheckFailed)
-    assert error.retold("other").hint == "switch it off; again"
+    assert error.retold("other").hint == "switch it off. Again"
     error.text += "!"
-    assert (error.text, error.hint) == ("off; it moves!", "switch it off; again")
+    assert (error.text, error.hint) == ("off. It moves!", "switch it off. Again")
     error.hint = "none"
-    assert (error.text, error.hint, error.left.moving) == ("off; it moves!", "none", True)
+    assert (error.text, error.hint, error.left.moving) == ("off. It moves!", "none", True)
 
 
 @pytest.mark.parametrize("sent", [0, 1])
@@ -52,7 +52,7 @@ def test_only_what_was_sent_is_left(sent: int) -> None:
     with pytest.raises(LinkError) as lost, leaving(LEFT, since=counters):
         counters.writes += sent
         raise LinkError("gone")
-    assert lost.value.text == ("gone; the hand goes on" if sent else "gone")
+    assert lost.value.text == ("gone. The hand goes on" if sent else "gone")
     with pytest.raises(Interrupted if sent else KeyboardInterrupt) as ended, leaving(LEFT, since=counters):
         counters.writes += sent
         raise KeyboardInterrupt
@@ -68,7 +68,7 @@ def test_a_step_is_the_text_of_ctrl_c() -> None:
         raise KeyboardInterrupt
     with pytest.raises(CheckFailed, match="off") as failed, leaving(Left(hint="it was sent"), by=HandctlError):
         raise CheckFailed("off", hint="look")
-    assert failed.value.hint == "it was sent; look"
+    assert failed.value.hint == "it was sent. Look"
 
 
 def test_ctrl_c_stops_first_and_tells_then() -> None:

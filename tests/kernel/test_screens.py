@@ -311,4 +311,16 @@ def test_the_live_view_without_colour(kind: str) -> None:
         assert not COLOURS.search(seen.data)
     piped = screen(kind, "watch", "--count", "1", "-p", LINKS[kind], "--color", "always", terminal=False)
     assert "\x1b" not in piped.data and not BOXES.search(piped.data), "a stream on a pipe is lines of text"
-    assert "1 samples" in piped.err and piped.err.rstrip().endswith(", simulated")
+    assert "1 sample in" in piped.err and piped.err.rstrip().endswith(", simulated")
+
+
+@pytest.mark.parametrize("kind", list(FAMILIES))
+def test_a_map_is_a_table_at_80_columns_with_its_prose_below(kind: str) -> None:
+    """Names stand in the first column, their numbers side by side; sentences stand below, indented."""
+    lines = shown(kind, "describe", 80).lines
+    head, rule = lines[:2]
+    assert set(rule) == {"─"} and len(rule) <= 80
+    assert len(re.split(r"  +", head.strip())) >= 4
+    firsts = [line for line in lines[2:] if line and not line.startswith(" ")]
+    assert len(firsts) == len(run(kind, "describe", "--json").rows)
+    assert all(line[head.index("Access") :].split()[0] in ("r", "w", "rw", "trigger") for line in firsts)

@@ -113,7 +113,7 @@ def test_a_dry_run_writes_nothing(place: Place) -> None:
     ("args", "words"),
     [
         (("a b", "exo", "-p", "/dev/x"), "a b"), (("a", "toaster", "-p", "/dev/x"), "toaster"),
-        (("a", "-p", "/dev/x"), "Which family"), (("a", "exo"), "Where is it"), (("a", "exo", "--fake"), "--fake"),
+        (("a", "-p", "/dev/x"), "No family given"), (("a", "exo"), "No LINK given"), (("a", "exo", "--fake"), "--fake"),
         (("a", "exo", "-p", ""), "empty"), (("a", "exo", "-p", "ttyUSB0"), "full path"),
         (("a", "exo", "-p", "usb:0403"), "usb:VID:PID"), (("a", "exo", "-p", "usb:04033:1"), "usb:VID:PID"),
         (("a", "exo", "-p", "usb:zz:1"), "usb:VID:PID"), (("a", "exo", "-p", "tcp://host"), "tcp://HOST:PORT"),
@@ -123,7 +123,7 @@ def test_a_dry_run_writes_nothing(place: Place) -> None:
         (("a", "aidin", "-p", "COM3"), "no serial wire"), (("a", "aidin", "-p", "spy:///dev/ttyUSB0"), "no serial wire"),
         (("a", "exo", "-p", "can:socketcan:can0"), "no CAN wire"), (("a", "wrist", "-p", "can:socketcan"), "can:INTERFACE"),
         (("a", "exo", "-p", "fake://wrist"), "simulated wrist"), (("a", "exo", "-p", "nosuch://x"), "nosuch://"),
-        (("a", "exo", "-p", "socket://"), "no place"), (("a", "exo", "-p", "/dev/x", "--id", "255"), "255"),
+        (("a", "exo", "-p", "socket://"), "the address is missing"), (("a", "exo", "-p", "/dev/x", "--id", "255"), "255"),
         (("a", "exo", "-p", "/dev/x", "--timeout", "inf"), "0<x<="), (("a", "exo", "-p", "/dev/x", "-d", "a"), "-d"),
     ],
 )  # fmt: skip

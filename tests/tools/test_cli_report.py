@@ -90,7 +90,7 @@ def test_whose_device_it_is_stays_out(kind: str, tmp_path: Path) -> None:
     assert not [line for line in transcript(text) if re.match(r"[\d.]+ <", line)]
     assert re.search(r"# [\d.]+ &lt; \d+ bytes left out", text)
     assert "redacted" in section(text, "dump")
-    assert "What the device sent is left out" in section(text, "transcript")
+    assert "The bytes of the device are left out because they hold ids." in section(text, "transcript")
 
     kept = tmp_path / "kept.html"
     assert taken(kind, kept, "--include-ids").code == 0
@@ -203,7 +203,7 @@ def test_a_device_that_cannot_be_opened_is_not_asked(tmp_path: Path, monkeypatch
     result = taken("exo", tmp_path / "r.html")
     assert result.code == 5
     text = Page((tmp_path / "r.html").read_text(encoding="utf-8")).text
-    assert "connection: This is something else. who-is-it" in text
+    assert "connection: This is something else. [who-is-it]" in text
     assert "status: " not in text
 
 

@@ -77,15 +77,15 @@ def test_a_sick_machine(system: System) -> None:
     for name, evidence, remedy in (
         ("permissions", "may not be opened: /dev/ttyUSB0", "sudo usermod -aG dialout"),
         ("modemmanager", "ModemManager (pid 812) writes AT commands", "ID_MM_DEVICE_IGNORE"),
-        ("brltty", "brltty (pid 813) takes adapters", "sudo apt remove brltty"),
+        ("brltty", "brltty (pid 813) takes adapters", "run `sudo apt remove brltty`"),
         ("adapter", "CP210x (10c4:ea60) is plugged in but has no serial port", "brltty"),
-        ("can", "can0 is down", "sudo ip link set can0 up type can bitrate 1000000"),
+        ("can", "can0 is down", "run `sudo ip link set can0 up type can bitrate 1000000`"),
         ("locks", "/run/lock/LCK..ttyUSB0 of pid 999, which is gone", "sudo rm /run/lock/LCK..ttyUSB0"),
     ):
         assert rows[name][0] == "warning"
         assert rows[name][1].startswith(evidence)
         assert remedy in str(rows[name][2])
-    assert answer.error["text"].startswith("6 of 12 checks found something: permissions (warning)")
+    assert answer.error["text"].startswith("6 of 12 checks found a problem: permissions (warning)")
 
 
 def test_grabbers_without_a_port_are_no_finding(system: System) -> None:
@@ -117,8 +117,8 @@ def test_old_and_missing_packages() -> None:
     with mock.patch.object(metadata, "version", version):
         check = machine_checks.packages()
     assert check.status == "fail"
-    assert check.evidence.startswith("bincopy is missing, click 8.1.7 (needs 8.2); ")
-    assert check.remedy.endswith(" -m pip install 'bincopy>=20.0' 'click>=8.2'")  # handctl itself is in no registry
+    assert check.evidence.startswith("bincopy is missing, click 8.1.7 (needs 8.2). Installed: ")
+    assert check.remedy.endswith(" -m pip install 'bincopy>=20.0' 'click>=8.2'`")  # handctl itself is in no registry
     with mock.patch.dict(versions, {"click": "8.10", "bincopy": "20"}), mock.patch.object(metadata, "version", version):
         assert machine_checks.packages().status == "ok"
     with mock.patch.object(metadata, "version", mock.Mock(side_effect=metadata.PackageNotFoundError)):
@@ -194,7 +194,7 @@ def test_round_trips_are_numbers_too(system: System) -> None:
     assert row["median_ms"] == pytest.approx(4.0, abs=0.1)
     assert sum(count for _, count in row["histogram"]) == 10
     assert rows["round_trip"][1].startswith(
-        "system_voltage: median 4.0 ms, p95 4.0, max 4.0 over 10; histogram in ms ≤"
+        "system_voltage: median 4.0 ms, p95 4.0, max 4.0 over 10. Histogram in ms: ≤"
     )
 
 
@@ -203,16 +203,18 @@ def test_a_wrong_speed_is_named_with_the_right_one(system: System) -> None:
     assert answer.code == 7
     assert rows["answer"][0] == "fail"
     assert rows["speed"] == (
-        "fail", "the device answers at 57600, not at 115200", "--baud 57600, or set the device back to 115200",
+        "fail", "the device answers at 57600 bit/s, not at 115200",
+        "give --baud 57600, or set the device back to 115200 bit/s",
     )  # fmt: skip
-    assert answer.error["hint"] == f"{rows['speed'][2]}."
+    assert answer.error["hint"] == "Give --baud 57600, or set the device back to 115200 bit/s."
 
 
 def test_a_hand_that_finds_its_speed_by_itself(system: System) -> None:
     answer, rows = link_rows("fake://barrett?baud=38400", "barrett", "--count", "5")
     assert answer.code == 0
     assert rows["speed"] == (
-        "ok", "the device answers at 38400, not at 9600; it was looked for", "--baud 38400 finds it at once",
+        "ok", "the device answers at 38400 bit/s, not at 9600. Other speeds were tried",
+        "give --baud 38400: it finds the device at once",
     )  # fmt: skip
 
 
@@ -231,7 +233,7 @@ def test_bad_checksums_are_a_rate(system: System) -> None:
     status, evidence, remedy = rows["error_rate"]
     assert status == "warning"
     assert re.fullmatch(
-        r"5 of \d+ reads failed \(\d\.\d %\): 5 bad-checksum; 50 bytes of no answer came in between", evidence
+        r"5 of \d+ reads failed \(\d\.\d %\): 5 bad-checksum\. 50 bytes in between outside of any answer", evidence
     )
     assert "cable" in str(remedy)
 
@@ -247,7 +249,7 @@ def test_noise_between_good_answers_is_seen(system: System) -> None:
     answer, rows = link_rows("fake://exo?fault=noise&every=5", "exo")
     assert answer.code == 7
     assert rows["error_rate"][0] == "warning"
-    assert re.fullmatch(r"0 of 100 reads failed; \d+ bytes of no answer came in between", rows["error_rate"][1])
+    assert re.fullmatch(r"0 of 100 reads failed\. \d+ bytes in between outside of any answer", rows["error_rate"][1])
 
 
 def test_an_echo_with_answers_is_an_adapter(system: System) -> None:
@@ -273,7 +275,7 @@ def test_a_link_alone_is_only_listened_to(system: System, tmp_path: Path) -> Non
     trace = tmp_path / "trace"
     answer = run("doctor", "-p", "fake://exo?clock=virtual", "--json", "--trace", str(trace))
     assert answer.code == 0
-    assert healthy(answer)["answer"][:2] == ("skipped", "nothing was sent: which device it is was not said")
+    assert healthy(answer)["answer"][:2] == ("skipped", "nothing was sent, because the family is not known")
     assert ">" not in trace.read_text()
     assert answer.json["device"]["kind"] == "unknown"
 
@@ -396,7 +398,7 @@ def test_garbage_is_a_wrong_speed_suspected() -> None:
     link, checks = complained(ProtocolError("garbage", code="garbage"))
     assert checks["answer"].status == "fail"
     assert checks["speed"].status == "warning"
-    assert checks["speed"].evidence == "what comes at 9600 is garbage; no answer at 19200 either"
+    assert checks["speed"].evidence == "the data at 9600 bit/s is garbage, no answer at 19200 either"
     assert link.baud == 9600
     assert "error_rate" not in checks
 
@@ -409,7 +411,7 @@ def test_a_refusal_is_an_answer() -> None:
 
 def test_garbage_at_a_speed_that_another_would_heal(system: System) -> None:
     _, rows = link_rows("fake://exo?baud=57600&fault=noise", "exo", "--timeout", "0.05")
-    assert rows["speed"][:2] == ("fail", "the device answers at 57600, not at 115200")
+    assert rows["speed"][:2] == ("fail", "the device answers at 57600 bit/s, not at 115200")
 
 
 def delay(name: str, seconds: float) -> Check:
@@ -453,8 +455,8 @@ def test_a_series_is_bounded_in_time() -> None:
 
 def test_a_stream_has_no_round_trip(system: System) -> None:
     _, rows = link_rows("fake://aidin", "aidin", "--count", "10")
-    assert rows["delay"][:2] == ("skipped", "the device speaks by itself: no question, no round trip")
-    assert rows["round_trip"][1].startswith("feedback comes by itself, interval: median 10.0 ms")
+    assert rows["delay"][:2] == ("skipped", "the device sends data unasked: no round trip is measured")
+    assert rows["round_trip"][1].startswith("feedback arrives unasked, interval: median 10.0 ms")
 
 
 def test_the_plateau_of_a_served_hand(system: System) -> None:
@@ -478,8 +480,11 @@ def test_the_table(system: System) -> None:
     assert any(
         line.startswith("brltty         warning") or line.split()[:2] == ["brltty", "warning"] for line in answer.lines
     )
-    assert any(line.startswith("brltty: without a braille display: sudo apt remove brltty") for line in answer.lines)
-    assert "1 of 10 checks found something: brltty (warning)" in answer.err
+    assert any(
+        line.startswith("brltty: run `sudo apt remove brltty` where no braille display is used")
+        for line in answer.lines
+    )
+    assert "1 of 10 checks found a problem: brltty (warning)." in answer.err
 
 
 def test_plain_and_csv(system: System) -> None:

@@ -306,7 +306,9 @@ def test_quantities_that_are_codes_are_words() -> None:
 def test_an_incomplete_page_says_so_first() -> None:
     content = made(problems=[("dump", NoAnswer("no answer", hint="look at the cable"))], missing={"Status": "not read"})
     text = Page(page(content)).text
-    assert text.index("Incomplete") < text.index("dump: No answer. no-answer") < text.index("Look at the cable")
+    assert (
+        text.index("Incomplete") < text.index("dump: No answer. [no-answer]") < text.index("next: Look at the cable.")
+    )
     assert "not read" in text
 
 

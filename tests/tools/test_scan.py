@@ -245,7 +245,7 @@ def test_silence_says_what_was_tried() -> None:
     answer = looked("fake://exo?fault=silent&clock=virtual")
     assert (answer.code, answer.error["code"]) == (4, "no-answer")
     text = answer.error["text"]
-    assert "complete silence; tried ekso at 115200: silence; wrist at 115200, 57600, 19200: silence" in text
+    assert "complete silence. Tried ekso at 115200: silence; wrist at 115200, 57600, 19200: silence" in text
     assert "barrett at 9600, 38400, 19200, 4800, 2400, 1200, 600: silence" in text
     assert "01 03 03 E8 00 01 04 7A reads its id (not sent)" in answer.error["hint"]
     assert len(answer.json["scan"]["tried"]) == 14
@@ -406,8 +406,8 @@ def test_held_and_closed_ports_are_left_out(tmp_path: Path) -> None:
     names, journal = scanned(system)
     assert names == ["/dev/ttyUSB2"]
     assert [message.text for message in journal.messages] == [
-        "/dev/ttyUSB0 is in use by screen (pid 4711): not looked at",
-        "/dev/ttyUSB1 is not permitted: not looked at",
+        "/dev/ttyUSB0 is in use by screen (pid 4711), so it was left out",
+        "/dev/ttyUSB1 is not permitted, so it was left out",
     ]
 
 

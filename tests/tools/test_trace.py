@@ -515,5 +515,5 @@ def test_any_can_frame_decodes(can_id: int, data: bytes, host: bool) -> None:
 
 def test_families_and_explainers_are_the_same() -> None:
     assert set(TOLD) == set(FAMILIES)
-    with pytest.raises(UsageError, match="no device family"):
+    with pytest.raises(UsageError, match="not a device family"):
         explainer_of("glove")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import json
 import os
 import shutil
@@ -67,6 +68,20 @@ def test_the_guides_are_in_it(pyz: Path) -> None:
     code = f"import sys; sys.path.insert(0, {str(pyz)!r}); from handctl import guides; print(*guides.names())"
     done = subprocess.run([*BARE, "-c", code], capture_output=True, text=True, check=False, timeout=60)
     assert (done.returncode, done.stdout.split()) == (0, list(guides.names())), done
+
+
+def test_an_old_python_says_in_one_sentence_which_version_is_needed(pyz: Path) -> None:
+    """Its grammar is that of any Python: the question stands before everything that is newer."""
+    ast.parse(zipfile.ZipFile(pyz).read("__main__.py"), feature_version=(3, 4))
+    code = "import runpy, sys; sys.version_info = (3, 9, 2); runpy.run_path(sys.argv[1], run_name='__main__')"
+    done = subprocess.run([*BARE, "-c", code, str(pyz)], capture_output=True, text=True, check=False)
+    needed = ".".join(map(str, build_zipapp.OLDEST))
+    assert (done.returncode, done.stdout) == (1, "")
+    first, step = done.stderr.splitlines()
+    assert first == f"handctl: error: handctl needs Python {needed} or newer, and this is Python 3.9."
+    assert step == f"  next: Run this file with a newer Python, for example `python{needed} handctl.pyz`."
+    asked = tomllib.loads((PROJECT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["requires-python"]
+    assert asked == f">={needed}"
 
 
 def test_python_can_and_every_tool_are_inside(pyz: Path) -> None:
@@ -163,7 +178,7 @@ def test_a_file_that_cannot_be_built(
     monkeypatch.setattr(metadata, "distribution", missing)
     capsys.readouterr()
     assert build_zipapp.main(["-o", str(tmp_path / "x.pyz")]) == 1
-    assert capsys.readouterr().err == "build_zipapp: error: bincopy is not installed; `pip install bincopy`\n"
+    assert capsys.readouterr().err == "build_zipapp: error: bincopy is not installed. Run `pip install bincopy`\n"
     assert not list(tmp_path.iterdir())
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from handctl.errors import HandctlError
+from handctl.errors import HandctlError, joined
 
 if TYPE_CHECKING:
     from handctl.frame.run import Run
@@ -49,5 +49,5 @@ def _with_cause(run: Run, error: HandctlError) -> HandctlError:
     if cause is None:
         return error
     if "--deadline" not in cause.text:
-        cause.text += "; --deadline was over before a valid answer came"
+        cause.text = joined(cause.text, "--deadline was over before a valid answer came")
     return cause

@@ -72,13 +72,13 @@ class Command(Described):
         # Said for good in the environment or the file it is a safety catch, and what only reads does not need it.
         if run.settings.dry_run and not self.writes and run.sources["dry_run"] == COMMAND_LINE:
             raise run.failed(UsageError(
-                f"`handctl {run.command}` only reads: --dry-run is for commands that write or move",
-                hint="run it without -n: it changes nothing",
+                f"`handctl {run.command}` only reads. --dry-run is for commands that write or move",
+                hint="run it without -n, it changes nothing",
             ))  # fmt: skip
         if run.settings.assume_identity and not self.writes:
             raise run.failed(UsageError(
-                f"`handctl {run.command}` only reads: --assume-identity is for commands that write or move",
-                hint="run it without: it looks at whatever is there",
+                f"`handctl {run.command}` only reads. --assume-identity is for commands that write or move",
+                hint="run it without --assume-identity",
             ))  # fmt: skip
         ctx.obj = run
         return run.execute(lambda: super(Command, self).invoke(ctx))
@@ -115,7 +115,7 @@ class Group(Described, click.Group):
                 formatter.write_dl([record for option in mine if (record := option.get_help_record(ctx)) is not None])
         formatter.write_paragraph()
         formatter.write_text(
-            f"`{ctx.command_path} COMMAND -h` shows one command with examples; `handctl help options` the common options; `handctl help` lists the guides."
+            f"`{ctx.command_path} COMMAND -h` shows one command with examples. `handctl help options` shows the common options, `handctl help` lists the guides."
         )
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
@@ -204,7 +204,7 @@ def streaming(rate: float) -> Callable[[Callable[..., Any]], Callable[..., Any]]
                 default=rate,
                 show_default=True,
                 metavar="HZ",
-                help="Samples per second; 0 = as fast as the device answers.",
+                help="Samples per second (0: as fast as the device answers).",
             ),
         ):
             body = option(body)
@@ -317,7 +317,9 @@ def run_root(args: Sequence[str]) -> int:
         error.exit_code = exc.exit_code
     except Exception as exc:  # noqa: BLE001 - our own bug becomes exit code 1 and one message
         error = HandctlError(
-            f"internal error: {type(exc).__name__}: {exc}", hint="this is a bug: --debug shows where", code="internal"
+            f"internal error: {type(exc).__name__}: {exc}",
+            hint="this is a bug of handctl. Run the command again with --debug and report what it prints",
+            code="internal",
         )
         error.__cause__ = exc
     if debug or _in_file("debug"):

@@ -61,11 +61,11 @@ class Config(NamedTuple):
         from difflib import get_close_matches
 
         near = get_close_matches(name, list(self.devices))
-        known = f"named so far: {', '.join(self.devices)}" if self.devices else "none has a name yet"
-        meant = f"did you mean {' or '.join(near)}? " if near else ""
+        known = f"Named so far: {', '.join(self.devices)}" if self.devices else "No device has a name yet"
+        meant = f"Did you mean {' or '.join(near)}? " if near else ""
         raise UsageError(
             f"no device is named {name!r} in {self.path}",
-            hint=f"{meant}{known}; `handctl devices add {name} FAMILY -p LINK` names one",
+            hint=f"{meant}{known}. `handctl devices add {name} FAMILY -p LINK` adds one.",
             code="unknown-device",
         )
 
@@ -139,7 +139,7 @@ def _toml(path: str, text: str) -> dict[str, Any]:
         place = re.search(r" \(at line (\d+), column (\d+)\)$", what)
         line = int(place[1]) if place else text.count("\n") + 1 if "at end of document" in what else None
         what = what.partition(" (at ")[0] + (f" at column {place[2]}" if place else "")
-        raise _wrong(path, line, f"not valid TOML: {what}", "correct that line; texts stand in quotes") from exc
+        raise _wrong(path, line, f"not valid TOML: {what}", "correct that line: texts stand in quotes") from exc
 
 
 class _Book:
@@ -164,8 +164,8 @@ class _Book:
             from difflib import get_close_matches
 
             near = get_close_matches(key, known)
-            meant = f"did you mean {' or '.join(near)}? " if near else ""
-            raise self.wrong(place, f"{key}: there is no such {what}", f"{meant}known: {', '.join(known)}")
+            meant = f"Did you mean {' or '.join(near)}? " if near else ""
+            raise self.wrong(place, f"{key}: no such {what}", f"{meant}Known: {', '.join(known)}")
         try:
             return Entry(self._checks[key](value), self.line(place))
         except ValueError as exc:

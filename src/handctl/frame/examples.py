@@ -18,7 +18,7 @@ Examples = Sequence[tuple[str, str]]
 
 EXAMPLES: dict[str, Examples] = {
     "": (
-        ("handctl exo status --fake", "The health of a simulated exoskeleton hand; needs no device."),
+        ("handctl exo status --fake", "The health of a simulated exoskeleton hand, without a device."),
         ("handctl ports", "Which ports there are, and who holds them."),
         ("handctl barrett status -p /dev/ttyUSB0", "The health of a BarrettHand on a serial port."),
         ("handctl wrist status -p can:socketcan:can0", "The same for a wrist module on CAN."),
@@ -54,7 +54,7 @@ EXAMPLES: dict[str, Examples] = {
         ('handctl trace decode exo "EB 90 01 04 11 E8 03 01 02"', "One frame, explained."),
     ),
     "sim": (
-        ("handctl sim exo --pty", "A simulated hand on a new pseudo terminal; the link is printed."),
+        ("handctl sim exo --pty", "A simulated hand on a new pseudo terminal. The link is printed."),
         ("handctl sim wrist --slcan-tcp 127.0.0.1:0", "A wrist module behind an slcan adapter, for python-can."),
         ("handctl sim exo --pty --fault noise --every 5 --control hand.sock", "Every fifth answer comes with junk."),
         ("handctl sim control hand.sock power-cycle", "Switch it off and on."),
@@ -65,7 +65,7 @@ EXAMPLES: dict[str, Examples] = {
         ("handctl help exo status", "The same as `handctl exo status -h`."),
     ),
     "completion": (
-        ("handctl completion bash --install", "For this user; says what to do next."),
+        ("handctl completion bash --install", "For this user. It prints the next step."),
         ("handctl completion zsh -o _handctl", "Into a file of your choice."),
     ),
 }  # fmt: skip
@@ -76,7 +76,7 @@ USUAL: Examples = (
     ("handctl {0} status --check -d left", "Exit status 7 when anything is unhealthy."),
     ("handctl {0} dump --fake", "Every value that can be read."),
     ("handctl {0} dump --fake --json", "The same for a script."),
-    ("handctl {0} describe", "All quantities; needs no device."),
+    ("handctl {0} describe", "All quantities, without a device."),
     ("handctl {0} describe --csv -o quantities.csv", "The same for a spreadsheet."),
     ("handctl {0} watch --count 3 --fake", "Three samples."),
     ("handctl {0} watch --duration 60 --csv -o curve.csv -d left", "One minute into a file."),
@@ -85,7 +85,7 @@ USUAL: Examples = (
     ("handctl {0} report {0}.html --fake", "One page for a service ticket."),
     ("handctl {0} snapshot {0}-before.json --fake", "All settings into a file."),
     ("handctl {0} diff {0}-before.json -d left", "What has changed since."),
-    ("handctl {0} diff {0}-before.json {0}-after.json", "What differs between two files; needs no device."),
+    ("handctl {0} diff {0}-before.json {0}-after.json", "The differences between two files, without a device."),
     ("handctl {0} restore {0}-before.json --dry-run -d left", "The bytes that would be sent."),
     ("handctl {0} restore {0}-before.json -d left", "Write the settings that differ, and read them back."),
 )

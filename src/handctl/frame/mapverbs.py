@@ -56,11 +56,11 @@ def add_map_verbs(
 
     @click.option("--check", is_flag=True, help="Exit 7 when anything is unhealthy.")
     def status(run: Run, check: bool) -> Table:
-        """What to look at first, decoded: values per part, errors in words."""
+        """Show a health summary: values per part, errors in words."""
         return run.device().status(check)  # type: ignore[no-any-return]
 
     def dump(run: Run) -> Table:
-        """Every readable documented quantity, in as few transactions as the protocol allows."""
+        """Show every documented quantity that can be read."""
         return run.device().dump()  # type: ignore[no-any-return]
 
     @click.argument("names", nargs=-1, required=True, metavar=f"{named}...")
@@ -73,26 +73,33 @@ def add_map_verbs(
     def set_(run: Run, assignments: tuple[str, ...]) -> Table:
         return verbs.set_values(run, params, assignments)
 
-    set_.__doc__ = f"Write quantities by name and read them back{f', such as `{setting}`' if setting else ''}."
+    set_.__doc__ = f"Write quantities by name and read them back.{f' For example `{setting}`.' if setting else ''}"
 
     @click.argument("names", nargs=-1, metavar=NAMES)
     def describe(run: Run, names: tuple[str, ...]) -> Table:
-        """The map itself: place, type, range, access, manual section. Needs no device."""
+        """List every quantity with place, type, range, access and manual section.
+
+        Needs no device.
+        """
         return verbs.describe(params, names)
 
     @click.argument("names", nargs=-1, metavar=NAMES)
     @stream_options
     def watch(run: Run, names: tuple[str, ...], rate: float, count: int | None, duration: float | None) -> Table:
-        """Live view on a terminal, a stream of rows elsewhere. Without names: what changes by itself."""
+        """Show values as they change.
+
+        A live view on a terminal, a stream of rows elsewhere. Without names, the quantities that change on their own.
+        """
         seen = run.settings.format == "table" and not run.settings.output and is_terminal(sys.stdout)
         seen = seen and get_terminal_size().columns >= verbs.BESIDE_COLUMNS
         return verbs.watch(run, params, names, rate=rate, count=count, duration=duration, seen=seen)
 
     @click.argument("file", type=OutFile())
     def snapshot(run: Run, file: str) -> Table:
-        """Write settings and set-points to FILE, with device identity, tool version, time and checksum.
+        """Write the settings and set-points of the device to FILE.
 
-        Replaces an older snapshot only. `diff` and `restore` take the settings of it, with --setpoints all.
+        FILE also has device identity, tool version, time and checksum. Only an older snapshot is replaced.
+        `diff` and `restore` use the settings in it, and with --setpoints the set-points too.
         """
         return stored.snapshot(run, file)
 
@@ -100,15 +107,18 @@ def add_map_verbs(
     @click.argument("b", required=False, type=InFile())
     @with_setpoints
     def diff(run: Run, a: str, b: str | None, setpoints: bool = False) -> Table:
-        """Compare the settings of two snapshots, or of snapshot A with the live device. Exit 7 when they differ."""
+        """Compare the settings of two snapshots, or of snapshot A with the device.
+
+        Exit code 7 means that they differ.
+        """
         return stored.diff(run, params, a, b, setpoints=setpoints)
 
     @click.argument("file", type=InFile())
     @with_setpoints
     def restore(run: Run, file: str, setpoints: bool = False) -> Table:
-        """Write the settings that differ from a snapshot, read them back.
+        """Write the settings that differ from a snapshot, and read them back.
 
-        Shows the plan; safe to run again after an interruption.
+        The plan is shown first. After an interruption it is safe to run the command again.
         """
         return stored.restore(run, params, file, setpoints=setpoints)
 
@@ -119,18 +129,24 @@ def add_map_verbs(
         default=3.0,
         show_default=True,
         metavar="S",
-        help="Seconds to watch what changes by itself; 0 = not at all.",
+        help="Seconds of curves (0: none).",
     )
     @click.option("--include-ids", is_flag=True, help="Keep serial numbers, pilot ids, and the answers that hold them.")
     @click.option("--force", is_flag=True, help="Replace FILE.html.")
     def report(run: Run, file: str, watch: float, include_ids: bool, force: bool) -> Table:
-        """One page for a service ticket: status, dump, findings, curves, environment, bytes. Only reads."""
+        """Write one page for a service ticket: status, dump, findings, curves, bytes.
+
+        Read-only.
+        """
         from handctl import report as pages
 
         return pages.report(run, params, file, pages.Wishes(watch, include_ids, force), checks=checks)
 
     def stop(run: Run) -> Table:
-        """Stop the device at once, also while another handctl has it. Asks nothing; says what went out and what came back."""
+        """Stop the device at once, also while another handctl command has it.
+
+        Asks no question. Shows the bytes that were sent and the answer.
+        """
         from handctl.stop import command
 
         return command.stop(run)

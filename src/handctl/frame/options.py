@@ -150,26 +150,26 @@ def _shared(wires: tuple[str, ...], own: tuple[OwnOption, ...]) -> list[SharedOp
         SharedOption(["-p", "--port"], connect, metavar="LINK", help="Where the device is: /dev/ttyUSB0, COM3, usb:VID:PID[:SERIAL], tcp://HOST:PORT, fake://…, replay:FILE, any pyserial URL."),
         SharedOption(["--fake"], connect, is_flag=True, help="Talk to the built-in simulator of this device."),
         *(SharedOption([f"--{wire}"], connect, key="wire", fixed=wire, family=True, is_flag=True, help=f"With --fake or --dry-run: the {wire} wire (default: {wires[0]}).") for wire in wires),
-        SharedOption(["-d", "--device"], connect, metavar="NAME", help="A device named in the configuration file, see `handctl devices`."),
+        SharedOption(["-d", "--device"], connect, metavar="NAME", help="A device of the configuration file, see `handctl devices`."),
         *(_own_option(option, connect) for option in own),
-        SharedOption(["--id"], connect, type=int, metavar="N", help="Device id, as the protocol has it."),
+        SharedOption(["--id"], connect, type=int, metavar="N", help="Device id."),
         SharedOption(["--baud"], connect, type=click.IntRange(min=1), metavar="N", help="Speed of the serial port in bit/s."),
-        SharedOption(["--timeout"], connect, type=number, metavar="S", help="Seconds of silence allowed per reply."),
+        SharedOption(["--timeout"], connect, type=number, metavar="S", help="Seconds to wait for an answer."),
         SharedOption(["--deadline"], connect, type=number, metavar="S", help="Seconds for the whole command."),
-        SharedOption(["--retries"], connect, type=click.IntRange(min=0, max=100), metavar="N", help="Repetitions of a read without a valid answer (writes are never repeated)."),
-        SharedOption(["--trace"], connect, type=OutFile(), metavar="FILE", help="Record every byte with its time; play it back with -p replay:FILE."),
+        SharedOption(["--retries"], connect, type=click.IntRange(min=0, max=100), metavar="N", help="Repeat a read without a valid answer N times. Writes are never repeated."),
+        SharedOption(["--trace"], connect, type=OutFile(), metavar="FILE", help="Record every byte with its time. -p replay:FILE plays it back."),
         SharedOption(["--format"], output, type=click.Choice(FORMATS), help="How results are written (default: table)."),
-        SharedOption(["--json"], output, key="format", fixed="json", is_flag=True, help="Same as --format json; for a stream one row a line."),
+        SharedOption(["--json"], output, key="format", fixed="json", is_flag=True, help="Same as --format json. A stream prints one row a line."),
         SharedOption(["--csv"], output, key="format", fixed="csv", is_flag=True, help="Same as --format csv."),
-        SharedOption(["-o", "--output"], output, type=OutFile(), metavar="FILE", help="Write the data there instead of stdout, whole or not at all."),
+        SharedOption(["-o", "--output"], output, type=OutFile(), metavar="FILE", help="Write output to FILE instead of stdout. FILE is replaced only when complete."),
         SharedOption(["--no-formulas"], output, is_flag=True, help="In CSV, put ' before a text that a spreadsheet would calculate."),
-        SharedOption(["--color"], output, type=click.Choice(["auto", "always", "never"]), help="Colour (default: auto; NO_COLOR is honoured)."),
-        SharedOption(["-q", "--quiet"], output, is_flag=True, help="No messages but errors."),
+        SharedOption(["--color"], output, type=click.Choice(["auto", "always", "never"]), help="Use colour (default: auto, which honours NO_COLOR)."),
+        SharedOption(["-q", "--quiet"], output, is_flag=True, help="Print only errors on stderr."),
         SharedOption(["-v", "--verbose"], output, is_flag=True, help="Show every byte on stderr, as --trace records it."),
         SharedOption(["--debug"], output, is_flag=True, help="Show tracebacks."),
-        SharedOption(["-n", "--dry-run"], safety, is_flag=True, help="Print the exact bytes of a command that writes or moves; send nothing."),
-        SharedOption(["-y", "--yes"], safety, is_flag=True, help="Answer the confirmation."),
-        SharedOption(["--assume-identity"], safety, typed=True, is_flag=True, help="Write without a look at which device is there. Must be typed: no variable and no configuration file has it."),
+        SharedOption(["-n", "--dry-run"], safety, is_flag=True, help="Print the exact bytes that would be written, and send nothing."),
+        SharedOption(["-y", "--yes"], safety, is_flag=True, help="Confirm without asking."),
+        SharedOption(["--assume-identity"], safety, typed=True, is_flag=True, help="Write without checking which device answers. Only accepted on the command line."),
     ]  # fmt: skip
 
 
@@ -332,8 +332,8 @@ def _from_file(chosen: _Chosen, options: Sequence[SharedOption], with_device: bo
     if _missing(path):
         if os.environ.get("HANDCTL_CONFIG") and with_device:
             raise UsageError(
-                f"HANDCTL_CONFIG={path}: there is no such file",
-                hint="correct or unset it; `handctl devices add` makes the file",
+                f"HANDCTL_CONFIG={path}: no such file",
+                hint="correct or unset HANDCTL_CONFIG, or make the file with `handctl devices add`",
                 code="config",
             )
         if not (with_device and "device" in chosen.values):
@@ -379,7 +379,7 @@ def _refuse_pairs(keys: dict[str, str], where: str) -> None:
         about = "port" if key == "fake" else key
         if about in said:
             raise UsageError(
-                f"{where}: {said[about]} and {name} exclude each other", hint="keep one of them", code="config"
+                f"{where}: {said[about]} and {name} exclude each other", hint="keep one of the two", code="config"
             )
         said[about] = name
 

@@ -39,19 +39,19 @@ def link_name(run: Run) -> str:
                 f"{port}: this device has no CAN wire", hint="give a serial port, usb:VID:PID or tcp://HOST:PORT"
             )
         if wire is not None and is_can(port) != (wire == "can"):
-            raise UsageError(f"--{wire} does not fit {port}", hint="leave it out: the LINK says which wire it is")
+            raise UsageError(f"--{wire} does not fit {port}", hint="leave it out: the LINK determines the wire")
         if run.family is not None:
             refuse_serial(run.family, port)
     if port:
         return port
     if run.settings.fake:
         return f"fake://{kind}?bus=can" if wire == "can" else f"fake://{kind}"
-    where = "-p /dev/ttyUSB0 (see `ls /dev/serial/by-id`), -p tcp://HOST:PORT"
+    where = "-p LINK (`handctl ports` lists the serial ports, -p tcp://HOST:PORT is a TCP device)"
     if run.family is not None and run.family.tcp_port is not None:
         where = f"-p tcp://HOST (port {run.family.tcp_port} when not given)"
     raise UsageError(
-        "no device: where is it?",
-        hint=f"{where}, -d NAME (see `handctl devices list`), or --fake for the simulated {kind}",
+        "no device given",
+        hint=f"give {where}, -d NAME (see `handctl devices list`), or --fake for the simulated {kind}",
         code="no-link",
     )
 
@@ -76,7 +76,7 @@ def _check_output(run: Run) -> None:
     """Raise OutputError now when -o cannot be written, not when the device has been served."""
     path = run.settings.output
     if path and not run.stops and (why := why_unwritable(path)):
-        raise OutputError(f"{path}: cannot be written: {why}", hint="nothing was sent; name another place for -o")
+        raise OutputError(f"{path}: cannot be written: {why}", hint="name another place for -o. Nothing was sent.")
 
 
 def _check_named_device(run: Run) -> None:
@@ -86,10 +86,12 @@ def _check_named_device(run: Run) -> None:
     source = run.sources.get("port") or run.sources.get("fake")
     if run.settings.kind is None or source is None or source.level != ENVIRONMENT:
         return
-    text = f"{source.where} takes the place of the port of {run.settings.device}"
+    text = f"{source.where} replaces the port of {run.settings.device!r}"
     if run.writes and not run.settings.dry_run:
         raise UsageError(
-            f"{text}: which device is meant?", hint=f"unset {source.where}, or leave out -d", code="two-devices"
+            f"{text}, so it is unclear which device is meant",
+            hint=f"unset {source.where}, or leave out -d",
+            code="two-devices",
         )
     run.journal.warn("other-port", text, f"unset {source.where} to reach {run.settings.device}")
 
@@ -109,6 +111,6 @@ def refuse_other_family(run: Run) -> None:
     name = run.settings.device
     raise UsageError(
         f"{name!r} is of family {kind} ({run.sources['kind'].where}), not {run.family.kind}",
-        hint=f"`handctl {kind} …` reaches it; `handctl devices list` shows the others",
+        hint=f"use `handctl {kind} …` for {name}, or see `handctl devices list` for the others",
         code="wrong-family",
     )

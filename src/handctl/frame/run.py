@@ -14,7 +14,7 @@ import click
 
 from handctl import __version__
 from handctl.ending import end_on_signals, finish_on_signals, gave_up
-from handctl.errors import HandctlError, Interrupted, NotConfirmed, OutputError
+from handctl.errors import HandctlError, Interrupted, NotConfirmed, OutputError, joined
 from handctl.frame.cause import as_told, judged
 from handctl.frame.console import TerminalGuide, print_message, print_stderr
 from handctl.frame.envelope import device_row, make_envelope
@@ -39,7 +39,8 @@ if TYPE_CHECKING:
 UNASKED = "yes-unasked"
 """The message that no -q silences."""
 
-UNANSWERED = "add --yes if that is meant; --dry-run shows the bytes. Nothing was sent."
+NO_TERMINAL = "Confirmation needed, but this is not an interactive terminal"
+UNANSWERED = "add --yes to confirm, or --dry-run to see the bytes. Nothing was sent."
 
 
 class Run:
@@ -173,12 +174,12 @@ class Run:
         for step in steps:
             self.guide.say(f"  {step.meaning}: {step.wire}")
         if not self.guide.ask(question, word):
-            raise NotConfirmed("not confirmed", hint="nothing was sent")
+            raise NotConfirmed("not confirmed: nothing was sent", hint="run the command again to confirm it")
 
     def need_answer(self, question: str) -> None:
         """Raise NotConfirmed where nobody could answer a question that only reading the device can put: not a byte is sent."""
         if not (self.settings.yes or self.settings.dry_run or self.guide.interactive):
-            raise NotConfirmed(f"{question}. Not confirmed: nobody is at a terminal", hint=UNANSWERED)
+            raise NotConfirmed(f"{question}. {NO_TERMINAL}", hint=UNANSWERED)
 
     def _tell_unasked(self, question: str, steps: Sequence[Step]) -> None:
         """Say it when a variable or a file answered; where that moves a worn device, at once and whatever -q says."""
@@ -190,12 +191,12 @@ class Run:
         device = self.opened if self.opened is not None else self.planner()
         moves = not steps or any(step.moves for step in steps)  # a question without steps tells of them by itself
         if getattr(device, "worn", False) and moves:
-            text = f"a device that may be worn moves unasked, by {source.where}: {question}"
+            text = f"a device that may be worn moves without asking, because of {source.where}: {question}"
             if not any(message.code == UNASKED for message in self.journal.messages):
                 self.journal.messages.append(Message("warning", UNASKED, text))
                 print_message("warning", text, "")
         elif source.level == FILE:
-            self.journal.warn("yes-from-file", f"not asked: yes = true in {source.where}")
+            self.journal.warn("yes-from-file", f"not asked, because of yes = true in {source.where}")
 
     def offer(self, question: str) -> bool:
         """Ask for an optional further step; no terminal or --yes means no."""
@@ -222,7 +223,7 @@ class Run:
             for number, step in enumerate(steps, 1)
         ]
         columns = (Column("step", "Step", right=True), Column("bytes", "Bytes"), Column("meaning", "Meaning"))
-        looks = "" if self.settings.assume_identity else "; before the first of these, reads would show who is there"
+        looks = "" if self.settings.assume_identity else ". First, reads would check which device is there"
         self.journal.info("dry-run", f"dry run: nothing was sent{looks}")
         return Table(rows=rows, columns=columns, plain=("bytes",))
 
@@ -286,7 +287,7 @@ class Run:
                 failure = self._tell_lost(exc, told)
         self._show_writes(failure)
         if gave_up():
-            failure = failure or Interrupted("interrupted while the result was written: nobody read it")
+            failure = failure or Interrupted("interrupted while the result was written: its reader took no more of it")
         return failure
 
     def _stream(self, table: Table) -> HandctlError | None:
@@ -311,7 +312,7 @@ class Run:
             print_message("note" if message.level == "info" else message.level, message.text, message.hint)
         self._held.clear()
         if failure is not None:
-            exc.text, exc.hint = f"{failure.text}; and {exc.text}", "; ".join(filter(None, (failure.hint, exc.hint)))
+            exc.text, exc.hint = joined(failure.text, exc.text), joined(failure.hint, exc.hint)
         return exc
 
     def _show_writes(self, failure: HandctlError | None) -> None:

@@ -37,7 +37,7 @@ def opened(run: Run, name: str, baud: int | None, tap: Tap | None) -> Link:
     except UsageError as exc:
         if kept.before is None:
             raise
-        reason = exc.text.removeprefix(f"{name}: ").removesuffix("; remove it to start afresh")
+        reason = exc.text.removeprefix(f"{name}: ").removesuffix(". Remove it to start afresh")
         hint = "" if run.keeps else f"`handctl sim forget {kept.kind}` removes that file"
         run.journal.warn("kept", f"the simulated {kept.kind} begins afresh: {reason}", hint)
         kept.discard()

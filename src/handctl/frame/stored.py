@@ -167,7 +167,9 @@ def restore(
     left = [element.full_name for element, _ in found if not setpoints and element.param.kind == COMMAND]
     _tell_left_out(run, params, left, "written")
     if run.settings.dry_run:
-        run.journal.info("plan", "all values are listed: which of them already hold is only known with the device")
+        run.journal.info(
+            "plan", "all values are listed. Which of them the device already holds is not known without it"
+        )
         return run.dry_run(_steps(run.planner(), changes))
     if changes:
         run.need_answer(f"{_restoring(params, changes)}, as far as they differ")
@@ -180,11 +182,11 @@ def restore(
         run.journal.info("not-covered", f"not covered by a snapshot: {text}")
     absent = [element.full_name for element in kept_of(params, setpoints=setpoints) if element.full_name not in values]
     if absent:
-        run.journal.warn("absent", f"{path} does not hold {', '.join(absent)}; left as they are")
+        run.journal.warn("absent", f"{path} does not hold {', '.join(absent)}. The device keeps its own values")
     if not differing:
         what = counted(params, [element.full_name for element, _ in changes])
         text = f"the device already holds {what} of the snapshot" if changes else "there is nothing to write"
-        run.journal.info("equal", f"{text}; nothing was written")
+        run.journal.info("equal", f"{text}. Nothing was written")
         return _restored(params, [], live, {})
     _ask(run, params, device, differing, live)
     after: dict[str, Number] = {}

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
-from handctl.errors import HandctlError, NoAnswer, ProtocolError, UsageError
+from handctl.errors import HandctlError, NoAnswer, ProtocolError, UsageError, joined
 from handctl.model.param import PUSHES, Element, Param, ParamMap, Reading, Step
 from handctl.model.result import Column, Row, Sample, Table
 
@@ -23,7 +23,11 @@ def select(params: ParamMap[Any], names: Sequence[str]) -> list[Element]:
     for name in names:
         param, elements = params.find(name)
         if not param.readable:
-            raise UsageError(f"{param.name} can only be written ({param.source})", code="write-only")
+            raise UsageError(
+                f"{param.name} can only be written ({param.source})",
+                hint=f"`handctl {params.kind} describe` shows what can be read",
+                code="write-only",
+            )
         for element in elements:
             chosen[(param.name, element.index)] = element
     return list(chosen.values())
@@ -188,5 +192,6 @@ def _all_read(samples: Iterator[Sample], unread: dict[str, HandctlError | None])
     errors = {error.text: error for error in unread.values() if error is not None}
     if errors:
         first, *more = errors.values()
-        first.text += f"; and {len(more)} more that were never read" if more else ""
+        if more:
+            first.text = joined(first.text, f"{len(more)} more could not be read either")
         raise first

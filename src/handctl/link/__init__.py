@@ -98,7 +98,7 @@ def _open(link: str, baud: int | None, tcp_port: int | None, exclusive: bool, si
 
         return CanLink(link, exclusive=exclusive)
     if not link:
-        raise UsageError("the LINK is empty", hint="give a port, e.g. -p /dev/ttyUSB0, or --fake")
+        raise UsageError("the LINK is empty", hint="give a port, such as -p /dev/ttyUSB0, or --fake")
     from handctl.link.serial import open_serial
 
     return open_serial(link, baud, exclusive=exclusive)

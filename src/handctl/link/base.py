@@ -168,7 +168,14 @@ class ByteLink(Link):
 
     def set_baud(self, baud: int) -> None:
         """Change this end's speed. Raises LinkError where there is none."""
-        raise LinkError(f"{self.name}: this link has no speed to set", code="baud")
+        raise LinkError(
+            f"{self.name}: the speed of this link cannot be set",
+            hint="set the speed where the serial port is, and leave out --baud",
+            code="baud",
+        )
+
+
+WITHOUT = "run the command without -n"
 
 
 class NoLink(ByteLink):
@@ -177,10 +184,10 @@ class NoLink(ByteLink):
     name = "(dry run)"
 
     def write(self, data: bytes, deadline: Deadline) -> None:
-        raise LinkError("a dry run sends nothing")
+        raise LinkError("a dry run sends nothing", hint=WITHOUT)
 
     def read(self, deadline: Deadline, size: int = 4096) -> bytes:
-        raise LinkError("a dry run reads nothing")
+        raise LinkError("a dry run reads nothing", hint=WITHOUT)
 
     def set_baud(self, baud: int) -> None:
         self.baud = baud
@@ -195,10 +202,10 @@ class NoFrames(FrameLink):
     name = "(dry run)"
 
     def send(self, frame: CanFrame, deadline: Deadline) -> None:
-        raise LinkError("a dry run sends nothing")
+        raise LinkError("a dry run sends nothing", hint=WITHOUT)
 
     def receive(self, deadline: Deadline) -> CanFrame | None:
-        raise LinkError("a dry run reads nothing")
+        raise LinkError("a dry run reads nothing", hint=WITHOUT)
 
     def close(self) -> None:
         """Nothing to release."""

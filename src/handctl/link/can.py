@@ -30,20 +30,32 @@ def split_link(link: str) -> tuple[str, str, dict[str, Any]]:
     if not interface or not colon or not channel:
         raise UsageError(
             f"{link}: expected can:INTERFACE:CHANNEL",
-            hint="e.g. can:socketcan:can0, can:slcan:/dev/ttyACM0, can:pcan:PCAN_USBBUS1",
+            hint="write for example can:socketcan:can0, can:slcan:/dev/ttyACM0 or can:pcan:PCAN_USBBUS1",
         )
     options: dict[str, Any] = {"bitrate": BITRATE}
     for item in filter(None, query.split("&")):
         key, equals, value = item.partition("=")
         if not equals:
-            raise UsageError(f"{link}: {item!r} is not KEY=VALUE")
+            raise UsageError(f"{link}: {item!r} is not KEY=VALUE", hint="write for example `?bitrate=1000000`")
         try:
             options[key] = float(value) if "." in value else int(value)
         except ValueError:
             options[key] = value
     if not isinstance(options["bitrate"], int) or options["bitrate"] <= 0:
-        raise UsageError(f"{link}: bitrate={options['bitrate']} is no number of bit/s", hint="e.g. ?bitrate=1000000")
+        raise UsageError(
+            f"{link}: bitrate={options['bitrate']} is not a bitrate in bit/s",
+            hint="write for example `?bitrate=1000000`",
+        )
     return interface, channel, options
+
+
+def _opening(interface: str, channel: str, bitrate: int) -> str:
+    """What to do about an interface that cannot be opened."""
+    if interface == "socketcan":
+        return f"bring the interface up: `sudo ip link set {channel} up type can bitrate {bitrate}`"
+    if interface == "slcan":
+        return f"check that {channel} is the adapter: `handctl ports` lists the serial ports"
+    return f"check the adapter, the driver of {interface}, and the channel {channel}"
 
 
 class CanLink(FrameLink):
@@ -59,7 +71,7 @@ class CanLink(FrameLink):
         if interface not in can.VALID_INTERFACES:
             raise UsageError(
                 f"{link}: python-can has no interface {interface!r}",
-                hint=f"it has {', '.join(sorted(can.VALID_INTERFACES))}",
+                hint=f"use one of {', '.join(sorted(can.VALID_INTERFACES))}",
             )
         slcan = interface == "slcan" and channel.startswith("/dev/")
         self._lock = _lock(link, channel) if slcan and exclusive else None
@@ -67,13 +79,15 @@ class CanLink(FrameLink):
             settings = dict(interface=interface, channel=channel, receive_own_messages=False, **options)
             self._bus = can.Bus(**_by_link_alone(settings), ignore_config=True)
         except (TypeError, ValueError) as exc:
-            raise UsageError(f"{link}: {exc}", hint="the options behind ? go to python-can's interface") from exc
+            raise UsageError(
+                f"{link}: {exc}", hint="check the options behind the question mark: python-can's interface takes them"
+            ) from exc
         except (can.CanError, OSError, ImportError, NotImplementedError) as exc:
             if "invalid bitrate" in str(exc).lower():
-                raise UsageError(f"{link}: {exc}", hint="this adapter has only these") from exc
+                raise UsageError(f"{link}: {exc}", hint="use a bitrate that this adapter has") from exc
             raise LinkError(
                 f"{link}: cannot open: {exc}",
-                hint="check the interface and channel; for socketcan: sudo ip link set can0 up type can bitrate 1000000",
+                hint=_opening(interface, channel, options["bitrate"]),
                 code="cannot-open",
             ) from exc
         self._closed = False
@@ -101,7 +115,7 @@ class CanLink(FrameLink):
         except (can.CanError, OSError, ValueError) as exc:
             raise LinkError(
                 f"{self.name}: the frame could not be sent: {exc}",
-                hint="nobody acknowledges, or the adapter is gone: check power, termination (120 ohm) and bitrate",
+                hint="check the device's power, the termination (120 ohm at both ends) and the bitrate. No device acknowledged, or the adapter is gone",
                 code="cannot-send",
             ) from exc
 

@@ -13,6 +13,7 @@ from handctl.errors import LinkError, UsageError
 from handctl.link.base import ByteLink, CanFrame, Deadline, FrameLink, Link
 
 NOTHING: Mapping[str, str] = {}
+_OPTIONS = "`handctl sim {kind} -h` lists the options"
 
 
 def split_url(link: str) -> tuple[str, dict[str, str]]:
@@ -22,7 +23,7 @@ def split_url(link: str) -> tuple[str, dict[str, str]]:
     for item in filter(None, query.split("&")):
         key, equals, value = item.partition("=")
         if not equals:
-            raise UsageError(f"{link}: {item!r} is not KEY=VALUE")
+            raise UsageError(f"{link}: {item!r} is not KEY=VALUE", hint=_OPTIONS.format(kind=kind.rstrip("/")))
         options[key] = _unquote(value)
     return kind.rstrip("/"), options
 
@@ -56,13 +57,17 @@ class _Simulated(Link):
         options.update(more)
         clock = options.pop("clock", "real")
         if clock not in ("real", "virtual"):
-            raise UsageError(f"{link}: clock={clock}: expected real or virtual")
+            raise UsageError(
+                f"{link}: clock={clock}: expected real or virtual", hint="write `clock=virtual`, or leave it out"
+            )
         try:
             self._line: Any = create(kind, options)  # a Line, or a CanLine for bus=can
         except ValueError as exc:
-            raise UsageError(f"{link}: {exc}") from exc
+            raise UsageError(f"{link}: {exc}", hint=_OPTIONS.format(kind=kind)) from exc
         except OSError as exc:
-            raise UsageError(f"{link}: {exc.filename or ''}: {exc.strerror or exc}") from exc
+            raise UsageError(
+                f"{link}: {exc.filename or ''}: {exc.strerror or exc}", hint="check the file and its folder"
+            ) from exc
         self._virtual: float | None = 0.0 if clock == "virtual" else None
         self._closed = False
         self._line.advance(self.now())

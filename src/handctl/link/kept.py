@@ -53,7 +53,7 @@ class Kept:
     def text(self) -> str:
         """How the device is found, or left, and how to begin afresh."""
         state = "is as it was left" if self.before is not None else "stays as it is now until you log out"
-        return f"the simulated {self.kind} {state}; `handctl sim forget {self.kind}` begins afresh"
+        return f"the simulated {self.kind} {state}. `handctl sim forget {self.kind}` begins afresh"
 
     def _stamp(self) -> tuple[int, int] | None:
         try:

@@ -28,7 +28,10 @@ def open_replay(link: str, baud: int | None = None) -> Link:
     recording = Recording(opened(path, "a transcript"), path)
     if not len(recording) and not recording.speaks:
         recording.close()
-        raise UsageError(f"{link}: the transcript holds no request (no line with >) and nothing that came unasked")
+        raise UsageError(
+            f"{link}: the transcript holds no request (a line with >) and no data that arrived unasked",
+            hint="record one with --trace FILE",
+        )
     return ReplayFrames(link, recording) if recording.can else ReplayLink(link, recording, baud)
 
 
@@ -102,7 +105,9 @@ class Recording:
                 line = self._file.readline(LONGEST_LINE).decode("utf-8").strip()
             except (OSError, UnicodeDecodeError) as exc:
                 why = exc.strerror if isinstance(exc, OSError) else "not a text in UTF-8"
-                raise UsageError(f"{self._source}: cannot be read: {why}") from exc
+                raise UsageError(
+                    f"{self._source}: cannot be read: {why}", hint="give a file that --trace made"
+                ) from exc
             if self._file.tell() == place:
                 return
             start, place = place, self._file.tell()
@@ -197,7 +202,7 @@ class _Replayed(Link):
     def _never(self, text: str) -> LinkError:
         return LinkError(
             f"{self.name}: this request was never recorded: {text}",
-            hint="replay the command that was traced, with the same options; --trace FILE records one",
+            hint="run the command that was recorded, with the same options, or record this one with --trace FILE",
             code="replay-miss",
         )
 
@@ -212,7 +217,7 @@ class _Replayed(Link):
             if key == LOST:
                 raise LinkError(
                     f"{self.name}: the link is lost here, as it was when this was recorded",
-                    hint="the transcript ends with it; the cable or the adapter was at fault then",
+                    hint="check the cable and the adapter with which it was recorded",
                     code="lost",
                 )
             return key

@@ -95,7 +95,7 @@ class SerialLink(ByteLink):
         except (serial.SerialException, OSError) as exc:
             raise _cannot_open(link, device, exc) from exc
         except ValueError as exc:
-            raise UsageError(f"{link}: {exc}") from exc
+            raise UsageError(f"{link}: {exc}", hint="give a port, tcp://HOST:PORT or a URL of pyserial") from exc
         self.can_set_baud = not device.startswith("socket://")
         self._fd = self._descriptor()
         self._outlet = outlet_of(self._port, device)
@@ -174,13 +174,17 @@ class SerialLink(ByteLink):
         try:
             self._port.baudrate = baud
         except (serial.SerialException, OSError, ValueError) as exc:
-            raise LinkError(f"{self.name}: the port cannot be set to {baud} baud: {exc}", code="baud") from exc
+            raise LinkError(
+                f"{self.name}: the port cannot be set to {baud} bit/s: {exc}",
+                hint="choose a speed that this adapter has with --baud",
+                code="baud",
+            ) from exc
         self.baud = baud
 
     def _stuck(self) -> LinkError:
         return LinkError(
             f"{self.name}: the port takes no data",
-            hint="flow control, a stopped terminal, or an adapter that hangs: unplug it and plug it in again",
+            hint="unplug the adapter and plug it in again. Flow control, a stopped terminal or an adapter that hangs hold the data up",
             code="write-timeout",
         )
 
@@ -188,7 +192,7 @@ class SerialLink(ByteLink):
         why = f": {getattr(exc, 'strerror', None) or exc}" if exc is not None else ""
         return LinkError(
             f"{self.name}: the port is gone{why}",
-            hint="check the cable; the adapter was unplugged or the other end closed. `ls -l /dev/serial/by-id` shows what is left",
+            hint="check the cable: the adapter was unplugged, or the other end closed. `handctl ports` lists the ports that are left",
             code="lost",
         )
 
@@ -230,7 +234,7 @@ def _refuse_if_held(link: str, device: str) -> None:
 
 
 def _busy(link: str, names: Sequence[Process]) -> LinkError:
-    who = ", ".join(map(str, names)) if names else "another program (the system does not tell which)"
+    who = ", ".join(map(str, names)) if names else "another program (the system does not say which)"
     return LinkError(
         f"{link}: the port is in use by {who}", hint="close that program, then run the command again", code="busy"
     )
@@ -248,19 +252,27 @@ def _cannot_open(link: str, device: str, exc: Exception) -> LinkError | UsageErr
         return _busy(link, holders(device) if "://" not in device else [])
     if number in (errno.ENOTTY, errno.EINVAL, errno.EISDIR):
         return LinkError(f"{link}: this is not a serial port", hint=_ports_hint(), code="not-a-port")
-    return LinkError(f"{link}: cannot open: {exc}", code="cannot-open")
+    return LinkError(
+        f"{link}: cannot open: {exc}",
+        hint="check the port with `handctl ports` and `handctl doctor`",
+        code="cannot-open",
+    )
 
 
 def _permission_hint(device: str) -> str:
     group = group_of(Path(device))
     if group is None:
-        return "ask for access to the port"
+        return "ask the administrator for access to the port"
     hint = group_remedy(group[1], device)
-    return f"{hint}; `handctl ports` knows a rule that lasts, if there is one" if group[0] == 0 else hint
+    return f"{hint}. `handctl ports` shows a rule that lasts, if there is one" if group[0] == 0 else hint
 
 
 def _ports_hint() -> str:
     import glob
 
     present = sorted(glob.glob("/dev/serial/by-id/*") or glob.glob("/dev/ttyUSB*") + glob.glob("/dev/ttyACM*"))
-    return f"present: {', '.join(present)}" if present else "no serial port is plugged in; `--fake` needs none"
+    return (
+        f"use one of {', '.join(present)}"
+        if present
+        else "plug in the adapter: no serial port is there. `--fake` needs none"
+    )

@@ -13,7 +13,7 @@ from handctl.link.base import ByteLink, Deadline, Outlet
 CONNECT_SECONDS = 3.0
 QUICKACK = getattr(socket, "TCP_QUICKACK", None)
 """Linux: acknowledge what arrives at once. The system forgets it again, so it is asked for before each wait."""
-TAKEN = "another client may hold the device, and many devices serve one: close the other program"
+TAKEN = "Another program may hold the device: many serve one client only"
 
 
 def split_address(link: str, default_port: int | None = None) -> tuple[str, int]:
@@ -28,7 +28,7 @@ def split_address(link: str, default_port: int | None = None) -> tuple[str, int]
         return host, default_port
     if not host or not port.isdecimal() or not 0 < int(port) < 65536:
         raise UsageError(
-            f"{link}: expected tcp://HOST:PORT with a port 1 to 65535", hint="e.g. tcp://192.168.1.20:8000"
+            f"{link}: expected tcp://HOST:PORT with a port 1 to 65535", hint="write for example tcp://192.168.1.20:8000"
         )
     return host, int(port)
 
@@ -52,17 +52,27 @@ class TcpLink(ByteLink):
         except TimeoutError as exc:
             raise LinkError(
                 f"{link}: no connection within {CONNECT_SECONDS:g} s",
-                hint=f"check the address and that {host} is reachable: ping {host}",
+                hint=f"check the address and that {host} is reachable: `ping {host}`",
                 code="connect-timeout",
             ) from exc
         except ConnectionRefusedError as exc:
             raise LinkError(
                 f"{link}: connection refused",
-                hint=f"nothing listens on that port: check the port number and that the device is on; or {TAKEN}",
+                hint=f"check the port number and that the device is on. {TAKEN}",
                 code="refused",
             ) from exc
+        except socket.gaierror as exc:
+            raise LinkError(
+                f"{link}: the host name {host} does not resolve ({exc.strerror or exc})",
+                hint=f"check the spelling of {host}, or give its IP address, such as tcp://192.168.1.20:{port}",
+                code="cannot-open",
+            ) from exc
         except OSError as exc:
-            raise LinkError(f"{link}: cannot connect: {exc.strerror or exc}", code="cannot-open") from exc
+            raise LinkError(
+                f"{link}: cannot connect: {exc.strerror or exc}",
+                hint=f"check the network of this computer and that {host} is reachable: `ping {host}`",
+                code="cannot-open",
+            ) from exc
         self._peer: tuple[object, ...] = (host, port)
         with contextlib.suppress(OSError):
             self._peer = self._socket.getpeername()  # to look a name up may take seconds
@@ -82,7 +92,11 @@ class TcpLink(ByteLink):
             except BlockingIOError as exc:
                 self._outlet.owes(bytes(view) if len(view) < len(data) else b"")
                 if not select.select([], [self._socket], [], deadline.remaining)[1]:
-                    raise LinkError(f"{self.name}: the other end takes no more data", code="write-timeout") from exc
+                    raise LinkError(
+                        f"{self.name}: the other end takes no more data",
+                        hint="check the device or its serial server, then run the command again",
+                        code="write-timeout",
+                    ) from exc
             except OSError as exc:
                 raise self._lost(exc) from exc
         self._outlet.owes(b"")
@@ -98,7 +112,9 @@ class TcpLink(ByteLink):
             self._socket.connect(self._peer)
             self._set_up()
         except OSError as exc:
-            raise LinkError(f"{self.name}: cannot connect again: {exc.strerror or exc}", code="cannot-open") from exc
+            raise LinkError(
+                f"{self.name}: cannot connect again: {exc.strerror or exc}", hint=TAKEN, code="cannot-open"
+            ) from exc
         return True
 
     def outlet(self) -> Outlet:
@@ -123,7 +139,7 @@ class TcpLink(ByteLink):
         why = f": {exc.strerror or exc}" if exc is not None else " by the other end"
         return LinkError(
             f"{self.name}: connection closed{why}",
-            hint=f"run the command again; if it is closed again, {TAKEN}",
+            hint=f"run the command again. {TAKEN}",
             code="lost",
         )
 

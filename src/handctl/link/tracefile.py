@@ -28,7 +28,9 @@ class TraceFile:
             try:
                 self._file = open(path, "w", encoding="utf-8", buffering=1, opener=at_once)  # noqa: SIM115 - until close
             except OSError as exc:
-                raise UsageError(f"{path}: the trace cannot be written: {exc.strerror or exc}") from exc
+                raise UsageError(
+                    f"{path}: the trace cannot be written: {exc.strerror or exc}", hint="give --trace another file"
+                ) from exc
             self._waits = ending.watch(self._file, result=False)
             try:
                 self._file.write(f"# {header}\n")
@@ -42,7 +44,7 @@ class TraceFile:
             try:
                 if not ending.has_room(self._waits, patience):
                     ending.make_room(self._waits)
-                    raise TimeoutError("nobody reads it")
+                    raise TimeoutError("its reader takes no data")
                 self._file.write(line)
             except (OSError, ValueError) as exc:
                 self.failure = self._failed(exc)
@@ -63,5 +65,5 @@ class TraceFile:
     def _failed(self, exc: Exception) -> OutputError:
         return OutputError(
             f"{self._path}: the trace cannot be written: {getattr(exc, 'strerror', None) or exc}",
-            hint="the device was served all the same; what is recorded ends there",
+            hint="make room or give --trace another file. The command went on, and the recording ends there",
         )

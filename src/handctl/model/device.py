@@ -12,9 +12,10 @@ from contextlib import contextmanager
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Protocol, TypedDict, TypeVar
 
-from handctl.errors import CheckFailed, HandctlError, NoAnswer, ProtocolError
+from handctl.errors import CheckFailed, HandctlError, NoAnswer, ProtocolError, joined
 from handctl.model.param import Element, Number, ParamMap, Reading, elements_of
 from handctl.model.result import Column, Grid, Row, Table
+from handctl.sentence import plural
 
 if TYPE_CHECKING:
     from handctl.link import Deadline, Link
@@ -95,8 +96,10 @@ class Line:
     def check_bound(self, unsent: str = "") -> None:
         """Raise NoAnswer when --deadline is over; nothing is sent then, `unsent` neither: the device may be worn."""
         if self.over:
-            told = f"; {unsent} was not sent" if unsent else ""
-            raise NoAnswer(f"{self.where}: --deadline is over{told}", hint="a longer --deadline", code="deadline")
+            unsent = f"{unsent} was not sent" if unsent else ""
+            raise NoAnswer(
+                joined(f"{self.where}: --deadline is over", unsent), hint="give a longer --deadline", code="deadline"
+            )
 
     def repeated(self, ask: Callable[[], T], retries: int | None = None) -> T:
         """What `ask` returns, asked again where no valid answer came; for reads only. Raises what `ask` raised last."""
@@ -252,7 +255,7 @@ class Device(ABC):
             self.journal.warn("unhealthy", finding)
         every = [*more(), *findings]
         if check and every and table.failure is None:
-            text = f"{self._line.where}: {len(every)} findings: {'; '.join(every)}"
+            text = joined(f"{self._line.where}: {plural(len(every), 'finding')}", *every)
             table.failure = CheckFailed(text, hint=hint, code="unhealthy")
         return table
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import importlib
 
-from handctl.errors import DeviceRefused, HandctlError
+from handctl.errors import DeviceRefused, HandctlError, joined
 from handctl.families import FAMILIES
 
 
@@ -20,17 +20,17 @@ def renamed(error: HandctlError, own: str) -> HandctlError:
         return error
     commands = " or ".join(f"`handctl {family}`" for family in shown)
     return DeviceRefused(
-        f"{error.text}. There is {next(iter(shown.values()))} in it: another device than {own}",
-        hint=f"{commands} is the command for it",
+        joined(error.text, f"The data contains {next(iter(shown.values()))}: this is another device than {own}"),
+        hint=f"use {commands}",
         code="other-device",
     )
 
 
 def pointed(error: HandctlError, link: str) -> HandctlError:
     """The error of a link on which nothing valid came, with the command that asks in every family's way."""
-    advice = f"`handctl scan -p {link}` tells which device is there"
+    advice = f"`handctl scan -p {link}` shows which device is there"
     if advice not in error.hint:
-        error.hint = "; ".join(filter(None, (error.hint.rstrip("."), advice)))
+        error.hint = joined(error.hint, advice)
     return error
 
 

@@ -24,14 +24,18 @@ class Gate:
         if self.passed:
             return
         if self._assumed:
-            journal.warn("identity-assumed", "written without a look at who is there: --assume-identity")
+            journal.warn(
+                "identity-assumed", "written without checking which device answers, because of --assume-identity"
+            )
         else:
             try:
                 look()
             except KeyboardInterrupt as exc:
-                raise Interrupted("interrupted while handctl looked who is there; nothing was written") from exc
+                raise Interrupted(
+                    "interrupted while handctl checked which device answers. Nothing was written"
+                ) from exc
             except HandctlError as exc:
                 if not link.replayed or exc.code != "replay-miss":
                     raise NotIdentified(exc) from exc
-                journal.info("not-recorded", "the look at who is there was not recorded: left out in this replay")
+                journal.info("not-recorded", "the check of the device was not recorded: left out in this replay")
         self.passed = True

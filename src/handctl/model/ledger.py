@@ -23,7 +23,7 @@ IN_WORDS = {NOT_SENT: "not sent", SENT: "sent, unconfirmed", CONFIRMED: "confirm
 SHOWN_BYTES = 24
 """Bytes of a long frame that the text block shows; JSON has them all."""
 
-CLAIM = r"(?:[,;:.]?\s*)\b(?:and )?nothing (?:was|has been) (?:sent|written)(?: to the device)?\b"
+CLAIM = r"(?:[,\x3b:.]?\s*)\b(?:and )?nothing (?:was|has been) (?:sent|written)(?: to the device)?\b"
 
 
 F = TypeVar("F")

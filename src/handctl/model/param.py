@@ -282,7 +282,7 @@ class ParamMap(Generic[P]):
         for text in texts:
             name, equals, value = text.partition("=")
             if not equals:
-                raise UsageError(f"{text!r} is not NAME=VALUE", hint=f"e.g. handctl {self.kind} set NAME=VALUE")
+                raise UsageError(f"{text!r} is not NAME=VALUE", hint=f"write `handctl {self.kind} set NAME=VALUE`")
             param, elements = self.find(name)
             self._refuse_unsettable(param)
             values = value.split(",") if len(elements) > 1 else [value]
@@ -294,7 +294,7 @@ class ParamMap(Generic[P]):
             for element, single in zip(elements, values, strict=True):
                 key = (param.name, element.index)
                 if key in wanted:
-                    raise UsageError(f"{element.full_name} is given twice")
+                    raise UsageError(f"{element.full_name} is given twice", hint="leave one of them out")
                 wanted[key] = (element, param.parse(single, element.full_name))
         order = {name: position for position, name in enumerate(self._params)}
         return [wanted[key] for key in sorted(wanted, key=lambda key: (order[key[0]], key[1]))]
@@ -310,7 +310,11 @@ class ParamMap(Generic[P]):
                 code="trigger",
             )
         if not param.writable:
-            raise UsageError(f"{param.name} is read-only ({param.source})", code="read-only")
+            raise UsageError(
+                f"{param.name} is read-only ({param.source})",
+                hint=f"`handctl {self.kind} describe` shows what can be written",
+                code="read-only",
+            )
 
 
 def elements_of(param: Param) -> list[Element]:
@@ -355,11 +359,15 @@ def ids_in(text: str, check: Callable[[int], object]) -> list[int]:
     for part in text.split(","):
         first, dash, last = part.strip().partition("-")
         if not first.isdecimal() or (dash and not last.isdecimal()):
-            raise UsageError(f"--ids {text}: expected FROM-TO or a list", hint="e.g. --ids 1-254 or --ids 1,2,7")
+            raise UsageError(
+                f"--ids {text}: expected FROM-TO or a list", hint="write for example `--ids 1-254` or `--ids 1,2,7`"
+            )
         ends = int(first), int(last if dash else first)
         for number in ends:
             check(number)
         if ends[0] > ends[1]:
-            raise UsageError(f"--ids {text}: no id in {part.strip()}", hint="the smaller one first, e.g. --ids 1-254")
+            raise UsageError(
+                f"--ids {text}: no id in {part.strip()}", hint="put the smaller one first, such as `--ids 1-254`"
+            )
         ids += range(ends[0], ends[1] + 1)
     return list(dict.fromkeys(ids))

@@ -113,10 +113,8 @@ def _promise(privacy: Privacy) -> str:
         return "with serial numbers and pilot ids (--include-ids), without users and home folders"
     text = "without serial numbers, users and home folders"
     if privacy.masks:
-        text += (
-            f"; {' and '.join(privacy.holds)} {REDACTED}, and the bytes that the device sent left out, which hold it"
-        )
-    return f"{text} (--include-ids keeps ids)"
+        text += f". {' and '.join(privacy.holds)} {REDACTED}, and the bytes that the device sent are left out"
+    return f"{text}. --include-ids keeps them"
 
 
 def _recorded(run: Run, visit: _Visit) -> None:
@@ -226,7 +224,7 @@ def _conclude(run: Run, visit: _Visit, content: Report, privacy: Privacy) -> Non
     content.missing = {"Status": reason, "Dump": reason, "Transcript": "no byte passed"}
     content.missing["Watch"] = reason if visit.problems else "none was asked for (--watch 0)"
     if visit.problems:
-        content.missing["Findings"] = "what could be read shows none" if content.status else reason
+        content.missing["Findings"] = "the part that could be read shows none" if content.status else reason
 
 
 def _told(grid: Grid, privacy: Privacy) -> Grid:
@@ -248,14 +246,20 @@ def _told(grid: Grid, privacy: Privacy) -> Grid:
 def _refuse(path: str, force: bool) -> None:
     """Raise UsageError for a file that is not to be replaced and for a place where none can be."""
     if os.path.exists(path) and not os.path.isfile(path):
-        raise UsageError(f"{path} is no file", hint="give the name of a page, such as report.html", code="no-file")
+        raise UsageError(f"{path} is not a file", hint="give the name of a page, such as report.html", code="no-file")
     if os.path.exists(path) and not force:
         raise UsageError(
-            f"{path} exists and is not overwritten", hint="choose another name, or --force", code="file-exists"
+            f"{path} exists and is not replaced",
+            hint="choose another name, or replace the file with --force",
+            code="file-exists",
         )
     folder = os.path.dirname(path) or "."
     if not os.path.isdir(folder) or not os.access(folder, os.W_OK):
-        raise UsageError(f"{path}: no file can be made in {folder}", hint="nothing was sent", code="no-folder")
+        raise UsageError(
+            f"{path}: no file can be made in {folder}",
+            hint="name a file in a folder of your own. Nothing was sent.",
+            code="no-folder",
+        )
 
 
 def _write(path: str, data: bytes, force: bool) -> None:
@@ -264,6 +268,6 @@ def _write(path: str, data: bytes, force: bool) -> None:
         with atomic_write(path, "wb") as file:
             file.write(data)
             if not force and os.path.exists(path):
-                raise FileExistsError(17, "it appeared meanwhile and is not overwritten")
+                raise FileExistsError(17, "the file appeared meanwhile and is not replaced")
     except OSError as exc:
         raise OutputError(f"{path}: the report cannot be written: {exc.strerror or exc}") from exc

@@ -37,7 +37,7 @@ def port(link: str) -> Facts:
         name = link.removeprefix("can:socketcan:").partition("?")[0]
         return [fact for found in machine.can_interfaces() if found.name == name for fact in (
             ("CAN interface", name), ("state", found.state), ("driver", found.driver or "unknown"),
-            ("bitrate", f"{found.bitrate} bit/s" if found.bitrate else "not told"),
+            ("bitrate", f"{found.bitrate} bit/s" if found.bitrate else "not reported"),
         )]  # fmt: skip
     path = _device_of(link)
     if link.startswith("usb:"):

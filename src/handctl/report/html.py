@@ -49,10 +49,11 @@ class Report:
 
 LEVELS = {"error": "Error", "warning": "Warning", "info": "Note"}
 SECTIONS = ("Findings", "Status", "Watch", "Dump", "Counters", "Environment", "Transcript")
-POLICY = "default-src 'none'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'"
+POLICY = "; ".join(("default-src 'none'", "style-src 'unsafe-inline'", "base-uri 'none'", "form-action 'none'"))
 """The browser itself refuses anything from outside."""
 STYLE = """
-:root{color-scheme:light dark;--fg:#1c2126;--bg:#fff;--dim:#57606a;--line:#d4d9df;--panel:#f5f7f9;--good:#176339;
+:root{
+color-scheme:light dark;--fg:#1c2126;--bg:#fff;--dim:#57606a;--line:#d4d9df;--panel:#f5f7f9;--good:#176339;
 --warn:#835300;--bad:#b0241b;--curve:#1f5f9f}
 @media (prefers-color-scheme:dark){:root{--fg:#e4e8ec;--bg:#14181c;--dim:#a0aab4;--line:#343c44;--panel:#1c2228;
 --good:#6fcf97;--warn:#e5b454;--bad:#ff8a80;--curve:#7ab8f5}}
@@ -130,12 +131,10 @@ def _problems(report: Report) -> str:
     if not report.problems:
         return ""
     items = "".join(
-        f"<li><strong>{escape(section)}</strong>: {escape(sentence(error.text))} <code>{escape(error.code)}</code>{_hint(error.hint)}</li>"
+        f"<li><strong>{escape(section)}</strong>: {escape(sentence(error.text))} [<code>{escape(error.code)}</code>]{_hint(error.hint)}</li>"
         for section, error in report.problems
     )
-    return (
-        f'<div class="problems"><p class="error">Incomplete: not everything could be read</p><ul>{items}</ul></div>\n'
-    )
+    return f'<div class="problems"><p class="error">Incomplete: parts of the device could not be read</p><ul>{items}</ul></div>\n'
 
 
 def _hint(text: str) -> str:
@@ -145,7 +144,7 @@ def _hint(text: str) -> str:
 def _findings(report: Report) -> str:
     items = "".join(
         f'<li><span class="{escape(found.level)}">{LEVELS.get(found.level, "Note")}:</span> {escape(sentence(found.text))} '
-        f"<code>{escape(found.code)}</code>{_hint(found.hint)}</li>"
+        f"[<code>{escape(found.code)}</code>]{_hint(found.hint)}</li>"
         for found in report.findings
     )
     if not items and "Findings" in report.missing:
@@ -228,10 +227,10 @@ def _words(group: Sequence[Curve]) -> str:
 def _transcript(report: Report) -> str:
     if not report.transcript:
         return _empty(report, "Transcript")
-    said = "&gt; host, &lt; device; seconds since the link was opened; the format of --trace. "
+    said = "> is the host, < the device. Times are seconds since the link was opened. "
     said += (
-        "What the device sent is left out, because it holds ids: --include-ids keeps it."
+        "The bytes of the device are left out because they hold ids. --include-ids keeps them."
         if report.masked
-        else "replay: takes it."
+        else "-p replay:FILE plays it back."
     )
-    return f'<p class="note">{said}</p>\n<pre>{escape(chr(10).join(report.transcript))}</pre>\n'
+    return f'<p class="note">{escape(said)}</p>\n<pre>{escape(chr(10).join(report.transcript))}</pre>\n'

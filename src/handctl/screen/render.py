@@ -20,6 +20,7 @@ from handctl.files import atomic_write
 from handctl.model.result import Cell, Column, Grid, Journal, Row, Sample, Table
 from handctl.screen.filter import no_formula, shown, text_shown, value_shown
 from handctl.screen.streams import utf8_stdout
+from handctl.sentence import plural
 
 if TYPE_CHECKING:
     from handctl.frame.options import Settings
@@ -227,7 +228,7 @@ def _told(samples: Iterator[Sample], how: str) -> Generator[Sample, None, None]:
 
 
 def _summary_text(stats: dict[str, Any]) -> str:
-    text = f"{stats['samples']} samples in {stats['seconds']:.1f} s"
+    text = f"{plural(stats['samples'], 'sample')} in {stats['seconds']:.1f} s"
     if stats["rate_hz"] is not None:
         text += f", true rate {stats['rate_hz']:g} Hz" + (f" of {stats['asked_hz']:g}" if stats["asked_hz"] else "")
     return text + "".join(f", {stats[key]} {key}" for key in NOTED if stats.get(key))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from itertools import zip_longest
 from typing import TYPE_CHECKING
 
 from rich.box import SIMPLE_HEAD
@@ -23,6 +24,10 @@ GAP = 2
 """Spaces between columns, and the indent of what continues a line."""
 PROSE = 20
 """A text column is not made narrower than this; a shorter one is not wrapped."""
+TIGHT = 10
+"""The same where prose stands below its line already."""
+LEAST = 4
+"""Columns that must stay side by side for a table to be one."""
 
 
 class _Console(Console):
@@ -64,7 +69,7 @@ def print_grids(grids: Sequence[Grid], sink: Sink, mark: str) -> None:
             if widths:
                 console.print(grid_table(grid, widths))
             else:
-                for line in stacked(grid, console):
+                for line in with_prose_below(grid, console) or stacked(grid, console):
                     console.print(line)
             for note in grid.notes:
                 for line in hanging(Text(note, style="dim"), console, len(note) - len(note.lstrip())):
@@ -75,7 +80,7 @@ def print_grids(grids: Sequence[Grid], sink: Sink, mark: str) -> None:
         raise OutputError(f"stdout: cannot be written: {exc.strerror or exc}") from exc
 
 
-def fitting(grid: Grid, width: int) -> list[int]:
+def fitting(grid: Grid, width: int, prose: int = PROSE) -> list[int]:
     """Widths of the columns in a terminal of `width`; [] when they do not fit.
 
     Every cell is whole where there is room; else prose is wrapped at its spaces. A name or a number is never broken.
@@ -83,9 +88,8 @@ def fitting(grid: Grid, width: int) -> list[int]:
     lines = [grid.headings, *([cell_text(cell).plain for cell in line] for line in grid.lines)]
     natural = [max(len(line[i]) for line in lines) for i in range(len(grid.headings))]
     widths = list(natural)
-    for i in range(1, len(widths)):
-        if natural[i] > PROSE and i not in grid.right and any(" " in line[i] for line in lines):
-            widths[i] = max(PROSE, *(len(word) for line in lines for word in line[i].split()))
+    for i in texts(grid, prose):
+        widths[i] = max(prose, *(len(word) for line in lines for word in line[i].split()))
     spare = width - sum(widths) - GAP * (len(widths) - 1)
     if spare < 0:
         return []
@@ -96,13 +100,79 @@ def fitting(grid: Grid, width: int) -> list[int]:
     return widths
 
 
-def without_empty(grid: Grid) -> Grid:
-    """The grid without the columns that hold nothing."""
-    kept = [i for i in range(len(grid.headings)) if i == 0 or any(cell_text(line[i]).plain for line in grid.lines)]
+def texts(grid: Grid, prose: int = PROSE) -> list[int]:
+    """The columns that hold prose, which may be wrapped: never the first one."""
+    lines = [[cell_text(cell).plain for cell in line] for line in grid.lines]
+    return [
+        i
+        for i in range(1, len(grid.headings))
+        if i not in grid.right
+        and any(" " in line[i] for line in lines)
+        and max(len(line[i]) for line in [grid.headings, *lines]) > prose
+    ]
+
+
+def with_prose_below(grid: Grid, console: Console) -> list[Text]:
+    """The grid as a table, with the prose of each line below it; [] when that is no table either.
+
+    Of the columns of prose, then of the others, the last ones go below, as few as do.
+    """
+    prose, below = texts(grid), set[int]()
+    others = [i for i in range(1, len(grid.headings)) if i not in prose] if prose else []
+    for one in (*reversed(prose), *reversed(others)):
+        below.add(one)
+        kept = [i for i in range(len(grid.headings)) if i not in below]
+        table = only(grid, kept)
+        widths = fitting(table, console.width) or fitting(table, console.width, TIGHT)
+        if widths and len(kept) >= LEAST:
+            return _table_lines(grid, table, widths, sorted(below), console)
+    return []
+
+
+def _table_lines(grid: Grid, table: Grid, widths: Sequence[int], below: Sequence[int], console: Console) -> list[Text]:
+    def side_by_side(cells: Sequence[Text]) -> list[Text]:
+        wrapped = [list(cell.wrap(console, width)) for cell, width in zip(cells, widths, strict=True)]
+        lines = []
+        for beside in zip_longest(*wrapped):
+            for i, piece in enumerate(pieces := [piece or Text() for piece in beside]):
+                piece.align("right" if i in table.right else "left", widths[i])
+            lines.append(Text(" " * GAP).join(pieces))
+            lines[-1].rstrip()
+        return lines
+
+    shown = side_by_side([Text(heading, style="bold") for heading in table.headings])
+    shown.append(Text("─" * (sum(widths) + GAP * (len(widths) - 1))))
+    for line, cells in zip(grid.lines, table.lines, strict=True):
+        shown += side_by_side([cell_text(cell) for cell in cells])
+        said = Text()
+        for i in below:
+            text = cell_text(line[i])
+            if not text.plain:
+                continue
+            pair = Text.assemble(" " * GAP, (f"{grid.headings[i]}: " if grid.headings[i] else "", "dim"), text)
+            if said and said.cell_len + pair.cell_len > console.width:
+                shown.append(said)
+                said = Text()
+            *whole, said = hanging(said.append_text(pair), console, GAP)
+            shown += whole
+        shown += [said] if said else []
+    return shown
+
+
+def only(grid: Grid, kept: Sequence[int]) -> Grid:
+    """The grid with these columns."""
     return grid._replace(
         headings=tuple(grid.headings[i] for i in kept),
         lines=tuple(tuple(line[i] for i in kept) for line in grid.lines),
         right=frozenset(position for position, i in enumerate(kept) if i in grid.right),
+    )
+
+
+def without_empty(grid: Grid) -> Grid:
+    """The grid without the columns that hold nothing."""
+    return only(
+        grid,
+        [i for i in range(len(grid.headings)) if i == 0 or any(cell_text(line[i]).plain for line in grid.lines)],
     )
 
 

@@ -127,11 +127,15 @@ def _take_over(run: Run, told: dict[str, Any]) -> None:
 def _end(run: Run, who: Holder | None) -> None:
     """End a holder that does not answer, if it is surely the one and this user's."""
     if who is None:
-        run.journal.warn("holder", "who has the device does not answer, and its lock does not tell who it is")
+        run.journal.warn(
+            "holder",
+            "another program has the device and does not answer. Its lock does not say which",
+            "find the program with `handctl ports` and end it",
+        )
         return
     if not who.start or not hasattr(os, "pidfd_open"):
-        text = f"{who} has the device and does not answer; whether it is still that process the system does not tell"
-        run.journal.warn("holder", text, f"end it: kill -9 {who.pid}")
+        text = f"{who} has the device and does not answer. The system does not show whether it is still that process"
+        run.journal.warn("holder", text, f"end it with `kill -9 {who.pid}`")
         return
     import select
     import signal
@@ -145,9 +149,13 @@ def _end(run: Run, who: Holder | None) -> None:
             return
         signal.pidfd_send_signal(process, signal.SIGKILL)
         select.select([process], [], [], GONE_SECONDS)
-        run.journal.warn("ended", f"{who} had the device, did not answer (asleep, or blocked), and was ended")
+        run.journal.warn("ended", f"{who} had the device and did not answer (asleep or blocked). handctl ended it")
     except OSError as exc:
-        run.journal.warn("holder", f"{who} does not answer and could not be ended: {exc.strerror or exc}")
+        run.journal.warn(
+            "holder",
+            f"{who} does not answer and could not be ended: {exc.strerror or exc}",
+            f"end it with `kill -9 {who.pid}`",
+        )
     finally:
         os.close(process)
 
@@ -184,5 +192,5 @@ def _from_here(
         try:
             stopped = stopped._replace(text=otherwise(run.device()), hint="", error=None)
         except HandctlError as exc:
-            stopped = stopped._replace(text=f"{stopped.text}; {exc.text}")
+            stopped = stopped._replace(text=errors.joined(stopped.text, exc.text))
     return report(stopped, sent)

@@ -76,8 +76,12 @@ class Hold:
             except OSError as exc:
                 troubles.append(f"{lock.path}: no socket beside it: {exc.strerror or exc}")
         for trouble in troubles:
-            hint = "make room there; until then `stop` from another terminal ends this command by force"
-            run.journal.warn("unseen", f"others may not see who uses the device, or ask for its stop: {trouble}", hint)
+            hint = "make room there. Until then `stop` from another terminal ends this command by force"
+            run.journal.warn(
+                "unseen",
+                f"other commands may not see that this one has the device, nor ask it to stop: {trouble}",
+                hint,
+            )
 
     def around(self, link: Link) -> Link:
         """The link that is used from now on."""
@@ -111,10 +115,10 @@ class Hold:
             with contextlib.suppress(LinkError):
                 if self.link.reconnect(RECONNECT_SECONDS):
                     stopped = carry_out(self._run, self.link, sent)
-                    stopped = stopped._replace(text=f"the connection was lost; connected again: {stopped.text}")
+                    stopped = stopped._replace(text=f"connected again after the connection was lost: {stopped.text}")
         self.link.fall_silent()
         wire = shown(sent)
-        text = f"{who}; sent {wire}: {stopped.text}" if 0 < len(wire) <= LONG else f"{who}: {stopped.text}"
+        text = f"{who}. Sent {wire}: {stopped.text}" if 0 < len(wire) <= LONG else f"{who}: {stopped.text}"
         self.stopped = Interrupted(text, hint=stopped.hint, code="stopped")
         self._report = report(stopped, sent)
         return self._report

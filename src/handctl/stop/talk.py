@@ -86,7 +86,9 @@ def insisting(step: Step, answer: bytes, done: str, *, times: int = 3, seconds: 
         if answer in b"".join(came):
             return Stopped(f"{done}, and acknowledged it")
     error = ProtocolError if came else NoAnswer
-    return Stopped(f"{step.meaning} was sent and not acknowledged", "switch the power off if it still moves", error)
+    return Stopped(
+        f"{step.meaning} was sent and not acknowledged", "switch the power off if the device still moves", error
+    )
 
 
 class Sent(NamedTuple):
@@ -176,7 +178,10 @@ def _frames(link: FrameLink, say: Say, pieces: Pieces, went: Callable[[], None])
     from handctl.link import CanFrame
 
     if say.step.can_id is None:
-        raise LinkError(f"{link.name}: bytes of a serial wire cannot go out on CAN")
+        raise LinkError(
+            f"{link.name}: bytes of a serial wire cannot go out on CAN",
+            hint="give the LINK of the wire that the device has",
+        )
     request = CanFrame(say.step.can_id, say.step.data)
     link.send(request, link.deadline(WRITE_SECONDS))
     went()

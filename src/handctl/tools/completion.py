@@ -67,13 +67,13 @@ def next_step(shell: str, path: Path) -> str:
     match shell:
         case "bash":
             return (
-                "open a new shell; where the package bash-completion is missing, add this to ~/.bashrc: "
-                f"source {path}"
+                "open a new shell. Where the package bash-completion is missing, add this line to ~/.bashrc: "
+                f"`source {path}`"
             )  # fmt: skip
         case "zsh":
-            return f"add this to ~/.zshrc: fpath=({path.parent} $fpath); autoload -Uz compinit; compinit"
+            return f"add this line to ~/.zshrc: `fpath=({path.parent} $fpath); autoload -Uz compinit; compinit`"
         case _:
-            return "it works in the next fish that you open"
+            return "open a new fish"
 
 
 def _state(path: Path, text: str) -> str:
@@ -85,13 +85,15 @@ def _state(path: Path, text: str) -> str:
     except FileNotFoundError:
         return "installed"
     except OSError as exc:
-        raise OutputError(f"{path}: cannot be read: {exc.strerror or exc}") from exc
+        raise OutputError(
+            f"{path}: cannot be read: {exc.strerror or exc}", hint="check the file and its folder"
+        ) from exc
     if present == text:
         return "unchanged"
     if not any(MARK in line for line in present.splitlines()[:3]):
         raise UsageError(
             f"{path} is not a completion that handctl generated",
-            hint="it stays as it is; move it away, or print the script and put it where you want it",
+            hint="move the file away, or print the script and put it where you want it. The file was not changed.",
             code="foreign-file",
         )
     return "replaced"
@@ -104,4 +106,6 @@ def _write(path: Path, text: str) -> None:
         with atomic_write(path) as file:
             file.write(text)
     except OSError as exc:
-        raise OutputError(f"{path}: cannot be written: {exc.strerror or exc}") from exc
+        raise OutputError(
+            f"{path}: cannot be written: {exc.strerror or exc}", hint="print the script and put it where you want it"
+        ) from exc

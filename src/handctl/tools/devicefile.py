@@ -63,7 +63,7 @@ def _table(config: Config, name: str) -> list[Statement]:
         line = config.text.count("\n", 0, found[0].start) + 1
         raise UsageError(
             f"{config.path}, line {line}: {name} is not written as one table [devices.{name}]",
-            hint="edit the file by hand; nothing was changed",
+            hint="edit the file by hand. Nothing was changed.",
             code="config",
         )
     return found
@@ -85,7 +85,9 @@ def change(path: str, checks: Mapping[str, Check], edit: Callable[[Config], str]
     """
     target = os.path.realpath(path)
     if os.path.exists(path) and not os.path.isfile(path):  # a device, such as /dev/null, would be replaced
-        raise UsageError(f"{path} is no file", hint="HANDCTL_CONFIG names another; nothing was changed", code="config")
+        raise UsageError(
+            f"{path} is not a file", hint="set HANDCTL_CONFIG to another file. Nothing was changed.", code="config"
+        )
     try:
         os.makedirs(os.path.dirname(target), exist_ok=True)
         with _alone(os.path.dirname(target)):
@@ -95,7 +97,9 @@ def change(path: str, checks: Mapping[str, Check], edit: Callable[[Config], str]
                 file.write(text)
     except OSError as exc:
         raise OutputError(
-            f"{path}: cannot be written: {exc.strerror or exc}", hint="nothing was changed", code="config"
+            f"{path}: cannot be written: {exc.strerror or exc}",
+            hint="check the folder and its permissions. Nothing was changed.",
+            code="config",
         ) from exc
 
 
@@ -111,8 +115,8 @@ def verified(before: Config, text: str, checks: Mapping[str, Check], wanted: Val
         return {key: entry.value for key, entry in config.values.items()}, devices
 
     refusal = UsageError(
-        f"{before.path}: the edited text would not say what was meant",
-        hint="nothing was changed; edit the file by hand",
+        f"{before.path}: handctl cannot make this change without changing other entries",
+        hint="edit the file by hand. Nothing was changed.",
         code="config",
     )
     try:
@@ -146,7 +150,7 @@ def _alone(folder: str) -> Iterator[None]:
             except BlockingIOError as exc:
                 if time.monotonic() > end:
                     raise OutputError(
-                        f"{folder}: another program holds the folder", hint="nothing was changed; try again"
+                        f"{folder}: another program holds the folder", hint="try again. Nothing was changed."
                     ) from exc
                 time.sleep(0.05)
         yield

@@ -63,7 +63,9 @@ def list_devices(run: Run) -> Table:
     path = config_path()
     rows = [row_of(device) for device in read_config(path).devices.values()]
     if not rows:
-        run.journal.info("no-devices", f"no device has a name yet in {path}", "handctl devices add NAME FAMILY -p LINK")
+        run.journal.info(
+            "no-devices", f"no device is named in {path}", "name one with `handctl devices add NAME FAMILY -p LINK`"
+        )
     return Table(rows=rows, columns=COLUMNS)
 
 
@@ -71,13 +73,13 @@ def list_devices(run: Run) -> Table:
 @click.argument("name")
 @click.argument("family", type=click.Choice(list(FAMILIES)), required=False)
 @click.option(
-    "--from-scan", "scanned", metavar="FILE", type=InFile(), help="Take family, link, id and baud from the output of scan --json; - is stdin."
+    "--from-scan", "scanned", metavar="FILE", type=InFile(), help="Take family, link, id and speed from the output of `handctl scan --json` (-: stdin)."
 )  # fmt: skip
 @click.option("--force", is_flag=True, help="Replace the device that has this name now.")
 def add(run: Run, name: str, family: str | None, scanned: str | None, force: bool) -> Table:
-    """Name a device: its family and what is given of --port, --id, --baud, --timeout, --deadline, --retries.
+    """Give a device a name in the configuration file.
 
-    `handctl devices add left exo -p /dev/serial/by-id/…`; the device is not asked. Writes the configuration file.
+    The name keeps the family and, where given, --port, --id, --baud, --timeout, --deadline and --retries. The device is not asked.
     """
     from handctl.frame.config import NAME_HELP, is_name
     from handctl.tools import devicefile, naming
@@ -89,9 +91,13 @@ def add(run: Run, name: str, family: str | None, scanned: str | None, force: boo
         found = naming.from_scan(_read(scanned), family, given)
         family, given = str(found.pop("kind")), {**found, **given}
     if family is None:
-        raise UsageError("which family is it?", hint=f"add one of {', '.join(FAMILIES)}, or --from-scan FILE")
+        raise UsageError("no family given", hint=f"add one of {', '.join(FAMILIES)}, or --from-scan FILE")
     if "port" not in given:
-        raise UsageError("where is it?", hint=f"handctl devices add {name} {family} -p LINK", code="no-link")
+        raise UsageError(
+            "no LINK given",
+            hint=f"add where the device is: `handctl devices add {name} {family} -p LINK`",
+            code="no-link",
+        )
     naming.check(run, family, given)
     values = {"kind": family, **given}
     path = config_path()
@@ -107,7 +113,7 @@ def add(run: Run, name: str, family: str | None, scanned: str | None, force: boo
         run.journal.info("dry-run", "dry run: nothing was written")
     else:
         devicefile.change(path, checks(), edit, values, name)
-        run.journal.info("next", f"{name} is known now", f"handctl -d {name} {family} status")
+        run.journal.info("next", f"{name!r} can be used now", f"try `handctl -d {name} {family} status`")
     keys = ("id", "baud", "timeout", "deadline", "retries")
     row = {"name": name, "family": family, "link": given["port"], **{key: given.get(key) for key in keys}}
     return Table(rows=[{**row, "file": path, "result": done}], columns=(*COLUMNS, *DONE), plain=("name",))
@@ -119,7 +125,7 @@ DONE = (Column("file", "File"), Column("result", "Result"))
 @cli.verb("remove", writes=True, offline=True)
 @click.argument("name")
 def remove(run: Run, name: str) -> Table:
-    """Forget a name. Writes the configuration file; comments and everything else in it stay."""
+    """Delete a name from the configuration file. Everything else in the file stays."""
     from handctl.tools import devicefile
 
     path = config_path()
@@ -127,9 +133,7 @@ def remove(run: Run, name: str) -> Table:
     device = config.find(name)
     default = config.values.get("device")
     if default is not None and default.value == name:
-        raise UsageError(
-            f"{path}, line {default.line}: {name} is the default device there", hint="take that line out first"
-        )
+        raise UsageError(f"{path}, line {default.line}: {name!r} is the default device", hint="delete that line first")
     if run.settings.dry_run:
         devicefile.verified(config, devicefile.drop(config, name), checks(), {}, name)
         run.journal.info("dry-run", "dry run: nothing was written")
@@ -142,9 +146,9 @@ def remove(run: Run, name: str) -> Table:
 @cli.verb("show")
 @click.argument("name", required=False)
 def show(run: Run, name: str | None) -> Table:
-    """Show every setting as `-d NAME` would have it, and where each comes from.
+    """Show every setting that `-d NAME` gives, and where each comes from.
 
-    Without NAME: as a command without -d would have it. Origins are the command line, the environment, the named
+    Without NAME, show the settings of a command without -d. Origins are the command line, the environment, the named
     device, the configuration file (with the line) and the default.
     """
     ctx = click.get_current_context()
@@ -177,10 +181,12 @@ def _given(run: Run) -> dict[str, Any]:
     from handctl.frame.config import DEVICE_KEYS
 
     if run.sources.get("device") == COMMAND_LINE:
-        raise UsageError("-d names a device that is known: what is the new one?", hint="leave out -d")
+        raise UsageError("-d names an existing device, not the new one", hint="leave out -d")
     said = {key: getattr(run.settings, key) for key in DEVICE_KEYS if run.sources.get(key) == COMMAND_LINE}
     if run.sources.get("fake") == COMMAND_LINE:
-        raise UsageError("--fake is no place that can be named", hint="give it as a LINK: -p fake://exo")
+        raise UsageError(
+            "--fake cannot be kept under a name", hint="give the simulator as a LINK, such as `-p fake://exo`"
+        )
     return said
 
 
@@ -188,9 +194,9 @@ def _refuse_taken(config: Config, name: str, force: bool) -> None:
     if name in config.devices and not force:
         device = config.devices[name]
         raise UsageError(
-            f"{name} is named already: {device.kind} on {device.entries['port'].value} "
+            f"{name!r} is named already: {device.kind} on {device.entries['port'].value} "
             f"({config.path}, line {device.line})",
-            hint="take another name, or add --force to replace it",
+            hint="choose another name, or add --force to replace the device",
             code="name-taken",
         )
 

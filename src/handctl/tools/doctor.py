@@ -37,20 +37,22 @@ TONES = {"ok": "good", "warning": "warn", "fail": "bad", "skipped": "dim"}
 
 
 @click.command("doctor", cls=Command)
-@click.option("--family", type=click.Choice(list(FAMILIES)), help="Which device is on the link; -d NAME knows it.")
+@click.option(
+    "--family", type=click.Choice(list(FAMILIES)), help="The family of the device on the link. -d NAME implies it."
+)
 @click.option(
     "--count",
     type=click.IntRange(1, 10000),
     default=100,
     show_default=True,
     metavar="N",
-    help="Reads for the error rate.",
+    help="Read the device N times for the error rate.",
 )
 def cli(family: str | None, count: int) -> Table:
-    """Check this machine, and with -p LINK that link: permissions, holders, delays, speed, echo, error rate.
+    """Check this computer, and with -p LINK that link and its device.
 
-    Each row has its evidence and its remedy. Exit code 7 when there is a warning or a failure, also when the link
-    cannot be opened. The device is only read, with its cheapest documented question.
+    Each row has its evidence and its remedy: permissions, other programs, delays, speed, echo, error rate.
+    Exit code 7 means a warning or a failure. The device is only read, with its shortest documented request.
     """
     run: Run = click.get_current_context().obj
     machine = Machine()
@@ -64,7 +66,7 @@ def cli(family: str | None, count: int) -> Table:
             found.failure = Interrupted("interrupted")
             return found
     elif kind is not None:
-        raise UsageError(f"where is the {kind}?", hint="give -p LINK, -d NAME or --fake", code="no-link")
+        raise UsageError(f"no {kind} device given", hint="give -p LINK, -d NAME or --fake", code="no-link")
     return table(checks)
 
 
@@ -75,7 +77,7 @@ def table(checks: Sequence[Check]) -> Table:
     if findings:
         names = ", ".join(f"{check.name} ({check.status})" for check in findings)
         result.failure = CheckFailed(
-            f"{len(findings)} of {len(checks)} checks found something: {names}",
+            f"{len(findings)} of {len(checks)} checks found a problem: {names}",
             hint=min(findings, key=_telling).remedy,
             code="findings",
         )
@@ -92,7 +94,7 @@ def examine(run: Run, machine: Machine, kind: str | None, reads: int) -> Iterato
     from handctl.tools.link_checks import LinkChecks, failed_open, port_checks
 
     if kind is None and run.settings.fake:
-        raise UsageError("which simulator?", hint=f"add --family {'|'.join(FAMILIES)}", code="no-family")
+        raise UsageError("no simulator given", hint=f"add --family with one of {', '.join(FAMILIES)}", code="no-family")
     run.family = family_of(kind) if kind is not None else Family("unknown", _no_device, 115200, wires=("serial", "can"))
     name = run.link_name()
     yield from port_checks(machine, name)
@@ -122,7 +124,7 @@ def examine(run: Run, machine: Machine, kind: str | None, reads: int) -> Iterato
 
 
 def _no_device(link: Any, settings: Settings, journal: Journal) -> Any:
-    raise UsageError("which device it is was not said", hint="--family")
+    raise UsageError("the family of the device is not known", hint="name it with --family")
 
 
 def _view(rows: list[Row]) -> list[Grid]:

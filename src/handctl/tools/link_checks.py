@@ -14,6 +14,7 @@ from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer, Pro
 from handctl.link import ByteLink, CanFrame, Deadline, FrameLink, Link
 from handctl.model.latency import RoundTrips
 from handctl.model.result import Counters, Journal, hex_bytes
+from handctl.sentence import plural
 from handctl.tools import ports as port_tool
 from handctl.tools.machine import Machine, Port
 from handctl.tools.machine_checks import Check
@@ -56,13 +57,13 @@ def port_checks(machine: Machine, link: str) -> list[Check]:
 
     return [
         check("permission", "fail", f"{port.path} may be read and written"),
-        check("holder", "fail", "nobody else has it open"),
+        check("holder", "fail", "no other program has it open"),
         check("latency_timer", "warning", _timer(port)),
     ]
 
 
 def _timer(port: Port) -> str:
-    return f"{port.latency_ms} ms" if port.latency_ms is not None else "this adapter tells none"
+    return f"{port.latency_ms} ms" if port.latency_ms is not None else "this adapter reports none"
 
 
 # -- the wire, watched ------------------------------------------------------------------------------------------------
@@ -169,7 +170,7 @@ class LinkChecks:
         yield self._unasked()
         if self._probe is None:
             hint = "name the device with --family, or find it with `handctl scan`"
-            yield Check("answer", "skipped", "nothing was sent: which device it is was not said", hint)
+            yield Check("answer", "skipped", "nothing was sent, because the family is not known", hint)
             return
         first = getattr(self._link, "baud", None)
         series = self.read_series()
@@ -194,11 +195,11 @@ class LinkChecks:
             came += self._link.read(deadline)
         self._link.forget()
         if not came:
-            return Check("unasked", "ok", f"nothing came within {LISTEN:g} s before something was sent")
-        text = f"{len(came)} bytes came before anything was sent: {hex_bytes(came[:16])}"
+            return Check("unasked", "ok", f"no data arrived unasked within {LISTEN:g} s")
+        text = f"{plural(len(came), 'byte')} arrived before anything was sent: {hex_bytes(came[:16])}"
         if self._probe is not None and "serial" not in self._probe.WIRES:
-            return Check("unasked", "ok", f"{text} (this device may speak by itself)")
-        return Check("unasked", "warning", text, "another device, a second master on the line, or a wrong speed")
+            return Check("unasked", "ok", f"{text} (this device may send data unasked)")
+        return Check("unasked", "warning", text, "check for another device, a second master or a wrong speed")
 
     def _traffic(self, link: FrameLink) -> Check:
         deadline = link.deadline(LISTEN).earlier(self._bound)
@@ -210,13 +211,12 @@ class LinkChecks:
             frames.append(frame)
         if link.error_frames:
             remedy = "check bitrate, termination (120 ohm at both ends) and that a device is powered"
-            return Check("unasked", "warning", f"{link.error_frames} error frames on the bus", remedy)
+            return Check("unasked", "warning", f"{plural(link.error_frames, 'error frame')} on the bus", remedy)
         if link.damaged:
             remedy = "check the adapter's cable and hub, and that no other program reads its port"
-            return Check(
-                "unasked", "warning", f"{link.damaged} damaged lines of the adapter, such as {link.damage}", remedy
-            )
-        return Check("unasked", "ok", f"{len(frames)} frames of others within {LISTEN:g} s")
+            text = f"{plural(link.damaged, 'damaged line')} of the adapter, such as {link.damage}"
+            return Check("unasked", "warning", text, remedy)
+        return Check("unasked", "ok", f"{plural(len(frames), 'frame')} of others within {LISTEN:g} s")
 
     def read_series(self) -> Series:
         """Up to `reads` pings, ended by time, and by silence from the start."""
@@ -285,12 +285,12 @@ class LinkChecks:
         if not isinstance(link, Watched) or not link.can_set_baud or len(probe.SPEEDS) < 2:
             return Check("speed", "skipped", "this link or this device has one speed only")
         if len(series.trips) and link.baud != first:
-            text = f"the device answers at {link.baud}, not at {first}; it was looked for"
-            return Check("speed", "ok", text, f"--baud {link.baud} finds it at once")
+            text = f"the device answers at {link.baud} bit/s, not at {first}. Other speeds were tried"
+            return Check("speed", "ok", text, f"give --baud {link.baud}: it finds the device at once")
         if len(series.trips):
-            return Check("speed", "ok", f"the device answers at {first}")
+            return Check("speed", "ok", f"the device answers at {first} bit/s")
         if link.speeds:
-            return Check("speed", "ok", f"looked for at {', '.join(map(str, dict.fromkeys(link.speeds)))} as well")
+            return Check("speed", "ok", f"tried at {', '.join(map(str, dict.fromkeys(link.speeds)))} bit/s as well")
         return self._other_speeds(link, probe, series, first)
 
     def _other_speeds(self, link: Watched, probe: FamilyProbe, series: Series, first: int | None) -> Check:
@@ -306,16 +306,16 @@ class LinkChecks:
                 link.set_baud(speed)
                 tried.append(str(speed))
                 if _answers(probe, link, end):
-                    remedy = f"--baud {speed}, or set the device back to {first}"
-                    return Check("speed", "fail", f"the device answers at {speed}, not at {first}", remedy)
+                    remedy = f"give --baud {speed}, or set the device back to {first} bit/s"
+                    return Check("speed", "fail", f"the device answers at {speed} bit/s, not at {first}", remedy)
         finally:
             if first is not None:
                 link.set_baud(first)
         garbage = sum(series.failed[code] for code in WRONG_SPEED - {"no-answer"})
         text = f"no answer at {', '.join(tried)} either" if tried else "no time was left for other speeds"
         if garbage:
-            remedy = "wrong speed is likely: look at the type plate, or `handctl scan`"
-            return Check("speed", "warning", f"what comes at {first} is garbage; {text}", remedy)
+            remedy = "look at the type plate, or run `handctl scan`: a wrong speed is likely"
+            return Check("speed", "warning", f"the data at {first} bit/s is garbage, {text}", remedy)
         return Check("speed", "ok", text)
 
     def _echo(self, series: Series) -> Check:
@@ -323,14 +323,14 @@ class LinkChecks:
         if not isinstance(self._link, Watched):
             return Check("echo", "skipped", "CAN frames are not echoed on a byte level")
         if self._probe.ECHOES:
-            return Check("echo", "skipped", "this device echoes by itself")
+            return Check("echo", "skipped", "this device echoes every byte")
         if not series.echoes:
             return Check("echo", "ok", "our own bytes do not come back")
         text = f"our own bytes came back in {series.echoes} of {series.asked} reads"
         if len(series.trips):
-            remedy = "an RS-485 adapter with its receiver on while it sends: harmless, or switch its echo off"
+            remedy = "switch the echo of the RS-485 adapter off, or ignore it: it is harmless"
             return Check("echo", "warning", f"{text}, before the answer", remedy)
-        return Check("echo", "fail", text, "TX and RX are connected, or the device has no power: check the wiring")
+        return Check("echo", "fail", text, "check the wiring: TX and RX are connected, or the device has no power")
 
     def _errors(self, series: Series) -> Check:
         total, stray = series.failed.total(), self._counters.stray_bytes
@@ -339,7 +339,7 @@ class LinkChecks:
             kinds = ", ".join(f"{count} {code}" for code, count in series.failed.most_common())
             text += f" ({100 * total / series.asked:.1f} %): {kinds}"
         if stray and not series.echoes:
-            text += f"; {stray} bytes of no answer came in between"
+            text += f". {plural(stray, 'byte')} in between outside of any answer"
             if not total:
                 return Check("error_rate", "warning", text, _error_remedy({"garbage"}))
         if not total:
@@ -351,21 +351,21 @@ class LinkChecks:
     def _round_trip(self, series: Series) -> Check:
         assert self._probe is not None
         row = series.trips.as_row()
-        what = self._probe.PING if series.questions else f"{self._probe.PING} comes by itself, interval"
+        what = self._probe.PING if series.questions else f"{self._probe.PING} arrives unasked, interval"
         classes = " ".join(f"≤{top:g}:{count}" if top else f"more:{count}" for top, count in row["histogram"])
         text = (
             f"{what}: median {row['median_ms']:.1f} ms, p95 {row['p95_ms']:.1f}, max {row['max_ms']:.1f} "
-            f"over {row['count']}; histogram in ms {classes}"
+            f"over {row['count']}. Histogram in ms: {classes}"
         )
         late = not series.failed and row["late"] > 0.05 * row["count"] and row["max_ms"] > 20
-        remedy = "other programs, a hub or a busy computer delay answers: try another USB port" if late else ""
+        remedy = "try another USB port: other programs, a hub or a busy computer delay answers" if late else ""
         return Check("round_trip", "warning" if late else "ok", text, remedy, tuple(row.items()))
 
     def _plateau(self, series: Series) -> Check:
         """The two delays that a whole population of users takes for a slow device."""
         median = series.trips.quantile(0.5)
         if not series.questions:
-            return Check("delay", "skipped", "the device speaks by itself: no question, no round trip")
+            return Check("delay", "skipped", "the device sends data unasked: no round trip is measured")
         if self._link.name.startswith("tcp://"):
             if PLATEAU[0] <= median <= PLATEAU[1]:
                 text = f"median {median * 1000:.0f} ms: the plateau of a delayed acknowledge, not the device"
@@ -389,10 +389,10 @@ def _answers(probe: FamilyProbe, link: Link, end: Deadline) -> bool:
 
 def _error_remedy(codes: set[str]) -> str:
     if codes <= {"no-answer"}:
-        return "answers are lost: another program on this port, a loose plug, or a longer --timeout"
+        return "close other programs on this port, check the plug, or give a longer --timeout: answers are lost"
     if "wrong-id" in codes:
-        return "two devices or two masters on one line: leave one"
-    return "bytes are damaged on the way: cable, ground, hub; two devices with one id do that as well"
+        return "leave only one device and one master on the line"
+    return "check cable, ground and hub: bytes are damaged on the way. Two devices with one id do that as well"
 
 
 def failed_open(error: LinkError) -> list[Check]:

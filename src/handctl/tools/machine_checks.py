@@ -77,13 +77,15 @@ def packages() -> Check:
         seen.append(f"{name} {version}")
         if _numbers(version) < _numbers(oldest):
             old[name] = f"{name} {version} (needs {oldest})"
-    evidence = ", ".join(seen) or "no package tells its version"
+    evidence = ", ".join(seen) or "no package reports its version"
     if missing and not seen:
-        return Check("packages", "skipped", "a single-file build does not tell the versions of its parts")
+        return Check("packages", "skipped", "a single-file build does not report the versions of its parts")
     if missing or old:
         wrong = ", ".join([*(f"{name} is missing" for name in missing), *old.values()])
         needed = " ".join(f"'{name}>={PACKAGES[name]}'" for name in (*missing, *old))
-        return Check("packages", "fail", f"{wrong}; {evidence}", f"{sys.executable} -m pip install {needed}")
+        return Check(
+            "packages", "fail", f"{wrong}. Installed: {evidence}", f"run `{sys.executable} -m pip install {needed}`"
+        )
     return Check("packages", "ok", evidence)
 
 
@@ -143,7 +145,9 @@ def clock(now: float, installed: float) -> Check:
     shown = time.strftime("%Y-%m-%d %H:%M:%S %z", time.localtime(now))
     if now + 86400 < installed:
         text = f"{shown} is before handctl was installed: logs and snapshots get wrong times"
-        return Check("clock", "warning", text, "sudo timedatectl set-ntp true, or sudo date -s 'YYYY-MM-DD HH:MM'")
+        return Check(
+            "clock", "warning", text, "run `sudo timedatectl set-ntp true`, or `sudo date -s 'YYYY-MM-DD HH:MM'`"
+        )
     return Check("clock", "ok", shown)
 
 
@@ -153,19 +157,21 @@ def locale() -> Check:
     if encoding == "utf8":
         return Check("locale", "ok", "output is UTF-8")
     text = f"output is {encoding or 'of unknown encoding'}: °C comes out as deg C, other signs as \\xNN"
-    return Check("locale", "warning", text, "export LC_ALL=C.UTF-8 or PYTHONUTF8=1")
+    return Check("locale", "warning", text, "run `export LC_ALL=C.UTF-8`, or `export PYTHONUTF8=1`")
 
 
 def terminal() -> Check:
     """Tables are made for 80 columns."""
     if not sys.stdout.isatty():
-        return Check("terminal", "ok", "stdout is no terminal")
+        return Check("terminal", "ok", "stdout is not a terminal")
     columns = shutil.get_terminal_size().columns
     if columns < WIDTH:
         text = f"{columns} columns: tables wrap"
         return Check("terminal", "warning", text, f"make the window {WIDTH} columns wide, or use --format plain")
     if os.environ.get("TERM", "") in ("", "dumb"):
-        return Check("terminal", "warning", "TERM is not set: no colours, no live view", "export TERM=xterm-256color")
+        return Check(
+            "terminal", "warning", "TERM is not set: no colours, no live view", "run `export TERM=xterm-256color`"
+        )
     return Check("terminal", "ok", f"{os.environ['TERM']}, {columns} columns")
 
 
@@ -190,4 +196,4 @@ def locks(machine: Machine) -> Check:
         return Check("locks", "ok", "no stale lock of a port")
     paths = " ".join(path for path, _ in stale)
     evidence = ", ".join(f"{path} of pid {pid}, which is gone" for path, pid in stale)
-    return Check("locks", "warning", evidence, f"sudo rm {paths}")
+    return Check("locks", "warning", evidence, f"run `sudo rm {paths}`")

@@ -63,14 +63,16 @@ def check_link(link: str, family: Family) -> None:
         simulated, _ = split_url(link)
         if simulated != family.kind:
             raise UsageError(
-                f"{link}: that is a simulated {simulated or 'nothing'}, not {family.kind}", hint=f"fake://{family.kind}"
+                f"{link}: that is a simulated {simulated or 'nothing'}, not {family.kind}",
+                hint=f"give fake://{family.kind}",
             )
     elif separator and scheme not in URLS:
         raise UsageError(
-            f"{link}: there is no link of kind {scheme}://", hint=f"tcp://, fake://, or of pyserial: {', '.join(URLS)}"
+            f"{link}: no link begins with {scheme}://",
+            hint=f"use tcp://, fake:// or a URL of pyserial: {', '.join(URLS)}",
         )
     elif separator and not rest and scheme != "loop":
-        raise UsageError(f"{link}: it names no place", hint="e.g. socket://192.168.1.20:4001")
+        raise UsageError(f"{link}: the address is missing", hint="write for example socket://192.168.1.20:4001")
     elif not separator and not link.startswith("replay:"):
         _check_path(link)
 
@@ -81,11 +83,11 @@ def _hex(text: str) -> bool:
 
 def _check_path(link: str) -> None:
     if not link:
-        raise UsageError("the LINK is empty", hint="give a port, e.g. -p /dev/ttyUSB0")
+        raise UsageError("the LINK is empty", hint="give a port, such as `-p /dev/ttyUSB0`")
     if not os.path.isabs(link) and not (link.upper().startswith("COM") and link[3:].isdecimal()):
         raise UsageError(
             f"{link}: not a full path, and no link that handctl knows",
-            hint="e.g. /dev/ttyUSB0, COM3, usb:0403:6001, tcp://192.168.1.20:8000",
+            hint="write for example /dev/ttyUSB0, COM3, usb:0403:6001 or tcp://192.168.1.20:8000",
         )
 
 
@@ -139,7 +141,7 @@ def from_scan(text: str, kind: str | None, given: dict[str, Any]) -> dict[str, A
         )
         raise UsageError(
             f"{len(fits)} devices of the scan fit" if fits else "no device of the scan fits",
-            hint=f"it found: {seen}. Say which by FAMILY, -p LINK, --id or --baud" if seen else "scan again: `handctl scan --json`",
+            hint=f"choose one with FAMILY, -p LINK, --id or --baud. The scan found: {seen}" if seen else "scan again with `handctl scan --json`",
             code="from-scan",
         )  # fmt: skip
     (row,) = fits
@@ -148,7 +150,9 @@ def from_scan(text: str, kind: str | None, given: dict[str, Any]) -> dict[str, A
     if bad or row.get("family") not in FAMILIES:
         key = bad[0] if bad else "family"
         raise UsageError(
-            f"the scan says {key} = {row.get(key)!r}: not usable", hint="give the values as options", code="from-scan"
+            f"the scan has {key} = {row.get(key)!r}, which cannot be used",
+            hint="give the values as options",
+            code="from-scan",
         )
     found = {"kind": row["family"], "port": row["link"], "id": row.get("id"), "baud": row.get("baud")}
     return {key: value for key, value in found.items() if value is not None}
@@ -161,7 +165,9 @@ def _rows(text: str) -> list[dict[str, Any]]:
         except ValueError:
             content = [json.loads(line) for line in text.splitlines() if line.strip()]
     except (ValueError, RecursionError) as exc:
-        raise UsageError(f"the scan is not JSON: {exc}", hint="`handctl scan --json`", code="from-scan") from exc
+        raise UsageError(
+            f"the scan is not JSON: {exc}", hint="make it with `handctl scan --json`", code="from-scan"
+        ) from exc
     if isinstance(content, dict):
         content = content.get("rows", [content])
     if not isinstance(content, list):

@@ -144,10 +144,10 @@ def can_problems(interface: CanInterface) -> list[Problem]:
     if name.startswith("vcan"):
         return []
     if interface.state == "down":
-        return [Problem("can", f"{name} is down", up)]
+        return [Problem("can", f"{name} is down", f"run `{up}`")]
     if interface.bitrate not in (None, BITRATE):
         text = f"{name} runs at {interface.bitrate} bit/s, a wrist at {BITRATE} (some at 500000)"
-        return [Problem("can", text, f"sudo ip link set {name} down; {up}")]
+        return [Problem("can", text, f"run `sudo ip link set {name} down; {up}`")]
     return []
 
 
@@ -157,7 +157,7 @@ def permission_remedy(port: Port) -> str:
     remedy = group_remedy(port.group, port.path, member=port.member)
     if port.group in ("", "root"):
         return rule or remedy
-    return remedy + (f"; or for this adapter only: {rule}" if rule and not port.member else "")
+    return remedy + (f". For this adapter only: {rule}" if rule and not port.member else "")
 
 
 def latency_remedy(port: Port) -> str:
@@ -165,7 +165,7 @@ def latency_remedy(port: Port) -> str:
     name = port.path.rpartition("/")[2]
     now = f"echo {LATENCY_MS} | sudo tee /sys/bus/usb-serial/devices/{name}/latency_timer"
     rule = f'ACTION=="add", SUBSYSTEM=="usb-serial", DRIVER=="ftdi_sio", ATTR{{latency_timer}}="{LATENCY_MS}"'
-    return f"handctl asks for 1 ms while it has the port open; for all programs: {now}; for good: {_install(rule)}"
+    return f"run `{now}` for all programs. For good: {_install(rule)}. handctl asks for 1 ms while it has the port open"
 
 
 def grabber_problem(process: Process, ports: list[Port]) -> tuple[str, str]:
@@ -175,13 +175,13 @@ def grabber_problem(process: Process, ports: list[Port]) -> tuple[str, str]:
         claimed = [port.usb for port in ports if port.chip is not None and port.chip.braille]
         text = f"{process} takes adapters for braille displays" + (f" ({', '.join(claimed)})" if claimed else "")
         return text, (
-            "without a braille display: sudo apt remove brltty, "
-            "or sudo systemctl mask brltty.path brltty-udev.service and stop it; then plug the adapter in again"
+            "run `sudo apt remove brltty` where no braille display is used, "
+            "or `sudo systemctl mask brltty.path brltty-udev.service`. Then plug the adapter in again"
         )
     ignored = [_matches(name, 'ENV{ID_MM_DEVICE_IGNORE}="1"') for name in usb]
     rules = r"\n".join(ignored)
-    remedy = "sudo systemctl stop ModemManager" + (
-        f"; for good, for these adapters: {_install(rules)}" if rules else ""
+    remedy = "run `sudo systemctl stop ModemManager`" + (
+        f". To keep it from these adapters for good: {_install(rules)}" if rules else ""
     )
     return f"{process} writes AT commands to serial ports that are plugged in", remedy
 
@@ -189,9 +189,9 @@ def grabber_problem(process: Process, ports: list[Port]) -> tuple[str, str]:
 def orphan(chip: Chip) -> tuple[str, str]:
     """(text, remedy) for an adapter that is plugged in but has no port."""
     remedy = (
-        "is brltty installed? It takes this adapter away: sudo apt remove brltty, then plug it in again"
+        "run `sudo apt remove brltty` if brltty is installed: it takes this adapter away. Then plug the adapter in again"
         if chip.braille
-        else "its driver is missing or failed: sudo dmesg | tail"
+        else "look at `sudo dmesg | tail`: the driver is missing or failed"
     )
     return f"{chip.name} ({chip.usb}) is plugged in but has no serial port", remedy
 
@@ -209,8 +209,8 @@ def _matches(usb: str, action: str, subsystem: str = "") -> str:
 def _install(rule: str) -> str:
     """The shell line that puts a rule in force."""
     return (
-        f"printf '{rule}\\n' | sudo tee -a /etc/udev/rules.d/70-handctl.rules; "
-        "sudo udevadm control --reload; plug it in again"
+        f"`printf '{rule}\\n' | sudo tee -a /etc/udev/rules.d/70-handctl.rules; "
+        "sudo udevadm control --reload`, then plug the adapter in again"
     )
 
 

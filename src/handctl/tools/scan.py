@@ -63,23 +63,23 @@ class _ScanCommand(Command):
     "links",
     multiple=True,
     metavar="LINK",
-    help="Where to look; may be repeated. Default: all serial ports that are free and permitted.",
+    help="Where to look (default: all serial ports that are free and permitted). Can be repeated.",
 )
 @click.option(
     "--family",
     "families",
     multiple=True,
     type=click.Choice(list(FAMILIES)),
-    help="Look for this one only; may be repeated.",
+    help="Look for this family only. Can be repeated.",
 )
 @click.option(
-    "--ids", metavar="FROM-TO", help="Ids to ask for where devices have one, e.g. 1-254 (default: --id, or 1)."
+    "--ids", metavar="FROM-TO", help="Ids to ask for where devices have one, such as 1-254 (default: --id, or 1)."
 )
 @click.option("--all", "find_all", is_flag=True, help="Go on after the first device on a port.")
 def cli(links: tuple[str, ...], families: tuple[str, ...], ids: str | None, find_all: bool) -> Table:
-    """Find out which device answers on a port: family, speed, id. Read-only; a port that is in use is left alone.
+    """Find out which device answers on a port: family, speed, id.
 
-    Nothing that is sent starts or ends a movement, or is a trigger to a boot monitor.
+    Read-only. A port that is in use is left alone. Nothing that is sent starts or ends a movement, or triggers a boot monitor.
     """
     run: Run = click.get_current_context().obj
     settings = run.settings
@@ -115,11 +115,11 @@ def free_ports(machine: Machine, journal: Journal) -> list[str]:
             names.append(port.path)
             continue
         why = f"in use by {', '.join(map(str, port.held))}" if port.held else "not permitted"
-        journal.warn("left-out", f"{port.path} is {why}: not looked at", hint="`handctl ports` names the remedy")
+        journal.warn("left-out", f"{port.path} is {why}, so it was left out", hint="`handctl ports` shows the remedy")
     if not names:
         raise LinkError(
-            "no serial port is free to be looked at",
-            hint="`handctl ports` shows what is there; give a place with -p, e.g. -p tcp://HOST",
+            "no serial port is free",
+            hint="`handctl ports` lists the ports. Give another link with -p, such as `-p tcp://HOST`",
             code="no-port",
         )
     return names
@@ -130,7 +130,7 @@ def parse_ids(text: str) -> list[int]:
 
     def check(number: int) -> None:
         if not 1 <= number <= 254:
-            raise UsageError(f"--ids {text}: {number} is not 1 to 254", hint="e.g. --ids 1-254")
+            raise UsageError(f"--ids {text}: {number} is not 1 to 254", hint="write for example `--ids 1-254`")
 
     return ids_in(text, check)
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from handctl.errors import HandctlError, Interrupted, NoAnswer, ProtocolError
+from handctl.errors import HandctlError, Interrupted, NoAnswer, ProtocolError, joined
 from handctl.model.result import Column, Journal, Row, Table, hex_bytes
 
 TALKATIVE = 16
@@ -73,7 +73,7 @@ def report(searches: Sequence[Search], families: Sequence[str], journal: Journal
 def _none(errors: Sequence[HandctlError]) -> HandctlError:
     """Nothing on any of several links: the most telling of their errors decides the exit code."""
     worst = max(errors, key=lambda error: (error.exit_code == 5, error.exit_code))
-    return type(worst)(f"no device on {len(errors)} links; {worst.text}", hint=worst.hint, code=worst.code)
+    return type(worst)(joined(f"no device on {len(errors)} links", worst.text), hint=worst.hint, code=worst.code)
 
 
 def _nothing(search: Search) -> HandctlError:
@@ -85,31 +85,35 @@ def _nothing(search: Search) -> HandctlError:
         shown = hex_bytes(unasked[:24])
         if is_modbus(unasked):
             text = f"{name}: a Modbus RTU master or device talks on this line ({shown})"
-            return ProtocolError(text, hint=f"nothing was sent; {MODBUS_HINT}", code="modbus")
-        text = f"{name}: {len(unasked)} bytes came before anything was asked ({shown}): none of these devices does that"
-        return ProtocolError(
-            text, hint="nothing was sent; is it another device, or a wrong speed (--baud)?", code="talks"
+            return ProtocolError(text, hint=f"{MODBUS_HINT}. Nothing was sent.", code="modbus")
+        text = (
+            f"{name}: {len(unasked)} bytes arrived before anything was asked ({shown}). None of these devices does that"
         )
-    tried = f"tried {_summary(search.met)}"
+        return ProtocolError(
+            text, hint="check for another device, or a wrong speed (--baud). Nothing was sent.", code="talks"
+        )
+    tried = f"Tried {_summary(search.met)}"
     if search.expired:
-        return NoAnswer(f"{name}: --deadline ended the search; {tried}", hint="a longer --deadline", code="deadline")
+        return NoAnswer(
+            f"{name}: --deadline ended the search. {tried}", hint="give a longer --deadline", code="deadline"
+        )
     met = {error.code: error for _, error in search.met if error.code != NoAnswer.default_code}
     if not met:
-        return NoAnswer(f"{name}: complete silence; {tried}", hint=SILENCE, code=NoAnswer.default_code)
+        return NoAnswer(f"{name}: complete silence. {tried}", hint=SILENCE, code=NoAnswer.default_code)
     if "boot-monitor" in met:
         known = met["boot-monitor"]
-        return ProtocolError(f"{known.text}; {tried}", hint=known.hint, code=known.code)
+        return ProtocolError(joined(known.text, tried), hint=known.hint, code=known.code)
     if met.keys() <= {"echo", "echo-differs"}:
-        hint = "an echo or a TX-RX short, no device: check the wiring"
-        return ProtocolError(f"{name}: only our own bytes come back; {tried}", hint=hint, code="echo")
-    return ProtocolError(f"{name}: bytes came, but no valid answer; {tried}", hint=GARBAGE, code="garbage")
+        hint = "check the wiring: this is an echo or a short between TX and RX, not a device"
+        return ProtocolError(f"{name}: only our own bytes come back. {tried}", hint=hint, code="echo")
+    return ProtocolError(f"{name}: data arrived, but no valid answer. {tried}", hint=GARBAGE, code="garbage")
 
 
 SILENCE = (
-    "check power, cable, crossed TX and RX, RS-232 on RS-485; another id than 1: --ids 1-254; "
-    f"a CAN adapter: -p can:slcan:PORT; {MODBUS_HINT}"
+    "check power, cable, crossed TX and RX, RS-232 on RS-485. For another id than 1 add --ids 1-254, "
+    f"for a CAN adapter give -p can:slcan:PORT. {MODBUS_HINT}"
 )
-GARBAGE = "another kind of device, a disturbed line, two devices with one id, or an slcan adapter (-p can:slcan:PORT)"
+GARBAGE = "check for another kind of device, a disturbed line, two devices with one id, or an slcan adapter (-p can:slcan:PORT)"
 
 
 def _summary(met: Sequence[tuple[Step, HandctlError]]) -> str:

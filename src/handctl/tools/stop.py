@@ -15,10 +15,10 @@ from handctl.model.result import Table
 @click.command("stop", cls=Command, writes=True, stops=True)
 @click.pass_obj
 def cli(run: Run) -> Table:
-    """Stop a device at once, also while another handctl has it: -p LINK or -d NAME. Asks nothing.
+    """Stop a device at once, also while another handctl command has it.
 
-    Which family it is of is told by its name, or by the lock of the handctl that has it or had it last and was killed.
-    Elsewhere `handctl FAMILY stop` stops it. Exit 130 in the other handctl.
+    The family is known from the name, or from the handctl command that has the device or had it last.
+    Otherwise use `handctl FAMILY stop`. The other handctl ends with exit code 130.
     """
     from handctl.stop import command
 
@@ -34,8 +34,8 @@ def _kind(run: Run) -> str:
         return settings.kind
     if settings.port is None:
         raise UsageError(
-            "which device is to be stopped?",
-            hint="-p LINK or -d NAME (see `handctl devices list`); `handctl FAMILY stop --fake` stops a simulated one",
+            "no device given",
+            hint="give -p LINK or -d NAME (see `handctl devices list`)",
             code="no-link",
         )
     simulated = settings.port.removeprefix("fake://").partition("?")[0].rstrip("/")
@@ -48,7 +48,7 @@ def _kind(run: Run) -> str:
         return holder.family
     families = ", ".join(FAMILIES)
     raise UsageError(
-        f"{settings.port}: no handctl has it, so nothing tells which family it is of",
-        hint=f"`handctl FAMILY stop -p {settings.port}` stops it at once; FAMILY is {families}",
+        f"{settings.port}: no handctl command has this device, so its family is not known",
+        hint=f"run `handctl FAMILY stop -p {settings.port}` with one of {families}",
         code="no-family",
     )

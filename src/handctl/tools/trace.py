@@ -27,13 +27,12 @@ MOST_DIFFERENCES = 10_000
 
 cli = Group(
     "trace",
-    help="Show, decode, diff recorded transcripts, without a device.\n\nA transcript is what --trace FILE records. "
-    "`show` tells every frame in words, `diff` compares two by meaning, `decode` explains a frame from a manual or a scope.",
+    help="Show, compare and decode recorded transcripts, without a device.\n\nA transcript is a file that --trace FILE made.",
 )
 family_option = click.option(
     "--family",
     type=click.Choice(list(FAMILIES)),
-    help="Whose bytes they are (default: as the file says, else as the bytes look).",
+    help="The family of the device (default: as the file says, else as the bytes look).",
 )
 
 
@@ -41,13 +40,15 @@ family_option = click.option(
 @click.argument("file", type=InFile())
 @family_option
 @click.option(
-    "--only", type=click.Choice(["errors"]), help="Rows with something wrong: bad frames, refusals, no answer."
+    "--only", type=click.Choice(["errors"]), help="Show only bad frames, refusals and requests without an answer."
 )
-@click.option("--grep", "pattern", metavar="REGEX", help="Rows whose meaning or bytes match, in any case.")
+@click.option(
+    "--grep", "pattern", metavar="REGEX", help="Show only rows whose meaning or bytes match, upper or lower case."
+)
 def show(run: Run, file: str, family: str | None, only: str | None, pattern: str | None) -> Table | None:
-    """Every frame of FILE (- = stdin) in words: time, direction, bytes, meaning, round trip; statistics at the end.
+    """Show every frame of FILE (-: stdin) in words, and statistics at the end.
 
-    Frames are put together from any pieces; what belongs to none is shown as stray bytes. `*` marks what is wrong.
+    A row has time, direction, bytes, meaning and round trip. `*` marks what is wrong. Bytes that belong to no frame are stray bytes.
     """
     told = _Telling(file, family)
     matches = _matcher(only, pattern)
@@ -66,9 +67,10 @@ def show(run: Run, file: str, family: str | None, only: str | None, pattern: str
 @click.argument("b", type=InFile())
 @family_option
 def diff(run: Run, a: str, b: str, family: str | None) -> Table:
-    """Compare two transcripts by what was said, not by time or pieces; exit 7 when they differ.
+    """Compare the exchanges of two transcripts, A and B.
 
-    A and B are files, or - for stdin. An exchange is a request with its answer. Message numbers do not count.
+    An exchange is a request with its answer. Times, pieces and message numbers do not count. `-` is stdin.
+    Exit code 7 means that they differ.
     """
     from handctl.model.result import Column, Table
     from handctl.tools.trace_diff import compare, exchanges
@@ -105,10 +107,10 @@ def diff(run: Run, a: str, b: str, family: str | None) -> Table:
 @click.argument("hex_bytes", metavar="HEX...", nargs=-1, required=True)
 @click.option("--from", "side", type=click.Choice(["host", "device"]), help="Who sent it (default: as the bytes look).")
 def decode(run: Run, family: str, hex_bytes: tuple[str, ...], side: str | None) -> Table:
-    """Explain one frame or several, field by field: from a manual, a scope, a hex dump; - reads stdin.
+    """Explain frames field by field, for example from a manual or a scope.
 
-    Any usual notation: EB 90, 0xEB,0x90, \\xEB\\x90, xxd, a line of a transcript, a CAN frame as 11000001#04. A wrong
-    checksum is shown with the right one. Exit 7 when nothing in it is a valid frame.
+    Notations: EB 90, 0xEB,0x90, \\xEB\\x90, xxd, a line of a transcript, a CAN frame as 11000001#04. `-` reads stdin.
+    A wrong checksum is shown with the right one. Exit code 7 means that no frame is valid.
     """
     from handctl.model.result import Column, Table
     from handctl.tools.probes import probe_of
@@ -152,7 +154,7 @@ class _Telling:
             self.family, by_bytes, lines = chosen(lines_of(source, self.path), self.family, self.path)
             if by_bytes:
                 text = f"{self.path}: taken for {self.family} by its bytes"
-                run.journal.info("family", text, hint="--family names another")
+                run.journal.info("family", text, hint="choose another with --family")
             teller = Teller(self.family)
             self.statistics = teller.statistics
             yield from teller.tell(lines)
@@ -169,7 +171,8 @@ def _matcher(only: str | None, pattern: str | None) -> Callable[[Told], bool]:
         wanted = re.compile(pattern, re.IGNORECASE) if pattern is not None else None
     except re.error as exc:
         raise UsageError(
-            f"--grep {pattern!r}: {exc}", hint="a regular expression; \\ before . * + ( ) to mean themselves"
+            f"--grep {pattern!r}: {exc}",
+            hint="write a regular expression, with \\ before . * + ( ) where the character itself is meant",
         ) from exc
 
     def matches(row: Told) -> bool:

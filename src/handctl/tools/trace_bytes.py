@@ -46,7 +46,7 @@ def parse_given(text: str) -> list[Given]:
     if plain:
         found.insert(0, Given(plain))
     if not found or not any(given.data or given.can_id is not None for given in found):
-        raise UsageError("no bytes given", hint="two hex digits a byte, e.g. EB 90 01 04 11 E8 03 01 02")
+        raise UsageError("no bytes given", hint="write two hex digits a byte, such as `EB 90 01 04 11 E8 03 01 02`")
     return found
 
 
@@ -82,6 +82,6 @@ def _bytes_of(text: str) -> bytes:
         except ValueError as exc:
             raise UsageError(
                 f"{word[:40]!r} is not hexadecimal bytes",
-                hint="two digits a byte, e.g. EB 90 01; 0xEB, \\xEB do as well",
+                hint="write two hex digits a byte, such as `EB 90 01`, `0xEB` or `\\xEB`",
             ) from exc
     return data

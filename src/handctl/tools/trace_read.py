@@ -32,7 +32,7 @@ CASE = "# case "
 FAMILY_EVENT = "family "
 """A scan's trace says so before it asks as another family: ``! family exo on /dev/ttyUSB0``."""
 MARKS = {">": HOST, "<": DEVICE}
-PLAIN_HINT = "a transcript is what --trace FILE records; a line is: [SECONDS] > HEX BYTES"
+PLAIN_HINT = "give a file that --trace FILE made. Its lines are `[SECONDS] > HEX BYTES`"
 
 
 class Line(NamedTuple):
@@ -93,7 +93,7 @@ def printable(text: str) -> str:
 def explainer_of(family: str) -> Explainer:
     """The explainer of a family. Raises UsageError for a name that is none."""
     if family not in FAMILIES:
-        raise UsageError(f"{family!r} is no device family", hint=f"one of {', '.join(TOLD)}")
+        raise UsageError(f"{family!r} is not a device family", hint=f"use one of {', '.join(TOLD)}")
     made: Explainer = load(family, "explain").explainer()
     return made
 

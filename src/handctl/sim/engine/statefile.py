@@ -37,7 +37,7 @@ def load(path: str, device: Model) -> bool:
         device.restore(state)
     except (AttributeError, KeyError, TypeError, ValueError, RecursionError) as exc:
         reason = f"{exc} is missing" if isinstance(exc, KeyError) else str(exc)
-        raise ValueError(f"state file {path} is damaged or foreign ({reason}); remove it to start afresh") from exc
+        raise ValueError(f"state file {path} is damaged or foreign ({reason}). Remove it to start afresh") from exc
     return True
 
 
