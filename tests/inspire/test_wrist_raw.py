@@ -263,7 +263,7 @@ def test_write_by_address(address: int, data: str, wire: str) -> None:
 @pytest.mark.parametrize(
     ("address", "data", "words"),
     [
-        (1038, "E8", "1 bytes"), (1038, "E8 03 18", "3 bytes"), (1036, "00 " * 8, "8 bytes"), (1038, "00 " * 8, "8 bytes"),
+        (1038, "E8", "1 byte is"), (1038, "E8 03 18", "3 bytes"), (1036, "00 " * 8, "8 bytes"), (1038, "00 " * 8, "8 bytes"),
         (1038, "", "0 bytes"), (1020, "00 00", "read-only"), (1028, "00 00", "read-only"), (1039, "00 00", "not a documented"),
         (1036, "00 00", "not a documented"), (1042, "E8 03 00 00", "not a documented"), (1044, "00 00", "not a documented"),
         (1038, "FC 18", "63.96"), (1040, "03 EB", "-53.73"), (1042, "00 00", "out of range"), (1042, "FF FF", "out of range"),
