@@ -442,6 +442,42 @@ def test_wrong_bitrate_and_foreign_frames_get_no_reply(start: Start, place: list
         assert exchange(bus, 0x10FF0001, 2) == b"\xa7\xfe"
 
 
+def test_several_clients_are_on_one_bus(start: Start) -> None:
+    server = start("--slcan-tcp", "127.0.0.1:0")
+    with server.bus() as one, server.bus() as two, server.bus(500000) as other:
+        assert exchange(one, 0x10FF0001, 2) == b"\xa7\xfe"
+        heard = [next_frame(two), next_frame(two)]  # what the other one sent, and the reply
+        assert [(row.arbitration_id, bytes(row.data)) for row in heard if row] == [
+            (0x10FF0001, b"\x02"),
+            (0x10FF0001, b"\xa7\xfe"),
+        ]
+        assert exchange(two, 0x11000001, 2) == b"\x6f\x00"
+        assert next_frame(other, 0.1) is None  # at another bitrate
+    with server.bus() as three:
+        assert exchange(three, 0x10FF0001, 2) == b"\xa7\xfe"
+
+
+def test_clients_acknowledge_each_other(start: Start, tmp_path: Path) -> None:
+    control = tmp_path / "control"
+    server = start("--slcan-tcp", "127.0.0.1:0", "--control", str(control))
+    assert CliRunner().invoke(cli, ["control", str(control), "power", "off"]).exit_code == 0
+    with server.connect() as one, server.connect() as two:
+        one.sendall(b"S8\rO\r" + PROBE)
+        assert receive(one, 3) == b"\r\r\a"  # nobody is there
+        two.sendall(b"S8\rO\r")
+        assert receive(two, 2) == b"\r\r"
+        one.sendall(PROBE)
+        assert receive(one, 2) == b"Z\r"
+        assert receive(two, len(PROBE)) == PROBE
+
+
+def receive(client: socket.socket, count: int) -> bytes:
+    data = b""
+    while len(data) < count and (piece := client.recv(count - len(data))):
+        data += piece
+    return data
+
+
 def test_python_can_filters_foreign_traffic(start: Start) -> None:
     server = start("--slcan-tcp", "127.0.0.1:0", "--fault", "noise", "--seed", "3")
     with server.bus() as bus:

@@ -180,6 +180,14 @@ def _server(kind: str) -> click.Command:
         try:
             if place is None:
                 serve.serve_pty(served, speed, duration=duration, control=control, link=link)
+            elif on_can:
+                from handctl.sim.engine.canhub import Hub
+                from handctl.sim.engine.crowd import Adapters, Crowd
+                from handctl.sim.engine.ports import TcpDoor
+
+                crowd = Crowd(Adapters(Hub(line), adapter))
+                crowd.behind(TcpDoor(*place), link)
+                serve.serve_both(crowd, duration=duration, control=control)
             else:
                 serve.serve_tcp(served, *place, duration=duration, control=control, link=link)
         except (serve.ServeError, OSError) as exc:

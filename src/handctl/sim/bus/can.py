@@ -18,6 +18,7 @@ class CanBus(Rack[CanLine]):
     """The bus as a client's CAN controller sees it: takes and gives frames."""
 
     hung_up = False
+    deafened = False
 
     def __init__(self, plan: Plan) -> None:
         """Raises ValueError for options that a device does not know."""

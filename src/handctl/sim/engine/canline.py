@@ -70,6 +70,7 @@ class CanLine(Cable):
         self._traffic_near = 0  # an identifier of the client, which they avoid
         self._timed = self._options.choice("wire", "0", ("0", "1", "auto")) != "0"
         self.client_bitrate: int | None = None  # None: taken for the right one
+        self.taking_part = True  # whether the client's controller acknowledges what others send
         self.acknowledged = True  # whether anybody acknowledged the last frame of the client
         self.unacknowledged = 0  # frames of the client that nobody acknowledged so far
         self.bus_errors = 0  # frames of others that came to grief on the bus, or at the client's bitrate

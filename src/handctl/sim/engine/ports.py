@@ -24,7 +24,9 @@ class ServeError(Exception):
 class Port(Protocol):
     """Where clients come in."""
 
-    link: str  # what a client passes to --port
+    @property
+    def link(self) -> str:
+        """What a client passes to --port."""
 
     def readers(self) -> list[int]: ...
 
@@ -105,8 +107,8 @@ class PtyPort:
             os.close(self._slave)
 
 
-class TcpPort:
-    """A listening port that serves one client at a time; others wait until it leaves."""
+class TcpDoor:
+    """A listening port; who comes gets a place of its own."""
 
     def __init__(self, host: str, port: int) -> None:
         try:
@@ -120,44 +122,106 @@ class TcpPort:
         except OSError as exc:
             raise ServeError(f"cannot listen on {host}:{port}: {exc.strerror or exc}") from exc
         self._listener.setblocking(False)
-        self._client: socket.socket | None = None
         shown = f"[{host}]" if ":" in host else host
         self.link = f"tcp://{shown}:{self._listener.getsockname()[1]}"
 
+    def fileno(self) -> int:
+        return self._listener.fileno()
+
+    def accept(self) -> TcpClient | None:
+        """Whoever waits at the door; None: it has left again."""
+        try:
+            client, _ = self._listener.accept()
+        except (BlockingIOError, ConnectionAbortedError):
+            return None
+        client.setblocking(False)
+        client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        return TcpClient(client, self.link)
+
+    def close(self) -> None:
+        self._listener.close()
+
+
+class TcpClient:
+    """One client that came through a door."""
+
+    def __init__(self, client: socket.socket, link: str) -> None:
+        self._client = client
+        self.link = link
+        self.gone = False
+
     def readers(self) -> list[int]:
-        return [self._listener.fileno() if self._client is None else self._client.fileno()]
+        return [] if self.gone else [self._client.fileno()]
 
     def read(self, ready: list[int]) -> bytes | None:
+        """None: it has left."""
+        if self.gone:
+            return None
         if not ready:
             return b""
         try:
-            if self._client is None:
-                self._client, _ = self._listener.accept()
-                self._client.setblocking(False)
-                self._client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-                return None
             data = self._client.recv(4096)
-        except (BlockingIOError, ConnectionAbortedError):
+        except BlockingIOError:
             return b""
         except OSError:
             data = b""
-        if not data:
-            self.hang_up()
-        return data
+        return data or None
 
     def write(self, data: bytes) -> int:
-        if self._client is None:
-            return len(data)  # nobody there: a line without a listener loses its bytes
         try:
             return self._client.send(data)
         except BlockingIOError:
             return 0
         except OSError:
-            self.hang_up()
+            self.gone = True
             return len(data)
 
     def writer(self) -> int | None:
-        return None if self._client is None else self._client.fileno()
+        return None if self.gone else self._client.fileno()
+
+    def baud(self) -> None:
+        return None
+
+    def hang_up(self) -> bool:
+        self.gone = True
+        return True
+
+    def close(self) -> None:
+        self._client.close()
+
+
+class TcpPort:
+    """A listening port that serves one client at a time; others wait until it leaves."""
+
+    def __init__(self, host: str, port: int) -> None:
+        self._door = TcpDoor(host, port)
+        self._client: TcpClient | None = None
+        self.link = self._door.link
+
+    def readers(self) -> list[int]:
+        return [self._door.fileno()] if self._client is None else self._client.readers()
+
+    def read(self, ready: list[int]) -> bytes | None:
+        if not ready:
+            return b""
+        if self._client is None:
+            self._client = self._door.accept()
+            return b"" if self._client is None else None
+        data = self._client.read(ready)
+        if data is None:
+            self.hang_up()
+        return data or b""
+
+    def write(self, data: bytes) -> int:
+        if self._client is None:
+            return len(data)  # nobody there: a line without a listener loses its bytes
+        count = self._client.write(data)
+        if self._client.gone:
+            self.hang_up()
+        return count
+
+    def writer(self) -> int | None:
+        return None if self._client is None else self._client.writer()
 
     def baud(self) -> None:
         return None
@@ -170,4 +234,4 @@ class TcpPort:
 
     def close(self) -> None:
         self.hang_up()
-        self._listener.close()
+        self._door.close()

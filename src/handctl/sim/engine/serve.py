@@ -23,7 +23,16 @@ from typing import Protocol
 
 from handctl.sim.engine.ports import Port, PtyPort, ServeError, TcpPort
 
-__all__ = ["ControlPort", "ServeError", "Served", "send_control", "serve_pty", "serve_tcp"]
+__all__ = [
+    "ControlPort",
+    "ServeError",
+    "Served",
+    "send_control",
+    "serve_both",
+    "serve_pty",
+    "serve_tcp",
+    "tell_hung_up",
+]
 
 SPIN = 0.0003  # s before an event that are waited for busily: select alone wakes up to 0.1 ms late
 REMEMBERED = 256  # chunks of a client's bytes that the control command `heard` tells
@@ -185,6 +194,15 @@ def serve_tcp(
     _serve(line, lambda: TcpPort(host, port), duration, control, link)
 
 
+class Both(Served, Port, Protocol):
+    """Line and port in one."""
+
+
+def serve_both(both: Both, *, duration: float | None = None, control: str | None = None) -> None:
+    """Serves what is a line and a port in one; returns when asked to stop."""
+    _serve(both, lambda: both, duration, control, str)
+
+
 def _serve(
     line: Served,
     open_port: Callable[[], Port],
@@ -201,7 +219,9 @@ def _serve(
             stack.callback(panel.close)
         stack.callback(line.close)
         try:
-            print(json.dumps({"ready": True, "link": link(port.link)}), flush=True)  # noqa: T201 - a server has no renderer
+            links = getattr(port, "links", [])
+            told = {"ready": True, "link": link(port.link), **({"links": links} if len(links) > 1 else {})}
+            print(json.dumps(told), flush=True)  # noqa: T201 - a server has no renderer
         except OSError as exc:
             raise ServeError(f"cannot tell on stdout that the simulator is ready: {exc.strerror or exc}") from exc
         _loop(line, port, panel, signals, None if duration is None else time.monotonic() + duration)
@@ -223,7 +243,7 @@ def _loop(line: Served, port: Port, panel: ControlPort | None, signals: _Signals
         if unsent:
             del unsent[: port.write(bytes(unsent))]
         if line.hung_up:
-            print("simulator: hung up in the middle of a reply (fault disconnect)", file=sys.stderr, flush=True)  # noqa: T201
+            tell_hung_up()
             if port.hang_up():
                 return
             line.reconnect()
@@ -244,6 +264,11 @@ def _loop(line: Served, port: Port, panel: ControlPort | None, signals: _Signals
             if panel is not None:
                 panel.note(data)
             line.feed(data)
+
+
+def tell_hung_up() -> None:
+    """Says on stderr why a client is gone."""
+    print("simulator: hung up in the middle of a reply (fault disconnect)", file=sys.stderr, flush=True)  # noqa: T201
 
 
 def _wait(now: float, event: float | None, end: float | None, readers: list[int], writer: int | None) -> list[int]:

@@ -1,4 +1,4 @@
-"""A simulated slcan adapter: the ASCII protocol of Lawicel between a client's byte link and a `CanLine`.
+"""A simulated slcan adapter: the ASCII protocol of Lawicel between a client's byte link and a `CanLine` or a seat.
 
     command CR          answer CR, or BEL when it cannot be done
     tiiildd.. riiil     standard frame, remote frame         z CR when it was acknowledged on the bus
@@ -20,6 +20,7 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
+    from handctl.sim.engine.canhub import Seat
     from handctl.sim.engine.canline import CanLine
 
 OK, ERROR = b"\r", b"\x07"
@@ -41,7 +42,7 @@ LONGEST = 64  # bytes of a command that are kept; no command is longer than 27
 class Adapter:
     """The adapter with the bus and the device behind it; the client's serial speed does not matter to it."""
 
-    def __init__(self, line: CanLine, faults: Iterable[str] = ()) -> None:
+    def __init__(self, line: CanLine | Seat, faults: Iterable[str] = ()) -> None:
         self.line = line
         self.faults = frozenset(faults)
         self.device = line.device
@@ -173,12 +174,13 @@ class Adapter:
         self._stuck, self._state = False, b"a"
         self.line.reconnect()  # the controller starts anew: bus off is over
         self.line.client_bitrate = self._bitrate
+        self.line.taking_part = not listening
         return OK
 
     def _close_channel(self) -> bytes:
         if not self._open:
             return ERROR
-        self._open = False
+        self._open = self.line.taking_part = False
         return OK
 
     def _status(self) -> bytes:
