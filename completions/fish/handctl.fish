@@ -520,7 +520,7 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set args 'choice:bash,zsh,fish'
             set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace --assume-identity
         case 'sim'
-            set cmds 'aidin	AIDIN-hand (TCP, JSON).' 'barrett	BarrettHand BH8-series: supervisory and RealTime mode, boot monitor.' 'control	Send a command to a running simulator.' 'ekso	EksoNR exoskeleton, DataPort.' 'exo	Inspire EH55BF1 exoskeleton hand.' 'forget	Begin afresh with --fake.' 'wrist	Inspire wrist module with the hand behind it.'
+            set cmds 'aidin	AIDIN-hand (TCP, JSON).' 'barrett	BarrettHand BH8-series: supervisory and RealTime mode, boot monitor.' 'bus	Several devices, clients and masters on one line.' 'control	Send a command to a running simulator.' 'ekso	EksoNR exoskeleton, DataPort.' 'exo	Inspire EH55BF1 exoskeleton hand.' 'forget	Begin afresh with --fake.' 'wrist	Inspire wrist module with the hand behind it.'
             set opts '-h	Show this help.' '--help	Show this help.'
             set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace --format --json --csv -o --output --no-formulas --color -q --quiet -v --verbose --debug -n --dry-run -y --yes --assume-identity
         case 'sim aidin'
@@ -530,6 +530,11 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
         case 'sim barrett'
             set opts '--pty	Serve on a new pseudo terminal.' '--tcp	Serve on a TCP port; port 0 is any free one.' '--seed	Start of the random generator.' '--fault	Faults and states, see below; may be repeated.' '--after	The first N requests are healthy.' '--every	Of the later requests only each N-th is hit.' '--wire	Emulate the transmission time at this speed (\'auto\': the device\'s).' '--state	Keep memory, flash and positions in this file.' '--duration	Stop by itself after S seconds.' '--control	Unix socket for commands, see \'sim control\'.' '--set	A further option, see below.' '-h	Show this help.' '--help	Show this help.'
             set takes --tcp=none --seed=none --fault=choice:healthy,silent,deaf,noise,garble,truncate,dribble,split,bad-checksum,wrong-id,twin-id,echo,loopback,duplicate,stale,late,slow,disconnect,refuse,no-echo,hang,no-abort,blocked,obstacle,strain,strain-offset,no-gauges,hot,over-temperature,not-homed,no-board,no-motor,reversed,breakaway,eeprom-worn,erratic,unknown-codes,loop-error,loop-silent,loop-drop,loop-extra,blank-firmware,wrong-echo,missing-echo,extra-byte,monitor-hang --after=none --every=none --wire=none --state=file --duration=none --control=file --set=none
+            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace --format --json --csv -o --output --no-formulas --color -q --quiet -v --verbose --debug -n --dry-run -y --yes --assume-identity
+        case 'sim bus'
+            set opts '--pty	Serve on a new pseudo terminal.' '--tcp	Serve on a TCP port; port 0 is any free one.' '--slcan-pty	CAN, as an slcan adapter on a new pseudo terminal.' '--slcan-tcp	CAN, as an slcan adapter on a TCP port.' '--seed	Start of the random generator.' '--duration	Stop by itself after S seconds.' '--control	Unix socket for commands, see \'sim control\'.' '-h	Show this help.' '--help	Show this help.'
+            set takes --tcp=none --slcan-tcp=none --seed=none --duration=none --control=file
+            set args 'file'
             set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace --format --json --csv -o --output --no-formulas --color -q --quiet -v --verbose --debug -n --dry-run -y --yes --assume-identity
         case 'sim control'
             set opts '-h	Show this help.' '--help	Show this help.'

@@ -37,7 +37,8 @@ GIVEN = {
     "plan.csv": "t,velocity.F1,velocity.F2\n0,20,20\n0.5,0,-20\n",
     "firmware.S19": "S10B2000112233445566FF0070\nS9030000FC\n",
 }
-"""Files that a reader brings along."""
+"""Files that a reader brings along, or copies from the guide."""
+GIVEN["line.toml"] = PAGES["simulators"].partition("```toml\n")[2].partition("```")[0]
 FINDS = {"diagnose", "doctor"}
 """Commands whose exit code 7 is a finding, not a failure of the example."""
 

@@ -72,6 +72,13 @@ def _number(ctx: click.Context, param: click.Parameter, value: float | None) -> 
     return value
 
 
+def _some(ctx: click.Context, param: click.Parameter, text: str | None) -> str | None:
+    """A path: an empty one, as from an unset variable of a shell, is no file and no socket that anybody finds."""
+    if text == "":
+        raise click.BadParameter("it is empty")
+    return text
+
+
 def _raw_options(given: dict[str, Any], fault: tuple[str, ...], settings: tuple[str, ...]) -> dict[str, str]:
     """The options as a fake:// link would spell them."""
     raw: dict[str, str] = {}
@@ -84,13 +91,6 @@ def _raw_options(given: dict[str, Any], fault: tuple[str, ...], settings: tuple[
     if fault:
         raw["fault"] = ",".join([*([raw["fault"]] if "fault" in raw else []), *fault])
     return raw
-
-
-def _some(ctx: click.Context, param: click.Parameter, text: str | None) -> str | None:
-    """A path: an empty one, as from an unset variable of a shell, is no file and no socket that anybody finds."""
-    if text == "":
-        raise click.BadParameter("it is empty")
-    return text
 
 
 def _no_options(function: Callable[..., None]) -> Callable[..., None]:
@@ -195,6 +195,95 @@ def _server(kind: str) -> click.Command:
 
     command.help = f"{summary}\n\nPrints one JSON line when ready and serves until SIGTERM, SIGINT or --duration."
     return command
+
+
+class _BusCommand(click.Command):
+    """Shows what may stand in the file; imports that only then."""
+
+    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        from handctl.sim.bus.file import DEVICE_KEYS, EXAMPLE, LINE_KEYS, MASTER_KEYS
+        from handctl.sim.bus.models import SAID
+
+        for title, rows in (
+            ("Keys of [line]", LINE_KEYS),
+            ("Keys of each [[device]]", DEVICE_KEYS),
+            ("Keys of each [[master]]", MASTER_KEYS),
+            ("Lines for model", SAID),
+        ):
+            with formatter.section(title):
+                formatter.write_dl(list(rows.items()))
+        with formatter.section("Example of a file"):
+            for line in EXAMPLE.splitlines():
+                formatter.write(f"{'':{formatter.current_indent}}{line}".rstrip() + "\n")
+
+
+@cli.command("bus", cls=_BusCommand, short_help="Several devices, clients and masters on one line.")
+@click.argument("file", callback=_some)
+@click.option("--pty", "on_pty", is_flag=True, help="Serve on a new pseudo terminal.")
+@click.option("--tcp", metavar="HOST:PORT", callback=_address, help="Serve on a TCP port; port 0 is any free one.")
+@click.option("--slcan-pty", is_flag=True, help="CAN, as an slcan adapter on a new pseudo terminal.")
+@click.option("--slcan-tcp", metavar="HOST:PORT", callback=_address, help="CAN, as an slcan adapter on a TCP port.")
+@click.option("--seed", metavar="N", help="Start of the random generator.")
+@click.option(
+    "--duration", metavar="S", type=click.FloatRange(0.0, 1e9), callback=_number, help="Stop by itself after S seconds."
+)
+@click.option("--control", metavar="PATH", callback=_some, help="Unix socket for commands, see 'sim control'.")
+def bus(
+    file: str,
+    on_pty: bool,
+    tcp: tuple[str, int] | None,
+    slcan_pty: bool,
+    slcan_tcp: tuple[str, int] | None,
+    seed: str | None,
+    duration: float | None,
+    control: str | None,
+) -> None:
+    """Several simulated devices, clients and other masters on one RS-485, RS-232 or CAN bus, with the line as it is.
+
+    FILE (TOML) tells what is on the line. Several places to serve at may be given, and --tcp and --slcan-tcp take several
+    clients: each gets what the line carries. In process: fake://bus?file=FILE.
+
+    Prints one JSON line when ready and serves until SIGTERM, SIGINT or --duration. Of several places it tells all as
+    "links".
+    """
+    on_line, on_can = on_pty or tcp is not None, slcan_pty or slcan_tcp is not None
+    if not on_line and not on_can:
+        raise click.UsageError("say where to serve: --pty, --tcp HOST:PORT, --slcan-pty, --slcan-tcp HOST:PORT")
+    from handctl.sim.bus.file import read
+
+    try:
+        plan = read(file, seed)
+        if on_line if plan.wire == "can" else on_can:
+            places = "--slcan-pty or --slcan-tcp HOST:PORT" if plan.wire == "can" else "--pty or --tcp HOST:PORT"
+            raise click.UsageError(f'{file}: wire = "{plan.wire}" is served by {places}')
+        crowd, link = _crowd(plan)
+    except ValueError as exc:
+        raise click.UsageError(str(exc)) from exc
+    from handctl.sim.engine import ports, serve
+
+    try:
+        if on_pty or slcan_pty:
+            crowd.at(ports.PtyPort(plan.baud if on_line else None), link)
+        if (place := tcp or slcan_tcp) is not None:
+            crowd.behind(ports.TcpDoor(*place), link)
+        serve.serve_both(crowd, duration=duration, control=control)
+    except (serve.ServeError, OSError) as exc:
+        raise SimError(str(exc)) from exc
+
+
+def _crowd(plan: Any) -> tuple[Any, Any]:
+    """The bus for several clients, and how a link to it is written."""
+    from handctl.sim.engine.crowd import Adapters, Crowd
+
+    if plan.wire == "can":
+        from handctl.sim.bus.can import CanBus
+        from handctl.sim.engine import slcan
+        from handctl.sim.engine.canhub import Hub
+
+        return Crowd(Adapters(Hub(CanBus(plan)))), slcan.link
+    from handctl.sim.bus.line import Bus
+
+    return Crowd(Bus(plan)), str
 
 
 @cli.command(

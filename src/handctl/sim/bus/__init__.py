@@ -6,7 +6,7 @@
     line.py    the devices and masters on their wires
     client.py  a client behind its adapter: latency, packets, a timer, the first byte
     can.py     the same for frames on a CAN bus
-    cli.py     handctl sim bus FILE
+    rack.py    what both have in common: devices, masters, power, control
 
 No protocol is known here, and no device: those are the other folders beside this one.
 """

@@ -28,6 +28,33 @@ LINE_KEYS: dict[str, str] = {
     "echo": "true: the client's adapter hears itself (default false)",
     "seed": "start of the random generator (default 0)",
 }
+DEVICE_KEYS: dict[str, str] = {
+    "kind": "a simulated device with this wire, as in 'handctl sim'",
+    "id": "its id, where it has one",
+    "KEY": "each further option of that device: turnaround, fault, state …; see 'handctl sim KIND -h'",
+}
+MASTER_KEYS: dict[str, str] = {
+    "ask": "what somebody else sends: bytes in hex; on CAN an identifier and data, as 11000001#04",
+    "every_ms": "how often",
+}
+EXAMPLE = """\
+[line]
+wire = "rs485"
+latency_ms = 16
+
+[[device]]
+kind = "exo"
+id = 1
+
+[[device]]
+kind = "wrist"
+id = 2
+fault = "hot"
+
+[[master]]
+ask = "EB 90 02 04 30 FC 03 02 37"
+every_ms = 100
+"""
 OF_LINE = ("wire", "clock", "bus", "traffic")  # options of a lone simulator that a bus has by itself
 
 

@@ -23,6 +23,15 @@ MODELS: dict[str, dict[str, Value]] = {
     "serial-server": {"wire": "rs485", "half_duplex": True, "latency_ms": 4, "spread_ms": 4, "coalesce_ms": 50},
 }  # fmt: skip
 
+SAID: dict[str, str] = {
+    "clean": "RS-232 without anything",
+    "half-duplex": "RS-485 on two wires",
+    "first-byte-lost": "the same with an adapter that switches to receiving too late",
+    "usb-16ms": "RS-232 behind a USB adapter with its timer",
+    "bluetooth": "a Bluetooth 4.0 link: slow, in packets, without a speed",
+    "serial-server": "RS-485 behind a server in the network that gathers bytes",
+}
+
 
 def text(
     model: str,
