@@ -108,7 +108,7 @@ def test_homing_into_damage_is_stopped() -> None:
     with pytest.raises(ProtocolError) as caught:
         homing.home(hand_on(link), Guide())
     assert link.sent[-3:] == [STOP] * 3
-    assert "stop was sent 3 times" in caught.value.hint
+    assert "Stop was sent 3 times" in caught.value.hint
 
 
 # -- initial position -------------------------------------------------------------------------------------------------

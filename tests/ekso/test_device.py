@@ -359,7 +359,7 @@ def test_cancel_that_was_not_sent_does_not_claim_it() -> None:
     with pytest.raises(NoAnswer) as caught:
         ekso_on(unit, bound=unit.deadline(0.0)).cancel(0x0100, lambda event, fields: noted.append((event, fields)))
     assert "CancelAction was not sent" in caught.value.text
-    assert (caught.value.hint, unit.sent) == ("a longer --deadline", [])
+    assert (caught.value.hint, unit.sent) == ("give a longer --deadline", [])
     assert noted[1][0] == "cancel-result"
     unit = Unit()
     unit.interrupt_at = 0.001  # while the line is made quiet
