@@ -153,7 +153,7 @@ REFUSED = [
     (["joints", *["0"] * 20], "115..175"), (["joints", "0", "0", "0"], "index.q3=VALUE"),
     (["joints", "index.q3=60"], "115..175"), (["joints", *FIFTEEN, "--rad"], "leave --rad out"),
     (["joints", "thumb.q3=60", "--rad"], "82..154"), (["joints", "-20", *FIFTEEN[1:]], "-13..45"),
-    (["joints", *FIFTEEN[:-1], "--rda"], "nothing"), (["encoders", *["-1"] * 15], "0..280000"),
+    (["joints", *FIFTEEN[:-1], "--rda"], "Nothing was sent."), (["encoders", *["-1"] * 15], "0..280000"),
     (["fingertips", *["0"] * 15], "45.5..115.7"), (["joints", "pinky.q3=160"], "index"),
 ]  # fmt: skip
 

@@ -249,14 +249,14 @@ WHEN = 0.9
 BOUND = 1.2
 """Seconds of further objects at the most: 1 s of silence, and the last period."""
 DRIVES: dict[str, tuple[Act, str, str]] = {
-    "home": (lambda hand: homing.home(hand, Guide()), "motor_pos", "stop was sent 3 times"),
+    "home": (lambda hand: homing.home(hand, Guide()), "motor_pos", "Stop was sent 3 times"),
     "initial": (initial, "motor_pos", f"{GOES_ON} to its origin"),
     "encoders": (lambda hand: _moved(hand, ENCODERS, "index.m1=200000"), "motor_pos", f"{GOES_ON} to the last target"),
     "joints": (lambda hand: _moved(hand, ANGLES, "index.q3=120"), "joint_pos", f"{GOES_ON} to the last target"),
     "fingertips": (lambda hand: _moved(hand, TIPS, "index.z=10"), "task_space_pos", f"{GOES_ON} to the last target"),
     "currents": (
         lambda hand: currents(hand, parse(CURRENTS, ["index.m1=200"], cap=300), Guide(), seconds=3, cap=300),
-        "current_state", "stop was sent 3 times",
+        "current_state", "Stop was sent 3 times",
     ),
 }  # fmt: skip
 """Command -> how it is run, the key that it goes by, and what must be said of the hand when that key goes wrong."""
@@ -301,7 +301,7 @@ def test_a_hand_that_goes_blind_is_not_driven_on(name: str, exchange: str, how: 
     with pytest.raises((NoAnswer, ProtocolError)) as caught:
         act(hand_on(link))
     assert told in caught.value.hint, caught.value.hint
-    stopped = told.startswith("stop")
+    stopped = told.startswith("Stop")
     assert link.sent[-3:] == [STOP] * 3 if stopped else STOP not in link.sent
     driven = [at for data, at in zip(link.sent, link.sent_at, strict=True) if data != STOP]
     assert driven[-1] > WHEN - 0.3, "it was driving"
