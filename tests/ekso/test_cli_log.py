@@ -12,7 +12,9 @@ import sys
 import time
 from collections.abc import Iterator
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
+from random import Random
 from typing import Any
 
 import pexpect
@@ -108,6 +110,71 @@ def test_a_reboot_makes_a_segment(tmp_path: Path) -> None:
     elapsed = float(after["host_mono_s"]) - float(before["host_mono_s"])
     assert float(after["t_s"]) - float(before["t_s"]) == pytest.approx(elapsed, abs=0.002)
     assert [s["settings_changed"] for s in sidecar(path)["segments"]] == [None, []]
+
+
+def pulls(seed: int, count: int = 10) -> list[tuple[float, float]]:
+    """Moments at which the port goes, and for how long, at random; at least half a second of port between two."""
+    random = Random(seed)
+    at, found = 0.3, []
+    for _ in range(count):
+        at += random.uniform(0.5, 4.0)
+        found.append((round(at, 4), round(random.uniform(0.01, 3.0), 4)))
+        at += found[-1][1]
+    return found
+
+
+@pytest.mark.parametrize("rate", [0, 50])
+@pytest.mark.parametrize("seed", range(6))
+def test_ten_unplugs_at_random_in_one_log(tmp_path: Path, seed: int, rate: int) -> None:
+    path = tmp_path / "a.csv"
+    plan = pulls(seed)
+    length = plan[-1][0] + plan[-1][1] + 2
+    asked = ("--duration", str(length), "--rate", str(rate), "--silence", "4")
+    done = log(path, *asked, wire=115200, quantum=20, unplug=",".join(f"{at}:{away}" for at, away in plan))
+    assert done.code == 0, done
+    assert sorted(found.name for found in tmp_path.iterdir()) == ["a.csv", "a.csv.json"], "one file"
+    (row,), rows, about = done.rows, table(path), sidecar(path)
+    assert (row["holes"], row["segments"], done.codes().count("port-lost")) == (10, 11, 10)
+    assert row["rows"] == len(rows) == about["rows"] == sum(segment["rows"] for segment in about["segments"])
+    assert int(rows[-1]["seq"]) == row["rows"] + row["lost"]
+    marked = [number for number, line in enumerate(rows, 1) if line["mark"].startswith("[port lost]; [gap ")]
+    assert marked == [hole["row"] for hole in about["holes"]]
+    for (_, away), hole in zip(plan, about["holes"], strict=True):
+        assert away <= hole["length_s"] <= away + 0.4
+        assert hole["rebooted"] is False
+    steps = [float(b["t_s"]) - float(a["t_s"]) for a, b in pairwise(rows)]
+    missing = sum(gap for _, gap in about["gaps"]) / 1000
+    assert sum(steps) == pytest.approx(row["duration"], abs=0.001)
+    assert row["rate"] == pytest.approx((len(rows) - 1 - len(about["gaps"])) / (row["duration"] - missing), abs=0.01)
+    assert len({line["boot_ms"] for line in rows}) == len(rows), "no two rows at one moment"
+    assert export(path, "--format", "csv").raw == path.read_bytes()
+    assert export(path, "--format", "mot", "--segment", "11").code == 0
+
+
+def test_a_restart_on_usb_takes_the_port_away_and_is_ridden_over(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    done = log(path, "--count", "300", "--rate", "50", usb=1, startup=1.7, fault="reboot", every=160)
+    assert done.code == 0
+    assert done.rows[0]["holes"] == done.rows[0]["segments"] - 1 >= 1
+    assert {"port-lost", "rebooted"} <= set(done.codes())
+    marks = [line["mark"] for line in table(path) if line["mark"]]
+    assert len(marks) == done.rows[0]["holes"]
+    assert all(mark.startswith("[port lost]; [reboot]; [gap ") for mark in marks)
+    assert [segment["settings_changed"] for segment in sidecar(path)["segments"]][:2] == [None, []]
+
+
+def test_a_port_that_does_not_come_back_ends_the_log_with_all_its_rows(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    done = log(path, "--rate", "50", "--silence", "3", unplug="2.013:90")
+    assert (done.code, done.error["code"]) == (3, "lost")
+    assert "within the 3 s of --silence" in done.error["text"]
+    assert done.rows[0]["rows"] == len(table(path)) == sidecar(path)["rows"] == 100
+    assert (sidecar(path)["complete"], sidecar(path)["ended"]) == (True, "lost")
+    done = log(tmp_path / "b.csv", "--rate", "50", "--deadline", "3", unplug="2.013:90")
+    assert (done.code, done.error["code"]) == (4, "deadline")
+    assert done.rows[0]["rows"] == len(table(tmp_path / "b.csv")) == 100
+    done = log(tmp_path / "c.csv", "--rate", "50", fault="disconnect", after=30)
+    assert (done.code, done.error["code"]) == (3, "lost"), "what hangs up for good ends the log at once"
 
 
 def test_lost_answers_are_retried_told_and_counted(tmp_path: Path) -> None:

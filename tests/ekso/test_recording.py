@@ -6,6 +6,7 @@ import csv
 import json
 import resource
 import signal
+from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -283,6 +284,85 @@ def test_a_lost_link_and_a_deadline_end_it_at_once(tmp_path: Path, error: Handct
     assert (recording.rows, recording.lost) == (2, 0), "what was not sent is not lost"
 
 
+def gone(seconds: float, restarts: bool, device: Device) -> Callable[[], bool]:
+    """A port that is gone for so long from the first look."""
+    back: list[float] = []
+
+    def reopen() -> bool:
+        if not back:
+            back.append(device.clock + seconds)
+        if device.clock < back[0]:
+            raise LinkError("no such port", code="not-found")
+        device.script = [(0.02, 101 if restarts else 1001 + round((device.clock - 100) * 1000)), *steady(1, 90_001)]
+        back.clear()
+        return True
+
+    return reopen
+
+
+@pytest.mark.parametrize("restarts", [False, True])
+def test_a_lost_port_that_comes_back_is_a_hole_and_a_segment(tmp_path: Path, restarts: bool) -> None:
+    path = tmp_path / "a.csv"
+    device = Device([*steady(3), (0.0, LinkError("the port is gone", code="lost"))])
+    recording = Recording(str(path), device, {}, raw=False, rate=0, force=False)
+    seen: list[int] = []
+    failure = record(
+        recording, device.sample, device, Limits(rows=4, silence=5),
+        mark=str, on_segment=lambda: seen.append(recording.rows), guide=Guide(),
+        reopen=gone(1.95, restarts, device),
+    )  # fmt: skip
+    recording.close()
+    recording.write_sidecar(complete=True)
+    assert (failure, recording.rows, seen, recording.lost) == (None, 4, [4], 1)
+    last = table(path)[-1]
+    about = sidecar(path)
+    (hole,) = about["holes"]
+    assert (last["segment"], last["seq"]) == ("2", "5"), "the request that broke has a number, but no row"
+    assert hole["row"] == 4 and hole["rebooted"] is restarts
+    assert 1.95 <= hole["length_s"] <= 2.1
+    assert float(last["t_s"]) == pytest.approx(0.04 + hole["length_s"])
+    assert last["mark"] == f"[port lost]; {'[reboot]; ' * restarts}[gap {hole['length_s']:.3f} s]"
+    assert [length for _, length in about["gaps"]] == [round(hole["length_s"] * 1000)]
+    assert [segment["rows"] for segment in about["segments"]] == [3, 1]
+    assert (about["rate_hz"], recording.timeline.reboots) == (50.0, int(restarts))
+
+
+@pytest.mark.parametrize(
+    ("limits", "when"),
+    [(Limits(silence=5), "within the 5 s of --silence"), (Limits(duration=3), "the end of --duration")],
+)
+def test_a_port_that_stays_away_ends_the_log_in_time(tmp_path: Path, limits: Limits, when: str) -> None:
+    path = tmp_path / "a.csv"
+    device = Device([*steady(3), (0.0, LinkError("the port is gone", code="lost"))])
+    recording = Recording(str(path), device, {}, raw=False, rate=0, force=False)
+    reopen = gone(60, False, device)
+    failure = record(
+        recording, device.sample, device, limits, mark=str, on_segment=lambda: None, guide=Guide(), reopen=reopen
+    )
+    recording.close()
+    recording.write_sidecar(complete=True)
+    assert isinstance(failure, LinkError) and failure.code == "lost"
+    assert when in failure.text and "no such port" in failure.text
+    assert 100 + min(limits.silence + 0.06, limits.duration or 99) <= device.clock + 1e-6 <= 105.2
+    assert len(table(path)) == 3
+    assert sidecar(path)["holes"] == [{"row": None, "segment": None, "length_s": None, "rebooted": None}]
+
+
+def test_ctrl_c_and_the_deadline_end_the_wait_for_a_port(tmp_path: Path) -> None:
+    for number, end in enumerate((KeyboardInterrupt(), NoAnswer("over", code="deadline"))):
+        looks = [LinkError("no such port", code="not-found"), end]
+
+        def reopen(looks: list[BaseException] = looks) -> bool:
+            raise looks.pop(0)
+
+        failure, recording, _ = recorded(
+            tmp_path / f"{number}.csv", [*steady(3), (0.0, LinkError("gone", code="lost"))],
+            limits=Limits(), reopen=reopen,
+        )  # fmt: skip
+        assert isinstance(failure, Interrupted if number == 0 else NoAnswer)
+        assert (recording.rows, len(table(tmp_path / f"{number}.csv"))) == (3, 3)
+
+
 def test_a_reboot_is_a_segment(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     seen: list[str] = []
@@ -350,8 +430,16 @@ def test_after_a_stall_no_tick_is_polled_twice(tmp_path: Path) -> None:
 def test_a_device_somewhat_slower_than_the_rate_is_asked_as_it_answers(
     tmp_path: Path, answers_in: float, skipped: int
 ) -> None:
-    script: list[tuple[float, int | BaseException]] = [(answers_in, 1001 + 2 * i) for i in range(50)]
-    _, recording, device = recorded(tmp_path / "a.csv", script, limits=Limits(rate=50, rows=50))
+    class Slow(Device):
+        def sample(self) -> Answer:
+            sent = self.clock
+            return super().sample()._replace(sent=sent)
+
+    device = Slow([(answers_in, 1001 + 2 * i) for i in range(50)])
+    recording = Recording(str(tmp_path / "a.csv"), device, {}, raw=False, rate=50, force=False)
+    limits = Limits(rate=50, rows=50)
+    record(recording, device.sample, device, limits, mark=str, on_segment=lambda: None, guide=Guide())
+    recording.close()
     ticks = [round((moment - 100.0) * 50 - 0.499) for moment in device.asked_at]
     assert len(set(ticks)) == 50, "never two in one tick"
     assert recording.skipped == skipped

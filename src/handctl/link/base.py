@@ -99,6 +99,13 @@ class Link(ABC):
         """
         return False
 
+    def reopen(self) -> bool:
+        """Look once for the port that was lost, and open it as at first. False where a lost link of this kind stays lost.
+
+        Raises LinkError while it is not there.
+        """
+        return False
+
     def power_cycle(self) -> bool:
         """Switch the device off and on. Only simulators can: False means the operator must."""
         return False

@@ -94,6 +94,8 @@ class _Simulated(Link):
         return True
 
     def _check(self) -> None:
+        if self._line.hung_up and getattr(self._line, "pulled", False):
+            raise LinkError(f"{self.name}: the simulated port is gone", hint="the simulator unplugged it", code="lost")
         if self._line.hung_up:
             raise LinkError(
                 f"{self.name}: the simulated device hung up", hint="that is the disconnect fault", code="lost"
@@ -151,6 +153,16 @@ class FakeLink(_Simulated, ByteLink):
     def set_baud(self, baud: int) -> None:
         self.baud = baud
         self._line.client_baud = baud
+
+    def reopen(self) -> bool:
+        self._line.advance(self.now())
+        if not getattr(self._line, "pulled", False):
+            return False  # it hung up for good: the fault disconnect
+        if self._line.away:
+            raise LinkError(f"{self.name}: no such port", hint="the simulator unplugged it", code="not-found")
+        self._rest = b""
+        self._line.reconnect()
+        return True
 
     def power_cycle(self) -> bool:
         self._rest = b""

@@ -21,6 +21,8 @@ from handctl.link.owners import Process, group_of, group_remedy, holders
 
 WRITE_SECONDS = 2.0
 SLICE_SECONDS = 0.05  # polling step where the port has no file descriptor to wait on (Windows, socket://)
+CLOSED = -1
+"""The descriptor of a lost port that was not found again: its number may be another file's by now."""
 REMOTE_SECONDS = 0.01
 """The same of rfc2217://, for good: it takes each new timeout for a new setting, negotiates with the server for a second and
 drops what arrives meanwhile. It has no time limit for writing either."""
@@ -28,8 +30,11 @@ drops what arrives meanwhile. It has no time limit for writing either."""
 
 def open_serial(link: str, baud: int | None, *, exclusive: bool = True) -> ByteLink:
     """Open a port by name, `usb:VID:PID[:SERIAL]`, or pyserial URL. Raises UsageError, LinkError."""
-    device = find_usb(link) if link.startswith("usb:") else link
-    return SerialLink(link, device, baud or 115200, exclusive=exclusive)
+    return SerialLink(link, _path(link), baud or 115200, exclusive=exclusive)
+
+
+def _path(link: str) -> str:
+    return find_usb(link) if link.startswith("usb:") else link
 
 
 def find_usb(link: str) -> str:
@@ -81,6 +86,11 @@ class SerialLink(ByteLink):
     def __init__(self, link: str, device: str, baud: int, *, exclusive: bool = True) -> None:
         self.name = link
         self.baud = baud
+        self._exclusive = exclusive
+        self._open(device)
+
+    def _open(self, device: str) -> None:
+        link, baud, exclusive = self.name, self.baud, self._exclusive
         self._device = device
         is_url = "://" in device
         if not is_url and exclusive:
@@ -110,7 +120,19 @@ class SerialLink(ByteLink):
         except (OSError, AttributeError, ValueError):
             return None
 
+    def reopen(self) -> bool:
+        """See Link. A URL leads to another program: what is lost there stays lost."""
+        if "://" in self._device:
+            return False
+        self.close()
+        if self._fd is not None:
+            self._fd, self._outlet = CLOSED, None
+        self._open(_path(self.name))
+        return True
+
     def write(self, data: bytes, deadline: Deadline) -> None:
+        if self._fd == CLOSED:
+            raise self._lost(None)
         try:
             if self._fd is None:
                 self._port.write(data)
@@ -139,6 +161,8 @@ class SerialLink(ByteLink):
         return self._outlet
 
     def read(self, deadline: Deadline, size: int = 4096) -> bytes:
+        if self._fd == CLOSED:
+            raise self._lost(None)
         try:
             if self._fd is None:
                 return self._read_slices(deadline, size)

@@ -173,6 +173,13 @@ class _Tapped(Link):
             self.event("reconnect")
         return done
 
+    def reopen(self) -> bool:
+        done = self._inner.reopen()
+        if done:
+            self._lost = False
+            self.event("reconnect")
+        return done
+
     def power_cycle(self) -> bool:
         done = self._inner.power_cycle()
         if done:

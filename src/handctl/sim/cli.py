@@ -107,7 +107,13 @@ def _slcan_options(function: Callable[..., None]) -> Callable[..., None]:
 
 
 def _pty_option(function: Callable[..., None]) -> Callable[..., None]:
-    return click.option("--pty", "on_pty", is_flag=True, help="Serve on a new pseudo terminal.")(function)
+    by_id = click.option(
+        "--by-id",
+        metavar="PATH",
+        callback=_some,
+        help="Make PATH a link to the pseudo terminal. It stays the name of the port when that is unplugged and comes back.",
+    )
+    return click.option("--pty", "on_pty", is_flag=True, help="Serve on a new pseudo terminal.")(by_id(function))
 
 
 def _server(kind: str) -> click.Command:
@@ -149,6 +155,7 @@ def _server(kind: str) -> click.Command:
         on_pty: bool = False,
         slcan_pty: bool = False,
         slcan_tcp: tuple[str, int] | None = None,
+        by_id: str | None = None,
         **given: str | None,
     ) -> None:
         on_can = slcan_pty or slcan_tcp is not None
@@ -156,6 +163,8 @@ def _server(kind: str) -> click.Command:
             places = "either --pty or --tcp HOST:PORT" if serial else "--tcp HOST:PORT"
             more = ", or --slcan-pty or --slcan-tcp HOST:PORT" if can else ""
             raise click.UsageError(f"say where to serve: {places}{more}")
+        if by_id is not None and not on_pty:
+            raise click.UsageError("--by-id is for --pty")
         raw = _raw_options(given, fault, settings)
         if can and (raw.setdefault("bus", "can" if on_can else "serial") == "can") != on_can:
             raise click.UsageError(
@@ -179,7 +188,7 @@ def _server(kind: str) -> click.Command:
         link = slcan.link if on_can else str
         try:
             if place is None:
-                serve.serve_pty(served, speed, duration=duration, control=control, link=link)
+                serve.serve_pty(served, speed, duration=duration, control=control, link=link, name=by_id)
             elif on_can:
                 from handctl.sim.engine.canhub import Hub
                 from handctl.sim.engine.crowd import Adapters, Crowd
@@ -300,6 +309,8 @@ def control(path: str, command: tuple[str, ...]) -> None:
     power-cycle            switch off and on
     power off | power on
     fault NAME[,NAME]      these faults from now on; 'fault none' ends them
+    unplug [SECONDS]       the serial port goes away, for so long or until replug; the device goes on
+    replug                 it comes back
     requests               how many requests the device understood
     heard                  what clients sent since the last time, with the moment (monotonic clock)
     help                   these and the commands of the device

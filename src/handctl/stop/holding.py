@@ -8,6 +8,7 @@ the command ends by the way of Ctrl-C.
 from __future__ import annotations
 
 import contextlib
+import os
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -63,8 +64,15 @@ class Hold:
         self.link: Link | None = None
         self._report = report(None, ())
         self._run = run
-        self._lock = lock
+        self._lock: Lock | None = None
         self._ear: Ear | None = None
+        self._place = run.place if lock is not None else ""
+        self._keep(lock)
+
+    def _keep(self, lock: Lock | None) -> None:
+        """Others are kept off by this lock, and heard beside it."""
+        run = self._run
+        self._lock = lock
         troubles = [lock.unrecorded] if lock is not None and lock.unrecorded else []
         if lock is not None and not run.stops:
             from handctl.link.ear import Ear
@@ -89,6 +97,22 @@ class Hold:
             link.held += self._lock.descriptors
         self.link = link
         return link
+
+    def reopen(self) -> bool:
+        """Look once for the port that was lost, lock it and open it as at first; False where a lost one stays lost.
+
+        Raises LinkError while it is not there, or is in use. By then its name may lead to another place: that is locked.
+        """
+        run = self._run
+        name = run.link_name()
+        if self._lock is not None and run.place != self._place and os.path.exists(name):
+            lock = lock_for(run, name)
+            self.release()
+            self._place = run.place
+            self._keep(lock)
+            if self.link is not None and lock is not None:
+                self.link.held = lock.descriptors
+        return self.link is not None and self.link.reopen()
 
     def finish(self) -> None:
         """The link is about to be closed: who wishes a stop from now on is told that this command ends."""

@@ -78,6 +78,8 @@ class DataPort(Line):
         self._next_id = first_id
         self._decoder = Decoder()
         self._settled = False
+        self._met = False
+        """Whether an answer of an EksoNR came since the port was opened."""
         self._last: tuple[int, int] | None = None
         self._given_up: tuple[tuple[int, int], Deadline] | None = None  # a request that Ctrl-C left without its answer
         self._ahead: tuple[bytes, Deadline, int] | None = None  # request, deadline, msgID
@@ -138,7 +140,7 @@ class DataPort(Line):
 
         Only where nothing was asked yet, the time is read. Raises NotIdentified, Interrupted.
         """
-        if self.gate is not None and not self.counts.answered:
+        if self.gate is not None and not self._met:
             self.gate.check(self.link, self.journal, lambda: self.read(Command.GET_TIME))
 
     def send_ahead(self, command: Command) -> None:
@@ -158,7 +160,7 @@ class DataPort(Line):
             self.resynchronise()
         self._take_waiting()
         self.check_bound(name_of(command))
-        if command not in WRITING and not self.counts.answered and not self.link.replayed:
+        if command not in WRITING and not self._met and not self.link.replayed:
             # A stranger on this line must not act upon what is asked, and the msgID is free.
             while not harmless(self.request(command, body), self.link.baud if self.link.can_set_baud else None):
                 self._next_id = (self._next_id + 1) & 0xFFFF
@@ -218,7 +220,7 @@ class DataPort(Line):
 
     def _accept(self, frame: Frame) -> Frame:
         self.answered_at = self.link.now()
-        self._settled = True
+        self._settled = self._met = True
         self._last = (frame.command, frame.msg_id)
         self.counts.answered += 1
         self.journal.counters.received += 1
@@ -250,6 +252,12 @@ class DataPort(Line):
         self._decoder.clear()
         self._count_stray()
         self._settled = True
+
+    def reopened(self) -> None:
+        """The port was opened again: what was under way is lost, and it may lead to a stranger."""
+        self._decoder.clear()
+        self._given_up = self._ahead = None
+        self._settled = self._met = False
 
     def _take_waiting(self) -> None:
         """What lies in the input before a request answers nothing any more; it is looked at only to be counted."""

@@ -65,7 +65,8 @@ class Device(Model):
         self.answer_convention = options.choice("answer-length", self.convention, tuple(LENGTHS))
         self._quantum = int(options.choice("quantum", "0", ("0", "10", "20"))) / 1000.0
         baud = int(options.choice("baud", "115200", ("115200", "57600", "9600")))
-        self.speed = None if options.choice("usb", "0", ("0", "1")) == "1" else baud
+        self._on_usb = options.choice("usb", "0", ("0", "1")) == "1"
+        self.speed = None if self._on_usb else baud
         self._gap = options.seconds("gap", 0.1, 3600.0)
         self._startup = options.seconds("startup", 1.0, 3600.0)
         self._persist = options.choice("persist", "1", ("0", "1")) == "1"
@@ -104,7 +105,13 @@ class Device(Model):
             self.send_event(NOTHING)
 
     def next_event(self) -> float | None:
-        return self._event_at
+        back = self._deaf_until if self.absent else None
+        return min((when for when in (self._event_at, back) if when is not None), default=None)
+
+    @property
+    def absent(self) -> bool:
+        """On USB the port goes with a restart, and is listed again when that is over (ekso dossier §7)."""
+        return self._on_usb and self.now < self._deaf_until
 
     def elapse(self, seconds: float) -> None:
         """The clocks go on as well."""

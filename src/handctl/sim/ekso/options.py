@@ -14,7 +14,7 @@ OPTIONS: dict[str, str] = {
     "answer-length": "the same for answers (default: as for requests)",
     "quantum": "ms of the grid on which answers leave: 0 (default), 10 or 20",
     "baud": "speed of the port: 115200 (default), 57600 or 9600",
-    "usb": "1: on USB, where the speed means nothing",
+    "usb": "1: on USB, where the speed means nothing, and a restart takes the port away",
     "gap": "seconds of silence that end an unfinished or a bad request (default 0.1)",
     "startup": "seconds that a reboot takes (default 1)",
     "persist": "1: accepted settings survive power-off (default), 0: they do not",

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from handctl.sim.engine.cable import Cable
 from handctl.sim.engine.model import NOTHING, Model, Reply
+from handctl.sim.engine.plug import Plug
 
 LINE_OPTIONS: dict[str, str] = {
     "seed": "start of the random generator, 0..4294967295 (default 0)",
@@ -23,6 +24,7 @@ LINE_OPTIONS: dict[str, str] = {
     "elapse": "seconds that have passed since the state file was written; what was moving has arrived",
     "power-cycle": "1: power cycle after the state file was loaded",
     "use": "on: somebody uses the device, a slow grasp or a walk; its state file is read, not written (default off)",
+    "unplug": "AT:SECONDS[,AT:SECONDS]: the port is gone AT seconds after the start, for so long; the device goes on",
     "clock": "used by the in-process link, ignored here",
 }
 LINE_FAULTS: dict[str, str] = {
@@ -98,9 +100,17 @@ class Line(Cable):
         self._tx: list[_Segment] = []
         self._tx_free = 0.0
         self._previous = b""
+        self._plug = Plug(self._options.text("unplug"))
+        self.pulled = False  # the port went away, and no client has opened it since
+
+    @property
+    def away(self) -> bool:
+        """Whether the port is gone."""
+        return self._plug.out(self._present()) or self.device.absent
 
     def reconnect(self) -> None:
         super().reconnect()
+        self.pulled = False
         self.device.reconnected()
 
     @property
@@ -125,6 +135,7 @@ class Line(Cable):
         """Moves time on; the first call is the moment of power-on. A time before the last one is taken as the last."""
         if self._now is None:
             self._now = now
+            self._plug.begin(now)
             self._boot(now)
             return
         if self._user is not None:
@@ -136,6 +147,29 @@ class Line(Cable):
         self._listen()
         self.device.advance(self._now)
         self._collect()
+        self._look()
+
+    def _look(self) -> None:
+        """With the port goes what was on the wire."""
+        if self.away and not self.pulled:
+            self.pulled = self.hung_up = True
+            self._drop()
+
+    def command(self, text: str) -> str:
+        """Beside those of every device: unplug [SECONDS] | replug."""
+        match text.split():
+            case ["unplug", *seconds] if len(seconds) < 2:
+                self._plug.pull(self._present() + _seconds(seconds[0]) if seconds else float("inf"))
+            case ["replug"]:
+                self._plug.push()
+            case ["help"]:
+                return f"unplug [SECONDS] | replug | {super().command(text)}"
+            case _:
+                answer = super().command(text)
+                self._look()
+                return answer
+        self._look()
+        return text.strip()
 
     def feed(self, data: bytes) -> None:
         """Bytes that the client writes at the present time."""
@@ -175,6 +209,7 @@ class Line(Cable):
         self._rx_free = end
         self._listen()
         self._collect()
+        self._look()
 
     def take(self) -> bytes:
         """Bytes that have fully arrived at the client by now."""
@@ -203,8 +238,7 @@ class Line(Cable):
         if self._rx:
             times.append(self._hearing()[1])
         event = self.device.next_event() if self.device.powered else None
-        if event is not None:
-            times.append(event)
+        times += [when for when in (event, self._plug.next_event(self._present())) if when is not None]
         return min(times) if times else None
 
     # -- inside -----------------------------------------------------------------------------------------------------
@@ -325,3 +359,13 @@ class Line(Cable):
         self._tx.clear()
         self._out.clear()
         self._rx_free = self._tx_free = 0.0
+
+
+def _seconds(text: str) -> float:
+    try:
+        seconds = float(text)
+    except ValueError:
+        seconds = -1.0
+    if not 0.0 < seconds <= 1e9:
+        raise ValueError(f"{text!r} is not a number of seconds")
+    return seconds

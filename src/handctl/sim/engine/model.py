@@ -160,6 +160,11 @@ class Model:
         """When the device acts by itself next, apart from replies that are already due."""
         return None
 
+    @property
+    def absent(self) -> bool:
+        """Whether its port is gone: that of a device with USB inside goes with a restart."""
+        return False
+
     def reconnected(self) -> None:
         """A new client came. A device with a connection of its own, unlike one behind a serial adapter, notices that."""
 

@@ -5,6 +5,7 @@ Knows file descriptors and serial speeds; nothing of the line behind it, and no 
 
 from __future__ import annotations
 
+import contextlib
 import fcntl
 import os
 import pty
@@ -48,29 +49,53 @@ class Port(Protocol):
 
 
 class PtyPort:
-    """A pseudo terminal. Its slave side is kept open here, so that clients can come and go."""
+    """A pseudo terminal. Its slave side is kept open here, so that clients can come and go.
 
-    def __init__(self, speed: int | None) -> None:
+    With `name` a symbolic link leads to it, as /dev/serial/by-id does: the name stays when the terminal is another one.
+    """
+
+    def __init__(self, speed: int | None, name: str | None = None) -> None:
+        self._speed = speed
+        self._name = name
+        self._closed = True
+        self._open()
+        self.link = name or os.ttyname(self._slave)
+
+    def _open(self) -> None:
         try:
             self._master, self._slave = pty.openpty()
         except OSError as exc:
             raise ServeError(f"cannot open a pty: {exc.strerror}") from exc
         tty.setraw(self._slave)
         attributes = termios.tcgetattr(self._slave)
-        constant = {rate: value for value, rate in SPEEDS.items()}.get(speed or 0)
+        constant = {rate: value for value, rate in SPEEDS.items()}.get(self._speed or 0)
         if constant is not None:
             # A client that sets no speed, such as a shell redirection, then talks at the right one.
             attributes[4] = attributes[5] = constant
             termios.tcsetattr(self._slave, termios.TCSANOW, attributes)
         os.set_blocking(self._master, False)
         self._closed = False
-        self.link = os.ttyname(self._slave)
+        if self._name is not None:
+            try:
+                if os.path.islink(self._name) and not os.path.exists(self._name):
+                    os.unlink(self._name)  # of one that was killed
+                os.symlink(os.ttyname(self._slave), self._name)
+            except OSError as exc:
+                name, self._name = self._name, None
+                self.close()
+                raise ServeError(f"cannot make the link {name}: {exc.strerror}") from exc
+
+    def plug(self, present: bool) -> None:
+        if present and self._closed:
+            self._open()
+        elif not present:
+            self.close()
 
     def readers(self) -> list[int]:
-        return [self._master]
+        return [] if self._closed else [self._master]
 
     def read(self, ready: list[int]) -> bytes:
-        if self._master not in ready:
+        if self._closed or self._master not in ready:
             return b""
         try:
             return os.read(self._master, 4096)
@@ -78,6 +103,8 @@ class PtyPort:
             return b""
 
     def write(self, data: bytes) -> int:
+        if self._closed:
+            return len(data)
         try:
             return os.write(self._master, data)
         except BlockingIOError:
@@ -88,7 +115,7 @@ class PtyPort:
 
     def baud(self) -> int:
         """The termios speed that the client set, visible on the master side; -1 for a speed without a constant."""
-        return SPEEDS.get(termios.tcgetattr(self._master)[5], -1)
+        return -1 if self._closed else SPEEDS.get(termios.tcgetattr(self._master)[5], -1)
 
     def hang_up(self) -> bool:
         # Closing the master throws away what the client has not read: let it have the first half of the reply. The
@@ -105,6 +132,9 @@ class PtyPort:
             self._closed = True
             os.close(self._master)
             os.close(self._slave)
+            if self._name is not None:
+                with contextlib.suppress(OSError):
+                    os.unlink(self._name)
 
 
 class TcpDoor:
@@ -231,6 +261,10 @@ class TcpPort:
             self._client.close()
             self._client = None
         return False
+
+    def plug(self, present: bool) -> None:
+        if not present:
+            self.hang_up()
 
     def close(self) -> None:
         self.hang_up()

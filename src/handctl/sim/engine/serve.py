@@ -174,11 +174,12 @@ def serve_pty(
     duration: float | None = None,
     control: str | None = None,
     link: Callable[[str], str] = str,
+    name: str | None = None,
 ) -> None:
     """Serves the line on a new pty at this speed; returns when asked to stop. Raises ServeError, or OSError for a state
-    file. `link` turns the name of the pty into what a client passes to --port.
+    file. `link` turns the name of the pty into what a client passes to --port; `name` is a symbolic link to it.
     """
-    _serve(line, lambda: PtyPort(speed), duration, control, link)
+    _serve(line, lambda: PtyPort(speed, name), duration, control, link)
 
 
 def serve_tcp(
@@ -242,7 +243,13 @@ def _loop(line: Served, port: Port, panel: ControlPort | None, signals: _Signals
             unsent += taken  # otherwise lost as it was taken: on a line without a speed that is in whole replies
         if unsent:
             del unsent[: port.write(bytes(unsent))]
-        if line.hung_up:
+        if getattr(line, "pulled", False) is True and isinstance(port, PtyPort | TcpPort):  # a line alone on its port
+            away = bool(getattr(line, "away", False))
+            port.plug(not away)
+            unsent.clear()
+            if not away:
+                line.reconnect()
+        elif line.hung_up:
             tell_hung_up()
             if port.hang_up():
                 return

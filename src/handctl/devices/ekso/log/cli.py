@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import os
-import sys
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial, update_wrapper
-from types import TracebackType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
@@ -26,6 +24,7 @@ if TYPE_CHECKING:
     from handctl.devices.ekso.device import Ekso
     from handctl.devices.ekso.log.export import Exported
     from handctl.devices.ekso.log.recording import Recording
+    from handctl.devices.ekso.log.timeline import Hole
 
 SUMMARY = (
     Column("file", "File"),
@@ -34,9 +33,13 @@ SUMMARY = (
     Column("rate", "Rate", right=True, unit="Hz"),
     Column("lost", "Lost", right=True),
     Column("gaps", "Gaps", right=True),
+    Column("holes", "Holes", right=True),
     Column("segments", "Segments", right=True),
     Column("marks", "Marks", right=True),
 )
+
+OWN_NAMES = ("usb:", "/dev/serial/by-id/", "fake://")
+"""Names of a port that no other device gets."""
 
 
 def add_log_commands(group: Group) -> None:
@@ -69,7 +72,7 @@ def _sample(port: DataPort) -> _Sample:
     default=60.0,
     show_default=True,
     metavar="S",
-    help="End after S seconds without a valid answer. A restart of the device takes less.",
+    help="End after S seconds without a valid answer. A lost port is waited for as long.",
 )
 @click.option("--include-pilot-id", is_flag=True, help="Keep the wearer's number in the sidecar.")
 @click.option("--force", is_flag=True, help="Overwrite FILE.")
@@ -92,6 +95,7 @@ def log(
     from handctl.devices.ekso.frames import Command as Request
     from handctl.devices.ekso.log import polling
     from handctl.devices.ekso.log import recording as files
+    from handctl.devices.ekso.log.keys import Keys
 
     path = files.file_name(file)
     files.refuse_existing(path, force)
@@ -109,6 +113,19 @@ def log(
     def feedback() -> tuple[int, ...]:
         return port.exchange(Request.GET_FEEDBACK).words  # once: the next row is worth more than a second try
 
+    def reopen() -> bool:
+        port.check_bound()
+        again = run.hold is not None and run.hold.reopen()
+        if again:
+            port.reopened()
+            if not port.link.name.startswith(OWN_NAMES):
+                run.journal.info(
+                    "by-path",
+                    f"{port.link.name}: the port that came back was known by its path, which another device can get",
+                    hint="next time give usb:VID:PID:SERIAL, or its name below /dev/serial/by-id",
+                )
+        return again
+
     def segment_began() -> None:
         with suppress(NoAnswer, ProtocolError):  # it has just started: the settings may come late
             recording.timeline.segments[-1].settings_changed = files.changed(before, read())
@@ -125,6 +142,7 @@ def log(
                 on_segment=segment_began,
                 guide=run.guide,
                 feedback=feedback,
+                reopen=reopen,
             )
         failure = _finish(run, port, recording, before, read, feedback, failure)
     finally:
@@ -217,11 +235,14 @@ def _tell(run: Run, recording: Recording) -> None:
     if line.gaps:
         lengths = [gap.length_ms / 1000 for gap in line.gaps]
         run.journal.warn("gap", f"{len(lengths)} gaps, {sum(lengths):.3f} s in all, the longest {max(lengths):.3f} s")
-    if len(line.segments) > 1:
-        run.journal.warn("rebooted", f"the device was restarted {len(line.segments) - 1} times: see column segment")
+    for hole in line.holes:
+        run.journal.warn("port-lost", _hole_text(hole))
+    if line.reboots:
+        run.journal.warn("rebooted", f"the device was restarted {line.reboots} times: see column segment")
     if recording.skipped:
         run.journal.info(
-            "skipped", f"{recording.skipped} ticks of --rate have no request: the device or this machine was late"
+            "skipped",
+            f"{recording.skipped} ticks of --rate have no request: the device or this machine was late, or the port was gone",
         )
     if recording.lost:
         run.journal.warn("lost", f"{recording.lost} requests had no valid answer: see the holes in column seq")
@@ -233,61 +254,12 @@ def _tell(run: Run, recording: Recording) -> None:
         )
 
 
-class Keys:
-    """Keys pressed on the terminal, without waiting for one. Only while this process is in the foreground."""
-
-    def __init__(self, wanted: bool) -> None:
-        self.heard = False
-        self._wanted = wanted
-        self._saved: list[Any] = []
-        self._count = 0
-
-    def __enter__(self) -> Keys:
-        if self._wanted:
-            self._terminal = sys.stdin.fileno()
-            self._listen()
-        return self
-
-    def _listen(self) -> None:
-        try:
-            import termios
-        except ImportError:
-            return  # no such terminals here: marks come by --mark only
-        if not self._foreground():
-            return
-        self._saved = termios.tcgetattr(self._terminal)
-        mode = termios.tcgetattr(self._terminal)
-        mode[3] &= ~(termios.ICANON | termios.ECHO)
-        mode[6][termios.VMIN] = mode[6][termios.VTIME] = 0
-        termios.tcsetattr(self._terminal, termios.TCSANOW, mode)
-        self.heard = True
-
-    def _foreground(self) -> bool:
-        """Touching the terminal from the background would stop the process."""
-        try:
-            return os.tcgetpgrp(self._terminal) == os.getpgrp()
-        except OSError:
-            return False
-
-    def pressed(self) -> str:
-        """The text of a mark: the keys since the last call, a numbered word for space; "" for none."""
-        if not self.heard or not self._foreground():
-            return ""
-        try:
-            text = os.read(self._terminal, 64).decode("utf-8", "ignore")
-        except OSError:
-            return ""
-        if not text.isprintable() or not text:
-            return ""
-        self._count += 1
-        return text.strip() or f"mark {self._count}"
-
-    def __exit__(self, kind: type[BaseException] | None, exc: BaseException | None, tb: TracebackType | None) -> None:
-        if self._saved and self._foreground():
-            import termios
-
-            with suppress(termios.error):  # it went away
-                termios.tcsetattr(self._terminal, termios.TCSANOW, self._saved)
+def _hole_text(hole: Hole) -> str:
+    if hole.row is None:
+        return "After the last row the port was lost. No row was taken since"
+    restarted = " The device restarted meanwhile." if hole.rebooted else ""
+    seconds = (hole.length_ms or 0) / 1000
+    return f"Before row {hole.row} the port was lost: {seconds:.3f} s have no rows. Segment {hole.segment} begins there.{restarted}"
 
 
 # -- export ---------------------------------------------------------------------------------------------------------

@@ -96,7 +96,7 @@ def _points(log: LogFile, segment: int | None, knee_sign: int) -> tuple[list[Poi
     known = ", ".join(f"{n}: {rows} rows, {(end - start) / 1000:.1f} s" for n, (start, end, rows) in spans.items())
     if segment is None and len(spans) > 1:
         raise UsageError(
-            f"{log.path} has {len(spans)} segments (the device was restarted), a motion file holds one",
+            f"{log.path} has {len(spans)} segments (the device was restarted, or its port was lost), a motion file holds one",
             hint=f"--segment N; {known}",
             code="segment",
         )

@@ -44,8 +44,8 @@ class Limits(NamedTuple):
 class Pace:
     """The ticks of a log, 1/rate apart from its start: one poll for a tick at the most, and none to catch up.
 
-    A device somewhat slower than the rate is polled as it answers. A tick that is late by more than half a period is
-    skipped and counted, so that two polls are never closer than that. Without a rate there are no ticks.
+    A device somewhat slower than the rate is polled as it answers. A tick that would be late by more than half a period
+    is skipped and counted, so that two polls are never closer than that. Without a rate there are no ticks.
     """
 
     def __init__(self, clock: Clock, rate: float) -> None:
@@ -54,6 +54,13 @@ class Pace:
         self._rate = rate
         self._start = clock.now()
         self._next = 0
+
+    def sent(self, moment: float) -> None:
+        """A request went out at this moment: late, it is that of the tick nearest to it."""
+        if self._rate:
+            after = ceil((moment - self._start) * self._rate - 0.5 - 1e-6) + 1
+            self.skipped += max(0, after - self._next)
+            self._next = max(self._next, after)
 
     def wait(self, end: float) -> None:
         """Until the moment of the next poll, or `end` when that comes first."""
@@ -124,6 +131,7 @@ class _Loop:
                 self._clock.sleep(PAUSE_S)
             return
         self._asked = False
+        self.pace.sent(answer.sent)
         self._heard = self._clock.now()
         if recording.add(answer, self._seq):
             number = len(recording.timeline.segments)

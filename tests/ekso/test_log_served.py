@@ -1,0 +1,140 @@
+"""`handctl ekso log` over real pseudo-terminals whose port is unplugged and comes back as another one."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import signal
+import subprocess
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from random import Random
+from typing import Any
+
+import pytest
+
+from handctl.sim.engine.serve import send_control
+from tests.support.cli import Result, Simulator, clean_environment, program, run, wait_until
+
+
+class Bench:
+    """A served EksoNR with a name as below by-id, and a log of it."""
+
+    def __init__(self, folder: Path) -> None:
+        self.path = folder / "gait.csv"
+        self.name = folder / "usb-EksoNR-if00"
+        self._control = folder / "control"
+        self.simulator = Simulator(
+            "--pty", "--by-id", self.name, "--control", self._control, "--set", "sway=0", kind="ekso"
+        )  # fmt: skip
+        self._taken: list[int] = []
+
+    def log(self, *args: str) -> subprocess.Popen[bytes]:
+        process = subprocess.Popen(
+            program("ekso", "log", self.path, "--rate", "50", "--json", *args, "-p", self.name),
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, stdin=subprocess.DEVNULL, env=clean_environment(),
+        )  # fmt: skip
+        self.longer(5)
+        return process
+
+    @property
+    def lines(self) -> int:
+        return self.path.read_bytes().count(b"\n") if self.path.exists() else 0
+
+    def longer(self, rows: int) -> None:
+        """Wait for so many further rows."""
+        wanted = self.lines + rows
+        wait_until(lambda: self.lines >= wanted, 20)
+
+    def unplug(self) -> str:
+        """Take the port away; the terminal that it was. Its number is kept from the next one."""
+        before = os.readlink(self.name)
+        send_control(str(self._control), "unplug")
+        wait_until(lambda: not self.name.is_symlink())
+        self._taken += os.openpty()
+        return before
+
+    def replug(self) -> str:
+        send_control(str(self._control), "replug")
+        wait_until(self.name.exists)
+        return os.readlink(self.name)
+
+    def rows(self) -> list[dict[str, str]]:
+        with open(self.path, encoding="utf-8", newline="") as file:
+            return list(csv.DictReader(file))
+
+    def sidecar(self) -> dict[str, Any]:
+        return dict(json.loads(Path(f"{self.path}.json").read_text(encoding="utf-8")))
+
+    def stop(self) -> None:
+        self.simulator.stop()
+        for descriptor in self._taken:
+            os.close(descriptor)
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Iterator[Bench]:
+    made = Bench(tmp_path)
+    yield made
+    made.stop()
+
+
+def ended(process: subprocess.Popen[bytes]) -> Result:
+    out, err = process.communicate(timeout=40)
+    return Result(process.returncode, out, err)
+
+
+def test_ten_unplugs_of_a_real_port_in_one_log(bench: Bench) -> None:
+    random = Random(19)
+    process = bench.log("--silence", "20")
+    places = []
+    for _ in range(10):
+        places.append(bench.unplug())
+        time.sleep(random.uniform(0.0, 0.3))
+        places.append(bench.replug())
+        bench.longer(random.randrange(3, 20))
+    assert len(set(places)) > 2, "it came back as another terminal"
+    process.send_signal(signal.SIGINT)
+    done = ended(process)
+    assert done.code == 130, done
+    (row,), rows, about = done.rows, bench.rows(), bench.sidecar()
+    assert (row["holes"], row["segments"], done.codes().count("port-lost")) == (10, 11, 10)
+    assert row["rows"] == len(rows) == about["rows"] == sum(segment["rows"] for segment in about["segments"])
+    assert int(rows[-1]["seq"]) == row["rows"] + row["lost"]
+    marked = [number for number, line in enumerate(rows, 1) if line["mark"].startswith("[port lost]")]
+    assert marked == [hole["row"] for hole in about["holes"]]
+    assert about["feedback"]["answered"] >= 2
+    assert "by-path" in done.codes(), "the name of this test is a path"
+
+
+def test_the_port_that_came_back_is_locked_as_the_first_was(bench: Bench) -> None:
+    process = bench.log("--count", "60", "--silence", "20")
+    first = bench.unplug()
+    assert bench.replug() != first
+    bench.longer(5)
+    for name in (bench.name, os.readlink(bench.name)):
+        busy = run("ekso", "time", "-p", name, "--json")
+        assert (busy.code, busy.error["code"]) == (3, "busy")
+    done = ended(process)
+    assert (done.code, done.rows[0]["rows"]) == (0, 60)
+    assert run("ekso", "time", "-p", bench.name).code == 0
+
+
+@pytest.mark.parametrize("how", ["silence", "ctrl-c", "stop"])
+def test_a_log_ends_in_order_while_its_port_is_gone(bench: Bench, how: str) -> None:
+    process = bench.log("--silence", "1" if how == "silence" else "60")
+    place = bench.unplug()
+    began = time.monotonic()
+    time.sleep(0.3)
+    if how == "ctrl-c":
+        process.send_signal(signal.SIGINT)
+    if how == "stop":
+        process.terminate()
+    done = ended(process)
+    assert (done.code, time.monotonic() - began < 10) == (3 if how == "silence" else 130, True), (done, place)
+    about = bench.sidecar()
+    assert (about["complete"], about["rows"]) == (True, len(bench.rows()))
+    assert about["ended"] == ("lost" if how == "silence" else "interrupted")
+    assert [hole["row"] for hole in about["holes"]] == [None]
