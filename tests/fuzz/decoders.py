@@ -355,14 +355,14 @@ class Slcan:
     def _open(self) -> None:
         from handctl.link.can import CanLink
 
-        self._link = CanLink("can:slcan:loop://")
+        self._link = CanLink("can:slcan:loop://", exclusive=False)  # an echo is not an adapter
         self._wire = self._link._bus.serialPortOrig  # type: ignore[attr-defined]
         self._wire.reset_input_buffer()
 
     def _frames(self, chunk: bytes) -> list[CanFrame]:
         found = []
         self._wire.write(chunk)
-        while self._wire.in_waiting:
+        while self._wire.in_waiting or not {b"\r"[0], 7}.isdisjoint(self._link._bus._buffer):  # type: ignore[attr-defined]
             try:
                 frame = self._link.receive(Deadline(lambda: 1.0, 0.0))
             except LinkError as exc:

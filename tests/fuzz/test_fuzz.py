@@ -73,7 +73,7 @@ IMPOSSIBLE = [b"TFFFFFFFF0\r", b"T20000000100\r", b"T11000001200\r", b"D11000001
 @pytest.mark.parametrize("text", [*TORN, *IMPOSSIBLE])
 def test_damaged_text_of_an_adapter_is_passed_over_and_counted(text: bytes) -> None:
     """It is shown as it came, it is nobody's error frame, and the line behind it is read."""
-    link = CanLink("can:slcan:loop://")
+    link = CanLink("can:slcan:loop://", exclusive=False)  # an echo is not an adapter
     link._bus.serialPortOrig.reset_input_buffer()  # type: ignore[attr-defined]
     link._bus.serialPortOrig.write(text)  # type: ignore[attr-defined]
     now = Deadline(lambda: 1.0, 0.0)

@@ -28,7 +28,7 @@ def test_what_can_be_passed_over(fault: str, seed: int) -> None:
         ("no-wrist", "no-answer", 4),
         ("twin-id", "no-answer", 4),
         ("no-ack", "no-ack", 4),
-        ("bus-off", "no-ack", 4),
+        ("bus-off", "bus-off", 3),
         ("truncate", "cut-short", 5),
         ("wrong-id", "wrong-id", 5),
         ("loopback", "echo", 5),

@@ -62,7 +62,8 @@ REFUSED_ON = {
     ],
     "can": [
         "get yaw_set --id -1", "get yaw_set --id 16384", "move --pitch 1 --id 16383", "read 4096 1", "read 4090 10",
-        "hand-read 4090 10", "hand-write 4096 00", "hand-write 1486 F401F401F401F401F4",
+        "hand-read 4090 10", "hand-write 4096 00", "hand-write 4090 F401F401F401F401F4",
+        "hand-write 1000 0102030405060708090A", "hand-write 1486 F401F401F401F401F4 --id 16383",
         "scan --ids 1-5000", "scan --ids 16384", "raw xyz", "raw 20000000#04", "raw 11000001#000000000000000000",
         "raw 05038001#E803",  # 1038 of the hand
         "raw 04FEC001#0102",  # 1019 and 1020 of the hand

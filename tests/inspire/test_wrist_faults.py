@@ -128,7 +128,7 @@ KINDS = [
     ("serial", "silent", "no-answer", 4), ("serial", "bad-checksum", "bad-checksum", 5),
     ("serial", "wrong-id", "wrong-id", 5), ("serial", "loopback", "echo", 5), ("serial", "disconnect", "lost", 3),
     ("can", "silent", "no-answer", 4), ("can", "deaf", "no-answer", 4), ("can", "no-ack", "no-ack", 4),
-    ("can", "bus-off", "no-ack", 4), ("can", "truncate", "cut-short", 5), ("can", "wrong-id", "wrong-id", 5),
+    ("can", "bus-off", "bus-off", 3), ("can", "truncate", "cut-short", 5), ("can", "wrong-id", "wrong-id", 5),
     ("can", "loopback", "echo", 5), ("can", "disconnect", "lost", 3),
 ]  # fmt: skip
 

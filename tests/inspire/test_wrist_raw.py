@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from handctl.devices.inspire.wrist import raw
+from handctl.devices.inspire.wrist import hand, raw
 from handctl.errors import CheckFailed, HandctlError, NoAnswer, UsageError
 from handctl.link import CanFrame
 from tests.inspire.wrist_support import (
@@ -299,7 +299,7 @@ def test_hand_read_and_wrist_read_of_one_address(wire: str) -> None:
 @pytest.mark.parametrize("wire", WIRES)
 def test_hand_space_is_read_over_more_than_one_frame(wire: str) -> None:
     wrist, _ = fake_wrist(wire)
-    (row,) = raw.hand_read(wrist, 1546, 12).rows
+    (row,) = hand.hand_read(wrist, 1546, 12).rows
     assert row["raw"] == "99 03 A5 03 B1 03 C9 03 BD 03 D5 03"
 
 
@@ -315,9 +315,9 @@ def test_the_hand_is_guarded_where_the_wrist_lies(wire: str, address: int, data:
     wrist, link = fake_wrist(wire)
     if guarded:
         with pytest.raises(UsageError) as caught:
-            raw.plan_hand_write(wrist, address, unhex(data), False)
+            hand.plan_hand_write(wrist, address, unhex(data), False)
         assert caught.value.code == "ambiguous"
-    step = raw.plan_hand_write(wrist, address, unhex(data), True)
+    step = hand.plan_hand_write(wrist, address, unhex(data), True)
     assert (step.moves, step.strands) == (True, True)
     flag = step.data[4] if step.can_id is None else step.can_id >> 26
     assert flag == (0x12 if wire == "serial" else 1)
@@ -335,11 +335,47 @@ def test_hand_write_asks_and_is_read_back(wire: str) -> None:
     assert (guarded.code, guarded.json["counters"]["sent"]) == (2, 0)
 
 
+TWELVE = "F401E803F401E803F401E803"
+
+
+@pytest.mark.parametrize("wire", WIRES)
+def test_twelve_bytes_are_one_serial_frame_and_two_of_can(wire: str) -> None:
+    """Reading splits, so does writing (wrist §2.3.2): each frame has its row, and is read back before the next."""
+    result = run("wrist", "hand-write", "1486", TWELVE, "-p", fake_port(wire), "--yes", "--json")
+    (row,) = result.rows
+    assert (result.code, row["address"], row["raw"]) == (0, 1486, unhex(TWELVE).hex(" ").upper())
+    writes = result.json["writes"]
+    assert [(entry["step"], entry["state"]) for entry in writes] == [(1, "confirmed"), (2, "confirmed")][: len(writes)]
+    carried = [entry["bytes"].partition("] ")[2] for entry in writes]
+    assert carried == (["F4 01 E8 03 F4 01 E8 03", "F4 01 E8 03"] if wire == "can" else [""])
+
+
+def test_frames_of_a_long_write_meet_at_even_addresses() -> None:
+    wrist, link = fake_wrist("can")
+    steps = hand.plan_hand_writes(wrist, 1487, bytes(12), False)
+    assert [len(step.data) for step in steps] == [7, 5]
+    assert [step.can_id >> 14 & 0xFFF for step in steps if step.can_id is not None] == [1487, 1494]
+    assert link.sent == []
+
+
+def test_a_long_write_ends_at_the_first_frame_that_does_not_read_back() -> None:
+    answers = frames(
+        ("05738001 [8] F4 01 E8 03 F4 01 E8 03", [(0.0, "05738001 [0]")]),
+        ("01738001 [1] 08", [(0.0, "01738001 [8] F4 01 00 00 F4 01 E8 03")]),
+    )
+    link = ScriptedFrames(answers)
+    table = hand.hand_write(wrist_on(link), 1486, unhex(TWELVE))
+    assert isinstance(table.failure, CheckFailed)
+    assert "The 4 bytes behind it were not sent" in table.failure.text
+    assert len(link.sent) == 2
+    assert table.rows[0]["raw"] == "F4 01 00 00 F4 01 E8 03"
+
+
 @pytest.mark.parametrize("wire", WIRES)
 def test_what_starts_something_in_the_hand_is_not_read_back(wire: str) -> None:
     """A save is followed by a result of its own, and reads 0 again (RH56 §2.4.4; dossier, 4.3)."""
     wrist, link = fake_wrist(wire)
-    table = raw.hand_write(wrist, 1005, b"\x01")
+    table = hand.hand_write(wrist, 1005, b"\x01")
     assert (table.failure, len(link.sent)) == (None, 1)
 
 
@@ -348,7 +384,7 @@ def test_what_starts_something_in_the_hand_is_not_read_back(wire: str) -> None:
 def test_a_new_id_is_read_back_through_it(wire: str, query: str) -> None:
     """The acknowledgement comes from the new id already (RH56 ch. 3 ex. 1)."""
     wrist, _ = fake_wrist(wire, query if wire == "serial" or "ack" not in query else "")
-    table = raw.hand_write(wrist, 1000, b"\x05")
+    table = hand.hand_write(wrist, 1000, b"\x05")
     assert (table.failure, table.rows[0]["raw"]) == (None, "05")
     assert any("--id 5" in entry.hint for entry in wrist.journal.messages)
 
@@ -359,7 +395,7 @@ def test_an_id_that_the_hand_did_not_take_is_a_failed_check() -> None:
         "EB 90 01 04 11 E8 03 01 02": "90 EB 01 04 11 E8 03 01 02",
     }
     link = ScriptedLink(lambda request: [(0.0, unhex(answers[hexed(request)]))] if hexed(request) in answers else [])
-    failure = raw.hand_write(wrist_on(link), 1000, b"\x05").failure
+    failure = hand.hand_write(wrist_on(link), 1000, b"\x05").failure
     assert isinstance(failure, CheckFailed)
     assert "reads 01 after 05" in failure.text
 
@@ -368,7 +404,7 @@ def test_impossible_ids_are_not_written_into_the_hand() -> None:
     wrist, _ = fake_wrist()
     for data in (b"\x00", b"\xff"):
         with pytest.raises(UsageError):
-            raw.plan_hand_write(wrist, 1000, data, True)
+            hand.plan_hand_write(wrist, 1000, data, True)
 
 
 @pytest.mark.parametrize(("fault", "code"), [("silent", 4), ("wrong-id", 5)])
@@ -386,7 +422,7 @@ def test_hand_write_that_did_not_take() -> None:
             ("EB 90 01 04 11 CE 05 02 EB", ["90 EB 01 05 11 CE 05 A1 00 8B"]),
         )
     )
-    failure = raw.hand_write(wrist_on(link), 1486, unhex("F4 01")).failure
+    failure = hand.hand_write(wrist_on(link), 1486, unhex("F4 01")).failure
     assert isinstance(failure, CheckFailed)
     assert "A1 00" in failure.text and "F4 01" in failure.text
 
@@ -402,7 +438,7 @@ def test_no_wrist_on_this_hand(wire: str) -> None:
     wrist, _ = fake_wrist(wire, "fault=no-wrist", retries=0)
     with pytest.raises(NoAnswer):
         wrist.dump()
-    assert raw.hand_read(wrist, 1472, 2).rows[0]["raw"] == "32 02"
+    assert hand.hand_read(wrist, 1472, 2).rows[0]["raw"] == "32 02"
 
 
 @pytest.mark.parametrize("data", [b"", b"\x00", bytes(8)])

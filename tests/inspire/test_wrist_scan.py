@@ -244,7 +244,7 @@ def test_the_deadline_ends_a_scan() -> None:
 @pytest.mark.parametrize(
     ("fault", "code", "exit_code"),
     [
-        ("silent", "no-answer", 4), ("no-wrist", "no-answer", 4), ("no-ack", "no-ack", 4), ("bus-off", "no-ack", 4),
+        ("silent", "no-answer", 4), ("no-wrist", "no-answer", 4), ("no-ack", "no-ack", 4), ("bus-off", "bus-off", 3),
         ("loopback", "echo", 5), ("wrong-id", "wrong-id", 5), ("truncate", "cut-short", 5),
     ],
 )  # fmt: skip

@@ -38,10 +38,11 @@ LINE_FAULTS: dict[str, dict[str, set[int]]] = {
         "healthy": RIGHT, "noise": RIGHT, "duplicate": RIGHT, "stale": RIGHT, "late": RIGHT, "slow": RIGHT,
         "echo": RIGHT,
         # no frame comes: lost, destroyed on the bus, or never acknowledged
-        "silent": {4}, "deaf": {4}, "twin-id": {4}, "no-ack": {4}, "bus-off": {4},
+        "silent": {4}, "deaf": {4}, "twin-id": {4}, "no-ack": {4},
         # frames come, none of them a valid answer
         "truncate": {5}, "wrong-id": {5}, "loopback": {5},
-        "disconnect": {3},
+        # the link is gone: its adapter, or the controller of it
+        "disconnect": {3}, "bus-off": {3},
         "refuse": RIGHT,
     },
 }  # fmt: skip

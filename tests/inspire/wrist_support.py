@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Sequence
 from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.canbus import CanBus
 from handctl.devices.inspire.wrist.device import Wrist
-from handctl.link import ByteLink, CanFrame, Deadline, FrameLink, open_link
+from handctl.link import ByteLink, CanFrame, Deadline, FrameLink, Trouble, open_link
 from handctl.model.result import Journal
 from tests.support.scripted import TOO_LONG, TOO_MANY_READS, RecordedLink
 
@@ -131,6 +131,9 @@ class RecordedFrames(FrameLink):
         frame = self.inner.receive(deadline)
         self.error_frames = self.inner.error_frames
         return frame
+
+    def trouble(self, before: int = 0) -> Trouble | None:
+        return self.inner.trouble(before)
 
     def close(self) -> None:
         self.inner.close()

@@ -64,7 +64,7 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
 OUTSIDE: list[tuple[str, tuple[str, ...]]] = [
     # package that is not of the standard library, or of it but a door to the world: who may import it
     ("serial", ("link.serial", "tools.ports", "tools.doctor")),
-    ("can", ("link.can", "tools.ports", "tools.doctor")),
+    ("can", ("link.can", "link.slcan", "tools.ports", "tools.doctor")),
     ("rich", ("screen.*",)),
     (
         "click",

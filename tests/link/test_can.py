@@ -258,11 +258,18 @@ def test_closing_twice_and_after_the_adapter_went(monkeypatch: pytest.MonkeyPatc
 def test_slcan_does_not_wait_two_seconds(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[dict[str, Any]] = []
 
+    class Noted:
+        adapter = ""
+
+        def __init__(self, **options: Any) -> None:
+            asked.append(options)
+
     def bus(**options: Any) -> Any:
         asked.append(options)
         return object()
 
     monkeypatch.setattr("handctl.link.can.can.Bus", bus)
+    monkeypatch.setattr("handctl.link.can.SlcanBus", Noted)
     for channel, wait in (("socket://h:1", 0.0), ("/dev/pts/99999", 0.0), ("/dev/ttyACM0", 0.1)):
         CanLink(f"can:slcan:{channel}")
         assert asked[-1]["sleep_after_open"] == wait

@@ -94,7 +94,7 @@ DAMAGED = [b"T\r", b"T1\r", b"TZZZZZZZZ2AABB\r", b"T000000012A\r", b"T00000001\x
 def test_a_damaged_line_of_an_adapter_is_dropped_and_counted() -> None:
     """What follows it is read."""
     server, port = pty.openpty()
-    link = open_link(f"can:slcan:{os.ttyname(port)}")
+    link = open_link(f"can:slcan:{os.ttyname(port)}", exclusive=False)  # it does not say who it is
     try:
         for number, line in enumerate(DAMAGED, 1):
             os.write(server, line + b"T10FF000120102\r")
@@ -110,13 +110,15 @@ def test_a_damaged_line_of_an_adapter_is_dropped_and_counted() -> None:
 
 
 def answering(server: int, answer: bytes, until: float) -> None:
-    """An adapter that says `answer` to each frame that it is to send, until the other end has gone."""
+    """An adapter that says who it is, and `answer` to each frame that it is to send, until the other end has gone."""
     while select.select([server], [], [], until)[0]:
         try:
             came = os.read(server, 4096)
         except OSError:
             return
         for line in came.split(b"\r"):
+            if line in (b"V", b"N"):
+                os.write(server, line + b"1013\r")
             if line.startswith(b"T"):
                 os.write(server, answer.replace(b"?", line[1:9]))
 

@@ -16,7 +16,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from handctl.errors import UsageError
-from handctl.link.base import ByteLink, CanFrame, Deadline, FrameLink, Link, NoFrames, NoLink, Outlet
+from handctl.link.base import ByteLink, CanFrame, Deadline, FrameLink, Link, NoFrames, NoLink, Outlet, Trouble
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -32,6 +32,7 @@ __all__ = [
     "NoFrames",
     "NoLink",
     "Outlet",
+    "Trouble",
     "is_can",
     "open_link",
 ]

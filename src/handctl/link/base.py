@@ -8,6 +8,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from handctl.errors import LinkError
+from handctl.sentence import plural
 
 
 class Deadline:
@@ -130,17 +131,51 @@ def _interrupt(*_: object) -> None:
     raise KeyboardInterrupt
 
 
+class Trouble(NamedTuple):
+    """What a CAN controller reports about the bus.
+
+    code       "no-ack" (no device acknowledges), "bus-off" (it has left the bus), "refused" (the adapter takes no frame), "bel" (the same, and it has no status to ask for),
+               "bus-errors" (frames were destroyed on the bus), "" (it was asked and reports no error)
+    evidence   how that is known, for people
+    """
+
+    code: str
+    evidence: str
+
+
 class FrameLink(Link):
     """A CAN bus with a device on it.
 
-    error_frames   what the controller reported: nobody acknowledges, bus off
+    error_frames   what the controller reported: nobody acknowledges, bus off, a frame that the adapter refused
     damaged        what came from the adapter and is no frame; the last of it is `damage`, for people
+    adapter        who the adapter says it is; "" where it does not, None where there is no adapter to ask
+    bitrate        bit/s of this end, None where it is not known
     """
 
     _goes_out = "send"
     error_frames: int = 0
     damaged: int = 0
     damage: str = ""
+    adapter: str | None = None
+    bitrate: int | None = None
+
+    def trouble(self, before: int = 0) -> Trouble | None:
+        """What the controller reports now, asked for where it can be asked; None where nothing is known.
+
+        `before` is what `error_frames` was when the frame in question was sent.
+        """
+        errors = self.error_frames - before
+        return Trouble("no-ack", f"The controller reports {plural(errors, 'error frame')}") if errors > 0 else None
+
+    def listen(self, bitrate: int, seconds: float) -> tuple[int, bool] | None:
+        """Only listen at this bitrate, without acknowledging: frames of others, and whether errors were seen.
+
+        None where this interface cannot. The channel is closed then, until `resume`.
+        """
+        return None
+
+    def resume(self) -> None:
+        """Back to the bitrate of the LINK, sending and acknowledging, after `listen`."""
 
     @abstractmethod
     def send(self, frame: CanFrame, deadline: Deadline) -> None:

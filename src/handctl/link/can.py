@@ -1,26 +1,42 @@
 """CAN through python-can: `can:INTERFACE:CHANNEL[?bitrate=…]`. The only user of python-can.
 
 Extended data frames only; standard, remote and own frames are passed over, error frames and damaged lines counted.
+What python-can's slcan interface leaves out is in slcan.py.
 """
 
 from __future__ import annotations
 
 import contextlib
+import errno
 import logging
 import os
 import struct
-from collections.abc import Callable
+import time
 from typing import Any
 
 import can
 
-from handctl.errors import LinkError, UsageError
-from handctl.link.base import CanFrame, Deadline, FrameLink, Outlet
+from handctl.errors import HandctlError, LinkError, NoAnswer, UsageError
+from handctl.link.base import CanFrame, Deadline, FrameLink, Outlet, Trouble
+from handctl.link.slcan import (
+    AGAIN_SECONDS,
+    BUS_ERROR,
+    PASSIVE,
+    QUEUE_FULL,
+    WARNING,
+    BadBitrate,
+    NotAnAdapter,
+    SlcanBus,
+    said_flags,
+)
+from handctl.sentence import plural
 
 BITRATE = 1_000_000
 """wrist §2.3."""
 POLL_SECONDS = 0.05
 """Some back ends return early without a frame; the deadline decides, not they."""
+BUS_OFF, RESTARTED = 0x40, 0x100
+"""Classes of Linux' error frames (linux/can/error.h)."""
 
 
 def split_link(link: str) -> tuple[str, str, dict[str, Any]]:
@@ -58,6 +74,12 @@ def _opening(interface: str, channel: str, bitrate: int) -> str:
     return f"check the adapter, the driver of {interface}, and the channel {channel}"
 
 
+NO_ACK_HINT = "check the hand's power, CAN high and low, the termination (120 ohm at both ends) and the bitrate"
+LOST_HINT = "check the adapter's cable, then run the command again"
+ENOUGH = 20
+"""Frames that show a bitrate to be right."""
+
+
 class CanLink(FrameLink):
     """A bus of any python-can interface."""
 
@@ -77,10 +99,21 @@ class CanLink(FrameLink):
         self._lock = _lock(link, channel) if slcan and exclusive else None
         try:
             settings = dict(interface=interface, channel=channel, receive_own_messages=False, **options)
-            self._bus = can.Bus(**_by_link_alone(settings), ignore_config=True)
+            self._bus = _open_bus(settings, meet=exclusive)
+        except BadBitrate as exc:
+            raise UsageError(
+                f"{link}: {exc}", hint="use a bitrate that this adapter has: ?bitrate=N behind the LINK"
+            ) from exc
         except (TypeError, ValueError) as exc:
             raise UsageError(
                 f"{link}: {exc}", hint="check the options behind the question mark: python-can's interface takes them"
+            ) from exc
+        except NotAnAdapter as exc:
+            raise LinkError(
+                f"{link}: the port does not answer as an slcan adapter does: {exc}. Only version and serial number were asked for",
+                hint="find the adapter with `handctl ports`. A hand on a serial port has no can:slcan: before it. "
+                "A board that restarts when it is opened needs ?sleep_after_open=2",
+                code="not-slcan",
             ) from exc
         except (can.CanError, OSError, ImportError, NotImplementedError) as exc:
             if "invalid bitrate" in str(exc).lower():
@@ -91,9 +124,11 @@ class CanLink(FrameLink):
                 code="cannot-open",
             ) from exc
         self._closed = False
-        self._line = b""
-        if interface == "slcan" and hasattr(self._bus, "_read"):
-            self._bus._read = self._noting(self._bus._read)
+        self._slcan = self._bus if isinstance(self._bus, SlcanBus) else None
+        self._counted = 0  # errors of an adapter that are in error_frames
+        self._left = False  # a controller of another interface is bus off
+        self.bitrate = options["bitrate"]
+        self.adapter = self._slcan.adapter if self._slcan is not None else None
         self._interface = interface
         self.held = (self._lock,) if self._lock is not None else ()
 
@@ -113,55 +148,112 @@ class CanLink(FrameLink):
         try:
             self._bus.send(message, timeout=max(0.001, deadline.remaining))
         except (can.CanError, OSError, ValueError) as exc:
-            raise LinkError(
-                f"{self.name}: the frame could not be sent: {exc}",
-                hint="check the device's power, the termination (120 ohm at both ends) and the bitrate. No device acknowledged, or the adapter is gone",
-                code="cannot-send",
-            ) from exc
+            raise self._not_sent(exc) from exc
+
+    def _not_sent(self, exc: Exception) -> HandctlError:
+        """Why a frame did not go out: Linux tells a queue that no one empties from an interface that is down."""
+        number = getattr(exc, "error_code", None) or getattr(exc, "errno", None)
+        if number == errno.ENOBUFS:
+            return NoAnswer(
+                f"{self.name}: no device acknowledges, and the transmit queue is full", hint=NO_ACK_HINT, code="no-ack"
+            )
+        if number == errno.ENETDOWN:
+            hint = _opening("socketcan", self.name.partition("?")[0].rpartition(":")[2], self.bitrate or BITRATE)
+            return LinkError(f"{self.name}: the CAN interface is down", hint=hint, code="down")
+        return LinkError(
+            f"{self.name}: the frame could not be sent: {exc}",
+            hint="check the device's power, the termination (120 ohm at both ends) and the bitrate. No device acknowledged, or the adapter is gone",
+            code="cannot-send",
+        )
 
     def receive(self, deadline: Deadline) -> CanFrame | None:
         while True:
             try:
                 message = self._bus.recv(min(POLL_SECONDS, deadline.remaining))
             except (can.CanError, OSError, ValueError, IndexError) as exc:
-                if self._interface == "slcan" and isinstance(exc.__cause__ or exc, (ValueError, IndexError)):
-                    self._drop_line(str(exc))
-                    if deadline.expired:
-                        return None
-                    continue
                 raise LinkError(
                     f"{self.name}: the bus is lost: {exc}",
-                    hint="check the adapter's cable, then run the command again",
+                    hint=LOST_HINT,
                     code="lost",
                 ) from exc
+            if self._slcan is not None:
+                self._count(self._slcan)
             if message is not None and message.is_error_frame:
                 self.error_frames += 1
+                if self._interface == "socketcan":
+                    self._left = bool(message.arbitration_id & BUS_OFF) or (
+                        self._left and not message.arbitration_id & RESTARTED
+                    )
             elif message is not None and not _possible(message):
-                self._drop_line("no frame can be like this")
+                self.damaged += 1
+                self.damage = "no frame can be like this"
             elif message is not None and message.is_extended_id and not message.is_remote_frame and message.is_rx:
                 return CanFrame(message.arbitration_id, bytes(message.data))
             if deadline.expired:
                 return None
 
-    def _drop_line(self, why: str) -> None:
-        """python-can takes an adapter's lines apart unchecked: a damaged one is passed over, as a damaged frame is."""
-        self.damaged += 1
-        kept = getattr(self._bus, "_buffer", None)
-        if isinstance(kept, bytearray) and kept:
-            self._line = bytes(kept)
-            kept.clear()  # bytes that are no text stay in there, and every line behind them would fail
-        self.damage = f"{self._line[:40]!r} ({why})" if self._line else why
+    # -- what the controller reports -----------------------------------------------------------------------------
 
-    def _noting(self, read: Callable[[float | None], str | None]) -> Callable[[float | None], str | None]:
-        """python-can's reader of an adapter's lines, with the last one kept: its errors do not tell it."""
+    def _count(self, bus: SlcanBus) -> None:
+        """Take over what the adapter's lines came to."""
+        self.damaged, self.damage = bus.damaged, bus.damage
+        self.error_frames += bus.refused + bus.errors - self._counted
+        self._counted = bus.refused + bus.errors
 
-        def reading(timeout: float | None) -> str | None:
-            self._line = b""
-            line = read(timeout)
-            self._line = (line or "").encode()
-            return line
+    def trouble(self, before: int = 0) -> Trouble | None:
+        if self._slcan is not None:
+            try:
+                return self._asked(self._slcan, self.error_frames > before)
+            except (can.CanError, OSError, ValueError) as exc:
+                raise LinkError(f"{self.name}: the bus is lost: {exc}", hint=LOST_HINT, code="lost") from exc
+        with contextlib.suppress(can.CanError, OSError, ValueError, NotImplementedError):
+            self._left = self._left or self._bus.state is can.BusState.ERROR
+        return Trouble("bus-off", "The interface reports it") if self._left else super().trouble(before)
 
-        return reading
+    def _asked(self, bus: SlcanBus, refused: bool) -> Trouble | None:
+        """The adapter's status. Flags stay until they are read, so what happens now is in the second reading.
+
+        A controller that no one answers repeats its frame: bus errors go on. One that is bus off does nothing more,
+        and its queue stays full.
+        """
+        if bus.left:
+            return Trouble("bus-off", "The adapter reports its state as bus off")
+        flags = bus.flags()
+        if flags is None:
+            if bus.errors:
+                return Trouble("no-ack", f"The adapter reports {plural(bus.errors, 'bus error')}")
+            return Trouble("bel", "It does not report its status") if refused else None
+        time.sleep(AGAIN_SECONDS)
+        now = bus.flags() or 0
+        told = f"Its status flags are {said_flags(flags | now)}"
+        if flags & BUS_ERROR and not refused and not (flags | now) & (WARNING | PASSIVE):
+            return Trouble("bus-errors", told)
+        if flags & (WARNING | PASSIVE | BUS_ERROR):
+            if now & QUEUE_FULL and not now & BUS_ERROR:
+                bus.left = True
+                return Trouble("bus-off", f"{told}. Then they are {said_flags(now)}")
+            return Trouble("no-ack", told)
+        return Trouble("refused", told) if refused else Trouble("", told)
+
+    def listen(self, bitrate: int, seconds: float) -> tuple[int, bool] | None:
+        bus = self._slcan
+        if bus is None:
+            return None
+        try:
+            bus.tune(bitrate, listening=True)
+            deadline, frames = self.deadline(seconds), 0
+            while not deadline.expired and frames < ENOUGH:
+                frames += bus.recv(deadline.remaining) is not None
+            return frames, bool((bus.flags() or 0) & (WARNING | PASSIVE | BUS_ERROR))
+        except ValueError:
+            return 0, False  # this adapter has not that bitrate
+        except (can.CanError, OSError) as exc:
+            raise LinkError(f"{self.name}: the bus is lost: {exc}", hint=LOST_HINT, code="lost") from exc
+
+    def resume(self) -> None:
+        if self._slcan is not None:
+            with contextlib.suppress(can.CanError, OSError, ValueError):
+                self._slcan.tune(self.bitrate or BITRATE)
 
     def close(self) -> None:
         if self._closed:
@@ -172,6 +264,20 @@ class CanLink(FrameLink):
             self._bus.shutdown()
         if self._lock is not None:
             os.close(self._lock)
+
+
+def _open_bus(settings: dict[str, Any], *, meet: bool) -> can.BusABC:
+    """python-can's bus; ours for slcan. Who only stops does not `meet` the adapter: the answers go to who has it open."""
+    config = _by_link_alone(settings)
+    if config["interface"] != "slcan":
+        return can.Bus(**config, ignore_config=True)
+    del config["interface"]
+    try:
+        return SlcanBus(meet=meet, **config)
+    except can.CanInitializationError as exc:
+        if isinstance(exc.__cause__, NotAnAdapter | BadBitrate):
+            raise exc.__cause__ from None  # python-can wraps what goes wrong while it opens
+        raise
 
 
 def _by_link_alone(settings: dict[str, Any]) -> dict[str, Any]:

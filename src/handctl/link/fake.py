@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from handctl.errors import LinkError, UsageError
-from handctl.link.base import ByteLink, CanFrame, Deadline, FrameLink, Link
+from handctl.link.base import ByteLink, CanFrame, Deadline, FrameLink, Link, Trouble
 
 NOTHING: Mapping[str, str] = {}
 _OPTIONS = "`handctl sim {kind} -h` lists the options"
@@ -185,6 +185,11 @@ class FakeFrames(_Simulated, FrameLink):
             raise self._state_lost(exc) from exc
         if not self._line.acknowledged:
             self.error_frames += 1
+
+    def trouble(self, before: int = 0) -> Trouble | None:
+        if self._line.bus_off:
+            return Trouble("bus-off", "The simulated controller reports it")
+        return super().trouble(before)
 
     def receive(self, deadline: Deadline) -> CanFrame | None:
         while True:

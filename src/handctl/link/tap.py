@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterable
 from typing import NamedTuple, Protocol
 
 from handctl.errors import LinkError, UsageError
-from handctl.link.base import ByteLink, CanFrame, Deadline, FrameLink, Link, Outlet
+from handctl.link.base import ByteLink, CanFrame, Deadline, FrameLink, Link, Outlet, Trouble
 
 
 class Entry(NamedTuple):
@@ -203,6 +203,16 @@ class TappedFrames(_Tapped, FrameLink):
     def __init__(self, link: FrameLink, tap: Observer) -> None:
         super().__init__(link, tap)
         self._link = link
+        self.adapter, self.bitrate = link.adapter, link.bitrate
+
+    def trouble(self, before: int = 0) -> Trouble | None:
+        return self._link.trouble(before)
+
+    def listen(self, bitrate: int, seconds: float) -> tuple[int, bool] | None:
+        return self._link.listen(bitrate, seconds)
+
+    def resume(self) -> None:
+        self._link.resume()
 
     def send(self, frame: CanFrame, deadline: Deadline) -> None:
         sent = self.now()

@@ -11,10 +11,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer, ProtocolError
-from handctl.link import ByteLink, CanFrame, Deadline, FrameLink, Link
+from handctl.link import ByteLink, Deadline, FrameLink, Link
 from handctl.model.latency import RoundTrips
 from handctl.model.result import Counters, Journal, hex_bytes
 from handctl.sentence import plural
+from handctl.tools import can_checks
 from handctl.tools import ports as port_tool
 from handctl.tools.machine import Machine, Port
 from handctl.tools.machine_checks import Check
@@ -167,14 +168,19 @@ class LinkChecks:
 
     def run(self) -> Iterator[Check]:
         """All rows, each as soon as it is known. Raises LinkError when the link is lost on the way."""
+        if isinstance(self._link, FrameLink):
+            yield can_checks.adapter_check(self._link)
         yield self._unasked()
         if self._probe is None:
             hint = "name the device with --family, or find it with `handctl scan`"
             yield Check("answer", "skipped", "nothing was sent, because the family is not known", hint)
             return
         first = getattr(self._link, "baud", None)
+        before = self._link.error_frames if isinstance(self._link, FrameLink) else 0
         series = self.read_series()
         yield self._answer(series)
+        if isinstance(self._link, FrameLink):
+            yield from can_checks.bus_checks(self._link, before, series.failed, bool(len(series.trips)), self._bound)
         if len(series.trips) and hasattr(self._probe, "identify"):
             yield self._identity(self._probe.identify)
         yield self._speed(series, first)
@@ -187,7 +193,7 @@ class LinkChecks:
     def _unasked(self) -> Check:
         """What comes before anything is sent."""
         if isinstance(self._link, FrameLink):
-            return self._traffic(self._link)
+            return can_checks.traffic(self._link, self._bound, LISTEN)
         assert isinstance(self._link, Watched)
         deadline = self._link.deadline(LISTEN).earlier(self._bound)
         came = b""
@@ -200,23 +206,6 @@ class LinkChecks:
         if self._probe is not None and "serial" not in self._probe.WIRES:
             return Check("unasked", "ok", f"{text} (this device may send data unasked)")
         return Check("unasked", "warning", text, "check for another device, a second master or a wrong speed")
-
-    def _traffic(self, link: FrameLink) -> Check:
-        deadline = link.deadline(LISTEN).earlier(self._bound)
-        frames: list[CanFrame] = []
-        while not deadline.expired and len(frames) < 1000:
-            frame = link.receive(deadline)
-            if frame is None:
-                break
-            frames.append(frame)
-        if link.error_frames:
-            remedy = "check bitrate, termination (120 ohm at both ends) and that a device is powered"
-            return Check("unasked", "warning", f"{plural(link.error_frames, 'error frame')} on the bus", remedy)
-        if link.damaged:
-            remedy = "check the adapter's cable and hub, and that no other program reads its port"
-            text = f"{plural(link.damaged, 'damaged line')} of the adapter, such as {link.damage}"
-            return Check("unasked", "warning", text, remedy)
-        return Check("unasked", "ok", f"{plural(len(frames), 'frame')} of others within {LISTEN:g} s")
 
     def read_series(self) -> Series:
         """Up to `reads` pings, ended by time, and by silence from the start."""
@@ -251,6 +240,11 @@ class LinkChecks:
             self._probe.ping(device)
         except (NoAnswer, ProtocolError) as exc:
             series.failed[exc.code] += 1
+            series.first = series.first or exc
+        except LinkError as exc:
+            if not isinstance(link, FrameLink) or exc.code == "lost":
+                raise
+            series.failed[exc.code] += 1  # bus off, or refused by the adapter: the checks of the bus tell more
             series.first = series.first or exc
         except DeviceRefused:
             series.trips.add(link.now() - started)  # it does not like the question, but it answers

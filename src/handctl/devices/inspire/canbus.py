@@ -10,8 +10,8 @@ from typing import ClassVar
 
 from handctl.devices.inspire import canreg
 from handctl.devices.inspire.registers import RegisterBus
-from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError
-from handctl.link import CanFrame, Deadline, FrameLink
+from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer, ProtocolError
+from handctl.link import CanFrame, Deadline, FrameLink, Trouble
 from handctl.model.param import Step
 from handctl.model.result import Journal, hex_bytes
 
@@ -92,7 +92,7 @@ class CanBus(RegisterBus):
         while True:
             frame = self.receive(deadline)
             if frame is None:
-                raise self._failure(request, odd, self.link.error_frames - errors, self.link.damaged - damaged, started)
+                raise self._failure(request, odd, errors, self.link.damaged - damaged, started)
             if frame.can_id == request.can_id and _answers(frame, request, count):
                 self.journal.counters.received += 1
                 self.round_trip = self.link.now() - started
@@ -101,7 +101,7 @@ class CanBus(RegisterBus):
             if _related(frame, request):
                 odd.append(frame)
             if deadline.expired:
-                raise self._failure(request, odd, self.link.error_frames - errors, self.link.damaged - damaged, started)
+                raise self._failure(request, odd, errors, self.link.damaged - damaged, started)
 
     def receive(self, deadline: Deadline) -> CanFrame | None:
         """The next frame of anybody; what the adapter hands out damaged is counted."""
@@ -160,16 +160,52 @@ class CanBus(RegisterBus):
                 hint=DAMAGED_HINT,
                 code="damaged",
             )
-        if errors:
-            return NoAnswer(f"{self.where}: no device acknowledged {request}", hint=NO_ACK_HINT, code="no-ack")
-        hint = f"look for the id with `handctl wrist scan`. If no device hears the bus, {NO_ACK_HINT}"
-        return self.unanswered(str(request), self.timeout, since, hint)
+        hint = f"look for the id of the hand with `handctl wrist scan`. If it finds none, {NO_ACK_HINT}"
+        return self.silence(request, errors, self.timeout, since, hint)
+
+    def silence(self, request: CanFrame, before: int, allowed: float, since: float, hint: str) -> HandctlError:
+        """The error of silence after a frame: what the controller reports about it, where it does.
+
+        `before` is what the link's `error_frames` was; the others as for `unanswered`.
+        """
+        trouble = self.link.trouble(before)
+        if trouble is not None and trouble.code:
+            return bus_failure(self.where, str(request), trouble)
+        silence = self.unanswered(str(request), allowed, since, hint)
+        if trouble is not None:
+            silence.text += ". The adapter reports no bus error, so a device acknowledged the frame"
+        return silence
 
 
 NO_ACK_HINT = (
-    "check power, termination (120 ohm), CAN high and low, and the bitrate. The manual has 1000000 bit/s, "
+    "check power, termination (120 ohm), CAN high and low, and the bitrate: `handctl doctor` listens for it. The manual has 1000000 bit/s, "
     "but some hands of this maker use 500000 (add ?bitrate=500000 to the LINK)"
 )
+TROUBLES: dict[str, tuple[type[HandctlError], str, str]] = {
+    "no-ack": (NoAnswer, "no device acknowledged {what}", NO_ACK_HINT),
+    "bus-off": (
+        LinkError,
+        "the CAN controller has left the bus (bus off) after too many errors",
+        "check CAN high, CAN low and the bitrate, then run the command again. Opening the link starts the controller again",
+    ),
+    "refused": (
+        LinkError,
+        "the adapter refused {what} with BEL",
+        "unplug the adapter and plug it in again. `handctl ports` shows which program uses it",
+    ),
+    "bel": (NoAnswer, "the adapter answered {what} with BEL", NO_ACK_HINT),
+    "bus-errors": (
+        NoAnswer,
+        "frames were destroyed on the bus after {what}",
+        "disconnect one of two hands that have one id. If there is only one, check the termination (120 ohm at both ends)",
+    ),
+}
+
+
+def bus_failure(where: str, what: str, trouble: Trouble) -> HandctlError:
+    """What the controller reports as the error of an exchange."""
+    kind, text, hint = TROUBLES[trouble.code]
+    return kind(f"{where}: {text.format(what=what)}. {trouble.evidence}", hint=hint, code=trouble.code)
 
 
 DAMAGED_HINT = "check the adapter's cable and hub, and that no other program reads its port"

@@ -80,11 +80,11 @@ def read(run: Run, address: str, count: int) -> Table:
 def hand_read(run: Run, address: str, count: int) -> Table:
     """Read COUNT bytes from ADDRESS of the hand that carries the wrist. Shown raw (flag 11, on CAN 0)."""
     from handctl.devices.inspire import eb90
-    from handctl.devices.inspire.wrist import raw as wrist_raw
+    from handctl.devices.inspire.wrist import hand as wrist_hand
 
     place = address_in(address)
     eb90.check_span(place, count)
-    return wrist_raw.hand_read(run.device(), place, count)
+    return wrist_hand.hand_read(run.device(), place, count)
 
 
 # -- moving and writing ---------------------------------------------------------------------------------------------
@@ -147,14 +147,14 @@ def write(run: Run, address: str, data: str) -> Table:
 def hand_write(run: Run, address: str, data: str, force_ambiguous: bool) -> Table:
     """Write bytes to registers of the hand that carries the wrist. They are not documented here. Asks first."""
     from handctl.devices.inspire.exo import raw as exo_raw
-    from handctl.devices.inspire.wrist import raw as wrist_raw
+    from handctl.devices.inspire.wrist import hand as wrist_hand
 
     place, payload = address_in(address), exo_raw.parse_hex(data)
-    step = wrist_raw.plan_hand_write(run.planner(), place, payload, force_ambiguous)
-    if (plan := run.planned([step])) is not None:
+    steps = wrist_hand.plan_hand_writes(run.planner(), place, payload, force_ambiguous)
+    if (plan := run.planned(steps)) is not None:
         return plan
-    run.confirm(f"This changes the hand, not the wrist: {step.meaning}", [step])
-    return wrist_raw.hand_write(run.device(), place, payload)
+    run.confirm(f"This changes the hand, not the wrist: {', then '.join(step.meaning for step in steps)}", steps)
+    return wrist_hand.hand_write(run.device(), place, payload)
 
 
 @cli.verb("raw", "Service", writes=True)

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from handctl.devices.inspire import canreg, eb90
-from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.canbus import CanBus, describe_frame
-from handctl.devices.inspire.map import EXO, WRIST, Register
+from handctl.devices.inspire.map import WRIST, Register
 from handctl.devices.inspire.spans import describe
 from handctl.devices.inspire.wrist.device import Wrist
-from handctl.errors import CheckFailed, DeviceRefused, HandctlError, Left, NoAnswer, ProtocolError, UsageError
+from handctl.errors import DeviceRefused, HandctlError, ProtocolError, UsageError
 from handctl.link import CanFrame
 from handctl.model.param import Element, Step
 from handctl.model.result import Column, Row, Table, hex_bytes
@@ -66,7 +65,7 @@ def register_at(address: int) -> Register | None:
     return next((register for register in WRIST if register.address == address), None)
 
 
-def _touches_shared(address: int, count: int) -> bool:
+def touches_shared(address: int, count: int) -> bool:
     return address < SHARED.stop and SHARED.start < address + count
 
 
@@ -118,102 +117,6 @@ def write(wrist: Wrist, address: int, data: bytes) -> Table:
     return wrist.table(wrist.write(changes))
 
 
-# -- the hand behind it ---------------------------------------------------------------------------------------------
-
-
-def hand_bus(wrist: Wrist) -> Bus | CanBus:
-    """A bus to the hand's own registers, through flags 11/12 or CAN flags 0/1."""
-    bus = wrist.bus.at("hand")
-    assert isinstance(bus, Bus | CanBus)
-    return bus
-
-
-def hand_read(wrist: Wrist, address: int, count: int) -> Table:
-    """Bytes of the hand's own space, raw: its manual is another one."""
-    return _hand_row(wrist, address, hand_bus(wrist).read(address, count), "hand space")
-
-
-def _hand_row(wrist: Wrist, address: int, data: bytes, label: str) -> Table:
-    row: Row = {"name": None, "finger": None, "address": address, "value": None, "unit": None, "raw": hex_bytes(data)}
-    return Table(rows=[{**row, "label": label}], columns=wrist.columns, plain=("raw",))
-
-
-def plan_hand_write(wrist: Wrist, address: int, data: bytes, force: bool) -> Step:
-    """A write into the hand's space; refused where the wrist's own registers would lie. Raises UsageError."""
-    if _touches_shared(address, len(data)) and not force:
-        raise UsageError(
-            f"address {address} of the hand holds current limits and power-on speeds, not the wrist",
-            hint="use `handctl wrist set` or `write` for the wrist. --force-ambiguous writes to the hand all the same. "
-            "Nothing was sent.",
-            code="ambiguous",
-        )
-    if EXO["id"].address in range(address, address + len(data)):
-        eb90.check_id(data[EXO["id"].address - address])
-    step = hand_bus(wrist).write_step(
-        address, data, f"write {hex_bytes(data)} at {address} of the hand, undocumented here"
-    )
-    return step._replace(moves=True, strands=True)
-
-
-def hand_write(wrist: Wrist, address: int, data: bytes) -> Table:
-    """Write into the hand's space once, and read back; what starts something there is not read back (RH56 §2.4).
-
-    A new id is looked for under that id. Raises Interrupted on Ctrl-C, which takes nothing back.
-    """
-    with wrist.bus.leaving(
-        f"{hex_bytes(data)} may be written at {address} of the hand", "`handctl wrist hand-read` shows it"
-    ):
-        return _hand_write(wrist, hand_bus(wrist), address, data)
-
-
-def _hand_write(wrist: Wrist, bus: Bus | CanBus, address: int, data: bytes) -> Table:
-    bytes_at = dict(enumerate(data, address))
-    starts = [register.name for register in EXO if register.trigger and bytes_at.get(register.address) == 1]
-    new = bytes_at.get(EXO["id"].address, bus.id)
-    more = {"acknowledged_by": (new,)} if isinstance(bus, Bus) else {}
-    then = "It is not read back, because it starts an action" if starts else "handctl reads it back"
-    lost = bus.try_write(address, data, "the write", then, **more)
-    if lost is not None and starts:
-        lost.leaves(Left(hint=f"it may have started {', '.join(starts)} all the same", joint=". "))
-        raise lost
-    if starts:
-        bus.journal.info(
-            "not-read-back", f"accepted, but not read back: it starts {', '.join(starts)} on the RH56 hand"
-        )
-        return _hand_row(wrist, address, data, "written")
-    now = _read_back(bus, address, len(data), new)
-    table = _hand_row(wrist, address, now, "hand space")
-    step = bus.write_step(address, data, "")
-    if now == data:
-        bus.journal.ledger.confirm("read back", step)
-    else:
-        bus.journal.ledger.doubt(f"reads {hex_bytes(now)}", step)
-        table.failure = CheckFailed(
-            f"{bus.where}: {address} of the hand reads {hex_bytes(now)} after {hex_bytes(data)} was written",
-            hint=f"read it again before you write: `handctl wrist hand-read {address} {len(data)}`",
-            code="read-back",
-        )
-    if now == data and bus.id != wrist.bus.id:
-        bus.journal.warn(
-            "new-id",
-            f"the hand and its wrist answer to id {bus.id} now, until power-off",
-            hint=f"go on with --id {bus.id}",
-        )
-    return table
-
-
-def _read_back(bus: Bus | CanBus, address: int, count: int, new: int) -> bytes:
-    """What stands there now, read through the id `new`, or through the old one when nobody has that."""
-    old, bus.id = bus.id, new
-    if new == old:
-        return bus.read(address, count)
-    try:
-        return bus.read(address, count)
-    except (NoAnswer, ProtocolError):
-        bus.id = old
-        return bus.read(address, count)
-
-
 # -- raw frames -----------------------------------------------------------------------------------------------------
 
 
@@ -241,7 +144,7 @@ def plan_raw(data: bytes, force: bool, *, only_explain: bool = False) -> Step:
                 hint="write 2, 4 or 6 bytes to a wrist. Add --force-ambiguous to send it all the same. Nothing was sent.",
                 code="ambiguous",
             )
-        if frame.flag == eb90.WRITE and not _touches_shared(frame.address or 0, len(frame.data)):
+        if frame.flag == eb90.WRITE and not touches_shared(frame.address or 0, len(frame.data)):
             return Step(f"write {hex_bytes(frame.data)} at {frame.address} of the hand", data, moves=True, strands=True)
         if frame.flag == eb90.WRIST_WRITE and frame.address is None:
             address = int.from_bytes(frame.payload[:2], "little")
@@ -255,7 +158,7 @@ def plan_raw(data: bytes, force: bool, *, only_explain: bool = False) -> Step:
             if explained is None and not force:
                 _refuse_illegal(frame.address or 0, frame.data)
             return Step(explained or f"write {hex_bytes(frame.data)} at {frame.address} of the wrist", data, moves=True)
-        if frame.flag == eb90.WRITE and _touches_shared(frame.address or 0, len(frame.data)) and not force:
+        if frame.flag == eb90.WRITE and touches_shared(frame.address or 0, len(frame.data)) and not force:
             raise UsageError(
                 f"flag 12 at {frame.address} writes current limits or power-on speeds of the hand, not the wrist",
                 hint="use flag 31 for the wrist. Add --force-ambiguous to send it all the same. Nothing was sent.",
@@ -302,7 +205,7 @@ def plan_can(frame: CanFrame, force: bool, *, only_explain: bool = False) -> Ste
         )
     if access.flag == canreg.WRITE_WRIST and not force:
         _refuse_illegal(access.address, frame.data)
-    if access.flag == canreg.WRITE_HAND and _touches_shared(access.address, len(frame.data)) and not force:
+    if access.flag == canreg.WRITE_HAND and touches_shared(access.address, len(frame.data)) and not force:
         raise UsageError(
             f"this writes address {access.address} of the hand: current limits or power-on speeds, not the wrist",
             hint="use flag 5 for the wrist. Add --force-ambiguous to send it all the same. Nothing was sent.",
@@ -322,7 +225,7 @@ def exchange_can(wrist: Wrist, frame: CanFrame, wait: float) -> Table:
     bus.pass_gate(frame)
     bus.check_bound(str(frame))
     bus.drain()
-    since, deadline = bus.link.now(), bus.deadline(wait)
+    errors, since, deadline = bus.link.error_frames, bus.link.now(), bus.deadline(wait)
     bus.send(frame, deadline)
     rows: list[Row] = []
     while len(rows) < 1000:
@@ -345,7 +248,7 @@ def exchange_can(wrist: Wrist, frame: CanFrame, wait: float) -> Table:
     if not any(
         row["direction"] != "other" or row["address"] == canreg.parse_identifier(frame.can_id).address for row in rows
     ):
-        raise bus.unanswered(str(frame), wait, since, "listen longer with --wait S")
+        raise bus.silence(frame, errors, wait, since, "listen longer with --wait S")
     columns = (
         Column("direction", "From"),
         Column("id", "Id", right=True),

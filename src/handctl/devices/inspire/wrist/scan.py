@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 from handctl.devices.inspire import canreg
 from handctl.devices.inspire.bus import Bus
-from handctl.devices.inspire.canbus import DAMAGED_HINT, NO_ACK_HINT, CanBus, said_damaged
+from handctl.devices.inspire.canbus import DAMAGED_HINT, NO_ACK_HINT, CanBus, bus_failure, said_damaged
 from handctl.devices.inspire.identity import WRIST
 from handctl.devices.inspire.scan_report import Target, scan
 from handctl.devices.inspire.wrist.device import WIRING_HINT, Wrist
-from handctl.errors import NoAnswer, ProtocolError, UsageError
+from handctl.errors import HandctlError, NoAnswer, ProtocolError, UsageError
 from handctl.link import CanFrame
 from handctl.model.guide import Guide
 from handctl.model.param import ids_in
@@ -92,7 +92,7 @@ def _scan_can(bus: CanBus, guide: Guide, ids: Sequence[int], wait: float, find_a
     facts = {"probes": search.probes, "seconds": round(seconds, 3), "error_frames": link.error_frames - errors}
     table = Table(rows=rows, columns=columns, extra={"scan": facts})
     if not hits:
-        table.failure = search.nothing(summary, link.error_frames > errors, link.damaged - damaged, cut)
+        table.failure = search.nothing(summary, errors, link.damaged - damaged, cut)
     return table
 
 
@@ -154,11 +154,14 @@ class _CanSearch:
                 break
         return answered
 
-    def nothing(self, summary: str, errors: bool, damaged: int, cut: bool) -> NoAnswer | ProtocolError:
-        """Why nothing was found."""
+    def nothing(self, summary: str, errors: int, damaged: int, cut: bool) -> HandctlError:
+        """Why nothing was found; `errors` were there before."""
         name = self._bus.link.name
-        if errors:
-            return NoAnswer(f"{name}: no device acknowledged a frame ({summary})", hint=NO_ACK_HINT, code="no-ack")
+        trouble = self._bus.link.trouble(errors)
+        if trouble is not None and trouble.code:
+            failure = bus_failure(name, "the probes", trouble)
+            failure.text += f" ({summary})"
+            return failure
         if self._lone:
             hint = "power-cycle the hand, then scan again: it answers under another id than was asked"
             return ProtocolError(
@@ -179,4 +182,7 @@ class _CanSearch:
             return ProtocolError(text, hint=DAMAGED_HINT, code="damaged")
         if cut:
             return NoAnswer(f"{name}: no wrist so far ({summary})", hint="give a longer --deadline", code="deadline")
+        if trouble is not None:
+            text = f"{name}: no wrist answered. The adapter reports no bus error, so another device acknowledged ({summary})"
+            return NoAnswer(text, hint=f"scan other ids: --ids 255-4350. If no wrist answers, {NO_ACK_HINT}")
         return NoAnswer(f"{name}: no wrist, complete silence ({summary})", hint=NO_ACK_HINT)
