@@ -1491,3 +1491,107 @@ def test_it_starts_light(options: dict[str, str]) -> None:
     assert not modules & heavy
     assert "handctl.sim.exo.device" not in modules
     assert ("handctl.sim.wrist.can" in modules) is ("bus" in options)
+
+
+# -- the hand behind the wrist --------------------------------------------------------------------------------------------
+
+CALIBRATE, CALIBRATE_ACK = "EB 90 01 04 12 F1 03 01 0C", "90 EB 01 04 12 F1 03 01 0C"  # RH56 chapter 3, example 5
+CALIBRATED = "90 EB 01 04 11 02 00 00 18"
+CLOSE_LITTLE = "EB 90 01 05 12 CE 05 00 00 EB"  # angle 0
+ANGLES, STROKES, FORCES, CURRENTS_OF_HAND = (range(first, first + 12, 2) for first in (1546, 1534, 1582, 1594))
+RESTING = [921, 933, 945, 969, 957, 981]
+
+
+@pytest.mark.parametrize("bench", on_both(), ids=["serial", "can"])
+def test_a_finger_goes_to_its_angle_and_the_others_stay(bench: Any) -> None:
+    """Speed 1000 is 1000 units in 0.8 s; the little finger has speed 901 after power-on, so 921 units take 0.818 s."""
+    bench.ask(CLOSE_LITTLE if isinstance(bench, Bench) else "05738001 00 00 FF FF FF FF FF FF")
+    assert bench.values(*ANGLES, space="hand-get") == RESTING
+    assert bench.line.command("hand-get 1612 6") == "01 01 03 02 00 05"  # closing
+    bench.wait(0.4)
+    assert bench.values(*ANGLES, space="hand-get") == [round(921 - 0.4 * 1250 * 0.901), *RESTING[1:]]
+    assert bench.values(1594, 1596, space="hand-get") == [41 + 150, 42]
+    bench.wait(0.5)
+    assert bench.values(*ANGLES, space="hand-get") == [0, *RESTING[1:]]
+    assert bench.values(1534, 1536, 1594, space="hand-get") == [2000, 1133, 41]
+    assert bench.line.command("hand-get 1612 6") == "02 01 03 02 00 05"  # arrived
+    bench.line.command("power-cycle")
+    assert bench.values(*ANGLES, space="hand-get") == [0, *RESTING[1:]]
+
+
+def test_a_stroke_moves_and_a_speed_counts_on_the_way() -> None:
+    bench = Bench()
+    bench.ask("EB 90 01 05 12 F2 05 64 00 73")  # speed of the little finger 100
+    bench.ask("EB 90 01 05 12 C2 05 D0 07 B6")  # its stroke 2000: bent
+    bench.wait(1.0)
+    assert bench.values(1546, space="hand-get") == [921 - 125]
+    bench.ask("EB 90 01 05 12 F2 05 E8 03 FA")  # 1000
+    bench.wait(0.5)
+    assert bench.values(1546, space="hand-get") == [921 - 125 - 625]
+    bench.ask("EB 90 01 05 12 F2 05 00 00 0F")  # 0: it stands still
+    bench.wait(5.0)
+    assert bench.values(1546, 1594, space="hand-get") == [921 - 125 - 625, 41]
+    bench.ask("EB 90 01 05 12 CE 05 FF FF E9")  # -1 moves nothing
+    bench.ask("EB 90 01 05 12 CE 05 E9 03 D7")  # 1001 neither
+    assert bench.values(1546, space="hand-get") == [921 - 125 - 625]
+
+
+def test_calibration_moves_the_hand_and_tells_its_end() -> None:
+    bench = Bench()
+    assert bench.ask(CALIBRATE) == CALIBRATE_ACK
+    seen = [bench.values(*ANGLES, space="hand-get")]
+    for _ in range(5):
+        assert bench.wait(1.1999) == ""
+        seen.append(bench.values(*ANGLES, space="hand-get"))
+        bench.ask(CLOSE_LITTLE)  # nothing is done meanwhile
+        if len(seen) < 6:
+            bench.wait(0.0001)
+    assert seen == [
+        RESTING,
+        [1000] * 6,
+        [0, 0, 0, 0, 1000, 1000],
+        [1000] * 6,
+        [1000, 1000, 1000, 1000, 0, 0],
+        [1000] * 6,
+    ]
+    assert bench.values(*FORCES, space="hand-get") == [-21, 22, -23, 24, -25, 26]
+    assert bench.wait(0.001) == CALIBRATED
+    assert bench.values(*FORCES, space="hand-get") == [0] * 6
+    assert bench.line.command("hand-get 1009 1") == "00"
+    assert bench.wait(100.0) == ""
+    bench.ask(CLOSE_LITTLE)
+    bench.wait(2.0)
+    assert bench.values(1546, space="hand-get") == [0]
+
+
+def test_calibration_without_an_end_frame_and_on_can() -> None:
+    bench = Bench(fault="no-late-frames")
+    assert bench.ask(CALIBRATE) == CALIBRATE_ACK
+    assert bench.wait(10.0) == ""
+    assert bench.values(*FORCES, space="hand-get") == [0] * 6
+    bus = CanBench()
+    assert bus.ask("04FC4001 01") == ["04FC4001"]
+    assert bus.wait(10.0) == []
+    assert bus.values(*FORCES, *ANGLES, space="hand-get") == [0] * 6 + [1000] * 6
+
+
+def test_a_finger_on_its_way_goes_on_from_the_state_file(tmp_path: Path) -> None:
+    state = tmp_path / "wrist.json"
+    first = Bench(state=state)
+    first.ask(CLOSE_LITTLE)
+    first.wait(0.4)
+    first.line.close()
+    second = Bench(state=state)
+    assert second.values(1546, space="hand-get") == [round(921 - 0.4 * 1250 * 0.901)]
+    second.wait(0.5)
+    assert second.values(1546, space="hand-get") == [0]
+    third = Bench(state=state, elapse=1)
+    assert third.values(1546, space="hand-get") == [0]
+    saved = json.loads(state.read_text())
+    saved["fingers"]["course"] = [[7.0, 1]]
+    state.write_text(json.dumps(saved))
+    with pytest.raises(ValueError, match="is damaged or foreign"):
+        Bench(state=state)
+    del saved["fingers"]
+    state.write_text(json.dumps(saved))
+    Bench(state=state)

@@ -89,6 +89,7 @@ def snapshot(device: Module) -> dict[str, Any]:
         "temperatures": [actuator.temperature for actuator in body.actuators],
         "errors": [actuator.errors for actuator in body.actuators],
         "rest_currents": [actuator.rest_current for actuator in body.actuators],
+        "fingers": device.fingers.snapshot(),
     }
 
 
@@ -107,7 +108,10 @@ def restore(device: Module, state: dict[str, Any]) -> None:
     movement, blocked = _row(state, "movement", 0, 65.535), _row(state, "blocked", 0, 1)
     temperatures, errors = _row(state, "temperatures", 0, 255), _row(state, "errors", 0, 255)
     currents = _row(state, "rest_currents", -32768, 32767)
+    still: dict[str, Any] = {"moving": [None] * 6, "course": []}  # a file of before the fingers moved
+    fingers = device.fingers.check(state.get("fingers", still))
     device.wrist.memory, device.hand.memory = wrist, hand
+    device.fingers.use(*fingers)
     device.flash, device.kept, device.id = {"id": flash_id, "speed_code": flash_code}, kept, number
     device.use_speed(code)
     body = device.body

@@ -24,7 +24,7 @@ _OPTIONS = {
     "result-flag": "flag of the save result: 17 (11 hex, default) or 18 (12 hex)",
     "gap": "seconds of silence after which an unfinished request is forgotten (default 0.1)",
 }
-_FAULTS = {**model.FAULTS, "no-late-frames": "no save result"}
+_FAULTS = {**model.FAULTS, "no-late-frames": "no save result, no end of a calibration"}
 
 
 class Device(Module):
@@ -93,6 +93,11 @@ class Device(Module):
         if "no-late-frames" not in self.faults:
             result = struct.pack("<HB", 1005, 255 if "save-fails" in self.faults else 0)
             self._replies.append(Reply(self.now + SAVE_TIME, frame(self.id, self._result_flag, result), hits))
+
+    def calibrates(self, end: float, hits: frozenset[str]) -> None:
+        """The end is told with address 2 and a 00 of unknown meaning (RH56 chapter 3, example 5)."""
+        if "no-late-frames" not in self.faults:
+            self._replies.append(Reply(end, frame(self.id, READ_HAND, struct.pack("<HB", 2, 0)), hits))
 
     # -- faults that know the frame -----------------------------------------------------------------------------------
 

@@ -51,6 +51,7 @@ HAND = (
     (1618, 1, 6, "r", 0, 255),  # temperatures, °C
 )
 TRIGGERS = (1004, 1005, 1006, 1009)  # act when 1 is written and read back as 0
+PLACES = (1534, 1558)  # strokes and angles of the fingers
 KEPT = (1020, 1056)  # the hand's bytes that a save keeps, beside id and speed code (RH56 §2.4.7 to §2.4.9)
 
 # What the hand shows at power-on: all different, and nothing that could pass for a value of the wrist.
@@ -126,10 +127,13 @@ class Space:
 
 
 def power_on_hand(space: Space, kept: bytes) -> None:
-    """The hand's memory after power-on; `kept` are its flash bytes from 1020 on."""
+    """The hand's memory after power-on; `kept` are its flash bytes from 1020 on. The fingers are where they were."""
+    places = bytes(space.memory[PLACES[0] : PLACES[1]])
     space.memory = bytearray(MEMORY)
     for address, layout, values in _HAND_VALUES:
         struct.pack_into(layout, space.memory, address, *values)
+    if any(places):
+        space.memory[PLACES[0] : PLACES[1]] = places
     space.memory[KEPT[0] : KEPT[1]] = kept
     space.memory[1522:1534] = kept[12:24]  # the speeds in force are those kept for power-on
 

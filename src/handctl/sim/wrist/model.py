@@ -11,6 +11,7 @@ import struct
 
 from handctl.sim.engine.model import Model, Options, Random
 from handctl.sim.wrist.body import PITCH, YAW, Body
+from handctl.sim.wrist.fingers import Fingers
 from handctl.sim.wrist.memory import FACTORY, HAND, KEPT, TRIGGERS, WRIST, Space, power_on_hand, power_on_wrist
 
 TYPE_CHECKING = False
@@ -72,25 +73,30 @@ class Module(Model):
         self.body = Body(random, jitter, float(options.integer("limit", 70, 40, 100)))
         self.wrist = Space(WRIST)
         self.hand = Space(HAND)
+        self.fingers = Fingers(self.hand)
 
     # -- power, time, faults ----------------------------------------------------------------------------------------
 
     def boot(self, now: float) -> None:
         super().boot(now)
-        self.body.now = now
+        self.body.now = self.fingers.now = now
 
     def advance(self, now: float) -> None:
         self.now = now
         self.body.advance(now)
+        self.fingers.advance(now)
 
     def elapse(self, seconds: float) -> None:
         self.body.advance(self.body.now + max(seconds, self.body.left))
+        self.fingers.settle()
 
     def power(self, on: bool) -> None:
         """Id and speed come from flash, set values start anew, late frames are gone; angles and heat stay."""
+        self.publish()
         self.powered = on
         self._replies.clear()
         self.body.power_on()
+        self.fingers.power_on()
         if not on:
             return
         power_on_wrist(self.wrist)
@@ -163,8 +169,10 @@ class Module(Model):
                     self._trigger(place, hits)
                 continue
             space.memory[place : place + len(raw)] = raw
-            if space is self.hand and place == 1000:
-                self.use_id(value)
+            if space is self.hand:
+                self.fingers.written(place, value)
+                if place == 1000:
+                    self.use_id(value)
         if space is self.wrist:
             self._move({place: value for place, value, _ in accepted})
         return True
@@ -189,13 +197,18 @@ class Module(Model):
             self.use_id(1)
             self.hand.memory[1002] = 0
             self.hand.memory[KEPT[0] : KEPT[1]] = FACTORY
-        # 1009, the calibration of the hand, moves nothing here: the hand is only a memory.
+        elif place == 1009:
+            self.calibrates(self.fingers.calibrate(), hits)
 
     def saved(self, hits: frozenset[str]) -> None:
         """A save was tried; a wire that reports the result overrides this."""
 
+    def calibrates(self, end: float, hits: frozenset[str]) -> None:
+        """The hand's calibration has begun and ends then; a wire that reports the end overrides this."""
+
     def publish(self) -> None:
         """Puts the readings of this moment into memory."""
+        self.fingers.publish()
         body, memory = self.body, self.wrist.memory
         pitch, yaw = (3000, 3001) if "foreign" in self.faults else body.positions()
         struct.pack_into("<hh", memory, 1020, pitch, yaw)
