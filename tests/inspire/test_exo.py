@@ -181,7 +181,7 @@ def test_lost_link_tells_what_was_written() -> None:
     hand, _ = fake_hand("fault=disconnect&after=1")
     with pytest.raises(LinkError) as caught:
         hand.write(changes("position_set.index=300", "force_set.index=5"))
-    assert "already written: position_set.index" in caught.value.hint
+    assert "Already written: position_set.index" in caught.value.hint
 
 
 def test_id_is_written_last_and_the_hand_is_followed() -> None:
@@ -247,9 +247,9 @@ def test_every_finding_names_finger_and_cause() -> None:
     assert table.failure is not None
     assert (table.failure.exit_code, table.failure.code) == (7, "unhealthy")
     for part in (
-        "little: locked_rotor (0x01)",
-        "index: over_temperature, over_current (0x06)",
-        "thumb: motor_abnormal",
+        "Little: locked_rotor (0x01)",
+        "Index: over_temperature, over_current (0x06)",
+        "Thumb: motor_abnormal",
     ):
         assert part in table.failure.text
     assert "ends by cooling, now 78 °C" in table.failure.text

@@ -314,7 +314,7 @@ def test_a_motion_that_cannot_be_watched_any_more_may_go_on(fault: str) -> None:
     with pytest.raises(HandctlError) as caught:
         procedures.move(hand, [1000] * 5, Guide(), wait=5.0)
     assert caught.value.exit_code == {"disconnect": 3, "silent": 4, "bad-checksum": 5}[fault]
-    assert "the fingers may still move" in caught.value.text
+    assert "The fingers may still move" in caught.value.text
     assert "power" in caught.value.hint
     assert len(changing(link.sent)) == 1
 
@@ -327,7 +327,7 @@ def test_a_link_lost_during_a_command_or_a_write_is_told() -> None:
     hand, _ = fake_hand("fault=disconnect")
     with pytest.raises(LinkError) as caught:
         hand.write(EXO.assignments(["position_set.index=300"]))
-    assert "it is not known whether position_set.index was written, and the device may move" in caught.value.text
+    assert "It is not known whether position_set.index was written, and the device may move" in caught.value.text
 
 
 def test_a_link_lost_during_a_calibration_says_that_it_goes_on() -> None:
