@@ -275,7 +275,7 @@ def test_a_fault_with_a_window(fault: str, window: int) -> None:
         assert (exit_code, code) == FAULTS[fault], text
     if fault == "wrong-echo":
         assert "2C45h" in text and f"sent {DATA[0x45]:02X}, got {DATA[0x45] ^ 0x40:02X}" in text
-        assert run.error is not None and "leave --window out" in str(run.error.hint)
+        assert run.error is not None and "Leave --window out" in str(run.error.hint)
 
 
 def test_silence_never_passes_for_an_echo_of_00() -> None:

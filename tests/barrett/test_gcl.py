@@ -242,6 +242,6 @@ def test_a_prompt_is_for_a_terminal(more: tuple[str, ...], tmp_path: Path, monke
     monkeypatch.chdir(tmp_path)
     with Terminal("barrett", "gcl", "--fake", *more) as terminal:
         assert terminal.finish() == 2
-        assert "the prompt needs a terminal as its output" in terminal.text.replace("\n", " ")
+        assert "The prompt needs a terminal as its output" in terminal.text.replace("\n", " ")
         assert "=> " not in terminal.text
     assert not (tmp_path / "data.txt").exists()

@@ -230,7 +230,7 @@ def test_a_movement_that_cannot_be_watched_any_more_may_go_on(wire: str, fault: 
     with pytest.raises(HandctlError) as caught:
         move(wrist, 20.0, None, 2000)
     assert caught.value.exit_code == exit_code
-    assert "the wrist may still move" in caught.value.text
+    assert "The wrist may still move" in caught.value.text
     assert len(writes_of(link)) == 1
 
 
@@ -342,5 +342,5 @@ def test_a_late_error_names_what_was_written() -> None:
     with pytest.raises(HandctlError) as caught:
         wrist.write(wrist.targets(None, 10.0, 500))
     assert caught.value.exit_code == 3
-    assert "already written: move_time" in caught.value.hint
+    assert "Already written: move_time" in caught.value.hint
     assert len(writes_of(link)) == 2
