@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import ast
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -32,16 +31,6 @@ LONGEST = 28
 ERRORS = {"UsageError", "LinkError", "NoAnswer", "ProtocolError", "DeviceRefused", "CheckFailed", "NotConfirmed"}
 VERBATIM = ("Cntl-C abort command received",)
 """The manuals' own words, and what a program prints that is none of ours."""
-
-
-UNREAD = {"sim"}
-"""Rooms that are still to be edited. Empty in the end."""
-UNREAD_HELP = {"sim", "ekso"}
-"""Commands whose help is, with the common options in it. Empty in the end."""
-
-
-def still(names: Iterable[str], unread: set[str]) -> list[Any]:
-    return [pytest.param(name, marks=[pytest.mark.xfail(strict=False)] if name in unread else []) for name in names]
 
 
 def page() -> str:
@@ -117,13 +106,13 @@ def faults(text: str) -> Iterator[str]:
             yield f"{len(sentence.split())} words in a sentence"
 
 
-@pytest.mark.parametrize("room", still(ROOMS, UNREAD))
+@pytest.mark.parametrize("room", ROOMS)
 def test_texts(room: str) -> None:
     found = [f"{place}: {fault}: {text[:120]!r}" for place, text in texts(room) for fault in faults(text)]
     assert not found, f"{len(found)} faults\n" + "\n".join(found)
 
 
-@pytest.mark.parametrize("room", still(ROOMS, UNREAD))
+@pytest.mark.parametrize("room", ROOMS)
 def test_every_error_has_a_next_step(room: str) -> None:
     found = []
     for folder in ROOMS[room]:
@@ -139,7 +128,7 @@ def test_every_error_has_a_next_step(room: str) -> None:
     assert not found, "\n".join(found)
 
 
-@pytest.mark.parametrize("top", still(COMMANDS, UNREAD_HELP))
+@pytest.mark.parametrize("top", COMMANDS)
 def test_help(top: str) -> None:
     """Each help begins with a capital, ends with a full stop, has a first sentence of one line, and keeps to the rules."""
     found = []

@@ -27,10 +27,10 @@ MEANT = [
     ("find", "'scan'"),
     ("prots", "'ports'"),
     ("oxe dump", "'exo'"),
-    ("barrett get MCVV --fake", "did you mean MCV?"),
-    ("exo get temprature --fake", "did you mean temperature?"),
-    ("barrett diagnose strain-rnge", "did you mean strain-range"),
-    ("sim exo --pty --fault noize", "did you mean 'noise'?"),
+    ("barrett get MCVV --fake", "Did you mean MCV?"),
+    ("exo get temprature --fake", "Did you mean temperature?"),
+    ("barrett diagnose strain-rnge", "Did you mean strain-range"),
+    ("sim exo --pty --fault noize", "Did you mean 'noise'?"),
 ]
 
 
@@ -72,6 +72,6 @@ def test_a_named_device_needs_no_family(words: tuple[str, ...], left: dict[str, 
 
 
 def test_a_named_device_that_has_no_such_command_or_no_such_name(left: dict[str, str]) -> None:
-    for words, said in (("-d left stauts", "'status'"), ("-d lfet status", "did you mean left?")):
+    for words, said in (("-d left stauts", "'status'"), ("-d lfet status", "Did you mean left?")):
         done = run(*words.split(), env=left)
         assert done.code == 2 and said in done.err

@@ -154,7 +154,7 @@ def test_there_is_no_serial_wire() -> None:
     refused = CliRunner().invoke(cli, ["aidin", "--pty"])
     assert refused.exit_code == 2 and "No such option" in refused.output
     assert "--pty" not in CliRunner().invoke(cli, ["aidin", "-h"]).output
-    assert "where to serve: --tcp HOST:PORT" in CliRunner().invoke(cli, ["aidin"]).output
+    assert "No place to serve at. Give --tcp HOST:PORT" in CliRunner().invoke(cli, ["aidin"]).output
 
 
 def test_half_an_object_of_a_client_that_left_does_not_swallow_what_the_next_one_sends(start: Start) -> None:

@@ -507,7 +507,7 @@ def test_damaged_state_file(tmp_path: Path, place: tuple[str | int, ...], value:
         inner = inner[key]
     inner[place[-1]] = value
     path.write_text(json.dumps(state))
-    with pytest.raises(ValueError, match=r"damaged or foreign .* remove it to start afresh"):
+    with pytest.raises(ValueError, match=r"damaged or foreign .* Remove it to start afresh"):
         Bench(state=path)
 
 
@@ -706,13 +706,13 @@ def test_control_commands() -> None:
 @pytest.mark.parametrize(
     ("command", "complaint"),
     [
-        ("block F4", "unknown motor 'F4'; known: F1, F2, F3, S, all"),
+        ("block F4", "unknown motor 'F4'. Known: F1, F2, F3, S, all"),
         ("temperature hot", "'hot' is not a whole number from -550 to 1250"),
         ("temperature 1251", "'1251' is not a whole number from -550 to 1250"),
         ("strain F1 256", "'256' is not a whole number from 0 to 255"),
         ("ram P", "no stored parameter 'P'"),
-        ("leap", "unknown command 'leap'; known: temperature"),
-        ("obstacle F1", "unknown command 'obstacle F1'; known: temperature"),
+        ("leap", "unknown command 'leap'. Known: temperature"),
+        ("obstacle F1", "unknown command 'obstacle F1'. Known: temperature"),
     ],
 )
 def test_control_complaints(command: str, complaint: str) -> None:

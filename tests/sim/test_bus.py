@@ -245,9 +245,9 @@ def test_power_and_control(tmp_path: Path) -> None:
     assert client.command("device 1 fault silent") == "fault silent"
     assert ask(client, ASK_3) == b""
     assert ask(client, ASK_5) != b""
-    with pytest.raises(ValueError, match="there is no device 3; known: 1 to 2"):
+    with pytest.raises(ValueError, match=r"there is no device 3\. Known: 1 to 2"):
         client.command("device 3 help")
-    with pytest.raises(ValueError, match="unknown command 'jump'; known: power-cycle"):
+    with pytest.raises(ValueError, match=r"unknown command 'jump'\. Known: power-cycle"):
         client.command("jump")
 
 
@@ -258,27 +258,27 @@ def test_power_and_control(tmp_path: Path) -> None:
     ("content", "complaint"),
     [
         ("", "[line] wire is missing: one of rs485, rs232, can"),
-        ("[line", "no TOML"),
+        ("[line", "not TOML"),
         ("line = 3", "line is a table, [line]"),
-        ("[lines]", "unknown table 'lines'; known: [line], [[device]], [[master]]"),
+        ("[lines]", "unknown table 'lines'. Known: [line], [[device]], [[master]]"),
         ("[line]\nwire = 'rs422'", "[line] wire = 'rs422': one of rs485, rs232, can"),
-        ("[line]\nwire = 'rs485'\nspeed = 3", "[line] unknown key 'speed'; known: wire, model, baud"),
+        ("[line]\nwire = 'rs485'\nspeed = 3", "[line] unknown key 'speed'. Known: wire, model, baud"),
         ("[line]\nmodel = 'wifi'", "[line] model = 'wifi': one of clean, half-duplex"),
         ("[line]\nwire = 'rs485'\nlatency_ms = -1", "[line] latency_ms = -1: a number from 0 to 10000"),
         ("[line]\nwire = 'rs485'\nlatency_ms = nan", "[line] latency_ms = nan: a number from 0 to 10000"),
         ("[line]\nwire = 'rs485'\nhalf_duplex = 1", "[line] half_duplex = 1: true or false"),
         ("[line]\nwire = 'rs485'\nbaud = 0", "[line] baud = 0: a whole number from 50 to 20000000"),
-        ("[line]\nwire = 'can'\npacket = 8", "[line] packet is of a serial line"),
+        ("[line]\nwire = 'can'\npacket = 8", "[line] packet belongs to a serial line"),
         ("[line]\nwire = 'rs485'\n[device]\nkind = 'exo'", "each device is a table of its own, [[device]]"),
-        ("[line]\nwire = 'rs485'\n[[device]]", "[[device]] 1 kind is missing; one of"),
-        ("[line]\nwire = 'rs485'\n[[device]]\nkind = 'aidin'", "kind = 'aidin': no simulated device on rs485; one of"),
-        ("[line]\nwire = 'can'\n[[device]]\nkind = 'exo'", "kind = 'exo': no simulated device on can; one of wrist"),
+        ("[line]\nwire = 'rs485'\n[[device]]", "[[device]] 1 kind is missing. Known:"),
+        ("[line]\nwire = 'rs485'\n[[device]]\nkind = 'aidin'", "kind = 'aidin': no simulated device on rs485. Known:"),
+        ("[line]\nwire = 'can'\n[[device]]\nkind = 'exo'", "kind = 'exo': no simulated device on can. Known: wrist"),
         (
             "[line]\nwire = 'rs485'\n[[device]]\nkind = 'exo'\nid = 999",
             "[[device]] 1 option id=999: out of range 1 to 254",
         ),
         ("[line]\nwire = 'rs485'\n[[device]]\nkind = 'exo'\nfault = 'x'", "[[device]] 1 unknown fault 'x'"),
-        ("[line]\nwire = 'rs485'\n[[device]]\nkind = 'exo'\nwire = 3", "[[device]] 1 wire: that is said in [line]"),
+        ("[line]\nwire = 'rs485'\n[[device]]\nkind = 'exo'\nwire = 3", "[[device]] 1 wire: give it in [line]"),
         ("[line]\nwire = 'rs485'\n[[device]]\nkind = 'exo'\nid = {}", "[[device]] 1 id: a text or a number"),
         ("[line]\nwire = 'rs485'\n[[master]]\nevery_ms = 3", "[[master]] 1 ask is missing: bytes in hex"),
         ("[line]\nwire = 'rs485'\n[[master]]\nask = 'EB'", "[[master]] 1 every_ms is missing: a number from 1"),
@@ -299,5 +299,5 @@ def test_a_wrong_file_is_named(tmp_path: Path, content: str, complaint: str) -> 
 def test_a_file_that_is_not_there(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="cannot be read: No such file"):
         create("bus", {"file": str(tmp_path / "none.toml")})
-    with pytest.raises(ValueError, match="say which file"):
+    with pytest.raises(ValueError, match="name the file that describes the bus"):
         create("bus", {})

@@ -127,16 +127,16 @@ def test_control_reaches_each_device(start: Start, tmp_path: Path) -> None:
         client.sendall(ASK_5 + ASK_3)
         assert receive(client, 9) == ID_IS_3
     assert ASK_3.hex() in runner.invoke(cli, ["control", control, "heard"]).output
-    assert "known: power-cycle" in runner.invoke(cli, ["control", control, "jump"]).output
+    assert "Known: power-cycle" in runner.invoke(cli, ["control", control, "jump"]).output
 
 
 @pytest.mark.parametrize(
     ("content", "arguments", "complaint"),
     [
-        (EXAMPLE, [], "say where to serve: --pty, --tcp HOST:PORT, --slcan-pty, --slcan-tcp HOST:PORT"),
-        (EXAMPLE, ["--slcan-pty"], 'wire = "rs485" is served by --pty or --tcp HOST:PORT'),
-        ('[line]\nwire = "can"', ["--pty"], 'wire = "can" is served by --slcan-pty or --slcan-tcp HOST:PORT'),
-        ("[line]\nwires = 3", ["--pty"], "[line] unknown key 'wires'; known: wire, model"),
+        (EXAMPLE, [], "No place to serve at. Give --pty, --tcp HOST:PORT, --slcan-pty or --slcan-tcp HOST:PORT"),
+        (EXAMPLE, ["--slcan-pty"], 'wire = "rs485" needs --pty or --tcp HOST:PORT'),
+        ('[line]\nwire = "can"', ["--pty"], 'wire = "can" needs --slcan-pty or --slcan-tcp HOST:PORT'),
+        ("[line]\nwires = 3", ["--pty"], "[line] unknown key 'wires'. Known: wire, model"),
         (EXAMPLE, ["--pty", "--seed", "x"], "option seed=x: not a whole number"),
         (EXAMPLE.replace("hot", "cold"), ["--pty"], "[[device]] 2 unknown fault 'cold' of the simulated wrist"),
     ],

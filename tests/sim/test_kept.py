@@ -50,7 +50,7 @@ def test_a_command_finds_what_the_one_before_left(family: str) -> None:
     assert before != value and kept(family) is None
     first = run(family, *write, "--fake", "--yes")
     assert first.code == 0, first
-    assert f"stays as it is now until you log out; `handctl sim forget {family}` begins afresh" in first.err
+    assert f"stays as it is now until you log out. `handctl sim forget {family}` begins afresh" in first.err
     second = run(family, *read, "--fake", "--json")
     assert second.codes() == ["kept"]
     assert second.json["device"]["link"] == f"fake://{family}"

@@ -473,8 +473,8 @@ def test_client_that_writes_without_end_does_not_make_it_grow() -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"falt": "noise"}, "unknown option 'falt'.*known: .*fault"),
-        ({"fault": "noize"}, "unknown fault 'noize'.*known: .*noise"),
+        ({"falt": "noise"}, "unknown option 'falt'.*Known: .*fault"),
+        ({"fault": "noize"}, "unknown fault 'noize'.*Known: .*noise"),
         ({"fault": "noise,,none,noize"}, "unknown fault 'noize'"),
         ({"seed": "one"}, "seed=one: not a whole number"),
         ({"seed": "-1"}, "seed=-1: out of range"),
@@ -502,7 +502,7 @@ def test_bad_options(options: dict[str, str], message: str) -> None:
 
 def test_unknown_kind() -> None:
     for name in ("toaster", "engine", "inspire", "cli", "../exo", ""):
-        with pytest.raises(ValueError, match=f"no simulated device '{name}'; known: {', '.join(kinds())}"):
+        with pytest.raises(ValueError, match=rf"no simulated device '{name}'\. Known: {', '.join(kinds())}"):
             create(name, {})
     assert "exo" in kinds()
 

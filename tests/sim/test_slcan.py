@@ -653,8 +653,8 @@ def test_pty_of_the_adapter_for_a_client_that_sets_nothing(start: Start) -> None
     ("arguments", "message"),
     [
         ([], "--slcan-pty or --slcan-tcp"),
-        (["--pty", "--slcan-pty"], "say where to serve"),
-        (["--slcan-pty", "--slcan-tcp", "127.0.0.1:0"], "say where to serve"),
+        (["--pty", "--slcan-pty"], "More than one place to serve at. Give either --pty or"),
+        (["--slcan-pty", "--slcan-tcp", "127.0.0.1:0"], "More than one place to serve at. Give either --pty or"),
         (["--slcan-tcp", "127.0.0.1"], "HOST:PORT"),
         (["--slcan-pty", "--set", "bus=serial"], "bus=serial"),
         (["--pty", "--set", "bus=can"], "bus=can"),

@@ -343,7 +343,7 @@ def test_silence_on_can(identifier: int, data: str, extended: bool, remote: bool
     ("identifier", "size", "extended"), [(1 << 29, 0, True), (2048, 0, False), (1, 9, True), (-1, 0, True)]
 )
 def test_impossible_frame(identifier: int, size: int, extended: bool) -> None:
-    with pytest.raises(ValueError, match="no CAN frame"):
+    with pytest.raises(ValueError, match="not a CAN frame"):
         CanBench().line.feed_frame(identifier, bytes(size), extended)
 
 
@@ -1445,8 +1445,8 @@ def test_bad_command(text: str) -> None:
     ("options", "message"),
     [
         ({"bus": "usb"}, "bus=usb: not one of serial, can"),
-        ({"bus": "can", "fault": "bad-checksum"}, "unknown fault 'bad-checksum'.*known: .*no-ack"),
-        ({"fault": "no-ack"}, "unknown fault 'no-ack'.*known: .*bad-checksum"),
+        ({"bus": "can", "fault": "bad-checksum"}, "unknown fault 'bad-checksum'.*Known: .*no-ack"),
+        ({"fault": "no-ack"}, "unknown fault 'no-ack'.*Known: .*bad-checksum"),
         ({"ack-dlc": "1"}, "unknown option 'ack-dlc'"),
         ({"bus": "can", "ack-dlc": "2"}, "ack-dlc=2: not one of 0, 1"),
         ({"bus": "can", "baud": "115200"}, "unknown option 'baud'"),

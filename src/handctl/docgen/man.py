@@ -138,7 +138,7 @@ def _paragraphs(page: Page, text: str, *, inside: bool) -> None:
     """A click help text; a paragraph that begins with \\b keeps its lines. The first one of an item stands there."""
     for paragraph in filter(None, re.split(r"\n\s*\n", text)):
         if paragraph.startswith("\b"):
-            lines = [escape(line) for line in paragraph.lstrip("\b\n").splitlines()]
+            lines = [marked(line) for line in paragraph.lstrip("\b\n").splitlines()]
             if inside:
                 page.indent()
             page.literal(lines)

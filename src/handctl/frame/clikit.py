@@ -23,7 +23,7 @@ from handctl.frame.family import Family
 from handctl.frame.numbers import Hertz, Seconds
 from handctl.frame.options import COMMAND_LINE, SharedOption, config_path, from_click, read_config, resolve
 from handctl.frame.run import Run
-from handctl.frame.usage import HEADINGS, MOST, USUAL, Described, plain_help
+from handctl.frame.usage import HEADINGS, MOST, USUAL, Described, plain_help, write_examples
 from handctl.screen.streams import utf8_stdout
 
 
@@ -246,11 +246,12 @@ class Root(Group):
 
     def listed(self, ctx: click.Context) -> list[tuple[str, str, str]]:
         """From `families`: nothing of a command is loaded."""
-        return [(heading, name, COMMANDS[name][1]) for heading, names in LISTED.items() for name in names]
+        found = ((heading, name, COMMANDS[name][1]) for heading, names in LISTED.items() for name in names)
+        return [(heading, name, f"{text[0].upper()}{text[1:]}.") for heading, name, text in found]
 
     def format_examples(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """To begin with."""
-        Described.format_examples(self, ctx, formatter)
+        write_examples(ctx, formatter)
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> list[Any]:
         from click.shell_completion import CompletionItem

@@ -27,7 +27,7 @@ NAMES = "[NAME]..."
 SETPOINTS = click.option(
     "--setpoints",
     is_flag=True,
-    help="Also what was commanded: positions, and forces, which ask by themselves.",
+    help="Include commanded positions and forces. For forces there is a separate question.",
 )
 """Offered where a map has quantities whose writing commands something."""
 
@@ -56,7 +56,7 @@ def add_map_verbs(
 
     @click.option("--check", is_flag=True, help="Exit 7 when anything is unhealthy.")
     def status(run: Run, check: bool) -> Table:
-        """Show a health summary: values per part, errors in words."""
+        """Show a health summary: values per finger or motor, errors decoded."""
         return run.device().status(check)  # type: ignore[no-any-return]
 
     def dump(run: Run) -> Table:

@@ -32,10 +32,16 @@ def _show_help(ctx: click.Context, _param: click.Parameter, value: bool) -> None
 
 
 def plain_help(command: click.Command) -> None:
-    """Help of a command that is not one of ours, and of those below it, goes to stdout as ours does."""
+    """Help of a command that is not one of ours, and of those below it, goes to stdout as ours does and shows examples."""
     if "get_help_option" not in vars(command):
-        made = command.get_help_option
+        made, options = command.get_help_option, command.format_options
+
+        def with_examples(ctx: click.Context, formatter: click.HelpFormatter) -> None:
+            options(ctx, formatter)
+            write_examples(ctx, formatter)
+
         command.get_help_option = lambda ctx: _written_plainly(made(ctx))  # type: ignore[method-assign]
+        command.format_options = with_examples  # type: ignore[method-assign]
     for below in command.commands.values() if isinstance(command, click.Group) else ():
         plain_help(below)
 
@@ -93,12 +99,7 @@ class Described(click.Command):
         self.format_common(ctx, formatter, [param for param in common if not param.hidden])
 
     def format_examples(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Two or three command lines with what they show."""
-        if examples := examples_of(ctx.command_path.split()[1:])[:MOST_EXAMPLES]:
-            with formatter.section("Examples"):
-                for line, text in examples:
-                    formatter.write(f"  {line}\n")
-                    _wrapped(formatter, text.replace("`", ""), "      ")
+        write_examples(ctx, formatter)
 
     def format_common(
         self, ctx: click.Context, formatter: click.HelpFormatter, options: Sequence[SharedOption]
@@ -109,6 +110,15 @@ class Described(click.Command):
                 names = [max(option.opts, key=len) for option in options if option.section == title]
                 if names:
                     _wrapped(formatter, f"{title}: {', '.join(names)}", "  ", "    ")
+
+
+def write_examples(ctx: click.Context, formatter: click.HelpFormatter) -> None:
+    """Two or three command lines with what they show."""
+    if examples := examples_of(ctx.command_path.split()[1:])[:MOST_EXAMPLES]:
+        with formatter.section("Examples"):
+            for line, text in examples:
+                formatter.write(f"  {line}\n")
+                _wrapped(formatter, text.replace("`", ""), "      ")
 
 
 def _wrapped(formatter: click.HelpFormatter, text: str, first: str, later: str | None = None) -> None:

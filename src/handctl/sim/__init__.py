@@ -40,7 +40,7 @@ def model_class(kind: str, bus: str = "serial") -> type[Model]:
     """The model of one kind of device on one kind of wire; imported here so that no other model is."""
     folder = folder_of(kind)
     if folder is None:
-        raise ValueError(f"no simulated device {kind!r}; known: {', '.join(kinds())}")
+        raise ValueError(f"no simulated device {kind!r}. Known: {', '.join(kinds())}")
     module = "can" if bus == "can" and "can" in folder.WIRES else "device"
     found: type[Model] = importlib.import_module(f"{folder.__name__}.{module}").Device
     return found

@@ -18,10 +18,13 @@ class SimError(click.ClickException):
 
 @click.group("sim", context_settings={"help_option_names": ["-h", "--help"]})
 def cli() -> None:
-    """Simulated devices that any client can talk to, over a pty or a TCP port, CAN through an slcan adapter there.
+    """Serve a simulated device, to which any client can talk.
 
-    A server prints one JSON line when it is ready, {"ready": true, "link": LINK}, and serves until it gets SIGTERM or
-    SIGINT. SIGUSR1 is a power cycle. Whatever a client learns here says nothing about a real device.
+    It is served on a pseudo terminal or a TCP port. CAN is served there through an slcan adapter. Results with a simulator
+    prove nothing about a real device.
+
+    When it is ready, a simulator prints one JSON line: {"ready": true, "link": LINK}. It ends at SIGTERM or SIGINT.
+    SIGUSR1 switches its power off and on.
     """
 
 
@@ -61,7 +64,7 @@ def _address(ctx: click.Context, param: click.Parameter, text: str | None) -> tu
         return None
     host, colon, port = text.rpartition(":")
     if not colon or not port.isdigit() or int(port) > 65535:
-        raise click.BadParameter("say HOST:PORT, for example 127.0.0.1:0 (0 takes any free port)")
+        raise click.BadParameter("give HOST:PORT, for example 127.0.0.1:0 (0 takes any free port)")
     return host.removeprefix("[").removesuffix("]") or "127.0.0.1", int(port)
 
 
@@ -85,7 +88,7 @@ def _raw_options(given: dict[str, Any], fault: tuple[str, ...], settings: tuple[
     for text in settings:
         name, equals, value = text.partition("=")
         if not equals or not name:
-            raise click.UsageError(f"--set {text}: say KEY=VALUE")
+            raise click.UsageError(f"--set {text}: give KEY=VALUE")
         raw[name.strip().replace("_", "-")] = value.strip()
     raw.update({name: str(value) for name, value in given.items() if value is not None})
     if fault:
@@ -99,9 +102,9 @@ def _no_options(function: Callable[..., None]) -> Callable[..., None]:
 
 def _slcan_options(function: Callable[..., None]) -> Callable[..., None]:
     tcp = click.option(
-        "--slcan-tcp", metavar="HOST:PORT", callback=_address, help="CAN, as an slcan adapter on a TCP port."
+        "--slcan-tcp", metavar="HOST:PORT", callback=_address, help="Serve CAN as an slcan adapter on a TCP port."
     )
-    return click.option("--slcan-pty", is_flag=True, help="CAN, as an slcan adapter on a new pseudo terminal.")(
+    return click.option("--slcan-pty", is_flag=True, help="Serve CAN as an slcan adapter on a new pseudo terminal.")(
         tcp(function)
     )
 
@@ -125,27 +128,37 @@ def _server(kind: str) -> click.Command:
     summary: str = folder.SUMMARY
     can, serial = "can" in folder.WIRES, "serial" in folder.WIRES
 
-    @click.command(kind, cls=_ServerCommand, short_help=summary)
+    @click.command(kind, cls=_ServerCommand, short_help=f"Serve a simulated {summary}")
     @(_pty_option if serial else _no_options)
-    @click.option("--tcp", metavar="HOST:PORT", callback=_address, help="Serve on a TCP port; port 0 is any free one.")
-    @(_slcan_options if can else _no_options)
-    @click.option("--seed", metavar="N", help="Start of the random generator.")
     @click.option(
-        "--fault", metavar="NAME[,NAME]", multiple=True, help="Faults and states, see below; may be repeated."
+        "--tcp", metavar="HOST:PORT", callback=_address, help="Serve on a TCP port. Port 0 takes any free port."
     )
-    @click.option("--after", metavar="N", help="The first N requests are healthy.")
-    @click.option("--every", metavar="N", help="Of the later requests only each N-th is hit.")
-    @click.option("--wire", metavar="BAUD", help="Emulate the transmission time at this speed ('auto': the device's).")
+    @(_slcan_options if can else _no_options)
+    @click.option("--seed", metavar="N", help="Seed of the random generator.")
+    @click.option(
+        "--fault", metavar="NAME[,NAME]", multiple=True, help="Faults and states, listed below. May be repeated."
+    )
+    @click.option("--after", metavar="N", help="Leave the first N requests healthy.")
+    @click.option("--every", metavar="N", help="Hit only each N-th of the later requests.")
+    @click.option(
+        "--wire", metavar="BAUD", help="Take the transmission time of this speed in bit/s (auto: the device's speed)."
+    )
     @click.option("--state", metavar="FILE", callback=_some, help="Keep memory, flash and positions in this file.")
     @click.option(
         "--duration",
         metavar="S",
         type=click.FloatRange(0.0, 1e9),
         callback=_number,
-        help="Stop by itself after S seconds.",
+        help="Stop after S seconds.",
     )
-    @click.option("--control", metavar="PATH", callback=_some, help="Unix socket for commands, see 'sim control'.")
-    @click.option("--set", "settings", metavar="KEY=VALUE", multiple=True, help="A further option, see below.")
+    @click.option("--control", metavar="PATH", callback=_some, help="Open a Unix socket for `handctl sim control`.")
+    @click.option(
+        "--set",
+        "settings",
+        metavar="KEY=VALUE",
+        multiple=True,
+        help="Set a further option, listed below. May be repeated.",
+    )
     def command(
         tcp: tuple[str, int] | None,
         fault: tuple[str, ...],
@@ -159,16 +172,19 @@ def _server(kind: str) -> click.Command:
         **given: str | None,
     ) -> None:
         on_can = slcan_pty or slcan_tcp is not None
-        if [on_pty, tcp is not None, slcan_pty, slcan_tcp is not None].count(True) != 1:
+        given_places = [on_pty, tcp is not None, slcan_pty, slcan_tcp is not None].count(True)
+        if given_places != 1:
             places = "either --pty or --tcp HOST:PORT" if serial else "--tcp HOST:PORT"
             more = ", or --slcan-pty or --slcan-tcp HOST:PORT" if can else ""
-            raise click.UsageError(f"say where to serve: {places}{more}")
+            raise click.UsageError(
+                f"{'More than one' if given_places else 'No'} place to serve at. Give {places}{more}"
+            )
         if by_id is not None and not on_pty:
-            raise click.UsageError("--by-id is for --pty")
+            raise click.UsageError("--by-id needs --pty")
         raw = _raw_options(given, fault, settings)
         if can and (raw.setdefault("bus", "can" if on_can else "serial") == "can") != on_can:
             raise click.UsageError(
-                f"bus={raw['bus']}: CAN is served by --slcan-pty or --slcan-tcp, serial by --pty or --tcp"
+                f"bus={raw['bus']}: serve CAN with --slcan-pty or --slcan-tcp, serial with --pty or --tcp"
             )
         from handctl.sim.engine import serve, slcan
 
@@ -202,7 +218,7 @@ def _server(kind: str) -> click.Command:
         except (serve.ServeError, OSError) as exc:
             raise SimError(str(exc)) from exc
 
-    command.help = f"{summary}\n\nPrints one JSON line when ready and serves until SIGTERM, SIGINT or --duration."
+    command.help = f"Serve a simulated {summary}\n\nIt prints one JSON line when it is ready, and serves until SIGTERM, SIGINT or --duration."
     return command
 
 
@@ -217,7 +233,7 @@ class _BusCommand(click.Command):
             ("Keys of [line]", LINE_KEYS),
             ("Keys of each [[device]]", DEVICE_KEYS),
             ("Keys of each [[master]]", MASTER_KEYS),
-            ("Lines for model", SAID),
+            ("Values of model", SAID),
         ):
             with formatter.section(title):
                 formatter.write_dl(list(rows.items()))
@@ -226,17 +242,19 @@ class _BusCommand(click.Command):
                 formatter.write(f"{'':{formatter.current_indent}}{line}".rstrip() + "\n")
 
 
-@cli.command("bus", cls=_BusCommand, short_help="Several devices, clients and masters on one line.")
+@cli.command("bus", cls=_BusCommand, short_help="Serve several simulated devices on one RS-485, RS-232 or CAN bus.")
 @click.argument("file", callback=_some)
 @click.option("--pty", "on_pty", is_flag=True, help="Serve on a new pseudo terminal.")
-@click.option("--tcp", metavar="HOST:PORT", callback=_address, help="Serve on a TCP port; port 0 is any free one.")
-@click.option("--slcan-pty", is_flag=True, help="CAN, as an slcan adapter on a new pseudo terminal.")
-@click.option("--slcan-tcp", metavar="HOST:PORT", callback=_address, help="CAN, as an slcan adapter on a TCP port.")
-@click.option("--seed", metavar="N", help="Start of the random generator.")
+@click.option("--tcp", metavar="HOST:PORT", callback=_address, help="Serve on a TCP port. Port 0 takes any free port.")
+@click.option("--slcan-pty", is_flag=True, help="Serve CAN as an slcan adapter on a new pseudo terminal.")
 @click.option(
-    "--duration", metavar="S", type=click.FloatRange(0.0, 1e9), callback=_number, help="Stop by itself after S seconds."
+    "--slcan-tcp", metavar="HOST:PORT", callback=_address, help="Serve CAN as an slcan adapter on a TCP port."
 )
-@click.option("--control", metavar="PATH", callback=_some, help="Unix socket for commands, see 'sim control'.")
+@click.option("--seed", metavar="N", help="Seed of the random generator.")
+@click.option(
+    "--duration", metavar="S", type=click.FloatRange(0.0, 1e9), callback=_number, help="Stop after S seconds."
+)
+@click.option("--control", metavar="PATH", callback=_some, help="Open a Unix socket for `handctl sim control`.")
 def bus(
     file: str,
     on_pty: bool,
@@ -247,24 +265,26 @@ def bus(
     duration: float | None,
     control: str | None,
 ) -> None:
-    """Several simulated devices, clients and other masters on one RS-485, RS-232 or CAN bus, with the line as it is.
+    """Serve several simulated devices on one RS-485, RS-232 or CAN bus.
 
-    FILE (TOML) tells what is on the line. Several places to serve at may be given, and --tcp and --slcan-tcp take several
-    clients: each gets what the line carries. In process: fake://bus?file=FILE.
+    FILE (TOML) describes the line, its devices and other masters. --tcp and --slcan-tcp take several clients, and several
+    places may be given: each client gets what the line carries. A LINK fake://bus?file=FILE needs no server.
 
-    Prints one JSON line when ready and serves until SIGTERM, SIGINT or --duration. Of several places it tells all as
+    It prints one JSON line when it is ready, and serves until SIGTERM, SIGINT or --duration. Several places stand in
     "links".
     """
     on_line, on_can = on_pty or tcp is not None, slcan_pty or slcan_tcp is not None
     if not on_line and not on_can:
-        raise click.UsageError("say where to serve: --pty, --tcp HOST:PORT, --slcan-pty, --slcan-tcp HOST:PORT")
+        raise click.UsageError(
+            "No place to serve at. Give --pty, --tcp HOST:PORT, --slcan-pty or --slcan-tcp HOST:PORT"
+        )
     from handctl.sim.bus.file import read
 
     try:
         plan = read(file, seed)
         if on_line if plan.wire == "can" else on_can:
             places = "--slcan-pty or --slcan-tcp HOST:PORT" if plan.wire == "can" else "--pty or --tcp HOST:PORT"
-            raise click.UsageError(f'{file}: wire = "{plan.wire}" is served by {places}')
+            raise click.UsageError(f'{file}: wire = "{plan.wire}" needs {places}')
         crowd, link = _crowd(plan)
     except ValueError as exc:
         raise click.UsageError(str(exc)) from exc
@@ -297,23 +317,25 @@ def _crowd(plan: Any) -> tuple[Any, Any]:
 
 @cli.command(
     "control",
-    short_help="Send a command to a running simulator.",
+    short_help="Send a command to a running simulator and print its answer.",
     context_settings={"ignore_unknown_options": True},  # -100 is a value of the simulator's command
 )
 @click.argument("path")
 @click.argument("command", nargs=-1, required=True)
 def control(path: str, command: tuple[str, ...]) -> None:
-    """Send COMMAND to the simulator that was started with --control PATH, and print its answer.
+    """Send COMMAND to a running simulator and print its answer.
+
+    PATH is the socket that it was started with (--control PATH).
 
     \b
-    power-cycle            switch off and on
-    power off | power on
-    fault NAME[,NAME]      these faults from now on; 'fault none' ends them
-    unplug [SECONDS]       the serial port goes away, for so long or until replug; the device goes on
-    replug                 it comes back
-    requests               how many requests the device understood
-    heard                  what clients sent since the last time, with the moment (monotonic clock)
-    help                   these and the commands of the device
+    power-cycle            Switch off and on.
+    power off | power on   Switch off, or on.
+    fault NAME[,NAME]      Set these faults from now on. `fault none` ends them.
+    unplug [SECONDS]       Take the serial port away, for SECONDS or until `replug`. The device goes on.
+    `replug`               Bring the port back.
+    requests               Count the requests that the device understood.
+    heard                  Show what clients sent since the last time, with times.
+    help                   Show these commands and those of the device.
     """
     from handctl.sim.engine import serve
 

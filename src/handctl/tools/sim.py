@@ -11,14 +11,14 @@ from handctl.sim.cli import SimError, cli
 __all__ = ["cli"]
 
 
-@cli.command("forget", short_help="Begin afresh with --fake.")
+@cli.command("forget", short_help="Begin afresh with --fake: remove what is kept of a simulated device.")
 @click.argument("family", type=click.Choice(list(FAMILIES)), required=False)
 def forget(family: str | None) -> None:
-    """Begin afresh with --fake: remove what is kept of the simulated FAMILY, or of all.
+    """Begin afresh with --fake: remove what is kept of FAMILY, or of all families.
 
-    What a command does to the simulated device of plain --fake is kept until you log out, so that `init` then `close`
-    works; `watch` and `report` show the device in use and change nothing of that. A LINK fake://... always begins afresh.
-    It is no error when nothing was kept.
+    A simulated device of plain --fake keeps its changes until you log out, so that `init` then `close` works. `watch` and
+    `report` show the device in use and change nothing. A LINK fake://... always begins afresh. The exit status is 0 also
+    where nothing was kept.
     """
     for kind in [family] if family is not None else FAMILIES:
         try:

@@ -8,9 +8,11 @@ from typing import Any
 from handctl.sim.aidin.device import MODES, Device
 from handctl.sim.aidin.hand import FINGERS, Motor
 
-HELP = (
-    "state | get KEY | touch FINGER FX FY FZ [TX TY TZ] | block FINGER | obstacle FINGER [COUNTS] | release FINGER"
-    " | bend FINGER M1 M2 M3"
+HELP = " | ".join(
+    (
+        "state | get KEY | touch FINGER FX FY FZ [TX TY TZ] | block FINGER",
+        "obstacle FINGER [COUNTS] | release FINGER | bend FINGER M1 M2 M3",
+    )
 )
 
 
@@ -47,7 +49,7 @@ def command(device: Device, words: list[str]) -> str:
         case ["bend", name, *counts] if len(counts) == 3:
             _bend(_motors(device, name), counts)
         case _:
-            raise ValueError(f"unknown command {' '.join(words)!r}; known: {HELP}")
+            raise ValueError(f"unknown command {' '.join(words)!r}. Known: {HELP}")
     device.dirty = True
     return " ".join(words)
 
@@ -63,7 +65,7 @@ def _get(device: Device, key: str) -> str:
         "sensor_state": hand.sensors,
     }
     if key not in readers:
-        raise ValueError(f"unknown key {key!r}; known: {', '.join(readers)}")
+        raise ValueError(f"unknown key {key!r}. Known: {', '.join(readers)}")
     return " ".join(f"{value:g}" if isinstance(value, float) else str(value) for value in readers[key]())
 
 
@@ -73,7 +75,7 @@ def _bend(motors: list[Motor], counts: list[str]) -> None:
         _number(count, -motor.origin, motor.stroke - motor.origin) for count, motor in zip(counts, motors, strict=True)
     ]
     if any(motor.drive != "off" for motor in motors):
-        raise ValueError("the motors of this finger are on; stop mode (3) frees them")
+        raise ValueError("the motors of this finger are on. Stop mode (3) frees them")
     for motor, place in zip(motors, places, strict=True):
         motor.place = place + motor.origin
 
@@ -133,7 +135,7 @@ def _motors(device: Device, name: str) -> list[Motor]:
 
 def _finger(name: str) -> int:
     if name not in FINGERS:
-        raise ValueError(f"unknown finger {name!r}; known: {', '.join(FINGERS)}")
+        raise ValueError(f"unknown finger {name!r}. Known: {', '.join(FINGERS)}")
     return FINGERS.index(name)
 
 

@@ -42,7 +42,7 @@ DATA = {  # mode -> key, ranges, whether the values must be whole
 _OPTIONS = {
     "start": "used (default: on for a while, moved by hand, not homed), homed (the same, homed),"
     " open (homed, at the origin, sensors alike), cold (just switched on: encoders 0, not homed)",
-    "exchange": "who speaks: stream (default), poll (an answer to each object), command (to those with hand_mode), mute",
+    "exchange": "who speaks first: stream (default, the hand), poll (an answer to each object), command (an answer to those with hand_mode), mute",
     "rate": "feedback objects a second in the stream, 1..1000 (default 100)",
     "merge": "stream: this many objects in one write, 1..10 (default 1)",
     "chunk": "bytes of feedback per write (default 0: all in one)",
@@ -53,7 +53,7 @@ _OPTIONS = {
     "neutral": "an object without hand_mode during homing: ignored (default) or interrupts",
     "current-maxtorque": "mode 41 needs maxtorque 1000 set before (default), or takes it from the same object (with)",
     "q4": "q4 as fed back: same (default, equals q3), half (90° + q3/2), zero",
-    "load": "1 (default): holding a position costs current; 0: it costs none",
+    "load": "1 (default): holding a position costs current. 0: it costs none",
     "noise": "1: sensors and currents are never quite still",
     "drift": "drift of the force channels, thousandths of a unit a minute, 0..10000 (default 0)",
     **TEXT_OPTIONS,

@@ -21,12 +21,12 @@ LAYOUTS = {"compact": (",", ":", ""), "blanks": (", ", ": ", ""), "indented": ("
 LONG_GARBAGE = 71680  # bytes without a closing brace
 
 TEXT_OPTIONS = {
-    "reader": "how the hand takes objects from the stream: tolerant (default), lines or nul (each must be followed by"
+    "reader": "how the hand splits the stream into objects: tolerant (default), lines or nul (each must be followed by"
     " that), naive (one read is one object, the rest is lost)",
-    "buffer": "longest object that the hand takes, 64..65536 bytes (default 2048)",
+    "buffer": "longest object that the hand accepts, 64..65536 bytes (default 2048)",
     "between": "what follows each feedback object: newline (default), none, nul, blank, crlf",
     "layout": "spelling of the feedback: compact (default), blanks, indented",
-    "digits": "decimals of the feedback: 6 (default; 3 for mm), 4, or 17 for full precision",
+    "digits": "decimals of the feedback: 6 (default, for mm 3), 4, or 17 for full precision",
     "integers": "1: encoders and currents are written as 12.0",
     "objects": "feedback in one object (default) or a separate object for each of the 5 keys",
 }

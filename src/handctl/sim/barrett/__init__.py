@@ -1,4 +1,4 @@
 """The simulated BarrettHand."""
 
-SUMMARY = "BarrettHand BH8-series: supervisory and RealTime mode, boot monitor."
+SUMMARY = "BarrettHand BH8 with RealTime mode and boot monitor."
 WIRES = ("serial",)

@@ -11,11 +11,13 @@ from handctl.sim.barrett.monitor import Image
 from handctl.sim.barrett.motor import NAMES, Motor
 from handctl.sim.barrett.tables import ALIAS, BAUDS, STATUS
 
-HELP = (
-    "temperature TENTHS | block M | release M | obstacle M COUNTS | breakaway M COUNTS | strain M N|off |"
-    " position M COUNTS | jump M COUNTS (relative, while it moves in RealTime mode too) | push S COUNTS |"
-    " image | save-image FILE | erase | age SECONDS (without power) | download-at 0xADDRESS|+N|off | motors | found STATE | ram NAME | eeprom NAME | saves [FSAVES PSAVES]"
-    " (M: F1 F2 F3 S all; COUNTS as P shows them)"
+HELP = " | ".join(
+    (
+        "temperature TENTHS | block M | release M | obstacle M COUNTS | breakaway M COUNTS | strain M N|off",
+        "position M COUNTS | jump M COUNTS (relative, while it moves in RealTime mode too) | push S COUNTS",
+        "image | save-image FILE | erase | age SECONDS (without power) | download-at 0xADDRESS|+N|off",
+        "motors | found STATE | ram NAME | eeprom NAME | saves [FSAVES PSAVES] (M: F1 F2 F3 S all, COUNTS as P shows them)",
+    )
 )
 BODY = (  # of a motor, name -> (lowest, highest, may be None)
     ("place", -100000, 100000, False),
@@ -88,7 +90,7 @@ def command(device: Device, words: list[str]) -> str:
             for motor in _motors(device, name):
                 motor.strain = None if text == "off" else _whole(text, 0, 255)
         case _:
-            raise ValueError(f"unknown command {' '.join(words)!r}; known: {HELP}")
+            raise ValueError(f"unknown command {' '.join(words)!r}. Known: {HELP}")
     hand.disturbed()
     device.dirty = True
     return " ".join(words)
@@ -134,7 +136,7 @@ def _motors(device: Device, name: str) -> list[Motor]:
     if name.lower() == "all":
         return device.hand.motors
     if name.upper() not in NAMES:
-        raise ValueError(f"unknown motor {name!r}; known: {', '.join(NAMES)}, all")
+        raise ValueError(f"unknown motor {name!r}. Known: {', '.join(NAMES)}, all")
     return [device.hand.motors[NAMES.index(name.upper())]]
 
 

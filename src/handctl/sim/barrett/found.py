@@ -28,7 +28,7 @@ CRUISE = 16  # LCV that somebody has left: 1 count a sample (§6.2.1)
 def put(device: Board, state: str) -> None:
     """Raises ValueError for a state that does not exist."""
     if state not in STATES:
-        raise ValueError(f"unknown state {state!r}; known: {', '.join(STATES)}")
+        raise ValueError(f"unknown state {state!r}. Known: {', '.join(STATES)}")
     if state == "off":
         device.power(False)
         return

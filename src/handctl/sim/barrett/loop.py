@@ -32,10 +32,10 @@ OPTIONS = {
     "lfv-unit": "LFV in counts per sample (default) or per 10 ms: sample, 10ms",
 }
 FAULTS = {
-    "loop-error": "RealTime: an error comes in place of '*'",
+    "loop-error": "RealTime: an error takes the place of '*'",
     "loop-silent": "RealTime: deaf until a power cycle, the motors go on",
     "loop-drop": "RealTime: a byte of the feedback is missing",
-    "loop-extra": "RealTime: a byte too many after the feedback",
+    "loop-extra": "RealTime: one byte more after the feedback",
 }
 
 

@@ -27,9 +27,9 @@ def create(options: dict[str, str]) -> Any:
 
     for name in options:
         if name not in ("file", "seed", "bus"):
-            raise ValueError(f"unknown option {name!r} of the simulated bus; known: file, seed")
+            raise ValueError(f"unknown option {name!r} of the simulated bus. Known: file, seed")
     if not options.get("file"):
-        raise ValueError("option file: say which file tells what is on the bus (fake://bus?file=PATH)")
+        raise ValueError("option file: name the file that describes the bus (fake://bus?file=PATH)")
     return client_of(read(options["file"], options.get("seed")))
 
 

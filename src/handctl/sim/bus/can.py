@@ -59,7 +59,7 @@ class CanBus(Rack[CanLine]):
     def feed_frame(self, can_id: int, data: bytes, extended: bool = True, remote: bool = False) -> None:
         """A frame that the client sends at the present time. ValueError: there is no such frame."""
         if not 0 <= can_id < (536870912 if extended else 2048) or len(data) > 8:
-            raise ValueError(f"no CAN frame: identifier {can_id}, {len(data)} data bytes")
+            raise ValueError(f"not a CAN frame: identifier {can_id}, {len(data)} data bytes")
         if self._now is None:
             self.advance(0.0)
         heard = self.client_bitrate in (None, self.speed) and not self.bus_off

@@ -17,24 +17,24 @@ MOST = 100_000  # bytes of a file
 LINE_KEYS: dict[str, str] = {
     "wire": "rs485, rs232 or can",
     "model": f"a line by its name, which the other keys change: {', '.join(MODELS)}",
-    "baud": "speed of the line, and of devices and masters that say none (default 115200, can 1000000)",
-    "latency_ms": "a round trip takes so much longer, half of it on each way (default 0)",
-    "spread_ms": "up to so much more for each round trip, at random (default 0)",
-    "packet": "largest packet in bytes; with one the client's speed does not matter (default 0: none)",
+    "baud": "speed of the line, and of devices and masters without their own (default 115200, can 1000000)",
+    "latency_ms": "a round trip takes this much longer, half of it each way (default 0)",
+    "spread_ms": "at most this much more for each round trip, at random (default 0)",
+    "packet": "largest packet in bytes. With packets the client's speed does not matter (default 0: none)",
     "speed_ignored": "true: the client's speed does not matter (default: whether there is a packet)",
-    "half_duplex": "true: one pair of wires, and who sends hears nothing (default: whether it is rs485)",
+    "half_duplex": "true: one pair of wires, and whoever sends hears nothing (default: true for rs485)",
     "first_byte_lost": "true: the client's adapter swallows the first byte after each sending (default false)",
-    "coalesce_ms": "the client gets bytes so long after the first of them (default 0)",
+    "coalesce_ms": "the client gets bytes this long after the first of them (default 0)",
     "echo": "true: the client's adapter hears itself (default false)",
     "seed": "start of the random generator (default 0)",
 }
 DEVICE_KEYS: dict[str, str] = {
-    "kind": "a simulated device with this wire, as in 'handctl sim'",
+    "kind": "a simulated device with this wire, as in `handctl sim`",
     "id": "its id, where it has one",
-    "KEY": "each further option of that device: turnaround, fault, state …; see 'handctl sim KIND -h'",
+    "KEY": "each further option of that device, such as turnaround, fault, state. See `handctl sim KIND -h`",
 }
 MASTER_KEYS: dict[str, str] = {
-    "ask": "what somebody else sends: bytes in hex; on CAN an identifier and data, as 11000001#04",
+    "ask": "what another master sends: bytes in hex, on CAN an identifier and data, as 11000001#04",
     "every_ms": "how often",
 }
 EXAMPLE = """\
@@ -89,9 +89,9 @@ def load(path: str) -> dict[str, Any]:
     except OSError as exc:
         raise ValueError(f"{path}: cannot be read: {exc.strerror or exc}") from exc
     except UnicodeDecodeError as exc:
-        raise ValueError(f"{path}: no UTF-8 text") from exc
+        raise ValueError(f"{path}: not UTF-8 text") from exc
     except tomllib.TOMLDecodeError as exc:
-        raise ValueError(f"{path}: no TOML: {exc}") from exc
+        raise ValueError(f"{path}: not TOML: {exc}") from exc
 
 
 def on_can(path: str) -> bool:
@@ -137,7 +137,7 @@ def _rows(tables: dict[str, Any], name: str) -> list[dict[str, Any]]:
 def _plan(path: str, tables: dict[str, Any]) -> Plan:
     for name in tables:
         if name not in ("line", "device", "master"):
-            raise ValueError(f"unknown table {name!r}; known: [line], [[device]], [[master]]")
+            raise ValueError(f"unknown table {name!r}. Known: [line], [[device]], [[master]]")
     line = _Keys("[line]", _table(tables, "line"), tuple(LINE_KEYS))
     if (model := line.choice("model", "clean", tuple(MODELS))) and "model" in line.given:
         line.given = {**MODELS[model], **line.given}
@@ -159,7 +159,7 @@ def _plan(path: str, tables: dict[str, Any]) -> Plan:
     )
     plan.speed_ignored = line.flag("speed_ignored", plan.packet > 0)
     if wire == "can" and (beside := [key for key in _SERIAL if key in line.given]):
-        raise ValueError(f'[line] {beside[0]} is of a serial line; with wire = "can" there are {", ".join(_CAN)}')
+        raise ValueError(f'[line] {beside[0]} belongs to a serial line. Keys with wire = "can": {", ".join(_CAN)}')
     plan.devices = [_device(number, row, plan) for number, row in enumerate(_rows(tables, "device"), 1)]
     plan.masters = [_master(number, row, wire) for number, row in enumerate(_rows(tables, "master"), 1)]
     return plan
@@ -177,12 +177,12 @@ def _device(number: int, row: dict[str, Any], plan: Plan) -> tuple[str, dict[str
     kind = row.get("kind")
     if kind not in fitting:
         what = "kind is missing" if kind is None else f"kind = {kind!r}: no simulated device on {plan.wire}"
-        raise ValueError(f"{where} {what}; one of {', '.join(fitting)}")
+        raise ValueError(f"{where} {what}. Known: {', '.join(fitting)}")
     raw: dict[str, str] = {}
     for key, given in row.items():
         name, value = key.replace("_", "-"), given
         if name in OF_LINE:
-            raise ValueError(f"{where} {key}: that is said in [line], of all")
+            raise ValueError(f"{where} {key}: give it in [line], for all")
         if isinstance(given, list) and all(isinstance(item, str) for item in given):
             value = ",".join(given)
         if not isinstance(value, str | int | float):
@@ -223,7 +223,7 @@ class _Keys:
         self.where, self.given = where, given
         for key in given:
             if key not in known:
-                raise ValueError(f"{where} unknown key {key!r}; known: {', '.join(known)}")
+                raise ValueError(f"{where} unknown key {key!r}. Known: {', '.join(known)}")
 
     def choice(self, key: str, default: str, allowed: tuple[str, ...]) -> str:
         value = self.given.get(key, default)

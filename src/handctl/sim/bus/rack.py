@@ -93,11 +93,11 @@ class Rack(Generic[Wire]):
                 return self._one(number, " ".join(words))
             case [] | ["help"]:
                 return HELP
-        raise ValueError(f"unknown command {text!r}; known: {HELP}")
+        raise ValueError(f"unknown command {text!r}. Known: {HELP}")
 
     def _one(self, number: str, text: str) -> str:
         if not number.isascii() or not number.isdigit() or not 1 <= int(number) <= len(self.lines):
-            raise ValueError(f"there is no device {number}; known: 1 to {len(self.lines)}")
+            raise ValueError(f"there is no device {number}. Known: 1 to {len(self.lines)}")
         answer = self.lines[int(number) - 1].command(text)
         self._changed()
         return answer

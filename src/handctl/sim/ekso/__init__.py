@@ -1,4 +1,4 @@
 """The simulated EksoNR."""
 
-SUMMARY = "EksoNR exoskeleton, DataPort."
+SUMMARY = "EksoNR exoskeleton with its DataPort (serial)."
 WIRES = ("serial",)

@@ -10,10 +10,12 @@ from handctl.sim.ekso.clock import WRAP
 from handctl.sim.ekso.device import Device
 from handctl.sim.engine.model import NOTHING
 
-HELP = (
-    f"posture | posture NAME ({', '.join(POSTURES)}) | rise | sit | walk on|off | pose PITCH HIP KNEE | set NAME|ID RAW |"
-    " get NAME|ID | data WORD [RAW] | state HEX | live | reboot | boot [MS] | rtc [YYYY-MM-DDTHH:MM:SS] | unsolicited |"
-    " counts (pose, data and state hold until live or a movement)"
+HELP = " | ".join(
+    (
+        f"posture | posture NAME ({', '.join(POSTURES)}) | rise | sit | walk on|off | pose PITCH HIP KNEE",
+        "set NAME|ID RAW | get NAME|ID | data WORD [RAW] | state HEX | live | reboot | boot [MS]",
+        "rtc [YYYY-MM-DDTHH:MM:SS] | unsolicited | counts (pose, data and state hold until live or a movement)",
+    )
 )
 BODY = (("place", 0.0, 2.0), ("direction", -1, 1), ("walking", 0, 1), ("clock", 0.0, 1e12))
 
@@ -63,7 +65,7 @@ def _change(device: Device, words: list[str]) -> None:
         case ["unsolicited"]:
             device.send_event(NOTHING)
         case _:
-            raise ValueError(f"unknown command {' '.join(words)!r}; known: {HELP}")
+            raise ValueError(f"unknown command {' '.join(words)!r}. Known: {HELP}")
 
 
 def _move(device: Device, words: list[str]) -> None:
@@ -84,7 +86,7 @@ def _move(device: Device, words: list[str]) -> None:
         case ["live"]:
             pass
         case _:
-            raise ValueError(f"unknown command {' '.join(words)!r}; known: {HELP}")
+            raise ValueError(f"unknown command {' '.join(words)!r}. Known: {HELP}")
     device.thaw()
 
 

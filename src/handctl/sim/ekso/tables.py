@@ -63,7 +63,7 @@ def place_of(word: str) -> int:
         return NAMES.index(word)
     if word.isascii() and word.isdigit() and int(word) in PLACE:
         return PLACE[int(word)]
-    raise ValueError(f"unknown setting {word!r}; a name ({', '.join(NAMES)}) or a ParameterID, 200 to 219")
+    raise ValueError(f"unknown setting {word!r}. Known: {', '.join(NAMES)}, or a ParameterID, 200 to 219")
 
 
 def judge_value(place: int, raw: int) -> int:

@@ -132,7 +132,7 @@ class Cable:
         for name in sorted(names):
             if name not in self._known:
                 raise ValueError(
-                    f"unknown fault {name!r} of the simulated {self.kind}; {_near(name, self._known)}known: {', '.join(sorted(self._known))}"
+                    f"unknown fault {name!r} of the simulated {self.kind}. {_near(name, self._known)}Known: {', '.join(sorted(self._known))}"
                 )
         return frozenset(names)
 
@@ -166,4 +166,4 @@ def _near(name: str, known: Collection[str]) -> str:
     from difflib import get_close_matches
 
     near = get_close_matches(name, known, n=1, cutoff=0.6)
-    return f"did you mean {near[0]!r}? " if near else ""
+    return f"Did you mean {near[0]!r}? " if near else ""

@@ -15,21 +15,21 @@ from handctl.sim.engine.model import Model, Reply
 
 CAN_OPTIONS: dict[str, str] = {
     **LINE_OPTIONS,
-    "wire": "1 or 'auto': frames take their time on the bus (67 bits and 8 a data byte; default 0: none)",
-    "turnaround": "seconds from the end of a request to its reply (default 0)",
-    "traffic": "frames a second that others send to each other, 0..1000 (default 0); they acknowledge as well",
+    "wire": "1 or 'auto': frames take their time on the bus (67 bits and 8 a data byte, default 0: none)",
+    "turnaround": "seconds from the end of a request to its answer (default 0)",
+    "traffic": "frames a second that others send to each other, 0..1000 (default 0). They acknowledge as well",
 }
 CAN_FAULTS: dict[str, str] = {
     **{name: LINE_FAULTS[name] for name in ("healthy", "silent", "deaf", "late", "slow", "duplicate", "stale")},
-    "noise": "frames with other identifiers before and after each reply, also if that is lost",
-    "truncate": "the reply has fewer data bytes",
+    "noise": "frames with other identifiers before and after each answer, also if the answer is lost",
+    "truncate": "the answer has fewer data bytes",
     "wrong-id": LINE_FAULTS["wrong-id"],
-    "twin-id": "a second device with the same id answers at the same time: different replies destroy each other",
+    "twin-id": "a second device with the same id answers at the same time: different answers destroy each other",
     "echo": "the client receives its own frames",
     "loopback": "the client receives its own frames, there is no bus",
-    "no-ack": "no frame is acknowledged by anybody",
-    "bus-off": "the client's controller gives up until it connects anew",
-    "disconnect": "the client's adapter goes away instead of receiving the reply",
+    "no-ack": "no one acknowledges a frame",
+    "bus-off": "the client's controller gives up until it connects again",
+    "disconnect": "the client's adapter goes away instead of receiving the answer",
     "refuse": LINE_FAULTS["refuse"],
 }
 BACKLOG = 1024  # frames of the client that wait for the bus; what comes beyond is lost
@@ -105,7 +105,7 @@ class CanLine(Cable):
     def feed_frame(self, can_id: int, data: bytes, extended: bool = True, remote: bool = False) -> None:
         """A frame that the client sends at the present time. ValueError: there is no such frame."""
         if not 0 <= can_id < (536870912 if extended else 2048) or len(data) > 8:
-            raise ValueError(f"no CAN frame: identifier {can_id}, {len(data)} data bytes")
+            raise ValueError(f"not a CAN frame: identifier {can_id}, {len(data)} data bytes")
         if self._now is None:
             self.advance(0.0)
         if self.hung_up:

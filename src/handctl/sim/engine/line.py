@@ -13,39 +13,39 @@ from handctl.sim.engine.plug import Plug
 
 LINE_OPTIONS: dict[str, str] = {
     "seed": "start of the random generator, 0..4294967295 (default 0)",
-    "fault": "faults and states, separated by commas",
+    "fault": "faults and states, with commas between",
     "after": "the first N requests are healthy (default 0)",
     "every": "of the later requests only each N-th is hit (default 1)",
     "wire": "transmission time of 10 bits a byte at this speed, or 'auto' for the device's own (default: none)",
-    "turnaround": "seconds from the last bit of a request to the first of its reply (default 0)",
+    "turnaround": "seconds from the last bit of a request to the first of its answer (default 0)",
     "late": "seconds that the fault 'late' adds (default 0.6)",
     "state": "file that keeps memory, flash and positions from one run to the next",
     "save": "when the state file is written: always (default), changed (when something was done to the device), never",
-    "elapse": "seconds that have passed since the state file was written; what was moving has arrived",
+    "elapse": "seconds that have passed since the state file was written. Movements have ended",
     "power-cycle": "1: power cycle after the state file was loaded",
-    "use": "on: somebody uses the device, a slow grasp or a walk; its state file is read, not written (default off)",
-    "unplug": "AT:SECONDS[,AT:SECONDS]: the port is gone AT seconds after the start, for so long; the device goes on",
+    "use": "on: someone uses the device, a slow grasp or a walk. Its state file is read, not written (default off)",
+    "unplug": "AT:SECONDS[,AT:SECONDS]: the port goes away AT seconds after the start, for SECONDS. The device goes on",
     "clock": "used by the in-process link, ignored here",
 }
 LINE_FAULTS: dict[str, str] = {
     "healthy": "no fault",
-    "silent": "the reply is lost, the request is carried out",
-    "deaf": "the request is lost, nothing is carried out",
-    "noise": "junk bytes before and after each reply; garbage in answer to a wrong speed",
+    "silent": "the device obeys the request, its answer is lost",
+    "deaf": "the request is lost, the device does nothing",
+    "noise": "junk bytes before and after each answer, and garbage in answer to a wrong speed",
     "garble": "garbage in answer to a wrong speed, nothing else",
-    "truncate": "the reply is cut short",
-    "dribble": "the reply comes byte by byte, 3 ms apart",
-    "split": "the reply comes in random pieces with small gaps",
-    "bad-checksum": "the check value of the reply does not fit",
-    "wrong-id": "the reply is valid but carries another id",
-    "twin-id": "a second device with the same id answers at the same time (wired AND of both replies)",
-    "echo": "every byte received comes back first",
+    "truncate": "the answer is cut short",
+    "dribble": "the answer arrives byte by byte, 3 ms apart",
+    "split": "the answer arrives in random pieces with small gaps",
+    "bad-checksum": "the check value of the answer is wrong",
+    "wrong-id": "the answer is valid but carries another id",
+    "twin-id": "a second device with the same id answers at the same time (wired AND of both answers)",
+    "echo": "every byte received returns first",
     "loopback": "only the echo, no device",
-    "duplicate": "the reply comes twice",
-    "stale": "the reply to the previous request comes first",
-    "late": "the reply comes late (see the option late)",
+    "duplicate": "the answer arrives twice",
+    "stale": "the answer to the previous request arrives first",
+    "late": "the answer arrives late (see the option late)",
     "slow": "turnaround 20 ms longer",
-    "disconnect": "the line hangs up in the middle of the reply",
+    "disconnect": "the line hangs up in the middle of the answer",
     "refuse": "writes are refused, reads are healthy",
 }
 TICK = 0.002  # s of wire time after which a long frame is handed over in part
@@ -163,7 +163,7 @@ class Line(Cable):
             case ["replug"]:
                 self._plug.push()
             case ["help"]:
-                return f"unplug [SECONDS] | replug | {super().command(text)}"
+                return " | ".join(("unplug [SECONDS]", "replug", super().command(text)))
             case _:
                 answer = super().command(text)
                 self._look()

@@ -63,7 +63,7 @@ class Options:
         names = set(known)
         for name in self._raw:
             if name not in names:
-                raise ValueError(f"unknown option {name!r} of the simulated {kind}; known: {', '.join(sorted(names))}")
+                raise ValueError(f"unknown option {name!r} of the simulated {kind}. Known: {', '.join(sorted(names))}")
 
     def text(self, name: str) -> str | None:
         return self._raw.get(name)

@@ -224,7 +224,9 @@ def _serve(
             told = {"ready": True, "link": link(port.link), **({"links": links} if len(links) > 1 else {})}
             print(json.dumps(told), flush=True)  # noqa: T201 - a server has no renderer
         except OSError as exc:
-            raise ServeError(f"cannot tell on stdout that the simulator is ready: {exc.strerror or exc}") from exc
+            raise ServeError(
+                f"stdout cannot be written, so no one learns that the simulator is ready: {exc.strerror or exc}"
+            ) from exc
         _loop(line, port, panel, signals, None if duration is None else time.monotonic() + duration)
 
 
@@ -275,7 +277,7 @@ def _loop(line: Served, port: Port, panel: ControlPort | None, signals: _Signals
 
 def tell_hung_up() -> None:
     """Says on stderr why a client is gone."""
-    print("simulator: hung up in the middle of a reply (fault disconnect)", file=sys.stderr, flush=True)  # noqa: T201
+    print("simulator: hung up in the middle of an answer (fault disconnect)", file=sys.stderr, flush=True)  # noqa: T201
 
 
 def _wait(now: float, event: float | None, end: float | None, readers: list[int], writer: int | None) -> list[int]:

@@ -30,11 +30,11 @@ VERSION, FIRMWARE, SERIAL_NUMBER = b"V1013", b"v0100", b"NSIM1"
 QUEUE_FULL, WARNING, PASSIVE, BUS_ERROR = 2, 4, 32, 128  # status flags
 ADAPTER_FAULTS: dict[str, str] = {
     "bel": "the adapter refuses every frame with BEL: its transmit queue is full",
-    "queue": "the adapter says Z before a frame is on the bus; only the status flags show its end",
+    "queue": "the adapter says Z before a frame is on the bus. Only the status flags show its end",
     "reports": "the adapter reports bus errors and its state unasked: e1a, sp000128, sb000256",
     "no-status": "the adapter does not know V, v, N and F",
     "damaged-lines": "one character is missing in the line of each received frame",
-    "no-adapter": "the port is not one of an adapter: it answers nothing",
+    "no-adapter": "the port does not belong to an adapter: it answers nothing",
 }
 LONGEST = 64  # bytes of a command that are kept; no command is longer than 27
 

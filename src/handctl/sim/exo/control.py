@@ -27,7 +27,7 @@ def command(device: Device, words: list[str]) -> str:
         case ["block" | "release", name]:
             _finger(device, name).blocked = words[0] == "block"
         case _:
-            raise ValueError(f"unknown command {' '.join(words)!r}; known: {HELP}")
+            raise ValueError(f"unknown command {' '.join(words)!r}. Known: {HELP}")
     device.dirty = True
     return " ".join(words)
 
@@ -129,7 +129,7 @@ def _row(state: dict[str, Any], name: str, count: int, low: int, high: int, may_
 
 def _finger(device: Device, name: str) -> Finger:
     if name not in FINGERS:
-        raise ValueError(f"unknown finger {name!r}; known: {', '.join(FINGERS)}")
+        raise ValueError(f"unknown finger {name!r}. Known: {', '.join(FINGERS)}")
     return device.hand.fingers[FINGERS.index(name)]
 
 

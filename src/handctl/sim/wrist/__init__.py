@@ -1,4 +1,4 @@
 """The simulated wrist module."""
 
-SUMMARY = "Inspire wrist module with the hand behind it."
+SUMMARY = "wrist module with the hand behind it (serial, CAN)."
 WIRES = ("serial", "can")

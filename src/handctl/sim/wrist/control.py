@@ -35,7 +35,7 @@ def command(device: Module, words: list[str]) -> str:
         case ["release", "pitch" | "yaw" as axis]:
             device.body.release(AXES.index(axis))
         case _:
-            raise ValueError(f"unknown command {' '.join(words)!r}; known: {HELP}")
+            raise ValueError(f"unknown command {' '.join(words)!r}. Known: {HELP}")
     device.dirty = True
     return " ".join(words)
 

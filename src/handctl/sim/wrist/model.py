@@ -29,7 +29,7 @@ LATCHED = {  # fault -> (actuator, error byte)
 ALL_FAULTS = (1, 4)  # error bytes of the state "faults"
 
 OPTIONS = {
-    "bus": "serial (RS-232, RS-485; default) or can",
+    "bus": "serial (RS-232 or RS-485, default) or can",
     "jitter": "1: currents jitter also at rest",
     "limit": "temperature in °C that sets the over-temperature error (default 70)",
 }

@@ -291,7 +291,7 @@ def _own_format(group: Group, name: str, body: Callable[..., Table]) -> click.Co
     "--format",
     "kind",
     type=click.Choice(["mot", "csv"]),
-    help="mot = OpenSim motion file, csv = the log's columns.",
+    help="Format of the output: mot (OpenSim motion file) or csv (the log's columns).",
 )
 @click.option("--si", is_flag=True, help="With csv: metres and radians instead of inches and degrees.")
 @click.option(
@@ -311,7 +311,10 @@ def _own_format(group: Group, name: str, body: Callable[..., Table]) -> click.Co
 def export(
     run: Run, log: str, kind: str | None, si: bool, segment: int | None, knee_sign: str | None, rate: float | None
 ) -> Table:
-    """Turn a log into an OpenSim motion file or SI units, on stdout or into -o FILE. Needs no device."""
+    """Turn a log into an OpenSim motion file or a table in SI units. Needs no device.
+
+    The output goes to stdout, or into FILE with -o.
+    """
     from handctl.devices.ekso.log import export as exports
     from handctl.devices.ekso.log.file import LogFile
 
