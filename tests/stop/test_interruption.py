@@ -245,7 +245,9 @@ CASES = [
 ELSEWHERE = {
     "stop": ("stop.test_stop", "test_the_lock_tells_the_family"),
     "barrett firmware download": ("stop.test_interruption", "test_an_interrupted_download_and_a_good_one"),
-    **dict.fromkeys([f"sim {family}" for family in FAMILIES], ("sim.test_barrett_serve", "test_state_survives_a_kill")),
+    **dict.fromkeys(
+        [f"sim {family}" for family in (*FAMILIES, "bus")], ("sim.test_barrett_serve", "test_state_survives_a_kill")
+    ),
 }
 """Command -> module and test: a download needs somebody at the power switch, a simulator is no command that ends."""
 READ_ONLY = {
