@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import os
+import time
+import tty
+from collections.abc import Callable, Iterator
 
 from tests.bench.measure import Figure, dump_figure, served
 
@@ -23,3 +26,52 @@ def run(*, quick: bool) -> Iterator[Figure]:
     with served("wrist", "--slcan-tcp", "127.0.0.1:0", "--wire", "1") as link:
         name = "wrist dump, 3 CAN reads at 1 Mbit/s"
         yield dump_figure(name, link, "wrist", 3, CAN_DUMP_FLOOR_MS, None, runs, "slcan over TCP, bus emulated")
+    with served("wrist", "--slcan-pty", "--wire", "1") as link:
+        yield slcan_figure(link, 40 * runs)
+
+
+def slcan_figure(link: str, runs: int) -> Figure:
+    """The three reads on one open link, beside the same lines by system calls alone: bus, adapter and pty without us."""
+    floor = quickest_exchange(link.removeprefix("can:slcan:"), runs)
+    from handctl.devices.inspire.canbus import CanBus
+    from handctl.link import FrameLink, open_link
+    from handctl.model.result import Journal
+
+    opened = open_link(link)
+    assert isinstance(opened, FrameLink)
+    bus = CanBus(opened, 1, Journal())
+    value = quickest(lambda: bus.read(1020, 24), runs)
+    opened.close()
+    note = f"quickest of {runs}; bus alone {CAN_DUMP_FLOOR_MS:.2f} ms"
+    return Figure("wrist dump, 3 CAN reads, slcan on a pty", value, floor, "ms", 1.50, note, "adapter")
+
+
+def quickest_exchange(path: str, runs: int) -> float:
+    """Milliseconds of three requests to an adapter, each with its acknowledgement and its answer."""
+    port = os.open(path, os.O_RDWR | os.O_NOCTTY)
+    tty.setraw(port)
+
+    def ask(request: bytes, ends: int) -> None:
+        os.write(port, request)
+        heard = b""
+        while heard.count(b"\r") + heard.count(b"\a") < ends:
+            heard += os.read(port, 200)
+
+    try:
+        ask(b"C\rS8\rO\r", 3)
+        return quickest(lambda: [ask(request, 2) for request in SLCAN_DUMP], runs)
+    finally:
+        os.close(port)
+
+
+def quickest(work: Callable[[], object], runs: int) -> float:
+    """Milliseconds of the quickest run."""
+    best = float("inf")
+    for _ in range(runs):
+        started = time.perf_counter()
+        work()
+        best = min(best, time.perf_counter() - started)
+    return best * 1000
+
+
+SLCAN_DUMP = (b"T10FF0001108\r", b"T11010001108\r", b"T11030001108\r")

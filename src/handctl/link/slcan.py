@@ -2,7 +2,7 @@
 
     asks V and N before anything else   a port that is not an adapter's gets no command that another device could take
     C, S, O, F in one go, their answers read    BEL for a bitrate or a channel is an error, not silence
-    reads what waits at once            python-can asks the system twice for each byte
+    reads what waits at once            python-can asks the system twice for each byte, and sets up the port for each frame
     takes lines apart strictly          damaged ones are dropped and counted
     BEL, F, and unasked reports         s… and e… as the slcan driver of Linux knows them
 
@@ -21,11 +21,13 @@ from typing import Any
 import can
 from can.interfaces.slcan import slcanBus
 
-CR, BEL = 13, 7
+BEL = 7
 ANSWER_SECONDS = 1.0
 """For the first answer: a network or Bluetooth may lie between."""
 MORE_SECONDS = 0.25
 """For each further one, once an adapter has answered."""
+WRITE_SECONDS = 1.0
+"""For an adapter that takes no more bytes."""
 AGAIN_SECONDS = 0.005
 """Between two readings of the flags: at 10 kbit/s one frame takes longer, at those of hands it is tried many times."""
 LONGEST = 4096
@@ -34,6 +36,7 @@ FLAGS = {
     0x01: "receive queue full", QUEUE_FULL: "transmit queue full", WARNING: "error warning", 0x08: "overrun",
     PASSIVE: "error passive", 0x40: "arbitration lost", BUS_ERROR: "bus error",
 }  # fmt: skip
+_END = re.compile(rb"[\r\a]")
 _FRAME = re.compile(rb"(?:([Tx])([0-9A-Fa-f]{8})|(t)([0-9A-Fa-f]{3}))([0-8])((?:[0-9A-Fa-f]{2})*)")
 _REMOTE = re.compile(rb"R[0-9A-Fa-f]{8}[0-8](?:[0-9A-Fa-f]{4})?|r[0-9A-Fa-f]{3}[0-8](?:[0-9A-Fa-f]{4})?")
 _FLAGS_LINE = re.compile(rb"F([0-9A-Fa-f]{2})")
@@ -137,17 +140,23 @@ class SlcanBus(slcanBus):
         if answers[2:3] == [b"\a"]:
             raise can.CanInitializationError("the adapter does not open its channel (BEL)")
 
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        """As python-can's, with one bound for all frames: a new one for each would set up the port anew."""
+        if self.serialPortOrig.write_timeout is None:
+            self.serialPortOrig.write_timeout = WRITE_SECONDS
+        super().send(msg, self.serialPortOrig.write_timeout)
+
     # -- lines --------------------------------------------------------------------------------------------------------
 
     def _line(self, seconds: float) -> bytes | None:
         """The next line with the CR or BEL that ends it; None when there is none in time."""
         end = time.monotonic() + seconds
         while True:
-            for place, byte in enumerate(self._buffer):
-                if byte in (CR, BEL):
-                    line = bytes(self._buffer[: place + 1])
-                    del self._buffer[: place + 1]
-                    return line
+            if found := _END.search(self._buffer):
+                place = found.end()
+                line = bytes(self._buffer[:place])
+                del self._buffer[:place]
+                return line
             if len(self._buffer) > LONGEST:
                 self._drop(bytes(self._buffer), "no end")
                 self._buffer.clear()
@@ -158,13 +167,17 @@ class SlcanBus(slcanBus):
         """Take what waits, or wait for it until `end`; False when nothing came."""
         port = self.serialPortOrig
         with can.exceptions.error_check("Could not read from serial device"):
-            data = port.read(LONGEST)
-            while not data and (left := end - time.monotonic()) > 0:
+            while True:
+                left = max(0.0, end - time.monotonic())
                 try:
                     select.select([port.fileno()], [], [], left)
-                except (OSError, AttributeError, ValueError):  # a port without a descriptor
-                    time.sleep(min(left, 0.001))
-                data = port.read(LONGEST)
+                    data = port.read(LONGEST)
+                except (OSError, AttributeError, ValueError):  # a port without a descriptor, or one that has gone
+                    data = port.read(LONGEST)
+                    if not data:
+                        time.sleep(min(left, 0.001))
+                if data or not left:
+                    break
         self._buffer.extend(data)
         return bool(data)
 
