@@ -28,7 +28,16 @@ ROOMS = {
 """Which folders of the package are read together."""
 LONGEST = 28
 """Words in one sentence."""
-ERRORS = {"UsageError", "LinkError", "NoAnswer", "ProtocolError", "DeviceRefused", "CheckFailed", "NotConfirmed"}
+ERRORS = {
+    "UsageError",
+    "LinkError",
+    "NoAnswer",
+    "ProtocolError",
+    "DeviceRefused",
+    "CheckFailed",
+    "NotConfirmed",
+    "SimError",
+}
 VERBATIM = ("Cntl-C abort command received",)
 """The manuals' own words, and what a program prints that is none of ours."""
 

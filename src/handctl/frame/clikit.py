@@ -314,7 +314,7 @@ def run_root(args: Sequence[str]) -> int:
             extra = {"writes": []} if getattr(exc.ctx.command, "writes", False) else {}
             command = " ".join(exc.ctx.command_path.split()[1:])
     except click.ClickException as exc:
-        error = HandctlError(exc.format_message())
+        error = HandctlError(exc.format_message(), hint=getattr(exc, "hint", ""))
         error.exit_code = exc.exit_code
     except Exception as exc:  # noqa: BLE001 - our own bug becomes exit code 1 and one message
         error = HandctlError(

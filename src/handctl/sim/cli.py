@@ -15,6 +15,15 @@ class SimError(click.ClickException):
 
     exit_code = 3
 
+    def __init__(self, message: str, *, hint: str) -> None:
+        super().__init__(message)
+        self.hint = hint
+
+
+SERVING = "check that the place to serve at is free, and the files that the options name"
+CONTROL = "start the simulator with --control PATH and give the same PATH here"
+COMMANDS = "give `help` as COMMAND to list what this simulator takes"
+
 
 @click.group("sim", context_settings={"help_option_names": ["-h", "--help"]})
 def cli() -> None:
@@ -216,7 +225,7 @@ def _server(kind: str) -> click.Command:
             else:
                 serve.serve_tcp(served, *place, duration=duration, control=control, link=link)
         except (serve.ServeError, OSError) as exc:
-            raise SimError(str(exc)) from exc
+            raise SimError(str(exc), hint=SERVING) from exc
 
     command.help = f"Serve a simulated {summary}\n\nIt prints one JSON line when it is ready, and serves until SIGTERM, SIGINT or --duration."
     return command
@@ -297,7 +306,7 @@ def bus(
             crowd.behind(ports.TcpDoor(*place), link)
         serve.serve_both(crowd, duration=duration, control=control)
     except (serve.ServeError, OSError) as exc:
-        raise SimError(str(exc)) from exc
+        raise SimError(str(exc), hint=SERVING) from exc
 
 
 def _crowd(plan: Any) -> tuple[Any, Any]:
@@ -331,7 +340,7 @@ def control(path: str, command: tuple[str, ...]) -> None:
     power-cycle            Switch off and on.
     power off | power on   Switch off, or on.
     fault NAME[,NAME]      Set these faults from now on. `fault none` ends them.
-    unplug [SECONDS]       Take the serial port away, for SECONDS or until `replug`. The device goes on.
+    unplug [SECONDS]       Unplug the serial port, for SECONDS or until `replug`.
     `replug`               Bring the port back.
     requests               Count the requests that the device understood.
     heard                  Show what clients sent since the last time, with times.
@@ -342,10 +351,10 @@ def control(path: str, command: tuple[str, ...]) -> None:
     try:
         answer = serve.send_control(path, " ".join(command))
     except serve.ServeError as exc:
-        raise SimError(str(exc)) from exc
+        raise SimError(str(exc), hint=CONTROL) from exc
     status, _, text = answer.partition(" ")
     if status != "ok":
-        raise SimError(text)
+        raise SimError(text, hint=COMMANDS)
     click.echo(text)
 
 

@@ -24,5 +24,7 @@ def forget(family: str | None) -> None:
         try:
             found = kept.forget(kind)
         except OSError as exc:
-            raise SimError(f"{exc.filename}: cannot be removed: {exc.strerror or exc}") from exc
+            raise SimError(
+                f"{exc.filename}: cannot be removed: {exc.strerror or exc}", hint="remove the file yourself"
+            ) from exc
         click.echo(f"{kind}: removed, it begins afresh" if found else f"{kind}: nothing was kept")
