@@ -204,7 +204,9 @@ def _finish(
         try:
             after = read()
         except (HandctlError, KeyboardInterrupt) as exc:
-            run.journal.warn("settings-unread", f"the settings after the log are not known: {str(exc) or 'interrupted'}")
+            run.journal.warn(
+                "settings-unread", f"the settings after the log are not known: {str(exc) or 'interrupted'}"
+            )
     if after is not None and recording.rows:
         try:
             recording.feedback.add(feedback(), recording.timeline.last, recording.rows)
