@@ -63,15 +63,15 @@ class Line:
             assert request[:2] == b"\xeb\x90"
             assert request[4] == 0x30, "31 and 32 move an exo"
             address = request[5] + 256 * request[6]
-            if address != 1020:
-                assert (address, request[7]) in ((1024, 2), (1026, 2))
+            if (address, request[7]) in ((1024, 2), (1026, 2)):
                 quiet = not {0x03, 0x0D, 0xFF} & set(request)
                 assert quiet or request[2] in (0x03, 0x0D), "only what a BarrettHand does not act upon goes to anybody"
                 self.asked.append(request[2])
             else:
                 assert request[2] in self.ids, "its angles are asked of a wrist that has answered"
-            if request[2] in self.ids:
-                value = (PITCH * 2)[: request[7]] if address == 1020 else b"\x6f\x00"
+                assert 1020 <= address <= address + request[7] <= 1028, "what is documented beside them"
+            if request[2] in self.ids and self.link.baud == 115200:
+                value = (PITCH * 2 + b"\x6f\x00" * 2)[address - 1020 :][: request[7]]
                 body = bytes([request[2], request[7] + 3]) + request[4:7] + value
                 moment = (number + 1) * 90 / 115200 + 0.002
                 replies.append((moment, b"\x90\xeb" + body + bytes([sum(body) % 256])))

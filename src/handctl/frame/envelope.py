@@ -39,8 +39,10 @@ def make_envelope(
     messages: Sequence[Message],
     counters: dict[str, Any] | None,
     extra: dict[str, Any] | None,
+    line: dict[str, Any] | None = None,
 ) -> dict[str, Any]:
     """The JSON envelope without rows."""
+    from handctl.model.profile import Profile
     from handctl.model.result import SCHEMA, Counters
 
     rows = [message.as_row() for message in messages]
@@ -55,6 +57,7 @@ def make_envelope(
         "ok": failure is None,
         "exit_code": failure.exit_code if failure is not None else 0,
         **(extra or {}),
+        "line": line if line is not None else Profile().as_row(),
         "messages": [{**row, "text": sentence(row["text"]), "hint": sentence(row["hint"])} for row in rows],
         "counters": counters if counters is not None else Counters().as_row(),
     }

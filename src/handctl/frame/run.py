@@ -380,8 +380,9 @@ class Run:
         failure = stopped or failure or self._trace_failure
         more = {**(extra or {}), **({"writes": self.ledger.rows()} if self.writes and self.family is not None else {})}
         return make_envelope(
-            self.command, failure, device_row(self), self.journal.messages, self.journal.counters.as_row(), more
-        )
+            self.command, failure, device_row(self), self.journal.messages, self.journal.counters.as_row(), more,
+            self.journal.line.as_row(),
+        )  # fmt: skip
 
     @property
     def simulated(self) -> bool:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from handctl.model.ledger import Ledger, honest
+from handctl.model.profile import Profile
 
 if TYPE_CHECKING:
     from handctl.errors import HandctlError
@@ -156,6 +157,7 @@ class Journal:
         """`progress` shows a line that the next one replaces, while something takes its time."""
         self.progress = progress or (lambda text: None)
         self.counters = Counters()
+        self.line = Profile()
         self.ledger = Ledger()
         self.messages: list[Message] = []
         self.kept: Table | None = None

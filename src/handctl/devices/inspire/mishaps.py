@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from handctl.devices.inspire import eb90
-from handctl.devices.inspire.eb90 import Decoder
+from handctl.devices.inspire.eb90 import Decoder, Frame
 from handctl.errors import ProtocolError
 from handctl.model.frames import frames_in
 from handctl.model.result import hex_bytes
@@ -59,3 +61,25 @@ def shorten(data: bytes, limit: int = 40) -> str:
     """Bytes in hex, not more of them than a message can hold."""
     text = hex_bytes(data[:limit])
     return text if len(data) <= limit else f"{text} … ({len(data)} bytes)"
+
+
+def beheaded(data: bytes) -> list[Frame]:
+    """Answers to reads in `data` that are whole but for their first byte."""
+    found = []
+    place = data.find(eb90.DEVICE[1:])
+    while place >= 0:
+        one = eb90.DEVICE[:1] + data[place:]
+        whole = Decoder([eb90.DEVICE])
+        whole.feed(one[: one[3] + eb90.OVERHEAD] if len(one) > 3 else b"")
+        if data[:place][-1:] != eb90.DEVICE[:1]:
+            found += [frame for frame in frames_in(whole) if frame.flag in (eb90.READ, eb90.WRIST_READ)]
+        place = data.find(eb90.DEVICE[1:], place + 1)
+    return found
+
+
+def foreign_in(data: bytes, sent: bytes, ours: Callable[[Frame], bool]) -> list[Frame]:
+    """Whole frames in `data` that were not `sent` by us, and answer nothing of `ours`: the conversation of others."""
+    sniffer = Decoder()
+    sniffer.feed(data)
+    frames = [*frames_in(sniffer), *sniffer.finish()]
+    return [frame for frame in frames if frame.encode() not in sent and not (frame.from_device and ours(frame))]

@@ -19,6 +19,16 @@ Two bytes each: an answer is longer than its request, so an echo never passes fo
 """
 
 
+FRESH: dict[int, tuple[Span, ...]] = {
+    eb90.READ: tuple((1546 + start, count) for start in (0, 2, 4, 6) for count in (4, 6, 8, 10) if start + count <= 12),
+    eb90.WRIST_READ: ((1020, 6), (1020, 8), (1022, 4), (1022, 6), (1024, 4)),
+}
+"""Read flag -> parts of what is documented (position_actual, exo §2.3.9; wrist §2.1) that no first question asks for.
+
+For an id that has answered: an answer to one of these is younger than that to any first question.
+"""
+
+
 def question(device_id: int, flag: int) -> Span:
     """What to ask an id first."""
     spans = READS[flag]

@@ -6,12 +6,13 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from handctl.devices.inspire import eb90
+from handctl.devices.inspire.asker import Findings
 from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.identity import SIX_HINT, Kind
 from handctl.devices.inspire.map import BAUD_RATES
 from handctl.devices.inspire.mishaps import hint_for
 from handctl.devices.inspire.quiet import Span
-from handctl.devices.inspire.scanner import Findings, Scanner
+from handctl.devices.inspire.scanner import Scanner
 from handctl.errors import DeviceRefused, NoAnswer, ProtocolError, UsageError
 from handctl.model.guide import Guide
 from handctl.model.param import ids_in
@@ -106,13 +107,25 @@ def scan(
     window: int,
     wait_ms: float | None,
     find_all: bool,
+    thorough: bool = True,
 ) -> Table:
-    """Run a scan and put it into words. Finding nothing is an error that says what was tried and what came instead."""
+    """Run a scan and put it into words. Finding nothing is an error that says what was tried and what came instead.
+
+    `thorough`: what is silent is asked once more, one id at a time.
+    """
     link = bus.link
     wait = wait_ms / 1000 if wait_ms is not None else default_wait(link.name)
     tried: list[int | None] = list(speeds) if link.can_set_baud else [link.baud]
     found = Scanner(
-        bus, guide, window=window, wait=wait, find_all=find_all, probe=kind.probe, twin=kind.twin, own=kind.own
+        bus,
+        guide,
+        window=window,
+        wait=wait,
+        find_all=find_all,
+        probe=kind.probe,
+        twin=kind.twin,
+        own=kind.own,
+        thorough=thorough,
     ).run(ids, tried)
     span = f"{wait * 1000:g} ms"
     method = f"one by one, {span} each" if window == 1 else f"{window} ids per window of {span}"

@@ -31,7 +31,7 @@ def probe(
     bus = Bus(link, ids[0], journal, retries=0, bound=deadline)
     at_once = 1 if len(ids) == 1 else WINDOW
     wait = probing.window_ms(timeout, len(ids))
-    table = scan(ExoHand(bus), Guide(), ids, [link.baud or 0], at_once, wait, False)
+    table = scan(ExoHand(bus), Guide(), ids, [link.baud or 0], at_once, wait, False, len(ids) > 1)
     return probing.found(table, TARGET.value)
 
 

@@ -29,6 +29,7 @@ def scan(
     window: int,
     wait_ms: float | None,
     find_all: bool,
+    thorough: bool = True,
 ) -> Table:
     """Look for exo hands on the line of `hand`."""
-    return scan_report.scan(hand.bus, TARGET, guide, ids, speeds, window, wait_ms, find_all)
+    return scan_report.scan(hand.bus, TARGET, guide, ids, speeds, window, wait_ms, find_all, thorough)

@@ -37,7 +37,7 @@ def probe(
     wait = probing.window_ms(timeout, len(ids))
     if isinstance(link, FrameLink):
         bus = CanBus(link, ids[0], journal, retries=0, bound=deadline)
-        return probing.found(scan_wrist(Wrist(bus), Guide(), ids, [0], 1, wait, False), TARGET.value)
+        return probing.found(scan_wrist(Wrist(bus), Guide(), ids, [0], 1, wait, False, len(ids) > 1), TARGET.value)
     line = Bus(
         link,
         ids[0],
@@ -48,7 +48,7 @@ def probe(
         write_flag=eb90.WRIST_WRITE,
         family=FAMILY,
     )
-    table = scan(line, TARGET, Guide(), ids, [link.baud or 0], 1, wait, False)
+    table = scan(line, TARGET, Guide(), ids, [link.baud or 0], 1, wait, False, len(ids) > 1)
     return probing.found(table, TARGET.value)
 
 

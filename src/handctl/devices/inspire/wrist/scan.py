@@ -31,12 +31,13 @@ def scan_wrist(
     window: int,
     wait_ms: float | None,
     find_all: bool,
+    thorough: bool = True,
 ) -> Table:
     """Look for wrist modules on the line or the bus of `wrist`."""
     if isinstance(wrist.bus, CanBus):
         return _scan_can(wrist.bus, guide, ids, (wait_ms or 20.0) / 1000, find_all)
     assert isinstance(wrist.bus, Bus)
-    return scan(wrist.bus, TARGET, guide, ids, speeds, window, wait_ms, find_all)
+    return scan(wrist.bus, TARGET, guide, ids, speeds, window, wait_ms, find_all, thorough)
 
 
 def parse_can_ids(text: str) -> list[int]:
