@@ -21,6 +21,7 @@ from tests.support.scripted import (
     hand_on,
     hexed,
     message,
+    reply_to,
     script,
     unhex,
     values,
@@ -295,7 +296,7 @@ def test_waiting_for_a_real_power_cycle_asks_for_it_and_is_bounded() -> None:
 
 def test_hand_that_comes_back_late_is_found() -> None:
     def answer(request: bytes) -> list[Reply]:
-        return [(0.0, unhex(HERE_1))] if link.now() > 20.0 else [(0.0, b"\xf8\x00")]
+        return [(0.0, reply_to(request, bytes(request[7])))] if link.now() > 20.0 else [(0.0, b"\xf8\x00")]
 
     link = ScriptedLink(answer, baud=115200)
     assert procedures.wait_for_speed(hand_on(link), 57600, Guide()) is True

@@ -13,6 +13,7 @@ from typing import Any
 from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer, ProtocolError
 from handctl.link import ByteLink, Deadline, FrameLink, Link
 from handctl.model.latency import RoundTrips
+from handctl.model.profile import SLOW
 from handctl.model.result import Counters, Journal, hex_bytes
 from handctl.sentence import plural
 from handctl.tools import can_checks
@@ -281,6 +282,9 @@ class LinkChecks:
         if len(series.trips) and link.baud != first:
             text = f"the device answers at {link.baud} bit/s, not at {first}. Other speeds were tried"
             return Check("speed", "ok", text, f"give --baud {link.baud}: it finds the device at once")
+        if len(series.trips) and hasattr(probe, "ignores_speed") and probe.ignores_speed(self._made):
+            text = f"the device answers at another speed than {first} bit/s as well. The speed does not matter"
+            return Check("speed", "ok", f"{text} on Bluetooth, USB or a network")
         if len(series.trips):
             return Check("speed", "ok", f"the device answers at {first} bit/s")
         if link.speeds:
@@ -305,8 +309,10 @@ class LinkChecks:
         finally:
             if first is not None:
                 link.set_baud(first)
-        garbage = sum(series.failed[code] for code in WRONG_SPEED - {"no-answer"})
+        garbage = sum(series.failed[code] for code in WRONG_SPEED - {"no-answer", "bad-checksum"})
         text = f"no answer at {', '.join(tried)} either" if tried else "no time was left for other speeds"
+        if series.failed["bad-checksum"] > garbage:
+            return Check("speed", "ok", f"answers come at {first} bit/s, with a wrong checksum, {text}")
         if garbage:
             remedy = "look at the type plate, or run `handctl scan`: a wrong speed is likely"
             return Check("speed", "warning", f"the data at {first} bit/s is garbage, {text}", remedy)
@@ -368,6 +374,10 @@ class LinkChecks:
                 )
                 return Check("delay", "warning", text, remedy)
             return Check("delay", "ok", f"median {median * 1000:.1f} ms is not the 40 ms of a delayed acknowledge")
+        if median > SLOW:
+            text = f"median {median * 1000:.0f} ms: a slow line, such as Bluetooth, a network or a serial server"
+            remedy = "use a cable where answers must be quick; else allow --timeout for them"
+            return Check("delay", "warning", text, remedy)
         if FTDI[0] <= median <= FTDI[1] and series.wire < median / 2 and "rfcomm" not in self._link.name:
             text = f"median {median * 1000:.0f} ms: looks like an adapter's latency timer of 16 ms"
             return Check("delay", "warning", text, "set the timer to 1 ms: `handctl ports` shows how")

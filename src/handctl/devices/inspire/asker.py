@@ -54,6 +54,7 @@ class Asker:
         self._decoder = Decoder(self._prefixes)
         self._fresh = 0
         self._seen: dict[tuple[int, Span], bytes] = {}  # answers that came since they were last waited for
+        self.others_at: int | None = None  # the speed at which others were understood
         self.line: Profile = bus.journal.line
         self.found = Findings()
 
@@ -132,7 +133,7 @@ class Asker:
         self.found.beheaded |= {frame.id for frame in beheaded(received) if _span(frame) in self._firsts}
         known = {*self._firsts, *FRESH[self._bus.read_flag]}
         if foreign_in(received, sent, lambda frame: _span(frame) in known):
-            self.line.others = True
+            self.line.others, self.others_at = True, self._bus.link.baud
 
     def _take(self, answered: dict[int, int]) -> int:
         """Enter the replies that are complete; returns how many bytes belonged to none."""

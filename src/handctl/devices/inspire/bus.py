@@ -10,8 +10,8 @@ from typing import ClassVar
 
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.eb90 import Decoder, Frame
-from handctl.devices.inspire.mishaps import SILENCE_HINT, hint_for, mishap, shorten
-from handctl.devices.inspire.quiet import question
+from handctl.devices.inspire.mishaps import SILENCE_HINT, hint_for, mishap, others_speak, shorten
+from handctl.devices.inspire.quiet import FRESH, question
 from handctl.devices.inspire.registers import RegisterBus
 from handctl.errors import DeviceRefused, HandctlError, ProtocolError
 from handctl.link import ByteLink, CanFrame, Deadline
@@ -22,6 +22,8 @@ from handctl.model.result import Journal, hex_bytes
 
 PATIENCE = 4
 """An answer that has begun and keeps coming may take this many timeouts in all."""
+SHORT = 32
+"""Bytes of an answer whose time is that of the line, not of its bytes."""
 
 
 class Bus(RegisterBus):
@@ -51,6 +53,7 @@ class Bus(RegisterBus):
         self.write_flag = write_flag
         self.family = family
         self.silence_hint = silence_hint or SILENCE_HINT
+        self._fresh = 0
         self._rest = b""  # what came behind the last accepted frame: perhaps a frame that the device sends by itself
 
     # -- registers -----------------------------------------------------------------------------------------------
@@ -130,6 +133,7 @@ class Bus(RegisterBus):
                 self.journal.counters.stray_bytes += decoder.skipped
                 self._rest = decoder.rest()
                 self.round_trip = self.link.now() - started
+                self._learn(request, bytes(received), decoder.skipped)
                 return frame
             chunk = b"" if received and deadline.expired else self.link.read(deadline)
             if not chunk:
@@ -142,11 +146,40 @@ class Bus(RegisterBus):
             ):  # part of an answer: it may trickle, as long as it keeps coming
                 deadline = self.link.deadline(self.timeout).earlier(last)
 
+    def _learn(self, request: bytes, received: bytes, skipped: int) -> None:
+        """What a good exchange shows of the line."""
+        line = self.journal.line
+        if len(received) < SHORT + len(request) and self.round_trip is not None:
+            line.trips.add(self.round_trip)
+        if line.echo is None:
+            line.echo = received.startswith(request)
+        if skipped and others_speak(request, received):
+            line.others = True
+
     def send(self, request: bytes, deadline: Deadline | None = None) -> None:
         """Write one or more request frames, or whatever bytes."""
         self.pass_gate(request)
         self.count(request)
         self.link.write(request, deadline or self._reply_deadline(len(request), 0))
+
+    def pace(self, seconds: float) -> float | None:
+        """Seconds until the answer to a question that was not asked lately: no late answer to another one passes for it.
+
+        For an id that has answered, or that no stranger's place is. None when no answer came within `seconds`.
+        """
+        spans = FRESH[self.read_flag]
+        self._fresh += 1
+        span = spans[self._fresh % len(spans)]
+        self.check_bound()
+        self.drain()
+        started = self.link.now()
+        self.send(eb90.read_request(self.id, *span, self.read_flag))
+        frame = self.listen([eb90.read_reply_prefix(self.id, *span, self.read_flag)], seconds)
+        if frame is None:
+            return None
+        self.round_trip = self.link.now() - started
+        self.journal.line.trips.add(self.round_trip)
+        return self.round_trip
 
     def listen(self, prefixes: Sequence[bytes], seconds: float) -> Frame | None:
         """Wait for a frame that the device sends later by itself; None when it does not come. Sends nothing.
@@ -205,6 +238,8 @@ class Bus(RegisterBus):
         if not received:
             return self.unanswered(hex_bytes(request), self.timeout, since, self.silence_hint)
         code, text = mishap(request, received)
+        if code == "stale" and others_speak(request, received):
+            self.journal.line.others = True
         return ProtocolError(
             f"{self.where}: {text} (sent {hex_bytes(request)}, received {shorten(received)})",
             hint=hint_for(code, self.family),

@@ -20,6 +20,7 @@ HINTS = {
     "bad-checksum": "check cable, ground and speed, and that only one device has this id: bytes were damaged on the way",
     "cut-short": "check cable and adapter, and that no other program reads the port: the answer was cut off",
     "stale": "look for another program or a second master on this line: a valid frame came, but it answers something else",
+    "first-byte-lost": "use another RS-485 adapter, or set this one to switch its direction sooner: it swallows the first byte of each answer",
     "garbage": "try --baud 115200, 57600 and 19200: most likely the speed is wrong, or this is another kind of device",
 }
 
@@ -36,6 +37,11 @@ def mishap(request: bytes, received: bytes) -> tuple[str, str]:
         rest = rest.replace(request, b"", 1)
         if not rest:
             return "echo", "only our own bytes came back"
+    wanted_id = request[2] if len(request) > 2 else None
+    if any(frame.id == wanted_id for frame in beheaded(rest)):
+        return "first-byte-lost", "the answer came without its first byte"
+    if others_speak(request, rest) and not _damaged(rest, wanted_id):
+        return "stale", "a valid frame came, but not the answer to this request: others speak on this line"
     sniffer = Decoder()
     sniffer.feed(rest)
     bad_sums: list[ProtocolError] = []
@@ -43,7 +49,6 @@ def mishap(request: bytes, received: bytes) -> tuple[str, str]:
     pending = sniffer.pending
     frames += sniffer.finish()
     replies = [frame for frame in frames if frame.from_device]
-    wanted_id = request[2] if len(request) > 2 else None
     for frame in replies:
         if frame.id != wanted_id:
             return "wrong-id", f"id {frame.id} answered instead"
@@ -55,6 +60,28 @@ def mishap(request: bytes, received: bytes) -> tuple[str, str]:
     if pending >= 2 and (rest.endswith(eb90.DEVICE) or eb90.DEVICE + request[2:3] in rest):
         return "cut-short", f"the answer was cut off after {len(rest)} bytes"
     return "garbage", f"{len(rest)} bytes came that form no frame"
+
+
+def others_speak(request: bytes, received: bytes) -> bool:
+    """Whether there is a request in it that is not ours, or an answer of another id to something else than ours."""
+
+    def aside(frame: Frame) -> bool:
+        if not frame.from_device:
+            return True
+        same = bytes([frame.flag]) + frame.payload[:2] == request[4:7]
+        if same and frame.flag in (eb90.READ, eb90.WRIST_READ):
+            same = len(frame.data) == request[7]
+        return frame.id != request[2] and not same
+
+    return any(map(aside, foreign_in(received, request, lambda frame: False)))
+
+
+def _damaged(received: bytes, device_id: int | None) -> bool:
+    """Whether a frame with this id and a wrong sum is in it."""
+    sniffer, named = Decoder([eb90.DEVICE]), list[int]()
+    sniffer.feed(received)
+    list(frames_in(sniffer, lambda _error: named.append(sniffer.rejected[2])))
+    return device_id in named
 
 
 def shorten(data: bytes, limit: int = 40) -> str:

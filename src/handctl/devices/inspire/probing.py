@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from handctl.devices.inspire.base import RegisterDevice
+from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.identity import SIX_HINT, Kind, Look
 from handctl.errors import NoAnswer
 from handctl.model.result import Row, Table
@@ -49,3 +50,19 @@ def identified(device: RegisterDevice, own: Kind) -> tuple[str, str, str]:
         return "ok", f"nothing contradicts {own.words}: {look.evidence}", ""
     command = f"use `{kind.command}`, the command for it" if kind.command else SIX_HINT
     return "fail", f"this is {kind.words}, not {own.words}: {look.evidence}", command
+
+
+def ignores_speed(device: RegisterDevice) -> bool:
+    """Whether a device that has answered does so at another speed of the port as well. Leaves the port as it was."""
+    bus = device.bus
+    if not isinstance(bus, Bus) or not bus.link.can_set_baud or bus.link.baud is None:
+        return False
+    was, line = bus.link.baud, bus.journal.line
+    wait = max(0.05, 2 * (bus.round_trip or 0.0) + 0.03)
+    bus.link.set_baud(57600 if was == 115200 else 115200)
+    try:
+        line.speed_matters = all(bus.pace(wait) is None for _ in range(2))
+    finally:
+        bus.link.set_baud(was)
+        bus.pace(wait)  # what the other speed left half read is passed over
+    return not line.speed_matters

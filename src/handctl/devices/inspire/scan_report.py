@@ -16,6 +16,7 @@ from handctl.devices.inspire.scanner import Scanner
 from handctl.errors import DeviceRefused, NoAnswer, ProtocolError, UsageError
 from handctl.model.guide import Guide
 from handctl.model.param import ids_in
+from handctl.model.profile import Profile
 from handctl.model.result import Column, Row, Table
 
 
@@ -137,6 +138,8 @@ def scan(
     if found.cut:
         summary += ", ended by --deadline before all were asked"
     bus.journal.info("scanned", summary)
+    if told := _line_words(bus.journal.line, found, window):
+        bus.journal.info("line", told)
     for speed, device_id in found.unconfirmed:
         bus.journal.warn("unconfirmed", f"id {device_id}{_at(speed)} answered once and not again. It is not counted")
     table = Table(
@@ -164,6 +167,16 @@ def scan(
     return table
 
 
+def _line_words(line: Profile, found: Findings, window: int) -> str:
+    """What was learned of the line, and how ids were asked because of it; "" for a fast line of both directions."""
+    words = line.words()
+    if not words or not found.hits:
+        return words
+    if found.single is None:
+        return f"{words}. {window} ids at a time" if window > 1 else words
+    return f"{words}. One id at a time, {1000 * found.single:.0f} ms each"
+
+
 def _at(speed: int | None) -> str:
     return f" at {speed}" if speed else ""
 
@@ -175,6 +188,7 @@ def _facts(found: Findings, window: int, wait: float) -> dict[str, object]:
         "probes": found.probes,
         "windows": found.windows,
         "seconds": round(found.seconds, 3),
+        "single_ms": None if found.single is None else round(found.single * 1000, 3),
         "echo": found.echo,
         "garbage_bytes": found.garbage,
     }
@@ -187,6 +201,13 @@ def _nothing(found: Findings, name: str, summary: str, kind: Target) -> NoAnswer
             f"{name}: id {', '.join(map(str, twice))} answered, but each time with a wrong checksum ({summary})",
             hint="leave one device on the line, check cable and ground: two devices have one id, or the line is disturbed",
             code="bad-checksum",
+        )
+    if found.beheaded:
+        ids = ", ".join(map(str, sorted(found.beheaded)))
+        return ProtocolError(
+            f"{name}: id {ids} answered, but the first byte of each answer is missing ({summary})",
+            hint=hint_for("first-byte-lost", kind.family),
+            code="first-byte-lost",
         )
     if found.foreign:
         ids = ", ".join(str(device_id) for _, device_id in found.unconfirmed)

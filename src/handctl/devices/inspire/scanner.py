@@ -34,10 +34,12 @@ SINGLE_SECONDS = 0.030
 """Between two ids of the pass that follows silence: on the wire, a delay that varies must not push them together."""
 MOST_SINGLE = 0.150
 """However slow the line: the answers overlap, and name their ids."""
+AGAIN_AMONG_OTHERS = 2
+"""So many passes more where others speak and nothing was found."""
 CONFIRM_SECONDS = (0.3, 0.6, 1.2)
 TWIN_READS = 20
-TWIN_SECONDS, TWIN_LEAST = 1.0, 6
-"""On a slow line fewer reads have to do, but six."""
+TWIN_READS_SLOW = 6
+"""On a slow line: each of them takes its round trip."""
 
 
 class Pass(NamedTuple):
@@ -105,26 +107,44 @@ class Scanner(Asker):
                 yield Pass(speed, [1], 1, usual, FIRST_SECONDS)
         alone = self._window == 1
         dwell = SILENCE_SECONDS if alone and len(ids) > 1 and self._thorough else DRAIN_SECONDS
-        for number, speed in enumerate(speeds):
-            if (number and self.line.speed_matters is False) or self._singly:
-                break
+        todo, asked = list(speeds), list[int | None]()
+        while todo and not self._singly:
+            speed = todo.pop(0)
+            measured = len(self.line.trips)
             yield Pass(speed, rest, self._window, usual, dwell)
-        if alone or not self._thorough or (self.found.hits and not self._singly):
+            if self.line.speed_matters is False:
+                todo.clear()
+            elif self.line.slow and not measured:
+                todo += asked  # their last answers may have been too late
+            asked.append(speed)
+        if alone or self.found.beheaded or not self._thorough or (self.found.hits and not self._singly):
             return
-        for number, speed in enumerate(speeds):
+        yield from self._single_passes(ids, speeds)
+
+    def _single_passes(self, ids: Sequence[int], speeds: Sequence[int | None]) -> Iterator[Pass]:
+        """One id at a time. Where others speak, their speed is the likeliest, and a probe may have met their bytes."""
+        for number, speed in enumerate(sorted(speeds, key=lambda speed: speed != self.others_at)):
             if number and self.line.speed_matters is False:
                 break
-            if not len(self.line.trips):
-                wait = max(SINGLE_SECONDS, 1.5 * usual)
-            else:
-                wait = min(MOST_SINGLE, max(usual, 2 * self.line.worst + 0.01))
-            self.found.single = wait
-            yield Pass(speed, ids, 1, wait, SILENCE_SECONDS)
+            yield self._single(ids, speed)
+        for _ in range(AGAIN_AMONG_OTHERS):
+            if self.found.hits or self.others_at not in speeds:
+                break
+            yield self._single(ids, self.others_at)
+
+    def _single(self, ids: Sequence[int], speed: int | None) -> Pass:
+        """One id at a time, at the pace of the line as far as that is known."""
+        if not len(self.line.trips):
+            wait = max(SINGLE_SECONDS, 1.5 * self._usual)
+        else:
+            wait = min(MOST_SINGLE, max(self._usual, 2 * self.line.worst + 0.01))
+        self.found.single = wait
+        return Pass(speed, ids, 1, wait, SILENCE_SECONDS)
 
     @property
     def _singly(self) -> bool:
-        """Whether windows do not fit what was measured: answers collide, or the line is slow and carries packets."""
-        return self._window > 1 and (bool(self.line.half_duplex) or self.line.slow)
+        """Whether windows do not fit what was measured: answers collide with the next probes."""
+        return self._window > 1 and self.line.half_duplex is True
 
     def _pass(self, this: Pass) -> None:
         speed, ids = this.speed, this.ids
@@ -239,7 +259,7 @@ class Scanner(Asker):
             line.speed_matters = not self._ask(device_id, (self._patience(0.0),) * 2)
             link.set_baud(speed)
             self._ask(device_id, (self._patience(0.0),) * 2)  # what the other speed left half read is passed over
-        if line.half_duplex is None and self._window > 1 and self._find_all and self._usual == self._wait:
+        if line.half_duplex is None and self._window > 1 and (self._find_all or self.found.single):
             line.half_duplex = not any(self._overlaps(device_id, self._window) for _ in range(2))
         if line.others is None:
             line.others = False
@@ -261,11 +281,9 @@ class Scanner(Asker):
         bus = self._bus
         wanted, bus.timeout = bus.timeout, min(bus.timeout, max(self._usual, 0.05, self._patience(0.0)))
         good = bad = 0
-        end = bus.link.deadline(TWIN_SECONDS)
+        reads = TWIN_READS_SLOW if self.line.slow else TWIN_READS
         try:
-            for number in range(TWIN_READS):
-                if number >= TWIN_LEAST and end.expired:
-                    break
+            for _ in range(reads):
                 try:
                     bus.read(*self._twin_span, device_id=device_id, retries=0)
                     good += 1
@@ -275,4 +293,4 @@ class Scanner(Asker):
                     continue  # a lost reply says nothing about a twin
         finally:
             bus.timeout = wanted
-        return bad > 0 and (good > 0 or bad == number + 1)
+        return bad > 0 and (good > 0 or bad == reads)

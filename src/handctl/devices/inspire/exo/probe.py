@@ -43,3 +43,8 @@ def ping(device: ExoHand) -> None:
 def identify(device: ExoHand) -> tuple[str, str, str]:
     """Whether it is one: status, evidence, remedy of a check. Read-only. Raises what the bus raises."""
     return probing.identified(device, TARGET.own)
+
+
+def ignores_speed(device: ExoHand) -> bool:
+    """Whether it answers at another speed of the port as well. Read-only."""
+    return probing.ignores_speed(device)

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from handctl.devices.inspire.exo.device import ExoHand
 
 PROBE_SECONDS = 0.1
+PATIENCE_SECONDS = 2.5
+"""Longest answer that is waited for where one may only be late."""
 LATE_SECONDS = 0.7
 """How long to listen for an answer that came too late before looking at other speeds."""
 POWER_CYCLE_SECONDS = 120.0
@@ -30,7 +32,8 @@ PROBE_ADDRESS, PROBE_COUNT = 1472, 2
 def probe(bus: Bus, device_id: int, *, seconds: float | None = None) -> bool:
     """Whether a hand answers to `device_id` (read-only, asked twice). `seconds` per answer, default the bus timeout.
 
-    Only our own bytes coming back is silence too: on a line with echo that is how a free id looks. Raises
+    Only our own bytes coming back is silence too: on a line with echo that is how a free id looks. So are the frames of others, which are
+    told. Raises
     ProtocolError when something else comes.
     """
     wanted, bus.timeout = bus.timeout, seconds if seconds is not None else bus.timeout
@@ -39,7 +42,13 @@ def probe(bus: Bus, device_id: int, *, seconds: float | None = None) -> bool:
     except NoAnswer:
         return False
     except ProtocolError as exc:
-        if exc.code != "echo":
+        if exc.code == "stale" and bus.journal.line.others:
+            bus.journal.warn(
+                "others",
+                f"others speak on this line, and id {device_id} did not answer among them",
+                hint="stop the other program or master to be sure that the id is free",
+            )
+        elif exc.code != "echo":
             raise
         return False
     finally:
@@ -53,8 +62,8 @@ def find_speed(bus: Bus) -> int | None:
     for rate in sorted(BAUD_RATES.values(), key=lambda rate: rate != first):
         link.set_baud(rate)
         try:
-            if probe(bus, bus.id, seconds=PROBE_SECONDS):
-                return rate
+            if probe(bus, bus.id, seconds=PROBE_SECONDS) and bus.pace(LATE_SECONDS) is not None:
+                return rate  # not a late answer to a question at another speed
         except ProtocolError:
             continue  # garbage at a wrong speed is as good as silence here
     if first is not None:
@@ -72,15 +81,7 @@ def explain_silence(hand: ExoHand, error: HandctlError) -> HandctlError:
         return error
     frame = bus.listen([eb90.DEVICE + bytes([bus.id])], max(LATE_SECONDS, bus.timeout))
     if frame is not None:
-        longer = f"--timeout {max(1.0, 4 * bus.timeout):g}"
-        written = any(message.code == "ack-lost" for message in bus.journal.messages)
-        return NoAnswer(
-            f"id {bus.id} on {bus.link.name} answers, but later than {bus.timeout:g} s",
-            hint=f"read the values with {longer} before you repeat the command: the write may have taken effect"
-            if written
-            else f"run the command again with {longer}",
-            code="late",
-        )
+        return late(bus)
     if not bus.link.can_set_baud:
         return error
     was = bus.link.baud
@@ -88,12 +89,27 @@ def explain_silence(hand: ExoHand, error: HandctlError) -> HandctlError:
         found = find_speed(bus)
     except LinkError:
         return error
+    if found is None and bus.pace(PATIENCE_SECONDS) is not None:
+        return late(bus)
     if found is None or found == was:
         return error
     return ProtocolError(
         f"id {bus.id} on {bus.link.name} does not answer at {was} bit/s but does at {found} bit/s",
         hint=f"run the command again with --baud {found}",
         code="wrong-speed",
+    )
+
+
+def late(bus: Bus) -> NoAnswer:
+    """The error of a hand that answers, but too late."""
+    longer = f"--timeout {max(1.0, 4 * bus.timeout):g}"
+    written = any(message.code == "ack-lost" for message in bus.journal.messages)
+    return NoAnswer(
+        f"id {bus.id} on {bus.link.name} answers, but later than {bus.timeout:g} s",
+        hint=f"read the values with {longer} before you repeat the command: the write may have taken effect"
+        if written
+        else f"run the command again with {longer}",
+        code="late",
     )
 
 
@@ -111,6 +127,8 @@ def change_id(hand: ExoHand, new: int) -> Table:
         return _id_row(hand, old)
     new_taken = probe(bus, new)
     old_there = probe(bus, old)
+    if (not old_there or (bus.round_trip or 0.0) > bus.timeout / 2) and _slower(bus):
+        old_there, new_taken = True, probe(bus, new)
     if not old_there and new_taken:
         bus.id = new
         hand.journal.info("already", f"no hand answers to id {old}, but one already answers to id {new}")
@@ -129,6 +147,16 @@ def change_id(hand: ExoHand, new: int) -> Table:
         "find it with `handctl exo scan`. A power-cycle brings back the saved id",
     ):
         return _write_id(hand, new)
+
+
+def _slower(bus: Bus) -> bool:
+    """Whether the hand answers more slowly than the timeout has room for: then this is raised to fit."""
+    took = bus.pace(PATIENCE_SECONDS)
+    if took is None or 2 * took <= bus.timeout:
+        return False
+    bus.timeout = 2 * took + 0.1
+    bus.journal.info("line", f"Slow line: {1000 * took:.0f} ms. Each answer has {bus.timeout:.1f} s")
+    return True
 
 
 def _write_id(hand: ExoHand, new: int) -> Table:
@@ -222,7 +250,8 @@ def wait_for_speed(hand: ExoHand, rate: int, guide: Guide, *, seconds: float = P
     while not end.expired:
         guide.progress(f"waiting for id {hand.bus.id} at {rate} bit/s, {end.remaining:.0f} s left")
         try:
-            if probe(hand.bus, hand.bus.id, seconds=PROBE_SECONDS):
+            allowed = max(PROBE_SECONDS, 2 * (hand.bus.round_trip or 0.0))
+            if probe(hand.bus, hand.bus.id, seconds=allowed) and hand.bus.pace(allowed) is not None:
                 guide.done()
                 return True
         except ProtocolError:

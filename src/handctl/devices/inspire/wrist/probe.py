@@ -60,3 +60,8 @@ def ping(device: Wrist) -> None:
 def identify(device: Wrist) -> tuple[str, str, str]:
     """Whether it is one: status, evidence, remedy of a check. Read-only. Raises what the bus raises."""
     return probing.identified(device, TARGET.own)
+
+
+def ignores_speed(device: Wrist) -> bool:
+    """Whether it answers at another speed of the port as well. Read-only."""
+    return probing.ignores_speed(device)
