@@ -120,7 +120,7 @@ def test_a_bluetooth_line_is_named_and_has_no_speed(tmp_path: Path) -> None:
     path = Line("bluetooth", 60, 0, 1, 115200).file(tmp_path)
     result = run("exo", "scan", "-p", f"fake://bus?file={path}&clock=virtual", "--json")
     assert [(row["baud"], row["id"]) for row in result.rows] == [(None, 1)]
-    line = result.envelope["line"]
+    line = result.json["line"]
     assert line["speed_matters"] is False
     assert 60 <= line["round_trip_ms"] <= 75
     assert "line" in result.codes()
@@ -138,7 +138,7 @@ def test_two_hands_on_a_half_duplex_line_are_found_one_by_one(tmp_path: Path) ->
 
 def test_a_line_that_swallows_first_bytes_is_named(tmp_path: Path) -> None:
     path = tmp_path / "bus.toml"
-    path.write_text(text("first-byte-lost"))
+    path.write_text(text("first-byte-lost", [{"kind": "exo"}]))
     for command in (("exo", "scan"), ("exo", "status")):
         result = run(*command, "-p", f"fake://bus?file={path}&clock=virtual", "--json")
         assert (result.code, result.error["code"]) == (5, "first-byte-lost")

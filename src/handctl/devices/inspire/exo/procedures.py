@@ -126,7 +126,12 @@ def change_id(hand: ExoHand, new: int) -> Table:
         hand.journal.info("already", f"the hand already has id {new}")
         return _id_row(hand, old)
     new_taken = probe(bus, new)
-    old_there = probe(bus, old)
+    try:
+        old_there = probe(bus, old)
+    except ProtocolError as exc:  # perhaps a late answer of the new id
+        if exc.code != "wrong-id" or not _slower(bus):
+            raise
+        old_there, new_taken = True, probe(bus, new)
     if (not old_there or (bus.round_trip or 0.0) > bus.timeout / 2) and _slower(bus):
         old_there, new_taken = True, probe(bus, new)
     if not old_there and new_taken:
