@@ -91,7 +91,8 @@ def _telling(check: Check) -> tuple[bool, bool]:
 
 def examine(run: Run, machine: Machine, kind: str | None, reads: int) -> Iterator[Check]:
     """The checks of the link that the user named, each as soon as it is known."""
-    from handctl.tools.link_checks import LinkChecks, failed_open, port_checks
+    from handctl.tools.link_checks import LinkChecks, failed_open
+    from handctl.tools.port_checks import port_checks
 
     if kind is None and run.settings.fake:
         raise UsageError("no simulator given", hint=f"add --family with one of {', '.join(FAMILIES)}", code="no-family")
