@@ -19,6 +19,7 @@ from handctl.model.result import Counters
 from handctl.tools import doctor, link_checks, machine_checks
 from handctl.tools.link_checks import LinkChecks
 from handctl.tools.machine_checks import Check
+from handctl.tools.port_checks import port_checks
 from handctl.tools.probes import probe_of
 from tests.support.cli import Result, Simulator, run
 from tests.support.machine import System
@@ -293,15 +294,15 @@ def test_a_known_port_tells_permission_holder_and_timer(system: System) -> None:
     system.denied.add("/dev/ttyUSB0")
     system.process(4711, "screen", opened="/dev/ttyUSB0")
     for link in ("/dev/ttyUSB0", "usb:0403:6001", "usb:0403:6001:A1"):
-        checks = {check.name: check for check in link_checks.port_checks(system.machine(), link)}
+        checks = {check.name: check for check in port_checks(system.machine(), link)}
         assert {name: check.status for name, check in checks.items()} == {
             "permission": "fail", "holder": "fail", "latency_timer": "warning",
         }  # fmt: skip
         assert checks["holder"].evidence == "/dev/ttyUSB0 is in use by screen (pid 4711)"
         assert "up to 16 ms" in checks["latency_timer"].evidence
         assert "latency_timer" in checks["latency_timer"].remedy
-    assert link_checks.port_checks(system.machine(), "usb:1a86:7523") == []
-    assert link_checks.port_checks(system.machine(), "fake://exo") == []
+    assert port_checks(system.machine(), "usb:1a86:7523") == []
+    assert port_checks(system.machine(), "fake://exo") == []
 
 
 @pytest.mark.parametrize(

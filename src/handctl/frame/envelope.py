@@ -39,7 +39,6 @@ def make_envelope(
     messages: Sequence[Message],
     counters: dict[str, Any] | None,
     extra: dict[str, Any] | None,
-    line: dict[str, Any] | None = None,
 ) -> dict[str, Any]:
     """The JSON envelope without rows."""
     from handctl.model.profile import Profile
@@ -56,8 +55,8 @@ def make_envelope(
         "device": device,
         "ok": failure is None,
         "exit_code": failure.exit_code if failure is not None else 0,
+        "line": Profile().as_row(),
         **(extra or {}),
-        "line": line if line is not None else Profile().as_row(),
         "messages": [{**row, "text": sentence(row["text"]), "hint": sentence(row["hint"])} for row in rows],
         "counters": counters if counters is not None else Counters().as_row(),
     }

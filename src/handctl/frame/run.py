@@ -378,11 +378,10 @@ class Run:
         """The JSON envelope without rows (cli contract, section 4)."""
         stopped = self.hold.stopped if self.hold is not None else None
         failure = stopped or failure or self._trace_failure
-        more = {**(extra or {}), **({"writes": self.ledger.rows()} if self.writes and self.family is not None else {})}
-        return make_envelope(
-            self.command, failure, device_row(self), self.journal.messages, self.journal.counters.as_row(), more,
-            self.journal.line.as_row(),
-        )  # fmt: skip
+        writes = {"writes": self.ledger.rows()} if self.writes and self.family is not None else {}
+        more = {**(extra or {}), **writes, "line": self.journal.line.as_row()}
+        counters = self.journal.counters.as_row()
+        return make_envelope(self.command, failure, device_row(self), self.journal.messages, counters, more)
 
     @property
     def simulated(self) -> bool:
