@@ -220,13 +220,14 @@ AFTERWARDS: dict[str, str] = {"exo": "get", "wrist": "get", "barrett": "get", "e
 
 
 CAUSES: dict[str, set[str]] = {
-    **{name: {"no-answer"} for name in ("silent", "no-ack", "bus-off", "no-wrist", "hang", "reboot", "block-silent")},
+    **{name: {"no-answer"} for name in ("silent", "no-wrist", "hang", "reboot", "block-silent")},
+    "no-ack": {"no-ack"}, "bus-off": {"bus-off"},
     "deaf": {"no-answer"}, "deaf aidin": {"not-reached"},  # a stream goes on, and the hand does not move
     "disconnect": {"lost"}, "loopback": {"echo"}, "echo": {"echo-differs"}, "wrong-id": {"wrong-id"},
     "bad-checksum": {"bad-checksum"}, "bad-checksum aidin": {"bad-json"},
     "bad-checksum barrett": {"garbage"},  # GCL has no checksum, and no character with bit 7
     "truncate": {"cut-short", "garbage", "bad-checksum"}, "truncate aidin": {"bad-json"},
-    "twin-id": {"bad-checksum"}, "twin-id can": {"no-answer"},
+    "twin-id": {"bad-checksum"}, "twin-id can": {"no-answer", "bus-errors"},
     **{name: {"echo-differs"} for name in ("duplicate", "no-echo")},
     "duplicate barrett": {"echo-differs", "garbage"},  # the answer to the first question, twice, is none that fits
     "hang barrett": {"no-answer", "echo", "garbage"},  # it repeats what it hears, alone or behind what came before
