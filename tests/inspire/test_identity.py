@@ -491,7 +491,7 @@ def test_nothing_but_the_buses_and_the_scanners_touches_the_link() -> None:
         for path in folder.rglob("*.py")
         if re.search(r"link\.(write|send)\(", path.read_text())
     }
-    assert users == {"bus", "canbus", "scanner", "wrist/scan"}
+    assert users == {"bus", "canbus", "asker", "wrist/scan"}
 
 
 @pytest.mark.parametrize("family", ["exo", "wrist", "ekso", "barrett"])
