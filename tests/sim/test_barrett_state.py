@@ -692,7 +692,7 @@ def test_decayed_firmware_is_erratic() -> None:
 
 def test_control_commands() -> None:
     bench = ready()
-    assert bench.control("help").count("|") == 27
+    assert bench.control("help").count("|") == 29
     bench.control("position all 321")
     assert bench.get("P") == ["321 321 321 321"]
     assert bench.get("OD") == ["104233 98712 110003 20117"]

@@ -445,6 +445,10 @@ def test_wrong_bitrate_and_foreign_frames_get_no_reply(start: Start, place: list
 def test_several_clients_are_on_one_bus(start: Start) -> None:
     server = start("--slcan-tcp", "127.0.0.1:0")
     with server.bus() as one, server.bus() as two, server.bus(500000) as other:
+        while next_frame(two, 0.1) is None:  # until the other channel is open
+            assert exchange(one, 0x11000001, 2) == b"\x6f\x00"
+        while next_frame(two, 0.2):
+            pass
         assert exchange(one, 0x10FF0001, 2) == b"\xa7\xfe"
         heard = [next_frame(two), next_frame(two)]  # what the other one sent, and the reply
         assert [(row.arbitration_id, bytes(row.data)) for row in heard if row] == [

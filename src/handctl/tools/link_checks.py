@@ -345,7 +345,7 @@ class LinkChecks:
             return Check("delay", "ok", f"median {median * 1000:.1f} ms is not the 40 ms of a delayed acknowledge")
         if median > SLOW:
             text = f"median {median * 1000:.0f} ms: a slow line, such as Bluetooth, a network or a serial server"
-            remedy = "use a cable where answers must be quick; else allow --timeout for them"
+            remedy = "use a cable where answers must be quick, or give --timeout"
             return Check("delay", "warning", text, remedy)
         if FTDI[0] <= median <= FTDI[1] and series.wire < median / 2 and "rfcomm" not in self._link.name:
             text = f"median {median * 1000:.0f} ms: looks like an adapter's latency timer of 16 ms"
