@@ -56,8 +56,8 @@ def pytest_configure(config: pytest.Config) -> None:
 settings.register_profile("any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("any machine")
 
-SHARE = 16
-"""Of the cells of the fault matrices an ordinary run of the whole suite takes one in 16, always the same ones."""
+SHARE = 24
+"""Of the cells of the fault matrices an ordinary run of the whole suite takes one in 24, always the same ones."""
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

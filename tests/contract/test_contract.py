@@ -42,7 +42,7 @@ from tests.support.places import TESTS
 
 pytestmark = pytest.mark.contract
 
-SHARE = 48
+SHARE = 64
 """An ordinary run of the whole suite takes one cell of a large product in 48."""
 SECONDS = 20.0
 VIRTUAL_SECONDS = 900.0

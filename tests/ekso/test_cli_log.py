@@ -124,7 +124,7 @@ def pulls(seed: int, count: int = 10) -> list[tuple[float, float]]:
 
 
 @pytest.mark.parametrize("rate", [0, 50])
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.long) for seed in range(1, 6))])
 def test_ten_unplugs_at_random_in_one_log(tmp_path: Path, seed: int, rate: int) -> None:
     path = tmp_path / "a.csv"
     plan = pulls(seed)

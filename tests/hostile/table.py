@@ -11,7 +11,7 @@ import pytest
 from tests.harm.table import Table
 from tests.hostile.cell import Cell
 
-SHARE = 120
+SHARE = 160
 """An ordinary run of the whole suite takes one cell in so many."""
 PROPERTY = "handctl-hostile"
 HANGS = 3
