@@ -61,7 +61,7 @@ SHARE = 24
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """`-m faults`, or naming a file, runs every cell, or those that HANDCTL_FAULTS_EACH=N leaves; `.ci/run` takes each second."""
+    """`-m faults`, or naming a file, runs every cell, or those that HANDCTL_FAULTS_EACH=N leaves; `.ci/run` takes each third."""
     whole_suite = not config.option.file_or_dir or config.option.file_or_dir == ["tests"]
     asked = not whole_suite or "faults" in config.option.markexpr
     share = int(os.environ.get("HANDCTL_FAULTS_EACH", "1")) if asked else SHARE

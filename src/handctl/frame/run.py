@@ -22,7 +22,6 @@ from handctl.frame.family import Family, implied, in_words, load
 from handctl.frame.filetypes import files_of
 from handctl.frame.options import COMMAND_LINE, FILE, SOURCES, Settings, Source, from_click
 from handctl.frame.premises import check_before, link_name, refuse_other_family
-from handctl.model.ledger import honest
 from handctl.screen.filter import shown, text_shown
 
 if TYPE_CHECKING:
@@ -276,6 +275,7 @@ class Run:
             failure = self._close(failure or Interrupted("interrupted"))
         told = failure or (table.failure if table is not None else None)
         if told is not None and self.journal.ledger.began:
+            honest = self.journal.ledger.honest
             told.text, told.hint = honest(told.text), honest(told.hint)
         if table is None or table.samples is None:
             try:
@@ -321,7 +321,7 @@ class Run:
         in_json = settings.format in ("json", "ndjson") and not isinstance(failure, OutputError)
         if in_json or settings.dry_run or (settings.quiet and not ledger.unconfirmed):
             return
-        said = failure is not None and honest(failure.hint) != failure.hint
+        said = failure is not None and ledger.honest(failure.hint) != failure.hint
         if lines := ([] if said and not ledger.began else ledger.text()):
             level = "warning" if ledger.unconfirmed else "note"
             print_stderr("\n".join((f"handctl: {level}: {lines[0]}", *map(shown, lines[1:]))))
