@@ -54,9 +54,8 @@ EXCEPTIONS: dict[tuple[str, str, str], set[int]] = {
     # two devices with one id: replies that do not jitter overlap to perfect ones (dossier 4.14); before a write the
     # pitch is read, which jitters
     **{(wire, "twin-id", command.name): RIGHT for wire in WIRES for command in READING if command.steady},
-    # on CAN the collision destroys the wrist's frames, while its hand's, which do not jitter, come whole: a hand alone,
-    # or destroyed frames where the adapter reports them
-    **{("can", "twin-id", command.name): {4, 6} for command in WRITING},
+    # on CAN the collision destroys the wrist's frames, while its hand's, which do not jitter, come whole: a hand alone
+    **{("can", "twin-id", command.name): {6} for command in WRITING},
     # a scan may name the suspicion beside the wrist, or find no valid answer
     ("serial", "twin-id", "scan"): {0, 5},
     # undocumented bytes are asked for by number, or with an error byte: on CAN a read has two bytes (dossier 4.12)

@@ -101,7 +101,10 @@ class WristCell(ServedCell, wrist.Cell):
 
     def judge(self) -> None:
         self.real()
-        self.holds(wrist.allowed(self.wire, self.fault, self.command, "always"))
+        codes = wrist.allowed(self.wire, self.fault, self.command, "always")
+        if self.wire == "can" and self.fault == "twin-id" and codes == {6}:
+            codes = {4}  # an adapter, unlike the bus in this process, reports that frames were destroyed
+        self.holds(codes)
 
 
 class BarrettCell(ServedCell, barrett.Cell):

@@ -159,7 +159,7 @@ class Ledger:
 
     @staticmethod
     def honest(text: str) -> str:
-        """The text without a claim that nothing was sent, for who has a ledger and did not load this module for it."""
+        """As the function below, for whoever has a ledger: `-h` does not load this module for it."""
         return honest(text)
 
     def plan(self, steps: Sequence[Step]) -> None:
