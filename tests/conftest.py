@@ -44,6 +44,7 @@ def own_state(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.Monk
     runtime.mkdir(0o700, parents=True)
     monkeypatch.setenv("XDG_STATE_HOME", str(own))
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(runtime))
+    monkeypatch.setenv("TMPDIR", str(own))  # the second place for what a user's --fake keeps
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -53,7 +54,10 @@ def pytest_configure(config: pytest.Config) -> None:
     config.pluginmanager.register(hostile_table())
 
 
-settings.register_profile("any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+# The same examples in each run: what a new one finds is a task for the long suites, not an end of an ordinary run by chance.
+settings.register_profile(
+    "any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow], derandomize=True, database=None
+)
 settings.load_profile("any machine")
 
 SHARE = 24
@@ -61,7 +65,7 @@ SHARE = 24
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """`-m faults`, or naming a file, runs every cell, or those that HANDCTL_FAULTS_EACH=N leaves; `.ci/run` takes each third."""
+    """`-m faults`, or naming a file, runs every cell, or those that HANDCTL_FAULTS_EACH=N leaves, as `.ci/run` does."""
     whole_suite = not config.option.file_or_dir or config.option.file_or_dir == ["tests"]
     asked = not whole_suite or "faults" in config.option.markexpr
     share = int(os.environ.get("HANDCTL_FAULTS_EACH", "1")) if asked else SHARE

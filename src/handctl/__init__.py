@@ -1,3 +1,22 @@
-"""handctl: diagnostics and configuration of hand and exoskeleton devices from the command line."""
+"""handctl: diagnostics and configuration of hand and exoskeleton devices, from the command line and from Python.
+
+`handctl.connect` and `handctl.simulate` are loaded when they are used first.
+"""
 
 __version__ = "0.1.0"
+
+TYPE_CHECKING = False  # the typing module is not worth its import time here
+if TYPE_CHECKING:
+    from handctl import errors as errors
+    from handctl.hands import connect as connect
+    from handctl.hands import simulate as simulate
+else:
+
+    def __getattr__(name: str) -> object:
+        from importlib import import_module
+
+        if name == "errors":
+            return import_module("handctl.errors")
+        if name in ("connect", "simulate"):
+            return getattr(import_module("handctl.api"), name)
+        raise AttributeError(f"module 'handctl' has no attribute {name!r}")

@@ -1,13 +1,15 @@
-"""`python -m handctl.build_zipapp [-o handctl.pyz]`: one file that runs with any Python 3.11+, without a network.
+"""`python -m handctl.build_zipapp [-o handctl.pyz]`: one file that runs with any Python 3.10+, without a network.
 
 It holds handctl and its runtime dependencies as they are installed beside it; nothing is downloaded. Compiled
-extensions stay out (crcmod and wrapt have equivalents in Python), so the file fits every machine. Byte code of the
-building Python is included: another version ignores it and starts slower. The same input gives the same bytes.
+extensions stay out (crcmod and wrapt have equivalents in Python), so the file fits every machine. What older Pythons need
+beside that is taken where it is installed; without it the file asks for a Python that does not. Byte code of the building
+Python is included: another version ignores it and starts slower. The same input gives the same bytes.
 """
 
 from __future__ import annotations
 
 import os
+import posixpath
 import stat
 import sys
 import tempfile
@@ -18,12 +20,13 @@ from pathlib import Path
 
 USAGE = "usage: python -m handctl.build_zipapp [-o FILE]\n"
 OWN = "handctl"
-OLDEST = (3, 11)
-MAIN = f"""import sys
+Version = tuple[int, int]
+OLDEST: Version = (3, 10)
+MAIN = """import sys
 
-if sys.version_info < {OLDEST}:
-    sys.stderr.write("handctl: error: handctl needs Python {OLDEST[0]}.{OLDEST[1]} or newer, and this is Python %d.%d.\\n" % sys.version_info[:2])
-    sys.stderr.write("  next: Run this file with a newer Python, for example `python{OLDEST[0]}.{OLDEST[1]} handctl.pyz`.\\n")
+if sys.version_info < ({0}, {1}):
+    sys.stderr.write("handctl: error: handctl needs Python {0}.{1} or newer, and this is Python %d.%d.\\n" % sys.version_info[:2])
+    sys.stderr.write("  next: Run this file with a newer Python, for example `python{0}.{1} handctl.pyz`.\\n")
     sys.exit(1)
 
 from handctl.cli import main
@@ -52,23 +55,26 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 2
     target = Path(words[1] if words else "handctl.pyz")
     try:
-        build(target)
+        oldest = build(target)
     except (BuildError, OSError) as exc:
         sys.stderr.write(f"build_zipapp: error: {exc}\n")
         return 1
-    sys.stdout.write(f"{target}: {target.stat().st_size / 1e6:.1f} MB\n")
+    sys.stdout.write(f"{target}: {target.stat().st_size / 1e6:.1f} MB, for Python {_dotted(oldest)} and newer\n")
+    if oldest > OLDEST:
+        sys.stdout.write(f"For Python {_dotted(OLDEST)}, run `pip install tomli` and build it again.\n")
     return 0
 
 
-def build(target: Path) -> None:
-    """Write the archive to `target`, whole or not at all. Raises BuildError, OSError."""
-    files = dict(sorted(_everything()))
+def build(target: Path) -> Version:
+    """Write the archive to `target`, whole or not at all; returns the oldest Python that runs it. Raises BuildError, OSError."""
+    oldest = oldest_here()
+    files = dict(sorted(_everything(oldest)))
     handle, name = tempfile.mkstemp(dir=target.parent, prefix=".handctl-", suffix=".pyz")
     try:
         with open(handle, "wb") as file, tempfile.TemporaryDirectory() as scratch:
             file.write(b"#!/usr/bin/env python3\n")
             with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
-                _add(archive, "__main__.py", MAIN.encode())
+                _add(archive, "__main__.py", MAIN.format(*oldest).encode())
                 for inside, path in files.items():
                     content = path.read_bytes()
                     if path.suffix == ".py":
@@ -79,6 +85,23 @@ def build(target: Path) -> None:
     except BaseException:
         Path(name).unlink(missing_ok=True)
         raise
+    return oldest
+
+
+def _dotted(version: Version) -> str:
+    return f"{version[0]}.{version[1]}"
+
+
+def oldest_here() -> Version:
+    """The oldest Python for which all that handctl needs is installed here."""
+    here = sys.version_info[:2]
+    for minor in range(OLDEST[1], here[1]):
+        try:
+            list(_needed(OWN, {OWN}, (3, minor)))
+        except BuildError:
+            continue
+        return (3, minor)
+    return here
 
 
 def _add(archive: zipfile.ZipFile, inside: str, content: bytes) -> None:
@@ -105,20 +128,32 @@ def _byte_code(path: Path, inside: str, scratch: Path) -> bytes:
     return Path(str(made)).read_bytes()
 
 
-def _everything() -> Iterator[tuple[str, Path]]:
-    """Path in the archive -> file: handctl, then every distribution that it needs."""
+def _everything(oldest: Version) -> Iterator[tuple[str, Path]]:
+    """Path in the archive -> file: handctl, then every distribution that it needs with the oldest Python or this one."""
     package = Path(__file__).parent
     for path in package.rglob("*"):
         if path.is_file() and _wanted(path):
             yield f"{OWN}/{path.relative_to(package).as_posix()}", path
-    for distribution in _needed(OWN, {OWN}):
-        files = distribution.files
-        if files is None:
-            raise BuildError(f"{distribution.name}: its list of files is missing. Install it with pip")
-        for file in files:
-            path = Path(str(file.locate()))
-            if ".." not in file.parts and path.is_file() and _wanted(path) and _kept(file.parts):
-                yield file.as_posix(), path
+    for distribution in (*_needed(OWN, {OWN}, sys.version_info[:2]), *_needed(OWN, {OWN}, oldest)):
+        top = Path(str(distribution.locate_file("")))
+        for inside in _files_of(distribution, top):
+            path, parts = top / inside, inside.split("/")
+            if ".." not in parts and path.is_file() and _wanted(path) and _kept(parts):
+                yield inside, path
+
+
+def _files_of(distribution: metadata.Distribution, top: Path) -> Iterator[str]:
+    """Paths below `top`. Without a wheel, pip of Python 3.10 installs crcmod with a list that begins in the folder of its notes."""
+    listed = distribution.read_text("installed-files.txt")
+    notes = next(top.glob(f"{distribution.name}-{distribution.version}*.egg-info"), None)
+    if listed is not None and notes is not None:
+        for line in listed.split():
+            yield posixpath.normpath(f"{notes.name}/{line}")
+        return
+    if distribution.files is None:
+        raise BuildError(f"{distribution.name}: its list of files is missing. Install it with pip")
+    for file in distribution.files:
+        yield file.as_posix()
 
 
 def _wanted(path: Path) -> bool:
@@ -129,11 +164,13 @@ def _kept(parts: Sequence[str]) -> bool:
     """Of the installer's notes only what tells version and licence."""
     if not parts[0].endswith((".dist-info", ".egg-info")):
         return True
-    return parts[1] in ("METADATA", "licenses") or parts[1].startswith(("LICENSE", "LICENCE", "COPYING", "NOTICE"))
+    return parts[1] in ("METADATA", "PKG-INFO", "licenses") or parts[1].startswith(
+        ("LICENSE", "LICENCE", "COPYING", "NOTICE")
+    )
 
 
-def _needed(name: str, seen: set[str]) -> Iterator[metadata.Distribution]:
-    """The distributions that `name` needs, and those that they need, each once; not `name` itself."""
+def _needed(name: str, seen: set[str], python: Version) -> Iterator[metadata.Distribution]:
+    """The distributions that `name` needs with `python`, and those that they need, each once; not `name` itself."""
     from packaging.requirements import Requirement
     from packaging.utils import canonicalize_name
 
@@ -141,12 +178,13 @@ def _needed(name: str, seen: set[str]) -> Iterator[metadata.Distribution]:
         requirements = metadata.requires(name) or []
     except metadata.PackageNotFoundError as exc:
         raise BuildError(f"{name} is not installed. Run `pip install .` in the project first") from exc
+    environment = {"extra": "", "python_version": _dotted(python), "python_full_version": f"{_dotted(python)}.0"}
     for requirement in map(Requirement, requirements):
         other = canonicalize_name(requirement.name)
         if (
             other in seen
             or other in UNUSED
-            or not (requirement.marker is None or requirement.marker.evaluate({"extra": ""}))
+            or not (requirement.marker is None or requirement.marker.evaluate(environment))
         ):
             continue
         seen.add(other)
@@ -154,7 +192,7 @@ def _needed(name: str, seen: set[str]) -> Iterator[metadata.Distribution]:
             yield metadata.distribution(other)
         except metadata.PackageNotFoundError as exc:
             raise BuildError(f"{other} is not installed. Run `pip install {other}`") from exc
-        yield from _needed(other, seen)
+        yield from _needed(other, seen, python)
 
 
 if __name__ == "__main__":

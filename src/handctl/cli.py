@@ -25,9 +25,21 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     from handctl.ending import done
 
-    code = _finish(run_root(args))
+    code = _finish(run_root(args, _on_several))
     done(last=argv is None)
     return code
+
+
+def _on_several(args: Sequence[str]) -> bool:
+    """Run the command on each device where -d names several; whether it does."""
+    if not any("," in word or word.endswith("*") for word in args):
+        return False
+    from handctl.frame import several
+
+    found = several.devices_in(args)
+    if found is not None:
+        several.run(args, found)
+    return found is not None
 
 
 def _occupy_streams() -> None:
@@ -49,6 +61,8 @@ def _finish(code: int, text: str = "") -> int:
     """Flush stdout while it can still be reported: a full disk is one line and not 0, a closed pipe is quiet."""
     try:
         if text:
+            if hasattr(sys.stdout, "reconfigure"):
+                sys.stdout.reconfigure(newline="\n")
             sys.stdout.write(text)
         sys.stdout.flush()
     except BrokenPipeError:

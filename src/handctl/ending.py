@@ -5,7 +5,7 @@ written beside the data (stderr, a trace) goes nowhere as soon as it would have 
 the device has been served and only the result is to be shown, a wish is no error any more: the reader has FINISH_SECONDS
 for what is left of it. The second wish ends the process then, whatever is still open.
 
-One process, one command: the state is that of this module. `signal` is imported when a command begins, not for help.
+One process, one command: the state is that of this module. `system.signals` is imported when a command begins, not for help.
 """
 
 from __future__ import annotations
@@ -14,14 +14,9 @@ import contextlib
 import os
 import stat
 import sys
-import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
-ENDING = ("SIGINT", "SIGQUIT", "SIGTERM", "SIGHUP")
-"""What asks the program to end: Ctrl-C, Ctrl-\\, a service manager, a closing terminal. A device is stopped first."""
-SUSPEND = "SIGTSTP"
-"""Ctrl-Z. A command that may move something ends on it too: stopped in its sleep, it could not stop the device."""
 ONE_WISH_SECONDS = 0.5
 """Ctrl-C pressed twice, or a hang-up with a SIGTERM behind it, is one wish: the second must not cut off the stop."""
 FINISH_SECONDS = 0.6
@@ -40,6 +35,8 @@ class _State:
         self.last = float("-inf")
         self.left = False
         """Output was given up: its reader sleeps."""
+        self.finishing = False
+        """The device has been served: only a result is to be shown."""
         self.ringing = False
         self.handing: int | None = None
         """Descriptor that a piece of the result is just being handed to, -1 where that cannot take long."""
@@ -53,7 +50,9 @@ class _State:
         """Count a signal; False when it belongs to the wish before it. No stop waits for who reads stderr or a trace."""
         for descriptor in (waits(sys.stderr), *self.beside):
             make_room(descriptor)
-        now = time.monotonic()
+        from handctl.system import clock
+
+        now = clock.now()
         new = now - self.last >= ONE_WISH_SECONDS
         if new:
             self.last = now
@@ -82,7 +81,7 @@ def end_on_signals(*, suspend: bool) -> None:
 
     SIGINT too: a script's background job starts with it ignored, and must be stoppable all the same.
     """
-    import signal
+    from handctl.system import clock, signals, streams  # noqa: F401 - all that the handler needs: it must not import
 
     _state.__init__()  # type: ignore[misc]
 
@@ -94,9 +93,8 @@ def end_on_signals(*, suspend: bool) -> None:
             return
         raise KeyboardInterrupt
 
-    for name in (*ENDING, *((SUSPEND,) if suspend else ())):
-        if hasattr(signal, name):
-            signal.signal(getattr(signal, name), end)
+    signals.take(end, signals.numbers(suspend=suspend))
+    signals.listen(_pressed)
 
 
 def finish_on_signals() -> None:
@@ -104,38 +102,43 @@ def finish_on_signals() -> None:
 
     So the link is closed once, and a result, JSON above all, is there whole and once where somebody reads it.
     """
-    import signal
+    from handctl.system import signals
 
     def end(_number: int, _frame: Any) -> None:
         _state.wish()
         _ring_soon()
 
-    for name in (*ENDING, SUSPEND):
-        number = getattr(signal, name, None)
-        if number is not None and signal.getsignal(number) not in (signal.SIG_DFL, None):
-            signal.signal(number, end)
+    _state.finishing = True
+    signals.take(end, filter(signals.taken, signals.numbers(suspend=True)))
     if _state.wishes > 1:
+        _ring_soon()
+
+
+def _pressed() -> None:
+    """Told beside the signal, in another thread: a result may wait for a reader, and the main thread with it."""
+    if _state.finishing:
+        _state.wish()
         _ring_soon()
 
 
 def done(*, last: bool) -> None:
     """All is done and told: nobody is waited for; if the interpreter ends now, what comes changes neither exit code nor stderr."""
-    if "signal" not in sys.modules:  # help: nothing was begun, and its start must not pay for this
+    if "handctl.system.signals" not in sys.modules:  # help: nothing was begun, and its start must not pay for this
         return
-    import signal
+    from handctl.system import signals
 
     if _state.ringing:
-        signal.setitimer(signal.ITIMER_REAL, 0)
-    for name in ENDING if last else ():
-        if hasattr(signal, name):
-            signal.signal(getattr(signal, name), signal.SIG_IGN)
+        signals.no_alarm()
+    if last:
+        signals.ignore(signals.numbers())
 
 
 @contextlib.contextmanager
 def on_interrupt(handler: Handler) -> Iterator[None]:
     """Let `handler` take what asks the program to end."""
-    import signal
     import threading
+
+    from handctl.system import signals
 
     if threading.current_thread() is not threading.main_thread():
         yield  # signals reach the main thread only
@@ -145,26 +148,20 @@ def on_interrupt(handler: Handler) -> Iterator[None]:
         _state.wish()
         handler(number, frame)
 
-    numbers = [getattr(signal, name) for name in (*ENDING, SUSPEND) if hasattr(signal, name)]
-    before = [(number, signal.signal(number, told)) for number in numbers]
+    before = signals.take(told, signals.numbers(suspend=True))
     try:
         yield
     finally:
-        for number, old in before:
-            signal.signal(number, signal.SIG_DFL if old is None else old)
+        signals.give_back(before)
 
 
 def _ring_soon() -> None:
     """Look a little later whether a reader holds up the end."""
-    import signal
+    from handctl.system import signals
 
-    if not hasattr(signal, "setitimer"):
-        _give_up()
-        return
     if not _state.ringing:
         _state.ringing = True
-        signal.signal(signal.SIGALRM, _ring)
-        signal.setitimer(signal.ITIMER_REAL, max(FINISH_SECONDS, 0.001), AGAIN_SECONDS)
+        signals.look(_ring, max(FINISH_SECONDS, 0.001), AGAIN_SECONDS)
 
 
 def _ring(_number: int, _frame: Any) -> None:
@@ -180,13 +177,9 @@ def _ring(_number: int, _frame: Any) -> None:
 
 def has_room(descriptor: int, seconds: float | None = 0.0) -> bool:
     """Wait until a pipe or a terminal takes something, or its reader is gone; None = for ever. A wish to end is raised here."""
-    import select
+    from handctl.system import streams
 
-    if descriptor < 0 or not hasattr(select, "poll"):
-        return True
-    poll = select.poll()
-    poll.register(descriptor, select.POLLOUT)
-    return bool(poll.poll(None if seconds is None else seconds * 1000))
+    return descriptor < 0 or streams.takes(descriptor, seconds)
 
 
 def make_room(descriptor: int) -> None:
@@ -245,6 +238,6 @@ def _give_up() -> None:
 
 def _discard(descriptor: int) -> None:
     with contextlib.suppress(OSError):
-        null = os.open(os.devnull, os.O_WRONLY | getattr(os, "O_CLOEXEC", 0))
+        null = os.open(os.devnull, os.O_WRONLY)  # Python's own are closed in children
         os.dup2(null, descriptor, inheritable=descriptor < 3)
         os.close(null)

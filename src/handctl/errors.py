@@ -60,6 +60,8 @@ class HandctlError(Exception):
 
     exit_code = 1
     default_code = "error"
+    rows: tuple[dict[str, object], ...] = ()
+    """What a call of the library showed all the same."""
     shown = False
     """True once it stands in the output (the JSON envelope)."""
     joint = ". "

@@ -160,6 +160,30 @@ FAMILIES: dict[str, FamilyRow] = {
             ),
         ),
     ),
+    "hand": FamilyRow(
+        "Inspire RH56 dexterous hands (RS-232, RS-485, CAN, Modbus RTU, Modbus TCP)",
+        "handctl.devices.inspire.hand",
+        codec="handctl.devices.inspire.eb90",
+        scan=6,
+        tell=6,
+        options=(
+            OwnOption(
+                "model",
+                "Generation: df, tp, f1 or dg2, or the name on the label, such as RH56DFTP. Without it the hand is looked at.",
+                metavar="MODEL",
+                named=True,
+            ),
+            OwnOption(
+                "side", "Which hand it is. The hand itself does not know it.", choices=("left", "right"), named=True
+            ),
+            OwnOption(
+                "protocol",
+                "What is spoken on a serial line (default: auto, which asks in EB90, then in Modbus RTU).",
+                choices=("auto", "eb90", "modbus"),
+                named=True,
+            ),
+        ),
+    ),
 }
 """Command name -> its row, in the order of the root's help."""
 
@@ -171,10 +195,15 @@ TOOLS: dict[str, dict[str, tuple[str, str]]] = {
     },
     "Act": {
         "stop": ("handctl.tools.stop", "stop a device at once, also while another handctl command has it"),
+        "shell": ("handctl.tools.shell", "type commands at a prompt, on one open link"),
+        "batch": ("handctl.tools.batch", "run many commands on one open link, from a script or stdin"),
     },
     "Set up": {
         "devices": ("handctl.tools.devices", "name devices in the configuration file: list, add, remove, show"),
-        "completion": ("handctl.tools.completion", "print or install the shell completion: bash, zsh, fish"),
+        "completion": (
+            "handctl.tools.completion",
+            "print or install the shell completion: bash, zsh, fish, PowerShell",
+        ),
     },
     "Work without a device": {
         "sim": ("handctl.tools.sim", "serve a simulated device to any client: pty, TCP, slcan"),
@@ -183,6 +212,9 @@ TOOLS: dict[str, dict[str, tuple[str, str]]] = {
     },
 }
 """Heading of the root's help -> command name -> module with a click command named `cli`, and one line of help."""
+
+WIRES = ("serial", "can", "modbus-tcp")
+"""The kinds of wire that a family may name, each an option of its commands."""
 
 COMMANDS: dict[str, tuple[str, str]] = {
     **{name: (row.module("cli"), row.help) for name, row in FAMILIES.items()},

@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator
 from typing import IO, TYPE_CHECKING, Any, BinaryIO, TypeVar
 
 from handctl.errors import UsageError
+from handctl.system import disk
 
 T = TypeVar("T")
 
@@ -42,7 +43,7 @@ def opened(path: str | os.PathLike[str], what: str, *, hint: str = "", code: str
     Raises NoFile, or UsageError for what is not a regular file (it could be without end) or cannot be read, at once or later.
     """
     try:
-        descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
+        descriptor = os.open(path, os.O_RDONLY | disk.AT_ONCE | disk.BINARY)
     except (FileNotFoundError, NotADirectoryError) as exc:
         raise NoFile(f"{path}: no such file", hint=hint, code=code) from exc
     except OSError as exc:
@@ -116,9 +117,10 @@ def atomic_write(path: str | os.PathLike[str], mode: str = "w") -> Iterator[IO[A
     """A file to be written: a new one beside `path`, at the end on the disk and in its place; gone when the body raises.
 
     What is replaced keeps its permissions and its owner, and a symbolic link stays one. A device or a pipe is written to, never
-    replaced. `mode` "w" is UTF-8 with line ends as they come, or "wb". Raises OSError.
+    replaced. `mode` "w" is UTF-8 with line ends as they come, and \\udcff for a byte of a file name that is none, or "wb".
+    Raises OSError.
     """
-    how = {} if "b" in mode else {"encoding": "utf-8", "newline": ""}
+    how = {} if "b" in mode else {"encoding": "utf-8", "errors": "backslashreplace", "newline": ""}
     if os.path.exists(path) and not os.path.isfile(path):
         with open(path, mode, opener=at_once, **how) as file:  # type: ignore[call-overload]
             yield file
@@ -133,7 +135,7 @@ def atomic_write(path: str | os.PathLike[str], mode: str = "w") -> Iterator[IO[A
                 _inherit(os.stat(target), part)
             yield file
             file.flush()
-            os.fsync(file.fileno())
+            disk.sync(file.fileno())
         os.replace(part, target)
     except BaseException:
         with contextlib.suppress(OSError):
@@ -143,46 +145,36 @@ def atomic_write(path: str | os.PathLike[str], mode: str = "w") -> Iterator[IO[A
 
 def at_once(path: str, flags: int) -> int:
     """An opener for `open`: a pipe that nobody reads is an error now, not a wait without end."""
-    descriptor = os.open(path, flags | getattr(os, "O_NONBLOCK", 0), 0o666)
-    if hasattr(os, "set_blocking"):
-        os.set_blocking(descriptor, True)
-    return descriptor
+    return disk.waiting(os.open(path, flags | disk.AT_ONCE, 0o666))
 
 
 def _inherit(old: os.stat_result, path: str) -> None:
     """Permissions and, where root edits another user's file, owner."""
     os.chmod(path, old.st_mode & 0o7777)
-    if hasattr(os, "chown") and (old.st_uid, old.st_gid) != (os.getuid(), os.getgid()):
-        with contextlib.suppress(PermissionError):
-            os.chown(path, old.st_uid, old.st_gid)
+    disk.inherit_owner(old, path)
 
 
 @contextlib.contextmanager
 def in_turn(descriptor: int, seconds: float) -> Iterator[None]:
     """While it lasts no other program is in its own turn with this file; who takes longer than `seconds` is not waited for.
 
-    A range lock, which whole-file locks (flock) do not touch. Where there is none, there are no turns.
+    A lock beside that of the whole file, which it does not touch.
     """
-    try:
-        import fcntl
-    except ImportError:
-        yield
-        return
-    import time
+    from handctl.system import clock, locks
 
-    end = time.monotonic() + seconds
+    end = clock.now() + seconds
     while True:
         with contextlib.suppress(OSError):
-            fcntl.lockf(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            locks.turn(descriptor)
             break
-        if time.monotonic() >= end:
+        if clock.now() >= end:
             break
-        time.sleep(0.001)
+        clock.sleep(0.001)
     try:
         yield
     finally:
         with contextlib.suppress(OSError):
-            fcntl.lockf(descriptor, fcntl.LOCK_UN)
+            locks.end_turn(descriptor)
 
 
 def why_unwritable(path: str) -> str:
@@ -198,10 +190,9 @@ def why_unwritable(path: str) -> str:
 
 
 def state_path(name: str) -> Path:
-    """$XDG_STATE_HOME/handctl/NAME, by default ~/.local/state/handctl/NAME: what this machine keeps for this user."""
+    """handctl/NAME in the user's folder of state: what this machine keeps for this user."""
     from pathlib import Path
 
-    base = os.environ.get("XDG_STATE_HOME", "")
-    if not os.path.isabs(base):  # so says the XDG specification
-        base = os.path.join(os.path.expanduser("~"), ".local", "state")
-    return Path(base) / "handctl" / name
+    from handctl.system.folders import state_folder
+
+    return Path(state_folder()) / "handctl" / name

@@ -1,6 +1,8 @@
-"""A message as a sentence: the capital and the full stop that a text lacks when it leaves handctl."""
+"""A message as a sentence: the capital and the full stop that a text lacks when it leaves handctl; a moment as a text."""
 
 from __future__ import annotations
+
+import time
 
 from handctl.families import FAMILIES
 
@@ -40,3 +42,10 @@ def _open(text: str) -> bool:
         return False
     number = last.replace(".", "", 1).isdecimal() or (last.endswith("/s") and before.replace(".", "", 1).isdecimal())
     return number or not IN_NAMES & set(last)
+
+
+def utc(seconds: float, decimals: int = 0) -> str:
+    """The time of day as results have it, ISO 8601: seconds since 1970 -> ``2026-11-20T14:05:37Z``, with `decimals` of a second."""
+    whole = round(seconds * 10**decimals)
+    part = f".{whole % 10**decimals:0{decimals}d}" if decimals else ""
+    return time.strftime("%Y-%m-%dT%H:%M:%S", time.gmtime(whole // 10**decimals)) + f"{part}Z"

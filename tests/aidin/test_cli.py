@@ -9,11 +9,12 @@ from pathlib import Path
 
 import pytest
 
+from handctl.link import tcp
 from tests.support.cli import Result, Simulator, run, sent
 
 FINGERS = ("thumb", "index", "middle", "ring", "little")
 KEYS = {"motor_pos": 15, "joint_pos": 20, "task_space_pos": 15, "current_state": 15, "sensor_state": 30}
-ROW = {"name", "key", "finger", "element", "value", "unit"}
+ROW = {"name", "key", "finger", "element", "value", "unit", "path"}
 FIFTEEN = ["10", "5", "118", "-4", "5", "165", "0", "5", "165", "4", "5", "165", "8", "5", "165"]
 JOINTS = (
     b'{"hand_mode":22,"hand_joint_cmd":[0.174533,0.087266,2.059489,2.059489,-0.069813,0.087266,2.879793,2.879793,'
@@ -235,11 +236,11 @@ def test_a_silent_server() -> None:
 def test_the_port_is_8000_when_none_is_given(monkeypatch: pytest.MonkeyPatch) -> None:
     asked = []
 
-    def refuse(address: tuple[str, int], timeout: float) -> None:
+    def refuse(_socket: socket.socket, address: tuple[str, int], _seconds: float) -> None:
         asked.append(address)
         raise ConnectionRefusedError
 
-    monkeypatch.setattr(socket, "create_connection", refuse)
+    monkeypatch.setattr(tcp, "connect", refuse)
     assert aidin("status", link="tcp://192.0.2.7").code == 3
     assert aidin("status", link="tcp://192.0.2.7:8001").code == 3
     assert asked == [("192.0.2.7", 8000), ("192.0.2.7", 8001)]

@@ -22,7 +22,7 @@ def download(link: str, file: Path, control: Path, log: Path) -> subprocess.Pope
             program("barrett", "firmware", "download", file, "-p", link, "--baud", "9600", "--yes", "--json"),
             stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=err, env=clean_environment(),
         )  # fmt: skip
-    wait_until(lambda: "switch the power supply ON" in log.read_text(), 10.0)
+    wait_until(lambda: "switch the power supply ON" in log.read_text())
     time.sleep(0.2)  # a `:` right behind the echo of X would pass for a text
     panel(control, "power-cycle")
     return process

@@ -163,7 +163,7 @@ def test_without_a_device(command: Command, tmp_path: Path) -> None:
 
 def test_describe_is_the_map() -> None:
     rows = {row["parameter"]: row for row in run("barrett", "describe", "--json").rows}
-    assert set(rows) == set(POWER_ON) | {"BD", "BP", "BS", "BDAT"} | {"LCT", "LFBP", "LFAIN"}
+    assert set(rows) == set(POWER_ON) | {"VERS"} | {"BD", "BP", "BS", "BDAT"} | {"LCT", "LFBP", "LFAIN"}
     for mnemonic, (name, unit, values) in POWER_ON.items():
         row = rows[mnemonic]
         assert (row["name"], row["unit"]) == (name, unit)

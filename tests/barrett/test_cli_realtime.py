@@ -120,7 +120,7 @@ def test_duration_and_rate() -> None:
 
 
 def test_csv_one_row_a_value() -> None:
-    result = run("barrett", "realtime", *EXAMPLE, "--count", "2", "-p", fake(**LINE), "--csv")
+    result = run("barrett", "realtime", *EXAMPLE, "--count", "2", "-p", fake(**LINE), "--csv", "--long")
     assert result.code == 0
     rows = list(csv.DictReader(io.StringIO(result.out)))
     assert len(rows) == 22

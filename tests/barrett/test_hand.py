@@ -49,7 +49,7 @@ def test_dump_says_what_the_hand_says() -> None:
     assert [rows[("IVEL", motor)]["value"] for motor in ("F1", "F2", "F3", "SPREAD")] == [300, 300, 300, 150]
     assert rows[("TEMP", None)] == {
         "name": "temperature", "parameter": "TEMP", "motor": None, "value": 412, "unit": "0.1 °C", "label": "41.2 °C",
-        "default": None, "scaled": 41.2, "scaled_unit": "°C",
+        "default": None, "path": "temperature", "scaled": 41.2, "scaled_unit": "°C",
     }  # fmt: skip
     assert rows[("SG", "SPREAD")]["label"] == "no gauge" and "no gauge" in rows[("SG", "SPREAD")]["doubt"]
     assert rows[("SG", "F1")]["doubt"] is None and "before HI" in rows[("P", "F1")]["doubt"]

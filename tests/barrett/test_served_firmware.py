@@ -26,7 +26,7 @@ def test_killed_in_the_middle_then_a_good_one(tmp_path: Path) -> None:
     )  # fmt: skip
     try:
         first = download(simulator.link, file, control, tmp_path / "first.txt")
-        wait_until(lambda: (tmp_path / "first.txt").read_text().count("bytes/s") >= 2, 10.0)
+        wait_until(lambda: (tmp_path / "first.txt").read_text().count("bytes/s") >= 2)
         first.send_signal(signal.SIGKILL)
         first.communicate(timeout=30)
         half = panel(control, "image")

@@ -149,6 +149,12 @@ def test_a_share_of_commands_in_the_boot_window(scratch: Path) -> None:
     assert harmed(found) == []
 
 
+@pytest.mark.parametrize("at", [0.0, 1.2, 2.6])
+def test_a_scan_asks_nothing_again_that_a_boot_monitor_could_take_for_firmware(scratch: Path, at: float) -> None:
+    """The probes of the slow speeds wake the monitor of a hand whose window is long; a second round would erase it."""
+    assert outcome("boot", "scan", scratch, at, boot=5.0, window=5.0, uart="sci").whole
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("window", WINDOWS)
 def test_every_command_at_every_20_ms_of_the_boot_window(window: float, scratch: Path) -> None:

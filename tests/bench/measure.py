@@ -19,11 +19,16 @@ from typing import Any
 HANDCTL = str(Path(sysconfig.get_path("scripts")) / "handctl")
 PASS = [sys.executable, "-c", "pass"]
 WIRE = "wire"
+LONGEST = 200
+"""Characters of an error in the table."""
 
 
 @dataclass(frozen=True)
 class Figure:
-    """One measured value beside its floor or peer, `against`: `ratio` = value / floor, at most `goal` (None = only reported)."""
+    """One measured value beside its floor or peer, `against`: `ratio` = value / floor, at most `goal` (None = only reported).
+
+    `failed`: the measurement itself came to an error, and `note` says to which.
+    """
 
     name: str
     value: float
@@ -32,6 +37,13 @@ class Figure:
     goal: float | None
     note: str = ""
     against: str = WIRE
+    failed: bool = False
+
+    @classmethod
+    def failure(cls, part: str, exc: Exception) -> Figure:
+        """The row of a part that could not be measured."""
+        text = " ".join(f"{type(exc).__name__}: {exc}".split())
+        return cls(part, 0.0, 0.0, "", None, text[:LONGEST], "", failed=True)
 
     @property
     def ratio(self) -> float:
@@ -41,10 +53,15 @@ class Figure:
     @property
     def met(self) -> bool:
         """Whether the goal is reached; figures without one always are."""
-        return self.goal is None or self.ratio <= self.goal
+        return not self.failed and (self.goal is None or self.ratio <= self.goal)
 
     def as_row(self) -> dict[str, Any]:
         """For the JSON file; four significant digits are more than a run repeats."""
+        if self.failed:
+            return {
+                "name": self.name, "value": None, "unit": None, "against": None, "floor": None, "ratio": None, "goal": None,
+                "verdict": "failed", "note": self.note,
+            }  # fmt: skip
         return {
             "name": self.name,
             "value": rounded(self.value),

@@ -7,7 +7,7 @@ import os
 import platform
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from datetime import UTC, datetime
+from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +28,7 @@ def content(
     """What the JSON file holds: the class of machine, never its name."""
     return {
         "schema": SCHEMA,
-        "date": datetime.now(UTC).date().isoformat(),
+        "date": datetime.now(timezone.utc).date().isoformat(),
         "python": platform.python_version(),
         "machine": f"{os.cpu_count()} cores {platform.machine()}",
         "quick": quick,
@@ -40,6 +40,8 @@ def content(
 
 def cells(row: Mapping[str, Any]) -> tuple[str, ...]:
     """One figure's cells, as COLUMNS."""
+    if row["value"] is None:
+        return (row["name"], "", "", "", "", row["verdict"])
     goal = "" if row["goal"] is None else f"≤ {row['goal']:.2f}"
     floor = f"{row['floor']:.4g} {row['unit']} ({row['against']})"
     return (row["name"], f"{row['value']:.4g} {row['unit']}", floor, f"{row['ratio']:.2f}", goal, row["verdict"])

@@ -15,8 +15,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from handctl.link.lock import sleeps
 from handctl.sim.engine.serve import send_control
+from handctl.system.processes import sleeps
 from tests.bench.measure import Figure
 from tests.support.cli import wait_until
 from tests.support.stop import Stand

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import os
+import tempfile
 import time
 import tty
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
-from tests.bench.measure import Figure, dump_figure, served
+from tests.bench.measure import Figure, dump_figure, handctl, served
 
 DUMP_BYTES = 9 + 32
 """[1020, 24]: a request of 9 bytes, a reply of n + 8."""
@@ -27,12 +29,52 @@ def run(*, quick: bool) -> Iterator[Figure]:
         name = "wrist dump, 3 CAN reads at 1 Mbit/s"
         yield dump_figure(name, link, "wrist", 3, CAN_DUMP_FLOOR_MS, None, runs, "slcan over TCP, bus emulated")
     with served("wrist", "--slcan-pty", "--wire", "1") as link:
-        yield slcan_figure(link, 40 * runs)
+        path = link.removeprefix("can:slcan:")
+        floor = quickest_exchange(path, 40 * runs)
+        yield slcan_figure(link, floor, 40 * runs)
+        yield cold_figure(link, floor, 2 * runs)
+        value = quickest_by_python_can(path, 10 * runs)
+        note = "three frames and their answers, without a line of ours"
+        yield Figure("the same by python-can alone", value, floor, "ms", None, note, "adapter")
 
 
-def slcan_figure(link: str, runs: int) -> Figure:
+def cold_figure(link: str, floor: float, runs: int) -> Figure:
+    """The three reads of a process that has just started, by its own transcript: from the first frame to the last."""
+    best = float("inf")
+    with tempfile.TemporaryDirectory() as folder:
+        for number in range(runs):
+            trace = Path(folder) / f"{number}.txt"
+            handctl("wrist", "dump", "-p", link, "--trace", str(trace))
+            entries = [line.split() for line in trace.read_text(encoding="utf-8").splitlines() if line[:1] != "#"]
+            moments = [float(words[0]) for words in entries if words[1] in "<>"]
+            best = min(best, moments[-1] - moments[0])
+    name = "wrist dump, 3 CAN reads, slcan on a pty, cold process"
+    return Figure(name, best * 1000, floor, "ms", 1.50, f"quickest of {runs}, first frame to last", "adapter")
+
+
+def quickest_by_python_can(path: str, runs: int) -> float:
+    """Milliseconds of the three reads by python-can's own slcan interface."""
+    import can
+
+    bus = can.Bus(interface="slcan", channel=path, bitrate=1000000, sleep_after_open=0)
+    frames = [
+        can.Message(arbitration_id=int(line[1:9], 16), data=bytes.fromhex(line[10:-1].decode()), is_extended_id=True)
+        for line in SLCAN_DUMP
+    ]
+
+    def ask() -> None:
+        for frame in frames:
+            bus.send(frame, timeout=1.0)
+            bus.recv(1.0)
+
+    try:
+        return quickest(ask, runs)
+    finally:
+        bus.shutdown()
+
+
+def slcan_figure(link: str, floor: float, runs: int) -> Figure:
     """The three reads on one open link, beside the same lines by system calls alone: bus, adapter and pty without us."""
-    floor = quickest_exchange(link.removeprefix("can:slcan:"), runs)
     from handctl.devices.inspire.canbus import CanBus
     from handctl.link import FrameLink, open_link
     from handctl.model.result import Journal

@@ -59,12 +59,12 @@ CODES = {0, 2, 3, 4, 5, 6, 7, 8}
 
 
 def tried(
-    family: str, command: str, folder: Path, *more: str, options: tuple[str, ...] = ()
+    family: str, command: str, folder: Path, *more: str, options: tuple[str, ...] = (), link: str = ""
 ) -> tuple[Result, list[dict[str, Any]], dict[str, Any], list[Passed]]:
-    """Run any command of a family with --yes; its rows, its envelope by the schema, and what passed."""
+    """Run any command of a family with --yes, on its simulator with `options` or on `link`; its rows, its envelope by the schema, and what passed."""
     facts, trace = facts_of(family), folder / "trace.txt"
     trace.unlink(missing_ok=True)
-    words = [*command.split(), *facts.words(command, folder), "-p", facts.link(family, command, *options)]
+    words = [*command.split(), *facts.words(command, folder), "-p", link or facts.link(family, command, *options)]
     yes = ["-y"] if command in facts.writes else []
     env = {"XDG_STATE_HOME": str(folder / "state")}
     result = run(family, *words, *yes, "--format", "ndjson", "--trace", trace, *more, env=env)

@@ -16,6 +16,7 @@ from tests.contract.facts import facts_of
 ELSEWHERE = {
     ("barrett", "firmware download"): "needs a power switch",
     ("barrett", "firmware check"): "reaches no device, and takes an image",
+    ("hand", "pair"): "needs two hands, and somebody who sees which one moves",
     ("ekso", "export"): "reaches no device, and has formats of its own",
 }
 """Commands with tests of their own only, and why."""

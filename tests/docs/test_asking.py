@@ -17,8 +17,8 @@ from tests.support.cli import run
 TABLES = [block for block in guides.blocks(guides.source("safety")) if isinstance(block, guides.Table)]
 (ASKING,) = [table.rows[1:] for table in TABLES if "asks first" in table.rows[0]]
 NAMED = {row[0].strip("`"): tuple(re.findall(r"`([a-z][a-z -]*)`", cell) for cell in row[1:]) for row in ASKING}
-OWN = {"firmware download": "firmware.S19"}
-"""A command of a group below the family, and its argument."""
+OWN = {"firmware download": "firmware.S19", "pair": "--force"}
+"""A command that the facts of its family do not have, and an argument."""
 FILE = "S10B2000112233445566FF0070\nS9030000FC\n"
 
 

@@ -78,10 +78,34 @@ def test_a_missed_goal_is_measured_again() -> None:
         yield Figure("a", 12.0 - len(runs), 1.0, "ms", 10.0)
         yield Figure("b", float(len(runs)), 1.0, "ms", 5.0)
 
-    assert [(figure.name, figure.value) for figure in bench.measured(part, True)] == [("a", 10.0), ("b", 1.0)]
-    assert runs == [True, True]
-    runs.clear()
-    assert [figure.met for figure in bench.measured(lambda quick: iter([MISSED]), False)] == [False]
+    def best(*, quick: bool) -> list[tuple[str, float]]:
+        runs.clear()
+        return [(figure.name, figure.value) for figure in bench.measured("x", part, quick)]
+
+    assert (best(quick=False), runs) == ([("a", 10.0), ("b", 1.0)], [False, False])
+    assert (best(quick=True), runs) == ([("a", 11.0), ("b", 1.0)], [True])
+    assert [figure.met for figure in bench.measured("x", lambda quick: iter([MISSED]), False)] == [False]
+
+
+def test_a_part_that_fails_is_a_row_and_the_rest_goes_on(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    def broken(*, quick: bool) -> Iterator[Figure]:
+        yield MET
+        raise AssertionError("exit 4\nnot 0")
+
+    path = tmp_path / "found.json"
+    monkeypatch.setattr(bench, "PARTS", {"stop": broken, "late": lambda quick: iter([REPORTED])})
+    monkeypatch.setattr("sys.argv", ["bench", "--json", str(path)])
+    assert bench.main() == 1
+    rows = json.loads(path.read_text(encoding="utf-8"))["figures"]
+    assert [(row["name"], row["verdict"]) for row in rows] == [
+        (MET.name, "met"), ("stop", "failed"), (REPORTED.name, "reported"),
+    ]  # fmt: skip
+    assert rows[1]["note"] == "AssertionError: exit 4 not 0" and rows[1]["value"] is None
+    told = capsys.readouterr()
+    assert "1 of 1 goals met; failed: stop\n" in told.out and "stop  " in told.out
+    assert "Traceback" in told.err
 
 
 def test_programs_start_as_a_user_starts_them(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -24,7 +24,7 @@ from handctl.devices.barrett.care import upkeep
 from handctl.docgen import generate
 from handctl.docgen.roff import Page, escape, marked
 from handctl.docgen.tree import map_of
-from handctl.families import COMMANDS, FAMILIES
+from handctl.families import COMMANDS, FAMILIES, WIRES
 from handctl.frame import clikit
 from handctl.frame.clikit import root
 from handctl.frame.options import SharedOption
@@ -174,7 +174,7 @@ def test_every_command_option_and_help_text_is_in_its_page(name: str) -> None:
             assert " ".join(text.replace("`", "").replace("\b", "").split()) in words, path
         for param in command.get_params(ctx):
             if isinstance(param, click.Argument):
-                assert param.make_metavar(ctx) in synopsis, path
+                assert param.get_usage_pieces(ctx)[0] in synopsis, path
             elif isinstance(param, click.Option) and not param.hidden:
                 assert all(option in words for option in param.opts), path
                 assert " ".join((param.help or "").replace("`", "").split()) in words, (path, param.opts)
@@ -316,8 +316,10 @@ def test_the_examples_that_need_no_device_run(tmp_path: Path, monkeypatch: pytes
     for line in runnable:
         words = shlex.split(line)[1:]
         kind = next(word for word in words if word in FAMILIES)
-        bus = "&bus=can" if "--can" in words else ""
-        virtual = ["-p", f"fake://{kind}?clock=virtual{bus}"]
-        done = run(*(virtual if "--fake" in words else []), *(w for w in words if w not in ("--fake", "--can")))
+        bus = "".join(f"&bus={wire}" for wire in WIRES if f"--{wire}" in words)
+        model = f"&model={words[words.index('--model') + 1]}" if "--model" in words else ""
+        virtual = ["-p", f"fake://{kind}?clock=virtual{bus}{model}"]
+        left_out = ("--fake", *(f"--{wire}" for wire in WIRES))
+        done = run(*(virtual if "--fake" in words else []), *(w for w in words if w not in left_out))
         assert done.code == 0, (line, done)
     assert (tmp_path / "exo-before.json").is_file()

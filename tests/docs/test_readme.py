@@ -25,6 +25,8 @@ TEXT = "\n".join(PAGES.values())
 MOST_LINES = 150
 """Of README: what is more belongs into a guide."""
 FENCED = re.compile(r"^```\w*\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+PROGRAM = re.compile(r"^```python.*?\n.*?^```$", re.MULTILINE | re.DOTALL)
+"""Holds no command line; `test_library_guide` and `test_readme_recipes` run these."""
 INDENTED = re.compile(r"^    (\S.*)$", re.MULTILINE)
 SPAN = re.compile(r"(?<!`)`([^`\n]*\bhandctl [^`\n]+)`(?!`)")
 OPERATORS = frozenset("();<>|&")
@@ -38,6 +40,7 @@ GIVEN = {
     "firmware.S19": "S10B2000112233445566FF0070\nS9030000FC\n",
 }
 """Files that a reader brings along, or copies from the guide."""
+GIVEN["morning.txt"] = PAGES["library"].partition("# morning.txt\n")[2].partition("```")[0]
 GIVEN["line.toml"] = PAGES["simulators"].partition("```toml\n")[2].partition("```")[0]
 FINDS = {"diagnose", "doctor"}
 """Commands whose exit code 7 is a finding, not a failure of the example."""
@@ -58,6 +61,7 @@ def commands_in(line: str) -> Iterator[list[str]]:
 
 def examples(text: str) -> list[tuple[str, ...]]:
     """Every handctl command line of a text in order: code blocks, then spans in the text."""
+    text = PROGRAM.sub("", text)
     lines = [line for block in FENCED.findall(text) for line in block.replace("\\\n", " ").splitlines()]
     lines += INDENTED.findall(FENCED.sub("", text))
     lines += [span for span in SPAN.findall(FENCED.sub("", text)) if "…" not in span]
@@ -80,9 +84,19 @@ def bench_version(words: tuple[str, ...]) -> tuple[str, ...]:
     if "log" in kept and "--duration" in kept:  # virtual time has no wire: a few rows are enough
         place = kept.index("--duration")
         kept[place : place + 2] = ["--count", "5"]
-    if {"watch", "--live"} & set(kept) and not {"--count", "--duration"} & set(kept):
+    streams = {"watch", "--live"} & set(kept) or {"tactile", "--watch"} <= set(kept)
+    if streams and not {"--count", "--duration"} & set(kept):
         kept += ["--count", "2"]
+    kept += ["--force"] if "pair" in kept else []  # other examples have given these names
+    if any("/" in word for word in kept) and "pair" in kept:  # its LINKs are arguments, and differ
+        return tuple(second_link(word, place) for place, word in enumerate(kept))
     return (*kept, "-p", f"fake://{kind}?clock=virtual{'&bus=can' if on_can else ''}")
+
+
+def second_link(word: str, number: int) -> str:
+    """A LINK that is an argument, as a simulated hand of its own."""
+    bus = "&bus=modbus-tcp" if word.startswith("tcp:") else ""
+    return f"fake://hand?clock=virtual&seed={number}{bus}" if "/" in word else word
 
 
 def at_home() -> dict[str, str]:
@@ -106,12 +120,13 @@ def on_a_bench(words: tuple[str, ...]) -> tuple[str, ...]:
 def tried(words: tuple[str, ...]) -> Result:
     """Run one example as far as is sensible without a device: a dry run, the simulator, a short server, its help."""
     group = len(words) == 1 and not words[0].startswith("-")  # named as a whole
+    group = group or words[0] == "shell"  # needs a person
     if group or "replay:FILE" in words or words[:2] == ("sim", "control"):
         return run(*words, "-h")
     if words[:1] == ("sim",):
         ends = words[-1] in ("-h", "--help") or words[1] == "forget"  # by itself
         return run(*words) if ends else run_program(*words, "--duration", "0.1")
-    if words[0] in ("scan", "doctor"):
+    if words[0] in ("scan", "doctor", "batch"):
         return run(*on_a_bench(words))
     if not any(word in FAMILIES for word in words) or {"-h", "--help", "describe"} & set(words) or "devices" in words:
         return run(*words, env=at_home())
@@ -137,7 +152,8 @@ def test_every_example_runs(name: str, tmp_path: Path, monkeypatch: pytest.Monke
     for file, text in GIVEN.items():
         (tmp_path / file).write_text(text, encoding="ascii")
     if "devices add left" not in PAGES[name]:
-        assert run("devices", "add", "left", "exo", "-p", "fake://exo?clock=virtual", env=at_home()).code == 0
+        for device in ("left", "right"):
+            assert run("devices", "add", device, "exo", "-p", "fake://exo?clock=virtual", env=at_home()).code == 0
     failed = {}
     for words in examples(PAGES[name]):
         result = tried(words)

@@ -46,6 +46,9 @@ class Device:
     def now(self) -> float:
         return self.clock
 
+    def wall(self) -> float:
+        return 1_767_225_600 + self.clock
+
     def sleep(self, seconds: float) -> None:
         self.clock += max(0.0, seconds)
 

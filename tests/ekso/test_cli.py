@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import subprocess
+from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from handctl.frame import console
 from tests.support.cli import Result, clean_environment, program, run, sent, wait_until
 
 ME = ("--yes", "--operator", "me")
-KEYS = ["name", "word", "id", "value", "raw", "unit", "label"]
+KEYS = ["name", "word", "id", "value", "raw", "unit", "label", "path"]
 VECTORS = [1700, 1600, 1550, 200, 90, 50, 500, 300, -75, 125, 2, 1, 3, 0, 10, 12, 2, 3, 4, 7, 1, 2]
 IDS = [*range(200, 210), 212, 210, 213, 215, 216, 218, 217, 219, None, None, 211, 214]
 
@@ -62,6 +63,7 @@ def test_settings_are_22_rows_in_the_order_of_the_words() -> None:
         "raw": -75,
         "unit": None,
         "label": None,
+        "path": "forward_shift",
     }
     assert rows[14]["label"] == "50 %"
     assert result.json["device"] == {"kind": "ekso", "link": unit(), "fake": True, "id": None}
@@ -72,7 +74,7 @@ def test_settings_are_22_rows_in_the_order_of_the_words() -> None:
 def test_how_many_rows(command: str, count: int) -> None:
     result = do(command)
     assert (result.code, len(result.rows)) == (0, count)
-    assert all(list(row)[:7] == KEYS for row in result.rows)
+    assert all(list(row)[:7] == KEYS[:7] and row["path"] for row in result.rows)
 
 
 def test_data_feedback_time_and_date_of_the_vectors() -> None:
@@ -122,6 +124,14 @@ def test_status_and_check() -> None:
     assert all(row["label"].startswith("unknown (") for row in unlisted.rows[10:19])
 
 
+def test_the_clock_is_compared_with_the_link_s() -> None:
+    """So a replay tells what was so then, and two runs in virtual time tell the same."""
+    here = datetime.fromisoformat("2026-11-20T14:05:37") - timedelta(seconds=90)
+    port = unit(clock=f"virtual@{here.timestamp():.0f}").replace("clock=virtual&", "", 1)
+    assert do("status", port=port).values["clock_offset"] in (89, 90)  # what was asked before took a little time
+    assert do("status", port=port).values == do("status", port=port).values
+
+
 def test_watch() -> None:
     rows, end = do("watch", "torso_pitch", "step_length", "--count", "3").stream
     assert [row["name"] for row in rows] == ["torso_pitch", "step_length"] * 3
@@ -132,7 +142,7 @@ def test_watch() -> None:
 
 def test_describe_needs_no_device() -> None:
     result = run("ekso", "describe", "--json")
-    assert (result.code, len(result.rows)) == (0, 64)
+    assert (result.code, len(result.rows)) == (0, 66)
     rows = {row["name"]: row for row in result.rows}
     assert (rows["step_length"]["id"], rows["step_length"]["type"], rows["step_length"]["range"]) == (
         202,
@@ -156,7 +166,7 @@ def test_set_writes_once_reads_back_and_logs(tmp_path: Path) -> None:
     (row,) = result.rows
     assert row == {
         "name": "step_length", "word": 2, "id": 202, "value": 16.0, "raw": 1600, "unit": "in", "label": None,
-        "before": 15.5, "before_label": None,
+        "path": "step_length", "before": 15.5, "before_label": None,
     }  # fmt: skip
     assert commands(trace) == [152, 153, 153, 152, 153, 153, 155, 152]
     assert sent(trace)[6][4:8] == bytes.fromhex("00 CA 06 40")

@@ -77,6 +77,7 @@ def test_rows_of_the_vectors() -> None:
     rows = {row["name"]: row for row in ekso.message("settings").rows}
     assert rows["forward_shift"] == {
         "name": "forward_shift", "word": 8, "id": 208, "value": -0.75, "raw": -75, "unit": None, "label": None,
+        "path": "forward_shift",
     }  # fmt: skip
     assert [rows[name]["label"] for name in ("walk_mode", "left_swing_assist", "swing_complete", "lean_allowance")] == [
         "ProStep", "50 %", "0.5", "Off",
@@ -146,7 +147,7 @@ def test_time_and_date_with_three_or_four_bytes(pad: bytes) -> None:
     (row,) = ekso.clock("time").rows
     assert row == {
         "name": "time", "word": None, "id": None, "value": "23:59:59", "raw": 0x173B3B, "unit": None, "label": None,
-        "hour": 23, "minute": 59, "second": 59, "bytes": 3 + len(pad),
+        "hour": 23, "minute": 59, "second": 59, "bytes": 3 + len(pad), "path": "time",
     }  # fmt: skip
     (row,) = ekso.clock("date").rows
     assert (row["value"], row["raw"], row["year"], row["month"], row["day"]) == ("2007-01-31", 0x07011F, 7, 1, 31)

@@ -6,7 +6,7 @@ import fcntl
 import json
 import os
 import time
-from datetime import UTC, datetime, timedelta
+from datetime import datetime, timedelta, timezone
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -147,7 +147,7 @@ def test_two_handctl_at_once(bench: Bench, tmp_path: Path) -> None:
 
 def entry(event: str = "intent", *, ago: float = 3.0, now: float = 1000.0, **more: Any) -> str:
     fields = {
-        "event": event, "utc": (datetime.now(UTC) - timedelta(seconds=ago)).isoformat(), "host_monotonic_s": now - ago,
+        "event": event, "utc": (datetime.now(timezone.utc) - timedelta(seconds=ago)).isoformat(), "host_monotonic_s": now - ago,
         "host": HOST, "port": PLACE, "place": PLACE, "name": "step_length", "old": {"raw": 1500}, "new": {"raw": 1600},
         **({"verdict": "applied"} if event == "result" else {}), **more,
     }  # fmt: skip
@@ -178,7 +178,7 @@ def test_what_counts(tmp_path: Path) -> None:
 @pytest.mark.parametrize("hours", [-24, -1, 1, 24])
 def test_a_wall_clock_that_was_set_changes_nothing(tmp_path: Path, hours: int) -> None:
     """The monotonic clock of this machine tells."""
-    moment = (datetime.now(UTC) + timedelta(hours=hours)).isoformat()
+    moment = (datetime.now(timezone.utc) + timedelta(hours=hours)).isoformat()
     assert ages(tmp_path, entry(utc=moment)) == [3.0]
     assert ages(tmp_path, entry(ago=60, utc=moment)) == []
 
@@ -193,7 +193,7 @@ def test_after_a_restart_of_the_machine_its_uptime_has_passed(tmp_path: Path) ->
 def test_the_clock_of_another_machine_is_not_ours(tmp_path: Path, other: dict[str, Any]) -> None:
     assert ages(tmp_path, entry(ago=3, host_monotonic_s=5.0, **other)) == [pytest.approx(3, abs=0.5)]
     assert ages(tmp_path, entry(ago=3, host_monotonic_s=999.0, **other)) == [1.0], "the younger of the two"
-    ahead = (datetime.now(UTC) + timedelta(seconds=100)).isoformat()
+    ahead = (datetime.now(timezone.utc) + timedelta(seconds=100)).isoformat()
     with pytest.raises(CheckFailed) as caught:
         ages(tmp_path, entry(utc=ahead, **other))
     assert caught.value.code == "clock-set-back"

@@ -71,12 +71,13 @@ class Chunks:
         return source.choice(self._floods)
 
 
-def run_episodes(episode: Episode, count: int, seconds: float, seed: int = SEED) -> tuple[int, float]:
-    """Run episodes until `count` chunks are through or `seconds` are over; (chunks, processor seconds of the slowest)."""
+def run_episodes(episode: Episode, count: int, seconds: float, seed: int = SEED, least: int = 0) -> tuple[int, float]:
+    """Run episodes until `count` chunks are through, or `seconds` are over and `least` are; (chunks, processor seconds of the
+    slowest)."""
     source = random.Random(seed)
     end = time.monotonic() + seconds
     done, slowest = 0, 0.0
-    while done < count and time.monotonic() < end:
+    while done < count and (done < least or time.monotonic() < end):
         begin = time.process_time()
         done += episode(source)
         slowest = max(slowest, time.process_time() - begin)

@@ -12,7 +12,7 @@ import pytest
 
 from handctl.devices.barrett.gcl import language
 from handctl.devices.ekso import frames
-from handctl.devices.inspire import eb90
+from handctl.devices.inspire import eb90, modbus
 from handctl.errors import ProtocolError
 from tests.inspire.scanning import scan_on
 from tests.support.cli import run
@@ -27,7 +27,10 @@ def growth(work: Callable[[int], object]) -> float:
     return calls_of(lambda: work(2 * PIECES)) / calls_of(lambda: work(PIECES))
 
 
-def fed(decoder: eb90.Decoder | language.Decoder | frames.Decoder, piece: bytes, count: int) -> None:
+Decoder = eb90.Decoder | language.Decoder | frames.Decoder | modbus.RtuDecoder | modbus.TcpDecoder
+
+
+def fed(decoder: Decoder, piece: bytes, count: int) -> None:
     for _ in range(count):
         decoder.feed(piece)
         while True:
@@ -47,6 +50,19 @@ ALL_IDS = [eb90.read_reply_prefix(i, 1000, 2) for i in range(1, 255)]
 @pytest.mark.parametrize("prefixes", [ALL_IDS, [], [eb90.DEVICE]], ids=["all ids", "any", "device"])
 def test_frames_of_the_inspire_family(piece: bytes, prefixes: list[bytes]) -> None:
     assert growth(lambda count: fed(eb90.Decoder(prefixes), piece, count)) < 2.5
+
+
+@pytest.mark.parametrize(
+    "piece",
+    [b"\x55" * 64, b"\x01\x03" * 16, b"\x01\x03\x0c" * 16, b"\x01" * 64, b"\0\1\0\0\0\x0f\xff\x03" * 8],
+    ids=repr,
+)
+@pytest.mark.parametrize("wire", ["rtu", "tcp"])
+def test_answers_of_modbus(wire: str, piece: bytes) -> None:
+    def made() -> modbus.RtuDecoder | modbus.TcpDecoder:
+        return modbus.TcpDecoder() if wire == "tcp" else modbus.RtuDecoder(1, modbus.read_request(1546, 6))
+
+    assert growth(lambda count: fed(made(), piece, count)) < 2.5
 
 
 def test_a_scan_looks_for_254_ids_at_the_cost_of_one() -> None:

@@ -29,7 +29,7 @@ from handctl.devices.aidin.map import AIDIN, ENCODERS
 from handctl.devices.aidin.targets import parse
 from handctl.devices.barrett import motion as barrett_motion
 from handctl.devices.barrett.map import BARRETT
-from handctl.devices.inspire.exo import flash, procedures
+from handctl.devices.inspire import flash, procedures
 from handctl.devices.inspire.exo import motion as exo_motion
 from handctl.devices.inspire.map import EXO, WRIST
 from handctl.errors import UsageError
@@ -37,6 +37,7 @@ from handctl.model.guide import Guide
 from handctl.model.param import Element
 from tests.aidin import support as aidin_support
 from tests.barrett import support as barrett_support
+from tests.fuzz.hand_machine import HandMachine
 from tests.fuzz.support import long_seconds
 from tests.inspire.wrist_support import WIRES, fake_wrist, wrist_on
 from tests.support.cli import POWER_ON, run
@@ -426,6 +427,7 @@ class AidinMachine(RuleBasedStateMachine):
 MACHINES: dict[str, tuple[type[RuleBasedStateMachine], int, int]] = {
     "exo": (ExoMachine, 120, 15),
     "wrist": (WristMachine, 40, 10),
+    "hand": (HandMachine, 40, 10),
     "barrett": (BarrettMachine, 90, 12),
     "ekso": (EksoMachine, 4, 8),
     "aidin": (AidinMachine, 3, 8),

@@ -15,6 +15,8 @@ from types import MethodType
 from typing import Any
 from unittest import mock
 
+import pytest
+
 import handctl.sim
 from handctl.link import fake, tcp
 from handctl.sim.barrett.uart import resample
@@ -32,7 +34,7 @@ SECONDS = 20.0
 EARS = frozenset({
     "_replies", "_inbox", "_heard", "_hear_since", "_lost", "random", "judge", "dirty", "_line", "_open", "_noisy_echo", "hits",
     "_previous", "faults", "reader", "writer", "_streamed", "_next_feedback", "_unwritten", "_merged", "ignored",
-    "_event_at", "_frozen_boot", "reported", "_switches", "_fidgets", "fidgets", "device",
+    "_event_at", "_asked", "_frozen_boot", "reported", "_switches", "_fidgets", "fidgets", "device",
 })  # fmt: skip
 """Fields of the simulators that are hearing and speaking, and are no state of the device."""
 
@@ -89,6 +91,7 @@ class _TcpLink(fake.FakeLink):
     """A terminal server, or the AIDIN-hand: bytes pass as they are."""
 
     can_set_baud = False
+    fake = False
 
     def __init__(self, link: str, tcp_port: int | None = None) -> None:
         super().__init__("fake://tcp?clock=virtual", None)
@@ -121,7 +124,7 @@ def connected(state: State) -> Iterator[Port]:
 def link_of(state: State) -> str:
     """What is given as --port."""
     if state.wire == "tcp":
-        return "tcp://device:4001"
+        return "tcp://device:6000" if state.options.get("bus") == "modbus-tcp" else "tcp://device:4001"
     return f"fake://{state.kind}?clock=virtual" + ("&bus=can" if state.wire == "can" else "")
 
 
@@ -213,7 +216,7 @@ PLAIN, YES, DRY = "plain", "confirmed", "dry run"
 
 def modes(line: CommandLine, state: State) -> Iterator[str]:
     """How a line is tried: as it is; confirmed, unless that is what the device is for; as a dry run."""
-    own = line.family == state.owner or line.path == ("stop",)  # which knows its device by name, lock or simulator
+    own = state.of(line.family) or line.path == ("stop",)  # which knows its device by name, lock or simulator
     if line.asks or not (line.writes and own):
         yield PLAIN
     if line.asks and not own:
@@ -264,10 +267,20 @@ def judge(
         return ("", excuse.why) if fits and excuse is not None else (_told(changed), "")
     if excuse is not None and fed:
         return f"nothing changed, so this cell needs its excuse no more: {excuse.why}", ""
-    if line.writes and code == 0 and mode != DRY and line.family != state.owner and fed:
+    if line.writes and code == 0 and mode != DRY and not state.of(line.family) and fed:
         return "a write to a stranger is called a success", ""
     return "", ""
 
 
 def _told(changed: list[str]) -> str:
     return "; ".join(changed[:4]) + (f" and {len(changed) - 4} more" if len(changed) > 4 else "")
+
+
+SHARE = 48
+"""An ordinary run of the whole suite takes one cell in 36."""
+
+
+def share(config: pytest.Config) -> int:
+    """Each how manieth cell is tried."""
+    whole_suite = not config.option.file_or_dir or config.option.file_or_dir == ["tests"]
+    return SHARE if whole_suite and "harm" not in config.option.markexpr.replace("not harm", "") else 1

@@ -31,6 +31,8 @@ LOCAL = {
     "trace": "recorded bytes",
     "completion": "the shell's files",
     "help": "texts",
+    "shell": "other lines, typed at a terminal",
+    "batch": "other lines, each of them here; tests/contract/test_batch.py says that it sends no more than they",
 }
 """Commands at the top that open no link to a device, and why."""
 

@@ -42,6 +42,12 @@ class State:
     options: dict[str, str] = field(default_factory=dict)
     before: Before = lambda line: line.advance(1.0)
     wire: Wire = "serial"
+    also: tuple[str, ...] = ()
+    """Further families whose device it is: a wrist sits on a hand."""
+
+    def of(self, family: str) -> bool:
+        """Whether it is a device of this family."""
+        return family == self.owner or family in self.also
 
     @property
     def looping(self) -> bool:

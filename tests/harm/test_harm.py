@@ -13,12 +13,9 @@ from pathlib import Path
 import pytest
 
 from tests.harm import lines, states
-from tests.harm.cell import PLAIN, Cell, cells, judge, try_cell
+from tests.harm.cell import PLAIN, Cell, cells, judge, share, try_cell
 from tests.harm.excuses import EXCUSES
 from tests.harm.table import PROPERTY
-
-SHARE = 48
-"""An ordinary run of the whole suite takes one cell in 36."""
 
 pytestmark = pytest.mark.harm
 
@@ -59,12 +56,6 @@ def test_an_excuse_is_needed_where_it_is_given() -> None:
     (force,) = [line for line in every_line if line.path == ("exo", "dump")]
     velocity = "hand.motors[0].drive.velocity: 0 -> 20"
     assert judge(loop, force, PLAIN, 5, 9, [velocity], "") == (velocity, "")
-
-
-def share(config: pytest.Config) -> int:
-    """Each how manieth cell is tried."""
-    whole_suite = not config.option.file_or_dir or config.option.file_or_dir == ["tests"]
-    return SHARE if whole_suite and "harm" not in config.option.markexpr.replace("not harm", "") else 1
 
 
 @pytest.mark.parametrize("state", states.states(), ids=str)

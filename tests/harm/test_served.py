@@ -46,7 +46,7 @@ def test_no_harm_on_a_port(device: str, tmp_path: Path) -> None:
     untouched, met = tmp_path / "untouched.json", tmp_path / "met.json"
     extra = ("--set", "initialized=1") if device == "barrett" else ()
     for path in (untouched, met):
-        with Simulator("--pty", "--state", path, "--duration", "120", *extra, kind=device) as simulator:
+        with Simulator("--pty", "--state", path, "--duration", "600", *extra, kind=device) as simulator:
             for family, commands in COMMANDS.items() if path == met else ():
                 for command in commands if family != device else ():
                     words = command.replace("{dir}", str(tmp_path)).split()

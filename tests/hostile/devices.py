@@ -321,7 +321,8 @@ class Hostile:
 
     def take(self) -> bytes:
         """What has arrived at the host by now."""
-        if answer := self.line.take():
+        answer = self.line.take()
+        if answer and self._behind <= BACKLOG:  # to spoil what would not be sent costs a second a command
             for delay, piece in self.spoil.answer(answer):
                 self._send(delay, piece)
         out = []
@@ -355,10 +356,14 @@ class Place:
     hostility: str
     wire: str
 
+    @property
+    def options(self) -> dict[str, str]:
+        """Those of its simulator."""
+        return {**READY.get(self.kind, {}), **bus_of(self.kind, self.wire)}
+
     def make(self) -> Hostile:
         """The device, awake."""
-        options = {**READY.get(self.kind, {}), **({"bus": "can"} if self.wire == "can" else {})}
-        line = create(self.kind, options)
+        line = create(self.kind, self.options)
         line.advance(0.0)
         line.advance(1.0)
         if not isinstance(line, CanLine):
@@ -366,7 +371,17 @@ class Place:
         return Hostile(line, KINDS[self.hostility](line.device.HEADER))
 
     def __str__(self) -> str:
-        return f"{self.kind}{', can' if self.wire == 'can' else ''}, {self.hostility}"
+        wire = f", {self.wire}" if bus_of(self.kind, self.wire) else ""
+        return f"{self.kind}{wire}, {self.hostility}"
+
+
+def bus_of(kind: str, wire: str) -> dict[str, str]:
+    """The option of the simulator for a wire that is not its first one."""
+    from handctl.tools.probes import family_of
+
+    if wire == "tcp" and "modbus-tcp" in family_of(kind).wires:
+        return {"bus": "modbus-tcp"}
+    return {"bus": "can"} if wire == "can" else {}
 
 
 READY = {"barrett": {"initialized": "1"}, "aidin": {"start": "homed", "rate": "20"}, "ekso": {"sway": "0"}}
@@ -379,8 +394,9 @@ def places() -> Iterator[Place]:
 
     for name in FAMILIES:
         family = family_of(name)
-        wires = ["tcp" if family.tcp_port is not None else "serial", *(["can"] if "can" in family.wires else [])]
-        for wire in wires:
+        streams = ["tcp"] if family.tcp_port is not None else []
+        streams += ["serial"] if "serial" in family.wires or not streams else []
+        for wire in (*streams, *(["can"] if "can" in family.wires else [])):
             for hostility in KINDS:
                 yield Place(name, hostility, wire)
 

@@ -180,7 +180,8 @@ def test_random_lines(seed: int, folder: Folder, request: pytest.FixtureRequest)
     with no_devices():
         for number in range(LINES):
             words = source.one()
-            json_wanted = words[-1:] != ["-h"] and "--" not in words and number % 3 == 0
+            # click puts an option that is typed twice where it stands first: --json --csv --json is CSV
+            json_wanted = not {"-h", "--", "--json"} & set(words) and number % 3 == 0
             if not share(request.config, f"{seed}|{number}"):
                 continue
             more = ["--json"] if json_wanted else []
@@ -194,7 +195,7 @@ def test_random_lines(seed: int, folder: Folder, request: pytest.FixtureRequest)
 def test_the_lines_reach_every_command(tmp_path: Path) -> None:
     """They are thousands, of every command, and most of them are understood by the parser."""
     source = Lines(0, tmp_path)
-    made = [source.one() for _ in range(1_000)]
-    assert len({tuple(words) for words in made}) > 800
+    made = [source.one() for _ in range(10 * len(source.leaves))]
+    assert len({tuple(words) for words in made}) > 0.8 * len(made)
     missed = [path for path, _ in leaves(root, ()) if not any(set(path) <= set(words) for words in made)]
     assert not missed

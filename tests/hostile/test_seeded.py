@@ -95,7 +95,7 @@ def named(kind: str, words: str) -> Callable[[Folder], list[Cell]]:
         (unfiltered_csv, devices("escapes behind words", "barrett", "barrett help")),
         (bypassed, named("a pipe", "exo restore")),
         (unbounded, named("/dev/zero", "exo diff")),
-        (long_messages, named("nothing but NUL", "barrett realtime")),
+        (long_messages, named("tables in TOML", "barrett realtime")),
     ],
     ids=["filter-left-out", "opener-bypassed", "bound-removed", "long-messages"],
 )

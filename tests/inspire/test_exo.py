@@ -44,13 +44,15 @@ def test_rows_have_the_keys_of_the_contract() -> None:
     rows = hand.table(hand.read(select(EXO, ["system_voltage", "current.index", "error.index"]))).rows
     assert rows[0] == {
         "name": "system_voltage", "finger": None, "address": 1472, "value": 558, "unit": None, "raw": "2E 02",
-        "label": "raw, scale unknown",
+        "label": "raw, scale unknown", "path": "system_voltage",
     }  # fmt: skip
     assert rows[1] == {
         "name": "current", "finger": "index", "address": 1600, "value": 24, "unit": "mA", "raw": "18 00", "label": None,
+        "path": "current.index",
     }  # fmt: skip
     assert rows[2] == {
         "name": "error", "finger": "index", "address": 1609, "value": 0, "unit": None, "raw": "00", "label": "ok",
+        "path": "error.index", "errors": [],
     }  # fmt: skip
 
 

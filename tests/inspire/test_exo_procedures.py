@@ -6,7 +6,8 @@ from collections.abc import Callable
 
 import pytest
 
-from handctl.devices.inspire.exo import flash, motion, procedures
+from handctl.devices.inspire import flash, procedures
+from handctl.devices.inspire.exo import motion
 from handctl.devices.inspire.exo.device import ExoHand
 from handctl.errors import CheckFailed, DeviceRefused, HandctlError, NoAnswer, ProtocolError
 from handctl.model.guide import Guide

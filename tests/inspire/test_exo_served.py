@@ -18,6 +18,7 @@ from rh56_sdk import RH56Driver
 
 from tests.support import forks
 from tests.support.cli import (
+    PATIENCE,
     POWER_ON,
     Result,
     Simulator,
@@ -94,9 +95,10 @@ def test_impossible_servers_are_usage_errors(args: tuple[str, ...]) -> None:
 def test_dump_on_a_pty_is_the_same_as_in_process(pty: str) -> None:
     served = run_program("exo", "dump", "-p", pty, "--json")
     assert served.code == 0
-    assert served.rows == run("exo", "dump", "--fake", "--json").rows
+    assert served.rows == run("exo", "dump", "-p", "fake://exo?clock=virtual", "--json").rows
     assert served.json["device"] == {"kind": "exo", "link": pty, "fake": False, "id": 1}
-    assert served.json["counters"]["sent"] == 2
+    counters = served.json["counters"]
+    assert counters["sent"] - counters["retries"] == 2  # a busy machine may answer late
 
 
 @pytest.mark.parametrize("where", ["pty", "tcp"])
@@ -268,7 +270,7 @@ def test_wire_time_of_a_dump(start: Start, tmp_path: Path) -> None:
     """Two transactions of 195 bytes take 16.93 ms at 115200 (dossier §6); the host adds little."""
     link, trace = start("--pty", "--wire", "115200").link, tmp_path / "t.txt"
     best, tries = 1.0, 0
-    while best > 0.0169 * 1.25 and tries < 40:  # a busy machine is late, never early
+    while best > 0.0169 * 1.25 and tries < 200:  # a busy machine is late, never early
         tries += 1
         assert run_program("exo", "dump", "-p", link, "--trace", trace, "--json").json["counters"]["sent"] == 2
         times = [float(line.split()[0]) for line in trace.read_text().splitlines() if not line.startswith("#")]
@@ -282,7 +284,7 @@ def test_wire_time_of_a_dump(start: Start, tmp_path: Path) -> None:
 def test_pyrh56_reads_the_same_hand_that_handctl_changed(start: Start) -> None:
     link = start("--pty").link
     assert run("exo", "position", "700", "600", "500", "400", "300", "--wait", "3", "-y", "-p", link).code == 0
-    driver = RH56Driver(link, timeout=0.3)
+    driver = RH56Driver(link, timeout=PATIENCE)
     driver.connect(verify=False)
     try:
         assert driver.read_angle() == [700, 600, 500, 400, 300, 660]
@@ -295,7 +297,7 @@ def test_pyrh56_reads_the_same_hand_that_handctl_changed(start: Start) -> None:
 
 
 def test_pyserial_client(pty: str) -> None:
-    with serial.Serial(pty, 115200, timeout=1) as port:
+    with serial.Serial(pty, 115200, timeout=PATIENCE) as port:
         port.write(frame("EB 90 01 04 11 0A 06 0C 32"))
         assert port.read(20) == frame("90 EB 01 0F 11 0A 06 6E 00 DC 00 4A 01 B8 01 26 02 94 02 3D")
         port.write(frame("EB 90 01 04 11 46 06 05 67"))
@@ -304,7 +306,7 @@ def test_pyserial_client(pty: str) -> None:
 
 def test_plain_socket_client(start: Start) -> None:
     host, port = start("--tcp", "127.0.0.1:0").link.removeprefix("tcp://").split(":")
-    with socket.create_connection((host, int(port)), timeout=2) as client:
+    with socket.create_connection((host, int(port)), timeout=PATIENCE) as client:
         client.sendall(frame("EB 90 01 04 11 C0 05 02 DD"))
         data = b""
         while len(data) < 10:
@@ -316,9 +318,9 @@ def test_a_shell_without_any_serial_library(pty: str) -> None:
     descriptor = os.open(pty, os.O_RDWR | os.O_NOCTTY)
     try:
         os.write(descriptor, frame("EB 90 01 04 11 E8 03 01 02"))
-        assert select.select([descriptor], [], [], 2)[0]
+        assert select.select([descriptor], [], [], PATIENCE)[0]
         came = b""
-        while len(came) < 9 and select.select([descriptor], [], [], 2)[0]:
+        while len(came) < 9 and select.select([descriptor], [], [], PATIENCE)[0]:
             came += os.read(descriptor, 100)
         assert came == frame("90 EB 01 04 11 E8 03 01 02")
     finally:
@@ -328,7 +330,7 @@ def test_a_shell_without_any_serial_library(pty: str) -> None:
 def test_handctl_and_a_foreign_client_take_turns(pty: str, tmp_path: Path) -> None:
     trace = tmp_path / "t.txt"
     for _ in range(3):
-        with serial.Serial(pty, 115200, timeout=1) as port:
+        with serial.Serial(pty, 115200, timeout=PATIENCE) as port:
             port.write(frame("EB 90 01 04 11 C0 05 02 DD"))  # asked, and its answer left unread
         result = run("exo", "get", "temperature", "-p", pty, "--json", "--trace", trace)
         assert result.values == pairs(["temperature"])

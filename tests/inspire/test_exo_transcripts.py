@@ -10,7 +10,8 @@ from collections.abc import Iterator
 import pytest
 
 from handctl.cli import main
-from handctl.devices.inspire.exo import flash, motion, procedures, raw
+from handctl.devices.inspire import flash, procedures
+from handctl.devices.inspire.exo import motion, raw
 from handctl.devices.inspire.exo.device import ExoHand
 from handctl.devices.inspire.map import EXO
 from handctl.errors import HandctlError, UsageError

@@ -10,15 +10,17 @@ from typing import NamedTuple
 
 import pytest
 
-from handctl.devices.inspire.exo import procedures
+from handctl.devices.inspire import procedures
 from handctl.devices.inspire.exo.device import ExoHand
+from handctl.devices.inspire.exo.scan import scan
 from handctl.errors import CheckFailed
 from handctl.link import open_link
+from handctl.model.guide import Progress
 from handctl.model.result import Table
 from handctl.sim.bus.models import text
 from tests.fuzz.support import long_seconds
 from tests.inspire.scanning import scan_hand
-from tests.support.cli import run
+from tests.support.cli import Result, run
 from tests.support.scripted import changing, codes, fake_hand, hand_on, message
 
 SPEEDS = [115200, 57600, 19200]
@@ -110,15 +112,38 @@ def test_late_answers_are_no_silence() -> None:
     assert changing(link.sent) == []
 
 
-def test_the_first_probes_reach_a_line_of_120_ms(tmp_path: Path) -> None:
+@pytest.mark.parametrize("speed", SPEEDS)
+def test_the_first_probes_reach_a_line_of_120_ms(speed: int, tmp_path: Path) -> None:
     """Id 1 at three speeds: the last of them answers within 1.5 s."""
-    path = Line("clean", 120, 0, 1, 19200).file(tmp_path)
-    hand = hand_behind(path)
+    hand = hand_behind(Line("clean", 120, 0, 1, speed).file(tmp_path))
     seen: list[float] = []
     receive = hand.bus.link.read
     hand.bus.link.read = lambda *what: _noted(receive(*what), hand, seen)  # type: ignore[method-assign]
-    scan_hand(hand, speeds=SPEEDS, find_all=False)
+    table = scan_hand(hand, speeds=SPEEDS, find_all=False)
     assert seen[0] < 1.5
+    assert [(row["baud"], row["id"]) for row in table.rows] == [(speed, 1)]
+
+
+@pytest.mark.parametrize("window", [8, 1])
+def test_a_full_scan_of_a_clean_line_costs_little_more_than_its_wire_and_windows(window: int) -> None:
+    """254 ids at 3 speeds: 9 bytes each, and 20 ms for each window (tests/bench has the same on a real clock)."""
+    hand = hand_on(open_link("fake://exo?wire=auto&clock=virtual", baud=115200))
+    table = scan_hand(hand, speeds=SPEEDS, window=window, wait_ms=20)
+    floor = sum(254 * 90 / speed + -(-254 // window) * 0.020 for speed in SPEEDS)
+    assert [(row["baud"], row["id"]) for row in table.rows] == [(115200, 1)]
+    assert table.extra["scan"]["seconds"] <= 1.10 * floor
+
+
+def test_a_silent_scan_tells_what_it_waits_for() -> None:
+    hand, _ = fake_hand("fault=silent")
+    shown: list[str] = []
+    scan(hand, Progress(shown.append), range(1, 255), SPEEDS, 8, None, False)
+    assert shown[0] == "115200 bit/s, ids 1 to 1, found 0, 0 %"
+    alone = [line for line in shown if "One at a time" in line]
+    assert alone[0] == "115200 bit/s, id 1, found 0, 26 s left. One at a time: may be half duplex"
+    assert alone[-1].startswith("19200 bit/s, id 254, found 0, 1 s left")
+    assert all(len(line) < 80 for line in shown)
+    assert "then one by one, 30 ms each, as a half-duplex line loses" in message(hand, "scanned")
 
 
 def _noted(data: bytes, hand: ExoHand, seen: list[float]) -> bytes:
@@ -199,3 +224,113 @@ def test_the_doctor_names_a_slow_line_and_two_hands_with_one_id(tmp_path: Path) 
     told = {row["check"]: row for row in result.rows}
     assert (told["answer"]["status"], told["speed"]["status"]) == ("fail", "ok")
     assert "one device has this id" in told["answer"]["remedy"]
+
+
+@pytest.mark.parametrize("kind", ["exo", "wrist"])
+@pytest.mark.parametrize(("model", "expected"), [
+    ("clean", {"half_duplex": "both directions", "packets": "as it is sent", "speed": "not at another speed"}),
+    ("half-duplex", {"half_duplex": "half duplex", "packets": "as it is sent", "first_byte": "with their first byte"}),
+    ("bluetooth", {"half_duplex": "both directions", "packets": "packets of 20", "speed": "does not matter", "delay": "slow"}),
+    ("serial-server", {"half_duplex": "half duplex", "packets": "in one piece", "delay": "slow"}),
+])  # fmt: skip
+def test_the_doctor_tells_what_the_line_is(model: str, expected: dict[str, str], kind: str, tmp_path: Path) -> None:
+    path = tmp_path / "bus.toml"
+    path.write_text(text(model, [{"kind": kind}]))
+    result = run("doctor", "--family", kind, "--count", "5", "-p", f"fake://bus?file={path}&clock=virtual", "--json")
+    told = {row["check"]: row for row in result.rows}
+    assert {check: words for check, words in expected.items() if words not in told[check]["evidence"]} == {}
+    assert (told["others"]["status"], told["error_rate"]["status"]) == ("ok", "ok")
+    assert result.json["line"]["half_duplex"] is (expected["half_duplex"] == "half duplex")
+    assert result.json["line"]["others"] is False
+
+
+def test_the_doctor_names_others_and_a_lost_first_byte_with_a_remedy(tmp_path: Path) -> None:
+    path = tmp_path / "bus.toml"
+    told = {}
+    for model, masters in (("half-duplex", [LOGGER]), ("first-byte-lost", [])):
+        path.write_text(text(model, [{"kind": "exo"}], masters))
+        link = f"fake://bus?file={path}&clock=virtual"
+        result = run("doctor", "--family", "exo", "--count", "5", "-p", link, "--json")
+        told[model] = {row["check"]: row for row in result.rows}
+    others = told["half-duplex"]["others"]
+    assert (others["status"], "one master" in others["remedy"]) == ("warning", True)
+    assert "damaged" not in told["half-duplex"]["error_rate"]["remedy"]
+    first = told["first-byte-lost"]["first_byte"]
+    assert (first["status"], "adapter" in first["remedy"]) == ("fail", True)
+    assert told["first-byte-lost"]["half_duplex"]["status"] == "skipped"
+
+
+def test_two_hands_and_a_logger_are_two_hands_and_twins_are_named_beside_one(tmp_path: Path) -> None:
+    """What the logger's frames damage is no sign of a second device with that id."""
+    path = tmp_path / "bus.toml"
+    logger = {"ask": "EB 90 03 04 11 E8 03 01 04", "every_ms": 50}
+    path.write_text(text("half-duplex", [{"kind": "exo"}, {"kind": "exo", "id": 3}], [logger]))  # type: ignore[list-item]
+    hand = hand_behind(path)
+    table = scan_hand(hand, ids=list(range(1, 9)), speeds=SPEEDS)
+    assert [(row["id"], row["suspicion"]) for row in table.rows] == [(1, None), (3, None)]
+    assert hand.journal.line.others is True
+    path.write_text(text("half-duplex", [{"kind": "exo"}, {"kind": "exo", "seed": 5}], [logger]))  # type: ignore[list-item]
+    hand = hand_behind(path)
+    table = scan_hand(hand, ids=list(range(1, 9)), speeds=SPEEDS)
+    assert table.failure is not None
+    assert (table.rows, table.failure.code) == ([], "bad-checksum")
+    result = run("doctor", "--family", "exo", "--count", "10", "-p", f"fake://bus?file={path}&clock=virtual", "--json")
+    told = {row["check"]: row for row in result.rows}
+    assert "one device has this id" in told["answer"]["remedy"]
+    assert told["others"]["status"] == "warning"
+
+
+# -- the scan of every family ---------------------------------------------------------------------------------------
+
+
+class Cell(NamedTuple):
+    """One line with one device of the maker on it, for `handctl scan`."""
+
+    kind: str
+    latency: int
+    family: str
+    speed: int
+
+    def asked(self, folder: Path) -> Result:
+        path = folder / "bus.toml"
+        path.write_text(text(self.kind, [{"kind": self.family, "id": 1}], [], baud=self.speed, latency_ms=self.latency))
+        return run("scan", "-p", f"fake://bus?file={path}&clock=virtual", "--json")
+
+    def right(self, answer: Result) -> bool:
+        speed = None if self.kind == "bluetooth" else self.speed
+        rows = [(row["family"], row["baud"], row["id"]) for row in answer.rows]
+        return (answer.code, rows) == (0, [(self.family, speed, 1)])
+
+
+LATENCIES = (0, 20, 62, 120, 180, 250, 300, 350, 400, 450, 500)
+CELLS = [Cell(*each) for each in product(("clean", "half-duplex", "bluetooth"), LATENCIES, ("exo", "wrist"), SPEEDS)]
+FEW = [
+    Cell("clean", 0, "wrist", 19200), Cell("clean", 250, "wrist", 19200), Cell("clean", 400, "wrist", 19200),
+    Cell("half-duplex", 300, "wrist", 19200), Cell("half-duplex", 350, "exo", 19200), Cell("clean", 250, "exo", 57600),
+    Cell("half-duplex", 500, "wrist", 57600), Cell("bluetooth", 300, "exo", 115200), Cell("bluetooth", 180, "wrist", 19200),
+]  # fmt: skip
+"""An answer that comes behind its own probe is heard by the next one: at 19200 bit/s a BarrettHand may come between."""
+
+
+@pytest.mark.parametrize("cell", FEW, ids=lambda cell: " ".join(map(str, cell)))
+def test_a_late_device_is_found_by_the_scan_of_every_family(cell: Cell, tmp_path: Path) -> None:
+    answer = cell.asked(tmp_path)
+    assert cell.right(answer), answer
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("kind", ["clean", "half-duplex", "bluetooth"])
+def test_late_devices_are_found_on_the_whole_grid(kind: str, tmp_path: Path) -> None:
+    """66 cells a line, some 50 ms of processor time each; HANDCTL_LONG_SECONDS takes the same ones first each time."""
+    cells = [cell for cell in CELLS if cell.kind == kind]
+    Random(2).shuffle(cells)
+    end = time.monotonic() + long_seconds(3)
+    wrong, looked = [], 0
+    for cell in cells:
+        if looked and time.monotonic() > end:
+            break
+        looked += 1
+        if not cell.right(answer := cell.asked(tmp_path)):
+            wrong.append((cell, answer.code, answer.codes()))
+    print(f"{kind}: {looked} of {len(cells)} cells")
+    assert wrong == []

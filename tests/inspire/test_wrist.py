@@ -143,10 +143,11 @@ def test_rows_have_the_keys_of_the_contract(wire: str) -> None:
     rows = wrist.table(wrist.read(select(WRIST, ["yaw_actual", "current_1024", "error_1", "temperature_2"]))).rows
     assert rows[0] == {
         "name": "yaw_actual", "finger": None, "address": 1022, "value": 11.25, "unit": "°", "raw": "65 04", "label": None,
+        "path": "yaw_actual",
     }  # fmt: skip
     assert rows[1] == {
         "name": "current_1024", "finger": None, "address": 1024, "value": 111, "unit": "mA", "raw": "6F 00",
-        "label": "actuator #2 by the register table, #1 by the CAN example",
+        "label": "actuator #2 by the register table, #1 by the CAN example", "path": "current_1024",
     }  # fmt: skip
     assert (rows[2]["value"], rows[2]["raw"], rows[2]["label"]) == (0, "00", "ok")
     assert (rows[3]["value"], rows[3]["unit"], rows[3]["label"]) == (34, "°C", "unit assumed")

@@ -317,3 +317,12 @@ def test_a_given_speed_is_the_one_that_is_asked() -> None:
     (row,) = run("wrist", "scan", "--ids", "1-3", "--baud", "57600", "-p", port, "--json").rows
     assert row["baud"] == 57600
     assert run("wrist", "scan", "--ids", "1-3", "-p", port, "--json").code == 4
+
+
+@pytest.mark.parametrize("command", [("scan",), ("wrist", "scan"), ("wrist", "dump")], ids=" ".join)
+def test_a_bus_tells_what_was_measured_of_it(command: tuple[str, ...]) -> None:
+    line = run(*command, "-p", "fake://wrist?bus=can&wire=auto&turnaround=0.004&clock=virtual", "--json").json["line"]
+    assert 4.0 <= line["round_trip_ms"] <= 5.0
+    assert 0.0 <= line["spread_ms"] <= 1.0
+    assert (line["speed_matters"], line["half_duplex"]) == (None, None)
+    assert (line["echo"], line["others"]) == (False, False)

@@ -17,7 +17,19 @@ import serial
 
 from tests.inspire.wrist_commands import POWER_ON, SETTINGS, prepare, sent_frames, written_frames
 from tests.support import forks
-from tests.support.cli import Result, Simulator, clean_environment, frame, kept, run, run_program, s16, wait_until
+from tests.support.cli import (
+    PATIENCE,
+    Result,
+    Simulator,
+    clean_environment,
+    frame,
+    in_time,
+    kept,
+    run,
+    run_program,
+    s16,
+    wait_until,
+)
 
 Start = Callable[..., Simulator]
 PLACES: dict[str, tuple[str, ...]] = {
@@ -75,7 +87,7 @@ def test_the_ready_line_is_the_link_to_use(start: Start) -> None:
 def test_dump_is_the_same_as_in_process(links: dict[str, str], place: str) -> None:
     served = run_program("wrist", "dump", "-p", links[place], "--json")
     assert (served.code, served.err) == (0, "")
-    assert served.rows == run("wrist", "dump", "--fake", "--json").rows
+    assert served.rows == run("wrist", "dump", "-p", "fake://wrist?clock=virtual", "--json").rows
     assert served.json["device"] == {"kind": "wrist", "link": links[place], "fake": False, "id": 1}
     counters = served.json["counters"]
     asked = (
@@ -108,10 +120,14 @@ def test_move_and_what_it_leaves(start: Start, tmp_path: Path, place: str) -> No
         assert result.code == 0, result
         return result
 
-    began = time.monotonic()
     args = ("--pitch", "-10", "--yaw", "10", "--time", "300")
+
+    def there_and_back() -> None:
+        do("move", *args)
+        do("center", "--time", "300")
+
+    in_time(there_and_back, 0.6, 2.4)
     assert do("move", *args, "--trace", trace).values == {"pitch_actual": -10.0, "yaw_actual": 10.0}
-    assert 0.3 <= time.monotonic() - began < 1.2
     serial_frame, can_frame = "EB 90 01 09 31 0E 04 E8 03 18 FC 2C 01 79", "15038001 [6] E8 03 18 FC 2C 01"
     assert written_frames(trace) == [can_frame if place in SLCAN else serial_frame]
     assert do("get", *SETTINGS).values == {"yaw_set": 10.0, "pitch_set": -10.0, "move_time": 300}
@@ -231,7 +247,7 @@ def plain_bus(link: str) -> can.BusABC:
 
 def ask(bus: can.BusABC, identifier: int, *data: int) -> bytes:
     bus.send(can.Message(arbitration_id=identifier, data=data, is_extended_id=True))
-    end = time.monotonic() + 2
+    end = time.monotonic() + PATIENCE
     while time.monotonic() < end:
         message = bus.recv(0.1)
         if message is not None:
@@ -276,14 +292,14 @@ def test_can_logger_sees_the_frames_of_the_bus(start: Start, tmp_path: Path) -> 
 
 
 def test_pyserial_client(links: dict[str, str]) -> None:
-    with serial.Serial(links["pty"], 115200, timeout=1) as port:
+    with serial.Serial(links["pty"], 115200, timeout=PATIENCE) as port:
         port.write(frame("EB 90 01 04 30 00 04 04 3D"))
         assert port.read(12) == frame("90 EB 01 07 30 00 04 6F 00 DE 00 89")
 
 
 def test_an_adapter_as_bytes_for_a_shell(links: dict[str, str]) -> None:
     """`T` and 8 digits of the identifier, the form a person types at an slcan adapter."""
-    with serial.Serial(links["slcan-pty"].removeprefix("can:slcan:"), 115200, timeout=1) as port:
+    with serial.Serial(links["slcan-pty"].removeprefix("can:slcan:"), 115200, timeout=PATIENCE) as port:
         port.write(b"\rC\rS8\rO\rT11000001104\r")
         data = b""
         while b"T11000001" not in data or not data.endswith(b"\r"):

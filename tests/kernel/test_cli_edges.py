@@ -17,7 +17,7 @@ from handctl.link.fake import FakeLink
 from handctl.link.lock import hold
 from handctl.model.param import Element
 from tests.inspire.exo_commands import prepare
-from tests.support.cli import fake, run, spying, writes
+from tests.support.cli import PATIENCE, fake, run, spying, writes
 
 # -- output -----------------------------------------------------------------------------------------------------------
 
@@ -42,7 +42,7 @@ def test_an_output_that_cannot_be_written_is_told_before_the_device_is_served(
 def port() -> Iterator[tuple[socket.socket, str]]:
     """A server that says nothing, and its LINK."""
     with socket.create_server(("127.0.0.1", 0)) as server:
-        server.settimeout(5)
+        server.settimeout(PATIENCE)
         yield server, f"tcp://127.0.0.1:{server.getsockname()[1]}"
 
 
@@ -62,7 +62,7 @@ def test_a_bug_of_ours_lets_the_link_and_its_lock_go(
     assert (result.code, result.error["code"]) == (1, "internal")
     connection, _ = server.accept()
     with connection:
-        connection.settimeout(5)
+        connection.settimeout(PATIENCE)
         assert connection.recv(1) == b"", "closed"
     lock = hold(link, "the next one")
     assert lock is not None

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import stat
-import tomllib
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -13,9 +12,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from handctl.errors import OutputError, UsageError
-from handctl.frame.config import Config, is_name, lines_of, load, parse, statements
+from handctl.families import WIRES
+from handctl.frame.config import Config, from_toml, is_name, lines_of, load, parse, statements
+from handctl.frame.devicefile import change, drop, put, put_all, verified
 from handctl.frame.options import checks, config_path, own_options, shared_options
-from handctl.tools.devicefile import change, drop, put, verified
 
 CHECKS = checks()
 FULL = (
@@ -83,18 +83,18 @@ def test_a_missing_or_empty_file_is_empty(tmp_path: Path) -> None:
 
 def test_every_shared_option_has_a_key() -> None:
     """All but `--assume-identity`, which must be typed."""
-    options = shared_options(("serial", "can"), own_options())
+    options = shared_options(WIRES, own_options())
     names = {option.name for option in options} - {"assume_identity"}
     assert set(CHECKS) == names >= {"port", "device", "fake", "can", "format", "json", "dry_run", "yes", "debug"}
     assert "assume_identity" in {option.name for option in options}
     text = {
         "port": '"x"', "device": '"left"', "trace": '"t"', "output": '"o"', "format": '"csv"', "color": '"never"',
         "id": "5", "baud": "9600", "retries": "0", "timeout": "0.5", "deadline": "3",
-        "exchange": '"poll"', "poll_json": '"{}"', "tx_terminator": '"nul"',
+        "model": '"tp"', "side": '"left"', "protocol": '"eb90"', "exchange": '"poll"', "poll_json": '"{}"', "tx_terminator": '"nul"',
     }  # fmt: skip
     for name in names:
         value = text.get(str(name), "true")
-        assert read(f"{name} = {value}").values[str(name)].value == tomllib.loads(f"v = {value}")["v"]
+        assert read(f"{name} = {value}").values[str(name)].value == from_toml(f"v = {value}")["v"]
 
 
 @pytest.mark.parametrize(
@@ -241,6 +241,25 @@ def test_what_does_not_read_back_is_not_written(tmp_path: Path) -> None:
     assert os.listdir(tmp_path) == ["c.toml"]
 
 
+def test_several_names_are_written_at_once_or_not_at_all(tmp_path: Path) -> None:
+    path = tmp_path / "c.toml"
+    path.write_text(FULL)
+    put_all(str(path), CHECKS, {"left": EXO, "spare": EXO}, lambda config: None)
+    devices = read(path.read_text()).devices
+    assert list(devices) == ["left", "right", "spare"]
+    assert [devices[name].entries["port"].value for name in ("left", "spare")] == ["/dev/ttyUSB5", "/dev/ttyUSB5"]
+    before = path.read_text()
+
+    def refuse(config: Config) -> None:
+        raise UsageError(f"{len(config.devices)} devices")
+
+    with pytest.raises(UsageError, match="3 devices"):
+        put_all(str(path), CHECKS, {"more": EXO}, refuse)
+    with pytest.raises(UsageError, match="without changing other entries"):
+        put_all(str(path), CHECKS, {"more": EXO, "odd": {"kind": "exo"}}, lambda config: None)
+    assert path.read_text() == before
+
+
 def test_written_in_place_through_a_link_with_the_same_permissions(tmp_path: Path) -> None:
     real, link = tmp_path / "dotfiles" / "real.toml", tmp_path / "c.toml"
     real.parent.mkdir()
@@ -286,7 +305,7 @@ VALUES = st.fixed_dictionaries(
 def test_any_value_reads_back(text: str, name: str, values: dict[str, str | int | float]) -> None:
     config = read(text)
     new = verified(config, put(config, name, values), CHECKS, values, name)
-    device = tomllib.loads(new)["devices"][name]
+    device = from_toml(new)["devices"][name]
     assert device == values
     without = verified(read(new), drop(read(new), name), CHECKS, {}, name)
-    assert name not in tomllib.loads(without).get("devices", {})
+    assert name not in from_toml(without).get("devices", {})

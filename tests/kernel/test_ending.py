@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.cli import clean_environment, program
+from tests.support.cli import PATIENCE, clean_environment, program
 
 STREAM = ("ekso", "watch", "--fake", "--rate", "0")
 DUMPS = {
@@ -62,7 +62,7 @@ def asleep(process: subprocess.Popen[bytes]) -> bool:
 
 def end_by_two(process: subprocess.Popen[bytes], number: int = signal.SIGTERM) -> float:
     """Two signals, as far apart as two wishes are; how long after the second it was gone."""
-    limit = time.monotonic() + 20
+    limit = time.monotonic() + PATIENCE
     while not asleep(process):
         assert process.poll() is None and time.monotonic() < limit
     process.send_signal(number)
@@ -73,7 +73,7 @@ def end_by_two(process: subprocess.Popen[bytes], number: int = signal.SIGTERM) -
         process.send_signal(number)
     begin = time.monotonic()
     try:
-        process.wait(5.0)
+        process.wait(PATIENCE)
     finally:
         process.kill()
     return time.monotonic() - begin
@@ -90,7 +90,7 @@ def check(process: subprocess.Popen[bytes], codes: tuple[int, ...] = (130,)) -> 
     said = process.stderr.read() if process.stderr is not None else b""
     assert process.returncode in codes, (process.returncode, said)
     assert b"Traceback" not in said, said
-    assert seconds < 3.0  # a second, on a machine that has time
+    assert seconds < PATIENCE  # a second, on a machine that has time
 
 
 @pytest.mark.parametrize("form", FORMS)
@@ -98,7 +98,7 @@ def test_two_signals_end_a_stream_whose_reader_sleeps(form: str) -> None:
     reading, writing = os.pipe()
     try:
         process = started(*STREAM, form, stdout=writing)
-        limit = time.monotonic() + 20
+        limit = time.monotonic() + PATIENCE
         while not is_full(writing):
             assert process.poll() is None and time.monotonic() < limit
             time.sleep(0.01)

@@ -19,8 +19,9 @@ import pytest
 from handctl.frame.options import Settings
 from handctl.model.result import Cell, Column, Counters, Grid, Sample, Table
 from handctl.screen.filter import no_formula, shown, text_shown, value_shown
-from handctl.screen.render import Sink, show, stream
-from tests.support.cli import clean_environment, program, run, run_program
+from handctl.screen.render import show, stream
+from handctl.screen.sink import Sink
+from tests.support.cli import PATIENCE, clean_environment, program, run, run_program
 
 HOSTILE = {
     "clipboard": "\x1b]52;c;cm0gLXJm\x07", "title": "\x1b]0;owned\x1b\\", "clear": "\x1b[2J\x1b[H", "C1": "\x9b31m",
@@ -65,7 +66,7 @@ def context(how: str, **more: Any) -> Any:
     settings = Settings(format=how, **more)
     return SimpleNamespace(
         settings=settings, simulated=False, command="exo dump", streams=False,
-        journal=SimpleNamespace(counters=Counters()), envelope=lambda failure, extra=None: {"messages": [], "counters": {}}, judged=lambda failure: failure,
+        journal=SimpleNamespace(counters=Counters()), envelope=lambda failure, extra=None: {"messages": [], "counters": {}}, closing=lambda failure, extra=None: {"end": {}}, judged=lambda failure: failure,
     )  # fmt: skip
 
 
@@ -187,7 +188,7 @@ def test_a_live_view_in_ascii() -> None:
             break
         seen += chunk
     os.close(main)
-    assert child.wait(10) == 0, seen
+    assert child.wait(PATIENCE) == 0, seen
     assert seen.isascii()
     assert b"deg C" in seen
     assert b"##" in seen

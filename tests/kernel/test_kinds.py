@@ -60,7 +60,11 @@ def test_a_map_refuses_a_quantity_of_the_wrong_kind() -> None:
 
 # -- what the simulators do ----------------------------------------------------------------------------------------------
 
-ALONE = {"move_time": "says how long the next movement takes: of the order, not of the device"}
+ALONE = {
+    "move_time": "says how long the next movement takes: of the order, not of the device",
+    "force_limit": "counts from the next movement on",
+    "speed_set": "counts from the next movement on",
+}
 """Commands that do nothing by themselves."""
 SHOWN_OTHERWISE = {"strain_flip": "turns the reading of the strain around, not the finger"}
 """Settings that change what is read, and nothing that is held."""
@@ -234,7 +238,7 @@ def test_forces_have_a_question_of_their_own(tmp_path: Path, monkeypatch: pytest
 
 def test_setpoints_are_offered_where_a_map_has_some() -> None:
     for kind, params in MAPS.items():
-        commands = any(param.kind == COMMAND and param.writable for param in params)
+        commands = any(param.kind == COMMAND and param.writable and not param.optional for param in params)
         if any(param.writable for param in params):
             for verb in ("diff", "restore"):
                 assert ("--setpoints" in run(kind, verb, "--help").out) == commands, (kind, verb)

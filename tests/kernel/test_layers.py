@@ -24,35 +24,52 @@ from handctl.sim import kinds
 from tests.support.loading import back_ends, heavy, loaded, ours
 
 ROOT = Path(handctl.__file__).parent
-GROUND = ("", "errors", "families", "files", "ending", "sentence")
+GROUND = ("", "digits", "errors", "families", "files", "ending", "sentence", "system.*")
 """What any room may import: they know nothing of handctl, or each other at most."""
 PURE = ("errors", "model.param", "@.pure")
 
 RULES: list[tuple[str, tuple[str, ...]]] = [
     # room or module, what it may import of handctl (first pattern that fits; `@` is its own family, @.pure what is sans I/O there)
+    ("digits", ()),
     ("errors", ()),
     ("families", ()),
-    ("ending", ()),
-    ("files", ("errors",)),
+    ("system*", ("system.*",)),
+    ("ending", ("system.*",)),
+    ("files", ("errors", "system.*")),
     ("sentence", ("families",)),
-    ("cli", (*GROUND, "frame.clikit", "screen.streams")),
+    ("cli", (*GROUND, "frame.clikit", "frame.several", "screen.streams")),
     ("__main__", ("cli",)),
     ("model.asking", (*GROUND, "link", "link.deadman", "model.*")),
     ("model.gate", (*GROUND, "link", "model.*")),
     ("model.sampling", (*GROUND, "link", "model.*")),
     ("model*", (*GROUND, "model.*")),
-    ("link.fake", ("errors", "link.base", "sim")),
+    ("link.fake", ("digits", "errors", "link.base", "sim", "system.*")),
     ("link*", (*GROUND, "link*")),
-    ("screen*", (*GROUND, "frame.options", "model.result", "screen.*")),
+    ("screen*", (*GROUND, "frame.options", "model.result", "model.units", "screen.*")),
     ("stop*", (*GROUND, "frame.console", "frame.options", "frame.run", "link*", "model.*", "stop.*")),
     ("frame.console", (*GROUND, "model.guide", "screen.filter")),
     ("frame*", (*GROUND, "frame.*", "link*", "model.*", "report", "screen.*", "stop.*")),
-    ("report.facts", ("tools.machine",)),
+    ("report.facts", ("system.*", "tools.machine", "tools.packages")),
     ("report*", (*GROUND, "frame.*", "link.tap", "model.*", "report.*", "screen.render")),
-    ("docgen*", (*GROUND, "guides", "docgen*", "frame.clikit", "frame.examples", "frame.options", "model.param")),
+    ("api", (*GROUND, "frame.*", "model.result")),
+    ("hands", ("api", "families", "frame.call", "model.result")),
+    ("docgen.library", ("api", "families")),
+    (
+        "docgen*",
+        (
+            *GROUND,
+            "guides",
+            "docgen*",
+            "frame.clikit",
+            "frame.examples",
+            "frame.family",
+            "frame.options",
+            "model.param",
+        ),
+    ),
     ("guides", ()),
     ("newfamily*", ("newfamily",)),
-    ("sim*", ("sim*",)),
+    ("sim*", ("digits", "sim*", "system.*")),
     ("devices.*cli", (*GROUND, "frame.*", "link", "model.*", "stop.*", "@")),
     ("devices.*", (*GROUND[1:], "link", "link.deadman", "model.*", "stop.talk", "@")),
     ("tools.completion", (*GROUND, "docgen*", "frame.*", "model.*")),
@@ -68,13 +85,15 @@ OUTSIDE: list[tuple[str, tuple[str, ...]]] = [
     ("rich", ("screen.*",)),
     (
         "click",
-        ("cli", "frame.*", "devices.*cli", "tools.*", "sim.cli", "docgen.tree"),
+        ("cli", "api", "frame.*", "devices.*cli", "tools.*", "sim.cli", "docgen.tree", "docgen.library"),
     ),
     ("crcmod", ("devices.*",)),
     ("bincopy", ("devices.barrett.*",)),
     ("packaging", ("build_zipapp",)),
-    ("socket", ("link.tcp", "sim.*", "tools.doctor")),
-    ("_socket", ("link.ear",)),
+    ("tomllib", ("frame.config", "sim.bus.file")),
+    ("tomli", ("frame.config", "sim.bus.file")),
+    ("socket", ("link.tcp", "sim.*", "system.*", "tools.doctor")),
+    ("_socket", ("system.local",)),
 ]
 
 
@@ -276,7 +295,7 @@ def test_what_devices_share_knows_none_of_them() -> None:
     """The modules of a family's own folder know none of the rooms of one device: exo and wrist, GCL and RealTime have a face."""
     homes = {row.package.removeprefix("handctl.") for row in FAMILIES.values()}
     single = {home for home in homes if home.count(".") > 1}
-    assert single == {"devices.inspire.exo", "devices.inspire.wrist"}
+    assert single == {"devices.inspire.exo", "devices.inspire.wrist", "devices.inspire.hand"}
     for found in internal():
         home = found.module.rpartition(".")[0]
         if any(device.startswith(f"{home}.") for device in single) and not found.module.endswith(".explain"):
@@ -362,9 +381,12 @@ def test_simulators_use_the_standard_library_only() -> None:
     for found in imports():
         if found.module.split(".")[0] == "sim":
             first = found.target.split(".")[0]
-            assert (
-                first in sys.stdlib_module_names or first == "handctl" or (found.module, first) == ("sim.cli", "click")
+            exception = (found.module, first) in (
+                ("sim.cli", "click"),
+                ("sim.bus.file", "tomllib"),
+                ("sim.bus.file", "tomli"),
             )
+            assert first in sys.stdlib_module_names or first == "handctl" or exception
 
 
 WORLD = {
@@ -386,6 +408,72 @@ def calls_of(module: str, names: set[str]) -> list[str]:
         for node in ast.walk(tree_of(module))
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in names
     ]
+
+
+OF_ONE_SYSTEM = {
+    "ctypes", "fcntl", "grp", "msvcrt", "pty", "pwd", "readline", "resource", "signal", "syslog", "termios", "tty", "winreg",
+    "_winapi",
+}  # fmt: skip
+"""Modules that not every system has, or that differ there."""
+NOT_EVERYWHERE = {
+    "os": {
+        "chown", "fchmod", "fchown", "fork", "forkpty", "getegid", "geteuid", "getgid", "getgroups", "getpgid", "getpgrp",
+        "getsid", "getuid", "kill", "killpg", "lchown", "linesep", "major", "minor", "mkfifo", "mknod", "name", "openpty",
+        "pidfd_open", "pipe2", "posix_fadvise", "posix_spawn", "pread", "pwrite", "sendfile", "set_blocking", "setpgid",
+        "setsid", "statvfs", "sync", "sysconf", "tcgetpgrp", "tcsetpgrp", "ttyname", "uname", "wait", "waitpid", "startfile",
+        "fsync", "fdatasync", "O_ASYNC", "O_BINARY", "O_CLOEXEC", "O_DIRECTORY", "O_NOCTTY", "O_NOFOLLOW", "O_NOINHERIT",
+        "O_NONBLOCK", "O_SYNC",
+    },
+    "sys": {"platform", "getwindowsversion"},
+    "platform": {"system", "release", "uname", "win32_ver", "mac_ver", "libc_ver"},
+    "select": {"poll", "epoll", "kqueue"},
+    "socket": {"AF_UNIX", "AF_CAN", "fromfd"},
+    "time": {"monotonic", "monotonic_ns", "perf_counter", "clock_gettime"},
+}  # fmt: skip
+"""Names of the others, and the clock, which differs too."""
+
+
+def asks_for_the_system(tree: ast.AST) -> list[str]:
+    """What of a module is for one system only, or asks which one it is."""
+    found = [
+        name
+        for statement, _ in statements(tree)
+        for name in (
+            [alias.name for alias in statement.names] if isinstance(statement, ast.Import) else [statement.module]
+        )
+        if name is not None and name.split(".")[0] in OF_ONE_SYSTEM
+    ]
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
+            asked, name = node.value.id, node.attr
+        elif isinstance(node, ast.Call) and ast.unparse(node.func) in ("getattr", "hasattr") and len(node.args) > 1:
+            asked, name = ast.unparse(node.args[0]), getattr(node.args[1], "value", "")
+        elif isinstance(node, ast.ImportFrom) and node.module in NOT_EVERYWHERE:
+            found += [f"{node.module}.{a.name}" for a in node.names if a.name in NOT_EVERYWHERE[node.module]]
+            continue
+        else:
+            continue
+        if name in NOT_EVERYWHERE.get(asked, ()):
+            found.append(f"{asked}.{name}")
+    return sorted(found)
+
+
+def test_only_one_room_knows_which_system_it_is() -> None:
+    asking = {module for module in MODULES if asks_for_the_system(tree_of(module))}
+    assert {module for module in asking if module.split(".")[0] != "system"} == {"build_zipapp"} & asking
+    assert {"system.clock", "system.locks", "system.ports", "system.signals"} <= asking
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "import sys\nif sys.platform == 'win32': pass", "import os\nos.name", "import fcntl", "from termios import tcgetattr",
+        "import platform\nplatform.system()", "import os\nhasattr(os, 'fork')", "from sys import platform",
+        "import time\ntime.monotonic()", "import os\ngetattr(os, 'O_BINARY', 0)", "def f():\n    import signal",
+    ],
+)  # fmt: skip
+def test_what_asks_for_the_system_is_seen(text: str) -> None:
+    assert asks_for_the_system(ast.parse(text))
 
 
 PRINTERS = ("frame.console",)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 
 from handctl.errors import UsageError
-from handctl.model.param import Param, ParamMap, bit_names, elements_of, exact_decimal
+from handctl.model.param import Param, ParamMap, elements_of
+from handctl.model.units import bit_names, exact_decimal
 
 POSITION = Param(
     name="position", doc="d", source="x §1", low=0, high=1000, special={-1: "not commanded"}, access="rw",

@@ -24,6 +24,7 @@ MOVEMENTS = {
         "calibrating",
     ),
     "wrist move": (("wrist", "move", "--pitch", "10", "--time", "900", "-p", "fake://wrist", "-y"), STOPS, "pitch"),
+    "hand angle": (("hand", "angle", "--wait", "3", "500", "500", "500", "500", "500", "500", "-p", "fake://hand", "-y"), STOPS, " s  "),
     "ekso log": (("ekso", "log", "FILE", "--duration", "1.5", "-p", "fake://ekso"), "Ctrl-C ends the log.", "rows"),
 }  # fmt: skip
 """Command, safety words, and a word of the progress itself."""

@@ -21,6 +21,9 @@ class Clock:
     def now(self) -> float:
         return self.time
 
+    def wall(self) -> float:
+        return 1e9 + self.time
+
     def sleep(self, seconds: float) -> None:
         assert seconds >= 0
         self.slept.append(seconds)

@@ -19,7 +19,19 @@ from pathlib import Path
 import pexpect
 import pytest
 
-from tests.support.cli import FINGERS, POWER_ON, Simulator, clean_environment, frame, program, run, s16, sent, writes
+from tests.support.cli import (
+    FINGERS,
+    PATIENCE,
+    POWER_ON,
+    Simulator,
+    clean_environment,
+    frame,
+    program,
+    run,
+    s16,
+    sent,
+    writes,
+)
 from tests.support.terminal import Terminal
 
 POWER_OFF = "Ctrl-C does not stop the hand. To stop it, switch its power off."
@@ -204,7 +216,7 @@ def test_set_asks(tmp_path: Path, sim: Simulator, answer: str, code: int) -> Non
 
 def test_stdin_that_is_no_terminal_is_not_asked(sim: Simulator) -> None:
     command = f"{sys.executable} -m handctl exo set id=9 -p {sim.link} < /dev/null; echo code=$?"
-    process = pexpect.spawn("sh", ["-c", command], env=clean_environment(), timeout=10)
+    process = pexpect.spawn("sh", ["-c", command], env=clean_environment(), timeout=PATIENCE)
     process.expect("code=8")
     process.close()
 
@@ -238,7 +250,8 @@ def test_calibration_asks_leads_and_reports(sim: Simulator) -> None:
         assert terminal.finish() == 0
         text = terminal.text
     assert len(set(re.findall(r"calibrating +([0-9.]+) s", text))) >= 3  # progress moves
-    assert "reported the end after 1." in text
+    (seconds,) = re.findall(r"reported the end after ([0-9.]+) s", text)
+    assert float(seconds) >= 1.0
     assert "completed" in text
     shown = [line.split() for line in text.split("\n") if line.startswith("position_actual")]
     assert shown, text
@@ -275,20 +288,29 @@ def test_interrupted_calibration_says_that_nothing_stops_it(tmp_path: Path) -> N
 def test_ctrl_c_during_a_motion_holds_the_fingers(tmp_path: Path) -> None:
     """The manual has no stop: the fingers are commanded to where they are."""
     trace = tmp_path / "t.txt"
-    args = ("position", "1000", "1000", "1000", "1000", "0", "-y", "--wait", "5", "--fake", "--trace", trace)
-    with Terminal("exo", *args) as terminal:
-        terminal.until("positions")
-        terminal.run_for(0.25)
-        terminal.send("\x03")
-        assert terminal.finish() == 130
-        assert "hold at" in terminal.text
-    first, last = writes(trace)
-    assert first == frame("EB 90 01 0B 32 E8 03 E8 03 E8 03 E8 03 00 00 EA")
-    assert last[:5] == frame("EB 90 01 0B 32")
-    held = [int.from_bytes(last[5 + 2 * i : 7 + 2 * i], "little") for i in range(5)]
-    for start, value, target in zip(POWER_ON["position_actual"][2], held, (1000, 1000, 1000, 1000, 0), strict=False):
-        assert min(start, target) < value < max(start, target), held
-    assert s16(*held) == last[5:15]
+    targets = (1000, 1000, 1000, 1000, 0)
+    args = ("position", *map(str, targets), "-y", "--wait", "30", "-p", "fake://exo", "--trace", trace)
+
+    def in_the_middle() -> bool:
+        """The whole way takes 0.7 s: on a busy machine Ctrl-C may come behind it."""
+        trace.unlink(missing_ok=True)
+        with Terminal("exo", *args) as terminal:
+            terminal.until("positions")
+            terminal.run_for(0.1)
+            terminal.send("\x03")
+            if terminal.finish() == 0:
+                return False
+            assert terminal.process.exitstatus == 130 and "hold at" in terminal.text
+        first, last = writes(trace)
+        assert first == frame("EB 90 01 0B 32 E8 03 E8 03 E8 03 E8 03 00 00 EA")
+        assert last[:5] == frame("EB 90 01 0B 32")
+        held = [int.from_bytes(last[5 + 2 * i : 7 + 2 * i], "little") for i in range(5)]
+        assert s16(*held) == last[5:15]
+        ways = list(zip(POWER_ON["position_actual"][2], held, targets, strict=False))
+        assert all(min(start, target) < value <= max(start, target) or value == target for start, value, target in ways)
+        return all(min(start, target) < value < max(start, target) for start, value, target in ways)
+
+    assert any(in_the_middle() for _ in range(10))
 
 
 def test_a_terminal_that_does_not_know_its_size_is_taken_for_one_of_80_columns() -> None:
@@ -305,6 +327,6 @@ def test_a_terminal_that_does_not_know_its_size_is_taken_for_one_of_80_columns()
         while data := os.read(ours, 4096):
             text += data
     os.close(ours)
-    assert done.wait(10) == 4
+    assert done.wait(PATIENCE) == 4
     lines = text.decode().replace("\r", "").splitlines()
     assert max(map(len, lines)) > 60 and all(len(line) <= 80 for line in lines), lines

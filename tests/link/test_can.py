@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -17,6 +19,7 @@ from handctl.link.can import CanLink, split_link
 from handctl.link.fake import FakeFrames
 from handctl.link.tap import Tap, TappedFrames, parse
 from tests.inspire.wrist_support import ScriptedFrames, can, frames, wrist_on
+from tests.support.cli import PATIENCE
 
 CHANNEL = "handctl-tests"
 LINK = f"can:virtual:{CHANNEL}"
@@ -114,8 +117,8 @@ def test_which_links_carry_frames(link: str, carries: bool) -> None:
 def test_a_dry_run_has_no_bus() -> None:
     link = NoFrames()
     for act in (
-        lambda: link.send(can("10FF0001 [1] 02"), link.deadline(1)),
-        lambda: link.receive(link.deadline(1)),
+        lambda: link.send(can("10FF0001 [1] 02"), link.deadline(PATIENCE)),
+        lambda: link.receive(link.deadline(PATIENCE)),
     ):
         with pytest.raises(LinkError):
             act()
@@ -155,16 +158,28 @@ def message(identifier: int, data: bytes = b"", **more: Any) -> python_can.Messa
 
 def test_a_frame_goes_out_as_extended_data_frame(wire: tuple[CanLink, Any]) -> None:
     link, other = wire
-    link.send(can("15038001 [4] E8 03 18 FC"), link.deadline(1))
-    sent = other.recv(1)
+    link.send(can("15038001 [4] E8 03 18 FC"), link.deadline(PATIENCE))
+    sent = other.recv(PATIENCE)
     assert (sent.arbitration_id, bytes(sent.data), sent.dlc) == (0x15038001, b"\xe8\x03\x18\xfc", 4)
     assert (sent.is_extended_id, sent.is_remote_frame, sent.is_error_frame, sent.is_fd) == (True, False, False, False)
 
 
+def test_a_time_of_day_that_is_set_back_prolongs_no_wait(
+    wire: tuple[CanLink, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """python-can measures a wait by it: a minute back is a minute more."""
+    link, _ = wire
+    moments = itertools.count(1e9, -2 * PATIENCE)
+    monkeypatch.setattr(python_can.bus, "time", lambda: next(moments))
+    began = time.monotonic()
+    assert link.receive(link.deadline(0.05)) is None
+    assert time.monotonic() - began < PATIENCE
+
+
 def test_an_identifier_that_fits_eleven_bits_stays_extended(wire: tuple[CanLink, Any]) -> None:
     link, other = wire
-    link.send(CanFrame(1, b"\x01"), link.deadline(1))
-    assert other.recv(1).is_extended_id is True
+    link.send(CanFrame(1, b"\x01"), link.deadline(PATIENCE))
+    assert other.recv(PATIENCE).is_extended_id is True
 
 
 def test_only_extended_data_frames_come_in(wire: tuple[CanLink, Any]) -> None:
@@ -175,8 +190,8 @@ def test_only_extended_data_frames_come_in(wire: tuple[CanLink, Any]) -> None:
     other.send(message(0x10FF0001, is_error_frame=True))
     other.send(message(0x10FF0001, b"\xa7\xfe"))
     other.send(message(0x15038001))
-    assert str(link.receive(link.deadline(1))) == "10FF0001 [2] A7 FE"
-    assert str(link.receive(link.deadline(1))) == "15038001 [0]"
+    assert str(link.receive(link.deadline(PATIENCE))) == "10FF0001 [2] A7 FE"
+    assert str(link.receive(link.deadline(PATIENCE))) == "15038001 [0]"
     assert link.receive(link.deadline(0)) is None
     assert link.error_frames == 1
 
@@ -184,7 +199,7 @@ def test_only_extended_data_frames_come_in(wire: tuple[CanLink, Any]) -> None:
 def test_own_frames_do_not_come_back(wire: tuple[CanLink, Any]) -> None:
     """A 1-byte read of the value 01 would equal its request (dossier 4.12)."""
     link, _ = wire
-    link.send(can("11010001 [1] 01"), link.deadline(1))
+    link.send(can("11010001 [1] 01"), link.deadline(PATIENCE))
     assert link.receive(link.deadline(0.01)) is None
 
 
@@ -199,7 +214,7 @@ def test_a_babbling_bus_of_others_ends_at_the_deadline(
     wire: tuple[CanLink, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     link, _ = wire
-    monkeypatch.setattr(link._bus, "recv", lambda timeout: message(0x123, is_extended_id=False))
+    monkeypatch.setattr(link._bus, "_recv_internal", lambda timeout: (message(0x123, is_extended_id=False), False))
     started = link.now()
     assert link.receive(link.deadline(0.05)) is None
     assert link.now() - started < 1.0
@@ -211,8 +226,8 @@ def test_early_returns_without_a_frame_are_waited_out(
     """slcan hands the adapter's `z` and CR out as empty reads (dossier §7)."""
     link, _ = wire
     replies = iter([None, None, message(0x10FF0001, b"\x01\x02")])
-    monkeypatch.setattr(link._bus, "recv", lambda timeout: next(replies))
-    assert str(link.receive(link.deadline(1))) == "10FF0001 [2] 01 02"
+    monkeypatch.setattr(link._bus, "_recv_internal", lambda timeout: (next(replies), False))
+    assert str(link.receive(link.deadline(PATIENCE))) == "10FF0001 [2] 01 02"
 
 
 @pytest.mark.parametrize(
@@ -226,14 +241,14 @@ def test_errors_of_the_bus_are_translated(
     def broken(*args: object, **more: object) -> None:
         raise error
 
-    monkeypatch.setattr(link._bus, "recv", broken)
+    monkeypatch.setattr(link._bus, "_recv_internal", broken)
     monkeypatch.setattr(link._bus, "send", broken)
     with pytest.raises(LinkError) as caught:
-        link.receive(link.deadline(1))
+        link.receive(link.deadline(PATIENCE))
     assert (caught.value.code, caught.value.exit_code) == ("lost", 3)
     assert LINK in caught.value.text
     with pytest.raises(LinkError) as caught:
-        link.send(can("10FF0001 [1] 02"), link.deadline(1))
+        link.send(can("10FF0001 [1] 02"), link.deadline(PATIENCE))
     assert (caught.value.code, caught.value.exit_code) == ("cannot-send", 3)
     assert "120 ohm" in caught.value.hint
 
@@ -287,7 +302,7 @@ def test_a_wrist_on_python_can(wire: tuple[CanLink, Any], monkeypatch: pytest.Mo
 
     def answered(frame: CanFrame, deadline: Any) -> None:
         send(frame, deadline)
-        assert str(CanFrame((got := other.recv(1)).arbitration_id, bytes(got.data))) == "10FF0001 [1] 02"
+        assert str(CanFrame((got := other.recv(PATIENCE)).arbitration_id, bytes(got.data))) == "10FF0001 [1] 02"
         other.send(message(0x10FF0002, b"\x01\x00"))
         other.send(message(0x10FF0001, b"\xa7\xfe"))
 

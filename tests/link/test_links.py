@@ -8,7 +8,6 @@ import socket
 import subprocess
 import sys
 import threading
-import time
 import tty
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -22,7 +21,7 @@ from handctl.errors import HandctlError, LinkError
 from handctl.link import ByteLink, Deadline, NoLink, open_link
 from handctl.link import serial as serial_module
 from handctl.link.owners import Process
-from tests.support.cli import run
+from tests.support.cli import PATIENCE, in_time, run
 from tests.support.scripted import unhex
 
 READ_ID, ID_IS_1 = unhex("EB 90 01 04 11 E8 03 01 02"), unhex("90 EB 01 04 11 E8 03 01 02")
@@ -53,7 +52,7 @@ def opening(link: str, **options: object) -> HandctlError:
 
 
 def all_of(link: ByteLink, count: int) -> bytes:
-    deadline = link.deadline(5.0)
+    deadline = link.deadline(PATIENCE)
     data = b""
     while len(data) < count and (chunk := link.read(deadline)):
         data += chunk
@@ -100,9 +99,9 @@ def test_empty_link() -> None:
 def test_no_link_refuses_bytes() -> None:
     link = NoLink()
     with pytest.raises(LinkError):
-        link.write(b"x", link.deadline(1.0))
+        link.write(b"x", link.deadline(PATIENCE))
     with pytest.raises(LinkError):
-        link.read(link.deadline(1.0))
+        link.read(link.deadline(PATIENCE))
     link.set_baud(9600)
     assert (link.baud, link.can_set_baud, link.fake, link.power_cycle()) == (9600, False, False, False)
     link.close()
@@ -138,16 +137,18 @@ def test_a_port_carries_bytes_both_ways(terminal: tuple[int, str]) -> None:
     link = open_link(name, baud=57600)
     try:
         assert (link.name, link.baud, link.can_set_baud, link.fake) == (name, 57600, True, False)
-        link.write(READ_ID, link.deadline(1.0))
+        link.write(READ_ID, link.deadline(PATIENCE))
         assert os.read(ours, 100) == READ_ID
         os.write(ours, ID_IS_1)
         assert all_of(link, 9) == ID_IS_1
         os.write(ours, b"abcdef")
-        assert link.read(link.deadline(1.0), 2) == b"ab"
+        assert link.read(link.deadline(PATIENCE), 2) == b"ab"
         assert all_of(link, 4) == b"cdef"
-        before = time.monotonic()
-        assert link.read(link.deadline(0.05)) == b""
-        assert 0.04 < time.monotonic() - before < 0.5
+
+        def silence() -> None:
+            assert link.read(link.deadline(0.05)) == b""
+
+        in_time(silence, 0.04, 0.5)
     finally:
         link.close()
         link.close()
@@ -172,7 +173,7 @@ def test_every_byte_passes_unchanged(terminal: tuple[int, str]) -> None:
     link = open_link(name)
     data = bytes(range(256))
     try:
-        link.write(data, link.deadline(1.0))
+        link.write(data, link.deadline(PATIENCE))
         assert os.read(ours, 4096) == data
         os.write(ours, data)
         assert all_of(link, 256) == data
@@ -215,7 +216,7 @@ def test_a_port_that_goes_away_is_lost() -> None:
     link = open_link(os.ttyname(theirs))
     os.close(theirs)
     os.close(ours)
-    for attempt in (lambda: link.write(READ_ID, link.deadline(1.0)), lambda: link.read(link.deadline(1.0))):
+    for attempt in (lambda: link.write(READ_ID, link.deadline(PATIENCE)), lambda: link.read(link.deadline(1.0))):
         with pytest.raises(LinkError) as caught:
             attempt()
         assert (caught.value.exit_code, caught.value.code) == (3, "lost")
@@ -232,7 +233,7 @@ def test_an_adapter_that_was_unplugged_reads_as_nothing_and_is_lost(
     os.write(ours, b"x")
     monkeypatch.setattr(os, "read", lambda _file, _size: b"")
     with pytest.raises(LinkError) as caught:
-        link.read(link.deadline(1.0))
+        link.read(link.deadline(PATIENCE))
     assert caught.value.code == "lost"
     link.close()
 
@@ -255,11 +256,13 @@ def test_a_real_port_that_another_program_has_open_is_refused(
 def test_a_port_that_takes_nothing_ends_at_the_deadline(terminal: tuple[int, str]) -> None:
     _, name = terminal
     link = open_link(name)
-    before = time.monotonic()
-    with pytest.raises(LinkError) as caught:
-        link.write(bytes(1_000_000), link.deadline(0.1))
-    assert caught.value.code == "write-timeout"
-    assert time.monotonic() - before < 2.0
+
+    def written() -> None:
+        with pytest.raises(LinkError) as caught:
+            link.write(bytes(1_000_000), link.deadline(0.1))
+        assert caught.value.code == "write-timeout"
+
+    in_time(written, 0.1, 2.0)
     link.close()
 
 
@@ -330,7 +333,7 @@ def plug(monkeypatch: pytest.MonkeyPatch, *ports: SimpleNamespace) -> None:
 )  # fmt: skip
 def test_usb_port_is_found(monkeypatch: pytest.MonkeyPatch, link: str, device: str) -> None:
     plug(monkeypatch, BOARD, FTDI_A, FTDI_B, CH340)
-    assert serial_module.find_usb(link) == device
+    assert serial_module.find_usb(link).device == device
 
 
 def test_usb_port_that_is_not_there(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -370,9 +373,36 @@ def test_usb_link_opens_the_port_it_found(monkeypatch: pytest.MonkeyPatch, termi
     plug(monkeypatch, port(terminal[1], 0x0403, 0x6001, "A1"))
     link = open_link("usb:0403:6001:A1")
     assert link.name == "usb:0403:6001:A1"
-    link.write(READ_ID, link.deadline(1.0))
+    link.write(READ_ID, link.deadline(PATIENCE))
     assert os.read(terminal[0], 100) == READ_ID
     link.close()
+
+
+def socketed(device: str, location: str | None) -> SimpleNamespace:
+    return SimpleNamespace(device=device, vid=0x1A86, pid=0x7523, serial_number=None, location=location)
+
+
+def test_a_lost_usb_port_comes_back_as_itself_only(monkeypatch: pytest.MonkeyPatch, terminal: tuple[int, str]) -> None:
+    """A kind without a serial number: not the port of another adapter of that kind, whatever its path is by then."""
+    name = terminal[1]
+    for own, other in (
+        (port(name, 0x1A86, 0x7523, "A1"), port(name, 0x1A86, 0x7523, "B2")),
+        (socketed(name, "1-2"), socketed(name, "1-3")),
+        (socketed(name, None), socketed(name, None)),
+    ):
+        plug(monkeypatch, own)
+        link = open_link("usb:1A86:7523")
+        plug(monkeypatch, other)
+        with pytest.raises(LinkError, match="another adapter of this kind") as caught:
+            link.reopen()
+        assert caught.value.hint
+        plug(monkeypatch, own, other)
+        with pytest.raises(LinkError, match="2 ports match"):
+            link.reopen()
+        plug(monkeypatch, own)
+        if getattr(own, "location", "") is not None:
+            assert link.reopen()
+        link.close()
 
 
 # -- pyserial URLs ----------------------------------------------------------------------------------------------------
@@ -380,7 +410,7 @@ def test_usb_link_opens_the_port_it_found(monkeypatch: pytest.MonkeyPatch, termi
 
 def test_loop_url_echoes() -> None:
     link = open_link("loop://", baud=115200)
-    link.write(READ_ID, link.deadline(1.0))
+    link.write(READ_ID, link.deadline(PATIENCE))
     assert all_of(link, 9) == READ_ID
     assert link.read(link.deadline(0.0)) == b""
     link.close()
@@ -391,13 +421,13 @@ def test_socket_url_carries_bytes(listener: socket.socket) -> None:
     peer, _ = listener.accept()
     with peer:
         assert link.can_set_baud is False
-        link.write(READ_ID, link.deadline(1.0))
+        link.write(READ_ID, link.deadline(PATIENCE))
         assert peer.recv(100) == READ_ID
         peer.sendall(ID_IS_1)
         assert all_of(link, 9) == ID_IS_1
         assert link.read(link.deadline(0.02)) == b""
     with pytest.raises(LinkError) as caught:
-        link.read(link.deadline(2.0))
+        link.read(link.deadline(PATIENCE))
     assert caught.value.code == "lost"
     link.close()
 
@@ -405,7 +435,8 @@ def test_socket_url_carries_bytes(listener: socket.socket) -> None:
 @contextmanager
 def device_server(baud: int = 115200) -> Iterator[tuple[str, serial.Serial]]:
     """An RFC 2217 server (pyserial's own) whose port echoes what it gets: its LINK, and the port."""
-    port = serial.serial_for_url("loop://", baudrate=baud, timeout=0.02)
+    port = serial.serial_for_url("loop://", baudrate=baud)
+    port.timeout = 0.02
     with socket.create_server(("127.0.0.1", 0)) as listener:
 
         def serve() -> None:
@@ -428,26 +459,28 @@ def device_server(baud: int = 115200) -> Iterator[tuple[str, serial.Serial]]:
             yield f"rfc2217://127.0.0.1:{listener.getsockname()[1]}", port
         finally:
             port.close()
-            thread.join(5)
+            thread.join(PATIENCE)
 
 
 def test_an_rfc2217_server_carries_bytes_and_sets_the_speed() -> None:
     with device_server() as (name, port):
         link = open_link(name, baud=57600)
         assert port.baudrate == 57600
-        began = time.monotonic()
-        for _ in range(5):
-            link.write(READ_ID + b"\xff", link.deadline(1.0))
-            assert all_of(link, 10) == READ_ID + b"\xff"
-        assert link.read(link.deadline(0.03)) == b""
-        assert time.monotonic() - began < 4, "it negotiates with the server at each wait"
+
+        def exchanged() -> None:
+            for _ in range(5):
+                link.write(READ_ID + b"\xff", link.deadline(PATIENCE))
+                assert all_of(link, 10) == READ_ID + b"\xff"
+            assert link.read(link.deadline(0.03)) == b""
+
+        in_time(exchanged, 0.03, 4.0)  # longer: it negotiates with the server at each wait
         link.set_baud(19200)
         assert port.baudrate == 19200
         port.close()
         with pytest.raises(LinkError) as caught:
             for _ in range(3):
-                link.write(READ_ID, link.deadline(1.0))
-                link.read(link.deadline(1.0))
+                link.write(READ_ID, link.deadline(PATIENCE))
+                link.read(link.deadline(PATIENCE))
         assert caught.value.code == "lost"
         link.close()
 

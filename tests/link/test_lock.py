@@ -10,6 +10,7 @@ import pytest
 from handctl.errors import LinkError
 from handctl.link import lock
 from handctl.link.lock import hold
+from handctl.system import processes
 
 LINK = "tcp://192.0.2.7:8000"
 
@@ -34,7 +35,7 @@ def test_the_first_place_is_the_runtime_folder(folders: tuple[Path, Path]) -> No
     ((file,), none) = (files(folder) for folder in folders)
     assert none == []
     pid = os.getpid()
-    assert file.read_text() == f"{pid}\t{lock.began(pid)}\t\treads\t{LINK}\thandctl aidin stop\n"
+    assert file.read_text() == f"{pid}\t{processes.began(pid)}\t\treads\t{LINK}\thandctl aidin stop\n"
     held.release()
     held.release()
     assert file.read_text() == "", "nobody holds it, and the file stays"
@@ -100,7 +101,7 @@ def test_who_holds_it_is_named_when_it_is_known(
     assert held is not None
     (file,) = files(folders[0])
     pid = os.getpid()
-    file.write_text(content.format(pid=pid, start=lock.began(pid)))
+    file.write_text(content.format(pid=pid, start=processes.began(pid)))
     with pytest.raises(LinkError) as caught:
         hold(LINK, "handctl exo get", family="exo")
     assert caught.value.code == "busy"

@@ -17,7 +17,7 @@ from handctl.errors import LinkError
 from handctl.link import open_link, serial
 from handctl.link.lock import canonical
 from handctl.link.owners import group_remedy
-from tests.support.cli import run
+from tests.support.cli import PATIENCE, run
 
 HERE = [
     *("127.0.0.1", "127.1", "0x7f.1", "2130706433", "0", "0.0.0.0", "localhost", "LOCALHOST", "LocalHost."),  # noqa: S104
@@ -98,7 +98,7 @@ def test_a_damaged_line_of_an_adapter_is_dropped_and_counted() -> None:
     try:
         for number, line in enumerate(DAMAGED, 1):
             os.write(server, line + b"T10FF000120102\r")
-            frame = link.receive(link.deadline(2))  # type: ignore[attr-defined]
+            frame = link.receive(link.deadline(PATIENCE))  # type: ignore[attr-defined]
             assert frame is not None and (frame.can_id, frame.data) == (0x10FF0001, b"\1\2"), line
             assert (link.damaged, link.error_frames) == (number, 0), line  # type: ignore[attr-defined]
     finally:

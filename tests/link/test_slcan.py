@@ -6,6 +6,7 @@ from __future__ import annotations
 import json
 import os
 import pty
+import select
 import subprocess
 import sys
 import termios
@@ -23,7 +24,7 @@ from handctl.errors import HandctlError, LinkError, UsageError
 from handctl.link import CanFrame, open_link
 from handctl.link.can import CanLink
 from handctl.link.slcan import said_flags
-from tests.support.cli import run
+from tests.support.cli import PATIENCE, run
 
 PROBE = CanFrame(0x10FF0001, b"\x02")
 Serve = Callable[..., str]
@@ -60,8 +61,8 @@ def opened(name: str) -> CanLink:
 def test_the_adapter_says_who_it_is(serve: Serve, place: str) -> None:
     link = opened(serve(place=place))
     assert link.adapter == "hardware 1.0, firmware 1.3, serial number SIM1"
-    link.send(PROBE, link.deadline(1))
-    assert str(link.receive(link.deadline(1))) == "10FF0001 [2] A7 FE"
+    link.send(PROBE, link.deadline(PATIENCE))
+    assert str(link.receive(link.deadline(PATIENCE))) == "10FF0001 [2] A7 FE"
     trouble = link.trouble()
     assert trouble is not None and (trouble.code, link.error_frames, link.damaged) == ("", 0, 0)
     link.close()
@@ -70,8 +71,8 @@ def test_the_adapter_says_who_it_is(serve: Serve, place: str) -> None:
 def test_an_old_adapter_without_version_is_one_all_the_same(serve: Serve) -> None:
     link = opened(serve("--fault", "no-status"))
     assert link.adapter == ""
-    link.send(PROBE, link.deadline(1))
-    assert str(link.receive(link.deadline(1))) == "10FF0001 [2] A7 FE"
+    link.send(PROBE, link.deadline(PATIENCE))
+    assert str(link.receive(link.deadline(PATIENCE))) == "10FF0001 [2] A7 FE"
     assert link.trouble() is None
     link.close()
 
@@ -86,22 +87,21 @@ class Port:
         self._near = near
         self.heard = b""
         self._answer = answer
-        self._over = False
-        threading.Thread(target=self._serve, daemon=True).start()
+        self._end, self._ended = os.pipe()
+        self._thread = threading.Thread(target=self._serve, daemon=True)
+        self._thread.start()
 
     def _serve(self) -> None:
-        while not self._over:
-            try:
-                data = os.read(self._far, 1000)
-            except OSError:
-                return
+        while self._end not in select.select([self._far, self._end], [], [])[0]:
+            data = os.read(self._far, 1000)
             self.heard += data
             os.write(self._far, self._answer(data))
 
     def close(self) -> None:
-        self._over = True
-        os.close(self._near)
-        os.close(self._far)
+        os.close(self._ended)
+        self._thread.join(PATIENCE)  # before the number that it reads from is another file's
+        for descriptor in (self._end, self._near, self._far):
+            os.close(descriptor)
 
 
 @pytest.mark.parametrize(
@@ -124,6 +124,10 @@ def test_a_port_that_is_no_adapter_is_named_and_gets_no_command(answer: Callable
     assert words in caught.value.text
     assert port.name in caught.value.text
     assert port.heard == b"\r\rV\rN\r"
+    open_now = [os.readlink(one) for one in Path("/proc/self/fd").iterdir() if one.is_symlink()]
+    assert open_now.count(port.name) == 1, "it is ours alone, while the error is still at hand"
+    with pytest.raises(LinkError, match="does not answer as an slcan adapter"):  # nobody has it locked
+        open_link(f"can:slcan:{port.name}")
     port.close()
 
 
@@ -199,12 +203,15 @@ def test_flags_in_words(flags: int, text: str) -> None:
     ],
 )  # fmt: skip
 def test_conditions_of_the_bus(serve: Serve, fault: str, code: str) -> None:
-    link = opened(serve("--fault", fault))
-    link.send(PROBE, link.deadline(1))
-    assert link.receive(link.deadline(0.1)) is None
-    trouble = link.trouble()
-    assert trouble is not None and trouble.code == code
-    link.close()
+    name, found = serve("--fault", fault), list[str | None]()
+    while code not in found and len(found) < 10:  # on a busy machine the adapter may say it too late
+        link = opened(name)
+        link.send(PROBE, link.deadline(PATIENCE))
+        assert link.receive(link.deadline(0.1)) is None
+        trouble = link.trouble()
+        found.append(None if trouble is None else trouble.code)
+        link.close()
+    assert code in found, found
 
 
 def test_bus_off_ends_with_the_next_opening(serve: Serve) -> None:
@@ -224,7 +231,7 @@ def test_what_linux_says_of_a_frame_that_does_not_go_out(
 
     monkeypatch.setattr(link._bus, "send", refuse)
     with pytest.raises(HandctlError) as caught:
-        link.send(PROBE, link.deadline(1))
+        link.send(PROBE, link.deadline(PATIENCE))
     assert (caught.value.code, caught.value.exit_code) == (code, exit_code)
     link.close()
 
@@ -233,9 +240,12 @@ def test_bus_off_in_error_frames_of_linux(monkeypatch: pytest.MonkeyPatch) -> No
     link = opened("can:virtual:handctl-slcan")
     link._interface = "socketcan"
     came: list[int] = []
-    monkeypatch.setattr(
-        link._bus, "recv", lambda timeout: can.Message(arbitration_id=came.pop(0), is_error_frame=True, dlc=8, data=bytes(8)) if came else None
-    )  # fmt: skip
+
+    def error_frame(_seconds: float) -> tuple[can.Message | None, bool]:
+        frame = can.Message(arbitration_id=came.pop(0), is_error_frame=True, dlc=8, data=bytes(8)) if came else None
+        return frame, False
+
+    monkeypatch.setattr(link._bus, "_recv_internal", error_frame)
     for classes, code in ((0x20, "no-ack"), (0x40, "bus-off"), (0x04, "bus-off"), (0x100, "no-ack")):
         came.append(classes)
         assert link.receive(link.deadline(0)) is None
@@ -287,13 +297,13 @@ def test_other_interfaces_cannot_be_asked() -> None:
 def test_python_can_finds_the_same_adapter(serve: Serve, fault: str, flags: bytes) -> None:
     channel = serve("--fault", fault).removeprefix("can:slcan:")
     with can.Bus(interface="slcan", channel=channel, bitrate=1000000, sleep_after_open=0) as bus:
-        assert bus.get_version(1.0) == (10, 13)  # type: ignore[attr-defined]
-        assert bus.get_serial_number(1.0) == "SIM1"  # type: ignore[attr-defined]
+        assert bus.get_version(PATIENCE) == (10, 13)  # type: ignore[attr-defined]
+        assert bus.get_serial_number(PATIENCE) == "SIM1"  # type: ignore[attr-defined]
         bus.send(can.Message(arbitration_id=0x10FF0001, data=[2]))
         while bus.recv(0.05):
             pass
         port = bus.serialPortOrig  # type: ignore[attr-defined]
-        port.timeout = 1
+        port.timeout = PATIENCE
         port.reset_input_buffer()
         port.write(b"F\r")
         assert port.read(4) == flags

@@ -12,7 +12,7 @@ from handctl.errors import HandctlError, LinkError, UsageError
 from handctl.link import ByteLink, CanFrame, Deadline, FrameLink, open_link
 from handctl.link.fake import split_url
 from handctl.link.tap import Entry, Tap, parse
-from tests.support.cli import run
+from tests.support.cli import PATIENCE, in_time, run
 from tests.support.scripted import ScriptedLink, hand_on, hexed, unhex
 
 READ_ID, ID_IS_1 = "EB 90 01 04 11 E8 03 01 02", "90 EB 01 04 11 E8 03 01 02"
@@ -193,12 +193,12 @@ def test_repeated_requests_take_their_answers_in_turn_and_start_anew(tmp_path: P
 def test_recorded_silence_costs_no_time(tmp_path: Path) -> None:
     import time
 
-    hand = hand_on(open_link(transcript(tmp_path, f"> {READ_ID}")), timeout=20.0)
+    hand = hand_on(open_link(transcript(tmp_path, f"> {READ_ID}")), timeout=200.0)
     before = time.monotonic()
     with pytest.raises(HandctlError) as caught:
         hand.bus.read(1000, 1)
     assert caught.value.exit_code == 4
-    assert time.monotonic() - before < 1.0
+    assert time.monotonic() - before < PATIENCE
 
 
 def test_reading_a_replay_in_small_pieces(tmp_path: Path) -> None:
@@ -330,17 +330,17 @@ def test_virtual_time_jumps_to_what_happens_next() -> None:
     assert link.now() == pytest.approx(1.0)
     assert link.read(link.deadline(1000.0)) == b""
     assert link.now() == pytest.approx(1001.0)
-    assert time.monotonic() - before < 1.0
+    assert time.monotonic() - before < PATIENCE
 
 
 def test_real_time_is_real() -> None:
-    import time
-
     link = open_link("fake://exo?turnaround=0.05")
-    before = time.monotonic()
-    link.write(unhex(READ_ID), link.deadline(1.0))
-    assert hexed(link.read(link.deadline(1.0))) == ID_IS_1
-    assert 0.04 < time.monotonic() - before < 0.5
+
+    def asked() -> None:
+        link.write(unhex(READ_ID), link.deadline(PATIENCE))
+        assert hexed(link.read(link.deadline(PATIENCE))) == ID_IS_1
+
+    in_time(asked, 0.04, 0.5)
     link.close()
 
 

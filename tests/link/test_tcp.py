@@ -9,7 +9,8 @@ from collections.abc import Iterator
 import pytest
 
 from handctl.errors import HandctlError, LinkError, UsageError
-from handctl.link import ByteLink, open_link
+from handctl.link import ByteLink, open_link, tcp
+from tests.support.cli import PATIENCE
 from tests.support.scripted import unhex
 
 READ_ID, ID_IS_1 = unhex("EB 90 01 04 11 E8 03 01 02"), unhex("90 EB 01 04 11 E8 03 01 02")
@@ -29,7 +30,7 @@ def opening(link: str) -> HandctlError:
 
 
 def all_of(link: ByteLink, count: int) -> bytes:
-    deadline = link.deadline(5.0)
+    deadline = link.deadline(PATIENCE)
     data = b""
     while len(data) < count and (chunk := link.read(deadline)):
         data += chunk
@@ -41,14 +42,14 @@ def test_tcp_carries_bytes(listener: socket.socket) -> None:
     peer, _ = listener.accept()
     with peer:
         assert (link.baud, link.can_set_baud, link.fake) == (None, False, False)
-        link.write(READ_ID, link.deadline(1.0))
+        link.write(READ_ID, link.deadline(PATIENCE))
         assert peer.recv(100) == READ_ID
         peer.sendall(b"abcdef")
-        assert link.read(link.deadline(1.0), 2) == b"ab"
+        assert link.read(link.deadline(PATIENCE), 2) == b"ab"
         assert all_of(link, 4) == b"cdef"
         assert link.read(link.deadline(0.02)) == b""
     with pytest.raises(LinkError) as caught:
-        link.read(link.deadline(2.0))
+        link.read(link.deadline(PATIENCE))
     assert (caught.value.exit_code, caught.value.code) == (3, "lost")
     link.close()
 
@@ -62,7 +63,7 @@ def test_tcp_reset_is_a_lost_link(listener: socket.socket) -> None:
     peer.close()
     with pytest.raises(LinkError) as caught:
         for _ in range(100):
-            link.write(READ_ID, link.deadline(1.0))
+            link.write(READ_ID, link.deadline(PATIENCE))
             link.read(link.deadline(0.1))
     assert caught.value.code == "lost"
     link.close()
@@ -78,9 +79,9 @@ def test_tcp_peer_that_takes_nothing(listener: socket.socket) -> None:
 
 
 def test_tcp_refused() -> None:
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        number = server.getsockname()[1]
-    error = opening(f"tcp://127.0.0.1:{number}")
+    with socket.socket() as server:
+        server.bind(("127.0.0.1", 0))  # nobody else's meanwhile, and no one listens
+        error = opening(f"tcp://127.0.0.1:{server.getsockname()[1]}")
     assert (error.exit_code, error.code) == (3, "refused")
 
 
@@ -95,7 +96,7 @@ def test_tcp_over_ipv6() -> None:
         link = open_link(f"tcp://[::1]:{server.getsockname()[1]}")
         peer, _ = server.accept()
         with peer:
-            link.write(READ_ID, link.deadline(1.0))
+            link.write(READ_ID, link.deadline(PATIENCE))
             assert peer.recv(100) == READ_ID
         link.close()
 
@@ -126,15 +127,13 @@ def test_reading_waits_for_bytes_that_come_later(listener: socket.socket) -> Non
     peer, _ = listener.accept()
     timer = threading.Timer(0.05, lambda: peer.sendall(ID_IS_1))
     timer.start()
-    assert link.read(link.deadline(5.0)) == ID_IS_1
+    assert link.read(link.deadline(PATIENCE)) == ID_IS_1
     timer.join()
     peer.close()
     link.close()
 
 
 def test_options_of_the_socket(listener: socket.socket) -> None:
-    from handctl.link import tcp
-
     link = tcp.TcpLink(f"tcp://127.0.0.1:{listener.getsockname()[1]}")
     assert link._socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
     assert link._socket.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE)
@@ -143,8 +142,6 @@ def test_options_of_the_socket(listener: socket.socket) -> None:
 
 @pytest.mark.parametrize("known", [True, False])
 def test_quick_acknowledges_are_asked_for_before_each_wait(listener: socket.socket, known: bool, monkeypatch: pytest.MonkeyPatch) -> None:  # fmt: skip
-    from handctl.link import tcp
-
     link = tcp.TcpLink(f"tcp://127.0.0.1:{listener.getsockname()[1]}")
     asked: list[tuple[int, int, int]] = []
 
@@ -168,7 +165,7 @@ def test_who_may_be_in_the_way_is_said() -> None:
         link = open_link(f"tcp://127.0.0.1:{server.getsockname()[1]}")
         server.accept()[0].close()
         with pytest.raises(LinkError) as caught:
-            link.read(link.deadline(2.0))
+            link.read(link.deadline(PATIENCE))
     link.close()
     refused = opening(link.name)
     assert all(
@@ -178,10 +175,39 @@ def test_who_may_be_in_the_way_is_said() -> None:
 
 
 def test_an_address_that_does_not_answer_is_given_up_after_3_s(monkeypatch: pytest.MonkeyPatch) -> None:
-    def connect(address: tuple[str, int], timeout: float) -> None:
-        assert timeout == 3
+    def connect(_socket: socket.socket, _address: tuple[str, int], seconds: float) -> None:
+        assert seconds == 3
         raise TimeoutError
 
-    monkeypatch.setattr(socket, "create_connection", connect)
+    monkeypatch.setattr(tcp, "connect", connect)
     error = opening("tcp://192.0.2.7:8000")
     assert (error.exit_code, error.code, "3 s" in error.text) == (3, "connect-timeout", True)
+
+
+def test_a_host_with_several_addresses(listener: socket.socket, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first that takes a connection is taken; where none does, the last says why."""
+    number = listener.getsockname()[1]
+
+    def lookup(*_: object) -> list[tuple[object, ...]]:
+        return [(socket.AF_INET, socket.SOCK_STREAM, 0, "", (host, number)) for host in hosts]
+
+    monkeypatch.setattr(socket, "getaddrinfo", lookup)
+    hosts = ["127.0.0.9", "127.0.0.1"]
+    link = open_link(f"tcp://hand:{number}")
+    assert link._socket.getpeername() == ("127.0.0.1", number)  # type: ignore[attr-defined]
+    link.close()
+    hosts = ["127.0.0.8", "127.0.0.9"]
+    assert opening(f"tcp://hand:{number}").code == "refused"
+
+
+def test_a_wish_to_end_while_it_connects_ends_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[socket.socket] = []
+
+    def connect(found: socket.socket, _address: object, _seconds: float) -> None:
+        made.append(found)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(tcp, "connect", connect)
+    with pytest.raises(KeyboardInterrupt):
+        open_link("tcp://127.0.0.1:9")
+    assert [found.fileno() for found in made] == [-1]  # closed, and no second address was tried

@@ -31,6 +31,7 @@ from handctl.families import FAMILIES
 HANG_SECONDS = 20.0
 """A command that has not ended by then is stopped and counted as a hang; the tests' own bounds are tighter."""
 AGAIN = 5.0
+BUSY = 3.0
 PROPERTY = "handctl-cells"
 DEVICES = tuple(FAMILIES)
 CODES = (0, 2, 3, 4, 5, 6, 7, 8)
@@ -56,7 +57,8 @@ class Recorder:
     def note(self, args: Sequence[str], code: int | None, seconds: float, *, traceback: bool, program: bool) -> None:
         """Remember a command line; `code` None: it did not end."""
         link = _link(args)
-        fault = self.fault if "fake://" not in link else ",".join(re.findall(r"[?&]fault=([^&]*)", link))
+        own = "fake://" not in link or link.startswith("fake://bus")
+        fault = self.fault if own else ",".join(re.findall(r"[?&]fault=([^&]*)", link))
         self.cells.append({
             "device": args[0], "wire": wire_of(link), "fault": fault or "healthy", "command": args[1] if args[1:] else "",
             "code": code, "seconds": round(seconds, 4), "traceback": traceback, "program": program,
@@ -77,6 +79,8 @@ def _link(args: Sequence[str]) -> str:
 def wire_of(link: str) -> str:
     """How the device was reached, in words."""
     match link.partition(":")[0]:
+        case "fake" if link.startswith("fake://bus"):
+            return f"bus, {Path(link.partition('file=')[2].partition('&')[0]).stem}"
         case "fake":
             return "in process, CAN" if "bus=can" in link else "in process"
         case "can":
@@ -91,6 +95,7 @@ def wire_of(link: str) -> str:
 def bounded(seconds: float, what: str = "") -> Iterator[None]:
     """Raise Hang in this process when the block takes longer, and again every `AGAIN` s: something may have caught it.
 
+    Where others keep the machine busy, until it has had so much of a processor, but at most `BUSY` times as long.
     A thread calls, not SIGALRM: handctl uses the system's one alarm itself and switches it off.
     """
     over, caller = threading.Event(), threading.get_ident()
@@ -99,11 +104,16 @@ def bounded(seconds: float, what: str = "") -> Iterator[None]:
         if not over.is_set():
             raise Hang(f"no end within {seconds:g} s{what and f': {what}'}")
 
+    began, used = time.monotonic(), time.process_time()
+
     def watch() -> None:
         wait = seconds
         while not over.wait(wait):
-            signal.pthread_kill(caller, signal.SIGUSR2)
-            wait = AGAIN
+            left = began + BUSY * seconds - time.monotonic()
+            wait = min(left, used + seconds - time.process_time())
+            if wait <= 0:
+                signal.pthread_kill(caller, signal.SIGUSR2)
+                wait = AGAIN
 
     old = signal.signal(signal.SIGUSR2, stop)
     watcher = threading.Thread(target=watch, name="bound", daemon=True)

@@ -19,6 +19,7 @@ from tests.ekso import cell as ekso
 from tests.ekso import commands
 from tests.ekso import faults as ekso_table
 from tests.inspire import exo_faults as exo
+from tests.inspire import hand_faults as hand
 from tests.inspire import wrist_faults as wrist
 from tests.matrix.report import RECORDER
 from tests.support.cli import Result, run, sent
@@ -39,6 +40,7 @@ class ServedCell:
     served: Served
     result: Result
     seconds: float
+    late: float
 
     def run_on(self, served: Served, words: list[str]) -> None:
         """Run the command line on the served simulator."""
@@ -52,7 +54,7 @@ class ServedCell:
 
     def bounded(self) -> None:
         """By the wall clock: the command's own deadline, and what it then does to leave the device in order."""
-        assert self.seconds < self.served.deadline + MARGIN, (self.seconds, self)
+        self.late = self.seconds - self.served.deadline - MARGIN
         self.seconds = 0.0  # the families' bounds are those of virtual time
 
     @cached_property
@@ -61,7 +63,8 @@ class ServedCell:
         return self.result.stream[1] if words_of(self.command) == "watch" else self.result.json
 
     def real(self) -> None:
-        """One error, which names the link, the cause and the next step."""
+        """In time. One error, which names the link, the cause and the next step."""
+        assert self.late < 0, (self.late, self)
         assert self.envelope["device"]["fake"] is False, self
         errors = [message for message in self.envelope["messages"] if message["level"] == "error"]
         assert len(errors) == (self.result.code != 0), self
@@ -105,6 +108,25 @@ class WristCell(ServedCell, wrist.Cell):
         if self.wire == "can" and self.fault == "twin-id" and codes == {6}:
             codes = {4}  # an adapter, unlike the bus in this process, reports that frames were destroyed
         self.holds(codes)
+
+
+HAND_WIRES = {"pty": "eb90", "tcp": "eb90", "modbus-pty": "rtu", "modbus-tcp": "tcp", "slcan-tcp": "can"}
+
+
+class HandCell(ServedCell, hand.Cell):
+    """An RH56DFTP on each of its wires."""
+
+    def __init__(self, scratch: Path, served: Served, command: Any, fault: str) -> None:
+        self.command, self.fault, self.trace = command, fault, scratch / "trace.txt"
+        self.wire = HAND_WIRES[served.wire]
+        self.before = self.after = served.memory
+        self.run_on(served, [*command.args, *hand.WORDS[self.wire], "--yes"])
+        if fault != "disconnect":  # a pty that hung up took its simulator along
+            self.after = served.memory
+
+    def judge(self) -> None:
+        self.real()
+        self.holds(hand.allowed(self.wire, self.fault, self.command, "always"))
 
 
 class BarrettCell(ServedCell, barrett.Cell):
@@ -218,8 +240,16 @@ class AidinCell(ServedCell):
 
 CELLS: dict[str, Any] = {
     "exo": ExoCell, "wrist": WristCell, "barrett": BarrettCell, "ekso": EksoCell, "aidin": AidinCell,
+    "hand": HandCell,
 }  # fmt: skip
-AFTERWARDS: dict[str, str] = {"exo": "get", "wrist": "get", "barrett": "get", "ekso": "get", "aidin": "get"}
+AFTERWARDS: dict[str, str] = {
+    "exo": "get",
+    "wrist": "get",
+    "barrett": "get",
+    "ekso": "get",
+    "aidin": "get",
+    "hand": "get",
+}
 
 
 CAUSES: dict[str, set[str]] = {
@@ -238,6 +268,12 @@ CAUSES: dict[str, set[str]] = {
     "refuse": {"refused"}, "refuse can": {"read-back"}, "refuse aidin": {"not-reached"},
     **{name: {"not-reached"} for name in ("blocked", "foreign", "weak", "frozen", "swapped")},
     **{f"{name} wrist": {"not-arrived"} for name in ("blocked", "foreign")},
+    **{f"{name} hand": {"not-fit"} for name in (
+        "faults", "hot", "locked-rotor", "over-temperature", "over-current", "motor-abnormal", "communication", "unknown-bits")},
+    "blocked hand": {"blocked"},
+    # an answer of Modbus RTU ends with silence: a damaged one is not told from one that was cut off
+    **{f"{name} modbus-pty": {"cut-short"} for name in ("bad-checksum", "twin-id")},
+    "bad-checksum modbus-tcp": {"cut-short"},
     # EksoNR
     "acknowledge": {"acknowledged", "echo"}, "short-body": {"bad-length", "acknowledged", "bad-checksum"},
     "wrong-command": {"wrong-command"}, "not-taken": {"read-back"}, "neighbour": {"read-back"},
@@ -255,5 +291,5 @@ where a code of the device says more (exit 6)."""
 
 def causes_of(fault: str, device: str, wire: str) -> set[str]:
     """The codes that one cell may show; none for a fault that must pass unnoticed."""
-    keys = (f"{fault} {bus_of(wire)}", f"{fault} {device}", fault)
+    keys = (f"{fault} {wire}", f"{fault} {bus_of(wire)}", f"{fault} {device}", fault)
     return next((CAUSES[key] for key in keys if key in CAUSES), set())

@@ -272,7 +272,10 @@ def test_power_and_control(tmp_path: Path) -> None:
         ("[line]\nwire = 'rs485'\n[device]\nkind = 'exo'", "each device is a table of its own, [[device]]"),
         ("[line]\nwire = 'rs485'\n[[device]]", "[[device]] 1 kind is missing. Known:"),
         ("[line]\nwire = 'rs485'\n[[device]]\nkind = 'aidin'", "kind = 'aidin': no simulated device on rs485. Known:"),
-        ("[line]\nwire = 'can'\n[[device]]\nkind = 'exo'", "kind = 'exo': no simulated device on can. Known: wrist"),
+        (
+            "[line]\nwire = 'can'\n[[device]]\nkind = 'exo'",
+            "kind = 'exo': no simulated device on can. Known: hand, wrist",
+        ),
         (
             "[line]\nwire = 'rs485'\n[[device]]\nkind = 'exo'\nid = 999",
             "[[device]] 1 option id=999: out of range 1 to 254",

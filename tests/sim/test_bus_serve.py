@@ -18,6 +18,7 @@ from click.testing import CliRunner
 from handctl.sim.bus.file import EXAMPLE
 from handctl.sim.bus.models import text
 from handctl.sim.cli import cli
+from tests.support.cli import PATIENCE
 
 ASK_3 = bytes.fromhex("EB 90 03 04 11 E8 03 01 04")
 ID_IS_3 = bytes.fromhex("90 EB 03 04 11 E8 03 03 06")
@@ -40,7 +41,7 @@ class Server:
 
     def connect(self, number: int = 0) -> socket.socket:
         host, port = self.links[number].removeprefix("tcp://").rsplit(":", 1)
-        client = socket.create_connection((host, int(port)), timeout=5)
+        client = socket.create_connection((host, int(port)), timeout=PATIENCE)
         client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         return client
 
@@ -79,7 +80,11 @@ def receive(client: socket.socket, count: int) -> bytes:
 def test_a_pty_and_two_clients_on_tcp_share_the_line(start: Start) -> None:
     server = start(text("half-duplex", TWO), "--pty", "--tcp", "127.0.0.1:0")
     assert len(server.links) == 2 and server.link == server.links[0]
-    with serial.Serial(server.link, 115200, timeout=5) as port, server.connect(1) as one, server.connect(1) as two:
+    with (
+        serial.Serial(server.link, 115200, timeout=PATIENCE) as port,
+        server.connect(1) as one,
+        server.connect(1) as two,
+    ):
         two.sendall(b"\x00")  # both are in
         assert receive(one, 1) == port.read(1) == b"\x00"
         port.write(ASK_3)
@@ -98,7 +103,7 @@ def test_a_pty_has_a_speed(start: Start) -> None:
     server = start(text("half-duplex", TWO), "--pty")
     assert server.links == [server.link]
     for speed, answer in ((57600, False), (115200, True)):
-        with serial.Serial(server.link, speed, timeout=0.3) as port:
+        with serial.Serial(server.link, speed, timeout=PATIENCE if answer else 0.5) as port:
             port.write(ASK_3)
             assert (port.read(9) == ID_IS_3) is answer
 
@@ -165,6 +170,6 @@ def test_the_help_names_every_key_and_its_example_runs(start: Start) -> None:
     text_of = CliRunner().invoke(cli, ["bus", "-h"]).output
     for word in ("wire", "first_byte_lost", "every_ms", "bluetooth", "kind", "slcan-tcp"):
         assert word in text_of
-    server = start(EXAMPLE, "--tcp", "127.0.0.1:0", "--duration", "20")
+    server = start(EXAMPLE, "--tcp", "127.0.0.1:0", "--duration", "600")
     with server.connect() as client:
         assert receive(client, 9) == bytes.fromhex("EB 90 02 04 30 FC 03 02 37")

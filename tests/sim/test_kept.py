@@ -6,7 +6,6 @@ import json
 import os
 import signal
 import subprocess
-import time
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +13,13 @@ import pytest
 
 from handctl.families import FAMILIES
 from handctl.link import lock
-from tests.support.cli import clean_environment, run, wait_until
+from tests.support.cli import Result, clean_environment, run, unhurried, wait_until
 from tests.support.forks import start
 
 WRITES = {  # a change that needs no homing, and where it is read
     "exo": (("set", "position_set.index=300"), ("get", "position_set.index"), "300"),
     "wrist": (("move", "--pitch", "-10", "--time", "50"), ("get", "pitch_actual"), "-10.0"),
+    "hand": (("set", "speed_set.index=300"), ("get", "speed_set.index"), "300"),
     "barrett": (("set", "MCV=80", "--motors", "1"), ("get", "MCV.F1"), "80"),
     "ekso": (("set", "step_length=15.50", "--operator", "test"), ("get", "step_length"), "15.5"),
     "aidin": (("bias",), ("get", "sensor_state.index.fx"), "0.0"),
@@ -44,12 +44,17 @@ def get(family: str, *words: str) -> str:
     return result.out.split()[-1]
 
 
+def written(family: str) -> Result:
+    """What changes the simulated device of --fake."""
+    return unhurried(lambda: run(family, *WRITES[family][0], "--fake", "--yes"))
+
+
 @pytest.mark.parametrize("family", WRITES)
 def test_a_command_finds_what_the_one_before_left(family: str) -> None:
-    write, read, value = WRITES[family]
+    _, read, value = WRITES[family]
     before = get(family, *read)
     assert before != value and kept(family) is None
-    first = run(family, *write, "--fake", "--yes")
+    first = written(family)
     assert first.code == 0, first
     assert f"stays as it is now until you log out. `handctl sim forget {family}` begins afresh" in first.err
     second = run(family, *read, "--fake", "--json")
@@ -107,9 +112,9 @@ def test_each_wire_is_kept_by_itself() -> None:
 
 @pytest.mark.parametrize("family", FAMILIES)
 def test_watch_shows_it_in_use_and_changes_nothing(family: str) -> None:
-    assert run(family, *WRITES[family][0], "--fake", "--yes").code == 0
+    assert written(family).code == 0
     before = kept(family)
-    moving = run(family, "watch", "--duration", "0.6", "--rate", "10", "--fake", "--json")
+    moving = run(family, "watch", "--count", "7", "--rate", "10", "--fake", "--json")
     assert moving.code == 0, moving
     rows, _ = moving.stream
     seen: dict[str, set[object]] = {}
@@ -159,8 +164,8 @@ def test_a_damaged_or_foreign_file_begins_afresh_and_says_so(content: bytes) -> 
     assert read.code == 0 and "454" in read.out
     assert "The simulated exo begins afresh" in read.err and "`handctl sim forget exo` removes" in read.err
     assert kept() == content
-    written = run("exo", "set", "position_set.index=300", "--fake", "--yes")
-    assert written.code == 0 and "The simulated exo begins afresh" in written.err
+    changed = run("exo", "set", "position_set.index=300", "--fake", "--yes")
+    assert changed.code == 0 and "The simulated exo begins afresh" in changed.err
     assert get("exo", "get", "position_set.index") == "300"
 
 
@@ -171,7 +176,7 @@ SPOILED: tuple[Any, ...] = (None, "x", -1, 1e308, [], {}, [None] * 5, [1e308] * 
 @pytest.mark.parametrize("family", WRITES)
 def test_no_part_of_a_file_makes_a_traceback(family: str, each: int) -> None:
     """Each value of the file in turn is of another type, or too large, or missing; ordinarily each fourth such file."""
-    assert run(family, *WRITES[family][0], "--fake", "--yes").code == 0
+    assert written(family).code == 0
     whole = json.loads(kept(family) or b"")
     for number, key in enumerate(whole):
         for other in SPOILED[number % each :: each]:
@@ -211,8 +216,7 @@ def test_a_killed_command_leaves_a_whole_file() -> None:
     process = start(["aidin", "home", "--fake", "--yes", "-q"], clean_environment(), stdout=subprocess.DEVNULL)
     began = kept("aidin")
     try:
-        wait_until(lambda: kept("aidin") != began)
-        time.sleep(0.3)
+        wait_until(lambda: kept("aidin") != began and json.loads(kept("aidin") or b"{}").get("mode") == 1)
     finally:
         process.send_signal(signal.SIGKILL)
         process.wait()

@@ -20,7 +20,7 @@ from click.testing import CliRunner
 from rh56_sdk import RH56Driver
 
 from handctl.sim.cli import cli
-from tests.support.cli import wait_until
+from tests.support.cli import PATIENCE, briefly, in_time, wait_until
 
 READ_ID = bytes.fromhex("EB 90 01 04 11 E8 03 01 02")
 ID_IS_1 = bytes.fromhex("90 EB 01 04 11 E8 03 01 02")
@@ -54,11 +54,11 @@ class Server:
         self.link: str = ready["link"]
 
     def port(self, speed: int = 115200) -> serial.Serial:
-        return serial.Serial(self.link, speed, timeout=0.5)
+        return serial.Serial(self.link, speed, timeout=PATIENCE)
 
     def connect(self) -> socket.socket:
         host, port = self.link.removeprefix("tcp://").rsplit(":", 1)
-        client = socket.create_connection((host, int(port)), timeout=2)
+        client = socket.create_connection((host, int(port)), timeout=PATIENCE)
         client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         return client
 
@@ -128,7 +128,7 @@ def test_client_that_sets_no_speed(start: Start) -> None:
     descriptor = os.open(server.link, os.O_RDWR | os.O_NOCTTY)
     try:
         os.write(descriptor, READ_ID)
-        assert select.select([descriptor], [], [], 2)[0]
+        assert select.select([descriptor], [], [], PATIENCE)[0]
         assert os.read(descriptor, 100) == ID_IS_1
     finally:
         os.close(descriptor)
@@ -137,19 +137,21 @@ def test_client_that_sets_no_speed(start: Start) -> None:
 def test_wrong_speed_is_silent_and_the_right_one_works(start: Start) -> None:
     server = start("--pty")
     with server.port(57600) as port:
-        port.timeout = 0.1
-        assert ask(port, READ_ID, 9) == b""
+        with briefly(port):
+            assert ask(port, READ_ID, 9) == b""
         port.baudrate = 115200
         assert ask(port, READ_ID, 9) == ID_IS_1
         port.baudrate = 12345
-        assert ask(port, READ_ID, 9) == b""
+        with briefly(port):
+            assert ask(port, READ_ID, 9) == b""
 
 
 def test_wrong_speed_can_be_garbage(start: Start) -> None:
     server = start("--pty", "--fault", "garble")
     with server.port(19200) as port:
-        port.timeout = 0.1
-        heard = ask(port, READ_ID, 9)
+        heard = ask(port, READ_ID, 3)
+        with briefly(port):
+            heard += port.read(9)
         assert len(heard) >= 3
         assert heard != ID_IS_1
 
@@ -158,16 +160,17 @@ def test_speed_change_needs_save_and_power_cycle(start: Start) -> None:
     server = start("--pty")
     with server.port() as port:
         ask(port, SPEED_1, 9)
-        assert ask(port, SAVE, 9) == SAVE_ACK
-        began = time.monotonic()
-        port.timeout = 2.0
-        assert port.read(9) == SAVED
-        assert 0.9 < time.monotonic() - began < 1.3
+
+        def save() -> None:
+            assert ask(port, SAVE, 9) == SAVE_ACK
+            assert port.read(9) == SAVED
+
+        in_time(save, 0.9, 1.3)
         server.process.send_signal(signal.SIGUSR1)
-        port.timeout = 0.1
-        wait_until(lambda: ask(port, READ_ID, 9) == b"")
-        port.baudrate = 57600
-        assert ask(port, READ_ID, 9) == ID_IS_1
+        with briefly(port):
+            wait_until(lambda: ask(port, READ_ID, 9) == b"")
+            port.baudrate = 57600
+            wait_until(lambda: ask(port, READ_ID, 9) == ID_IS_1)
 
 
 def test_wire_time_is_real(start: Start) -> None:
@@ -186,16 +189,15 @@ def test_wire_time_is_real(start: Start) -> None:
 def test_client_that_does_not_read(start: Start) -> None:
     server = start("--pty")
     with server.port() as port:
-        port.write_timeout = 5
+        port.write_timeout = PATIENCE
         for _ in range(2000):
             port.write(DUMP_2)
         status = Path(f"/proc/{server.process.pid}/status").read_text()
         memory = next(int(row.split()[1]) for row in status.splitlines() if row.startswith("VmRSS"))
         assert memory < 60000, "kB"
-        port.timeout = 1
-        while port.read(65536):
-            pass
-        port.timeout = 10
+        with briefly(port, 1.0):
+            while port.read(65536):
+                pass
         assert ask(port, READ_ID, 9) == ID_IS_1
 
 
@@ -207,7 +209,7 @@ def test_disconnect_ends_the_pty(start: Start) -> None:
         with pytest.raises((serial.SerialException, OSError)):
             for _ in range(20):
                 port.read(1)
-    server.process.wait(timeout=5)
+    server.process.wait(timeout=PATIENCE)
     code, out, err = server.stop()
     assert (code, out) == (0, "")
     assert err.count("\n") == 1
@@ -229,9 +231,9 @@ def test_tcp_serves_one_client_after_the_other(start: Start) -> None:
             with pytest.raises(TimeoutError):
                 second.recv(9)
             first.close()
-            second.settimeout(2)
+            second.settimeout(PATIENCE)
             assert receive(second, 9) == ID_IS_1
-    with serial.serial_for_url(server.link.replace("tcp", "socket"), timeout=1) as third:
+    with serial.serial_for_url(server.link.replace("tcp", "socket"), timeout=PATIENCE) as third:
         assert ask(third, bytes.fromhex("EB 90 01 04 11 D4 05 02 F1"), 10)[7:9] == bytes([0x2C, 0x01])
     assert server.stop(signal.SIGINT) == (0, "", "")
 
@@ -287,9 +289,8 @@ def test_control_socket(start: Start, tmp_path: Path) -> None:
             rows = answers.decode().splitlines()
             assert rows[:2] == ["ok fault silent", "ok set 1472 52 03"]
             assert rows[2].startswith("error unknown command 'nonsense'")
-            port.timeout = 0.1
-            assert ask(port, READ_VOLTAGE, 10) == b""
-            port.timeout = 10
+            with briefly(port):
+                assert ask(port, READ_VOLTAGE, 10) == b""
         done = CliRunner().invoke(cli, ["control", str(path), "fault", "none"])
         assert (done.exit_code, done.output) == (0, "fault none\n")
         assert ask(port, READ_VOLTAGE, 10) == bytes.fromhex("90 EB 01 05 11 C0 05 52 03 31")
@@ -352,7 +353,7 @@ def test_duration() -> None:
     while not took or (took[-1] >= 1.0 and len(took) < 10):  # a busy machine is late, never early
         server = Server("--pty", "--duration", "0.3")
         ready = time.monotonic()
-        server.process.wait(timeout=30)
+        server.process.wait(timeout=PATIENCE)
         took.append(time.monotonic() - ready)
         assert server.stop() == (0, "", "")
     assert 0.2 < took[-1] < 1.0, took
@@ -401,7 +402,7 @@ def test_faults_from_several_options(start: Start) -> None:
 def test_foreign_driver_reads_and_moves_the_hand(start: Start) -> None:
     """pyrh56 is an independent client of the sibling hand; what it reads beyond the exo's registers is 0 here."""
     server = start("--pty", "--wire", "115200")
-    with RH56Driver(server.link) as hand:
+    with RH56Driver(server.link, timeout=PATIENCE) as hand:
         assert hand.read_angle() == [110, 220, 330, 440, 550, 660]
         assert hand.read_force() == [-11, 12, -13, 14, -15, 0]
         assert hand.read_current() == [21, 22, 23, 24, 25, 0]
@@ -409,7 +410,7 @@ def test_foreign_driver_reads_and_moves_the_hand(start: Start) -> None:
         assert hand.read_error() == [0, 0, 0, 0, 0, 0]
         assert hand.read_voltage() == 558
         hand.move_to([500, 400, 300, 200, 100, 660])
-        assert hand.wait_until_reached([500, 400, 300, 200, 100, None], timeout=3.0, tolerance=0)[:5] == [
+        assert hand.wait_until_reached([500, 400, 300, 200, 100, None], timeout=PATIENCE, tolerance=0)[:5] == [
             500,
             400,
             300,
@@ -421,7 +422,7 @@ def test_foreign_driver_reads_and_moves_the_hand(start: Start) -> None:
 
 def test_foreign_driver_clears_errors(start: Start) -> None:
     server = start("--pty", "--fault", "locked-rotor")
-    with RH56Driver(server.link) as hand:
+    with RH56Driver(server.link, timeout=PATIENCE) as hand:
         assert hand.read_error() == [1, 0, 0, 0, 0, 0]
         hand.clear_error()
         assert hand.read_error() == [0, 0, 0, 0, 0, 0]
@@ -430,7 +431,7 @@ def test_foreign_driver_clears_errors(start: Start) -> None:
 @pytest.mark.parametrize("fault", ["split", "dribble", "echo", "slow"])
 def test_foreign_driver_stands_line_faults(start: Start, fault: str) -> None:
     server = start("--pty", "--fault", fault)
-    with RH56Driver(server.link, timeout=5.0) as hand:
+    with RH56Driver(server.link, timeout=PATIENCE) as hand:
         assert hand.read_angle() == [110, 220, 330, 440, 550, 660]
 
 
@@ -441,7 +442,7 @@ def test_foreign_command_line(start: Start, verb: str) -> None:
         [sys.executable, "-m", "rh56_sdk", "--port", server.link, verb],
         capture_output=True,
         text=True,
-        timeout=20,
+        timeout=PATIENCE,
         check=False,
     )
     assert done.returncode == 0, done.stdout + done.stderr
@@ -484,7 +485,7 @@ def test_what_does_not_fit_for_a_client_that_does_not_read_is_lost_in_whole_repl
         def __getattr__(self, name: str) -> Callable[..., None]:
             return lambda *_: None
 
-    with serve._Signals() as signals:
+    with serve.Signals() as signals:
         serve._loop(Line(), Place(), None, signals, None)  # type: ignore[arg-type]
     replies = bytes(taken).split(b">")[:-1]
     assert len(replies) > 6 and {row + b">" for row in replies} == {reply}

@@ -88,6 +88,10 @@ BENCHES = {
     "aidin": ("aidin", "--tcp", "127.0.0.1:0", "--set", "start=homed"),
     "barrett": ("barrett", "--pty", "--wire", "auto", "--set", "initialized=1"),
     "exo": ("exo", "--pty", "--wire", "auto"),
+    "hand": ("hand", "--pty", "--wire", "auto"),
+    "hand-rtu": ("hand", "--modbus-pty", "--wire", "auto"),
+    "hand-tcp": ("hand", "--modbus-tcp", "127.0.0.1:0"),
+    "hand-can": ("hand", "--slcan-pty"),
     "wrist": ("wrist", "--pty", "--wire", "auto"),
     "wrist-can": ("wrist", "--slcan-pty"),
 }
@@ -153,6 +157,32 @@ def by_facts(family: str, command: str, driving: bytes, stop: bytes) -> Drive:
     return Drive(family, command, driving, exactly(stop * 3), lambda bench: True, "values", times=2)
 
 
+def no_speed(bench: Bench) -> bool:
+    """Speed 0 for every finger, and not at the target."""
+    return set(bench.ask("get 1522 12").split()) == {"00"} and bench.ask("get 1546 12") != bench.ask("get 1486 12")
+
+
+def rh56(command: str, bench: str, reads: bytes, stop: bytes) -> Drive:
+    """All speeds 0, three times, and nothing else; first the hand is opened again, and made slow."""
+    more = " --protocol modbus" if bench == "hand-rtu" else ""
+    before = (
+        "speed 1000 1000 1000 1000 1000 1000",
+        "angle 900 900 900 900 900 900 -y --wait 5",
+        "speed 100 100 100 100 100 100",
+    )
+    drive = f"{command} -y --wait 30{more}"
+    return Drive(
+        bench, drive, reads, exactly(stop * 3), no_speed, "get 1546 12", tuple(f"{one}{more}" for one in before), 3
+    )
+
+
+ZEROS = bytes(12)
+RH56_STOP = frame("EB 90 01 0F 12 F2 05") + ZEROS + b"\x19"
+RTU_STOP = frame("01 10 05 F2 00 06 0C") + ZEROS + frame("DC A3")
+TCP_STOP = frame("00 01 00 00 00 13 FF 10 05 F2 00 06 0C") + ZEROS
+CAN_STOP = frame("05 7C 80 01") + ZEROS[:8] + frame("05 7E 80 01") + ZEROS[:4]
+"""speed_set of six fingers (rh56 §2.1 to §2.4)."""
+CLOSE = "angle 0 0 0 0 0 -1"
 OFF = b"\x03" + b"1T\r"
 HOLD = frame("EB 90 01 0D 12 CE 05") + b"." * 11
 STAY = frame("EB 90 01 07 31 0E 04") + b"." * 5
@@ -172,6 +202,8 @@ DRIVEN = {
         "exo", "position 0 0 0 0 0 -y --wait 30", frame("EB 90 01 04 11 0A 06"), three(RELEASE + HOLD), held,
         "get 1546 10", ("position 1000 1000 1000 1000 1000 -y --wait 3",), 3,
     ),
+    "hand angle": rh56(CLOSE, "hand", frame("EB 90 01 04 11 0A 06"), RH56_STOP),
+    "hand position": rh56("position 2000 2000 2000 2000 -1 -1", "hand", frame("EB 90 01 04 11 FE 05"), RH56_STOP),
     "wrist move": Drive(
         "wrist", "move --pitch 20 --yaw -20 --time 1500", frame("EB 90 01 04 30 FC 03"), three(STAY), at_rest((2000, -2000)),
         "get 1020 4", ("center --time 100",), 3,
@@ -183,6 +215,9 @@ DRIVEN = {
     **{f"{family} {facts.drives[0].split()[0]}": by_facts(family, *facts.drives) for family, facts in FACTS.items() if facts.drives},
 }  # fmt: skip
 FURTHER = {
+    "hand angle over Modbus RTU": rh56(CLOSE, "hand-rtu", frame("01 03 06 0A"), RTU_STOP),
+    "hand angle over Modbus TCP": rh56(CLOSE, "hand-tcp", frame("FF 03 06 0A"), TCP_STOP),
+    "hand angle on CAN": rh56(CLOSE, "hand-can", frame("01 82 80 01"), CAN_STOP),
     "wrist move on CAN": Drive(
         "wrist-can", "move --pitch 20 --yaw -20 --time 1500", frame("10 FF 00 01"), three(frame("15 03 80 01") + ANY_PLACE),
         at_rest((2000, -2000)), "get 1020 4", ("center --time 100",), 3,
@@ -193,11 +228,18 @@ STAYS = "what it commands stays in force when the command ends, too, and it says
 BY_ITSELF = "the movement ends by itself: at its goal, at a stall, or at a strain limit (barrett §5.5)"
 VALUES = "it changes values, and nothing moves for it"
 STOPS = "it is a stop"
+LINES = "its lines are commands, each of which is declared here: the child that stops the device is that of the line"
 HERE = "it writes a file of this machine"
 ENDED = {
     **dict.fromkeys(("exo force", "exo set", "exo write", "exo raw", "exo restore"), STAYS),
     **dict.fromkeys(("exo baud", "exo clear-errors", "exo factory-reset", "exo id", "exo save"), VALUES),
     "exo calibrate": "no documented command stops a calibration: it goes on to its end (exo §2.3.6)",
+    **dict.fromkeys(("hand force", "hand set", "hand speed", "hand write", "hand raw", "hand restore"), STAYS),
+    **dict.fromkeys(
+        [f"hand {name}" for name in ("baud", "clear-errors", "factory-reset", "id", "network", "save")], VALUES
+    ),
+    "hand pair": "its movement is guarded as that of `angle` is: tests/inspire/test_rh56_pair_cli.py kills it",
+    "hand calibrate": "no documented command stops a calibration: it goes on to its end (rh56 §6 Q8)",
     **dict.fromkeys(("wrist hand-write", "wrist raw", "wrist restore", "wrist set", "wrist write"), STAYS),
     **dict.fromkeys(
         [f"barrett {name}" for name in ("close", "home", "init", "move", "open", "step-close", "step-open", "torque-close",
@@ -214,7 +256,8 @@ ENDED = {
     "aidin stop": STOPS,
     **dict.fromkeys(("devices add", "devices remove", "completion"), HERE),
     "stop": STOPS,
-    **dict.fromkeys(("exo stop", "wrist stop", "ekso stop"), STOPS),
+    **dict.fromkeys(("batch", "shell"), LINES),
+    **dict.fromkeys(("exo stop", "hand stop", "wrist stop", "ekso stop"), STOPS),
     **{f"{family} {name}": why for family in FAMILIES for name, why in (facts_of(family).ends or {}).items()},
 }  # fmt: skip
 """Writing command -> why its death leaves nothing running that it promised to stop."""
@@ -242,19 +285,19 @@ def test_every_writing_command_is_declared() -> None:
     assert all(ENDED.values())
 
 
-def killed(bench: Bench, drive: Drive, *, group: bool) -> tuple[float, list[tuple[float, bytes]]]:
+def killed(
+    bench: Bench, drive: Drive, *, group: bool, words: tuple[str, ...] = ()
+) -> tuple[float, list[tuple[float, bytes]]]:
     """The moment of the kill, and what has reached the device since the command began, once nothing more comes."""
     for command in drive.before:
         bench.do(command)
     begun = len(bench.heard())
     process = subprocess.Popen(
-        program(*bench.words(drive.command)), stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
+        program(*(words or bench.words(drive.command))), stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE, env=clean_environment(), start_new_session=True,
     )  # fmt: skip
     try:
-        wait_until(
-            lambda: bench.bytes_since(begun).count(drive.driving) >= drive.times or process.poll() is not None, 20.0
-        )
+        wait_until(lambda: bench.bytes_since(begun).count(drive.driving) >= drive.times or process.poll() is not None)
         assert process.poll() is None, process.communicate()[1]
         (guard,) = guards_of(process.pid)
         moment = time.monotonic()
@@ -304,6 +347,19 @@ def first_of(drive: Drive, heard: list[tuple[float, bytes]]) -> float | None:
     return None
 
 
+def test_a_killed_batch_stops_the_device(bench_of: Callable[[str], Bench], tmp_path: Path) -> None:
+    """Killed in the middle of a line that moves: the stop is that of the line."""
+    drive = DRIVEN["exo position"]
+    bench = bench_of(drive.bench)
+    script = tmp_path / "script"
+    script.write_text(
+        "\n".join(["exo get id", " ".join(map(str, bench.words(drive.command)))]) + "\n", encoding="utf-8"
+    )
+    _, heard = killed(bench, drive, group=False, words=("batch", str(script), "-y", "-p", bench.simulator.link))
+    assert first_of(drive, heard) is not None, [data.hex(" ") for _, data in heard[-30:]]
+    wait_until(lambda: drive.stands(bench))
+
+
 CELLS = [*((name, drive, False) for name, drive in {**DRIVEN, **FURTHER}.items()),
          *((name, DRIVEN[name], True) for name in ("aidin currents", "barrett realtime"))]  # fmt: skip
 
@@ -324,8 +380,8 @@ def test_a_killed_command_stops_the_device(
         first = first_of(drive, heard)
         assert first is not None, (name, [data.hex(" ") for _, data in heard[-30:]])
         # A wrist takes its movement time also for the way back to where it is to stay.
-        wait_until(lambda: drive.stands(bench), 15.0)
-        wait_until(lambda: standing(bench, drive.place), 15.0)
+        wait_until(lambda: drive.stands(bench))
+        wait_until(lambda: standing(bench, drive.place))
         if first - moment < PATIENCE:
             break
     record_property("milliseconds", round((first - moment) * 1000, 1))

@@ -36,12 +36,17 @@ from tests.support.interruption import (
     interrupt,
     is_,
     near,
+    nothing,
     numbers,
     whole_json,
 )
 
 BENCHES: dict[str, tuple[str, ...]] = {
     "exo": ("exo", "--wire", "auto", "--set", "calibration=1"),
+    "hand": ("hand", "--wire", "auto", "--model", "df", "--set", "calibration=1"),
+    "hand-can": ("hand", "can", "--wire", "1"),
+    "hand-rtu": ("hand", "rtu", "--wire", "auto"),
+    "hand-tcp": ("hand", "modbus"),
     "wrist": ("wrist", "--wire", "auto"),
     "wrist-can": ("wrist", "can", "--wire", "1"),
     "barrett": ("barrett", "--wire", "auto", "--set", "initialized=1"),
@@ -55,6 +60,13 @@ F1 = "motors"
 """The question for the motors of a BarrettHand; the first number of the answer is the position of F1."""
 M = "get motor_pos"
 """The same of an AIDIN-hand: m1 m2 m3 of thumb, index, …"""
+OPENED = (
+    "speed 1000 1000 1000 1000 1000 1000",
+    "angle 900 900 900 900 900 900 -y --wait 4",
+    "speed 400 400 400 400 400 400",
+)
+HAND = "get 1546 12"
+"""An RH56 hand that is open, and moves so slowly that an interruption meets it on its way; where its fingers are."""
 POSITIONS, FORCES, ANGLES = "get 1546 10", "get 1582 10", "get 1020 4"
 OPEN = ("position 900 900 900 900 900 -y --wait 3",)
 SLOWLY = ("center --time 100", "set move_time=1500")
@@ -92,6 +104,27 @@ def id_5(bench: Bench) -> None:
     """The hand answers to 5 and is told to be 1 again."""
     assert bench.ask("get 1000 1") == "05"
     assert run("exo", "id", "1", "-y", "--id", "5", "-p", bench.simulator.link).code == 0
+
+
+def hand_7(bench: Bench) -> None:
+    """The RH56 hand answers to 7 and is made 1 again."""
+    assert bench.ask("get 1000 1") == "07"
+    assert run("hand", "id", "1", "-y", "--id", "7", "-p", bench.simulator.link).code == 0
+
+
+def moves(wire: str) -> list[Case]:
+    """What moves an RH56 hand, on one of its wires."""
+    closed = "64 00 64 00 64 00 64 00 64 00"
+    return [
+        Case(wire, "set angle_set.index=100 -y", 0.05, is_("get 1492 2", "64 00"), OPENED, still=HAND),
+        Case(wire, "angle 100 100 100 100 100 -1 -y", 0.05, is_("get 1486 10", closed), OPENED, still=HAND),
+        Case(wire, "angle 100 100 100 100 100 -1 -y --wait 5", 1.5, is_("get 1486 10", closed), OPENED, still=HAND),
+        Case(wire, "position 2000 2000 -1 -1 -1 -1 -y --wait 5", 1.5, is_("get 1474 4", "D0 07 D0 07"), OPENED, still=HAND),
+        Case(wire, "write 1486 6400C800 -y", 0.05, is_("get 1486 4", "64 00 C8 00"), OPENED, still=HAND),
+        Case(wire, "restore {}/hand.json -y", 0.15, is_("get 1032 2", "2C 01"), ("set default_speed.little=300", "snapshot {}/hand.json", "set default_speed.little=301")),
+        Case(wire, "stop", 0.08, is_("get 1522 12", " ".join(["00"] * 12)), OPENED, still=HAND),
+        Case(wire, "id 7 -y", 0.7, hand_7 if wire == "hand" else nothing) if wire == "hand" else Case(wire, "speed 50 -1 -1 50 -1 -1", 0.05, is_("get 1522 2", "32 00"), ("speed 60 -1 -1 60 -1 -1",)),
+    ]  # fmt: skip
 
 
 def log_is_whole(bench: Bench) -> None:
@@ -134,7 +167,9 @@ def completes(name: str) -> Callable[[Bench], None]:
     """The file is what the command prints."""
 
     def holds(bench: Bench) -> None:
-        shell = {"handctl": "bash", "_handctl": "zsh", "handctl.fish": "fish"}[Path(name).name]
+        shell = {"handctl": "bash", "_handctl": "zsh", "handctl.fish": "fish", "handctl.ps1": "powershell"}[
+            Path(name).name
+        ]
         assert (bench.folder / name).read_text(encoding="utf-8") == run("completion", shell).out
 
     return holds
@@ -167,6 +202,20 @@ CASES = [
     Case("exo", "report {}/page.html --watch 0.3 --force", 0.5, page_is_whole),
     Case("exo", "baud 57600 -y", 0.03, is_("get 1001 1", "01"), ("baud 115200 -y",)),
     Case("exo", "baud 57600 -y --save", 1.1, is_("get 1001 1", "01"), ("baud 115200 -y",)),
+    *(case for wire in ("hand", "hand-can", "hand-rtu", "hand-tcp") for case in moves(wire)),
+    Case("hand", "set speed_set.index=50", 0.03, is_("get 1528 2", "32 00"), ("set speed_set.index=60",)),
+    Case("hand", "speed 50 -1 -1 50 -1 -1", 0.03, is_("get 1522 2", "32 00"), ("speed 60 -1 -1 60 -1 -1",)),
+    Case("hand", "force 200 -1 -1 300 -1 -1", 0.03, is_("get 1498 2", "C8 00"), ("force 201 -1 -1 301 -1 -1",)),
+    Case("hand", "clear-errors", 0.05),
+    Case("hand", "raw EB 90 01 05 12 D4 05 2C 01 1E -y --wait 0.1", 0.12, is_("get 1492 2", "2C 01"), OPENED),
+    Case("hand", "save -y", 1.1),
+    Case("hand", "calibrate -y", 11.5, rests=1.3),
+    Case("hand", "factory-reset -y --backup {}/before.json", 1.7, whole_json("before.json", "values"), fresh=("before.json",), again=(0, 2)),
+    Case("hand", "snapshot {}/a.json", 0.04, whole_json("a.json", "checksum")),
+    Case("hand", "report {}/page.html --watch 0.3 --force", 0.5, page_is_whole),
+    Case("hand-can", "network 192.168.11.211 -y", 2.6, is_("get 1700 4", "C0 A8 0B D3"), ("network 192.168.11.210 -y",)),
+    Case("hand", "baud 57600 -y", 0.03, is_("get 1002 1", "01"), ("baud 115200 -y",)),
+    Case("hand", "baud 57600 -y --save", 1.1, is_("get 1002 1", "01"), ("baud 115200 -y",)),
     Case("wrist", "set yaw_set=20", 0.03, is_("get 1038 2", "D0 07"), SLOWLY, still=ANGLES),
     Case("wrist", "move --pitch 10 --yaw -5 --time 900", 1.0, is_("get 1038 4", "0C FE E8 03"), ("center --time 100",), still=ANGLES),
     Case("wrist", "center --time 900", 1.0, is_("get 1038 4", "00 00 00 00"), ("move --pitch 10 --yaw -5 --time 100",), still=ANGLES),
@@ -244,6 +293,9 @@ CASES = [
 ]  # fmt: skip
 ELSEWHERE = {
     "stop": ("stop.test_stop", "test_the_lock_tells_the_family"),
+    "batch": ("stop.test_deadman", "test_a_killed_batch_stops_the_device"),
+    "shell": ("kernel.test_shell", "test_a_person_types_confirms_and_finds_the_line_again"),
+    "hand pair": ("inspire.test_rh56_pair_cli", "test_ctrl_c_in_the_movement_holds_both_hands_and_names_nobody"),
     "barrett firmware download": ("stop.test_interruption", "test_an_interrupted_download_and_a_good_one"),
     **dict.fromkeys(
         [f"sim {family}" for family in (*FAMILIES, "bus")], ("sim.test_barrett_serve", "test_state_survives_a_kill")
@@ -262,6 +314,12 @@ SHORT = [  # (case, signal): what differs most in how it ends
     ("exo save", signal.SIGKILL),
     ("exo restore {}/exo.json --setpoints", signal.SIGINT),
     ("exo snapshot {}/a.json", signal.SIGKILL),
+    ("hand angle 100 100 100 100 100 -1 --wait 5", signal.SIGINT),
+    ("hand-can angle 100 100 100 100 100 -1 --wait 5", signal.SIGINT),
+    ("hand-rtu angle 100 100 100 100 100 -1 --wait 5", signal.SIGTERM),
+    ("hand-tcp angle 100 100 100 100 100 -1 --wait 5", signal.SIGINT),
+    ("hand-tcp position 2000 2000 -1 -1 -1 -1 --wait 5", signal.SIGKILL),
+    ("hand-rtu set angle_set.index=100", signal.SIGINT),
     ("wrist move --pitch 10 --yaw -5 --time 900", signal.SIGINT),
     ("wrist set yaw_set=20", signal.SIGINT),
     ("wrist-can set yaw_set=20", signal.SIGKILL),
@@ -401,13 +459,11 @@ def test_an_interrupted_download_and_a_good_one(tmp_path: Path, number: int) -> 
         for turn in range(6):
             log = tmp_path / f"first{turn}.txt"
             process = download(simulator.link, file, control, log)
-            wait_until(lambda log=log: "bytes/s" in log.read_text(encoding="utf-8"), 15.0)
+            wait_until(lambda log=log: "bytes/s" in log.read_text(encoding="utf-8"))
             time.sleep(source.random() * 0.4)
             process.send_signal(number)
             if number != signal.SIGKILL and process.poll() is None:
-                wait_until(
-                    lambda log=log, one=process: "Press it again" in log.read_text() or one.poll() is not None, 15.0
-                )
+                wait_until(lambda log=log, one=process: "Press it again" in log.read_text() or one.poll() is not None)
                 time.sleep(0.05)
                 process.send_signal(number)
             out, _ = process.communicate(timeout=30)

@@ -23,12 +23,15 @@ from types import TracebackType
 from typing import Any
 from unittest import mock
 
+import serial
 from jsonschema import Draft202012Validator
 
 import handctl.sim
 from handctl import cli
 from tests.support.forks import start
 
+PATIENCE = 30.0
+"""Seconds for what must come or end: only a hang takes so long, on any machine."""
 FINGERS = ("little", "ring", "middle", "index", "thumb")
 
 # What the simulated hand shows at power-on (dossier, simulator notes): name -> (address, bytes an element, values).
@@ -168,6 +171,15 @@ def run_program(*args: str | Path, env: Mapping[str, str] | None = None, timeout
     return Result(process.wait(), out, err)
 
 
+def unhurried(what: Callable[[], Result], seconds: float = PATIENCE) -> Result:
+    """What a command over real time comes to. On a busy machine an EksoNR's values may be too old: handctl rightly refuses to
+    write then, has sent no setting, and asks to repeat the command."""
+    end = time.monotonic() + seconds
+    while (result := what()).code == 7 and "the values are not fresh" in result.err and time.monotonic() < end:
+        pass
+    return result
+
+
 def fake(**options: object) -> str:
     """A simulated hand in this process on virtual time; names may use _ for -."""
     return "fake://exo?" + "&".join(["clock=virtual", *(f"{k.replace('_', '-')}={v}" for k, v in options.items())])
@@ -238,19 +250,20 @@ class Simulator:
         assert self.process.stdout is not None
         with selectors.DefaultSelector() as waiting:
             waiting.register(self.process.stdout, selectors.EVENT_READ)
-            assert waiting.select(15.0), "no ready line"
+            assert waiting.select(PATIENCE), "no ready line"
         first = self.process.stdout.readline()
         if not first:
             raise AssertionError(f"the simulator did not start: {self.stop()}")
         ready = json.loads(first)
         assert ready["ready"] is True
         self.link = str(ready["link"])
+        self.links: list[str] = ready.get("links", [self.link])
 
     def stop(self, number: int = signal.SIGTERM) -> tuple[int, str, str]:
         """End it; exit code, further stdout, stderr."""
         if self.process.poll() is None:
             self.process.send_signal(number)
-        out, err = self.process.communicate(timeout=30)
+        out, err = self.process.communicate(timeout=PATIENCE)
         return self.process.returncode, out.decode(), err.decode()
 
     def __enter__(self) -> Simulator:
@@ -278,15 +291,26 @@ def in_time(what: Callable[[], object], least: float, most: float, tries: int = 
     """`what` takes between so many seconds, on a machine that has time: one that has none is late now and then."""
     took: list[float] = []
     for _ in range(tries):
-        began = time.monotonic()
+        began = time.perf_counter()
         what()
-        took.append(time.monotonic() - began)
-        if least < took[-1] < most:
+        took.append(time.perf_counter() - began)
+        assert took[-1] >= least, f"sooner than {least} s: {took}"
+        if took[-1] < most:
             return
     raise AssertionError(f"never between {least} and {most} s: {took}")
 
 
-def wait_until(what: Any, seconds: float = 30.0) -> None:
+@contextmanager
+def briefly(port: serial.Serial, seconds: float = 0.5) -> Iterator[None]:
+    """What is read within must not come, so it is waited for so long only; what comes after it has time again."""
+    kept, port.timeout = port.timeout, seconds
+    try:
+        yield
+    finally:
+        port.timeout = kept
+
+
+def wait_until(what: Any, seconds: float = PATIENCE) -> None:
     """Wait until `what()` is true."""
     end = time.monotonic() + seconds
     while not what():

@@ -153,7 +153,7 @@ class _Server:
         """End it and all that it started, which counts as ours then."""
         if self.owner == os.getpid():
             self._line.close()
-            self._process.wait(10)
+            self._process.wait(30)
 
     def ask(self, request: dict[str, Any], descriptors: list[int]) -> int:
         """Start a process; its number."""

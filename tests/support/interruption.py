@@ -13,14 +13,14 @@ import signal
 import struct
 import subprocess
 import time
-import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from handctl.frame.config import from_toml
 from handctl.sim.engine.serve import send_control
-from tests.support.cli import Result, Simulator, clean_environment, run
+from tests.support.cli import PATIENCE, Result, Simulator, clean_environment, run
 from tests.support.forks import start
 
 ENDS = (signal.SIGINT, signal.SIGKILL, signal.SIGTERM)
@@ -32,6 +32,16 @@ All movements here change one by more than 100 in that time.
 CREEP_SECONDS = 0.1
 START_UP = 0.5
 """Longest time from the start of the process to its first byte that is waited through at random."""
+
+
+PLACES = {
+    "": ("--pty",),
+    "can": ("--slcan-pty",),
+    "rtu": ("--modbus-pty",),
+    "modbus": ("--modbus-tcp", "127.0.0.1:0"),
+    "tcp": ("--tcp", "127.0.0.1:0"),
+}
+"""Word of a bench -> where its simulator serves."""
 
 
 class Bench:
@@ -46,9 +56,10 @@ class Bench:
         self._simulator: Simulator | None = None
         if not family:
             return
-        place = ("--tcp", "127.0.0.1:0") if family == "aidin" else ("--slcan-pty",) if "can" in args else ("--pty",)
+        wire = next((arg for arg in args if arg in PLACES), "tcp" if family == "aidin" else "")
+        self._more = ["--protocol", "modbus"] if wire == "rtu" else []
         self._simulator = Simulator(
-            *place, *(arg for arg in args if arg != "can"), "--control", self.panel, kind=family
+            *PLACES[wire], *(arg for arg in args if arg not in PLACES), "--control", self.panel, kind=family
         )
 
     @property
@@ -71,7 +82,7 @@ class Bench:
     def words(self, command: str) -> list[str]:
         """The words of a command of this family, with its link."""
         words = [word.replace("{}", str(self.folder)) for word in shlex.split(command)]
-        return [self.family, *words, "-p", self.simulator.link, "--json"] if self.family else words
+        return [self.family, *words, "-p", self.simulator.link, *self._more, "--json"] if self.family else words
 
     def do(self, command: str) -> Result:
         """Run it undisturbed."""
@@ -116,7 +127,7 @@ def whole(path: Path) -> bool:
             case ".jsonl":
                 assert all(isinstance(json.loads(line), dict) for line in text.splitlines())
             case ".toml":
-                tomllib.loads(text)
+                from_toml(text)
             case ".csv":
                 assert len({line.count(",") for line in text.splitlines()}) <= 1
             case ".html":
@@ -231,7 +242,7 @@ def interrupt(bench: Bench, case: Case, number: int, source: random.Random) -> E
     if not bench.family:
         time.sleep(source.random() * case.seconds)
     elif source.random() < 0.9:  # while it talks; else anywhere in its start-up
-        end = time.monotonic() + 10
+        end = time.monotonic() + PATIENCE
         while not (bench.trace.exists() and " > " in bench.trace.read_text(encoding="utf-8")):
             if process.poll() is not None or time.monotonic() > end:
                 break

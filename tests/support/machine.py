@@ -17,6 +17,7 @@ class System:
         self.denied: set[str] = set()
         self.user = "pat"
         self.ip = ""
+        self.source = ""
         for folder in ("proc", "dev", "sys/class/tty", "sys/class/net", "sys/bus/usb/devices", "run/lock", "etc"):
             (root / folder).mkdir(parents=True)
         self.write("/etc/group", f"tty:x:99999:\ndialout:x:{os.getgid()}:lee\n")
@@ -94,6 +95,7 @@ class System:
                 "user": lambda: self.user,
                 "access": lambda path: f"/{path.relative_to(self.root)}" not in self.denied,
                 "run_ip": lambda: self.ip,
+                "source": lambda _address: self.source,
                 "listing": list,
                 **more,
             }

@@ -9,14 +9,14 @@ from __future__ import annotations
 import sys
 from typing import Any
 
-from handctl.sim import cli
+from handctl.sim import cli, places
+from handctl.sim.engine import wires
 
-create = cli.create
+create, add = places.create, wires.Wires.add
 
 
-def recorded(kind: str, options: dict[str, str]) -> Any:
-    """The line of a device whose ear is tapped."""
-    line = create(kind, options)
+def noted(line: Any) -> Any:
+    """The line of a device, its ear tapped."""
     device: Any = line.device
     feed = device.feed
 
@@ -28,7 +28,18 @@ def recorded(kind: str, options: dict[str, str]) -> Any:
     return line
 
 
+def recorded(kind: str, options: dict[str, str]) -> Any:
+    """A device with one wire."""
+    return noted(create(kind, options))
+
+
+def one_more(whole: wires.Wires, bus: str) -> Any:
+    """A wire of a device that has several, or one more client of it."""
+    return noted(add(whole, bus))
+
+
 if __name__ == "__main__":
     with open(sys.argv[1], "w", buffering=1, encoding="utf-8") as log:
-        cli.create = recorded
+        places.create = recorded
+        wires.Wires.add = one_more  # type: ignore[method-assign]
         cli.cli(sys.argv[2:], prog_name="sim")

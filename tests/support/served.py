@@ -14,7 +14,7 @@ from typing import Any
 from handctl.sim.engine.serve import ServeError, send_control
 from tests.ekso.commands import PLACES as SETTINGS
 from tests.ekso.commands import POWER_ON as EKSO_POWER_ON
-from tests.support.cli import Simulator, run
+from tests.support.cli import PATIENCE, Simulator, run
 
 LATE = 0.08
 """Seconds of the fault `late`, within TIMEOUT."""
@@ -23,15 +23,17 @@ TIMEOUT = 0.2
 """--timeout: silence allowed per reply; a stream of big objects needs more than an answer to a question."""
 DRIBBLE_TIMEOUT = 1.0
 """For answers of which each byte takes 3 ms."""
-DEADLINES = {"aidin": 6.0, "barrett": 6.0}
+DEADLINES = {"aidin": 6.0, "barrett": 6.0, "hand": 6.0}
 DEADLINE = 2.5
 """--deadline of every command; the AIDIN-hand's damaged feedback is waited for 4 s before it is taken for damaged,
-and the BarrettHand's prompt is searched for."""
+the BarrettHand's prompt is searched for, and a hand on CAN is looked at in some thirty questions."""
 WIRES: dict[str, tuple[str, ...]] = {
     "pty": ("--pty",),
     "tcp": ("--tcp", "127.0.0.1:0"),
     "slcan-pty": ("--slcan-pty",),
     "slcan-tcp": ("--slcan-tcp", "127.0.0.1:0"),
+    "modbus-pty": ("--modbus-pty",),
+    "modbus-tcp": ("--modbus-tcp", "127.0.0.1:0"),
 }
 MADE: dict[str, tuple[str, ...]] = {
     "exo": (),
@@ -39,8 +41,9 @@ MADE: dict[str, tuple[str, ...]] = {
     "barrett": ("initialized=1",),
     "ekso": ("sway=0", "startup=0.1"),
     "aidin": ("start=homed", "rate=40"),
+    "hand": (),
 }
-BAUD = {"exo": "115200", "wrist": "115200", "barrett": "9600"}
+BAUD = {"exo": "115200", "wrist": "115200", "barrett": "9600", "hand": "115200"}
 """A speed that is given is not searched for: silence stays one wait per try."""
 HEALING: dict[str, tuple[str, ...]] = {
     # RAM is that of power-on again; places, heat and latched errors are poked to what they were
@@ -49,6 +52,8 @@ HEALING: dict[str, tuple[str, ...]] = {
     "wrist": ("power-cycle", "set 1020 A7 FE 65 04", "set 1028 00", "set 1030 00", "set 1032 1F 22"),
     "barrett": ("release all", "position all 0"),
     "ekso": ("live", "posture standing"),
+    "hand": ("power-cycle", "set 1546 6E 00 DC 00 4A 01 B8 01 26 02 94 02", "set 1606 00 00 00 00 00 00",
+             "set 1618 1F 20 21 22 23 24"),
     "aidin": ("release thumb", "release index", "release middle", "release ring", "release little"),
 }  # fmt: skip
 LEFT_OVER: dict[str, tuple[str, ...]] = {
@@ -57,6 +62,7 @@ LEFT_OVER: dict[str, tuple[str, ...]] = {
 """Settings that a fault or a command may have changed, put back one by one."""
 PRESENT = {
     "exo": ("get", "system_voltage"), "wrist": ("get", "yaw_set"), "barrett": ("get", "LFT"), "ekso": ("time",),
+    "hand": ("get", "id"),
 }  # fmt: skip
 """A request that no command of the matrix begins with."""
 NEVER_THE_SAME = {"barrett": {"not-homed", "hot", "over-temperature", "hang", "reversed", "erratic"}}
@@ -94,7 +100,7 @@ class Served:
         simulator, self.simulator = self.simulator, None
         if simulator is not None:
             if not self.panel.exists():
-                simulator.process.wait(5)
+                simulator.process.wait(PATIENCE)
             code, out, err = simulator.stop()
             assert (code, out) == (0, "") and "Traceback" not in err, (self, code, out, err)
 
@@ -110,6 +116,12 @@ class Served:
         baud = ("--baud", BAUD[self.device]) if self.wire in ("pty", "tcp") and self.device in BAUD else ()
         timeout = DRIBBLE_TIMEOUT if self.fault == "dribble" else TIMEOUTS.get(self.device, TIMEOUT)
         return ("-p", self.link, "--timeout", str(timeout), "--deadline", str(self.deadline), "--retries", "1", *baud)
+
+    @property
+    def patient(self) -> tuple[str, ...]:
+        """The same for a command that must succeed, as often as it may ask: a busy machine answers late."""
+        baud = ("--baud", BAUD[self.device]) if self.wire in ("pty", "tcp") and self.device in BAUD else ()
+        return ("-p", self.link, "--timeout", "2", "--deadline", str(PATIENCE), "--retries", "1", *baud)
 
     @property
     def deadline(self) -> float:
@@ -129,7 +141,7 @@ class Served:
             # Frames have no numbers: the answer to an equal request of another day cannot be told. This is today's.
             assert run(self.device, *PRESENT[self.device], *self.options, "--json").code == 0
         self.ask(f"fault {fault}")
-        if self.device in ("exo", "wrist") and fault in ("fresh", "foreign", "hot"):
+        if self.device in ("exo", "wrist", "hand") and fault in ("fresh", "foreign", "hot"):
             self.ask("power-cycle")
         self.fault = fault
 
@@ -173,8 +185,13 @@ class Served:
         """The one device."""
         return [SimpleNamespace(device=self)]
 
+    @property
+    def memory(self) -> bytes:
+        """All that an RH56 hand holds, before its first tactile zone."""
+        return self.byte_at(0, 3000)
+
     def byte_at(self, address: int, count: int = 1) -> bytes:
-        """Memory of the exo."""
+        """Memory of an exo or a hand."""
         return bytes.fromhex(self.ask(f"get {address} {count}"))
 
     def publish(self) -> None:

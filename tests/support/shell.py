@@ -17,6 +17,7 @@ SCRIPTS = {
     "bash": PROJECT / "completions" / "bash" / "handctl",
     "zsh": PROJECT / "completions" / "zsh" / "_handctl",
     "fish": PROJECT / "completions" / "fish" / "handctl.fish",
+    "powershell": PROJECT / "completions" / "powershell" / "handctl.ps1",
 }
 PRESENT = [shell for shell in SCRIPTS if shutil.which(shell)]
 PROMPT = "READY> "

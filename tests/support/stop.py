@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from handctl.sim.engine.serve import send_control
-from tests.support.cli import Result, Simulator, clean_environment, wait_until
+from tests.support.cli import PATIENCE, Result, Simulator, clean_environment, wait_until
 from tests.support.forks import start
 
 
@@ -45,6 +45,17 @@ HOW: dict[str, How] = {
         ),
     ),
     "ekso": How((bytes.fromhex("9C02"),)),
+    "hand": How(
+        (bytes.fromhex("EB90010F12F20500000000000000000000000019"),),
+        ("--set", "speed=20"),  # a whole stroke in 40 s
+        drives=(
+            (
+                ("angle", "1000", "1000", "1000", "1000", "1000", "-1", "-y", "--wait", "30"),
+                bytes.fromhex("EB90010D12CE05"),
+            ),
+            (("calibrate", "-y"), bytes.fromhex("EB90010412F10301")),
+        ),
+    ),
     "aidin": How(
         (b'{"hand_mode":3}\n',),
         ("--set", "start=homed", "--set", "rate=40"),
@@ -66,7 +77,7 @@ class Stand:
         self.panel = folder / "panel"
         place = ("--tcp", "127.0.0.1:0") if family == "aidin" else ("--pty",)
         self.simulator = Simulator(
-            *place, *self.how.sim, *more, "--duration", "60", "--control", self.panel, kind=family
+            *place, *self.how.sim, *more, "--duration", "600", "--control", self.panel, kind=family
         )
         self.link = self.simulator.link
         self.runtime = folder / "run"
@@ -83,7 +94,7 @@ class Stand:
         for process in self._started:
             if process.poll() is None:
                 process.kill()
-            process.wait(10)
+            process.wait(PATIENCE)
             if process.stderr is not None:
                 process.stderr.close()
         self.simulator.stop()
@@ -112,7 +123,7 @@ class Stand:
             # a hand that streams is asked for nothing: then rows tell that it is watched
             return until in came if until else bool(came) or output.stat().st_size > 0
 
-        wait_until(begun, 15)
+        wait_until(begun)
         return process
 
     def stop(self, *words: str, env: dict[str, str] | None = None, **more: Any) -> tuple[Result, float]:
@@ -125,7 +136,7 @@ class Stand:
             stdout=more.pop("stdout", subprocess.PIPE), stderr=subprocess.PIPE, cwd=self.folder, **more,
         )  # fmt: skip
         self._started.append(process)
-        out, err = process.communicate(timeout=30)
+        out, err = process.communicate(timeout=PATIENCE)
         return Result(process.returncode, out or b"", err), self.reached(begun)
 
     def reached(self, begun: float) -> float:

@@ -12,9 +12,9 @@ from typing import Any
 import pytest
 
 from handctl.errors import LinkError
+from handctl.frame import portname
 from handctl.frame.options import Settings
 from handctl.link import lock
-from handctl.tools import naming
 from tests.support.cli import Result, Simulator, clean_environment, fake, program, run, spying, wait_until
 
 EXO = '[devices.left]\nkind = "exo"\nport = "fake://exo?clock=virtual&id=2"\nid = 2\n'
@@ -152,9 +152,9 @@ def test_a_name_that_plugging_changes_gets_a_better_one(
     (adapter / "1-2:1.0" / "ttyUSB0").mkdir(parents=True)
     (tty / "ttyUSB0").mkdir(parents=True)
     (tty / "ttyUSB0" / "device").symlink_to(adapter / "1-2:1.0" / "ttyUSB0")
-    monkeypatch.setattr(naming, "TTY", str(tty))
-    monkeypatch.setattr(naming, "BY_ID", str(by_id))
-    assert naming.stable_name("/dev/ttyUSB0") == ""
+    monkeypatch.setattr(portname, "TTY", str(tty))
+    monkeypatch.setattr(portname, "BY_ID", str(by_id))
+    assert portname.stable_name("/dev/ttyUSB0") == ""
     for key, text in (("idVendor", "0403"), ("idProduct", "6001"), ("serial", "A1B2")):
         (adapter / key).write_text(f"{text}\n")
     result = place("devices", "add", "a", "exo", "-p", "/dev/ttyUSB0", "--json")
@@ -163,8 +163,8 @@ def test_a_name_that_plugging_changes_gets_a_better_one(
     assert result.rows[0]["link"] == "/dev/ttyUSB0"
     by_id.mkdir()
     (by_id / "usb-FTDI_A1B2-if00").symlink_to("/dev/ttyUSB0")
-    assert naming.stable_name("/dev/ttyUSB0") == f"{by_id}/usb-FTDI_A1B2-if00"
-    assert naming.stable_name("/dev/ttyS0") == naming.stable_name(f"{by_id}/usb-FTDI_A1B2-if00") == ""
+    assert portname.stable_name("/dev/ttyUSB0") == f"{by_id}/usb-FTDI_A1B2-if00"
+    assert portname.stable_name("/dev/ttyS0") == portname.stable_name(f"{by_id}/usb-FTDI_A1B2-if00") == ""
 
 
 SCAN = [
@@ -265,7 +265,8 @@ def test_the_origin_of_every_value(place: Place) -> None:
     )
     env = {"HANDCTL_BAUD": "19200", "HANDCTL_RETRIES": "1"}
     found = place.origins("left", "--id", "3", env=env)
-    own = {"exchange": None, "interrupt": False, "poll_json": None, "tx_terminator": None}
+    own = dict.fromkeys(("exchange", "interrupt", "model", "poll_json", "protocol", "side", "tx_terminator"))
+    own["interrupt"] = False
     assert list(found) == [*(name for name in Settings._fields if name != "own"), *own]
     said = {
         "device": ("left", "command line", ""), "kind": ("exo", "named device", "FILE:8"),
@@ -471,7 +472,7 @@ def test_two_processes_do_not_mix(place: Place, tmp_path: Path) -> None:
                 env=clean_environment(place.env), stdout=file, stderr=subprocess.DEVNULL,
             )  # fmt: skip
         try:
-            wait_until(lambda: out.stat().st_size > 0, 15)
+            wait_until(lambda: out.stat().st_size > 0)
             refused = place("exo", "get", "id", "-p", server.link, "--json")
             assert (refused.code, refused.error["code"]) == (3, "busy")
             assert f"`handctl exo watch` (pid {first.pid})" in refused.error["text"]

@@ -26,6 +26,7 @@ SHOWN = {
     # what only a page about this simulated device holds: in status or dump, in the curves, in the bytes
     "exo": ("supply 558", "position_actual index over", "EB 90 01 04 11 C0 05 97 72"),
     "wrist": ("movement time 700 ms", "pitch_actual over", "EB 90 01 04 30 FC 03 18 4C"),
+    "hand": ("Speed of the next movement: 601", "angle_actual index over", "EB 90 01 04 11 FE 05 5A 73"),
     "barrett": ("104233", "strain F2 over", "46 47 45 54 20 50 20 53 47 20 53 20 4F 44 20 45 4E 0D"),
     "ekso": ("standing (0x2040)", "left_knee_angle over", "98 00 00 03 F7 FF"),
     "aidin": ("task_space_pos", "joint_pos thumb q4 over", "7B 22 6D 6F 74 6F 72"),

@@ -9,7 +9,6 @@ import shutil
 import subprocess
 import sys
 import tarfile
-import tomllib
 import venv
 import zipfile
 from importlib import metadata
@@ -19,6 +18,7 @@ import pexpect
 import pytest
 
 from handctl import __version__, build_zipapp, guides
+from handctl.frame.config import from_toml
 from tests.support.cli import Result, run
 from tests.support.places import PROJECT
 from tests.support.shell import SCRIPTS
@@ -27,6 +27,7 @@ SHARED = {
     "share/bash-completion/completions": ["handctl"],
     "share/zsh/site-functions": ["_handctl"],
     "share/fish/vendor_completions.d": ["handctl.fish"],
+    "share/handctl": ["handctl.ps1"],
     "share/man/man1": sorted(path.name for path in (PROJECT / "man/man1").glob("*.1")),
     "share/man/man7": sorted(path.name for path in (PROJECT / "man/man7").glob("*.7")),
 }
@@ -75,13 +76,36 @@ def test_an_old_python_says_in_one_sentence_which_version_is_needed(pyz: Path) -
     ast.parse(zipfile.ZipFile(pyz).read("__main__.py"), feature_version=(3, 4))
     code = "import runpy, sys; sys.version_info = (3, 9, 2); runpy.run_path(sys.argv[1], run_name='__main__')"
     done = subprocess.run([*BARE, "-c", code, str(pyz)], capture_output=True, text=True, check=False)
-    needed = ".".join(map(str, build_zipapp.OLDEST))
+    needed = ".".join(map(str, build_zipapp.oldest_here()))
     assert (done.returncode, done.stdout) == (1, "")
     first, step = done.stderr.splitlines()
     assert first == f"handctl: error: handctl needs Python {needed} or newer, and this is Python 3.9."
     assert step == f"  next: Run this file with a newer Python, for example `python{needed} handctl.pyz`."
-    asked = tomllib.loads((PROJECT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["requires-python"]
-    assert asked == f">={needed}"
+    asked = from_toml((PROJECT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["requires-python"]
+    assert asked == ">=" + ".".join(map(str, build_zipapp.OLDEST))
+
+
+def test_without_what_old_pythons_need_it_asks_for_a_newer_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    present = metadata.distribution
+
+    def missing(name: str) -> metadata.Distribution:
+        if name == "tomli":
+            raise metadata.PackageNotFoundError(name)
+        return present(name)
+
+    monkeypatch.setattr(metadata, "distribution", missing)
+    if sys.version_info < (3, 11):
+        assert build_zipapp.main(["-o", str(tmp_path / "x.pyz")]) == 1
+        assert capsys.readouterr().err == "build_zipapp: error: tomli is not installed. Run `pip install tomli`\n"
+        return
+    assert build_zipapp.oldest_here() == (3, 11)
+    monkeypatch.setattr(build_zipapp, "build", lambda target: target.touch() or (3, 11))
+    assert build_zipapp.main(["-o", str(tmp_path / "x.pyz")]) == 0
+    assert capsys.readouterr().out.endswith(
+        ": 0.0 MB, for Python 3.11 and newer\nFor Python 3.10, run `pip install tomli` and build it again.\n"
+    )
 
 
 def test_python_can_and_every_tool_are_inside(pyz: Path) -> None:
@@ -149,10 +173,21 @@ def test_what_is_in_the_file(pyz: Path) -> None:
         } | {"__main__.py"}
         for requirement in ("click", "rich", "pyserial", "python-can", "crcmod", "bincopy"):
             notes = [name for name in names if name.lower().replace("_", "-").startswith(f"{requirement}-")]
-            assert any("METADATA" in name for name in notes), requirement
+            assert any(name.endswith(("/METADATA", "/PKG-INFO")) for name in notes), requirement
         content = b"".join(archive.read(name) for name in names)
     for place in (str(PROJECT), str(Path.home()), sys.prefix):
         assert place.encode() not in content, place
+
+
+def test_what_an_old_pip_installed_is_found(tmp_path: Path) -> None:
+    """It lists files from the folder of its notes; Python before 3.12 takes the names of the sources instead."""
+    notes = tmp_path / "old-1.0-py3.10.egg-info"
+    notes.mkdir()
+    (notes / "PKG-INFO").write_text("Metadata-Version: 1.1\nName: old\nVersion: 1.0\n")
+    (notes / "SOURCES.txt").write_text("src/old.py\n")
+    (notes / "installed-files.txt").write_text("../old.py\nPKG-INFO\n")
+    found = list(build_zipapp._files_of(metadata.Distribution.at(notes), tmp_path))
+    assert found == ["old.py", "old-1.0-py3.10.egg-info/PKG-INFO"]
 
 
 @pytest.mark.long
@@ -186,7 +221,7 @@ def test_a_file_that_cannot_be_built(
 
 
 def test_the_project_names_every_generated_file() -> None:
-    content = tomllib.loads((PROJECT / "pyproject.toml").read_text(encoding="utf-8"))
+    content = from_toml((PROJECT / "pyproject.toml").read_text(encoding="utf-8"))
     data = content["tool"]["hatch"]["build"]["targets"]["wheel"]["shared-data"]
     found = {place: sorted(path.name for path in (PROJECT / folder).iterdir()) for folder, place in data.items()}
     assert found == SHARED
@@ -197,7 +232,7 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A source distribution of a copy of the project, and the wheel built from that."""
     copy = tmp_path_factory.mktemp("project")
     unwanted = shutil.ignore_patterns("__pycache__", "*.egg-info", ".*cache", ".hypothesis")
-    for name in ("src", "tests", "man", "completions", ".ci"):
+    for name in ("src", "tests", "man", "completions", ".ci", ".packaging"):
         shutil.copytree(PROJECT / name, copy / name, ignore=unwanted)
     for name in ("pyproject.toml", "README.md"):
         shutil.copy(PROJECT / name, copy / name)
@@ -208,7 +243,7 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def sources(top: Path) -> set[str]:
     return {
         str(path.relative_to(top))
-        for folder in ("src", "tests", "man", "completions", ".ci")
+        for folder in ("src", "tests", "man", "completions", ".ci", ".packaging")
         for path in (top / folder).rglob("*")
         if path.is_file() and "__pycache__" not in path.parts and ".egg-info" not in str(path)
     }

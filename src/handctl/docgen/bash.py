@@ -84,6 +84,12 @@ _handctl_map() # FAMILY: names of its quantities; sets read set name elements va
     esac
 }
 
+_handctl_readline() # HINT: how readline goes on; bash 3.2 of macOS takes no hint, and has its file names where nothing is offered
+{
+    type -t compopt >/dev/null && compopt -o "$1"
+    return 0
+}
+
 _handctl_offer() # HEAD WORD...: those that continue what is typed, each after HEAD
 {
     local head=$1 word
@@ -98,7 +104,7 @@ _handctl_link() # HEAD
 {
     local place value=${cur#"$1"}
     if [[ $value == replay:* ]]; then
-        compopt -o default
+        _handctl_readline default
         return
     fi
     _handctl_offer "$1" @PREFIXES@
@@ -111,7 +117,7 @@ _handctl_link() # HEAD
     for place in @SLCAN@; do
         [[ -e $place && $value == can:slcan:* ]] && _handctl_offer "$1can:slcan:" "$place"
     done
-    ((${#COMPREPLY[@]})) || compopt -o default
+    ((${#COMPREPLY[@]})) || _handctl_readline default
 }
 
 _handctl_devices() # HEAD: the tables [devices.NAME] of the configuration file
@@ -161,8 +167,8 @@ _handctl_take() # TOKEN HEAD: what may stand in this place
         read:* | set:* | name:*) _handctl_names "${1%%:*}" "$detail" ;;
         link) _handctl_link "$2" ;;
         device) _handctl_devices "$2" ;;
-        file) compopt -o default ;;
-        dir) compopt -o dirnames ;;
+        file) _handctl_readline default ;;
+        dir) _handctl_readline dirnames ;;
     esac
 }
 
@@ -181,8 +187,9 @@ _handctl_words() # the words up to the cursor, with what readline splits at = an
             line=${rest#"${COMP_WORDS[index]}"}
         fi
     done
-    cur=${words[-1]}
-    unset 'words[-1]'
+    last=$((${#words[@]} - 1)) # bash 3.2 knows no words[-1]
+    cur=${words[last]}
+    unset "words[last]"
 }
 
 _handctl()
@@ -227,8 +234,12 @@ _handctl()
         ((count < ${#args[@]})) || { count=$((${#args[@]} - 1)); [[ ${args[count]} == *'*' ]] || return 0; }
         _handctl_take "${args[count]%'*'}" ''
     fi
-    if ((${#COMPREPLY[@]} == 1)) && [[ ${COMPREPLY[0]} == *[=:/] ]]; then
-        compopt -o nospace
+    if ((${#COMPREPLY[@]} == 1)); then
+        if [[ ${COMPREPLY[0]} == *[=:/] ]]; then
+            _handctl_readline nospace
+        elif ! type -t compopt >/dev/null; then
+            COMPREPLY=("${COMPREPLY[0]} ")
+        fi
     fi
     # readline replaces only what follows the last of its word breaks
     word=
@@ -238,5 +249,9 @@ _handctl()
     return 0
 }
 
-complete -F _handctl handctl handctl.pyz
+if type -t compopt >/dev/null; then
+    complete -F _handctl handctl handctl.pyz
+else
+    complete -o default -o nospace -F _handctl handctl handctl.pyz
+fi
 """

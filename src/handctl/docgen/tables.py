@@ -1,4 +1,4 @@
-"""What the three completion scripts have in common: which names a map offers, and how the tables are cut.
+"""What the four completion scripts have in common: which names a map offers, and how the tables are cut.
 
 Knows no shell's syntax.
 """
@@ -17,7 +17,7 @@ MARK = "completion of handctl, generated from its command tree"
 PREFIXES = ("tcp://", "usb:", "can:socketcan:", "can:slcan:", "can:pcan:", "socket://", "replay:")
 """How a LINK may begin, beside a path and the simulators."""
 
-PORTS = ("/dev/serial/by-id/*", "/dev/ttyUSB*", "/dev/ttyACM*", "/dev/rfcomm*")
+PORTS = ("/dev/serial/by-id/*", "/dev/ttyUSB*", "/dev/ttyACM*", "/dev/rfcomm*", "/dev/cu.usb*")
 INTERFACES = ("/sys/class/net/can*", "/sys/class/net/vcan*", "/sys/class/net/slcan*")
 SLCAN = ("/dev/ttyACM*", "/dev/ttyUSB*")
 

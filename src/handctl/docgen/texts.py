@@ -50,8 +50,11 @@ FILES: dict[str, tuple[tuple[str, str], ...]] = {
     "devices": (
         (
             "$XDG_CONFIG_HOME/handctl/config.toml",
-            "Options by their long names, with _ for -, and the named devices; by default below ~/.config.",
+            "Options by their long names, with _ for -, and the named devices; by default below ~/.config, on Windows below %APPDATA%.",
         ),
+    ),
+    "shell": (
+        ("$XDG_STATE_HOME/handctl/shell-history", "The lines typed at the prompt; by default below ~/.local/state."),
     ),
     "sim": (
         (
@@ -63,5 +66,6 @@ FILES: dict[str, tuple[tuple[str, str], ...]] = {
         ("$XDG_DATA_HOME/bash-completion/completions/handctl", "Installed for bash; by default below ~/.local/share."),
         ("$XDG_DATA_HOME/zsh/site-functions/_handctl", "Installed for zsh; by default below ~/.local/share."),
         ("$XDG_CONFIG_HOME/fish/completions/handctl.fish", "Installed for fish; by default below ~/.config."),
+        ("%LOCALAPPDATA%\\handctl\\handctl.ps1", "Installed for PowerShell on Windows."),
     ),
 }

@@ -7,19 +7,19 @@ others (its module has a `cli` and a ParamMap of its kind) is taken up without a
 from __future__ import annotations
 
 import enum
-import importlib
 import inspect
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import click
 
 from handctl.families import COMMANDS, FAMILIES
 from handctl.frame.clikit import root
+from handctl.frame.family import map_of
 from handctl.frame.options import SharedOption
-from handctl.model.param import Param, ParamMap
+from handctl.model.param import Param
 
 
 class Value(NamedTuple):
@@ -101,13 +101,6 @@ def read_tree() -> Node:
     return _node(root, _context(root, "handctl", None), ())
 
 
-def map_of(name: str) -> ParamMap[Any] | None:
-    """The parameter map of a top-level command: the one of its own kind in its module."""
-    module = importlib.import_module(COMMANDS[name][0])
-    maps = (value for value in vars(module).values() if isinstance(value, ParamMap))
-    return next((found for found in maps if found.kind == name), None)
-
-
 def _context(command: click.Command, name: str, parent: click.Context | None) -> click.Context:
     return click.Context(command, parent, name, **command.context_settings)
 
@@ -130,7 +123,7 @@ def _node(command: click.Command, ctx: click.Context, path: tuple[str, ...]) -> 
         arguments=tuple(_argument(p, ctx, path) for p in params if isinstance(p, click.Argument)),
         sections=sections,
         children=tuple(children),
-        params=tuple(map_of(path[0]) or ()) if len(path) == 1 else (),
+        params=found.every if len(path) == 1 and (found := map_of(path[0])) is not None else (),
     )
 
 
@@ -190,7 +183,7 @@ def _choices_text(value: Value | None) -> str:
 
 
 def _argument(argument: click.Argument, ctx: click.Context, path: tuple[str, ...]) -> Argument:
-    return Argument(argument.make_metavar(ctx), _value(argument, path), argument.nargs != 1)
+    return Argument(argument.get_usage_pieces(ctx)[0], _value(argument, path), argument.nargs != 1)
 
 
 def _value(param: click.Parameter, path: tuple[str, ...]) -> Value:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from handctl.errors import HandctlError, joined
+import click
+
+from handctl.errors import HandctlError, UsageError, joined
 
 if TYPE_CHECKING:
     from handctl.frame.run import Run
@@ -51,3 +53,15 @@ def _with_cause(run: Run, error: HandctlError) -> HandctlError:
     if "--deadline" not in cause.text:
         cause.text = joined(cause.text, "--deadline was over before a valid answer came")
     return cause
+
+
+def from_click(exc: click.UsageError) -> UsageError:
+    """click's usage error as ours, with the command's own help as the next step."""
+    path = exc.ctx.command_path if exc.ctx is not None else "handctl"
+    text = exc.format_message()
+    if isinstance(exc, click.NoSuchOption):  # in the same words with each release of click
+        near = ", ".join(repr(name) for name in sorted(exc.possibilities or ()))
+        text = f"No such option {exc.option_name!r}."
+        if near:
+            text += f" Did you mean {near}?" if "," not in near else f" (Did you mean one of: {near}?)"
+    return UsageError(text, hint=f"`{path} -h` shows what it takes")

@@ -7,24 +7,39 @@ from __future__ import annotations
 
 import importlib
 import os
-import sys
 from collections.abc import Callable, Sequence
 from functools import update_wrapper
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from handctl import __version__
 from handctl.errors import HandctlError, Interrupted, OutputError, UsageError
 from handctl.families import COMMANDS, LISTED
+from handctl.frame.cause import from_click
 from handctl.frame.console import print_message, print_stderr
-from handctl.frame.envelope import make_envelope
 from handctl.frame.family import Family
 from handctl.frame.numbers import Hertz, Seconds
-from handctl.frame.options import COMMAND_LINE, SharedOption, config_path, from_click, read_config, resolve
+from handctl.frame.options import COMMAND_LINE, Settings, SharedOption, config_path, read_config, resolve
 from handctl.frame.run import Run
-from handctl.frame.usage import HEADINGS, MOST, USUAL, Described, plain_help, write_examples
-from handctl.screen.streams import utf8_stdout
+from handctl.frame.usage import (
+    HEADINGS,
+    MOST,
+    USUAL,
+    Described,
+    NoCommand,
+    need_command,
+    plain_help,
+    write_examples,
+)
+
+if TYPE_CHECKING:
+    from handctl.model.result import Table
+
+TAKEN = "handctl.taken"
+"""Key in click's shared meta: who takes a command line that is parsed and not run."""
+ALONE = ("sim", "completion", "batch", "shell")
+"""Commands that are no line of a batch."""
 
 
 class Command(Described):
@@ -67,8 +82,16 @@ class Command(Described):
             raise click.UsageError(text, exc.ctx or ctx) from exc
 
     def invoke(self, ctx: click.Context) -> Any:
-        wires = self.family.wires if self.family is not None else ()
-        run = Run(ctx, resolve(ctx, wires, urgent=self.stops), self.family)
+        if (taken := ctx.meta.get(TAKEN)) is not None:
+            return taken(ctx)
+        return self.carry_out(ctx, Run(ctx, self.settings(ctx), self.family))
+
+    def settings(self, ctx: click.Context) -> Settings:
+        """What the common options of this command line say, and what stands behind them. Raises UsageError."""
+        return resolve(ctx, self.family.wires if self.family is not None else (), urgent=self.stops)
+
+    def carry_out(self, ctx: click.Context, run: Run) -> None:
+        """Run the command of a parsed line to its end. Raises HandctlError."""
         # Said for good in the environment or the file it is a safety catch, and what only reads does not need it.
         if run.settings.dry_run and not self.writes and run.sources["dry_run"] == COMMAND_LINE:
             raise run.failed(UsageError(
@@ -80,8 +103,12 @@ class Command(Described):
                 f"`handctl {run.command}` only reads. --assume-identity is for commands that write or move",
                 hint="run it without --assume-identity",
             ))  # fmt: skip
+        run.execute(self.body(ctx, run))
+
+    def body(self, ctx: click.Context, run: Run) -> Callable[[], Table | None]:
+        """What a run of the parsed line carries out."""
         ctx.obj = run
-        return run.execute(lambda: super(Command, self).invoke(ctx))
+        return lambda: super(Command, self).invoke(ctx)
 
 
 class Group(Described, click.Group):
@@ -96,6 +123,10 @@ class Group(Described, click.Group):
         self.heading = heading
         self.first = (*USUAL, *first)
         self.family = family
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        need_command(ctx, args)
+        return super().parse_args(ctx, args)
 
     def refused(self) -> frozenset[str]:
         """What all its commands refuse."""
@@ -234,6 +265,8 @@ class Root(Group):
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
         """With -d the family may be left out: the device says which it is."""
         name = args[0]
+        if name in ALONE and TAKEN in ctx.meta:
+            raise click.UsageError(f"`handctl {name}` cannot be one of several commands.", ctx)
         if name in COMMANDS or name.startswith("-"):
             return super().resolve_command(ctx, args)
         from handctl.frame.nearest import device_in, top
@@ -285,14 +318,15 @@ root.params.append(
 )
 
 
-def run_root(args: Sequence[str]) -> int:
-    """Parse and run; every error becomes one message on stderr and an exit code."""
+def run_root(args: Sequence[str], otherwise: Callable[[Sequence[str]], bool] = lambda args: False) -> int:
+    """Parse and run, unless `otherwise` does; every error becomes one message on stderr and an exit code."""
     debug = "--debug" in args or bool(os.environ.get("HANDCTL_DEBUG"))
     streams, command = False, ""
     extra: dict[str, Any] = {}
     error: HandctlError
     try:
-        root.main(args=list(args), prog_name="handctl", standalone_mode=False)
+        if not otherwise(args):
+            root.main(args=list(args), prog_name="handctl", standalone_mode=False)
         return 0
     except click.exceptions.Exit as exc:
         return exc.exit_code
@@ -304,7 +338,7 @@ def run_root(args: Sequence[str]) -> int:
         error = exc
     except (click.Abort, KeyboardInterrupt):
         error = Interrupted("interrupted")
-    except click.exceptions.NoArgsIsHelpError as exc:
+    except NoCommand as exc:
         print_stderr(exc.format_message())
         return exc.exit_code
     except click.UsageError as exc:
@@ -323,54 +357,14 @@ def run_root(args: Sequence[str]) -> int:
             code="internal",
         )
         error.__cause__ = exc
-    if debug or _in_file("debug"):
+    from handctl.frame.late import in_file, late_envelope
+
+    if debug or in_file("debug"):
         import traceback
 
         print_stderr("".join(traceback.format_exception(error)).rstrip())
     if not error.shown:
-        _late_envelope(args, error, streams, command, extra)
+        late_envelope(args, error, streams, command, extra)
     if error.text != "interrupted":  # who pressed Ctrl-C knows; what it left behind is told
         print_message("error", error.text, error.hint)
     return error.exit_code
-
-
-def _in_file(key: str) -> Any:
-    """What the configuration file says of an option, for errors before the settings were known; None when it cannot tell."""
-    try:
-        entry = read_config(config_path()).values.get(key)
-    except HandctlError:
-        return None
-    return entry.value if entry is not None else None
-
-
-def _late_envelope(
-    args: Sequence[str], error: HandctlError, streams: bool, command: str, extra: dict[str, Any]
-) -> None:
-    """JSON on stdout also when the command line itself was wrong, if JSON was asked for."""
-    words = list(args)
-    wanted = os.environ.get("HANDCTL_FORMAT", "") or ("json" if os.environ.get("HANDCTL_JSON") else "")
-    for position, word in enumerate(words):
-        if word == "--json":
-            wanted = "json"
-        elif word == "--format" and position + 1 < len(words):
-            wanted = words[position + 1]
-        elif word.startswith("--format="):
-            wanted = word.partition("=")[2]
-    wanted = wanted or str(_in_file("format") or ("json" if _in_file("json") else ""))
-    if wanted not in ("json", "ndjson"):
-        return
-    import json
-
-    if not command:
-        names = [word for word in words if not word.startswith("-")]
-        start = next((position for position, word in enumerate(names) if word in COMMANDS), len(names))
-        command = " ".join(names[start : start + 2])
-    envelope = make_envelope(command, error, None, (), None, extra)
-    utf8_stdout()
-    try:
-        sys.stdout.write(
-            json.dumps({"end": envelope} if streams or wanted == "ndjson" else {**envelope, "rows": []}) + "\n"
-        )
-        sys.stdout.flush()
-    except OSError:
-        return  # the error itself is still told on stderr

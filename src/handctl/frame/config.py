@@ -14,6 +14,7 @@ an option takes is said by the caller, one check per key. Knows no precedence an
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, NamedTuple
 
@@ -127,11 +128,19 @@ def parse(path: str, text: str, checks: Mapping[str, Check]) -> Config:
     return Config(path, text, values, {name: book.device(name, table) for name, table in tables.items()})
 
 
-def _toml(path: str, text: str) -> dict[str, Any]:
-    import tomllib
+def from_toml(text: str) -> dict[str, Any]:
+    """TOML as data. Raises ValueError and, nested too deeply, RecursionError."""
+    if sys.version_info >= (3, 11):
+        import tomllib
+    else:
+        import tomli as tomllib
+    data: dict[str, Any] = tomllib.loads(text)
+    return data
 
+
+def _toml(path: str, text: str) -> dict[str, Any]:
     try:
-        return tomllib.loads(text)
+        return from_toml(text)
     except (ValueError, RecursionError) as exc:  # ValueError: TOMLDecodeError, and numbers beyond Python's limit
         import re
 
@@ -237,9 +246,7 @@ def statements(text: str) -> Iterator[Statement]:
 
 
 def _key(body: str) -> Iterator[str]:
-    import tomllib
-
-    node: Any = tomllib.loads(body)
+    node: Any = from_toml(body)
     while True:
         if isinstance(node, list) and len(node) == 1:
             node = node[0]

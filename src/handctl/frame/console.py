@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -25,7 +25,7 @@ class TerminalGuide(Guide):
     """Talks with the person on stderr; asks only when stdin and stderr are terminals."""
 
     def __init__(self, quiet: bool) -> None:
-        self.interactive = is_terminal(sys.stdin) and is_terminal(sys.stderr)
+        self.interactive = self.present = is_terminal(sys.stdin) and is_terminal(sys.stderr)
         self.moving = is_terminal(sys.stderr) and not quiet
         self._quiet = quiet
         self._line = ""
@@ -102,23 +102,22 @@ class TerminalGuide(Guide):
 
     @contextmanager
     def impatient(self, seconds: float, stop: Callable[[], HandctlError]) -> Iterator[None]:
-        import signal
         import threading
 
-        if not hasattr(signal, "setitimer") or threading.current_thread() is not threading.main_thread():
+        from handctl.system import signals
+
+        if threading.current_thread() is not threading.main_thread():
             yield
             return
 
         def ring(_number: int, _frame: Any) -> None:
             raise stop()
 
-        before = signal.signal(signal.SIGALRM, ring)
-        signal.setitimer(signal.ITIMER_REAL, seconds)
+        before = signals.alarm(ring, seconds)
         try:
             yield
         finally:
-            signal.setitimer(signal.ITIMER_REAL, 0)
-            signal.signal(signal.SIGALRM, before)
+            signals.no_alarm(before)
 
     def wait_for_enter(self, text: str) -> bool:
         self.done()
@@ -127,12 +126,19 @@ class TerminalGuide(Guide):
 
     def ask(self, question: str, word: str) -> bool:
         """Yes or no, or a word to be typed. End of input is a no."""
-        self.done()
-        print_stderr(f"{question}.")
-        sys.stderr.write(f"Type {word!r} to go on: " if word else "Go on? [y/N] ")
-        sys.stderr.flush()
-        answer = sys.stdin.readline().strip()
+        answer = self._answer(f"{question}.", f"Type {word!r} to go on: " if word else "Go on? [y/N] ")
         return confirms(answer, word) if word else answer.casefold() in ("y", "yes")
+
+    def choose(self, question: str, words: Sequence[str]) -> str:
+        answer = self._answer(f"{question}?", f"Type {' or '.join(words)}: ").casefold() if self.present else ""
+        return answer if answer in words else ""
+
+    def _answer(self, text: str, prompt: str) -> str:
+        self.done()
+        print_stderr(text)
+        sys.stderr.write(prompt)
+        sys.stderr.flush()
+        return sys.stdin.readline().strip()
 
 
 def confirms(answer: str, word: str) -> bool:

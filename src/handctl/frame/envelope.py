@@ -7,12 +7,16 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from handctl import __version__
-from handctl.sentence import sentence
+from handctl.sentence import sentence, utc
 
 if TYPE_CHECKING:
     from handctl.errors import HandctlError
     from handctl.frame.run import Run
+    from handctl.link import Link
     from handctl.model.result import Message
+
+INCLUDE_IDS = "handctl.include-ids"
+"""Key in click's shared meta: the result may hold what tells one device from another."""
 
 
 def device_row(run: Run) -> dict[str, Any] | None:
@@ -29,6 +33,10 @@ def device_row(run: Run) -> dict[str, Any] | None:
     bus = getattr(run.opened, "bus", None)
     number = getattr(bus, "id", run.settings.id) if run.family.ids else None
     row = {"kind": run.family.kind, "link": name, "fake": fake, "id": number}
+    facts = getattr(run.opened, "about", {})
+    row |= {key: facts[key] for key in ("model", "firmware", "serial") if facts.get(key)}
+    if not run.meta.get(INCLUDE_IDS):
+        row.pop("serial", None)
     return {**row, "identity": "assumed"} if run.settings.assume_identity else row
 
 
@@ -39,8 +47,9 @@ def make_envelope(
     messages: Sequence[Message],
     counters: dict[str, Any] | None,
     extra: dict[str, Any] | None,
+    link: Link | None = None,
 ) -> dict[str, Any]:
-    """The JSON envelope without rows."""
+    """The JSON envelope without rows. The `link`, where there is one, has the clock."""
     from handctl.model.profile import Profile
     from handctl.model.result import SCHEMA, Counters
 
@@ -50,7 +59,7 @@ def make_envelope(
     return {
         "schema": SCHEMA,
         "version": __version__,
-        "time": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+        "time": utc(int(time.time() if link is None else link.wall())),
         "command": command,
         "device": device,
         "ok": failure is None,

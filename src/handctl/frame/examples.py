@@ -31,6 +31,15 @@ EXAMPLES: dict[str, Examples] = {
         ("handctl stop -p /dev/ttyUSB0", "Stop what another handctl moves there."),
         ("handctl stop -d left", "Stop a device by its name, whoever has it."),
     ),
+    "shell": (
+        ("handctl shell -d left", "A prompt for one device: `status`, `get temperature`, `watch`."),
+        ("handctl shell exo -p /dev/ttyUSB0", "The same for a port."),
+    ),
+    "batch": (
+        ("handctl batch morning.txt -d left", "The lines of a file, on one device."),
+        ("handctl batch --json --keep-going -p /dev/ttyUSB0", "The lines of stdin, one row a line, for a script."),
+        ("handctl batch setup.txt --dry-run -d left", "The bytes that its lines would write."),
+    ),
     "scan": (
         ("handctl scan", "Look on every free serial port."),
         ("handctl scan -p /dev/ttyUSB0 --ids 1-254", "Look on one port, for every id."),

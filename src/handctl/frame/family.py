@@ -12,6 +12,7 @@ from handctl.families import FAMILIES
 if TYPE_CHECKING:
     from handctl.errors import HandctlError
     from handctl.frame.options import Settings
+    from handctl.model.param import ParamMap
     from handctl.model.result import Journal
 
 
@@ -22,10 +23,12 @@ class Family(NamedTuple):
     open      (link, settings, journal) -> device
     baud      speed of a serial port unless --baud says otherwise, None = none
     wires     the kinds of wire it has, the default first; () = bytes only
-    tcp_port  port of tcp://HOST without one, None = it must be given; a family that has one has no serial wire
+    tcp_port  port of tcp://HOST without one, None = it must be given; a family that has one and no `wires` has no serial wire
     ids       its protocol has device ids
     recall    LINK -> the speed at which its device was found last, None = not known; not needed, never an error
     check     settings -> raises UsageError for what does not fit together
+    map_of    settings -> the parameter map, where it depends on them; None = there is one
+    simulated  settings -> what they say of the simulator of plain --fake, as KEY=VALUE of its LINK, "" = nothing
     explain_silence  (device, error) -> a better error when nothing valid ever came; read-only
     """
 
@@ -38,6 +41,8 @@ class Family(NamedTuple):
     ids: bool = False
     check: Callable[[Settings], object] | None = None
     recall: Callable[[str], int | None] | None = None
+    map_of: Callable[[Settings], ParamMap[Any]] | None = None
+    simulated: Callable[[Settings], str] | None = None
 
 
 def opener(device: Callable[[Any], Any], line: Callable[..., Any]) -> Callable[[Any, Settings, Journal], Any]:
@@ -69,9 +74,20 @@ def refuse_missing(family: Family, given: Collection[str]) -> None:
 def refuse_serial(family: Family, link: str) -> None:
     """Raise UsageError for a serial port where this family has TCP only."""
     serial = link.startswith("spy://") or not ("://" in link or link.startswith(("can:", "replay:")))
-    if serial and family.tcp_port is not None:
+    if serial and family.tcp_port is not None and not family.wires:
         hint = f"-p tcp://HOST (port {family.tcp_port} when not given)"
         raise UsageError(f"{link}: {family.kind} has no serial wire", hint=hint)
+
+
+def wire_in(family: Family, link: str) -> str:
+    """Which of the wires of a family a LINK leads to: TCP is a wire of its own where the family has one."""
+    from handctl.link import is_can
+
+    if is_can(link):
+        return "can"
+    over_tcp = next((wire for wire in family.wires if wire.endswith("-tcp")), "")
+    found = link.startswith("tcp://") or f"bus={over_tcp}" in link.partition("?")[2].split("&")
+    return over_tcp if over_tcp and found else "serial"
 
 
 def in_words(kind: str, data: bytes, can_id: int | None) -> str:
@@ -79,3 +95,12 @@ def in_words(kind: str, data: bytes, can_id: int | None) -> str:
     from handctl.model.piece import HOST
 
     return "; ".join(piece.meaning for piece in load(kind, "explain").explainer().decode(data, HOST, can_id))
+
+
+def map_of(name: str) -> ParamMap[Any] | None:
+    """The parameter map of a top-level command: the one of its own kind in its module."""
+    from handctl.families import COMMANDS
+    from handctl.model.param import ParamMap
+
+    maps = (value for value in vars(import_module(COMMANDS[name][0])).values() if isinstance(value, ParamMap))
+    return next((found for found in maps if found.kind == name), None)

@@ -46,7 +46,7 @@ def files_of(ctx: click.Context) -> tuple[list[Named], list[Named]]:
         kind, path = param.type, ctx.params.get(param.name or "")
         if not isinstance(kind, InFile | OutFile) or not path or path == "-":
             continue
-        label = param.make_metavar(ctx) if isinstance(param, click.Argument) else param.opts[0]
+        label = param.get_usage_pieces(ctx)[0] if isinstance(param, click.Argument) else param.opts[0]
         group = inputs if isinstance(kind, InFile) else outputs
         group += [Named(label, f"{path}{ending}", getattr(kind, "grows", False)) for ending in ("", *kind.beside)]
     return inputs, outputs

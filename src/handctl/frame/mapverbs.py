@@ -17,6 +17,7 @@ import click
 from handctl.frame import stored, verbs
 from handctl.frame.clikit import Group, stream_options
 from handctl.frame.console import is_terminal
+from handctl.frame.envelope import INCLUDE_IDS
 from handctl.frame.filetypes import InFile, OutFile
 from handctl.frame.numbers import FiniteRange
 from handctl.frame.run import Run
@@ -30,6 +31,8 @@ SETPOINTS = click.option(
     help="Include commanded positions and forces. For forces there is a separate question.",
 )
 """Offered where a map has quantities whose writing commands something."""
+IDS = click.option("--include-ids", is_flag=True, help="Show the serial number in `device` of the JSON too.")
+"""Offered where a device reports one."""
 
 
 def add_map_verbs(
@@ -49,29 +52,41 @@ def add_map_verbs(
     named = f"NAME[.{part}]" if part else "NAME"
     shown = f", such as `{example}`" if example else ""
 
+    def mapped(run: Run) -> ParamMap[Any]:
+        """The map of the device that is meant."""
+        own = run.family.map_of if run.family is not None else None
+        return own(run.settings) if own is not None else params
+
     has_setpoints = any(element.param.kind == COMMAND for element in stored.kept_of(params))
 
     def with_setpoints(body: Callable[..., Table]) -> Callable[..., Table]:
         return SETPOINTS(body) if has_setpoints else body
 
+    def with_ids(body: Callable[..., Table]) -> Callable[..., Table]:
+        return IDS(body) if any(param.tells == "serial" for param in params) else body
+
     @click.option("--check", is_flag=True, help="Exit 7 when anything is unhealthy.")
-    def status(run: Run, check: bool) -> Table:
+    @with_ids
+    def status(run: Run, check: bool, include_ids: bool = False) -> Table:
         """Show a health summary: values per finger or motor, errors decoded."""
+        run.meta[INCLUDE_IDS] = include_ids
         return run.device().status(check)  # type: ignore[no-any-return]
 
-    def dump(run: Run) -> Table:
+    @with_ids
+    def dump(run: Run, include_ids: bool = False) -> Table:
         """Show every documented quantity that can be read."""
+        run.meta[INCLUDE_IDS] = include_ids
         return run.device().dump()  # type: ignore[no-any-return]
 
     @click.argument("names", nargs=-1, required=True, metavar=f"{named}...")
     def get(run: Run, names: tuple[str, ...]) -> Table:
-        return verbs.get(run, params, names)
+        return verbs.get(run, mapped(run), names)
 
     get.__doc__ = f"Read quantities by name{shown}."
 
     @click.argument("assignments", nargs=-1, required=True, metavar=f"{named}=VALUE...")
     def set_(run: Run, assignments: tuple[str, ...]) -> Table:
-        return verbs.set_values(run, params, assignments)
+        return verbs.set_values(run, mapped(run), assignments)
 
     set_.__doc__ = f"Write quantities by name and read them back.{f' For example `{setting}`.' if setting else ''}"
 
@@ -81,7 +96,7 @@ def add_map_verbs(
 
         Needs no device.
         """
-        return verbs.describe(params, names)
+        return verbs.describe(mapped(run), names)
 
     @click.argument("names", nargs=-1, metavar=NAMES)
     @stream_options
@@ -92,7 +107,7 @@ def add_map_verbs(
         """
         seen = run.settings.format == "table" and not run.settings.output and is_terminal(sys.stdout)
         seen = seen and get_terminal_size().columns >= verbs.BESIDE_COLUMNS
-        return verbs.watch(run, params, names, rate=rate, count=count, duration=duration, seen=seen)
+        return verbs.watch(run, mapped(run), names, rate=rate, count=count, duration=duration, seen=seen)
 
     @click.argument("file", type=OutFile())
     def snapshot(run: Run, file: str) -> Table:
@@ -111,7 +126,7 @@ def add_map_verbs(
 
         Exit code 7 means that they differ.
         """
-        return stored.diff(run, params, a, b, setpoints=setpoints)
+        return stored.diff(run, mapped(run), a, b, setpoints=setpoints)
 
     @click.argument("file", type=InFile())
     @with_setpoints
@@ -120,7 +135,7 @@ def add_map_verbs(
 
         The plan is shown first. After an interruption it is safe to run the command again.
         """
-        return stored.restore(run, params, file, setpoints=setpoints)
+        return stored.restore(run, mapped(run), file, setpoints=setpoints)
 
     @click.argument("file", type=OutFile(), metavar="FILE.html")
     @click.option(
@@ -140,7 +155,8 @@ def add_map_verbs(
         """
         from handctl import report as pages
 
-        return pages.report(run, params, file, pages.Wishes(watch, include_ids, force), checks=checks)
+        run.meta[INCLUDE_IDS] = include_ids
+        return pages.report(run, mapped(run), file, pages.Wishes(watch, include_ids, force), checks=checks)
 
     def stop(run: Run) -> Table:
         """Stop the device at once, also while another handctl command has it.

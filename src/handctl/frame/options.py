@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import click
 
 from handctl.errors import UsageError
-from handctl.families import FAMILIES, OwnOption
+from handctl.families import FAMILIES, WIRES, OwnOption
 from handctl.frame.filetypes import OutFile
 from handctl.frame.numbers import Seconds
 from handctl.frame.own import OWN
@@ -23,7 +23,7 @@ from handctl.frame.own import OWN
 if TYPE_CHECKING:
     from handctl.frame.config import Check, Config
 
-FORMATS = ("table", "plain", "json", "ndjson", "csv")
+FORMATS = ("table", "plain", "json", "ndjson", "csv", "openmetrics")
 GIVEN = "handctl.given"
 """Key in click's shared meta: the options given so far; a later (deeper) level overwrites an earlier one."""
 SOURCES = "handctl.sources"
@@ -53,6 +53,7 @@ class Settings(NamedTuple):
     format: str = "table"
     output: str | None = None
     no_formulas: bool = False
+    wide: bool | None = None
     trace: str | None = None
     dry_run: bool = False
     yes: bool = False
@@ -150,7 +151,7 @@ def _shared(wires: tuple[str, ...], own: tuple[OwnOption, ...]) -> list[SharedOp
         SharedOption(["-p", "--port"], connect, metavar="LINK", help="Where the device is: /dev/ttyUSB0, COM3, usb:VID:PID[:SERIAL], tcp://HOST:PORT, fake://…, replay:FILE, any pyserial URL."),
         SharedOption(["--fake"], connect, is_flag=True, help="Talk to the built-in simulator of this device."),
         *(SharedOption([f"--{wire}"], connect, key="wire", fixed=wire, family=True, is_flag=True, help=f"With --fake or --dry-run: the {wire} wire (default: {wires[0]}).") for wire in wires),
-        SharedOption(["-d", "--device"], connect, metavar="NAME", help="A device of the configuration file, see `handctl devices`."),
+        SharedOption(["-d", "--device"], connect, metavar="NAME", help="A device of the configuration file, see `handctl devices`. A,B or '*' names several."),
         *(_own_option(option, connect) for option in own),
         SharedOption(["--id"], connect, type=int, metavar="N", help="Device id."),
         SharedOption(["--baud"], connect, type=click.IntRange(min=1), metavar="N", help="Speed of the serial port in bit/s."),
@@ -163,6 +164,8 @@ def _shared(wires: tuple[str, ...], own: tuple[OwnOption, ...]) -> list[SharedOp
         SharedOption(["--csv"], output, key="format", fixed="csv", is_flag=True, help="Same as --format csv."),
         SharedOption(["-o", "--output"], output, type=OutFile(), metavar="FILE", help="Write output to FILE instead of stdout. FILE is replaced only when complete."),
         SharedOption(["--no-formulas"], output, is_flag=True, help="In CSV, put ' before a text that a spreadsheet would calculate."),
+        SharedOption(["--wide"], output, key="wide", fixed=True, is_flag=True, help="In CSV, write one row a sample, with a column for each quantity."),
+        SharedOption(["--long", "--no-wide"], output, key="wide", fixed=False, is_flag=True, help="In CSV, write one row a value (default, but for realtime and watch -o FILE.csv)."),
         SharedOption(["--color"], output, type=click.Choice(["auto", "always", "never"]), help="Use colour (default: auto, which honours NO_COLOR)."),
         SharedOption(["-q", "--quiet"], output, is_flag=True, help="Print only errors on stderr."),
         SharedOption(["-v", "--verbose"], output, is_flag=True, help="Show every byte on stderr, as --trace records it."),
@@ -280,9 +283,9 @@ def config_path() -> str:
     named = os.environ.get("HANDCTL_CONFIG")
     if named:
         return named
-    base = os.environ.get("XDG_CONFIG_HOME", "")
-    if not os.path.isabs(base):  # so says the XDG specification
-        base = os.path.join(os.path.expanduser("~"), ".config")
+    from handctl.system.folders import config_folder
+
+    base = config_folder()
     return os.path.join(base, "handctl", "config.toml")
 
 
@@ -297,7 +300,7 @@ def checks() -> dict[str, Check]:
     """Key of the configuration file -> what it may hold: every shared option by its name."""
     from functools import partial
 
-    return {str(option.name): partial(_checked, option) for option in lasting_options(("serial", "can"))}
+    return {str(option.name): partial(_checked, option) for option in lasting_options(WIRES)}
 
 
 def lasting_options(wires: Sequence[str]) -> list[SharedOption]:
@@ -391,9 +394,3 @@ def _from_environment(ctx: click.Context, option: SharedOption, text: str) -> An
         raise UsageError(
             f"environment variable HANDCTL_{str(option.name).upper()}={text}: {exc.message}", hint="correct or unset it"
         ) from exc
-
-
-def from_click(exc: click.UsageError) -> UsageError:
-    """click's usage error as ours, with the command's own help as the next step."""
-    path = exc.ctx.command_path if exc.ctx is not None else "handctl"
-    return UsageError(exc.format_message(), hint=f"`{path} -h` shows what it takes")

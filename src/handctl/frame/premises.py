@@ -5,16 +5,23 @@ Sends nothing and opens no link.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from handctl.errors import OutputError, UsageError
 from handctl.files import why_unwritable
-from handctl.frame.family import Family, refuse_missing, refuse_serial
+from handctl.frame.console import print_message
+from handctl.frame.family import Family, refuse_missing, refuse_serial, wire_in
 from handctl.frame.filetypes import Named, refuse_clashes
-from handctl.frame.options import COMMAND_LINE, ENVIRONMENT, config_path
+from handctl.frame.options import COMMAND_LINE, ENVIRONMENT, FILE, config_path
 
 if TYPE_CHECKING:
     from handctl.frame.run import Run
+    from handctl.model.param import Step
+
+
+UNASKED = "yes-unasked"
+"""The message that no -q silences."""
 
 
 def check_before(run: Run) -> None:
@@ -22,8 +29,21 @@ def check_before(run: Run) -> None:
     _check_named_device(run)
     _check_files(run)
     _check_output(run)
+    _check_format(run)
     if run.family is not None:
         _check_protocol(run, run.family)
+
+
+def _check_format(run: Run) -> None:
+    """A format that only some commands have; a stop is not held up by it."""
+    if run.settings.format != "openmetrics":
+        return
+    from handctl.screen.metrics import refuse
+
+    if run.stops:
+        run.settings = run.settings._replace(format="table")
+    else:
+        refuse(run.command)
 
 
 def link_name(run: Run) -> str:
@@ -38,16 +58,16 @@ def link_name(run: Run) -> str:
             raise UsageError(
                 f"{port}: this device has no CAN wire", hint="give a serial port, usb:VID:PID or tcp://HOST:PORT"
             )
-        if wire is not None and is_can(port) != (wire == "can"):
+        if wire is not None and run.family is not None and wire_in(run.family, port) != wire:
             raise UsageError(f"--{wire} does not fit {port}", hint="leave it out: the LINK determines the wire")
         if run.family is not None:
             refuse_serial(run.family, port)
     if port:
         return port
     if run.settings.fake:
-        return f"fake://{kind}?bus=can" if wire == "can" else f"fake://{kind}"
+        return simulated_link(run)
     where = "-p LINK (`handctl ports` lists the serial ports, -p tcp://HOST:PORT is a TCP device)"
-    if run.family is not None and run.family.tcp_port is not None:
+    if run.family is not None and run.family.tcp_port is not None and not run.family.wires:
         where = f"-p tcp://HOST (port {run.family.tcp_port} when not given)"
     raise UsageError(
         "no device given",
@@ -56,12 +76,24 @@ def link_name(run: Run) -> str:
     )
 
 
+def simulated_link(run: Run) -> str:
+    """The LINK of plain --fake: the simulator of the family on the wire that was asked for."""
+    family, wire = run.family, run.settings.wire
+    said = [family.simulated(run.settings)] if family is not None and family.simulated is not None else []
+    if family is not None and wire is not None and wire != family.wires[0]:
+        said.append(f"bus={wire}")
+    text = "&".join(filter(None, said))
+    return f"fake://{family.kind if family is not None else ''}{'?' if text else ''}{text}"
+
+
 def _check_files(run: Run) -> None:
     """Raise UsageError when an output of this run would replace an input, the configuration file or another output."""
     settings = run.settings
     outputs = [
         Named(label, path) for label, path in (("--output", settings.output), ("--trace", settings.trace)) if path
     ]
+    if not outputs and not run.outputs:
+        return
     replayed = (settings.port or "").partition("replay:")
     inputs = [Named("--port", replayed[2])] if replayed[1] and not replayed[0] else []
     own = Named("the configuration file", config_path())
@@ -114,3 +146,21 @@ def refuse_other_family(run: Run) -> None:
         hint=f"use `handctl {kind} …` for {name}, or see `handctl devices list` for the others",
         code="wrong-family",
     )
+
+
+def tell_unasked(run: Run, question: str, steps: Sequence[Step]) -> None:
+    """Say it when a variable or a file answered; where that moves a worn device, at once and whatever -q says."""
+    from handctl.model.result import Message
+
+    source = run.sources["yes"]
+    if source == COMMAND_LINE:
+        return
+    device = run.opened if run.opened is not None else run.planner()
+    moves = not steps or any(step.moves for step in steps)  # a question without steps tells of them by itself
+    if getattr(device, "worn", False) and moves:
+        text = f"a device that may be worn moves without asking, because of {source.where}: {question}"
+        if not any(message.code == UNASKED for message in run.journal.messages):
+            run.journal.messages.append(Message("warning", UNASKED, text))
+            print_message("warning", text, "")
+    elif source.level == FILE:
+        run.journal.warn("yes-from-file", f"not asked, because of yes = true in {source.where}")

@@ -8,36 +8,35 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TextIO
 
 import click
 
-from handctl import __version__
 from handctl.ending import end_on_signals, finish_on_signals, gave_up
 from handctl.errors import HandctlError, Interrupted, NotConfirmed, OutputError, joined
-from handctl.frame.cause import as_told, judged
+from handctl.frame.cause import as_told, from_click, judged
+from handctl.frame.connection import Connection, beside
 from handctl.frame.console import TerminalGuide, print_message, print_stderr
 from handctl.frame.envelope import device_row, make_envelope
 from handctl.frame.family import Family, implied, in_words, load
 from handctl.frame.filetypes import files_of
-from handctl.frame.options import COMMAND_LINE, FILE, SOURCES, Settings, Source, from_click
-from handctl.frame.premises import check_before, link_name, refuse_other_family
+from handctl.frame.options import SOURCES, Settings, Source
+from handctl.frame.premises import check_before, link_name, refuse_other_family, tell_unasked
 from handctl.screen.filter import shown, text_shown
 
 if TYPE_CHECKING:
     from contextlib import AbstractContextManager
 
+    from handctl.frame.session import Session
     from handctl.link import Link
-    from handctl.link.kept import Kept
-    from handctl.link.tracefile import TraceFile
+    from handctl.model.guide import Guide
     from handctl.model.ledger import Ledger
     from handctl.model.param import Step
     from handctl.model.result import Message, Table
     from handctl.stop.holding import Hold
 
-UNASKED = "yes-unasked"
-"""The message that no -q silences."""
-
+SESSION = "handctl.session"
+"""Key in click's shared meta: the session that a command belongs to."""
 NO_TERMINAL = "Confirmation needed, but this is not an interactive terminal"
 UNANSWERED = "add --yes to confirm, or --dry-run to see the bytes. Nothing was sent."
 
@@ -51,27 +50,40 @@ class Run:
         self.settings = settings
         self.family = family
         self.command = " ".join(ctx.command_path.split()[1:])
-        self.guide = TerminalGuide(settings.quiet)
+        self.guide = self.person()
         self.journal = Journal(self._show_message, self.guide.progress)
         self.live = False
+        self.listens = True
+        """Whether another process may ask this one to stop the device, by a signal."""
         self.streams = bool(getattr(ctx.command, "streams", False))
         self.sources: dict[str, Source] = ctx.meta.get(SOURCES, {})
         self.meta = ctx.meta
         self.writes = bool(getattr(ctx.command, "writes", False))
         self.stops = bool(getattr(ctx.command, "stops", False))
         self._held: list[Message] = []
+        self.session: Session | None = ctx.meta.get(SESSION)
+        """The commands of which this is one, and what they have in common; None for one that stands alone."""
         self.link: Link | None = None
         self.in_use = self.streams
         """Whether the simulated device of plain --fake is shown in use."""
-        self.kept: Kept | None = None
-        self.hold: Hold | None = None
-        self._trace: TraceFile | None = None
+        self.connection = Connection()
         self.end: float | None = None
         """When --deadline is over, by the clock of the link."""
         self.opened: Any = None
+        self.others: list[Run] = []
+        """The same command at further LINKs, see `device_at`."""
         self.inputs, self.outputs = files_of(ctx)
 
     # -- what bodies ask for --
+
+    def person(self) -> Guide:
+        """Who is talked with."""
+        return TerminalGuide(self.settings.quiet)
+
+    @property
+    def typed(self) -> TextIO:
+        """Where lines come from that a body reads beside its arguments."""
+        return sys.stdin
 
     def device(self) -> Any:
         """The device behind the link; opens it on first use. Raises UsageError, LinkError."""
@@ -81,6 +93,12 @@ class Run:
             settings = self.settings._replace(own=own)
             self.opened = self.family.open(self.open_link(), settings, self.journal)
         return self.opened
+
+    def device_at(self, link: str, **settings: Any) -> Any:
+        """A further device of this family, at another LINK, let go of with the first. Raises UsageError, LinkError."""
+        other = beside(self, link, settings)
+        self.others.append(other)
+        return other.device()
 
     def only_reads(self) -> None:
         """This form of a command that may write or move does neither: it may do what reading commands may."""
@@ -100,24 +118,30 @@ class Run:
         """The link the user asked for, tapped when --trace or -v is given; `again` where it was lost."""
         if again and self.link is not None:
             self.link.close()
-            self.link = None
+            self.link = self.connection.link = None
         if self.link is None:
-            from handctl.frame.simulated import opened
-
-            name = self.link_name()
-            tap = self._tap()
-            if self.hold is None:
-                from handctl.stop.holding import Hold, lock_for
-
-                self.hold = Hold(self, lock_for(self, name))
-            link = opened(self, name, baud, tap)
+            if self.session is not None:
+                self.connection = self.session.connection(self)
+            link = self.connection.opened(self, baud)
             if self.writes:
                 from handctl.link.tap import observed
 
                 link = observed(link, self.ledger)
+            assert self.hold is not None
             self.link = self.hold.around(link)
             self.end = link.now() + settings.deadline if (settings := self.settings).deadline is not None else None
         return self.link
+
+    @property
+    def hold(self) -> Hold | None:
+        """What this command has of a device that others could reach too; None before the link is opened."""
+        return self.connection.hold
+
+    @property
+    def stopped(self) -> Interrupted | None:
+        """How a device of this command was stopped on the wish of another process; None where none was."""
+        holds = (run.hold for run in (self, *self.others))
+        return next((hold.stopped for hold in holds if hold is not None and hold.stopped is not None), None)
 
     def stop_key(self) -> AbstractContextManager[bool]:
         """While it lasts a key on the terminal stops the device; whether there is one."""
@@ -132,7 +156,17 @@ class Run:
     @property
     def keeps(self) -> bool:
         """Whether what this command does to a simulated device is kept for the next one."""
-        return self.settings.fake and self.writes and not self.settings.dry_run
+        return self.settings.fake and self.may_write and not self.settings.dry_run
+
+    @property
+    def owner(self) -> str:
+        """The command in whose name the device is held and recorded: this one, or that of its session."""
+        return self.command if self.session is None else self.session.command
+
+    @property
+    def may_write(self) -> bool:
+        """Whether something may be written while the link is open: by this command, or by another one of its session."""
+        return self.writes if self.session is None else self.session.writes
 
     @property
     def place(self) -> str:
@@ -166,7 +200,7 @@ class Run:
         """
         self.ledger.plan(steps)
         if self.settings.yes:
-            self._tell_unasked(question, steps)
+            tell_unasked(self, question, steps)
             return
         self.need_answer(question)
         self._tell_held()  # who is asked must know of it before answering
@@ -180,23 +214,6 @@ class Run:
         if not (self.settings.yes or self.settings.dry_run or self.guide.interactive):
             raise NotConfirmed(f"{question}. {NO_TERMINAL}", hint=UNANSWERED)
 
-    def _tell_unasked(self, question: str, steps: Sequence[Step]) -> None:
-        """Say it when a variable or a file answered; where that moves a worn device, at once and whatever -q says."""
-        from handctl.model.result import Message
-
-        source = self.sources["yes"]
-        if source == COMMAND_LINE:
-            return
-        device = self.opened if self.opened is not None else self.planner()
-        moves = not steps or any(step.moves for step in steps)  # a question without steps tells of them by itself
-        if getattr(device, "worn", False) and moves:
-            text = f"a device that may be worn moves without asking, because of {source.where}: {question}"
-            if not any(message.code == UNASKED for message in self.journal.messages):
-                self.journal.messages.append(Message("warning", UNASKED, text))
-                print_message("warning", text, "")
-        elif source.level == FILE:
-            self.journal.warn("yes-from-file", f"not asked, because of yes = true in {source.where}")
-
     def offer(self, question: str) -> bool:
         """Ask for an optional further step; no terminal or --yes means no."""
         return self.guide.interactive and not self.settings.yes and self.guide.ask(question, "")
@@ -208,53 +225,48 @@ class Run:
 
     def dry_run(self, steps: Sequence[Step]) -> Table:
         """The exact bytes of a plan as a Table; sends nothing."""
-        from handctl.model.result import Column, Table
+        from handctl.frame.steps import plan_table
 
         self.ledger.plan(steps)
-        rows = [
-            {
-                "step": number,
-                "bytes": step.wire,
-                "meaning": step.meaning,
-                "moves": step.moves,
-                "strands": step.strands,
-            }
-            for number, step in enumerate(steps, 1)
-        ]
-        columns = (Column("step", "Step", right=True), Column("bytes", "Bytes"), Column("meaning", "Meaning"))
         looks = "" if self.settings.assume_identity else ". First, reads would check which device is there"
         self.journal.info("dry-run", f"dry run: nothing was sent{looks}")
-        return Table(rows=rows, columns=columns, plain=("bytes",))
+        return plan_table(steps)
 
     # -- the life of a command --
 
     def execute(self, body: Callable[[], Table | None]) -> None:
         """Run the body, show its table while the link is open, close, and raise what went wrong."""
+        end_on_signals(suspend=self.writes)
+        try:
+            table, failure = self.carried_out(body)
+        except BaseException:  # a bug of ours: the link and its lock are let go all the same
+            finish_on_signals()
+            self.close(None)
+            self._show_writes(None)
+            raise
+        failure = self._wind_up(table, failure)
+        if failure is not None:
+            failure.shown = True
+            raise failure
+
+    def carried_out(self, body: Callable[[], Table | None]) -> tuple[Table | None, HandctlError | None]:
+        """What the body returns, a stream shown to its end, and what went wrong."""
         failure: HandctlError | None = None
         table: Table | None = None
-        end_on_signals(suspend=self.writes)
         try:
             check_before(self)
             table = body()
             if table is not None and table.samples is not None:
-                failure = self._stream(table)
+                failure = self.stream(table)
         except HandctlError as exc:
             failure = as_told(self, exc)
         except click.UsageError as exc:
             failure = from_click(exc)
         except KeyboardInterrupt:
             failure = Interrupted("interrupted")
-        except BaseException:  # a bug of ours: the link and its lock are let go all the same
-            finish_on_signals()
-            self._close(None)
-            self._show_writes(None)
-            raise
         if failure is not None and table is None and not self.writes:
             table = self.journal.kept  # what was read before it went wrong
-        failure = self._wind_up(table, failure)
-        if failure is not None:
-            failure.shown = True
-            raise failure
+        return table, failure
 
     def judged(self, error: HandctlError | None) -> HandctlError | None:
         """What is shown of an error, and what its exit code is."""
@@ -263,20 +275,7 @@ class Run:
     def _wind_up(self, table: Table | None, failure: HandctlError | None) -> HandctlError | None:
         """Close, then show; a Ctrl-C meanwhile changes neither the result nor the exit code, unless its reader sleeps."""
         finish_on_signals()
-        failure = self.judged(failure)
-        if table is not None:
-            table.failure = self.judged(table.failure)
-        if self.hold is not None:
-            self.hold.finish()
-            failure = self.hold.stopped or failure
-        try:
-            failure = self._close(failure)
-        except KeyboardInterrupt:
-            failure = self._close(failure or Interrupted("interrupted"))
-        told = failure or (table.failure if table is not None else None)
-        if told is not None and self.journal.ledger.began:
-            honest = self.journal.ledger.honest
-            told.text, told.hint = honest(told.text), honest(told.hint)
+        failure, told = self.ended(table, failure)
         if table is None or table.samples is None:
             try:
                 self._show(table, failure)
@@ -290,19 +289,43 @@ class Run:
             failure = failure or Interrupted("interrupted while the result was written: its reader took no more of it")
         return failure
 
-    def _stream(self, table: Table) -> HandctlError | None:
+    def ended(
+        self, table: Table | None, failure: HandctlError | None
+    ) -> tuple[HandctlError | None, HandctlError | None]:
+        """Let go of the link; what went wrong with the command, and the same or else what is wrong with its table."""
+        failure = self.judged(failure)
+        if table is not None:
+            table.failure = self.judged(table.failure)
+        if self.session is None:
+            for run in (self, *self.others):
+                if run.hold is not None:
+                    run.hold.finish()
+        failure = self.stopped or failure
+        try:
+            failure = self.close(failure)
+        except KeyboardInterrupt:
+            failure = self.close(failure or Interrupted("interrupted"))
+        told = failure or (table.failure if table is not None else None)
+        if told is not None and self.journal.ledger.began:
+            honest = self.journal.ledger.honest
+            told.text, told.hint = honest(told.text), honest(told.hint)
+        return failure, told
+
+    def stream(self, table: Table) -> HandctlError | None:
         from handctl.screen import render
+        from handctl.screen.sink import Sink
 
         self._tell_held()  # of what was met before the first row
         self.live = True
-        with render.Sink(self.settings) as sink:
+        with Sink(self.settings) as sink:
             return render.stream(table, sink, self)
 
     def _show(self, table: Table | None, failure: HandctlError | None) -> None:
         from handctl.screen import render
+        from handctl.screen.sink import Sink
 
-        if table is not None or self.settings.format in ("json", "ndjson"):
-            with render.Sink(self.settings) as sink:
+        if table is not None or render.speaks(self.settings.format, failure):
+            with Sink(self.settings) as sink:
                 render.show(table, failure, sink, self)
         self._tell_held()
 
@@ -337,51 +360,28 @@ class Run:
         error.shown = True
         return error
 
-    def _close(self, failure: HandctlError | None) -> HandctlError | None:
-        try:
-            if self.link is not None:
-                self.link.close()
-                if self.kept is not None and self.kept.begun:
-                    self.journal.info("kept", self.kept.text)
-        except HandctlError as exc:
-            failure = failure or exc
-        finally:
-            if self._trace is not None:
-                self._trace.close()
-            if self.hold is not None:
-                self.hold.release()
-        return failure or self._trace_failure
-
-    def _tap(self) -> Any:
-        if not self.settings.trace and not self.settings.verbose:
-            return None
-        from handctl.link.tap import Tap
-        from handctl.link.tracefile import TraceFile
-
-        header = f"handctl {__version__} {self.command}, {self.link_name()}"
-        try:
-            self._trace = TraceFile(self.settings.trace, header, self.settings.verbose)
-        except HandctlError as exc:
-            if not self.stops:
-                raise
-            self.journal.warn("trace", exc.text)
-            return None
-        return Tap(self._trace.write)
-
-    @property
-    def _trace_failure(self) -> HandctlError | None:
-        return self._trace.failure if self._trace is not None else None
+    def close(self, failure: HandctlError | None) -> HandctlError | None:
+        """Let go of the link, unless the next command of a session can use it."""
+        for other in self.others:
+            failure = other.close(failure)
+        if self.session is not None and self.session.keeps(self, failure):
+            return failure or self.connection.trace_failure
+        return self.connection.close(failure, self.journal)
 
     # -- envelope and messages --
 
+    def closing(self, failure: HandctlError | None, extra: dict[str, Any] | None = None) -> dict[str, Any]:
+        """The last line of NDJSON."""
+        place = self.session.place if self.session is not None else {}
+        return {**place, "end": self.envelope(failure, extra)}
+
     def envelope(self, failure: HandctlError | None, extra: dict[str, Any] | None = None) -> dict[str, Any]:
         """The JSON envelope without rows (cli contract, section 4)."""
-        stopped = self.hold.stopped if self.hold is not None else None
-        failure = stopped or failure or self._trace_failure
+        failure = self.stopped or failure or self.connection.trace_failure
         writes = {"writes": self.ledger.rows()} if self.writes and self.family is not None else {}
         more = {**(extra or {}), **writes, "line": self.journal.line.as_row()}
         counters = self.journal.counters.as_row()
-        return make_envelope(self.command, failure, device_row(self), self.journal.messages, counters, more)
+        return make_envelope(self.command, failure, device_row(self), self.journal.messages, counters, more, self.link)
 
     @property
     def simulated(self) -> bool:

@@ -30,7 +30,7 @@ def opened(run: Run, name: str, baud: int | None, tap: Tap | None) -> Link:
         return opening()
     from handctl.link.kept import Kept
 
-    run.kept = kept = Kept(name, writes=run.keeps)
+    run.connection.kept = kept = Kept(name, writes=run.keeps)
     used = {"use": "on"} if run.in_use else {}
     try:
         link = opening(simulator={**kept.options(), **used})
@@ -43,8 +43,9 @@ def opened(run: Run, name: str, baud: int | None, tap: Tap | None) -> Link:
         kept.discard()
         link = opening(simulator={**kept.options(), **used})
     if run.keeps and not kept.path:
-        hint = "set XDG_RUNTIME_DIR or TMPDIR to a directory that you may write to"
-        run.journal.info("not-kept", f"nothing is kept of the simulated {kept.kind}: no folder for it is yours", hint)
+        from handctl.system.folders import HINT
+
+        run.journal.info("not-kept", f"nothing is kept of the simulated {kept.kind}: no folder for it is yours", HINT)
     if kept.before is not None:
         run.journal.info("kept", kept.text)
     return link

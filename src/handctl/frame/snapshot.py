@@ -34,14 +34,14 @@ def _checksum(content: Mapping[str, Any]) -> str:
 
 def make(kind: str, identity: Mapping[str, object], values: Values, *, link: str, fake: bool) -> dict[str, Any]:
     """The content of a snapshot file, with its checksum."""
-    from datetime import UTC, datetime
+    from datetime import datetime, timezone
 
     content: dict[str, Any] = {
         "schema": SCHEMA,
         "kind": kind,
         "device": dict(identity),
         "tool": {"name": "handctl", "version": __version__},
-        "time": datetime.now(UTC).isoformat(timespec="seconds"),
+        "time": datetime.now(timezone.utc).isoformat(timespec="seconds"),
         "link": link,
         "fake": fake,
         "values": values,

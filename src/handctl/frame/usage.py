@@ -21,6 +21,8 @@ MOST = 1000
 """Characters of a first sentence: all of it."""
 HEADINGS = ("Look", "Move", "Settings", "Service", "Files")
 """What a technician wants to do: the commands of a family are listed below these, in this order."""
+BARE = "handctl.bare"
+"""Key in click's shared meta: no word of the command line is an option, so that none need be looked for."""
 USUAL = ("status", "dump", "get", "watch", "describe", "stop", "set", "report", "snapshot", "diff", "restore")
 """What every device has stands first below its heading, in this order."""
 
@@ -31,8 +33,18 @@ def _show_help(ctx: click.Context, _param: click.Parameter, value: bool) -> None
         ctx.exit()
 
 
+class NoCommand(click.UsageError):
+    """A group was called without a command: the message is its help, for stderr."""
+
+
+def need_command(ctx: click.Context, args: Sequence[str]) -> None:
+    """For a group, before it is parsed: click 8.1 would take its help for what was asked, 8.2 and later do not."""
+    if not args and not ctx.resilient_parsing:
+        raise NoCommand(ctx.get_help(), ctx)
+
+
 def plain_help(command: click.Command) -> None:
-    """Help of a command that is not one of ours, and of those below it, goes to stdout as ours does and shows examples."""
+    """Help of a command that is not one of ours, and of those below it, goes where ours does and shows examples."""
     if "get_help_option" not in vars(command):
         made, options = command.get_help_option, command.format_options
 
@@ -42,8 +54,16 @@ def plain_help(command: click.Command) -> None:
 
         command.get_help_option = lambda ctx: _written_plainly(made(ctx))  # type: ignore[method-assign]
         command.format_options = with_examples  # type: ignore[method-assign]
-    for below in command.commands.values() if isinstance(command, click.Group) else ():
-        plain_help(below)
+    if isinstance(command, click.Group) and "parse_args" not in vars(command):
+        parse = command.parse_args
+
+        def parse_args(ctx: click.Context, args: list[str]) -> list[str]:
+            need_command(ctx, args)
+            return parse(ctx, args)
+
+        command.parse_args = parse_args  # type: ignore[method-assign]
+        for below in command.commands.values():
+            plain_help(below)
 
 
 def _written_plainly(option: click.Option | None) -> click.Option | None:
@@ -80,6 +100,8 @@ class Described(click.Command):
         return frozenset(keys)
 
     def get_params(self, ctx: click.Context) -> list[click.Parameter]:
+        if ctx.meta.get(BARE):
+            return super().get_params(ctx)
         if self._shared is None:
             family = self.family
             wires, own = (family.wires, own_options(family.kind)) if family is not None else ((), ())

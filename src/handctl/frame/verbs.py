@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 def select(params: ParamMap[Any], names: Sequence[str]) -> list[Element]:
     """Readable elements by name, in the order asked, each once. Raises UsageError."""
-    chosen: dict[tuple[str, int], Element] = {}
+    chosen: dict[str, Element] = {}
     for name in names:
         param, elements = params.find(name)
         if not param.readable:
@@ -29,7 +29,7 @@ def select(params: ParamMap[Any], names: Sequence[str]) -> list[Element]:
                 code="write-only",
             )
         for element in elements:
-            chosen[(param.name, element.index)] = element
+            chosen[element.path] = element
     return list(chosen.values())
 
 
@@ -37,7 +37,7 @@ def get(run: Run, params: ParamMap[Any], names: Sequence[str]) -> Table:
     """Read the named quantities in as few transactions as the device allows."""
     elements = select(params, names)
     device: Device = run.device()
-    table = device.table(device.read(elements))
+    table = device.table(device.read(device.here(elements)))
     table.plain = ("value",)
     return table
 
@@ -63,10 +63,9 @@ def _consequence(steps: Sequence[Step]) -> str:
 
 def describe(params: ParamMap[Any], names: Sequence[str]) -> Table:
     """The map itself; needs no device."""
-    wanted = (
-        list(dict.fromkeys(params.find(name)[0].name for name in names)) if names else [param.name for param in params]
-    )
-    return Table(rows=[describe_row(params[name]) for name in wanted], columns=DESCRIBE_COLUMNS)
+    found = [params.find(name)[0] for name in names] if names else params.every
+    wanted = {param.path: param for param in found}.values()
+    return Table(rows=[describe_row(param) for param in wanted], columns=DESCRIBE_COLUMNS)
 
 
 DESCRIBE_COLUMNS = (
@@ -87,7 +86,7 @@ def describe_row(param: Param) -> Row:
     """One parameter of a map as data."""
     return {
         "name": param.name,
-        "address": getattr(param, "address", None),
+        "address": getattr(param, "place", getattr(param, "address", None)),  # as the manual counts
         "type": getattr(param, "type_name", None),
         "elements": list(param.elements),
         "access": "trigger" if param.trigger else param.access,
@@ -136,16 +135,14 @@ def watch(
     more, slowly = (
         select(params, names) if seen and not elements and names else [] for names in (device.beside, device.slowly)
     )
-    elements = elements or select(params, device.live)
+    elements = device.here(elements or select(params, device.live))
     ranges = dict(device.scales) | {
         element.param.name: (float(element.param.low), float(element.param.high))
         for element in elements
         if element.param.low is not None and element.param.high is not None
     }
 
-    unread: dict[str, HandctlError | None] = dict.fromkeys(
-        one.full_name for one in elements
-    )  # never read so far, and why
+    unread: dict[str, HandctlError | None] = dict.fromkeys(one.path for one in elements)  # never read so far, and why
 
     turn = device.link.now()
 
@@ -162,9 +159,9 @@ def watch(
         errors = [reading.error for reading in readings[: len(elements)]]
         for reading in readings if unread else ():
             if reading.error is None:
-                unread.pop(reading.element.full_name, None)
-            elif reading.element.full_name in unread:
-                unread[reading.element.full_name] = reading.error
+                unread.pop(reading.element.path, None)
+            elif reading.element.path in unread:
+                unread[reading.element.path] = reading.error
         return [device.row(reading) for reading in readings], errors[0] if all(errors) else None
 
     ask_ahead = getattr(device, "ask_ahead", None)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import NamedTuple
 
 from handctl.errors import LinkError
 from handctl.sentence import plural
+from handctl.system import clock
 
 
 class Deadline:
@@ -75,12 +75,16 @@ class Link(ABC):
 
     def now(self) -> float:
         """Seconds on the link's monotonic clock."""
-        return time.monotonic()
+        return clock.now()
+
+    def wall(self) -> float:
+        """The time of day now: seconds since 1970, UTC. Of a simulator on virtual time it goes with that."""
+        return clock.wall()
 
     def sleep(self, seconds: float) -> None:
         """Let `seconds` pass on the link's clock."""
         if seconds > 0:
-            time.sleep(seconds)
+            clock.sleep(seconds)
 
     def deadline(self, seconds: float) -> Deadline:
         """The deadline `seconds` from now."""
@@ -191,8 +195,10 @@ class ByteLink(Link):
 
     baud   current speed in bit/s, None where the link has none (TCP)
     can_set_baud   whether `set_baud` reaches the device's line
+    answered   when the last answer ended, or was given up: for a protocol that needs a silence behind it, whoever asked
     """
 
+    answered: float = float("-inf")
     _goes_out = "write"
     baud: int | None = None
     can_set_baud: bool = False

@@ -11,7 +11,6 @@ import errno
 import logging
 import os
 import struct
-import time
 from typing import Any
 
 import can
@@ -30,6 +29,7 @@ from handctl.link.slcan import (
     said_flags,
 )
 from handctl.sentence import plural
+from handctl.system import clock, ports
 
 BITRATE = 1_000_000
 """wrist §2.3."""
@@ -97,9 +97,27 @@ class CanLink(FrameLink):
             )
         slcan = interface == "slcan" and channel.startswith("/dev/")
         self._lock = _lock(link, channel) if slcan and exclusive else None
+        self._closed = False
         try:
-            settings = dict(interface=interface, channel=channel, receive_own_messages=False, **options)
-            self._bus = _open_bus(settings, meet=exclusive)
+            self._bus = self._opened(interface, channel, options, meet=exclusive)
+        except BaseException:
+            self._unlock()
+            raise
+        self._slcan = self._bus if isinstance(self._bus, SlcanBus) else None
+        self._counted = 0  # errors of an adapter that are in error_frames
+        self._left = False  # a controller of another interface is bus off
+        self.bitrate = options["bitrate"]
+        self.adapter = self._slcan.adapter if self._slcan is not None else None
+        self._interface = interface
+        self.held = (self._lock,) if self._lock is not None else ()
+
+    def _opened(self, interface: str, channel: str, options: dict[str, Any], *, meet: bool) -> can.BusABC:
+        """The bus of python-can. Raises UsageError, LinkError."""
+        link = self.name
+        try:
+            return _open_bus(
+                dict(interface=interface, channel=channel, receive_own_messages=False, **options), meet=meet
+            )
         except BadBitrate as exc:
             raise UsageError(
                 f"{link}: {exc}", hint="use a bitrate that this adapter has: ?bitrate=N behind the LINK"
@@ -123,14 +141,6 @@ class CanLink(FrameLink):
                 hint=_opening(interface, channel, options["bitrate"]),
                 code="cannot-open",
             ) from exc
-        self._closed = False
-        self._slcan = self._bus if isinstance(self._bus, SlcanBus) else None
-        self._counted = 0  # errors of an adapter that are in error_frames
-        self._left = False  # a controller of another interface is bus off
-        self.bitrate = options["bitrate"]
-        self.adapter = self._slcan.adapter if self._slcan is not None else None
-        self._interface = interface
-        self.held = (self._lock,) if self._lock is not None else ()
 
     def outlet(self) -> Outlet | None:
         """Of a Linux CAN socket, and of an slcan adapter; other back ends are inside a vendor's library."""
@@ -169,7 +179,7 @@ class CanLink(FrameLink):
     def receive(self, deadline: Deadline) -> CanFrame | None:
         while True:
             try:
-                message = self._bus.recv(min(POLL_SECONDS, deadline.remaining))
+                message = self._next(min(POLL_SECONDS, deadline.remaining))
             except (can.CanError, OSError, ValueError, IndexError) as exc:
                 raise LinkError(
                     f"{self.name}: the bus is lost: {exc}",
@@ -191,6 +201,12 @@ class CanLink(FrameLink):
                 return CanFrame(message.arbitration_id, bytes(message.data))
             if deadline.expired:
                 return None
+
+    def _next(self, seconds: float) -> can.Message | None:
+        """The next frame. python-can's own `recv` looks at the time of day: it goes on waiting when that is set back."""
+        if self._slcan is not None:
+            return self._slcan.recv(seconds)
+        return self._bus._recv_internal(seconds)[0]  # there are no filters
 
     # -- what the controller reports -----------------------------------------------------------------------------
 
@@ -223,7 +239,7 @@ class CanLink(FrameLink):
             if bus.errors:
                 return Trouble("no-ack", f"The adapter reports {plural(bus.errors, 'bus error')}")
             return Trouble("bel", "It does not report its status") if refused else None
-        time.sleep(AGAIN_SECONDS)
+        clock.sleep(AGAIN_SECONDS)
         now = bus.flags() or 0
         told = f"Its status flags are {said_flags(flags | now)}"
         if flags & BUS_ERROR and not refused and not (flags | now) & (WARNING | PASSIVE):
@@ -262,6 +278,9 @@ class CanLink(FrameLink):
         # An adapter that went away before us leaves nothing to release.
         with contextlib.suppress(can.CanError, OSError, ValueError):
             self._bus.shutdown()
+        self._unlock()
+
+    def _unlock(self) -> None:
         if self._lock is not None:
             os.close(self._lock)
 
@@ -315,20 +334,10 @@ def _lock(link: str, port: str) -> int | None:
     Returns a descriptor to keep. Raises LinkError when another program has locked it.
     """
     try:
-        import fcntl
-    except ImportError:
-        return None  # no such locks on this system
-    try:
-        descriptor = os.open(port, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
-    except OSError:
-        return None  # python-can will say what is wrong with it
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        return ports.lock(port)
     except OSError as exc:
-        os.close(descriptor)
         raise LinkError(
             f"{link}: the port is in use by another program",
             hint="close that program, then run the command again",
             code="busy",
         ) from exc
-    return descriptor

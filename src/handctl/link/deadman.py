@@ -21,22 +21,18 @@ Knows no protocol: families give the bytes.
 
 from __future__ import annotations
 
-import gc
 import os
-import select
-import signal
-import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
-from typing import NamedTuple, NoReturn
+from contextlib import contextmanager
+from typing import NamedTuple
 
 from handctl.errors import LinkError
 from handctl.link.base import Link, Outlet
+from handctl.system import child
+from handctl.system.child import Orders, Wire
 
 BOUND_SECONDS = 2.0
 """How long the child may take once it acts: a link that takes no bytes keeps it, and the lock, no longer."""
-FULL_SECONDS = 0.2
-"""How long it waits for room in a link that is full, before it tries again."""
 LARGEST = 4096
 """A message of this size or less goes through a pipe whole or not at all (POSIX: at least 512, Linux 4096)."""
 
@@ -49,10 +45,6 @@ class Shot(NamedTuple):
     can_id: int | None = None
 
 
-Wire = tuple[tuple[bytes, float], ...]
-"""Shots as this link writes them."""
-
-
 @contextmanager
 def guarding(link: Link, stop: Sequence[Shot], warn: Callable[[str, str, str], object]) -> Iterator[Guard]:
     """Around whatever drives a device and promises to stop it. `warn` is told where the link cannot be guarded.
@@ -61,7 +53,7 @@ def guarding(link: Link, stop: Sequence[Shot], warn: Callable[[str, str, str], o
     child can be started: then nothing must be driven.
     """
     inside = link.fake or link.replayed
-    outlet = None if inside or not hasattr(os, "fork") else link.outlet()
+    outlet = None if inside or not child.can_be() else link.outlet()
     guard = Guard(outlet, link.held)
     if not inside and not (outlet and stop):
         why = "no second process can hold this link" if stop else "where it is there is nothing to command"
@@ -115,7 +107,7 @@ class Guard:
             return
         if self._outlet is not None:
             self._outlet.owes = nothing
-        with _unsignalled():
+        with child.unsignalled():
             self._end()
 
     def _wire(self, stop: Sequence[Shot]) -> Wire:
@@ -127,45 +119,27 @@ class Guard:
         try:
             os.write(self._pipe, message)
         except OSError:  # it was killed, or it does not read: another one takes its place
-            with _unsignalled():
+            with child.unsignalled():
                 self._end()
             self._start()
 
     def _start(self) -> None:
         """Fork, and see that the child is ready. All at once for signals: nobody must lose sight of a child."""
         assert self._outlet is not None
-        with _unsignalled():
-            ends: list[int] = []
+        orders = (self._owed, self._stop)
+        with child.unsignalled():
             try:
-                ends += os.pipe()
-                ends += os.pipe()
-                parent, pid = os.getpid(), os.fork()
+                self._pid, self._pipe = child.started(
+                    self._outlet.descriptor, self._held, orders, _unpack, BOUND_SECONDS
+                )
             except OSError as exc:
-                for end in ends:
-                    os.close(end)
                 raise _cannot(exc.strerror or str(exc)) from exc
-            orders, self._pipe, ready, told = ends
-            if pid == 0:
-                keep = {self._outlet.descriptor, orders, told, *self._held}
-                _live(self._outlet.descriptor, orders, told, keep, parent, (self._owed, self._stop))
-            self._pid = pid
-            os.set_blocking(self._pipe, False)
-            os.close(orders)
-            os.close(told)
-            alive = os.read(ready, 1)
-            os.close(ready)
-            if not alive:
-                self._end()
-                raise _cannot("the child ended at once")
+            except child.NotAlive as exc:
+                raise _cannot("the child ended at once") from exc
 
     def _end(self) -> None:
-        """Kill first, close then: a closed pipe is the order to stop the device."""
         pid, self._pid = self._pid, 0
-        with suppress(ProcessLookupError):
-            os.kill(pid, 9)
-        with suppress(ChildProcessError):
-            os.waitpid(pid, 0)
-        os.close(self._pipe)
+        child.ended(pid, self._pipe)
 
 
 def nothing(rest: bytes) -> None:
@@ -180,113 +154,24 @@ def _cannot(why: str) -> LinkError:
     )
 
 
-@contextmanager
-def _unsignalled() -> Iterator[None]:
-    """Signals wait until this is over; a child that is forked in here keeps them waiting for good."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, signal.valid_signals())
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
 # -- messages to the child: 2 bytes of length, then the frame's rest and the shots ---------------------------------------
 
 
 def _pack(owed: bytes, stop: Wire) -> bytes:
-    parts = [len(owed).to_bytes(2), owed]
+    parts = [len(owed).to_bytes(2, "big"), owed]
     for data, pause in stop:
-        parts += [len(data).to_bytes(2), round(pause * 1000).to_bytes(2), data]
+        parts += [len(data).to_bytes(2, "big"), round(pause * 1000).to_bytes(2, "big"), data]
     text = b"".join(parts)
     assert len(text) + 2 <= LARGEST
-    return len(text).to_bytes(2) + text
+    return len(text).to_bytes(2, "big") + text
 
 
-def _unpack(text: bytes) -> tuple[bytes, Wire]:
-    size = int.from_bytes(text[:2])
+def _unpack(text: bytes) -> Orders:
+    size = int.from_bytes(text[:2], "big")
     owed, text = text[2 : 2 + size], text[2 + size :]
     stop = []
     while text:
-        size, pause = int.from_bytes(text[:2]), int.from_bytes(text[2:4])
+        size, pause = int.from_bytes(text[:2], "big"), int.from_bytes(text[2:4], "big")
         stop.append((text[4 : 4 + size], pause / 1000))
         text = text[4 + size :]
     return owed, tuple(stop)
-
-
-# -- the child -----------------------------------------------------------------------------------------------------------
-
-
-def _live(link: int, orders: int, told: int, keep: set[int], parent: int, last: tuple[bytes, Wire]) -> NoReturn:
-    """The whole life of the child: ready, wait, act, end. Nothing of the parent may run in it again."""
-    try:
-        gc.disable()  # what the collector would finalize belongs to the parent
-        os.setsid()
-        os.set_blocking(orders, False)
-        _close_all_but(keep)
-        os.write(told, b"1")
-        os.close(told)
-        _act(link, *_last_orders(orders, parent, last))
-    finally:
-        os._exit(0)
-
-
-def _close_all_but(keep: set[int]) -> None:
-    """Pipes and files of the parent end with the parent, not with its child."""
-    for name in os.listdir("/dev/fd"):
-        if int(name) not in keep:
-            with suppress(OSError):
-                os.close(int(name))
-
-
-def _last_orders(orders: int, parent: int, last: tuple[bytes, Wire]) -> tuple[bytes, Wire]:
-    """Wait until the parent is dead; what it said last.
-
-    Its end of the pipe closes with it. Where a process that it forked holds that end too, the parent itself is watched.
-    """
-    poll = select.poll()
-    poll.register(orders, select.POLLIN)
-    if hasattr(os, "pidfd_open"):
-        with suppress(OSError):  # an old kernel, or not permitted: the pipe alone then
-            poll.register(os.pidfd_open(parent), select.POLLIN)
-    rest, dead = b"", False
-    while not dead:
-        dead = any(descriptor != orders for descriptor, _ in poll.poll()) or os.getppid() != parent
-        try:
-            chunk = os.read(orders, 1 << 16)
-        except BlockingIOError:
-            continue
-        dead = dead or not chunk
-        rest += chunk
-        while len(rest) >= 2 and len(rest) >= (size := 2 + int.from_bytes(rest[:2])):
-            last, rest = _unpack(rest[2:size]), rest[size:]
-    return last
-
-
-def _act(link: int, owed: bytes, stop: Wire) -> None:
-    """Complete the frame, send the shots; an error of one does not keep the next from being sent."""
-    signal.signal(signal.SIGALRM, signal.SIG_DFL)
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGALRM})
-    signal.setitimer(signal.ITIMER_REAL, BOUND_SECONDS)
-    for data, pause in ((owed, 0.0), *stop):
-        with suppress(OSError, ValueError):
-            _write(link, data)
-        with suppress(OSError, ValueError):
-            _pass(link, pause)
-    os.close(link)  # before the lock: who gets that next must find the port free
-
-
-def _write(link: int, data: bytes) -> None:
-    while data:
-        try:
-            data = data[os.write(link, data) :]
-        except BlockingIOError:
-            select.select([], [link], [], FULL_SECONDS)
-
-
-def _pass(link: int, seconds: float) -> None:
-    """Let time pass, and throw away what comes: a socket that is closed over unread bytes drops what it has to send."""
-    end = time.monotonic() + seconds
-    open_ = True
-    while (left := end - time.monotonic()) > 0:
-        if select.select([link] if open_ else [], [], [], left)[0]:
-            open_ = bool(os.read(link, 4096))

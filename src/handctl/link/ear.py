@@ -1,24 +1,23 @@
-"""The wish of another process to stop the device that this one holds: a Unix socket beside the lock file.
+"""The wish of another process to stop the device that this one holds: a socket beside the lock file (`system.local`).
 
-Whoever connects wishes the stop. The system tells by a signal (SIGIO), so nobody polls and no thread waits; the handler
-runs between two steps of the program, also while that waits for the device or for a reader of its output. It answers
-`heard` at once, then one line of JSON with what was sent. Where the system has no such signal there is no ear.
+Whoever connects wishes the stop. The system tells by a signal (SIGIO), so nobody polls and no thread waits, but on Windows,
+where a thread does. The handler runs between two steps of the program, also while that waits for the device or, but for
+Windows, for a reader of its output. It answers `heard` at once, then one line of JSON with what was sent.
 """
 
 from __future__ import annotations
 
 import contextlib
 import os
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
+
+from handctl.system import clock, local, signals
 
 HEARD_SECONDS = 0.3
 """A holder that does not answer within this is asleep, or blocked."""
 STOP_SECONDS = 9.0
 """Longest time from `heard` to the report: the longest stop, with silence at every step."""
-LONGEST_PATH = 100
-"""Bytes of a socket's name that every system takes."""
 MOST = 1 << 16
 
 
@@ -26,43 +25,30 @@ class Ear:
     """Listens while it is open. `answer` stops the device and says how; `after` is then called with the frame."""
 
     def __init__(self, lock: str, answer: Callable[[], dict[str, Any]], after: Callable[[Any], None]) -> None:
-        """Raises OSError, ImportError, AttributeError where it cannot be."""
-        import _socket
-        import fcntl
-        import signal
-
+        """Raises OSError; ValueError outside the main thread."""
         self._answer, self._after = answer, after
         self._busy = False
-        self._path = _beside(lock)
-        self._socket = _socket.socket(_socket.AF_UNIX, _socket.SOCK_STREAM)
+        path = _beside(lock)
+        with contextlib.suppress(FileNotFoundError):
+            local.remove(path)  # of one that was killed: who has the lock has this name
+        self._door = local.Listener(path, 4)
         try:
-            with _reachable(self._path) as path:
-                with contextlib.suppress(FileNotFoundError):
-                    os.unlink(path)  # of one that was killed: who has the lock has this name
-                self._socket.bind(path)
-            self._socket.listen(4)
-            number = self._socket.fileno()
-            signal.signal(signal.SIGIO, self._called)  # first: without a handler the signal ends the program
-            fcntl.fcntl(number, fcntl.F_SETOWN, os.getpid())
-            fcntl.fcntl(number, fcntl.F_SETFL, os.O_ASYNC | os.O_NONBLOCK)
+            local.tell_at_once(self._door, self._called)
         except BaseException:
-            self._socket.close()
+            self._door.close()
             raise
 
     def close(self) -> None:
         """Listen no more. May be called twice."""
-        if self._socket.fileno() >= 0:
-            with contextlib.suppress(OSError), _reachable(self._path) as path:
-                os.unlink(path)
-            self._socket.close()
+        self._door.close()
 
-    def _called(self, _number: int, frame: Any) -> None:
+    def _called(self, frame: Any) -> None:
         if self._busy:
             return
         self._busy = True
         served = False
         try:
-            with _one_at_a_time():
+            with signals.one_at_a_time(signals.numbers(suspend=True)):
                 while self._serve():
                     served = True
         finally:
@@ -72,15 +58,11 @@ class Ear:
 
     def _serve(self) -> bool:
         """Answer one who waits; False when nobody does."""
-        import _socket
-
         try:
-            number, _ = self._socket._accept()  # type: ignore[attr-defined]  # what socket.accept itself calls
+            peer = self._door.accept()
         except OSError:
             return False
-        peer = _socket.socket(fileno=number)
         with contextlib.suppress(OSError):
-            peer.setblocking(False)
             peer.send(b"heard\n")
         report = self._answer()
         import json
@@ -92,18 +74,14 @@ class Ear:
 
 
 def ask(lock: str, until: float) -> tuple[bool, dict[str, Any] | None]:
-    """Ask who holds `lock` to stop: whether it heard that before `until` (time.monotonic), and its report.
+    """Ask who holds `lock` to stop: whether it heard that before `until` (`clock.now`), and its report.
 
     The report is None when it ended, or fell silent, on the way.
     """
-    import _socket  # `socket` costs ten times as much to import
     import json
 
     try:
-        line = _socket.socket(_socket.AF_UNIX, _socket.SOCK_STREAM)
-        with contextlib.closing(line), _reachable(_beside(lock)) as path:
-            line.settimeout(max(0.001, until - time.monotonic()))
-            line.connect(path)
+        with contextlib.closing(local.connected(_beside(lock), max(0.001, until - clock.now()))) as line:
             came = line.recv(6)
             if not came:
                 return False, None
@@ -111,7 +89,7 @@ def ask(lock: str, until: float) -> tuple[bool, dict[str, Any] | None]:
             with contextlib.suppress(OSError):
                 while len(came) < MOST and (chunk := line.recv(4096)):
                     came += chunk
-    except (OSError, AttributeError):
+    except OSError:
         return False, None
     try:
         report = json.loads(came.partition(b"\n")[2])
@@ -121,37 +99,10 @@ def ask(lock: str, until: float) -> tuple[bool, dict[str, Any] | None]:
 
 
 def _beside(lock: str) -> str:
-    folder, _, name = lock.rpartition("/")
+    folder, name = os.path.split(lock)
     name = name.removeprefix("lock-")
     if len(name) > 60:
         import hashlib
 
         name = hashlib.sha256(name.encode()).hexdigest()[:32]
-    return f"{folder}/stop-{name}"
-
-
-@contextlib.contextmanager
-def _reachable(path: str) -> Iterator[str]:
-    """The path of a socket in a form that is short enough."""
-    if len(os.fsencode(path)) <= LONGEST_PATH:
-        yield path
-        return
-    folder, _, name = path.rpartition("/")
-    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
-    try:
-        yield f"/proc/self/fd/{descriptor}/{name}"
-    finally:
-        os.close(descriptor)
-
-
-@contextlib.contextmanager
-def _one_at_a_time() -> Iterator[None]:
-    """Ctrl-C and its like wait until the stop has gone out."""
-    import signal
-
-    names = ("SIGINT", "SIGQUIT", "SIGTERM", "SIGHUP", "SIGTSTP")
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {getattr(signal, name) for name in names})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+    return os.path.join(folder, f"stop-{name}")

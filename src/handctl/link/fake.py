@@ -5,14 +5,17 @@ Begins where the cable would: it hands bytes to a simulator and takes bytes from
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping
 from typing import Any
 
+from handctl.digits import number_in
 from handctl.errors import LinkError, UsageError
 from handctl.link.base import ByteLink, CanFrame, Deadline, FrameLink, Link, Trouble
+from handctl.system import clock
 
 NOTHING: Mapping[str, str] = {}
+VIRTUAL_BEGAN = 1_767_225_600
+"""Where the time of day begins on virtual time, unless the LINK says otherwise: 2026-01-01T00:00:00Z."""
 _OPTIONS = "`handctl sim {kind} -h` lists the options"
 
 
@@ -55,11 +58,15 @@ class _Simulated(Link):
         self.name = link
         kind, options = split_url(link)
         options.update(more)
-        clock = options.pop("clock", "real")
-        if clock not in ("real", "virtual"):
+        said = options.pop("clock", "real")
+        kept, _, began = said.partition("@")
+        moment = number_in(began) if began else VIRTUAL_BEGAN
+        if kept not in ("real", "virtual") or moment is None or (began and kept == "real"):
             raise UsageError(
-                f"{link}: clock={clock}: expected real or virtual", hint="write `clock=virtual`, or leave it out"
+                f"{link}: clock={said}: expected real or virtual",
+                hint="write `clock=virtual`, or leave it out. `clock=virtual@N` begins N seconds after 1970",
             )
+        self._began = moment
         try:
             self._line: Any = create(kind, options)  # a Line, or a CanLine for bus=can
         except ValueError as exc:
@@ -68,12 +75,15 @@ class _Simulated(Link):
             raise UsageError(
                 f"{link}: {exc.filename or ''}: {exc.strerror or exc}", hint="check the file and its folder"
             ) from exc
-        self._virtual: float | None = 0.0 if clock == "virtual" else None
+        self._virtual: float | None = 0.0 if kept == "virtual" else None
         self._closed = False
         self._line.advance(self.now())
 
     def now(self) -> float:
-        return time.monotonic() if self._virtual is None else self._virtual
+        return clock.now() if self._virtual is None else self._virtual
+
+    def wall(self) -> float:
+        return clock.wall() if self._virtual is None else self._began + self._virtual
 
     def sleep(self, seconds: float) -> None:
         self._sleep_until(self.now() + max(0.0, seconds))
@@ -82,7 +92,7 @@ class _Simulated(Link):
         if self._virtual is not None:
             self._virtual = max(self._virtual, moment)
         else:
-            time.sleep(max(0.0, moment - time.monotonic()))
+            clock.sleep(max(0.0, moment - clock.now()))
 
     def _wait(self, deadline: Deadline) -> bool:
         """Sleep until the simulator may have something, or until `deadline`; False when that has passed."""

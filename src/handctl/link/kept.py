@@ -11,7 +11,7 @@ import os
 import time
 from collections.abc import Iterator
 
-from handctl.link.folders import own_folder, private_folders
+from handctl.system.folders import own_folder, private_folders
 
 
 class Kept:
@@ -80,8 +80,10 @@ def forget(kind: str) -> bool:
 
 
 def _file_name(link: str) -> str:
-    """One for each device and wire: ``sim-exo.json``, ``sim-wrist-can.json``."""
-    return f"sim-{link.removeprefix('fake://').replace('?bus=', '-')}.json"
+    """One for each device, model and wire: ``sim-exo.json``, ``sim-wrist-can.json``, ``sim-hand-df.json``."""
+    kind, _, more = link.removeprefix("fake://").partition("?")
+    said = [word.partition("=")[2] for word in more.split("&") if word]
+    return f"sim-{'-'.join([kind, *said])}.json"
 
 
 def _path(name: str, *, make: bool) -> str:

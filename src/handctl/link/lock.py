@@ -2,18 +2,17 @@
 
 The lock is an flock on a file of this user, so it ends with its process however that ends. The file tells who holds
 it and what it does there. Two names of one place (a by-id link and /dev/ttyUSB0, a path below slcan or spy) are one
-lock. Knows no link's inside; where the system has no flock, there is no lock.
+lock. Knows no link's inside.
 """
 
 from __future__ import annotations
 
 import os
-import stat
-import time
 from typing import NamedTuple
 
 from handctl.errors import LinkError
-from handctl.link.folders import own_folder, private_folders
+from handctl.system import clock, disk, locks, ports, processes
+from handctl.system.folders import HINT, own, own_folder, private_folders
 
 OURS = ("fake://", "replay:", "loop://")
 """Links that nobody else can reach."""
@@ -72,7 +71,7 @@ class Lock:
         """Tell who holds it. A full disk does not keep it from being held."""
         try:
             os.ftruncate(self._descriptor, 0)
-            os.pwrite(self._descriptor, holder.line.encode("utf-8", "replace"), 0)
+            disk.write_at(self._descriptor, holder.line.encode("utf-8", "replace"), 0)
         except OSError as exc:
             self.unrecorded = f"{self.path}: {exc.strerror or exc}"
 
@@ -111,25 +110,21 @@ def hold(
     """
     if link.startswith(OURS) and not kept:
         return None
-    try:
-        import fcntl
-    except ImportError:
-        return None
     descriptor, path = _open(_file_name(canonical(link, tcp_port)))
-    until = time.monotonic() + (LAST_STOP_SECONDS if patience is None else patience)
+    until = clock.now() + (LAST_STOP_SECONDS if patience is None else patience)
     while True:
         try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            locks.whole(descriptor)
             break
         except OSError as exc:
             holder = _holder(descriptor)
-            if holder is None and time.monotonic() < until:
-                time.sleep(0.005)
+            if holder is None and clock.now() < until:
+                clock.sleep(0.005)
                 continue
             os.close(descriptor)
             raise InUse(link, holder, path, family) from exc
     lock = Lock(descriptor, path)
-    lock.record(Holder(os.getpid(), began(os.getpid()), family, writes, link, command))
+    lock.record(Holder(os.getpid(), processes.began(os.getpid()), family, writes, link, command))
     return lock
 
 
@@ -137,35 +132,17 @@ def last_holder(link: str) -> Holder | None:
     """Who has, or had and did not let go, what `link` leads to; None where no lock file tells."""
     for folder in private_folders():
         try:
-            descriptor = os.open(os.path.join(folder, _file_name(canonical(link))), os.O_RDONLY | os.O_NOFOLLOW)
+            descriptor = os.open(
+                os.path.join(folder, _file_name(canonical(link))), os.O_RDONLY | disk.NO_LINK | disk.BINARY
+            )
         except OSError:
             continue
         try:
-            if os.fstat(descriptor).st_uid == os.getuid() and (found := _read(descriptor)) is not None:
+            if own(os.fstat(descriptor)) and (found := _read(descriptor)) is not None:
                 return found
         finally:
             os.close(descriptor)
     return None
-
-
-def began(pid: int) -> str:
-    """When a process began, in ticks since the system did; with its number it names one process for good. "" if unknown."""
-    return _stat(pid)[1]
-
-
-def sleeps(pid: int) -> bool:
-    """Whether a process has been stopped (SIGSTOP, Ctrl-Z): it cannot answer."""
-    return _stat(pid)[0] in ("T", "t")
-
-
-def _stat(pid: int) -> tuple[str, str]:
-    """State and start of a process."""
-    try:
-        with open(f"/proc/{pid}/stat", "rb") as file:
-            words = file.read().rpartition(b")")[2].split()
-        return words[0].decode(), words[19].decode()
-    except (OSError, IndexError):
-        return "", ""
 
 
 def canonical(link: str, tcp_port: int | None = None) -> str:
@@ -183,15 +160,7 @@ def canonical(link: str, tcp_port: int | None = None) -> str:
         if not colon or not (port.isascii() and port.isdecimal()):
             host, port = f"{host}{colon}{port}", str(tcp_port or "")
         return f"tcp {plain_host(host)}:{port.lstrip('0')}"
-    if separator or link.startswith("usb:") or os.name != "posix":
-        return link.casefold()
-    try:
-        found = os.stat(link)
-    except OSError:
-        return os.path.realpath(link)  # opening it will say what is wrong
-    if stat.S_ISCHR(found.st_mode):
-        return f"tty {os.major(found.st_rdev)}:{os.minor(found.st_rdev)}"
-    return os.path.realpath(link)
+    return link.casefold() if separator or link.startswith("usb:") else ports.place(link)
 
 
 def _file_name(place: str) -> str:
@@ -210,7 +179,9 @@ def _open(name: str) -> tuple[int, str]:
         try:
             if not own_folder(folder, make=True):
                 continue
-            return os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600), path
+            return os.open(
+                path, os.O_RDWR | os.O_CREAT | disk.NO_LINK | disk.CLOSED_IN_CHILDREN | disk.BINARY, 0o600
+            ), path
         except FileExistsError:
             continue
         except OSError as exc:
@@ -218,13 +189,13 @@ def _open(name: str) -> tuple[int, str]:
     raise LinkError(
         f"no place for the lock that keeps two programs off one device: {', '.join(private_folders())}"
         + (f": {problem.strerror}" if problem is not None else ""),
-        hint="set XDG_RUNTIME_DIR or TMPDIR to a directory that you may write to",
+        hint=HINT,
         code="no-lock",
     ) from problem
 
 
 def _read(descriptor: int) -> Holder | None:
-    fields = os.pread(descriptor, 4096, 0).decode("utf-8", "replace").strip("\n").split("\t")
+    fields = disk.read_at(descriptor, 4096, 0).decode("utf-8", "replace").strip("\n").split("\t")
     if len(fields) != 6 or not fields[0].isdecimal() or len(fields[0]) > 10:
         return None
     pid, start, family, kind, link, command = fields
@@ -234,15 +205,9 @@ def _read(descriptor: int) -> Holder | None:
 def _holder(descriptor: int) -> Holder | None:
     """Who wrote into the lock file; None when it died, and its stop goes out, or has not written its own line yet."""
     holder = _read(descriptor)
-    if holder is None or _stat(holder.pid)[0] == "Z":
+    if holder is None or not processes.lives(holder.pid):
         return None
-    try:
-        os.kill(holder.pid, 0)
-    except PermissionError:
-        return holder
-    except (OverflowError, ProcessLookupError):
-        return None
-    return holder if holder.start in ("", began(holder.pid)) else None
+    return holder if holder.start in ("", processes.began(holder.pid)) else None
 
 
 def _way_out(link: str, holder: Holder | None, family: str) -> str:

@@ -10,6 +10,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
+from handctl.system.ports import asked_holders
+
 ROOT = Path("/")
 
 
@@ -40,7 +42,9 @@ def processes(root: Path = ROOT) -> Iterator[Process]:
 
 
 def holders(device: str, root: Path = ROOT) -> list[Process]:
-    """Processes that have `device` open, as far as the system tells. Linux only; elsewhere none."""
+    """Processes that have `device` open, as far as the system tells."""
+    if root == ROOT and (asked := asked_holders(device)):
+        return [Process(pid, name) for pid, name in asked]
     target = device if root != ROOT else os.path.realpath(device)
     return [process for process in processes(root) if _has_open(root / "proc" / str(process.pid) / "fd", target)]
 
@@ -69,12 +73,9 @@ def group_of(path: Path, root: Path = ROOT) -> tuple[int, str] | None:
         if known == number:
             return number, name
     if root == ROOT:  # a directory service may know more than the file
-        try:
-            import grp
+        from handctl.system.processes import group_name
 
-            return number, grp.getgrgid(number).gr_name
-        except (ImportError, KeyError):
-            return None
+        return (number, name) if (name := group_name(number)) else None
     return None
 
 

@@ -18,6 +18,7 @@ from handctl.errors import LinkError, UsageError
 from handctl.files import opened
 from handctl.link.base import ByteLink, CanFrame, Deadline, FrameLink, Link
 from handctl.link.tap import Entry, parse_line
+from handctl.system import clock
 
 LONGEST_LINE = 1 << 20
 
@@ -173,12 +174,16 @@ class _Replayed(Link):
         self._recording = recording
         self._cursor = 0
         self._clock = self._asked = 0.0
+        self._began = clock.wall()
         self._incoming = Incoming()
         self._incoming.add(recording.replies(-1), 0.0)
         self._streams = recording.speaks
 
     def now(self) -> float:
         return self._clock
+
+    def wall(self) -> float:
+        return self._began + self._clock
 
     def sleep(self, seconds: float) -> None:
         self._clock += max(0.0, seconds)

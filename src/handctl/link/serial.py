@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import errno
 import os
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -18,9 +17,15 @@ import serial
 from handctl.errors import LinkError, UsageError
 from handctl.link.base import ByteLink, Deadline, Outlet
 from handctl.link.owners import Process, group_of, group_remedy, holders
+from handctl.system import clock, ports
+from handctl.system.waits import readable, writable
 
 WRITE_SECONDS = 2.0
-SLICE_SECONDS = 0.05  # polling step where the port has no file descriptor to wait on (Windows, socket://)
+SLICE_SECONDS = 0.02
+"""Where a port has no descriptor to wait on (Windows, socket://): it waits so long in itself, set once when it is opened. To
+change that would set up the port anew, which on a USB adapter is control traffic in the middle of a reply."""
+POLL_SECONDS = 0.001
+"""Between two looks in the last of it: a deadline is kept to the millisecond."""
 CLOSED = -1
 """The descriptor of a lost port that was not found again: its number may be another file's by now."""
 REMOTE_SECONDS = 0.01
@@ -30,15 +35,11 @@ drops what arrives meanwhile. It has no time limit for writing either."""
 
 def open_serial(link: str, baud: int | None, *, exclusive: bool = True) -> ByteLink:
     """Open a port by name, `usb:VID:PID[:SERIAL]`, or pyserial URL. Raises UsageError, LinkError."""
-    return SerialLink(link, _path(link), baud or 115200, exclusive=exclusive)
+    return SerialLink(link, baud or 115200, exclusive=exclusive)
 
 
-def _path(link: str) -> str:
-    return find_usb(link) if link.startswith("usb:") else link
-
-
-def find_usb(link: str) -> str:
-    """The device path of `usb:VID:PID[:SERIAL]` (hex). Exactly one port must match; never another one."""
+def find_usb(link: str) -> Any:
+    """The one port of `usb:VID:PID[:SERIAL]` (hex). Exactly one must match; never another one."""
     parts = link.split(":")[1:]
     try:
         vid, pid = int(parts[0], 16), int(parts[1], 16)
@@ -68,7 +69,14 @@ def find_usb(link: str) -> str:
             hint="add the serial number, or give the path",
             code="ambiguous",
         )
-    return str(ports[0].device)
+    return ports[0]
+
+
+def _adapter(port: Any) -> str:
+    """What tells one adapter from another of its kind: its serial number, else the USB socket it is in."""
+    if port.serial_number:
+        return f"serial number {port.serial_number}"
+    return f"USB socket {port.location}" if getattr(port, "location", None) else ""
 
 
 def listed_ports() -> list[Any]:
@@ -83,11 +91,27 @@ class SerialLink(ByteLink):
 
     can_set_baud = True
 
-    def __init__(self, link: str, device: str, baud: int, *, exclusive: bool = True) -> None:
+    def __init__(self, link: str, baud: int, *, exclusive: bool = True) -> None:
         self.name = link
         self.baud = baud
         self._exclusive = exclusive
-        self._open(device)
+        self._adapter: str | None = None
+        self._open(self._path())
+
+    def _path(self) -> str:
+        """The path of the port now. Where `usb:` says no more than the kind, the one that was opened first or none."""
+        if not self.name.startswith("usb:"):
+            return self.name
+        port = find_usb(self.name)
+        if self._adapter is None:
+            self._adapter = _adapter(port)
+        elif self._adapter != _adapter(port) or not self._adapter:
+            raise LinkError(
+                f"{self.name}: another adapter of this kind is plugged in: {port.device} ({_adapter(port) or 'no serial number'})",
+                hint=f"plug in the one that was open ({self._adapter})" if self._adapter else "run the command again",
+                code="other-adapter",
+            )
+        return str(port.device)
 
     def _open(self, device: str) -> None:
         link, baud, exclusive = self.name, self.baud, self._exclusive
@@ -96,10 +120,11 @@ class SerialLink(ByteLink):
         if not is_url and exclusive:
             _refuse_if_held(link, device)
         try:
-            options: dict[str, Any] = {"baudrate": baud, "timeout": 0, "write_timeout": WRITE_SECONDS}
+            waits = 0.0 if ports.WAITED_FOR and not is_url else SLICE_SECONDS
+            options: dict[str, Any] = {"baudrate": baud, "timeout": waits, "write_timeout": WRITE_SECONDS}
             if device.startswith("rfc2217://"):
                 options = {"baudrate": baud, "timeout": REMOTE_SECONDS}
-            elif not is_url:
+            elif not is_url and ports.SHARED:
                 options["exclusive"] = exclusive
             self._port = serial.serial_for_url(device, **options)
         except (serial.SerialException, OSError) as exc:
@@ -113,12 +138,7 @@ class SerialLink(ByteLink):
             _low_latency(self._port)
 
     def _descriptor(self) -> int | None:
-        if os.name != "posix" or "://" in self._device:
-            return None
-        try:
-            return int(self._port.fileno())
-        except (OSError, AttributeError, ValueError):
-            return None
+        return None if "://" in self._device else ports.descriptor(self._port)
 
     def reopen(self) -> bool:
         """See Link. A URL leads to another program: what is lost there stays lost."""
@@ -127,7 +147,7 @@ class SerialLink(ByteLink):
         self.close()
         if self._fd is not None:
             self._fd, self._outlet = CLOSED, None
-        self._open(_path(self.name))
+        self._open(self._path())
         return True
 
     def write(self, data: bytes, deadline: Deadline) -> None:
@@ -144,8 +164,6 @@ class SerialLink(ByteLink):
             raise self._lost(exc) from exc
 
     def _write_fd(self, data: bytes, deadline: Deadline) -> None:
-        import select
-
         assert self._fd is not None and self._outlet is not None
         view = memoryview(data)
         while view:
@@ -153,7 +171,7 @@ class SerialLink(ByteLink):
                 view = view[os.write(self._fd, view) :]
             except BlockingIOError as exc:
                 self._outlet.owes(bytes(view) if len(view) < len(data) else b"")
-                if not select.select([], [self._fd], [], deadline.remaining)[1]:
+                if not writable(self._fd, deadline.remaining):
                     raise self._stuck() from exc
         self._outlet.owes(b"")
 
@@ -166,9 +184,7 @@ class SerialLink(ByteLink):
         try:
             if self._fd is None:
                 return self._read_slices(deadline, size)
-            import select
-
-            if not select.select([self._fd], [], [], deadline.remaining)[0]:
+            if not readable(self._fd, deadline.remaining):
                 return b""
             data = os.read(self._fd, size)
         except BlockingIOError:
@@ -181,18 +197,16 @@ class SerialLink(ByteLink):
         return data
 
     def _read_slices(self, deadline: Deadline, size: int) -> bytes:
-        remote = self._device.startswith("rfc2217://")
+        """What has arrived: the port is asked for no more than it has, but where it may wait for itself."""
         while True:
-            if not remote:
-                self._port.timeout = min(SLICE_SECONDS, deadline.remaining)
-            data = bytes(self._port.read(1))
-            if data:
-                waiting = int(self._port.in_waiting)
-                if not remote:
-                    self._port.timeout = 0
-                return data + bytes(self._port.read(min(waiting, size - 1))) if waiting and size > 1 else data
-            if deadline.expired:
-                return b""
+            left = deadline.remaining
+            if left < SLICE_SECONDS and not self._port.in_waiting:
+                if not left:
+                    return b""
+                clock.sleep(min(left, POLL_SECONDS))
+            elif data := bytes(self._port.read(1)):
+                waiting = min(int(self._port.in_waiting), size - 1)
+                return data + bytes(self._port.read(waiting)) if waiting > 0 else data
 
     def set_baud(self, baud: int) -> None:
         try:
@@ -229,14 +243,11 @@ class SerialLink(ByteLink):
 
 def outlet_of(port: Any, device: str) -> Outlet | None:
     """Where a second process can write to an open port of pyserial; None where the system gives it no descriptor."""
-    if os.name != "posix":
+    telnet = device.startswith("rfc2217://")  # a byte FF is doubled, as pyserial does
+    found = ports.descriptor(getattr(port, "_socket", None) if telnet else port)
+    if found is None:
         return None
-    try:
-        if device.startswith("rfc2217://"):  # telnet below: a byte FF is doubled, as pyserial does
-            return Outlet(port._socket.fileno(), lambda data, can_id: data.replace(b"\xff", b"\xff\xff"))
-        return Outlet(int(port.fileno()))
-    except (OSError, AttributeError, ValueError):
-        return None
+    return Outlet(found, lambda data, can_id: data.replace(b"\xff", b"\xff\xff")) if telnet else Outlet(found)
 
 
 def _low_latency(port: Any) -> None:
@@ -249,11 +260,7 @@ def _low_latency(port: Any) -> None:
 
 def _refuse_if_held(link: str, device: str) -> None:
     """Refuse a real port that another process has open: two readers would each get half of the bytes."""
-    real = os.path.realpath(device)
-    if not sys.platform.startswith("linux") or not real.startswith(("/dev/tty", "/dev/rfcomm")):
-        return  # a pseudo-terminal is always open in its server; anything else is no port
-    names = holders(device)
-    if names:
+    if ports.held_by_name(device) and (names := holders(device)):
         raise _busy(link, names)
 
 
@@ -265,15 +272,25 @@ def _busy(link: str, names: Sequence[Process]) -> LinkError:
 
 
 def _cannot_open(link: str, device: str, exc: Exception) -> LinkError | UsageError:
-    number = getattr(exc, "errno", None)
-    if number is None and exc.__context__ is not None and exc.__context__.args:
-        number = exc.__context__.args[0]  # termios.error, which pyserial wraps without its number
+    number = ports.trouble(exc)
     if number == errno.EACCES:
         return LinkError(f"{link}: not permitted", hint=_permission_hint(device), code="not-permitted")
     if number in (errno.ENOENT, errno.ENODEV, errno.ENXIO):
         return LinkError(f"{link}: no such port", hint=_ports_hint(), code="not-found")
     if number in (errno.EAGAIN, errno.EBUSY):
         return _busy(link, holders(device) if "://" not in device else [])
+    if number == errno.ETIMEDOUT:
+        return LinkError(
+            f"{link}: the device behind the port does not answer",
+            hint="switch on the Bluetooth device and bring it near. Then run the command again",
+            code="cannot-open",
+        )
+    if number == errno.EIO and not ports.WAITED_FOR:
+        return LinkError(
+            f"{link}: the driver of the port fails",
+            hint="unplug the adapter and plug it in again. If that does not help, look at its driver with `handctl doctor`",
+            code="cannot-open",
+        )
     if number in (errno.ENOTTY, errno.EINVAL, errno.EISDIR):
         return LinkError(f"{link}: this is not a serial port", hint=_ports_hint(), code="not-a-port")
     return LinkError(
@@ -292,9 +309,7 @@ def _permission_hint(device: str) -> str:
 
 
 def _ports_hint() -> str:
-    import glob
-
-    present = sorted(glob.glob("/dev/serial/by-id/*") or glob.glob("/dev/ttyUSB*") + glob.glob("/dev/ttyACM*"))
+    present = ports.present(listed_ports)
     return (
         f"use one of {', '.join(present)}"
         if present

@@ -2,7 +2,8 @@
 
     asks V and N before anything else   a port that is not an adapter's gets no command that another device could take
     C, S, O, F in one go, their answers read    BEL for a bitrate or a channel is an error, not silence
-    reads what waits at once            python-can asks the system twice for each byte, and sets up the port for each frame
+    reads what waits, writes at once    python-can asks the system twice for each byte, sets up the port for each frame, and
+                                        waits after each write until the adapter has the bytes
     takes lines apart strictly          damaged ones are dropped and counted
     BEL, F, and unasked reports         s… and e… as the slcan driver of Linux knows them
 
@@ -12,14 +13,18 @@ Status flags of F (Lawicel): 01 receive queue full, 02 transmit queue full, 04 e
 
 from __future__ import annotations
 
+import os
 import re
-import select
 import time
 from collections import deque
 from typing import Any
 
 import can
 from can.interfaces.slcan import slcanBus
+
+from handctl.system import clock
+from handctl.system.ports import descriptor
+from handctl.system.waits import readable, writable
 
 BEL = 7
 ANSWER_SECONDS = 1.0
@@ -67,6 +72,8 @@ class SlcanBus(slcanBus):
         self.left = False
         self.damage = ""
         self._lines: deque[bytes] = deque()
+        self._terminal: int | None = None
+        self._looked = False
         self._meet = meet
         self._met = False
         options["timeout"] = 0  # select waits, where there is a descriptor; a read takes what is there
@@ -79,9 +86,13 @@ class SlcanBus(slcanBus):
         if not self._meet or bitrate not in self._BITRATES:
             super().set_bitrate(bitrate, data_bitrate)
             return
-        if not self._met:
-            self._who()
-        self.tune(bitrate, listening=self._listen_only)
+        try:
+            if not self._met:
+                self._who()
+            self.tune(bitrate, listening=self._listen_only)
+        except (NotAnAdapter, BadBitrate):
+            self.serialPortOrig.close()  # python-can leaves it open for as long as anybody keeps the error
+            raise
 
     def open(self) -> None:
         if not self._met:  # `tune` has opened it
@@ -93,8 +104,8 @@ class SlcanBus(slcanBus):
         self._write("\r\rV\rN")
         version = serial_number = b""
         bells, came = 0, []
-        end = time.monotonic() + ANSWER_SECONDS
-        while (line := self._line(end - time.monotonic())) is not None:
+        end = clock.now() + ANSWER_SECONDS
+        while (line := self._line(end - clock.now())) is not None:
             text = line[:-1]
             came.append(line)
             bells += line[-1] == BEL
@@ -107,7 +118,7 @@ class SlcanBus(slcanBus):
             if bool(version) + bool(serial_number) + bells >= 2:
                 break
             if version or bells:
-                end = min(end, time.monotonic() + MORE_SECONDS)
+                end = min(end, clock.now() + MORE_SECONDS)
         self._met = bool(version or serial_number or bells) or any(_FRAME.fullmatch(line[:-1]) for line in came)
         if not self._met:
             heard = b"".join(came) + bytes(self._buffer)
@@ -128,11 +139,11 @@ class SlcanBus(slcanBus):
         self._write(f"C\r{setting}\r{'L' if listening else 'O'}\rF")
         self._met, self.left = True, False
         answers: list[bytes] = []
-        end = time.monotonic() + ANSWER_SECONDS
-        while len(answers) < 4 and (line := self._line(end - time.monotonic())) is not None:
+        end = clock.now() + ANSWER_SECONDS
+        while len(answers) < 4 and (line := self._line(end - clock.now())) is not None:
             if line in (b"\r", b"\a") or _FLAGS_LINE.fullmatch(line[:-1]):
                 answers.append(line)
-                end = time.monotonic() + MORE_SECONDS
+                end = clock.now() + MORE_SECONDS
             elif answers:
                 self._lines.append(line)
         if answers[1:2] == [b"\a"]:
@@ -142,15 +153,40 @@ class SlcanBus(slcanBus):
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         """As python-can's, with one bound for all frames: a new one for each would set up the port anew."""
-        if self.serialPortOrig.write_timeout is None:
+        if self.serialPortOrig.write_timeout is None and self._terminal is None:
             self.serialPortOrig.write_timeout = WRITE_SECONDS
         super().send(msg, self.serialPortOrig.write_timeout)
+
+    def _write(self, string: str) -> None:
+        if not self._looked:
+            self._looked, found = True, descriptor(self.serialPortOrig)
+            self._terminal = found if found is not None and os.isatty(found) else None
+        if self._terminal is None:
+            super()._write(string)
+            return
+        data = string.encode() + self.LINE_TERMINATOR
+        while data:
+            try:
+                data = data[os.write(self._terminal, data) :]
+            except BlockingIOError:
+                if not writable(self._terminal, WRITE_SECONDS):
+                    raise can.CanTimeoutError("the adapter takes no bytes") from None
+
+    def recv(self, timeout: float | None = None) -> can.Message | None:
+        """The next frame; None when there is none within `timeout`. There are no filters."""
+        end = clock.now() + (timeout or 0.0)
+        while True:
+            line = self._lines.popleft() if self._lines else self._line(end - clock.now())
+            if line is None:
+                return None
+            if (message := self._message(line)) is not None:
+                return message
 
     # -- lines --------------------------------------------------------------------------------------------------------
 
     def _line(self, seconds: float) -> bytes | None:
         """The next line with the CR or BEL that ends it; None when there is none in time."""
-        end = time.monotonic() + seconds
+        end = clock.now() + seconds
         while True:
             if found := _END.search(self._buffer):
                 place = found.end()
@@ -165,17 +201,28 @@ class SlcanBus(slcanBus):
 
     def _fill(self, end: float) -> bool:
         """Take what waits, or wait for it until `end`; False when nothing came."""
+        if self._terminal is not None:
+            if not readable(self._terminal, max(0.0, end - clock.now())):
+                return False
+            try:
+                data = os.read(self._terminal, LONGEST)
+            except BlockingIOError:
+                return True  # another reader was faster: a stop, while this has the port
+            if not data:
+                raise can.CanOperationError("the adapter is gone")
+            self._buffer.extend(data)
+            return True
         port = self.serialPortOrig
         with can.exceptions.error_check("Could not read from serial device"):
             while True:
-                left = max(0.0, end - time.monotonic())
+                left = max(0.0, end - clock.now())
                 try:
-                    select.select([port.fileno()], [], [], left)
+                    readable(port.fileno(), left)
                     data = port.read(LONGEST)
                 except (OSError, AttributeError, ValueError):  # a port without a descriptor, or one that has gone
                     data = port.read(LONGEST)
                     if not data:
-                        time.sleep(min(left, 0.001))
+                        clock.sleep(min(left, 0.001))
                 if data or not left:
                     break
         self._buffer.extend(data)
@@ -185,12 +232,6 @@ class SlcanBus(slcanBus):
         """python-can's own reader, for its get_version and get_serial_number."""
         line = self._line(timeout or 0.0)
         return None if line is None else line.decode("latin-1")
-
-    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
-        line = self._lines.popleft() if self._lines else self._line(timeout or 0.0)
-        if line is None:
-            return None, False
-        return self._message(line), False
 
     def _message(self, line: bytes) -> can.Message | None:
         """What a line says: a frame, or None for what concerns the adapter, which is counted."""
@@ -226,8 +267,8 @@ class SlcanBus(slcanBus):
     def flags(self, seconds: float = MORE_SECONDS) -> int | None:
         """The status flags, which this clears; None where the adapter does not tell them."""
         self._write("F")
-        end = time.monotonic() + seconds
-        while (line := self._line(end - time.monotonic())) is not None:
+        end = clock.now() + seconds
+        while (line := self._line(end - clock.now())) is not None:
             if found := _FLAGS_LINE.fullmatch(line[:-1]):
                 return int(found[1], 16)
             if line == b"\a":

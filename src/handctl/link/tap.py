@@ -154,6 +154,9 @@ class _Tapped(Link):
     def now(self) -> float:
         return self._inner.now()
 
+    def wall(self) -> float:
+        return self._inner.wall()
+
     def sleep(self, seconds: float) -> None:
         self._inner.sleep(seconds)
 

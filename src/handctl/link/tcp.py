@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import contextlib
-import select
 import socket
 import struct
 
+from handctl.digits import number_in
 from handctl.errors import LinkError, UsageError
 from handctl.link.base import ByteLink, Deadline, Outlet
+from handctl.system.waits import connect, readable, writable
 
 CONNECT_SECONDS = 3.0
 QUICKACK = getattr(socket, "TCP_QUICKACK", None)
@@ -26,11 +27,30 @@ def split_address(link: str, default_port: int | None = None) -> tuple[str, int]
         host, _, port = text.partition(":")
     if host and not port and default_port is not None:
         return host, default_port
-    if not host or not port.isdecimal() or not 0 < int(port) < 65536:
+    number = number_in(port) or 0
+    if not host or not 0 < number < 65536:
         raise UsageError(
             f"{link}: expected tcp://HOST:PORT with a port 1 to 65535", hint="write for example tcp://192.168.1.20:8000"
         )
-    return host, int(port)
+    return host, number
+
+
+def _connected(host: str, port: int) -> socket.socket:
+    """A connection to the first address of the host that takes one. Raises OSError, that of the last address."""
+    failed = OSError(f"{host} has no address")
+    for family, kind, protocol, _, address in socket.getaddrinfo(host, port, 0, socket.SOCK_STREAM):
+        try:
+            found = socket.socket(family, kind, protocol)
+            try:
+                connect(found, address, CONNECT_SECONDS)
+            except BaseException:
+                found.close()
+                raise
+        except OSError as exc:
+            failed = exc
+        else:
+            return found
+    raise failed
 
 
 HERE = ("localhost", "ip6-localhost", "ip6-loopback", "0.0.0.0", "::", "::1")  # noqa: S104 - nothing is bound
@@ -48,7 +68,7 @@ class TcpLink(ByteLink):
         self.name = link
         host, port = split_address(link, default_port)
         try:
-            self._socket = socket.create_connection((host, port), timeout=CONNECT_SECONDS)
+            self._socket = _connected(host, port)
         except TimeoutError as exc:
             raise LinkError(
                 f"{link}: no connection within {CONNECT_SECONDS:g} s",
@@ -81,7 +101,6 @@ class TcpLink(ByteLink):
     def _set_up(self) -> None:
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
-        self._socket.setblocking(False)
         self._outlet = Outlet(self._socket.fileno())
 
     def write(self, data: bytes, deadline: Deadline) -> None:
@@ -91,7 +110,7 @@ class TcpLink(ByteLink):
                 view = view[self._socket.send(view) :]
             except BlockingIOError as exc:
                 self._outlet.owes(bytes(view) if len(view) < len(data) else b"")
-                if not select.select([], [self._socket], [], deadline.remaining)[1]:
+                if not writable(self._socket, deadline.remaining):
                     raise LinkError(
                         f"{self.name}: the other end takes no more data",
                         hint="check the device or its serial server, then run the command again",
@@ -108,8 +127,7 @@ class TcpLink(ByteLink):
         self._socket.close()
         self._socket = socket.socket(self._socket.family)
         try:
-            self._socket.settimeout(max(seconds, 0.001))
-            self._socket.connect(self._peer)
+            connect(self._socket, self._peer, max(seconds, 0.001))
             self._set_up()
         except OSError as exc:
             raise LinkError(
@@ -124,7 +142,7 @@ class TcpLink(ByteLink):
         try:
             if QUICKACK is not None:
                 self._socket.setsockopt(socket.IPPROTO_TCP, QUICKACK, 1)
-            if not select.select([self._socket], [], [], deadline.remaining)[0]:
+            if not readable(self._socket, deadline.remaining):
                 return b""
             data = self._socket.recv(size)
         except BlockingIOError:
@@ -157,7 +175,7 @@ def plain_host(name: str) -> str:
         number = socket.inet_pton(socket.AF_INET6, name)
         mapped = number.startswith(bytes(10) + b"\xff\xff")
         name = socket.inet_ntoa(number[12:]) if mapped else socket.inet_ntop(socket.AF_INET6, number)
-    except OSError:
-        with contextlib.suppress(OSError):
+    except (OSError, ValueError):  # ValueError: no text that could be sent
+        with contextlib.suppress(OSError, ValueError):
             name = socket.inet_ntoa(socket.inet_aton(name))  # 127.1 and 0 are addresses, too; anything else is a name
     return "127.0.0.1" if name in HERE else name

@@ -26,7 +26,9 @@ class TraceFile:
         self._waits = -1
         if path:
             try:
-                self._file = open(path, "w", encoding="utf-8", buffering=1, opener=at_once)  # noqa: SIM115 - until close
+                self._file = open(  # noqa: SIM115 - until close
+                    path, "w", encoding="utf-8", newline="\n", buffering=1, opener=at_once
+                )
             except OSError as exc:
                 raise UsageError(
                     f"{path}: the trace cannot be written: {exc.strerror or exc}", hint="give --trace another file"

@@ -49,6 +49,9 @@ class Cutter(ABC):
         """See Explainer."""
         return [piece for side in self._buffers for piece in self._pieces(self._buffers[side], side, final=True)]
 
+    def event(self, text: str) -> None:  # noqa: B027 - most families need none
+        """See Explainer. Nothing in it is for most families."""
+
     def decode(self, data: bytes, side: str = "", can_id: int | None = None) -> list[Piece]:
         """See Explainer."""
         return list(self._pieces(bytearray(data), "", side, final=True))

@@ -154,6 +154,8 @@ class Device(ABC):
 
     def __init__(self, line: Line) -> None:
         self._line = line
+        self.about: dict[str, str] = {}
+        """Model, firmware and serial number as far as they were read, whatever for."""
 
     @property
     def link(self) -> Link:
@@ -190,6 +192,10 @@ class Device(ABC):
         Raises NoAnswer, ProtocolError when nothing at all could be read, LinkError when the link is lost.
         """
 
+    def here(self, elements: list[Element]) -> list[Element]:
+        """The same where this very device has them; another generation may have other parts. Raises what `read` raises."""
+        return elements
+
     @abstractmethod
     def named(self, element: Element) -> Row:
         """The keys of a row that say which element it is (cli contract, row keys)."""
@@ -204,11 +210,20 @@ class Device(ABC):
         """How people see rows of readings."""
 
     def row(self, reading: Reading) -> Row:
-        """The data row of one reading; of one that failed, why."""
-        row, error = self.named(reading.element), reading.error
-        if error is None and reading.value is not None:
-            return {**row, **self.valued(reading)}
-        return {**row, "error": error.text if error is not None else "not read", "unit": reading.element.param.unit}
+        """The data row of one reading; of one that failed, why. What the map tells by itself is the same in all families."""
+        element, value, error = reading.element, reading.value, reading.error
+        param, row = element.param, self.named(element)
+        if error is not None or value is None:
+            row |= {"error": error.text if error is not None else "not read", "unit": param.unit}
+            return {**row, "path": element.path}
+        row = {**row, **self.valued(reading), "path": element.path}
+        if (scale := param.scale) is not None:
+            row |= {"scaled": scale.of(value), "scaled_unit": scale.unit}
+        if param.alarms:
+            row["errors"] = param.errors(int(value))
+        if param.tells and row["value"]:
+            self.about[param.tells] = str(row["value"])
+        return row
 
     def table(self, readings: Sequence[Reading], title: str = "") -> Table:
         """Readings as a Table; what could not be read is its failure, and the rest is shown all the same."""

@@ -6,6 +6,7 @@ Knows no bytes itself: each family's own code says what it recognises, the regis
 from __future__ import annotations
 
 import importlib
+from collections.abc import Iterable
 
 from handctl.errors import DeviceRefused, HandctlError, joined
 from handctl.families import FAMILIES
@@ -32,6 +33,11 @@ def pointed(error: HandctlError, link: str) -> HandctlError:
     if advice not in error.hint:
         error.hint = joined(error.hint, advice)
     return error
+
+
+def signed(data: bytes, families: Iterable[str]) -> bool:
+    """Whether bytes hold a frame of one of these families."""
+    return any(_sign(family, data) for family in families)
 
 
 def _sign(family: str, came: bytes) -> str:

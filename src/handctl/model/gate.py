@@ -13,7 +13,7 @@ class Gate:
     """Open once somebody has looked, or once `--assume-identity` has said that nobody looks."""
 
     def __init__(self, assumed: bool = False) -> None:
-        self._assumed = assumed
+        self.assumed = assumed
         self.passed = False
 
     def check(self, link: Link, journal: Journal, look: Callable[[], object]) -> None:
@@ -23,7 +23,7 @@ class Gate:
         """
         if self.passed:
             return
-        if self._assumed:
+        if self.assumed:
             journal.warn(
                 "identity-assumed", "written without checking which device answers, because of --assume-identity"
             )

@@ -5,7 +5,7 @@ Procedures get one and never print; the terminal's own guide lives in `console`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
@@ -24,9 +24,13 @@ class Presses:
 
 
 class Guide:
-    """Says nothing. `interactive` tells whether a person can answer, `moving` whether progress is seen."""
+    """Says nothing. `interactive` tells whether somebody can answer, `moving` whether progress is seen.
+
+    present  somebody stands at the device, who sees it and can do something to it
+    """
 
     interactive = False
+    present = False
     moving = False
     unstoppable = ""
     """Why the wish of another process to stop the device is refused just now; "" where it is not."""
@@ -46,6 +50,10 @@ class Guide:
     def ask(self, question: str, word: str) -> bool:
         """Yes or no, or a word to be typed; nobody there is a no."""
         return False
+
+    def choose(self, question: str, words: Sequence[str]) -> str:
+        """The one of `words` that is the answer; "" for any other answer, and when nobody is there."""
+        return ""
 
     def wait_for_enter(self, text: str) -> bool:
         """Show what to do and wait until it is done; False when nobody is there."""
@@ -68,3 +76,14 @@ class Guide:
         For output that a reader does not take while motors run. Where the system has no such alarm nothing happens.
         """
         yield
+
+
+class Progress(Guide):
+    """Says nothing but how far it is, to `show`."""
+
+    def __init__(self, show: Callable[[str], None]) -> None:
+        self._show = show
+
+    def progress(self, text: str, safety: str = "") -> None:
+        """See Guide."""
+        self._show(text)

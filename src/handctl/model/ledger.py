@@ -172,6 +172,10 @@ class Ledger:
             elif same is not None:
                 self._plan.append((same, step))
 
+    def forget(self) -> None:
+        """What was planned and has not gone out will not: the device is on another wire, in other bytes."""
+        self._plan.clear()
+
     # -- what passed on the wire ---------------------------------------------------------------------------------
 
     def opened(self, now: float) -> None:

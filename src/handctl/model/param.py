@@ -10,7 +10,9 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Generic, NamedTuple, TypeVar
 
+from handctl.digits import number_in
 from handctl.errors import HandctlError, UsageError
+from handctl.model.units import Scale, bit_names, exact_decimal, scale_of
 
 Number = int | float
 
@@ -43,6 +45,7 @@ class Param:
     acts        writing it "moves" or "pushes" what the device holds; "" where it does neither
     strands     writing it may leave the device unreachable or changed for good
     private     tells one device or one person from another: a report leaves it out
+    tells       "model", "firmware" or "serial": it says which device this is, for `device` of the envelope
     note        a remark that belongs beside every value of it, e.g. that its scale is unknown
     """
 
@@ -64,6 +67,7 @@ class Param:
     acts: str = ""
     strands: bool = False
     private: bool = False
+    tells: str = ""
     note: str = ""
 
     @property
@@ -95,6 +99,21 @@ class Param:
     def count(self) -> int:
         """Number of elements, 1 for a scalar."""
         return len(self.elements) or 1
+
+    @property
+    def path(self) -> str:
+        """What `get` takes for it: its name, unless another quantity has the same."""
+        return self.name
+
+    @property
+    def scale(self) -> Scale | None:
+        """How the wire's unit becomes the one that a person uses; None where they are the same."""
+        return scale_of(self.unit) if self.unit else None
+
+    @property
+    def alarms(self) -> Mapping[int, str]:
+        """The bits that stand for an error: mask -> name; {} where none do."""
+        return {1 << bit: name for bit, name in enumerate(self.bits)}
 
     @property
     def range_text(self) -> str:
@@ -183,28 +202,10 @@ class Param:
             return bit_names(int(value), self.bits)
         return None
 
-
-def bit_names(value: int, names: Sequence[str]) -> str:
-    """``0x06`` -> ``over_temperature, over_current``; undefined bits are named as such; 0 -> ``ok``."""
-    found = [
-        names[bit] if bit < len(names) else f"unknown_bit_{bit}"
-        for bit in range(max(8, value.bit_length()))
-        if value >> bit & 1
-    ]
-    return ", ".join(found) or "ok"
-
-
-def exact_decimal(text: str, decimals: int) -> float:
-    """Parse a decimal number that must not need more than `decimals` decimals. Raises ValueError."""
-    from decimal import Decimal, InvalidOperation
-
-    try:
-        value = Decimal(text)
-    except InvalidOperation as exc:
-        raise ValueError(text) from exc
-    if not value.is_finite() or abs(value) > 10**9 or value != round(value, decimals):
-        raise ValueError(text)
-    return float(value)
+    def errors(self, value: int) -> list[str]:
+        """The names of the error bits that are set, lowest first; undefined ones are named as such."""
+        known = self.alarms
+        return [known.get(1 << bit, f"unknown_bit_{bit}") for bit in range(value.bit_length()) if value >> bit & 1]
 
 
 P = TypeVar("P", bound=Param)
@@ -227,12 +228,21 @@ class Element:
         """``position_set.index``, or the plain name of a scalar."""
         return f"{self.param.name}.{self.part}" if self.param.elements else self.param.name
 
+    @property
+    def path(self) -> str:
+        """The same as `get` takes it, also where two quantities have one name."""
+        return f"{self.param.path}.{self.part}" if self.param.elements else self.param.path
+
 
 class ParamMap(Generic[P]):
-    """The book of one device: parameters in the manual's order, found by name. Names are unique."""
+    """The book of one device: parameters in the manual's order, found by name. Names are unique.
 
-    def __init__(self, kind: str, params: Sequence[P]) -> None:
+    texts  what the device tells in words: it is found, read and described by name, and is no number to anything else
+    """
+
+    def __init__(self, kind: str, params: Sequence[P], texts: Sequence[P] = ()) -> None:
         self.kind = kind
+        self.texts = {param.name: param for param in texts}
         self._params = {param.name: param for param in params}
         if len(self._params) != len(params):
             raise ValueError(f"{kind}: a name is used twice")
@@ -252,10 +262,19 @@ class ParamMap(Generic[P]):
     def __contains__(self, name: str) -> bool:
         return name in self._params
 
+    @property
+    def every(self) -> tuple[P, ...]:
+        """All that has a name, numbers first."""
+        return (*self, *self.texts.values())
+
+    def get(self, name: str) -> P | None:
+        """The parameter of that name, None where there is none."""
+        return self._params.get(name)
+
     def find(self, name: str) -> tuple[P, list[Element]]:
         """``position_set`` -> all its elements; ``position_set.index`` -> that one. Raises UsageError with near names."""
         base, dot, part = name.partition(".")
-        param = self._params.get(base)
+        param = self._params.get(base) or self.texts.get(base)
         if param is None:
             raise UsageError(f"{self.kind} has no quantity {name!r}", hint=self._near(base), code="unknown-name")
         if not dot:
@@ -268,7 +287,9 @@ class ParamMap(Generic[P]):
     def _near(self, name: str) -> str:
         from difflib import get_close_matches
 
-        known = {known.casefold(): known for one in self for known in (one.name, getattr(one, "mnemonic", "")) if known}
+        known = {
+            known.casefold(): known for one in self.every for known in (one.name, getattr(one, "mnemonic", "")) if known
+        }
         near = [known[one] for one in get_close_matches(name.casefold(), known, n=3, cutoff=0.6)]
         ask = f"`handctl {self.kind} describe` lists them all"
         return f"did you mean {' or '.join(near)}? {ask}" if near else ask
@@ -323,7 +344,10 @@ def elements_of(param: Param) -> list[Element]:
 
 
 class Reading(NamedTuple):
-    """What a device said about one element: a value in its unit with the bytes it came in, or an error."""
+    """What a device said about one element: a value in its unit with the bytes it came in, or an error.
+
+    Of a text (`ParamMap.texts`) the bytes are all there is, and the value is any number.
+    """
 
     element: Element
     value: Number | None
@@ -358,16 +382,16 @@ def ids_in(text: str, check: Callable[[int], object]) -> list[int]:
     ids: list[int] = []
     for part in text.split(","):
         first, dash, last = part.strip().partition("-")
-        if not first.isdecimal() or (dash and not last.isdecimal()):
+        begin, end = number_in(first), number_in(last if dash else first)
+        if begin is None or end is None:
             raise UsageError(
                 f"--ids {text}: expected FROM-TO or a list", hint="write for example `--ids 1-254` or `--ids 1,2,7`"
             )
-        ends = int(first), int(last if dash else first)
-        for number in ends:
-            check(number)
-        if ends[0] > ends[1]:
+        check(begin)
+        check(end)
+        if begin > end:
             raise UsageError(
                 f"--ids {text}: no id in {part.strip()}", hint="put the smaller one first, such as `--ids 1-254`"
             )
-        ids += range(ends[0], ends[1] + 1)
+        ids += range(begin, end + 1)
     return list(dict.fromkeys(ids))

@@ -110,6 +110,10 @@ class Explainer(Protocol):
         """The line was interrupted (end, power cycle, another speed): what is held back, as the pieces it is."""
         ...
 
+    def event(self, text: str) -> None:
+        """An event of the transcript, behind a `flush`: it may say what the bytes after it are."""
+        ...
+
     def decode(self, data: bytes, side: str = "", can_id: int | None = None) -> list[Piece]:
         """Frames from a manual or a scope, without a conversation around them; `side` "" = tell from the bytes."""
         ...

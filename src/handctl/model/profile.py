@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from handctl.model.latency import RoundTrips
 
 SLOW = 0.045
 """Seconds: no cable with an adapter takes so long for a short question; Bluetooth and networks do."""
+LEAST = 8
+"""Bytes: smaller pieces are those of a line as the computer happens to read it."""
 
 
 class Profile:
@@ -18,6 +21,7 @@ class Profile:
     half_duplex    whether an answer is lost while something is sent
     echo           whether our own bytes come back
     others         whether frames were heard that answer nothing that was asked
+    longest        bytes of the last long answer, whose pieces were looked at
     """
 
     def __init__(self) -> None:
@@ -26,6 +30,8 @@ class Profile:
         self.half_duplex: bool | None = None
         self.echo: bool | None = None
         self.others: bool | None = None
+        self.longest: int | None = None
+        self._size = self._alike = 0  # of the pieces of the last long answers, and how many in a row had it
 
     @property
     def round_trip(self) -> float | None:
@@ -46,6 +52,21 @@ class Profile:
     def slow(self) -> bool:
         """Whether answers take as long as over Bluetooth or a network."""
         return (self.round_trip or 0.0) > SLOW
+
+    def pieces(self, sizes: Sequence[int]) -> None:
+        """Learn from the pieces in which a long answer came: a packet's size shows as that of all but the last, twice."""
+        first, self.longest = sizes[0], sum(sizes)
+        if first < LEAST or sizes[-1] > first or any(size != first for size in sizes[:-1]):
+            first = 0
+        self._alike = self._alike + 1 if first == self._size else 1
+        self._size = first
+
+    @property
+    def packet(self) -> int | None:
+        """Bytes of the packets in which long answers come, all of it where something on the way gathers them; None where
+        none show. A cable has none: its pieces are those in which this computer reads."""
+        told = self._size and self._alike > 1 and (self.slow or self.speed_matters is False)
+        return self._size if told else None
 
     def as_row(self) -> dict[str, Any]:
         """`line` of the JSON envelope: null for what was not measured."""

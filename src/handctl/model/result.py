@@ -78,6 +78,9 @@ class Table:
     ranges    documented (low, high) per quantity name, for the bars of the live view
     decimals  decimals of a quantity's values, for the live view
     flags     names of quantities that are bits: the live view shows their words, of all others the numbers
+    wide      in CSV a stream is usually a row a sample
+    live      a person at a terminal sees a live view of the stream; else its rows
+    pictures  rows -> grids that the live view draws in place of a line for each row; the first that fits the window
     extra     further keys of the JSON envelope, e.g. the raw blocks of a dump
     """
 
@@ -93,6 +96,9 @@ class Table:
     ranges: dict[str, tuple[float, float]] = field(default_factory=dict)
     decimals: dict[str, int] = field(default_factory=dict)
     flags: frozenset[str] = frozenset()
+    wide: bool = False
+    live: bool = True
+    pictures: tuple[Callable[[list[Row]], list[Grid]], ...] = ()
     extra: dict[str, Any] = field(default_factory=dict)
 
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from handctl.errors import HandctlError
 from handctl.model.result import Row, Sample
+from handctl.sentence import utc
 
 if TYPE_CHECKING:
     from handctl.link import Link
@@ -18,6 +19,12 @@ FAILURES_IN_A_ROW = 3
 """A stream gives up after so many samples without a valid answer."""
 ROUNDING = 1e-6
 """Seconds by which the sum of many periods may miss the duration."""
+
+
+def started(moment: float | None) -> dict[str, str]:
+    """When `t` was 0, for the closing envelope; {} for a stream that never began."""
+    return {} if moment is None else {"started": utc(moment, 3)}
+
 
 ReadRows = Callable[[], tuple[Sequence[Row], HandctlError | None]]
 """Takes one sample: its rows, and the error when none of them holds a value."""
@@ -44,10 +51,12 @@ class Sampler:
         self._rate, self._count, self._duration = rate, count, duration
         self._taken = self._failed = self._late = 0
         self._first = self._last = 0.0
+        self._started: float | None = None
 
     def samples(self) -> Iterator[Sample]:
         """The stream. Raises what the first sample, or three in a row, failed with."""
         start = due = self._link.now()
+        self._started = self._link.wall()
         failures = 0
         asked = False
         while asked or self._goes_on(self._link.now() - start):
@@ -88,6 +97,7 @@ class Sampler:
         seconds = self._last - self._first
         rate = (self._taken - 1) / seconds if self._taken > 1 and seconds > 0 else None
         return {
+            **started(self._started),
             "stream": {
                 "samples": self._taken,
                 "failed": self._failed,
@@ -95,5 +105,5 @@ class Sampler:
                 "seconds": round(seconds, 3),
                 "rate_hz": round(rate, 2) if rate is not None else None,
                 "asked_hz": self._rate or None,
-            }
+            },
         }

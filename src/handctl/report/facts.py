@@ -6,7 +6,7 @@ import platform
 from collections.abc import Iterator
 from importlib import metadata
 
-PACKAGES = ("click", "rich", "pyserial", "python-can", "crcmod", "bincopy")
+from handctl.system.processes import system_name
 
 Facts = list[tuple[str, str]]
 """(what, text) in the order of the page."""
@@ -14,11 +14,13 @@ Facts = list[tuple[str, str]]
 
 def environment() -> Facts:
     """System, Python and the versions of the packages that handctl uses."""
+    from handctl.tools.packages import needed
+
     facts = [
-        ("system", f"{platform.system()} {platform.release()} {platform.machine()}".strip()),
+        ("system", system_name()),
         ("Python", f"{platform.python_implementation()} {platform.python_version()}"),
     ]
-    return facts + [(name, _version(name)) for name in PACKAGES]
+    return facts + [(name, _version(name)) for name in needed()]
 
 
 def _version(package: str) -> str:

@@ -8,7 +8,6 @@ fingers side by side. Imported only when a person looks.
 from __future__ import annotations
 
 import contextlib
-import time
 from collections import deque
 from collections.abc import Generator, Sequence
 from typing import TYPE_CHECKING, NamedTuple
@@ -18,13 +17,17 @@ from rich.live import Live
 from rich.text import Text
 
 from handctl.model.result import Row, Sample, Table
-from handctl.screen.terminal import console_for, flowing
+from handctl.screen.terminal import console_for, flowing, grid_lines
+from handctl.system import clock
+from handctl.system.terminal import FINE
 
 if TYPE_CHECKING:
-    from handctl.screen.render import Context, Sink
+    from handctl.screen.render import Context
+    from handctl.screen.sink import Sink
 
-SPARKS = "▁▂▃▄▅▆▇█"
-BAR_PARTS = " ▏▎▍▌▋▊▉█"
+SPARKS = "▁▂▃▄▅▆▇█" if FINE else "_.▄█"
+BAR_PARTS = " ▏▎▍▌▋▊▉█" if FINE else "    ▌▌▌▌█"
+ENDS = "▕▏" if FINE else "││"
 HISTORY = 120
 FRAMES_PER_SECOND = 12
 NARROW = 70
@@ -142,6 +145,8 @@ class View:
         self._ranges = table.ranges
         self._flags = table.flags
         self._decimals = table.decimals
+        self._pictures = table.pictures
+        self._rows: list[Row] = []
         self._context = context
         self._series: dict[Key, Series] = {}
         self._count = 0
@@ -154,7 +159,8 @@ class View:
         self._count += 1
         self._seconds = sample.t
         self._failed = ""
-        for row in sample.rows:
+        self._rows = list(sample.rows)
+        for row in sample.rows if not self._pictures else ():
             key = key_of(row)
             if key not in self._series:
                 self._series[key] = Series(row, self._ranges.get(key[0]), self._decimals.get(key[0], 0))
@@ -176,6 +182,8 @@ class View:
 
     def _body(self, width: int, height: int) -> list[Text]:
         """All quantities. What does not fit loses its bar, the last one first; single values without a bar then share lines."""
+        if self._pictures:
+            return self._picture(width, height)
         groups: dict[str, list[Series]] = {}
         for series in self._series.values():
             groups.setdefault(series.name, []).append(series)
@@ -202,6 +210,15 @@ class View:
             order.sort(key=lambda name: not self._alarming(groups[name]))
             body = lines(share=True)
         return body
+
+    def _picture(self, width: int, height: int) -> list[Text]:
+        """The first picture that fits, or the last one."""
+        lines: list[Text] = []
+        for picture in self._pictures if self._rows else ():
+            lines = [line for grid in picture(self._rows) for line in grid_lines(grid)]
+            if len(lines) <= height and all(line.cell_len <= width for line in lines):
+                break
+        return lines
 
     def _short(self, series: Series) -> Text:
         """A quantity with one value, as one piece."""
@@ -272,7 +289,7 @@ class View:
             sound = series.value is not None and not series.doubtful
             drawn = bar(series.value, low, high, bar_width) if sound and series.value is not None else ""
             empty = series.label[:bar_width] if series.doubtful else ""
-            text.append(f"▕{drawn or empty.ljust(bar_width)}▏", style="cyan" if sound else "dim")
+            text.append(f"{ENDS[0]}{drawn or empty.ljust(bar_width)}{ENDS[1]}", style="cyan" if sound else "dim")
             value = f"{series.text(series.value):>{widths.value}} "
             text.append(value, style="bold red" if series.value is None else "bold")
             if widths.span:
@@ -360,7 +377,7 @@ def show_live(table: Table, samples: Generator[Sample, None, None], sink: Sink, 
         for sample in samples:
             view.add(sample)
             sink.samples += 1
-            now = time.monotonic()
+            now = clock.now()
             if now - drawn >= 1 / FRAMES_PER_SECOND:
                 drawn = now
                 live.refresh()

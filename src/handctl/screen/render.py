@@ -8,18 +8,16 @@ from __future__ import annotations
 
 import contextlib
 import json
-import os
 import sys
-from collections.abc import Callable, Generator, Iterator, Sequence
-from types import TracebackType
-from typing import IO, TYPE_CHECKING, Any, Protocol
+from collections.abc import Generator, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Protocol
 
 from handctl import ending
 from handctl.errors import HandctlError, Interrupted, OutputError
-from handctl.files import atomic_write
 from handctl.model.result import Cell, Column, Grid, Journal, Row, Sample, Table
-from handctl.screen.filter import no_formula, shown, text_shown, value_shown
-from handctl.screen.streams import utf8_stdout
+from handctl.screen.filter import shown, text_shown, value_shown
+from handctl.screen.sheet import Wide, csv_lines, is_sheet, is_wide, stream_format, text_of
+from handctl.screen.sink import Sink
 from handctl.sentence import plural
 
 if TYPE_CHECKING:
@@ -31,6 +29,8 @@ if TYPE_CHECKING:
         @property
         def settings(self) -> Settings: ...
         @property
+        def sources(self) -> Mapping[str, object]: ...
+        @property
         def journal(self) -> Journal: ...
         @property
         def simulated(self) -> bool: ...
@@ -41,111 +41,19 @@ if TYPE_CHECKING:
         def stop_key(self) -> contextlib.AbstractContextManager[bool]: ...
         def judged(self, error: HandctlError | None) -> HandctlError | None: ...
         def envelope(self, failure: HandctlError | None, extra: dict[str, Any] | None = None) -> dict[str, Any]: ...
+        def closing(self, failure: HandctlError | None, extra: dict[str, Any] | None = None) -> dict[str, Any]: ...
 
 
+UNKNOWN = (1, 2, 8, 130)
+"""Exit codes that say nothing of the device: to a monitoring system nothing is written then."""
 NOTED = ("failed", "late", "bad", "missing", "skipped")
 """Counts of a stream that a person is told when they are not 0."""
-PIECE = 1024
-"""Characters that a pipe with room takes without waiting, at up to 4 bytes each."""
-MOST = 1 << 16
-"""Characters that are kept until they are handed over."""
 
 
-class Sink:
-    """Where data goes: stdout, or a file that appears whole when everything is written.
-
-    `samples` of a stream have been taken to be written: all their rows, and no row of another one.
-    """
-
-    def __init__(self, settings: Settings) -> None:
-        self._path = settings.output
-        self._atomic: contextlib.AbstractContextManager[IO[str]] | None = None
-        self.file: IO[str] = sys.stdout
-        self.color = settings.color
-        self.no_formulas = settings.no_formulas
-        self._json = settings.format in ("json", "ndjson")
-        self.broken = False
-        self.samples = 0
-        self._kept: list[str] = []
-        self._size = 0
-        self._waits = -1
-
-    @property
-    def terminal(self) -> bool:
-        """Whether a person looks at it directly."""
-        return not self._path and self.file.isatty()
-
-    def __enter__(self) -> Sink:
-        if self._path:
-            self._atomic = atomic_write(self._path)
-            try:
-                self.file = self._atomic.__enter__()
-            except OSError as exc:
-                raise OutputError(f"{self._path}: cannot be written: {exc.strerror or exc}") from exc
-        elif self._json:
-            utf8_stdout()
-        self._waits = ending.watch(self.file, result=True)
-        return self
-
-    def write(self, text: str) -> None:
-        """Write data. A closed pipe makes everything after it silent; a full disk is an OutputError."""
-        if self.broken:
-            return
-        self._kept.append(text)
-        self._size += len(text)
-        if self._size >= MOST:
-            self.flush()
-
-    def write_sample(self, text: str) -> None:
-        """All rows of one sample: written and counted, or neither, whenever a wish to end comes."""
-        with ending.handing_over():
-            self._kept.append(text)
-            self._size += len(text)
-            self.samples += 1
-        self.flush()
-
-    def flush(self) -> None:
-        """Let the reader see what has been written. While it sleeps a wish to end is raised, and nothing is lost or told twice."""
-        try:
-            while self._size and not self.broken:
-                self._hand_over()
-            self.file.flush()
-        except BrokenPipeError:
-            self.broken = True
-        except OSError as exc:
-            raise OutputError(f"{self._path or 'stdout'}: cannot be written: {exc.strerror or exc}") from exc
-
-    def _hand_over(self) -> None:
-        """All that is kept; to a pipe or a terminal the next piece, as soon as there is room for it."""
-        if self._waits >= 0:
-            ending.has_room(self._waits, None)
-        with ending.handing_over(self._waits):
-            text = "".join(self._kept)
-            size = len(text) if self._waits < 0 else 4 * PIECE if text.isascii() else PIECE
-            self._kept, self._size = [text[size:]], len(text) - min(size, len(text))
-            self.file.write(text[:size])
-            self.file.flush()
-
-    def abandon(self) -> None:
-        """Write nothing more, also not what is kept: the reader sleeps, and waiting for it would never end."""
-        self.broken = True
-        self._kept, self._size = [], 0
-        if not self._path:
-            with contextlib.suppress(OSError, ValueError), open(os.devnull, "wb") as nowhere:
-                os.dup2(nowhere.fileno(), self.file.fileno())
-
-    def __exit__(self, kind: type[BaseException] | None, exc: BaseException | None, tb: TracebackType | None) -> None:
-        try:
-            if kind is None or (issubclass(kind, HandctlError) and not issubclass(kind, OutputError)):
-                self.flush()  # what was read before an error is shown
-        finally:
-            try:
-                if self._atomic is not None:
-                    self._atomic.__exit__(kind, exc, tb)
-            except OSError as error:
-                raise OutputError(f"{self._path}: cannot be written: {error.strerror or error}") from error
-            finally:
-                ending.forget(self._waits)
+def speaks(how: str, failure: HandctlError | None) -> bool:
+    """Whether this format has something to say where there is no table."""
+    told = how == "openmetrics" and failure is not None and failure.exit_code not in UNKNOWN
+    return told or how in ("json", "ndjson")
 
 
 def show(table: Table | None, failure: HandctlError | None, sink: Sink, context: Context) -> None:
@@ -161,13 +69,19 @@ def show(table: Table | None, failure: HandctlError | None, sink: Sink, context:
     elif how == "ndjson":
         for row in rows:
             sink.write(_dumps(row) + "\n")
-        sink.write(_dumps({"end": context.envelope(failure, extra)}) + "\n")
+        sink.write(_dumps(context.closing(failure, extra)) + "\n")
+    elif how == "openmetrics":
+        from handctl.screen import metrics
+
+        sink.write(metrics.exposition(rows, context, failure))
     elif table is None:
         return
     elif how == "csv":
-        rows = [_row_shown(row) for row in rows]
-        guard = no_formula if sink.no_formulas else str
-        sink.write(_csv(table.columns, rows, guard, header=True, with_errors=any("error" in row for row in rows)))
+        rows, failed = [_row_shown(row) for row in rows], any("error" in row for row in rows)
+        if is_wide(context, rows, by_default=False):
+            sink.write(Wide(rows, timed=False).line(rows, sink.guard))
+        else:
+            sink.write(csv_lines(table.columns, rows, sink.guard, header=True, with_errors=failed))
     elif how == "plain":
         for row in rows:
             sink.write(_plain_line(table, _row_shown(row)))
@@ -180,16 +94,22 @@ def show(table: Table | None, failure: HandctlError | None, sink: Sink, context:
 def stream(table: Table, sink: Sink, context: Context) -> HandctlError | None:
     """Write a stream as it comes; returns what ended it, None for its natural end. A closed pipe ends it quietly."""
     assert table.samples is not None
-    how = context.settings.format
+    how = stream_format(context)
     failure: HandctlError | None = None
     samples = _told(iter(table.samples), how)
     try:
-        if how == "table" and sink.terminal:
+        if how == "table" and sink.terminal and table.live:
             from handctl.screen.live import show_live
 
             show_live(table, samples, sink, context)
         else:
             with contextlib.closing(samples):
+                if how == "openmetrics":
+                    from handctl.screen import metrics
+
+                    metrics.stream(samples, sink, context)
+                if how == "csv":
+                    samples = _wide_lines(table, samples, sink, context)
                 _stream_lines(table, samples, how, sink)
     except HandctlError as exc:
         failure = exc
@@ -202,17 +122,21 @@ def stream(table: Table, sink: Sink, context: Context) -> HandctlError | None:
     summary = table.summary() if table.summary is not None else {}
     if "stream" in summary:
         summary["stream"]["samples"] = sink.samples
+    if how == "openmetrics" and speaks(how, failure):
+        from handctl.screen import metrics
+
+        sink.write_whole(metrics.exposition([], context, failure))
     if how in ("json", "ndjson"):
-        sink.write(_dumps({"end": context.envelope(failure, summary)}) + "\n")
+        sink.write(_dumps(context.closing(failure, summary)) + "\n")
     elif (
         "stream" in summary and not context.settings.quiet and not sink.broken and not isinstance(failure, OutputError)
     ):
         sink.flush()
         with contextlib.suppress(OSError):
-            drawn = how == "table" and sink.terminal  # the live view has the mark in its head
+            drawn = how == "table" and sink.terminal and table.live  # the live view has the mark in its head
             mark = ", simulated" if context.simulated and not drawn else ""
             quality = context.journal.counters.quality()
-            sys.stderr.write(f"handctl: note: {_summary_text({**summary['stream'], **quality})}{mark}\n")
+            sys.stderr.write(f"handctl: note: {__summary_text({**summary['stream'], **quality})}{mark}\n")
     return failure
 
 
@@ -227,11 +151,31 @@ def _told(samples: Iterator[Sample], how: str) -> Generator[Sample, None, None]:
             close()
 
 
-def _summary_text(stats: dict[str, Any]) -> str:
+def __summary_text(stats: dict[str, Any]) -> str:
     text = f"{plural(stats['samples'], 'sample')} in {stats['seconds']:.1f} s"
     if stats["rate_hz"] is not None:
         text += f", true rate {stats['rate_hz']:g} Hz" + (f" of {stats['asked_hz']:g}" if stats["asked_hz"] else "")
     return text + "".join(f", {stats[key]} {key}" for key in NOTED if stats.get(key))
+
+
+def _wide_lines(
+    table: Table, samples: Generator[Sample, None, None], sink: Sink, context: Context
+) -> Generator[Sample, None, None]:
+    """Write samples a line each where that is wished; what comes back is left for `_stream_lines`."""
+    usual = table.wide or is_sheet(context.settings.output)
+    sheet: Wide | None = None
+    for sample in samples:
+        if sheet is None:
+            if not is_wide(context, sample.rows, by_default=usual):
+                yield sample
+                yield from samples
+                return
+            sheet = Wide(sample.rows, timed=True)
+        sink.write_sample(sheet.line(sample.rows, sink.guard, round(sample.t, 6)))
+        for name in sheet.left_out:
+            context.journal.warn("column", f"{name} is missing in the first sample, so it has no column", "use --long")
+        if sink.broken:
+            return
 
 
 def _stream_lines(table: Table, samples: Iterator[Sample], how: str, sink: Sink) -> None:
@@ -244,21 +188,21 @@ def _stream_lines(table: Table, samples: Iterator[Sample], how: str, sink: Sink)
             if how in ("json", "ndjson"):
                 lines.append(_dumps(timed) + "\n")
             elif how == "plain":
-                lines.append("\t".join(_text(timed.get(column.key)) for column in columns) + "\n")
+                lines.append("\t".join(text_of(timed.get(column.key)) for column in columns) + "\n")
             elif how == "csv":
                 values = any(column.key == "value" for column in columns)  # one may not be read: its row has `error`
-                guard = no_formula if sink.no_formulas else str
-                lines.append(_csv(columns, [timed], guard, header=bool(columns and widths), with_errors=values))
+                header = bool(columns and widths)
+                lines.append(csv_lines(columns, [timed], sink.guard, header=header, with_errors=values))
                 widths = []
             else:
                 if widths:
                     widths = [
-                        max(width, *(len(_text(r.get(column.key))) for r in sample.rows))
+                        max(width, *(len(text_of(r.get(column.key))) for r in sample.rows))
                         for width, column in zip(widths, columns, strict=True)
                     ]
                     lines.append(_align([column.heading for column in columns], widths, columns))
                     fixed, widths = widths, []
-                cells = [f"{sample.t:.3f}", *(_text(row.get(c.key)) for c in table.columns)]
+                cells = [f"{sample.t:.3f}", *(text_of(row.get(c.key)) for c in table.columns)]
                 lines.append(_align(cells, fixed, columns))
         sink.write_sample("".join(lines))
         if sink.broken:
@@ -308,38 +252,11 @@ def _json_envelope(envelope: dict[str, Any], rows: Sequence[Row]) -> str:
     return "{\n" + ",\n".join(lines) + "\n}\n"
 
 
-def _text(value: Any) -> str:
-    if value is None:
-        return ""
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    return str(value)
-
-
 def _plain_line(table: Table, row: Row) -> str:
     keys = table.plain or tuple(column.key for column in table.columns)
     if "error" in row and "value" in keys:
-        return "\t".join("" if key == "value" else _text(row.get(key)) for key in keys) + "\n"
-    return "\t".join(_text(row.get(key)) for key in keys) + "\n"
-
-
-def _csv(
-    columns: Sequence[Column], rows: Sequence[Row], guard: Callable[[str], str], *, header: bool, with_errors: bool
-) -> str:
-    """With a column of errors behind the others or without: it must be the same for all lines of a stream."""
-    import csv
-    import io
-
-    buffer = io.StringIO()
-    writer = csv.writer(buffer)  # RFC 4180: CRLF, quotes doubled
-    if header:
-        writer.writerow([column.csv_name for column in columns] + (["error"] if with_errors else []))
-    for row in rows:
-        writer.writerow(
-            [guard(_text(row.get(column.key))) for column in columns]
-            + ([guard(_text(row.get("error")))] if with_errors else [])
-        )
-    return buffer.getvalue()
+        return "\t".join("" if key == "value" else text_of(row.get(key)) for key in keys) + "\n"
+    return "\t".join(text_of(row.get(key)) for key in keys) + "\n"
 
 
 # -- tables for people --------------------------------------------------------------------------------------------
@@ -347,10 +264,10 @@ def _csv(
 
 def default_view(table: Table) -> list[Grid]:
     """The rows as they are, one column per Column that holds anything."""
-    columns = [c for c in table.columns if any(_text(row.get(c.key)) for row in table.rows)] or list(table.columns)
+    columns = [c for c in table.columns if any(text_of(row.get(c.key)) for row in table.rows)] or list(table.columns)
     lines = tuple(
         tuple(
-            Cell("?", "bad") if column.key == "value" and "error" in row else _text(row.get(column.key))
+            Cell("?", "bad") if column.key == "value" and "error" in row else text_of(row.get(column.key))
             for column in columns
         )
         for row in table.rows

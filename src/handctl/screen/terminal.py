@@ -16,7 +16,7 @@ from handctl.errors import OutputError
 from handctl.model.result import Cell, Grid
 
 if TYPE_CHECKING:
-    from handctl.screen.render import Sink
+    from handctl.screen.sink import Sink
 
 TONES = {"": "", "good": "green", "warn": "yellow", "bad": "bold red", "dim": "dim"}
 """Meaning -> style. A meaning is always told by a word too, never by colour alone."""
@@ -44,6 +44,7 @@ def console_for(sink: Sink) -> Console:
         file=sink.file,
         no_color=never,
         force_terminal=True if sink.color == "always" else None,
+        legacy_windows=None if sink.file.isatty() else False,  # no console to ask: colours that are wanted are codes
         highlight=False,
         markup=False,
         emoji=False,
@@ -78,6 +79,23 @@ def print_grids(grids: Sequence[Grid], sink: Sink, mark: str) -> None:
         sink.broken = True
     except OSError as exc:
         raise OutputError(f"stdout: cannot be written: {exc.strerror or exc}") from exc
+
+
+def grid_lines(grid: Grid) -> list[Text]:
+    """A grid of short texts as lines, each cell as wide as its column."""
+    lines = [[Text(heading, style="bold") for heading in grid.headings], *map(_cells, grid.lines)]
+    widths = [max(line[i].cell_len for line in lines) for i in range(len(grid.headings))]
+    drawn = [Text(grid.title)] if grid.title else []
+    for line in lines:
+        for i, cell in enumerate(line):
+            cell.align("right" if i in grid.right else "left", widths[i])
+        drawn.append(Text(" " * GAP, no_wrap=True, overflow="crop").join(line))
+        drawn[-1].rstrip()
+    return drawn
+
+
+def _cells(line: Sequence[str | Cell]) -> list[Text]:
+    return [cell_text(cell) for cell in line]
 
 
 def fitting(grid: Grid, width: int, prose: int = PROSE) -> list[int]:

@@ -4,8 +4,8 @@
 a device on a CAN bus (option bus=can), a `CanLine` (engine/canline.py): frames in, frames out. The in-process fake link
 and the servers of engine/serve.py drive the same object, so both show the same device.
 
-A simulated device is a folder here, called as its command is: `SUMMARY` and `WIRES` ("serial" or "tcp", and "can") of the
-folder itself tell what it is, its module `device` has the class `Device`; that of one on a CAN bus is in the module `can`.
+A simulated device is a folder here, called as its command is: `SUMMARY` and `WIRES` ("serial" or "tcp", "can", "modbus-tcp")
+of the folder itself tell what it is, its module `device` has the class `Device`; that of another wire is in a module of its own.
 """
 
 from __future__ import annotations
@@ -19,12 +19,16 @@ if TYPE_CHECKING:
     from handctl.sim.engine.line import Line
     from handctl.sim.engine.model import Model
 
+MODULES = {"can": "can", "modbus-tcp": "modbus_tcp"}
+"""Of a wire that is not the first of its device, by the value of the option `bus`."""
+
 
 def kinds() -> list[str]:
     """The devices that there are, by name."""
     from pkgutil import iter_modules
 
-    return sorted(found.name for found in iter_modules(__path__) if found.ispkg and folder_of(found.name) is not None)
+    names = (found.name for found in iter_modules(__path__) if found.ispkg)
+    return sorted(name for name in names if getattr(folder := folder_of(name), "LISTED", folder is not None))
 
 
 def folder_of(kind: str) -> Any:
@@ -41,7 +45,7 @@ def model_class(kind: str, bus: str = "serial") -> type[Model]:
     folder = folder_of(kind)
     if folder is None:
         raise ValueError(f"no simulated device {kind!r}. Known: {', '.join(kinds())}")
-    module = "can" if bus == "can" and "can" in folder.WIRES else "device"
+    module = MODULES.get(bus, "device") if bus in folder.WIRES else "device"
     found: type[Model] = importlib.import_module(f"{folder.__name__}.{module}").Device
     return found
 
@@ -64,7 +68,7 @@ def create(kind: str, options: dict[str, str]) -> Line | Any:
         return CanLine(model_class(kind, "can"), options)
     from handctl.sim.engine.line import Line
 
-    return Line(model_class(kind), options)
+    return Line(model_class(kind, options.get("bus", "serial")), options)
 
 
 def carries_frames(kind: str, options: dict[str, str]) -> bool:

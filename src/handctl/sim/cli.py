@@ -7,7 +7,8 @@ from typing import Any
 
 import click
 
-from handctl.sim import create, folder_of, kinds, model_class
+from handctl.digits import number_in
+from handctl.sim import folder_of, kinds, model_class
 
 
 class SimError(click.ClickException):
@@ -33,7 +34,7 @@ def cli() -> None:
     prove nothing about a real device.
 
     When it is ready, a simulator prints one JSON line: {"ready": true, "link": LINK}. It ends at SIGTERM or SIGINT.
-    SIGUSR1 switches its power off and on.
+    SIGUSR1 switches its power off and on. On Windows, Ctrl-C ends it, and `handctl sim control` switches its power.
     """
 
 
@@ -53,6 +54,10 @@ class _ServerCommand(click.Command):
         ):
             with formatter.section(title):
                 formatter.write_dl(list(rows.items()))
+        if "--modbus-tcp" in {option for param in self.params for option in param.opts}:
+            there = model_class(str(self.name), "modbus-tcp")
+            with formatter.section("Further faults with --modbus-tcp"):
+                formatter.write_dl([row for row in there.FAULTS.items() if row not in model.FAULTS.items()])
         if "--slcan-pty" in {option for param in self.params for option in param.opts}:
             from handctl.sim.engine.canline import CAN_FAULTS, CAN_OPTIONS
             from handctl.sim.engine.slcan import ADAPTER_FAULTS
@@ -72,9 +77,10 @@ def _address(ctx: click.Context, param: click.Parameter, text: str | None) -> tu
     if text is None:
         return None
     host, colon, port = text.rpartition(":")
-    if not colon or not port.isdigit() or int(port) > 65535:
+    number = number_in(port)
+    if not colon or number is None or number > 65535:
         raise click.BadParameter("give HOST:PORT, for example 127.0.0.1:0 (0 takes any free port)")
-    return host.removeprefix("[").removesuffix("]") or "127.0.0.1", int(port)
+    return host.removeprefix("[").removesuffix("]") or "127.0.0.1", number
 
 
 def _number(ctx: click.Context, param: click.Parameter, value: float | None) -> float | None:
@@ -128,6 +134,21 @@ def _pty_option(function: Callable[..., None]) -> Callable[..., None]:
     return click.option("--pty", "on_pty", is_flag=True, help="Serve on a new pseudo terminal.")(by_id(function))
 
 
+def _modbus_options(function: Callable[..., None]) -> Callable[..., None]:
+    pty = click.option("--modbus-pty", is_flag=True, help="Serve Modbus RTU alone on a new pseudo terminal.")
+    tcp = click.option(
+        "--modbus-tcp",
+        metavar="HOST:PORT",
+        callback=_address,
+        help="Serve Modbus TCP, to several clients. It may stand beside another place: one device has both.",
+    )
+    return pty(tcp(function))
+
+
+def _model_option(models: tuple[str, ...]) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    return click.option("--model", type=click.Choice(models), help="Which one of them.") if models else _no_options
+
+
 def _server(kind: str) -> click.Command:
     """The command that serves one kind of device: bytes, and of one on a CAN bus frames through an slcan adapter as well.
 
@@ -135,14 +156,16 @@ def _server(kind: str) -> click.Command:
     """
     folder = folder_of(kind)
     summary: str = folder.SUMMARY
-    can, serial = "can" in folder.WIRES, "serial" in folder.WIRES
+    can, serial, modbus = "can" in folder.WIRES, "serial" in folder.WIRES, "modbus-tcp" in folder.WIRES
 
     @click.command(kind, cls=_ServerCommand, short_help=f"Serve a simulated {summary}")
     @(_pty_option if serial else _no_options)
     @click.option(
         "--tcp", metavar="HOST:PORT", callback=_address, help="Serve on a TCP port. Port 0 takes any free port."
     )
+    @(_modbus_options if modbus else _no_options)
     @(_slcan_options if can else _no_options)
+    @_model_option(getattr(folder, "MODELS", ()))
     @click.option("--seed", metavar="N", help="Seed of the random generator.")
     @click.option(
         "--fault", metavar="NAME[,NAME]", multiple=True, help="Faults and states, listed below. May be repeated."
@@ -160,7 +183,9 @@ def _server(kind: str) -> click.Command:
         callback=_number,
         help="Stop after S seconds.",
     )
-    @click.option("--control", metavar="PATH", callback=_some, help="Open a Unix socket for `handctl sim control`.")
+    @click.option(
+        "--control", metavar="PATH", callback=_some, help="Open a socket of this machine for `handctl sim control`."
+    )
     @click.option(
         "--set",
         "settings",
@@ -177,54 +202,38 @@ def _server(kind: str) -> click.Command:
         on_pty: bool = False,
         slcan_pty: bool = False,
         slcan_tcp: tuple[str, int] | None = None,
+        modbus_pty: bool = False,
+        modbus_tcp: tuple[str, int] | None = None,
         by_id: str | None = None,
         **given: str | None,
     ) -> None:
         on_can = slcan_pty or slcan_tcp is not None
-        given_places = [on_pty, tcp is not None, slcan_pty, slcan_tcp is not None].count(True)
-        if given_places != 1:
-            places = "either --pty or --tcp HOST:PORT" if serial else "--tcp HOST:PORT"
+        given_places = [on_pty, tcp is not None, slcan_pty, slcan_tcp is not None, modbus_pty].count(True)
+        if given_places != 1 and (given_places or modbus_tcp is None):
+            first = "either --pty or --tcp HOST:PORT" if serial else "--tcp HOST:PORT"
             more = ", or --slcan-pty or --slcan-tcp HOST:PORT" if can else ""
-            raise click.UsageError(
-                f"{'More than one' if given_places else 'No'} place to serve at. Give {places}{more}"
-            )
-        if by_id is not None and not on_pty:
+            more += ", or --modbus-pty or --modbus-tcp HOST:PORT" if modbus else ""
+            raise click.UsageError(f"{'More than one' if given_places else 'No'} place to serve at. Give {first}{more}")
+        if by_id is not None and not (on_pty or modbus_pty):
             raise click.UsageError("--by-id needs --pty")
         raw = _raw_options(given, fault, settings)
-        if can and (raw.setdefault("bus", "can" if on_can else "serial") == "can") != on_can:
+        if modbus_pty and raw.setdefault("speaks", "modbus") != "modbus":
+            raise click.UsageError(f"speaks={raw['speaks']}: --modbus-pty serves Modbus RTU alone")
+        if can and modbus_tcp is None and (raw.setdefault("bus", "can" if on_can else "serial") == "can") != on_can:
             raise click.UsageError(
                 f"bus={raw['bus']}: serve CAN with --slcan-pty or --slcan-tcp, serial with --pty or --tcp"
             )
-        from handctl.sim.engine import serve, slcan
+        from handctl.sim import places
+        from handctl.sim.engine.serve import ServeError
 
-        adapter: list[str] = []
-        if on_can and "fault" in raw:
-            adapter, raw["fault"] = slcan.split_faults(raw["fault"])
-            if not raw["fault"]:
-                del raw["fault"]
+        where = places.Places(on_pty or modbus_pty, tcp, slcan_pty, slcan_tcp, modbus_tcp, by_id, modbus)
         try:
-            line: Any = create(kind, raw)  # a Line or a CanLine
+            serve = places.wires(kind, raw, where) if modbus_tcp is not None else places.one(kind, raw, where)
         except ValueError as exc:
             raise click.UsageError(str(exc)) from exc
-
-        place = slcan_tcp if on_can else tcp
-        served: serve.Served = slcan.Adapter(line, adapter) if on_can else line
-        speed = None if on_can else line.device.speed
-        link = slcan.link if on_can else str
         try:
-            if place is None:
-                serve.serve_pty(served, speed, duration=duration, control=control, link=link, name=by_id)
-            elif on_can:
-                from handctl.sim.engine.canhub import Hub
-                from handctl.sim.engine.crowd import Adapters, Crowd
-                from handctl.sim.engine.ports import TcpDoor
-
-                crowd = Crowd(Adapters(Hub(line), adapter))
-                crowd.behind(TcpDoor(*place), link)
-                serve.serve_both(crowd, duration=duration, control=control)
-            else:
-                serve.serve_tcp(served, *place, duration=duration, control=control, link=link)
-        except (serve.ServeError, OSError) as exc:
+            serve(duration, control)
+        except (ServeError, OSError) as exc:
             raise SimError(str(exc), hint=SERVING) from exc
 
     command.help = f"Serve a simulated {summary}\n\nIt prints one JSON line when it is ready, and serves until SIGTERM, SIGINT or --duration."
@@ -253,7 +262,7 @@ class _BusCommand(click.Command):
 
 @cli.command("bus", cls=_BusCommand, short_help="Serve several simulated devices on one RS-485, RS-232 or CAN bus.")
 @click.argument("file", callback=_some)
-@click.option("--pty", "on_pty", is_flag=True, help="Serve on a new pseudo terminal.")
+@_pty_option
 @click.option("--tcp", metavar="HOST:PORT", callback=_address, help="Serve on a TCP port. Port 0 takes any free port.")
 @click.option("--slcan-pty", is_flag=True, help="Serve CAN as an slcan adapter on a new pseudo terminal.")
 @click.option(
@@ -263,7 +272,9 @@ class _BusCommand(click.Command):
 @click.option(
     "--duration", metavar="S", type=click.FloatRange(0.0, 1e9), callback=_number, help="Stop after S seconds."
 )
-@click.option("--control", metavar="PATH", callback=_some, help="Open a Unix socket for `handctl sim control`.")
+@click.option(
+    "--control", metavar="PATH", callback=_some, help="Open a socket of this machine for `handctl sim control`."
+)
 def bus(
     file: str,
     on_pty: bool,
@@ -273,6 +284,7 @@ def bus(
     seed: str | None,
     duration: float | None,
     control: str | None,
+    by_id: str | None,
 ) -> None:
     """Serve several simulated devices on one RS-485, RS-232 or CAN bus.
 
@@ -287,6 +299,8 @@ def bus(
         raise click.UsageError(
             "No place to serve at. Give --pty, --tcp HOST:PORT, --slcan-pty or --slcan-tcp HOST:PORT"
         )
+    if by_id is not None and not on_pty and not slcan_pty:
+        raise click.UsageError("--by-id needs --pty or --slcan-pty")
     from handctl.sim.bus.file import read
 
     try:
@@ -301,7 +315,7 @@ def bus(
 
     try:
         if on_pty or slcan_pty:
-            crowd.at(ports.PtyPort(plan.baud if on_line else None), link)
+            crowd.at(ports.PtyPort(plan.baud if on_line else None, by_id), link)
         if (place := tcp or slcan_tcp) is not None:
             crowd.behind(ports.TcpDoor(*place), link)
         serve.serve_both(crowd, duration=duration, control=control)
@@ -318,7 +332,7 @@ def _crowd(plan: Any) -> tuple[Any, Any]:
         from handctl.sim.engine import slcan
         from handctl.sim.engine.canhub import Hub
 
-        return Crowd(Adapters(Hub(CanBus(plan)))), slcan.link
+        return Crowd(Adapters(Hub(CanBus(plan)), plan.adapter_faults)), slcan.link
     from handctl.sim.bus.line import Bus
 
     return Crowd(Bus(plan)), str
@@ -340,7 +354,7 @@ def control(path: str, command: tuple[str, ...]) -> None:
     power-cycle            Switch off and on.
     power off | power on   Switch off, or on.
     fault NAME[,NAME]      Set these faults from now on. `fault none` ends them.
-    unplug [SECONDS]       Unplug the serial port, for SECONDS or until `replug`.
+    unplug [SECONDS]       Unplug the port, for SECONDS or until `replug`. Of a bus: the adapters of all clients.
     `replug`               Bring the port back.
     requests               Count the requests that the device understood.
     heard                  Show what clients sent since the last time, with times.

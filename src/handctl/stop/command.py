@@ -7,17 +7,16 @@ from here. A port that another program has open is written to all the same.
 from __future__ import annotations
 
 import contextlib
-import os
-import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from handctl import errors
 from handctl.errors import DeviceRefused, HandctlError, LinkError
 from handctl.frame.options import PASSED_OVER
-from handctl.link.lock import Holder, InUse, Lock, began, sleeps
+from handctl.link.lock import LAST_STOP_SECONDS, Holder, InUse, Lock
 from handctl.model.result import Column, Table
 from handctl.stop.holding import Hold, carry_out, lock_for, report
+from handctl.system import clock, processes
 
 if TYPE_CHECKING:
     from handctl.frame.run import Run
@@ -42,7 +41,10 @@ def stop(run: Run, talk: Callable[[Aim], Talk] | None = None, otherwise: Callabl
     name = run.link_name()
     for problem in run.meta.get(PASSED_OVER, ()):
         run.journal.warn("passed-over", problem.text, problem.hint)
-    lock, told, ended = _ask_holder(run, name)
+    if run.session is not None and not run.session.has(run):
+        run.session = None  # only what a session has open it stops itself
+    ours = run.session is not None
+    lock, told, ended = (None, None, False) if ours else _ask_holder(run, name)
     if told is None or not (told["open"] or told["refused"]):
         told = _from_here(run, lock, talk, patient=ended, otherwise=otherwise)
     else:
@@ -92,21 +94,24 @@ def _ask_holder(run: Run, name: str) -> tuple[Lock | None, dict[str, Any] | None
         return None, None, False
     from handctl.link.ear import HEARD_SECONDS, ask
 
-    until = time.monotonic() + HEARD_SECONDS
+    until = clock.now() + HEARD_SECONDS
     who = busy.holder
-    if who is None or not sleeps(who.pid):
+    if who is None or not processes.sleeps(who.pid):
         while True:
             heard, told = ask(busy.path, until)
             if told is not None:
                 by = str(who) if who is not None else "another handctl"
                 run.journal.info("asked", f"{by} has the device and was asked to stop it")
                 return None, told, True
-            if heard or time.monotonic() >= until:
+            if heard or clock.now() >= until:
                 break
             with contextlib.suppress(LinkError):
                 return lock_for(run, name), None, True  # it has let go meanwhile
-            time.sleep(TRY_SECONDS)
+            clock.sleep(TRY_SECONDS)
     _end(run, who)
+    with contextlib.suppress(LinkError):
+        # Its last stop goes out first: two on one port take each other's answers, and collide on two wires.
+        return lock_for(run, name, LAST_STOP_SECONDS if who is not None else 0.0), None, True
     return None, None, True
 
 
@@ -133,31 +138,17 @@ def _end(run: Run, who: Holder | None) -> None:
             "find the program with `handctl ports` and end it",
         )
         return
-    if not who.start or not hasattr(os, "pidfd_open"):
-        text = f"{who} has the device and does not answer. The system does not show whether it is still that process"
-        run.journal.warn("holder", text, f"end it with `kill -9 {who.pid}`")
-        return
-    import select
-    import signal
-
+    hint = f"end it with `{processes.ENDS} {who.pid}`"
     try:
-        process = os.pidfd_open(who.pid)
-    except OSError:
-        return  # it has gone
-    try:
-        if began(who.pid) != who.start:
-            return
-        signal.pidfd_send_signal(process, signal.SIGKILL)
-        select.select([process], [], [], GONE_SECONDS)
-        run.journal.warn("ended", f"{who} had the device and did not answer (asleep or blocked). handctl ended it")
+        ended = processes.end(who.pid, who.start, GONE_SECONDS)
     except OSError as exc:
-        run.journal.warn(
-            "holder",
-            f"{who} does not answer and could not be ended: {exc.strerror or exc}",
-            f"end it with `kill -9 {who.pid}`",
-        )
-    finally:
-        os.close(process)
+        run.journal.warn("holder", f"{who} does not answer and could not be ended: {exc.strerror or exc}", hint)
+        return
+    if ended is None:
+        text = f"{who} has the device and does not answer. The system does not show whether it is still that process"
+        run.journal.warn("holder", text, hint)
+    elif ended:
+        run.journal.warn("ended", f"{who} had the device and did not answer (asleep or blocked). handctl ended it")
 
 
 # -- from here ----------------------------------------------------------------------------------------------------
@@ -172,17 +163,18 @@ def _from_here(
     otherwise: Callable[[Any], str] | None,
 ) -> dict[str, Any]:
     """Open the link and send. With `patient` a link that is not free yet is tried again for a second."""
-    run.hold = Hold(run, lock)
-    until = time.monotonic() + AGAIN_SECONDS if patient else 0.0
+    if run.session is None:
+        run.connection.hold = Hold(run, lock)
+    until = clock.now() + AGAIN_SECONDS if patient else 0.0
     sent: list[Sent] = []
     stopped = None
-    while stopped is None or (stopped.error is LinkError and time.monotonic() < until):
+    while stopped is None or (stopped.error is LinkError and clock.now() < until):
         try:
             link = run.open_link(again=stopped is not None, baud=_last_speed(run, run.link_name()))
         except LinkError:
-            if time.monotonic() >= until:
+            if clock.now() >= until:
                 raise
-            time.sleep(TRY_SECONDS)
+            clock.sleep(TRY_SECONDS)
             continue
         sent.clear()
         with run.guide.undisturbed():

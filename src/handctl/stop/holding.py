@@ -31,19 +31,24 @@ LONG = 60
 """Characters of sent bytes that fit into a message."""
 
 
-def lock_for(run: Run, name: str) -> Lock | None:
-    """The lock of the LINK `name`, None where nobody else can reach it. Raises InUse, LinkError."""
+def lock_for(run: Run, name: str, patience: float | None = None) -> Lock | None:
+    """The lock of the LINK `name`, None where nobody else can reach it. Raises InUse, LinkError.
+
+    `patience`: seconds for the last stop of a holder that died, None as long as one takes, but 0 in a command that stops.
+    """
     if name.startswith("replay:") or (name.startswith("fake://") and not run.keeps):
         return None
     from handctl.link.lock import InUse, hold
 
     assert run.family is not None
-    command = f"handctl {run.command}"
-    more = {"patience": 0.0} if run.stops else {}  # what else is on its way stops the device too
+    command = f"handctl {run.owner}"
+    if patience is None and run.stops:
+        patience = 0.0  # what else is on its way stops the device too
     try:
         return hold(
-            name, command, run.family.tcp_port, family=run.family.kind, writes=run.writes, kept=run.keeps, **more
-        )
+            name, command, run.family.tcp_port,
+            family=run.family.kind, writes=run.may_write, kept=run.keeps, patience=patience,
+        )  # fmt: skip
     except InUse:
         raise
     except LinkError:
@@ -74,13 +79,13 @@ class Hold:
         run = self._run
         self._lock = lock
         troubles = [lock.unrecorded] if lock is not None and lock.unrecorded else []
-        if lock is not None and not run.stops:
+        if lock is not None and run.listens and not run.stops:
             from handctl.link.ear import Ear
 
             try:
                 self._ear = Ear(lock.path, self._answer, self.end)
-            except (ImportError, AttributeError, ValueError):
-                pass  # the system has no such thing, or this is not the main thread
+            except ValueError:
+                pass  # this is not the main thread
             except OSError as exc:
                 troubles.append(f"{lock.path}: no socket beside it: {exc.strerror or exc}")
         for trouble in troubles:
@@ -93,10 +98,14 @@ class Hold:
 
     def around(self, link: Link) -> Link:
         """The link that is used from now on."""
-        if self._lock is not None:
-            link.held += self._lock.descriptors
+        for descriptor in self._lock.descriptors if self._lock is not None else ():
+            link.held = (*(other for other in link.held if other != descriptor), descriptor)
         self.link = link
         return link
+
+    def serve(self, run: Run) -> None:
+        """The next command of a session has the device from now on."""
+        self._run = run
 
     def reopen(self) -> bool:
         """Look once for the port that was lost, lock it and open it as at first; False where a lost one stays lost.
@@ -152,12 +161,10 @@ class Hold:
 
     def end(self, frame: Any) -> None:
         """The way of Ctrl-C, whatever that is just now. Where it only counts, the next write ends the command."""
-        import signal
+        from handctl.system import signals
 
         if not self._run.guide.unstoppable:
-            handler = signal.getsignal(signal.SIGINT)
-            if callable(handler):
-                handler(signal.SIGINT, frame)
+            signals.interrupt(frame)
 
 
 def carry_out(run: Run, link: Link, sent: list[Sent], talk: Callable[[Aim], Talk] | None = None) -> Stopped:

@@ -5,7 +5,6 @@ The script is generated at once, so that it fits this version also where no data
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import click
@@ -15,8 +14,9 @@ from handctl.files import atomic_write
 from handctl.frame.clikit import Command
 from handctl.frame.run import Run
 from handctl.model.result import Column, Table
+from handctl.system.folders import config_folder, data_folder
 
-SHELLS = ("bash", "zsh", "fish")
+SHELLS = ("bash", "zsh", "fish", "powershell")
 """Those that `docgen` writes for; a test compares."""
 
 
@@ -24,7 +24,7 @@ SHELLS = ("bash", "zsh", "fish")
 @click.argument("shell", type=click.Choice(SHELLS))
 @click.option("--install", is_flag=True, help="Write it into your own completion directory instead of to stdout.")
 def cli(shell: str, install: bool) -> Table:
-    """Print the completion of bash, zsh or fish, or install it for this user.
+    """Print the completion of a shell, or install it for this user.
 
     Pressing TAB then starts no program: commands, options, choices and the names of quantities are in the script.
     """
@@ -48,18 +48,17 @@ def cli(shell: str, install: bool) -> Table:
 
 
 def place(shell: str) -> Path:
-    """The user's own file for this shell, by the XDG base directories."""
-    home = Path.home()
-    named = {name: Path(os.environ.get(f"XDG_{name}_HOME", "")) for name in ("DATA", "CONFIG")}
-    data = named["DATA"] if named["DATA"].is_absolute() else home / ".local" / "share"  # so says the XDG specification
-    config = named["CONFIG"] if named["CONFIG"].is_absolute() else home / ".config"
+    """The user's own file for this shell."""
+    data, config = Path(data_folder()), Path(config_folder())
     match shell:
         case "bash":
             return data / "bash-completion" / "completions" / "handctl"
         case "zsh":
             return data / "zsh" / "site-functions" / "_handctl"
-        case _:
+        case "fish":
             return config / "fish" / "completions" / "handctl.fish"
+        case _:
+            return data / "handctl" / "handctl.ps1"
 
 
 def next_step(shell: str, path: Path) -> str:
@@ -72,8 +71,10 @@ def next_step(shell: str, path: Path) -> str:
             )  # fmt: skip
         case "zsh":
             return f"add this line to ~/.zshrc: `fpath=({path.parent} $fpath); autoload -Uz compinit; compinit`"
-        case _:
+        case "fish":
             return "open a new fish"
+        case _:
+            return f"add this line to the file that `$PROFILE` names: `. '{path}'`"
 
 
 def _state(path: Path, text: str) -> str:
@@ -82,7 +83,7 @@ def _state(path: Path, text: str) -> str:
 
     try:
         present = path.read_text(encoding="utf-8", errors="replace")
-    except FileNotFoundError:
+    except (FileNotFoundError, NotADirectoryError):  # the write says what is in the way
         return "installed"
     except OSError as exc:
         raise OutputError(

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from handctl.errors import UsageError
-from handctl.families import FAMILIES
+from handctl.families import FAMILIES, WIRES
 from handctl.files import read_text
 from handctl.frame.clikit import Group
 from handctl.frame.filetypes import InFile
@@ -71,7 +71,7 @@ def list_devices(run: Run) -> Table:
 
 @cli.verb("add", writes=True)
 @click.argument("name")
-@click.argument("family", type=click.Choice(list(FAMILIES)), required=False)
+@click.argument("family", type=click.Choice(list(FAMILIES)), metavar=f"[{'|'.join(FAMILIES)}]", required=False)
 @click.option(
     "--from-scan", "scanned", metavar="FILE", type=InFile(), help="Take family, link, id and speed from the output of `handctl scan --json` (-: stdin)."
 )  # fmt: skip
@@ -81,8 +81,9 @@ def add(run: Run, name: str, family: str | None, scanned: str | None, force: boo
 
     The name keeps the family and, where given, --port, --id, --baud, --timeout, --deadline and --retries. The device is not asked.
     """
+    from handctl.frame import devicefile
     from handctl.frame.config import NAME_HELP, is_name
-    from handctl.tools import devicefile, naming
+    from handctl.tools import naming
 
     if not is_name(name):
         raise UsageError(f"{name!r} cannot be the name of a device", hint=f"allowed: {NAME_HELP}")
@@ -126,7 +127,7 @@ DONE = (Column("file", "File"), Column("result", "Result"))
 @click.argument("name")
 def remove(run: Run, name: str) -> Table:
     """Delete a name from the configuration file. Everything else in the file stays."""
-    from handctl.tools import devicefile
+    from handctl.frame import devicefile
 
     path = config_path()
     config = read_config(path)
@@ -152,7 +153,7 @@ def show(run: Run, name: str | None) -> Table:
     device, the configuration file (with the line) and the default.
     """
     ctx = click.get_current_context()
-    settings = resolve(ctx, ("serial", "can"), name or "")
+    settings = resolve(ctx, WIRES, name or "")
     sources: dict[str, Source] = ctx.meta[SOURCES]
     own = {option.key: False if option.flag else None for option in own_options()}
     values = {key: getattr(settings, key) for key in Settings._fields if key != "own"}

@@ -6,18 +6,20 @@ Diagnosing is its job: a link that cannot be opened, or a device that is silent,
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from handctl.errors import CheckFailed, Interrupted, LinkError, UsageError
-from handctl.families import FAMILIES
+from handctl.families import FAMILIES, WIRES
 from handctl.frame.clikit import Command
 from handctl.frame.family import Family
 from handctl.frame.run import Run
 from handctl.model.result import Cell, Column, Grid, Row, Table
 from handctl.tools.machine import Machine
 from handctl.tools.machine_checks import Check, machine_checks
+from handctl.tools.network_checks import host_in, is_local, same_address, subnet
 from handctl.tools.probes import family_of, probe_of
 
 if TYPE_CHECKING:
@@ -33,6 +35,8 @@ COLUMNS = (
     Column("evidence", "Evidence"),
     Column("remedy", "Remedy"),
 )
+CAUSES = ("speed", "same_id", "same_address", "protocol", "subnet")
+"""Checks that say why others fail."""
 TONES = {"ok": "good", "warning": "warn", "fail": "bad", "skipped": "dim"}
 
 
@@ -52,7 +56,7 @@ def cli(family: str | None, count: int) -> Table:
     """Check this computer, and with -p LINK that link and its device.
 
     Each row has its evidence and its remedy: permissions, other programs, delays, speed, echo, error rate.
-    Exit code 7 means a warning or a failure. The device is only read, with its shortest documented request.
+    Exit code 7 means a warning or a failure. The device is only read: its shortest documented request, and a few more for the line.
     """
     run: Run = click.get_current_context().obj
     machine = Machine()
@@ -85,8 +89,8 @@ def table(checks: Sequence[Check]) -> Table:
 
 
 def _telling(check: Check) -> tuple[bool, bool]:
-    """Failures before warnings; the speed that a device does answer at before its silence."""
-    return check.status != "fail", check.name != "speed"
+    """Failures before warnings; what names the cause of a silence or of damage before what shows it."""
+    return check.status != "fail", check.name not in CAUSES
 
 
 def examine(run: Run, machine: Machine, kind: str | None, reads: int) -> Iterator[Check]:
@@ -96,7 +100,9 @@ def examine(run: Run, machine: Machine, kind: str | None, reads: int) -> Iterato
 
     if kind is None and run.settings.fake:
         raise UsageError("no simulator given", hint=f"add --family with one of {', '.join(FAMILIES)}", code="no-family")
-    run.family = family_of(kind) if kind is not None else Family("unknown", _no_device, 115200, wires=("serial", "can"))
+    run.family = family_of(kind) if kind is not None else Family("unknown", _no_device, 115200, wires=WIRES)
+    if run.family.check is not None:
+        run.family.check(run.settings)
     name = run.link_name()
     yield from port_checks(machine, name)
     run.guide.progress(f"{name}: opening")
@@ -104,6 +110,7 @@ def examine(run: Run, machine: Machine, kind: str | None, reads: int) -> Iterato
         link = run.open_link()
     except LinkError as exc:
         yield from failed_open(exc)
+        yield from subnet(machine, host_in(name), reached=False)
         return
     speed = getattr(link, "baud", None)
     yield Check("open", "ok", f"{name} opens" + (f" at {speed} bit/s" if speed else ""))
@@ -114,14 +121,36 @@ def examine(run: Run, machine: Machine, kind: str | None, reads: int) -> Iterato
     def device(on: Link) -> Any:
         return family.open(on, settings, run.journal)
 
-    looking = LinkChecks(link, probe, device, reads, link.deadline(seconds), run.journal.counters)
+    looking = LinkChecks(link, probe, device, reads, link.deadline(seconds), run.journal)
     run.guide.progress(f"{name}: reading {reads} times")
     try:
         yield from looking.run()
+        if probe is not None and looking.device is not None:
+            yield from _on_network(machine, name, probe, looking.device, partial(_another, family, settings))
     except LinkError as exc:
         yield Check("connection", "fail", exc.text, exc.hint)
     finally:
         run.guide.done()
+
+
+def _another(family: Family, settings: Settings, link: Link) -> Any:
+    """The same device on a connection of its own."""
+    from handctl.model.result import Journal
+
+    return family.open(link, settings, Journal())
+
+
+def _on_network(machine: Machine, name: str, probe: Any, device: Any, make: Any) -> Iterator[Check]:
+    """Of a device that answers, or is silent: our address towards its own, and who has that."""
+    host = host_in(name)
+    held = probe.address_of(device) if hasattr(probe, "address_of") else ""
+    if held and host and held != host and not is_local(host):
+        text = f"the device was reached at {host}, and holds {held}"
+        remedy = "power-cycle it: a new address counts from then on. Another device may have this one, too"
+        yield Check("address", "warning", text, remedy)
+    yield from subnet(machine, host or held, reached=True if host else None)
+    if host and hasattr(probe, "fingerprint"):
+        yield from same_address(name, device, make, probe.fingerprint)
 
 
 def _no_device(link: Any, settings: Settings, journal: Journal) -> Any:

@@ -14,9 +14,10 @@ from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer, Pro
 from handctl.link import ByteLink, Deadline, FrameLink, Link
 from handctl.model.latency import RoundTrips
 from handctl.model.profile import SLOW
-from handctl.model.result import Counters, Journal, hex_bytes
+from handctl.model.result import Journal, hex_bytes
 from handctl.sentence import plural
 from handctl.tools import can_checks
+from handctl.tools.line_checks import ONE_MASTER, line_checks
 from handctl.tools.machine_checks import Check
 from handctl.tools.probes import FamilyProbe
 
@@ -100,12 +101,20 @@ class Series:
 
     trips: RoundTrips = field(default_factory=RoundTrips)
     failed: Counter[str] = field(default_factory=Counter)
-    first: HandctlError | None = None
+    seen: dict[str, HandctlError] = field(default_factory=dict)
+    """The first error of each code."""
     echoes: int = 0
     questions: int = 0
     """Reads that sent something; without any the device speaks by itself."""
+    stray: int = 0
+    """Bytes that came meanwhile and belonged to no answer."""
     wire: float = 0.0
     """Seconds that the bytes of one read need on the line."""
+
+    @property
+    def error(self) -> HandctlError | None:
+        """The most telling one: a damaged answer shows that somebody is there, at this speed; else the first."""
+        return self.seen.get("bad-checksum") or next(iter(self.seen.values()), None)
 
     @property
     def asked(self) -> int:
@@ -116,7 +125,7 @@ class Series:
 class LinkChecks:
     """The checks of one opened link. `device` makes the family's device on a link; `probe` is None for a link alone.
 
-    `counters` are those that the device counts into.
+    `journal` is that of the device.
     """
 
     def __init__(
@@ -126,15 +135,17 @@ class LinkChecks:
         device: Callable[[Link], Any],
         reads: int,
         bound: Deadline,
-        counters: Counters,
+        journal: Journal,
     ) -> None:
         self._link: Link = Watched(link) if isinstance(link, ByteLink) else link
         self._probe = probe
         self._device = device
         self._reads = reads
         self._bound = bound
-        self._counters = counters
+        self._counters = journal.counters
+        self._line = journal.line
         self._made: Any = None
+        self._first = b""  # what came before anything was asked
 
     def run(self) -> Iterator[Check]:
         """All rows, each as soon as it is known. Raises LinkError when the link is lost on the way."""
@@ -148,6 +159,7 @@ class LinkChecks:
         first = getattr(self._link, "baud", None)
         before = self._link.error_frames if isinstance(self._link, FrameLink) else 0
         series = self.read_series()
+        series.stray = self._counters.stray_bytes
         yield self._answer(series)
         if isinstance(self._link, FrameLink):
             yield from can_checks.bus_checks(self._link, before, series.failed, bool(len(series.trips)), self._bound)
@@ -155,10 +167,20 @@ class LinkChecks:
             yield self._identity(self._probe.identify)
         yield self._speed(series, first)
         yield self._echo(series)
+        if isinstance(self._link, Watched) and hasattr(self._probe, "measure"):
+            self._probe.measure(self._made, self._first)
+            yield from line_checks(self._line, series.failed, bool(self._first))
         if len(series.trips):
             yield self._errors(series)
             yield self._round_trip(series)
             yield self._plateau(series)
+        if hasattr(self._probe, "further"):
+            yield from (Check(*row) for row in self._probe.further(self._made, bool(len(series.trips))))
+
+    @property
+    def device(self) -> Any:
+        """What was asked, None before that."""
+        return self._made
 
     def _unasked(self) -> Check:
         """What comes before anything is sent."""
@@ -170,6 +192,7 @@ class LinkChecks:
         while len(came) < 1024 and not deadline.expired:
             came += self._link.read(deadline)
         self._link.forget()
+        self._first = came
         if not came:
             return Check("unasked", "ok", f"no data arrived unasked within {LISTEN:g} s")
         text = f"{plural(len(came), 'byte')} arrived before anything was sent: {hex_bytes(came[:16])}"
@@ -196,8 +219,8 @@ class LinkChecks:
         """The first read, which may have to find the device first: it counts in `series` only when it fails."""
         before = Series()
         self._ping(device, before)
-        if before.first is not None:
-            series.failed, series.first, series.echoes = before.failed, before.first, before.echoes
+        if before.seen:
+            series.failed, series.seen, series.echoes = before.failed, before.seen, before.echoes
         return before
 
     def _ping(self, device: Any, series: Series) -> None:
@@ -210,12 +233,12 @@ class LinkChecks:
             self._probe.ping(device)
         except (NoAnswer, ProtocolError) as exc:
             series.failed[exc.code] += 1
-            series.first = series.first or exc
+            series.seen.setdefault(exc.code, exc)
         except LinkError as exc:
             if not isinstance(link, FrameLink) or exc.code == "lost":
                 raise
             series.failed[exc.code] += 1  # bus off, or refused by the adapter: the checks of the bus tell more
-            series.first = series.first or exc
+            series.seen.setdefault(exc.code, exc)
         except DeviceRefused:
             series.trips.add(link.now() - started)  # it does not like the question, but it answers
         else:
@@ -231,7 +254,7 @@ class LinkChecks:
         assert self._probe is not None
         if len(series.trips):
             return Check("answer", "ok", f"the device answers {self._probe.PING}")
-        error = series.first
+        error = series.error
         assert error is not None
         return Check("answer", "fail", error.text, error.hint)
 
@@ -255,7 +278,8 @@ class LinkChecks:
             text = f"the device answers at another speed than {first} bit/s as well. The speed does not matter"
             return Check("speed", "ok", f"{text} on Bluetooth, USB or a network")
         if len(series.trips):
-            return Check("speed", "ok", f"the device answers at {first} bit/s")
+            only = ", and not at another speed" if self._line.speed_matters else ""
+            return Check("speed", "ok", f"the device answers at {first} bit/s{only}")
         if link.speeds:
             return Check("speed", "ok", f"tried at {', '.join(map(str, dict.fromkeys(link.speeds)))} bit/s as well")
         return self._other_speeds(link, probe, series, first)
@@ -302,7 +326,7 @@ class LinkChecks:
         return Check("echo", "fail", text, "check the wiring: TX and RX are connected, or the device has no power")
 
     def _errors(self, series: Series) -> Check:
-        total, stray = series.failed.total(), self._counters.stray_bytes
+        total, stray = series.failed.total(), series.stray
         text = f"{total} of {series.asked} reads failed"
         if total:
             kinds = ", ".join(f"{count} {code}" for code, count in series.failed.most_common())
@@ -310,12 +334,19 @@ class LinkChecks:
         if stray and not series.echoes:
             text += f". {plural(stray, 'byte')} in between outside of any answer"
             if not total:
-                return Check("error_rate", "warning", text, _error_remedy({"garbage"}))
+                return Check("error_rate", "warning", text, self._error_remedy({"garbage"}))
         if not total:
             return Check("error_rate", "ok", text)
         status = "fail" if total * 10 > series.asked else "warning" if total > BAD_SHARE * series.asked else "ok"
-        remedy = _error_remedy(set(series.failed)) if status != "ok" else ""
+        remedy = self._error_remedy(set(series.failed)) if status != "ok" else ""
         return Check("error_rate", status, text, remedy)
+
+    def _error_remedy(self, codes: set[str]) -> str:
+        if self._line.others or "wrong-id" in codes:
+            return ONE_MASTER
+        if codes <= {"no-answer"}:
+            return "close other programs on this port, check the plug, or give a longer --timeout: answers are lost"
+        return "check cable, ground and hub: bytes are damaged on the way. Two devices with one id do that as well"
 
     def _round_trip(self, series: Series) -> Check:
         assert self._probe is not None
@@ -358,14 +389,6 @@ def _answers(probe: FamilyProbe, link: Link, end: Deadline) -> bool:
         return bool(probe.probe(link, Journal(), end))
     except (NoAnswer, ProtocolError):
         return False
-
-
-def _error_remedy(codes: set[str]) -> str:
-    if codes <= {"no-answer"}:
-        return "close other programs on this port, check the plug, or give a longer --timeout: answers are lost"
-    if "wrong-id" in codes:
-        return "leave only one device and one master on the line"
-    return "check cable, ground and hub: bytes are damaged on the way. Two devices with one id do that as well"
 
 
 def failed_open(error: LinkError) -> list[Check]:

@@ -8,13 +8,15 @@ from __future__ import annotations
 
 import json
 import os
-import sys
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from handctl.link.owners import Process, group_of, groups, holders, processes
+from handctl.system import drivers, network, ports
+from handctl.system.drivers import Driver
+from handctl.system.processes import user_name
 from handctl.tools.chips import CHIPS, Chip, chip_of
 
 CAN_TYPE = "280"
@@ -76,15 +78,6 @@ def _list_ports() -> list[Any]:
     return listed_ports()
 
 
-def _user() -> str:
-    try:
-        import pwd
-
-        return pwd.getpwuid(os.getuid()).pw_name
-    except (ImportError, KeyError, AttributeError):
-        return os.environ.get("USERNAME", "")
-
-
 @dataclass(frozen=True, slots=True)
 class Machine:
     """The system below `root`; the callables are what a test replaces.
@@ -92,15 +85,20 @@ class Machine:
     user      our name, as /etc/group spells it    groups  numbers of the groups that this session is in
     access    whether a device file may be read and written
     run_ip    the JSON of `ip -details -json link`
+    source    our address towards another one, "" = no way leads there
     listing   pyserial's list of ports, used where there is no /sys
+    driver    the driver of a port, and `without_driver` vendor and product of adapters that have none, on Windows
     """
 
     root: Path = Path("/")
-    linux: bool = sys.platform.startswith("linux")
-    user: Callable[[], str] = _user
+    linux: bool = ports.IN_SYS
+    user: Callable[[], str] = user_name
     access: Callable[[Path], bool] = lambda path: os.access(path, os.R_OK | os.W_OK)
     run_ip: Callable[[], str] = _run_ip
+    source: Callable[[str], str] = network.source
     listing: Callable[[], list[Any]] = _list_ports
+    driver: Callable[[str], Driver] = drivers.of
+    without_driver: Callable[[], list[tuple[str, str]]] = drivers.without
 
     def at(self, path: str | Path) -> Path:
         """Where an absolute path lies below `root`."""
@@ -169,11 +167,20 @@ class Machine:
         if entry.vid is not None:
             link = ":".join(filter(None, (f"{entry.vid:04x}", f"{entry.pid:04x}", entry.serial_number or "")))
         product = entry.product or (entry.description if entry.description != "n/a" else "")
-        return Port(path=str(entry.device), usb=link, product=product or "", chip=chip_of(link, "", entry.device))
+        path, driver = str(entry.device), self.driver(entry.device)
+        return Port(
+            path=path,
+            usb=link,
+            driver=driver.name,
+            product=product or "",
+            chip=chip_of(link, driver.name, path),
+            held=tuple(holders(path, self.root)) if ports.held_by_name(path) else (),
+            latency_ms=driver.latency_ms,
+        )
 
     def without_port(self) -> list[Chip]:
         """Adapters that are plugged in but have no port: no driver, or a program took it away (brltty does)."""
-        missing = []
+        missing = [chip for usb in self.without_driver() if (chip := CHIPS.get(usb)) is not None and chip.serial]
         folder = self.at("/sys/bus/usb/devices")
         for name in _entries(folder):
             home = folder / name

@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from handctl.model.result import Row
+from handctl.system import advice
 from handctl.tools import ports as port_tool
 from handctl.tools.machine import Machine, Port
+from handctl.tools.packages import needed
 
-PYTHON = (3, 11)
-PACKAGES = {"click": "8.2", "pyserial": "3.5", "rich": "13.7", "python-can": "4.3", "crcmod": "1.7", "bincopy": "20.0"}
-"""Oldest version of each that is known to do; a test compares with the package's own requirements."""
+PYTHON = (3, 10)
 ROOM_LITTLE, ROOM_NONE = 100_000_000, 5_000_000
 """Bytes: logs and traces need room."""
 WIDTH = 80
@@ -65,10 +65,11 @@ def packages() -> Check:
     """Versions of what handctl needs."""
     from importlib import metadata
 
+    wanted = needed()
     seen: list[str] = []
     missing: list[str] = []
     old: dict[str, str] = {}
-    for name, oldest in PACKAGES.items():
+    for name, oldest in wanted.items():
         try:
             version = metadata.version(name)
         except metadata.PackageNotFoundError:
@@ -82,9 +83,9 @@ def packages() -> Check:
         return Check("packages", "skipped", "a single-file build does not report the versions of its parts")
     if missing or old:
         wrong = ", ".join([*(f"{name} is missing" for name in missing), *old.values()])
-        needed = " ".join(f"'{name}>={PACKAGES[name]}'" for name in (*missing, *old))
+        lacking = " ".join(f"'{name}>={wanted[name]}'" for name in (*missing, *old))
         return Check(
-            "packages", "fail", f"{wrong}. Installed: {evidence}", f"run `{sys.executable} -m pip install {needed}`"
+            "packages", "fail", f"{wrong}. Installed: {evidence}", f"run `{sys.executable} -m pip install {lacking}`"
         )
     return Check("packages", "ok", evidence)
 
@@ -108,7 +109,9 @@ def permissions(found: list[Port]) -> Check:
 
 
 def grabbers(machine: Machine, found: list[Port]) -> list[Check]:
-    """ModemManager and brltty: in the way only where there are serial ports."""
+    """ModemManager and brltty, of Linux: in the way only where there are serial ports."""
+    if not machine.linux:
+        return []
     running = {process.name: process for process in machine.grabbers()}
     checks = []
     for name in ("ModemManager", "brltty"):
@@ -145,9 +148,7 @@ def clock(now: float, installed: float) -> Check:
     shown = time.strftime("%Y-%m-%d %H:%M:%S %z", time.localtime(now))
     if now + 86400 < installed:
         text = f"{shown} is before handctl was installed: logs and snapshots get wrong times"
-        return Check(
-            "clock", "warning", text, "run `sudo timedatectl set-ntp true`, or `sudo date -s 'YYYY-MM-DD HH:MM'`"
-        )
+        return Check("clock", "warning", text, advice.set_clock())
     return Check("clock", "ok", shown)
 
 
@@ -157,7 +158,7 @@ def locale() -> Check:
     if encoding == "utf8":
         return Check("locale", "ok", "output is UTF-8")
     text = f"output is {encoding or 'of unknown encoding'}: °C comes out as deg C, other signs as \\xNN"
-    return Check("locale", "warning", text, "run `export LC_ALL=C.UTF-8`, or `export PYTHONUTF8=1`")
+    return Check("locale", "warning", text, advice.set_encoding())
 
 
 def terminal() -> Check:
@@ -168,6 +169,8 @@ def terminal() -> Check:
     if columns < WIDTH:
         text = f"{columns} columns: tables wrap"
         return Check("terminal", "warning", text, f"make the window {WIDTH} columns wide, or use --format plain")
+    if not advice.terminal_is_named():
+        return Check("terminal", "ok", f"{columns} columns")
     if os.environ.get("TERM", "") in ("", "dumb"):
         return Check(
             "terminal", "warning", "TERM is not set: no colours, no live view", "run `export TERM=xterm-256color`"

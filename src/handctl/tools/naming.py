@@ -1,6 +1,6 @@
-"""What a named device may be: how a LINK is written, a name of a port that outlives the next plugging, rows of a scan.
+"""What a named device may be: how a LINK is written, rows of a scan.
 
-Opens nothing and sends nothing; reads /dev and /sys.
+Opens nothing and sends nothing.
 """
 
 from __future__ import annotations
@@ -12,12 +12,11 @@ from typing import Any
 from handctl.errors import UsageError
 from handctl.families import FAMILIES
 from handctl.frame.family import Family, load, refuse_missing, refuse_serial
+from handctl.frame.portname import stable_name
 from handctl.frame.run import Run
 
 URLS = ("socket", "rfc2217", "spy", "loop", "hwgrep", "alt", "cp2110")
 """Schemes of pyserial."""
-BY_ID = "/dev/serial/by-id"
-TTY = "/sys/class/tty"
 
 
 def check(run: Run, kind: str, given: dict[str, Any]) -> None:
@@ -97,34 +96,6 @@ def _ask_family(run: Run, family: Family, given: dict[str, Any]) -> None:
 
     settings = run.settings._replace(**given)
     family.open(NoFrames() if is_can(str(given["port"])) else NoLink(), settings, run.journal)
-
-
-def stable_name(port: str) -> str:
-    """A name of this adapter itself for a path like /dev/ttyUSB0: its by-id link, or usb:VID:PID:SERIAL; "" = none."""
-    name = os.path.basename(port)
-    if not name.startswith(("ttyUSB", "ttyACM")) or os.path.dirname(port) != "/dev":
-        return ""
-    real = os.path.realpath(port)
-    try:
-        links = sorted(os.path.join(BY_ID, entry) for entry in os.listdir(BY_ID))
-    except OSError:
-        links = []
-    for link in links:
-        if os.path.realpath(link) == real:
-            return link
-    folder = os.path.realpath(os.path.join(TTY, name, "device"))
-    while len(folder) > 1 and not os.path.exists(os.path.join(folder, "idVendor")):
-        folder = os.path.dirname(folder)
-    vendor, product, serial = (_line(os.path.join(folder, key)) for key in ("idVendor", "idProduct", "serial"))
-    return ":".join(filter(None, ("usb", vendor, product, serial))) if vendor and product else ""
-
-
-def _line(path: str) -> str:
-    try:
-        with open(path, encoding="utf-8") as file:
-            return file.read().strip()
-    except (OSError, UnicodeDecodeError):
-        return ""
 
 
 def from_scan(text: str, kind: str | None, given: dict[str, Any]) -> dict[str, Any]:

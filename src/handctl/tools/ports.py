@@ -13,6 +13,7 @@ from handctl.frame.clikit import Command
 from handctl.frame.run import Run
 from handctl.link.owners import Process, group_remedy
 from handctl.model.result import Cell, Column, Grid, Journal, Row, Table
+from handctl.system import advice
 from handctl.tools.chips import Chip
 from handctl.tools.machine import CanInterface, Machine, Port
 from handctl.tools.probes import on_can
@@ -162,6 +163,8 @@ def permission_remedy(port: Port) -> str:
 
 def latency_remedy(port: Port) -> str:
     """How to set the timer to 1 ms now and for good. handctl asks for it while it has the port open."""
+    if way := advice.set_latency(port.path, LATENCY_MS):
+        return way
     name = port.path.rpartition("/")[2]
     now = f"echo {LATENCY_MS} | sudo tee /sys/bus/usb-serial/devices/{name}/latency_timer"
     rule = f'ACTION=="add", SUBSYSTEM=="usb-serial", DRIVER=="ftdi_sio", ATTR{{latency_timer}}="{LATENCY_MS}"'
@@ -188,7 +191,7 @@ def grabber_problem(process: Process, ports: list[Port]) -> tuple[str, str]:
 
 def orphan(chip: Chip) -> tuple[str, str]:
     """(text, remedy) for an adapter that is plugged in but has no port."""
-    remedy = (
+    remedy = advice.find_driver(chip.name) or (
         "run `sudo apt remove brltty` if brltty is installed: it takes this adapter away. Then plug the adapter in again"
         if chip.braille
         else "look at `sudo dmesg | tail`: the driver is missing or failed"

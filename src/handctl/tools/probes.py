@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Protocol, cast
 
 from handctl.families import FAMILIES
 from handctl.frame.family import load
-from handctl.link import Deadline, Link
+from handctl.link import ByteLink, Deadline, Link
 from handctl.model.result import Journal, Row
 
 if TYPE_CHECKING:
@@ -41,6 +41,11 @@ class FamilyProbe(Protocol):
     def ping(self, device: Any) -> None:
         """The cheapest documented read, asked once. Raises NoAnswer, ProtocolError, LinkError."""
 
+    # overheard(data) -> ids that others ask, where a family knows its own frames in what comes unasked.
+    # measure(device, unasked) fills the profile of a serial line by reading, where a family can.
+    # further(device, answered) -> rows (name, status, evidence, remedy): what else a family checks, by reading.
+    # address_of(device) -> its address on a network, as it holds it, "" = none.
+    # fingerprint(device) -> readings that tell two resting devices with one address apart.
     # identify(device) -> (status, evidence, remedy) has a family whose questions other devices answer, too.
 
 
@@ -74,3 +79,11 @@ def wire_of(link: str) -> str:
 def has_speed(link: Link) -> bool:
     """Whether this end's speed can be changed and means something."""
     return bool(getattr(link, "can_set_baud", False))
+
+
+def listened(link: ByteLink, deadline: Deadline) -> bytes:
+    """What comes without having been asked for just now."""
+    came = b""
+    while len(came) < 256 and not deadline.expired:
+        came += link.read(deadline)
+    return came

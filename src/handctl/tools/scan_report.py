@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from handctl.errors import HandctlError, Interrupted, NoAnswer, ProtocolError, joined
+from handctl.model.profile import Profile
 from handctl.model.result import Column, Journal, Row, Table, hex_bytes
 
 TALKATIVE = 16
@@ -32,14 +33,24 @@ class Step(NamedTuple):
 
 @dataclass(slots=True)
 class Search:
-    """What was tried on one link and what came: `met` is (step, error) for every probe without a device."""
+    """What was tried on one link and what came: `met` is the error of every probe without a device, `lines` what each family
+    learned of the line, `line` that of the one that was found."""
 
     link: str
     rows: list[Row] = field(default_factory=list)
-    met: list[tuple[Step, HandctlError]] = field(default_factory=list)
+    met: dict[Step, HandctlError] = field(default_factory=dict)
     unasked: bytes = b""
+    overheard: dict[str, list[int]] = field(default_factory=dict)
+    """Family -> ids that others ask on this line."""
     error: HandctlError | None = None
     expired: bool = False
+    lines: dict[str, Profile] = field(default_factory=dict)
+    line: Profile = field(default_factory=Profile)
+
+    def meet(self, step: Step, error: HandctlError) -> None:
+        """Note what a probe met; silence never hides what it met before."""
+        if step not in self.met or error.code != NoAnswer.default_code:
+            self.met[step] = error
 
 
 def report(searches: Sequence[Search], families: Sequence[str], journal: Journal) -> Table:
@@ -63,7 +74,7 @@ def report(searches: Sequence[Search], families: Sequence[str], journal: Journal
             "tried": [
                 {"link": search.link, "family": step.family, "baud": step.speed, "came": error.code}
                 for search in searches
-                for step, error in search.met
+                for step, error in search.met.items()
             ],
         }
     }
@@ -86,6 +97,10 @@ def _nothing(search: Search) -> HandctlError:
         if is_modbus(unasked):
             text = f"{name}: a Modbus RTU master or device talks on this line ({shown})"
             return ProtocolError(text, hint=f"{MODBUS_HINT}. Nothing was sent.", code="modbus")
+        for family, ids in search.overheard.items():
+            text = f"{name}: another program or master speaks with {family} id {', '.join(map(str, ids))} on this line ({shown})"
+            hint = f"end it for the search, or look beside it: `handctl {family} scan --all`. Nothing was sent."
+            return ProtocolError(text, hint=hint, code="talks")
         text = (
             f"{name}: {len(unasked)} bytes arrived before anything was asked ({shown}). None of these devices does that"
         )
@@ -97,7 +112,7 @@ def _nothing(search: Search) -> HandctlError:
         return NoAnswer(
             f"{name}: --deadline ended the search. {tried}", hint="give a longer --deadline", code="deadline"
         )
-    met = {error.code: error for _, error in search.met if error.code != NoAnswer.default_code}
+    met = {error.code: error for error in search.met.values() if error.code != NoAnswer.default_code}
     if not met:
         return NoAnswer(f"{name}: complete silence. {tried}", hint=SILENCE, code=NoAnswer.default_code)
     if "boot-monitor" in met:
@@ -116,10 +131,10 @@ SILENCE = (
 GARBAGE = "check for another kind of device, a disturbed line, two devices with one id, or an slcan adapter (-p can:slcan:PORT)"
 
 
-def _summary(met: Sequence[tuple[Step, HandctlError]]) -> str:
+def _summary(met: Mapping[Step, HandctlError]) -> str:
     """``ekso at 115200 (no-answer), exo at 115200, 57600, 19200 (echo)``."""
     groups: dict[tuple[str, str], list[str]] = {}
-    for step, error in met:
+    for step, error in met.items():
         groups.setdefault((step.family, error.code), []).append(str(step.speed) if step.speed else "")
     parts = []
     for (family, code), speeds in groups.items():

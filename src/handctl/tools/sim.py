@@ -12,7 +12,7 @@ __all__ = ["cli"]
 
 
 @cli.command("forget", short_help="Begin afresh with --fake: remove what is kept of a simulated device.")
-@click.argument("family", type=click.Choice(list(FAMILIES)), required=False)
+@click.argument("family", type=click.Choice(list(FAMILIES)), metavar=f"[{'|'.join(FAMILIES)}]", required=False)
 def forget(family: str | None) -> None:
     """Begin afresh with --fake: remove what is kept of FAMILY, or of all families.
 

@@ -212,7 +212,7 @@ def _streamed(run: Run, told: _Telling, matches: Callable[[Told], bool]) -> Tabl
 
 
 def _write_text(run: Run, told: _Telling, matches: Callable[[Told], bool]) -> None:
-    from handctl.screen.render import Sink
+    from handctl.screen.sink import Sink
     from handctl.tools.trace_text import row_text, statistics_text
 
     with Sink(run.settings) as sink:

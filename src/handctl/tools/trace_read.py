@@ -315,6 +315,7 @@ class Teller:
         if entry.mark == "!":
             yield from self._pieces(self._explainer.flush())
             yield from self._given_up(0)
+            self._explainer.event(entry.text)
             yield Told(stamp, stamp, event=entry.text)
             if family := family_of_event(entry):
                 self._family, self._explainer = family, explainer_of(family)

@@ -51,6 +51,7 @@ class Facts:
     power_on  full name -> value at power-on, in the unit, as its manual would print it
     refuses   lines that the codec must refuse
     broken_from  answers after which a fault can meet `dump` in the middle; 0 = one message holds all that it shows
+    computed  names of rows that no `get` takes: handctl works them out of others, or of its own clock
     lines     for the harm matrix: command lines that need words of their own; {dir} holds the files of `prepare`
     looking   those of `lines` that only read, though their command may write
     rows_in   module with COMMANDS, lines with their kinds, and `prepare`, which makes the files that they name
@@ -78,6 +79,7 @@ class Facts:
     power_on: Mapping[str, float] | None = None
     refuses: Sequence[bytes] = ()
     broken_from: int = 1
+    computed: frozenset[str] = frozenset()
     lines: Sequence[tuple[str, ...]] = ()
     looking: frozenset[tuple[str, ...]] = frozenset()
     rows_in: str = ""

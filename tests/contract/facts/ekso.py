@@ -31,6 +31,7 @@ FACTS = Facts(
     plans=frozenset(["restore"]),
     screens=("status", "dump", "settings", "data", "feedback"),
     broken_from=2,
+    computed=frozenset({"boot_ms", "clock_offset"}),
     lines=(("report", "{dir}/report.html"), ("policy",), ("stop",), ("export", "{dir}/log.csv", "--format", "mot")),
     rows_in="tests.ekso.commands",
     states_in="tests.ekso.states",

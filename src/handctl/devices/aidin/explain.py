@@ -78,6 +78,9 @@ class AidinExplainer:
                 pieces.append(stray(direction, raw, f"an object cut off after {len(raw)} bytes", "cut-short"))
         return pieces
 
+    def event(self, text: str) -> None:
+        """See Explainer. Nothing in it concerns this family."""
+
     def decode(self, data: bytes, side: str = "", can_id: int | None = None) -> list[Piece]:
         """See Explainer. Feedback keys tell the hand, everything else the host."""
         device = any(f'"{key}"'.encode() in data for key in FEEDBACK_KEYS)

@@ -86,7 +86,7 @@ def describe(run: Run, names: tuple[str, ...]) -> Table:
     """
     table = verbs.describe(BARRETT, names)
     for row in table.rows:
-        param = BARRETT[row["name"]]
+        param, _ = BARRETT.find(row["name"])
         finger, spread = param.default or (None, None)
         row |= {
             "parameter": param.mnemonic,
@@ -106,11 +106,9 @@ def describe(run: Run, names: tuple[str, ...]) -> Table:
 @cli.verb("version", "Look")
 def version(run: Run) -> Table:
     """Show the firmware version."""
-    text = run.device().version()
-    return Table(
-        rows=[{"name": "firmware", "parameter": "VERS", "motor": None, "value": text, "unit": None}],
-        columns=(Column("value", "Firmware"),),
-    )
+    table = verbs.get(run, BARRETT, ["VERS"])
+    table.view, table.columns = None, (Column("value", "Firmware"),)
+    return table
 
 
 @cli.verb("errors", "Look", offline=True)
@@ -247,9 +245,9 @@ def gcl_(run: Run, commands: tuple[str, ...], keep_going: bool) -> Table:
     from handctl.devices.barrett import eeprom
     from handctl.devices.barrett.gcl import passthrough
 
-    if not commands and sys.stdin.isatty():
+    if not commands and run.typed.isatty():
         return _prompt(run)
-    wanted = list(commands) if commands else passthrough.script(sys.stdin)
+    wanted = list(commands) if commands else passthrough.script(run.typed)
     if not wanted:
         raise UsageError(
             "no command given",

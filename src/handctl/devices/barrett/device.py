@@ -48,11 +48,13 @@ class BarrettHand(Device):
     def identity(self) -> dict[str, object]:
         """Serial number (0 on hands upgraded in the field) and firmware as the hand says it."""
         (serial,) = self.read(all_elements([BARRETT.by_mnemonic("SN")]))
+        self.about |= {"serial": str(serial.value)} if serial.value else {}
         return {"kind": self.kind, "serial_number": serial.value, "firmware": self.version()}
 
     def version(self) -> str:
         """The firmware's own text (its format is not documented)."""
-        return " ".join(self.checked(self.line.read("VERS")).lines)
+        self.about["firmware"] = " ".join(self.checked(self.line.read("VERS")).lines)
+        return self.about["firmware"]
 
     def further(self, identity: dict[str, object]) -> list[str]:
         """Settings of later firmware that this hand has, by what it says of itself."""
@@ -110,6 +112,21 @@ class BarrettHand(Device):
 
     def read(self, elements: Sequence[Element]) -> list[Reading]:
         """Read elements in as few lines as fit; all motors that are wanted share a prefix (barrett §5.2.2, §5.2.3)."""
+        numbers = [element for element in elements if element.param.name not in BARRETT.texts]
+        if len(numbers) == len(elements):
+            return self._read_numbers(elements)
+        found = {reading.element: reading for reading in (self._read_numbers(numbers) if numbers else ())}
+        for element in elements:
+            if element not in found:
+                try:
+                    found[element] = Reading(element, 0, self.version().encode())
+                except (NoAnswer, ProtocolError, DeviceRefused) as exc:
+                    if not numbers:
+                        raise
+                    found[element] = Reading(element, None, b"", exc)
+        return [found[element] for element in elements]
+
+    def _read_numbers(self, elements: Sequence[Element]) -> list[Reading]:
         by_mnemonic: dict[str, dict[int, int] | HandctlError] = {}
 
         def so_far() -> list[Reading]:
@@ -168,15 +185,14 @@ class BarrettHand(Device):
     def valued(self, reading: Reading) -> Row:
         param = reading.element.param
         assert isinstance(param, GclParam) and reading.value is not None
+        if param.name in BARRETT.texts:
+            return {"value": reading.raw.decode(), "unit": None, "label": None}
         row: Row = {
             "value": reading.value,
             "unit": param.unit,
             "label": meaning(param, reading.value, reading.element.index),
             "default": param.default_of(reading.element.index),
         }
-        if param.scale is not None:
-            factor, row["scaled_unit"] = param.scale
-            row["scaled"] = reading.value / factor if factor > 1 else reading.value * round(1 / factor)
         if param.mnemonic == "SG":
             row["doubt"] = NO_GAUGE if reading.value == 255 else None
         return row
@@ -330,9 +346,8 @@ class BarrettHand(Device):
             firmware = self.version()
         except HandctlError as exc:
             firmware = f"? ({exc.text})"
-        table.rows.append(
-            {"name": "firmware", "parameter": "VERS", "motor": None, "value": firmware, "unit": None, "label": None}
-        )
+        (version,) = all_elements([BARRETT.by_mnemonic("VERS")])
+        table.rows.append(self.row(Reading(version, 0, firmware.encode())))
         table.view = status_view
         findings = unhealthy(table.rows)
         if check:  # S says nothing of it: a hand that was left in RealTime is "ready" while it runs

@@ -80,6 +80,9 @@ class BarrettExplainer:
         self._decoders.clear()
         return pieces
 
+    def event(self, text: str) -> None:
+        """See Explainer. Nothing in it concerns this family."""
+
     def decode(self, data: bytes, side: str = "", can_id: int | None = None) -> list[Piece]:
         """See Explainer. Blocks are read with factory flags, all four motors."""
         direction = side or _side(data)

@@ -5,7 +5,7 @@ Values are the hand's own integers; the unit says what one count is. Knows no wi
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -56,9 +56,13 @@ class GclParam(Param):
         return not self.elements
 
     @property
-    def scale(self) -> tuple[float, str] | None:
-        """How many of the wire's units make one of a person's, and that unit; None where they are the same."""
-        return SCALES.get(self.unit or "")
+    def alarms(self) -> Mapping[int, str]:
+        """The codes of the status, whose sum it is (barrett §5.1.3, T3)."""
+        if self.mnemonic != "S":
+            return {}
+        from handctl.devices.barrett.gcl.language import ERRORS
+
+        return {code: f"{text} ({code})" for code, (text, _) in ERRORS.items()}
 
     def parse(self, text: str, where: str = "") -> Number:
         try:
@@ -67,9 +71,12 @@ class GclParam(Param):
             # Whoever types 60.5 means degrees, not tenths: say what it would be, and do not guess.
             digits = text.strip().removeprefix("-")
             if self.scale is not None and digits.count(".") == 1 and digits.replace(".", "").isdecimal():
-                factor, unit = self.scale
-                wanted = float(text) * factor
-                hint = f"{float(text):g} {unit} is {self.name}={wanted:.0f}. " if wanted == round(wanted) else ""
+                wanted = float(text) * self.scale.over / self.scale.times
+                hint = (
+                    f"{float(text):g} {self.scale.unit} is {self.name}={wanted:.0f}. "
+                    if wanted == round(wanted)
+                    else ""
+                )
                 exc.text = f"{where or self.name} takes a whole number of {self.unit}, not {text}"
                 exc.hint = f"{hint}{exc.hint}"
             raise
@@ -102,14 +109,6 @@ def _global(
 
 
 TENTHS = "0.1 °C"
-SCALES: dict[str, tuple[float, str]] = {
-    TENTHS: (10, "°C"),
-    "1/16 cts/sample": (16, "cts/sample"),
-    "1/256 cts/sample²": (256, "cts/sample²"),
-    "100 bit/s": (0.01, "bit/s"),
-    "1000 cts": (0.001, "cts"),
-}
-"""Units of the wire that are a factor of the unit a person uses: how many of them make one, and which."""
 _USEFUL: dict[str, Any] = {
     "careful": ((0, 18000), (0, 3150)),
     "why": "beyond the joint's travel, about 18,000 counts and 3150 for the spread",
@@ -123,9 +122,9 @@ _ADV: dict[str, Any] = {**_RW, "advanced": True}
 class GclMap(ParamMap[GclParam]):
     """Finds by readable name or mnemonic in any case, elements by F1, 1, S …; one value may set all motors."""
 
-    def __init__(self, kind: str, params: Sequence[GclParam]) -> None:
-        super().__init__(kind, params)
-        self._by_mnemonic = {param.mnemonic: param for param in params}
+    def __init__(self, kind: str, params: Sequence[GclParam], texts: Sequence[GclParam]) -> None:
+        super().__init__(kind, params, texts)
+        self._by_mnemonic = {param.mnemonic: param for param in self.every}
 
     def by_mnemonic(self, mnemonic: str) -> GclParam:
         """The parameter with this mnemonic."""
@@ -204,7 +203,7 @@ BARRETT = GclMap(
         _global("TEMP", "temperature", "temperature of the CPU board, normal 400 to 600, limit 650 (§2)", "5.4.2", -550, 1250, unit=TENTHS),
         _global("PTEMP", "peak_temperature", "highest temperature in its life", "5.4.2", 0, 1250, unit=TENTHS),
         _global("UPSECS", "uptime_seconds", "time of operation in its life", "5.4.2", 0, 2**32, unit="s"),
-        _global("SN", "serial_number", "serial number (0 on upgraded hands)", "5.4.2", 0, None, private=True),
+        _global("SN", "serial_number", "serial number (0 on upgraded hands)", "5.4.2", 0, None, private=True, tells="serial"),
         _global("LFDPD", "loop_feedback_delta_discard", "drop a change that is too large for a byte", "5.4.3", 0, 1, default=(0, 0), advanced=True, **_KNOWN_FLAG),
         # -- later firmware: ERR 64 where absent
         _motor("BD", "breakaway_detected", "the clutch has let go", "later firmware", 0, 1, since="4.34"),
@@ -215,6 +214,7 @@ BARRETT = GclMap(
         _motor("LFBP", "loop_feedback_breakaway_position", "feedback block has the breakaway position", "later firmware", 0, 1, since="4.4", **_KNOWN_FLAG),
         _motor("LFAIN", "loop_feedback_analog_input", "feedback block has the analog input", "later firmware", 0, 1, since="4.4", **_KNOWN_FLAG),
     ],
+    [_global("VERS", "firmware", "version of the firmware, in its own words", "5.2.4", None, None)],
 )  # fmt: skip
 
 

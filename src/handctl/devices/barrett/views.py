@@ -51,7 +51,7 @@ def audit(rows: Sequence[Row]) -> list[str]:
         index = MOTORS.index(row["motor"]) if row["motor"] else 0
         objection = careful(Element(BARRETT[row["name"]], index), row["value"])
         if objection is not None:
-            found.append(f"{row['motor'] or 'hand'}: {objection}")
+            found.append(f"{row['motor'] or 'whole hand'}: {objection}")
     by = {(row["parameter"], row["motor"]): row.get("value") for row in rows}
     found += [
         f"{motor}: HSG {by[('HSG', motor)]} and MSG {by[('MSG', motor)]} differ, although they are one value"
@@ -93,7 +93,7 @@ def parameters_view(rows: list[Row]) -> list[Grid]:
     names = list(dict.fromkeys(row["name"] for row in rows))
     groups: list[list[str]] = [[], [], [], []]
     for name in names:
-        param = BARRETT[name]
+        param, _ = BARRETT.find(name)
         motor = 1 if not param.writable else 2 if param.source.endswith("5.3.3") else 0
         groups[3 if param.is_global else motor].append(name)
     return [_parameter_grid([row for row in rows if row["name"] in group], group) for group in groups if group]

@@ -11,7 +11,7 @@ import os
 import stat
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from datetime import UTC, datetime
+from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,7 @@ from handctl.devices.ekso import gates
 from handctl.devices.ekso.chain import Checked, check, held, linked
 from handctl.errors import OutputError
 from handctl.files import in_turn, opened, state_path
+from handctl.system import disk, locks
 
 TURN_SECONDS = 0.2
 """No longer is another writer waited for, who may be stopped in the middle: CancelAction waits for its entry."""
@@ -54,10 +55,10 @@ class AuditLog:
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             fresh = not self.path.exists()
-            file = os.open(self.path, os.O_RDWR | os.O_APPEND | os.O_CREAT, 0o600)
+            file = os.open(self.path, os.O_RDWR | os.O_APPEND | os.O_CREAT | disk.BINARY, 0o600)
             try:
                 if fresh:
-                    _sync_folder(self.path.parent)
+                    disk.sync_folder(self.path.parent)
                 yield file
             finally:
                 os.close(file)
@@ -108,15 +109,11 @@ class AuditLog:
     def alone(self) -> Iterator[None]:
         """While it lasts no other handctl writes a setting by this log: what it says last holds until the next entry.
 
-        Raises OutputError, LinkError (code "busy"). Where the system has no flock, there is no lock.
+        Raises OutputError, LinkError (code "busy").
         """
         with self._opened() as file:
             try:
-                import fcntl
-
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except ImportError:
-                pass
+                locks.whole(file)
             except BlockingIOError as exc:
                 raise gates.refusal(
                     gates.FREE,
@@ -130,7 +127,7 @@ class AuditLog:
 
         Raises OutputError.
         """
-        now = datetime.now(UTC).isoformat(timespec="milliseconds")
+        now = datetime.now(timezone.utc).isoformat(timespec="milliseconds")
         entry = {"event": event, "utc": now, "host_monotonic_s": round(host_s, 6), **self.always, **fields}
         text = json.dumps(entry, ensure_ascii=False).encode("utf-8", "backslashreplace")
         with self._opened() as file:
@@ -139,30 +136,22 @@ class AuditLog:
                 line = linked(text, held(reversed(_tail(file)[0]))) + b"\n"
                 # half a line of a killed writer, perhaps of another handctl: this entry starts a line of its own
                 _write_all(file, b"\n" + line if _torn(file) else line)
-            os.fsync(file)
+            disk.sync(file)
 
 
 def _tail(file: int) -> tuple[list[bytes], bool]:
     """The last lines, and whether there are others before them."""
     size = os.fstat(file).st_size
     start = max(0, size - TAIL)
-    lines = os.pread(file, size - start, start).split(b"\n")
+    lines = disk.read_at(file, size - start, start).split(b"\n")
     return (lines[1:], True) if start else (lines, False)
 
 
 def _torn(file: int) -> bool:
     size = os.lseek(file, 0, os.SEEK_END)
-    return size > 0 and os.pread(file, 1, size - 1) != b"\n"
+    return size > 0 and disk.read_at(file, 1, size - 1) != b"\n"
 
 
 def _write_all(file: int, data: bytes) -> None:
     while data:
         data = data[os.write(file, data) :]
-
-
-def _sync_folder(folder: Path) -> None:
-    handle = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)

@@ -98,13 +98,13 @@ def describe(run: Run, names: tuple[str, ...]) -> Table:
     """
     table = verbs.describe(EKSO, names)
     for row in table.rows:
-        param = EKSO[row["name"]]
+        param, _ = EKSO.find(row["name"])
         policy = [f"{param.shown(param.step) if not param.choices else '10 %'} at once"] if param.step else []
         policy += ["only while sitting"] if param.sitting else []
         policy += [f"{' and '.join(param.twice)} asked twice"] if param.twice else []
         row |= {
             "message": param.message,
-            "word": param.word,
+            "word": param.word if row["name"] in EKSO else None,
             "id": param.id,
             "aliases": ", ".join(param.aliases),
             "policy": ", ".join(policy) or None,

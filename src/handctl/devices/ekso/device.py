@@ -13,7 +13,7 @@ from handctl.devices.ekso import gates
 from handctl.devices.ekso.dataport import DataPort
 from handctl.devices.ekso.frames import Command, Frame, cancel_body, set_value_body, status_text
 from handctl.devices.ekso.lengthmode import find_mode
-from handctl.devices.ekso.map import DATA, EKSO, MESSAGES, NOTHING_SENT, Word
+from handctl.devices.ekso.map import CLOCKS, DATA, EKSO, MESSAGES, NOTHING_SENT, Clock, Word
 from handctl.devices.ekso.views import dump_view, words_view, written_view
 from handctl.errors import (
     DeviceRefused,
@@ -40,12 +40,10 @@ if TYPE_CHECKING:
         def write(self, wanted: Sequence[tuple[Word, int]], shown: tuple[int, ...]) -> tuple[int, ...]: ...
 
 
-COMMANDS = {"settings": Command.GET_SETTINGS, "data": Command.GET_DATA, "feedback": Command.GET_FEEDBACK}
-CLOCKS = {
-    # what -> (command, what its bytes are with their ranges, ekso §6)
-    "time": (Command.GET_TIME, (("hour", 0, 23), ("minute", 0, 59), ("second", 0, 59))),
-    "date": (Command.GET_DATE, (("year", 0, 99), ("month", 1, 12), ("day", 1, 31))),
-}
+COMMANDS = {
+    "settings": Command.GET_SETTINGS, "data": Command.GET_DATA, "feedback": Command.GET_FEEDBACK,
+    "date": Command.GET_DATE, "time": Command.GET_TIME,
+}  # fmt: skip
 
 
 class Ekso(Device):
@@ -118,11 +116,12 @@ class Ekso(Device):
 
     def read(self, elements: Sequence[Element]) -> list[Reading]:
         """Read elements with one request per message. Raises what went wrong when nothing could be read."""
-        found: dict[str, tuple[int, ...] | HandctlError] = {}
+        found: dict[str, tuple[int, ...] | Reading | HandctlError] = {}
+        clocks = {clock.name: clock for clock in CLOCKS}
         with self.keeping(lambda: self._found(elements, found)):
             for message in dict.fromkeys(_word(element).message for element in elements):
                 try:
-                    found[message] = self.words(message)
+                    found[message] = self.told(clocks[message]) if message in clocks else self.words(message)
                 except (NoAnswer, ProtocolError) as exc:
                     found[message] = exc
         errors = [entry for entry in found.values() if isinstance(entry, HandctlError)]
@@ -130,13 +129,18 @@ class Ekso(Device):
             raise errors[0]
         return self._found(elements, found)
 
-    def _found(self, elements: Sequence[Element], found: dict[str, tuple[int, ...] | HandctlError]) -> list[Reading]:
+    @staticmethod
+    def _found(
+        elements: Sequence[Element], found: dict[str, tuple[int, ...] | Reading | HandctlError]
+    ) -> list[Reading]:
         readings = []
         for element in elements:
             param = _word(element)
             words = found.get(param.message) or HandctlError("not read")
             if isinstance(words, HandctlError):
                 readings.append(Reading(element, None, b"", words))
+            elif isinstance(words, Reading):
+                readings.append(words)
             else:
                 raw = words[param.word]
                 readings.append(Reading(element, param.from_raw(raw), (raw & 0xFFFF).to_bytes(2, "big")))
@@ -150,11 +154,15 @@ class Ekso(Device):
 
     def named(self, element: Element) -> Row:
         param = _word(element)
-        return {"name": param.name, "word": param.word, "id": param.id}
+        return {"name": param.name, "word": None if isinstance(param, Clock) else param.word, "id": param.id}
 
     def valued(self, reading: Reading) -> Row:
         param = _word(reading.element)
         assert reading.value is not None
+        if isinstance(param, Clock):
+            numbers = dict(zip((name for name, _, _ in param.parts), reading.raw, strict=False))
+            row: Row = {"value": param.form.format(*reading.raw), "raw": reading.value, "unit": None, "label": None}
+            return {**row, **numbers, "bytes": len(reading.raw)}
         return {
             "value": reading.value,
             "raw": int.from_bytes(reading.raw, "big", signed=param.signed),
@@ -166,18 +174,20 @@ class Ekso(Device):
         """All words of GetSettings ("settings"), GetData ("data") or GetFeedback ("feedback")."""
         return self.table(self.readings(name))
 
+    def told(self, clock: Clock) -> Reading:
+        """GetTime or GetDate."""
+        body = self.port.read(COMMANDS[clock.name]).body
+        parts = zip(clock.parts, body, strict=False)
+        wrong = [f"{name} {number}" for (name, low, high), number in parts if not low <= number <= high]
+        if wrong:
+            text = f"{self.link.name}: the device's {clock.name} is impossible: {', '.join(wrong)}"
+            self.journal.warn("clock", text)
+        return Reading(elements_of(clock)[0], int.from_bytes(body[:3], "big"), body)
+
     def clock_row(self, what: str) -> Row:
         """GetTime or GetDate as one row, ``14:05:37`` or ``2026-11-20``; the raw integer has its bytes."""
-        command, parts = CLOCKS[what]
-        body = self.port.read(command).body
-        numbers = dict(zip((name for name, _, _ in parts), body, strict=False))
-        wrong = [f"{name} {numbers[name]}" for name, low, high in parts if not low <= numbers[name] <= high]
-        if wrong:
-            self.journal.warn("clock", f"{self.link.name}: the device's {what} is impossible: {', '.join(wrong)}")
-        shown = [numbers[name] for name, _, _ in parts]
-        text = "{:02d}:{:02d}:{:02d}".format(*shown) if what == "time" else "20{:02d}-{:02d}-{:02d}".format(*shown)
-        row: Row = {"name": what, "word": None, "id": None, "value": text, "raw": int.from_bytes(body[:3], "big")}
-        return {**row, "unit": None, "label": None, **numbers, "bytes": len(body)}
+        (clock,) = (clock for clock in CLOCKS if clock.name == what)
+        return self.row(self.told(clock))
 
     def clock(self, what: str) -> Table:
         """`time` or `date` as a Table."""
@@ -218,7 +228,8 @@ class Ekso(Device):
             rows = [{**row, "message": row["name"]} for row in self.now()] + rows
         except (NoAnswer, ProtocolError) as exc:
             failure = failure or exc
-            rows = [{"name": name, "word": None, "id": None, "error": exc.text, "unit": None, "message": name} for name in ("date", "time")] + rows  # fmt: skip
+            unread = [Reading(elements_of(clock)[0], None, b"", exc) for clock in CLOCKS]
+            rows = [{**self.row(reading), "message": reading.element.param.name} for reading in unread] + rows
         return Table(rows=rows, columns=columns, view=dump_view, failure=failure)
 
     def status(self, check: bool) -> Table:

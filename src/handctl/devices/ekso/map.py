@@ -71,6 +71,11 @@ class Word(Param):
     twice: tuple[str, ...] = ()
 
     @property
+    def path(self) -> str:
+        """``data.boot_time_high``: where two messages have the same name, the message stands before it."""
+        return f"{self.message}.{self.name}" if self.name in TWICE else self.name
+
+    @property
     def type_name(self) -> str:
         """``s16/100``: the wire type and what it is divided by."""
         return f"{'s' if self.signed else 'u'}16" + (f"/{10**self.decimals}" if self.decimals else "")
@@ -320,11 +325,33 @@ FEEDBACK: tuple[Word, ...] = (
 MESSAGES: dict[str, tuple[Word, ...]] = {"settings": SETTINGS, "data": DATA, "feedback": FEEDBACK}
 
 
-class EksoMap(ParamMap[Word]):
-    """Finds by name, by any alias without regard to case, spaces and hyphens, and by ParameterID."""
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Clock(Word):
+    """GetTime or GetDate: a message of its own, whose bytes (`parts`, with their ranges) are told in words (`form`)."""
 
-    def __init__(self, kind: str, params: Sequence[Word]) -> None:
-        super().__init__(kind, params)
+    parts: tuple[tuple[str, int, int], ...]
+    form: str
+
+    @property
+    def type_name(self) -> str:
+        return "3 bytes"
+
+
+_CLOCK: dict[str, Any] = {"source": "ekso §6", "word": 0}
+_YEAR, _HOUR = (("year", 0, 99), ("month", 1, 12), ("day", 1, 31)), (("hour", 0, 23), ("minute", 0, 59), ("second", 0, 59))  # fmt: skip
+CLOCKS = (
+    Clock(name="date", message="date", doc="the device's date", form="20{:02d}-{:02d}-{:02d}", parts=_YEAR, **_CLOCK),
+    Clock(name="time", message="time", doc="the device's time", form="{:02d}:{:02d}:{:02d}", parts=_HOUR, **_CLOCK),
+)
+TWICE = {word.name for word in DATA} & {word.name for word in FEEDBACK}
+"""Names that stand in two messages."""
+
+
+class EksoMap(ParamMap[Word]):
+    """Finds by name, by any alias without regard to case, spaces and hyphens, by ParameterID, and by message.name."""
+
+    def __init__(self, kind: str, params: Sequence[Word], texts: Sequence[Word]) -> None:
+        super().__init__(kind, params, texts)
         self._by_alias: dict[str, str] = {}
         for param in params:
             for alias in (param.name, *param.aliases, *([str(param.id)] if param.id is not None else [])):
@@ -343,7 +370,11 @@ class EksoMap(ParamMap[Word]):
                 f"{self.kind} has no ParameterID {name.strip()}",
                 f"they are 200 to 219 (ekso §6). {NOTHING_SENT}",
             )
-        return super().find(name)
+        message, _, rest = name.strip().partition(".")
+        for word in MESSAGES.get(message.casefold(), ()):
+            if rest.casefold() == word.name:
+                return word, elements_of(word)
+        return super().find(name.strip().casefold() if key in self.texts else name)
 
     def _refuse_unsettable(self, param: Param) -> None:
         if not param.writable:
@@ -351,8 +382,8 @@ class EksoMap(ParamMap[Word]):
             raise gates.refusal(gates.READ_ONLY, f"{param.name} is read-only: {why} ({param.source})", NOTHING_SENT)
 
 
-EKSO = EksoMap("ekso", (*SETTINGS, *DATA, *FEEDBACK[:15]))
-"""Everything with a name of its own. BootTime of GetFeedback is that of GetData."""
+EKSO = EksoMap("ekso", (*SETTINGS, *DATA, *FEEDBACK[:15]), CLOCKS)
+"""Everything with a name of its own. BootTime of GetFeedback is found as `feedback.boot_time_high`."""
 LEGS = (SETTINGS[0], SETTINGS[1])
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
-from datetime import UTC, datetime
+from datetime import datetime, timezone
 from typing import Any, NamedTuple
 
 from handctl.devices.ekso import gates
@@ -95,7 +95,7 @@ def _age(entry: Mapping[str, Any], now: float, audit: AuditLog) -> float:
     bound = now - noted if noted <= now else now  # the machine has restarted since: its clock began at 0 then
     if entry.get("host") == audit.always.get("host"):
         return bound
-    passed = (datetime.now(UTC) - datetime.fromisoformat(entry["utc"])).total_seconds()
+    passed = (datetime.now(timezone.utc) - datetime.fromisoformat(entry["utc"])).total_seconds()
     if passed < 0:
         raise gates.refusal(
             gates.CLOCK,
@@ -113,7 +113,7 @@ WRONG = {
 
 def _refuse(audit: AuditLog, gate: str) -> None:
     """Raise CheckFailed for what was done to the log by hand or by a fault, if that may be of the last seconds."""
-    if datetime.now(UTC).timestamp() - audit.changed_at() > WINDOW:
+    if datetime.now(timezone.utc).timestamp() - audit.changed_at() > WINDOW:
         return
     wrong, more = WRONG[gate]
     raise gates.refusal(

@@ -22,8 +22,8 @@ EXAMPLES = (
     ("handctl ekso cancel --operator Ada -p /dev/ttyACM0", "Cancel the running action."),
     ("handctl ekso restore ekso-before.json --operator Ada -p /dev/ttyACM0", "Write what differs, one by one."),
     ("handctl ekso log gait.csv --duration 60 -p /dev/ttyACM0", "A minute of the data stream into a file."),
-    ("handctl ekso export gait.csv --format mot -o gait.mot", "A log as a motion file of OpenSim."),
-    ("handctl ekso export gait.csv --format csv --si -o gait-si.csv", "A log in metres and radians."),
+    ("handctl ekso export gait.csv --to mot -o gait.mot", "A log as a motion file of OpenSim."),
+    ("handctl ekso export gait.csv --to csv --si -o gait-si.csv", "A log in metres and radians."),
 )
 
 __all__ = ["EXAMPLES", "FILES", "section"]

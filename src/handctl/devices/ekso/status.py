@@ -144,9 +144,12 @@ def _label(readings: list[Reading], name: str) -> str:
 def _clock(ekso: Ekso) -> list[Row]:
     """The device's date and time, with their distance from the host's clock."""
     date, time = ekso.now()
-    rows = [{key: row[key] for key in ("name", "word", "id", "value", "raw", "unit", "label")} for row in (date, time)]
+    rows = [
+        {key: row[key] for key in ("name", "word", "id", "value", "raw", "unit", "label", "path")}
+        for row in (date, time)
+    ]
     try:
-        here = datetime.now()  # noqa: DTZ005 - the device tells no zone
+        here = datetime.fromtimestamp(ekso.link.wall())  # noqa: DTZ006 - the device tells no zone
         offset = (datetime.fromisoformat(f"{date['value']}T{time['value']}") - here).total_seconds()
     except ValueError:
         return rows

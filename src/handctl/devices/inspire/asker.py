@@ -23,7 +23,7 @@ TRICKLE_SECONDS = 0.2
 class Findings:
     """What a scan saw: `hits` (speed, id, value of the probed register), `twins`, replies with a wrong sum by id (`damaged`), answers under an id that
     does not answer when asked alone (`foreign`), ids whose answers lack their first byte (`beheaded`), what kind of device each hit is (`kinds`, None =
-    unknown), `echo`, bytes of no reply (`garbage`), whether the deadline of the command `cut` it off, probes and windows used, and the seconds of each
+    unknown), `echo`, bytes of no reply (`garbage`, and the last of them, `came`), whether the deadline of the command `cut` it off, probes and windows used, and the seconds of each
     single id where ids were asked one at a time (`single`). The speed of a hit is None where it does not matter."""
 
     hits: list[tuple[int | None, int, int]] = field(default_factory=list)
@@ -35,6 +35,7 @@ class Findings:
     kinds: dict[tuple[int | None, int], tuple[Kind | None, str]] = field(default_factory=dict)
     echo: bool = False
     garbage: int = 0
+    came: bytes = b""
     cut: bool = False
     probes: int = 0
     windows: int = 0
@@ -130,6 +131,7 @@ class Asker:
 
     def _judge(self, received: bytes, sent: bytes) -> None:
         """Whose bytes of no reply are: an answer without its first byte, or another conversation."""
+        self.found.came = (self.found.came + received)[-256:]
         self.found.beheaded |= {frame.id for frame in beheaded(received) if _span(frame) in self._firsts}
         known = {*self._firsts, *FRESH[self._bus.read_flag]}
         if foreign_in(received, sent, lambda frame: _span(frame) in known):
@@ -179,7 +181,7 @@ class Asker:
         self.found.cut = self._bus.over
         return self.found.cut
 
-    def _overlaps(self, device_id: int, count: int) -> bool:
+    def overlaps(self, device_id: int, count: int) -> bool:
         """Whether the first of several questions without a pause is answered: both directions at once."""
         bus = self._bus
         asked = [(device_id, self._another()) for _ in range(min(count, len(FRESH[bus.read_flag])))]

@@ -20,9 +20,12 @@ from handctl.model.result import Column, Row, Table, hex_bytes
 
 
 class RegisterDevice(Device):
-    """Base of the family's devices. A subclass names its kind, its map, what is live, and how people see it."""
+    """Base of the family's devices. A subclass names its kind, its map, its supply, what is live, and how people see it."""
 
     map: ParamMap[Register]
+    supply = "7 to 9 V, 5 A peak"
+    save_result = "the result is not documented for this hand"
+    """Why the result of a save may stay out."""
     columns = (
         Column("name", "Name"),
         Column("finger", "Finger"),
@@ -58,7 +61,7 @@ class RegisterDevice(Device):
 
     def named(self, element: Element) -> Row:
         register = register_of(element)
-        return {"name": register.name, "finger": element.part, "address": register.address_of(element.index)}
+        return {"name": register.name, "finger": element.part, "address": register.place_of(element.index)}
 
     def row(self, reading: Reading) -> Row:
         row = super().row(reading)
@@ -78,7 +81,7 @@ class RegisterDevice(Device):
         """The frames that write checked `changes`: adjacent elements of one group share a frame; never across a gap."""
         steps = []
         for run in self.runs(changes):
-            address, data = _encoded(run)
+            address, data = encoded(run)
             register = register_of(run[0][0])
             meaning = ", ".join(f"{element.full_name} = {element.param.text(value)}" for element, value in run)
             step = self.bus.write_step(address, data, f"write {meaning} (address {address})")
@@ -146,7 +149,7 @@ class RegisterDevice(Device):
 
     def _write_run(self, run: Sequence[tuple[Element, Number]], *, last: bool) -> None:
         """One frame. Where its acknowledgement is lost, nothing follows it before it reads back."""
-        lost = self.bus.try_write(*_encoded(run), f"the write of {_names(run)}", "handctl reads it back")
+        lost = self.bus.try_write(*encoded(run), f"the write of {_names(run)}", "handctl reads it back")
         if lost is not None and not last:
             self._verify(run, self.read([element for element, _ in run]))
 
@@ -178,7 +181,10 @@ class RegisterDevice(Device):
 
     def dump(self) -> Table:
         """Everything documented, in the fewest reads, with the raw blocks (exo §2.3, wrist §2.1)."""
-        table = super().dump()
+        return self._with_blocks(super().dump())
+
+    def _with_blocks(self, table: Table) -> Table:
+        """The table with the blocks that were read for it."""
         table.extra = {"blocks": [{"address": start, "raw": hex_bytes(data)} for start, data in self.last_blocks]}
         return table
 
@@ -196,7 +202,7 @@ def _names(run: Sequence[tuple[Element, Number]]) -> str:
     return ", ".join(element.full_name for element, _ in run)
 
 
-def _encoded(run: Sequence[tuple[Element, Number]]) -> tuple[int, bytes]:
+def encoded(run: Sequence[tuple[Element, Number]]) -> tuple[int, bytes]:
     """Address and bytes of one run of adjacent elements."""
     first = run[0][0]
     data = b"".join(register_of(element).encode(value) for element, value in run)

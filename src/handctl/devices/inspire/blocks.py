@@ -12,7 +12,10 @@ from typing import NamedTuple
 from handctl.devices.inspire.eb90 import MAX_COUNT
 from handctl.devices.inspire.map import Register
 from handctl.devices.inspire.registers import RegisterBus
-from handctl.errors import HandctlError, NoAnswer, ProtocolError
+from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError
+
+FAILS = (NoAnswer, ProtocolError, DeviceRefused)
+"""What ends one read and leaves the others possible; Modbus refuses an address by an exception (rh56 §2.2)."""
 
 
 class Block(NamedTuple):
@@ -68,7 +71,7 @@ class BlockReader:
                 if len(block.groups) > 1 and self._across_gaps and self._whole(block, memory):
                     continue
                 self._groups(block, memory)
-            except (NoAnswer, ProtocolError) as exc:
+            except FAILS as exc:
                 if isinstance(exc, NoAnswer) and not memory.blocks:
                     if first is not None:
                         raise first from exc  # what came before tells more than the silence behind it
@@ -85,18 +88,19 @@ class BlockReader:
         try:
             # Twice silent means that this device does not answer across gaps, or not at all: the groups will tell.
             data = bus.read(block.address, block.size, retries=min(bus.retries, 1))
-        except NoAnswer as exc:
+        except (NoAnswer, DeviceRefused) as exc:
             if not memory.blocks:
                 first = block.groups[0]
                 try:
                     data = bus.read(first.address, len(first.span), retries=min(bus.retries, 1))
-                except NoAnswer:
+                except (NoAnswer, DeviceRefused):
                     raise exc from None
                 memory.blocks.append((first.address, data))
             self._across_gaps = False
+            what = "no answer to" if isinstance(exc, NoAnswer) else "the device refused"
             bus.journal.warn(
                 "block-silent",
-                f"no answer to {block.size} bytes at {block.address}: the documented groups are read one by one",
+                f"{what} {block.size} bytes at {block.address}: the documented groups are read one by one",
             )
             return False
         memory.blocks.append((block.address, data))
@@ -108,7 +112,7 @@ class BlockReader:
                 continue
             try:
                 memory.blocks.append((group.address, self._bus.read(group.address, len(group.span))))
-            except (NoAnswer, ProtocolError) as exc:
+            except FAILS as exc:
                 if not memory.blocks:
                     raise
                 memory.errors[group.name] = exc

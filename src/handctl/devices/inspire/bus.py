@@ -10,7 +10,7 @@ from typing import ClassVar
 
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.eb90 import Decoder, Frame
-from handctl.devices.inspire.mishaps import SILENCE_HINT, hint_for, mishap, others_speak, shorten
+from handctl.devices.inspire.mishaps import hint_for, mishap, others_speak, shorten, silence_hint_for
 from handctl.devices.inspire.quiet import FRESH, question
 from handctl.devices.inspire.registers import RegisterBus
 from handctl.errors import DeviceRefused, HandctlError, ProtocolError
@@ -24,6 +24,8 @@ PATIENCE = 4
 """An answer that has begun and keeps coming may take this many timeouts in all."""
 SHORT = 32
 """Bytes of an answer whose time is that of the line, not of its bytes."""
+PAUSE_SECONDS, SPEAKS_SECONDS = 0.005, 0.05
+"""Who makes such a pause has said what he had to say; nobody is waited for longer."""
 
 
 class Bus(RegisterBus):
@@ -31,6 +33,7 @@ class Bus(RegisterBus):
 
     link: ByteLink
     max_count = eb90.MAX_COUNT
+    reports = True
     spaces: ClassVar = {"hand": (eb90.READ, eb90.WRITE), "wrist": (eb90.WRIST_READ, eb90.WRIST_WRITE)}
 
     def __init__(
@@ -52,8 +55,9 @@ class Bus(RegisterBus):
         self.read_flag = read_flag
         self.write_flag = write_flag
         self.family = family
-        self.silence_hint = silence_hint or SILENCE_HINT
+        self.silence_hint = silence_hint or silence_hint_for(family)
         self._fresh = 0
+        self._disturbed = False  # a request of somebody else came instead of an answer: perhaps it goes on
         self._rest = b""  # what came behind the last accepted frame: perhaps a frame that the device sends by itself
 
     # -- registers -----------------------------------------------------------------------------------------------
@@ -61,6 +65,7 @@ class Bus(RegisterBus):
     def read(self, address: int, count: int, *, device_id: int | None = None, retries: int | None = None) -> bytes:
         """`count` bytes (1..252) from `address` (exo §2.2.3). Raises UsageError, NoAnswer, ProtocolError, LinkError."""
         target = self.id if device_id is None else device_id
+        address //= self.per
         request = eb90.read_request(target, address, count, self.read_flag)
         prefix = eb90.read_reply_prefix(target, address, count, self.read_flag)
         if not self._met and not self._quiet(request):
@@ -70,7 +75,7 @@ class Bus(RegisterBus):
         return answer.data
 
     def quiet(self, address: int, count: int) -> bool:
-        request = eb90.read_request(self.id, address, count, self.read_flag)
+        request = eb90.read_request(self.id, address // self.per, count, self.read_flag)
         if self.link.replayed:
             return self.link.recorded_next(request)
         return bool(self._met) or self._quiet(request)
@@ -93,6 +98,7 @@ class Bus(RegisterBus):
         Raises DeviceRefused when the acknowledgement byte is not 01; NoAnswer, ProtocolError when it is unknown
         whether the write arrived.
         """
+        address //= self.per
         request = eb90.write_request(self.id, address, data, self.write_flag)
         targets = dict.fromkeys((self.id, *acknowledged_by))
         prefixes = [eb90.write_ack_prefix(target, address, self.write_flag) for target in targets]
@@ -105,7 +111,7 @@ class Bus(RegisterBus):
 
     def write_step(self, address: int, data: bytes, meaning: str) -> Step:
         """The exact bytes of that write."""
-        return Step(meaning, eb90.write_request(self.id, address, data, self.write_flag))
+        return Step(meaning, eb90.write_request(self.id, address // self.per, data, self.write_flag))
 
     def command(self, flag: int, values: Sequence[int]) -> list[int]:
         """Send a force (0x31) or position (0x32) command once; the values of its reply (exo §2.2.1, §2.2.2)."""
@@ -119,38 +125,50 @@ class Bus(RegisterBus):
         """Send one request, wait for one frame that begins with one of `prefixes`. One attempt."""
         self.pass_gate(request)
         self.check_bound(hex_bytes(request))
-        self.drain()
+        if _begins_request(self.drain()) or self._disturbed:
+            self._let_speak()
         started = self.link.now()
         deadline = self._reply_deadline(len(request), reply_size)
         last = self.deadline(self.wire_seconds(len(request) + reply_size) + PATIENCE * self.timeout)
         self.send(request, deadline)
         decoder = Decoder(prefixes)
-        received = bytearray()
+        received, pieces = bytearray(), list[int]()
         while True:
             frame = self._next(decoder)
             if frame is not None:
                 self.journal.counters.received += 1
                 self.journal.counters.stray_bytes += decoder.skipped
                 self._rest = decoder.rest()
+                self._disturbed = False
                 self.round_trip = self.link.now() - started
-                self._learn(request, bytes(received), decoder.skipped)
+                self._learn(request, bytes(received), decoder.skipped, pieces)
                 return frame
             chunk = b"" if received and deadline.expired else self.link.read(deadline)
             if not chunk:
                 self.journal.counters.stray_bytes += decoder.skipped + decoder.pending
+                self._disturbed = _begins_request(bytes(received).removeprefix(request))
                 raise self._failure(request, bytes(received), started)
             received += chunk
+            pieces.append(len(chunk))
             decoder.feed(chunk)
             if (
                 decoder.pending and deadline.remaining < self.timeout
             ):  # part of an answer: it may trickle, as long as it keeps coming
                 deadline = self.link.deadline(self.timeout).earlier(last)
 
-    def _learn(self, request: bytes, received: bytes, skipped: int) -> None:
+    def _let_speak(self) -> None:
+        """Wait until nobody speaks: on two wires a request into somebody's frame destroys both."""
+        end = self.deadline(SPEAKS_SECONDS)
+        while not end.expired and (stray := self.link.read(self.link.deadline(PAUSE_SECONDS).earlier(end))):
+            self.journal.counters.stray_bytes += len(stray)
+
+    def _learn(self, request: bytes, received: bytes, skipped: int, pieces: Sequence[int]) -> None:
         """What a good exchange shows of the line."""
         line = self.journal.line
         if len(received) < SHORT + len(request) and self.round_trip is not None:
             line.trips.add(self.round_trip)
+        if len(received) >= SHORT and not skipped:
+            line.pieces(pieces)
         if line.echo is None:
             line.echo = received.startswith(request)
         if skipped and others_speak(request, received):
@@ -246,3 +264,8 @@ class Bus(RegisterBus):
             code=code,
             came=received,
         )
+
+
+def _begins_request(stray: bytes) -> bool:
+    """Whether somebody else has begun to ask in these bytes."""
+    return eb90.HOST in stray or stray[-1:] == eb90.HOST[:1]

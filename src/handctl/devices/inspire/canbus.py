@@ -6,6 +6,7 @@ equal its own request (wrist §2.3.1). Writes are never padded and never repeate
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import ClassVar
 
 from handctl.devices.inspire import canreg
@@ -56,7 +57,7 @@ class CanBus(RegisterBus):
         request = CanFrame(*canreg.read_request(self.id, address, count, self.read_flag))
         return self.repeated(lambda: self._exchange(request, count), retries)
 
-    def write(self, address: int, data: bytes) -> None:
+    def write(self, address: int, data: bytes, *, acknowledged_by: Sequence[int] = ()) -> None:
         """Write 1..8 bytes once (wrist §2.3.2). The reply has no data, or the number of bytes written."""
         request = CanFrame(*canreg.write_request(self.id, address, data, self.write_flag))
         reply = self._exchange(request, None)
@@ -96,12 +97,20 @@ class CanBus(RegisterBus):
             if frame.can_id == request.can_id and _answers(frame, request, count):
                 self.journal.counters.received += 1
                 self.round_trip = self.link.now() - started
+                self.learn(self.round_trip, echo=request in odd)
                 return frame.data
             self.pass_over(frame)
             if _related(frame, request):
                 odd.append(frame)
             if deadline.expired:
                 raise self._failure(request, odd, errors, self.link.damaged - damaged, started)
+
+    def learn(self, seconds: float, *, echo: bool) -> None:
+        """What a good exchange shows of the bus: how long it took, whether our own frames come back, who else speaks."""
+        line = self.journal.line
+        line.trips.add(seconds)
+        line.echo = line.echo or echo
+        line.others = bool(self.journal.counters.foreign_frames)
 
     def receive(self, deadline: Deadline) -> CanFrame | None:
         """The next frame of anybody; what the adapter hands out damaged is counted."""

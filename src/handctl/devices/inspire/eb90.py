@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 from handctl.errors import ProtocolError, UsageError
@@ -78,29 +79,26 @@ def checksum(body: bytes) -> int:
 def check_id(device_id: int) -> None:
     """Refuse ids that the manual does not define: 1..254 (exo §2.3.1). Raises UsageError."""
     if not 1 <= device_id <= 254:
-        raise UsageError(
-            f"id {device_id} does not exist", hint="use an id from 1 to 254 (exo §2.3.1). Nothing was sent."
-        )
+        raise UsageError(f"id {device_id} does not exist", hint="use an id from 1 to 254. Nothing was sent.")
 
 
 def check_span(address: int, count: int) -> None:
     """Refuse a register span that no frame can carry. Raises UsageError."""
     if not 0 <= address <= 0xFFFF:
-        raise UsageError(
-            f"address {address} is not a register address", hint="use an address from 0 to 65535, 16 bits (exo §2.2.3)"
-        )
+        raise UsageError(f"address {address} is not a register address", hint="use an address from 0 to 65535, 16 bits")
     if not 1 <= count <= MAX_COUNT:
         raise UsageError(
             f"{count} bytes do not fit into one frame",
-            hint=f"use 1 to {MAX_COUNT}: the answer's length byte is count + 3 and must stay below 256 (exo §2.2.3)",
+            hint=f"use 1 to {MAX_COUNT}: the answer's length byte is count + 3 and must stay below 256",
         )
     if address + count > 0x10000:
         raise UsageError(
             f"{count} bytes at {address} run past address 65535",
-            hint="ask for fewer bytes: addresses have 16 bits (exo §2.2.3)",
+            hint="ask for fewer bytes: addresses have 16 bits",
         )
 
 
+@lru_cache(256)
 def read_request(device_id: int, address: int, count: int, flag: int = READ) -> bytes:
     """Ask for `count` bytes (1..252) from `address`. Raises UsageError."""
     check_id(device_id)
@@ -108,8 +106,9 @@ def read_request(device_id: int, address: int, count: int, flag: int = READ) -> 
     return Frame(HOST, device_id, flag, address.to_bytes(2, "little") + bytes([count])).encode()
 
 
+@lru_cache(256)
 def only_reads(data: bytes) -> bool:
-    """Whether `data` is nothing but whole read requests, which change no device of this maker."""
+    """Whether `data` is nothing but whole read requests, which change no device of this maker. Asked for each frame again."""
     requests = [data[start : start + READ_SIZE] for start in range(0, len(data), READ_SIZE)]
     return bool(data) and all(
         len(one) == READ_SIZE

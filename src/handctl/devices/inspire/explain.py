@@ -33,6 +33,10 @@ class InspireExplainer(Cutter):
     def __init__(self, params: ParamMap[Register]) -> None:
         super().__init__()
         self._map = params
+        self._per = 1
+        """Bytes at one address of a frame: 2 where the device counts words (rh56 §3.2)."""
+        self._places = {name: EXO[name].address for name in ("id", "save", "calibrate")}
+        """Addresses of the writes that something follows."""
         self._can = CanWords(params)
         self._new_id: tuple[int, int] | None = None
         self._known: dict[Frame, tuple[str, Sequence[Value]]] = {}
@@ -141,18 +145,20 @@ class InspireExplainer(Cutter):
             return words, f"flag {flag:02X}", f"{who} {flag:02X}" if whole else "", "" if whole else "odd-frame", values
         if address is None:
             return words, title, "", "odd-frame", values
-        name = span_name(self._space(flag), address, size)
+        name = span_name(self._space(flag), address * self._per, size)
         if flag in (READ, WRIST_READ):
             count = frame.data[0] if not frame.from_device and size == 1 else size
             return self._late(frame, words, values, f"{who} {flag:02X} {address} {count}")
         if flag not in (WRITE, WRIST_WRITE):
             return words, title, "", "odd-frame", values
         if not frame.from_device:
-            changes_id = self._map is EXO and address == EXO["id"].address and flag == WRITE and size == 1
+            changes_id = (
+                self._map is not WRIST and address == self._places["id"] and flag == WRITE and size == self._per
+            )
             self._new_id = (who, frame.data[0]) if changes_id else None
-            self._started = address if frame.data == b"\x01" else 0
+            self._started = address if frame.data == (1).to_bytes(self._per, "little") else 0
             return words, f"write {name}", f"{who} {flag:02X} {address} w", "", values
-        if self._new_id is not None and who == self._new_id[1] and address == EXO["id"].address:
+        if self._new_id is not None and who == self._new_id[1] and address == self._places["id"]:
             who = self._new_id[0]  # the acknowledgement comes from the new id
         key = f"{who} {flag:02X} {address} w"
         if size != 1:
@@ -162,13 +168,17 @@ class InspireExplainer(Cutter):
         return words, title, key, "" if frame.data == b"\x01" else "refused", values
 
     def _is_result(self, frame: Frame) -> bool:
-        return self._map is EXO and frame.address == EXO["save"].address == self._started and frame.data[0] in RESULTS
+        return (
+            self._map is not WRIST
+            and frame.address == self._places["save"] == self._started
+            and frame.data[0] in RESULTS
+        )
 
     def _late(
         self, frame: Frame, words: str, values: Sequence[Value], key: str
     ) -> tuple[str, str, str, str, Sequence[Value]]:
         """A read or its answer; or the frame that tells the end of a save or a calibration, which nobody asks for."""
-        if not frame.from_device or self._map is not EXO or len(frame.data) != 1:
+        if not frame.from_device or self._map is WRIST or len(frame.data) != 1:
             return words, "", key, "", values
         if self._is_result(frame):
             self._started = 0
@@ -180,7 +190,7 @@ class InspireExplainer(Cutter):
                 "" if saved else "refused",
                 (),
             )
-        if frame.address == CALIBRATION_END and self._started == EXO["calibrate"].address:
+        if frame.address == CALIBRATION_END and self._started == self._places["calibrate"]:
             self._started = 0
             return f"end of the calibration, code {frame.data[0]:02X}", "end of the calibration", "", "", ()
         return words, "", key, "", values
@@ -212,21 +222,22 @@ class InspireExplainer(Cutter):
         reads, writes = frame.flag in (READ, WRIST_READ), frame.flag in (WRITE, WRIST_WRITE)
         if address is None or not (reads or writes):
             return f"flag {frame.flag:02X}, which the manual does not have, {where}", ()
+        at = address * self._per
         other = "" if space is not None else " of another register space"
         if reads and not frame.from_device and len(frame.data) == 1:
             count = frame.data[0]
             unit = "byte" if count == 1 else "bytes"
-            return f"read {span_name(space, address, count)}: {count} {unit} at {address}{other}, {where}", ()
+            return f"read {span_name(space, at, count)}: {count} {unit} at {address}{other}, {where}", ()
         if writes and frame.from_device and len(frame.data) == 1:
             verdict = "accepted" if frame.data == b"\x01" else f"not accepted ({frame.data.hex().upper()})"
-            return f"{verdict}: write at {address} {span_name(space, address, 1)}{other}, {where}", ()
-        text = describe(space, address, frame.data) + (f" at {address}{other}" if space is None else "")
+            return f"{verdict}: write at {address} {span_name(space, at, 1)}{other}, {where}", ()
+        text = describe(space, at, frame.data) + (f" at {address}{other}" if space is None else "")
         if writes and len(frame.data) == 8 and frame.flag == WRIST_WRITE:
             text += " (an exoskeleton hand takes it for a force command)"
         if writes and frame.from_device:
             return f"not an acknowledgement of a write, which has one byte: {frame.data.hex(' ').upper()}, {where}", ()
         return (f"write {text}, {where}" if writes else f"{text}, {where}"), Later(
-            lambda: span_values(space, address, frame.data)
+            lambda: span_values(space, at, frame.data)
         )
 
     def _command(self, frame: Frame) -> tuple[str, Sequence[Value]]:
@@ -267,13 +278,14 @@ class InspireExplainer(Cutter):
         else:
             address = int.from_bytes(frame.payload[:2], "little")
             space = self._space(frame.flag)
-            found.append(Part(raw[5:7], "address", f"{address} {span_name(space, address, 1)}"))
+            at = address * self._per
+            found.append(Part(raw[5:7], "address", f"{address} {span_name(space, at, 1)}"))
             if frame.flag in (READ, WRIST_READ) and not frame.from_device and len(frame.data) == 1:
                 found.append(Part(frame.data, "count", f"{frame.data[0]} byte{'s' if frame.data[0] != 1 else ''}"))
             elif frame.flag in (WRITE, WRIST_WRITE) and frame.from_device and len(frame.data) == 1:
                 found.append(Part(frame.data, "answer", "accepted" if frame.data == b"\x01" else "not accepted"))
             else:
-                found += span_parts(space, address, frame.data)
+                found += span_parts(space, at, frame.data)
         verdict = "right" if raw[-1] == right else f"wrong, should be {right:02X}"
         return (*found, Part(raw[-1:], "checksum", verdict))
 

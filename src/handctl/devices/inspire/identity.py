@@ -34,6 +34,8 @@ STATES = (1606, 18)
 """Errors, status codes, temperatures: six each on a hand; on the exo five errors and five temperatures are documented."""
 STATUS, ROTATION = (1612, 6), (1623, 1)
 SIXTH_ERROR = (1611, 1)
+UNSET = 0xFF
+"""In all of them: it proves no more than zeros do."""
 STATUS_CODES = frozenset((0, 1, 2, 3, 5, 6, 7, 255))
 """RH56: 4 is undefined, 255 is what a hand shows before its first command (rh56 §3.1)."""
 WARM = frozenset((*range(5, 111), 255))
@@ -53,6 +55,8 @@ def is_six_wide(at: At) -> str:
     """A sixth finger where the EH55BF1 documents none: status codes, and the temperature of the thumb's rotation."""
     told = []
     codes, warm = at(*STATUS), at(*ROTATION)
+    if set(at(*STATES) or b"") == {UNSET}:
+        return ""  # a server that knows none of these addresses
     if codes and any(codes) and set(codes) <= STATUS_CODES:
         told.append(f"six status codes at {STATUS[0]} ({hex_bytes(codes)})")
     if warm and warm[0] in WARM:
@@ -63,7 +67,7 @@ def is_six_wide(at: At) -> str:
 def is_five_wide(at: At) -> str:
     """Temperatures of five fingers: an EH55BF1 for all that is known, where nothing speaks against it (exo §2.3.13)."""
     warm = at(1618, 5)
-    return f"five temperatures ({', '.join(map(str, warm))} °C)" if warm and any(warm) else ""
+    return f"five temperatures ({', '.join(map(str, warm))} °C)" if warm and set(warm) - {0, UNSET} else ""
 
 
 def is_f1(at: At) -> str:
@@ -88,8 +92,12 @@ def _words(data: bytes | None) -> list[int]:
     return eb90.unpack_s16(data or b"")
 
 
+UNHEARD = (NoAnswer.default_code, "echo")
+"""Codes of a device that has not understood the question: silence, or only our own bytes."""
+
+
 class Kind(NamedTuple):
-    """What a device is: family of a scan's row, words for people, and the command that fits, "" = there is none yet."""
+    """What a device is: family of a scan's row, words for people, and the command that fits."""
 
     family: str
     words: str
@@ -107,14 +115,14 @@ class Sign(NamedTuple):
 
 EXO = Kind("exo", "an EH55BF1 exoskeleton hand", "handctl exo")
 WRIST = Kind("wrist", "a wrist module with its hand", "handctl wrist")
-BYTE_HAND = Kind("hand", "an RH56 hand (byte addresses)", "")
-F1_HAND = Kind("hand", "an RH56F1 hand (word addresses)", "")
-DG2_HAND = Kind("hand", "an RH5DG2 hand (word addresses)", "")
+BYTE_HAND = Kind("hand", "an RH56 hand (byte addresses)", "handctl hand")
+F1_HAND = Kind("hand", "an RH56F1 hand (word addresses)", "handctl hand")
+DG2_HAND = Kind("hand", "an RH5DG2 hand (word addresses)", "handctl hand")
 
 
 def kind_of(family: str) -> Kind:
     """The kind that a family's command is for."""
-    return {kind.family: kind for kind in (EXO, WRIST)}[family]
+    return {kind.family: kind for kind in (EXO, WRIST, BYTE_HAND)}[family]
 
 
 TABLE = (
@@ -129,9 +137,7 @@ TABLE = (
 
 
 SIX_FINGERS = "this is not an EH55BF1 but a hand with six actuators (an RH56, or the hand of a wrist module)"
-SIX_HINT = (
-    "use `handctl wrist` for a wrist on it. handctl has no command for the hand itself yet, and writes nothing to it"
-)
+SIX_HINT = "use `handctl hand` for the hand itself, `handctl wrist` for a wrist on it"
 """For commands that read and ask nothing more: the bytes of a hand do not tell whether it carries a wrist."""
 
 # -- looking ------------------------------------------------------------------------------------------------------
@@ -149,7 +155,9 @@ class Look:
     def who(self, own: Kind) -> Kind:
         """The kind of device. Raises NoAnswer, ProtocolError where nobody answers as one of these does, LinkError."""
         wrist, states, more = TABLE[:1], TABLE[1:3], TABLE[3:]
-        if own is WRIST:  # flag 30 is nobody else's: its answer is enough
+        if own is BYTE_HAND:  # with a wrist on it or not: it is the hand's own flag that is asked and written
+            kind = self._try(states)
+        elif own is WRIST:  # flag 30 is nobody else's: its answer is enough
             kind = self._try(wrist)
             if kind is None and self._silent:
                 self.evidence = "the wrist's flag (30, on CAN 4) is not answered"
@@ -160,40 +168,53 @@ class Look:
                 kind = self._try(wrist) or kind
         if kind is None and self._silent:
             kind = self._try(more)
+            if kind is None and own is BYTE_HAND:
+                kind = self._try(more, due=True)
         if kind is None:
             raise self._failure or self._unknown()
         return kind
 
     @property
     def _silent(self) -> bool:
-        """Whether asking on makes sense: zeros, silence, our own bytes. What else came is a stranger's, or destroyed."""
-        return self._failure is None or self._failure.code in (NoAnswer.default_code, "echo")
+        """Whether asking on makes sense: zeros, silence, a refused address, our own bytes. What else came is a stranger's, or destroyed."""
+        failure = self._failure
+        return failure is None or isinstance(failure, DeviceRefused) or self.unheard is not None
 
-    def _try(self, signs: Collection[Sign]) -> Kind | None:
-        """Whom the first of `signs` shows that shows anything."""
+    @property
+    def unheard(self) -> HandctlError | None:
+        """Why the first question was not understood by anybody: silence, or only our own bytes."""
+        failure = self._failure
+        return failure if failure is not None and failure.code in UNHEARD else None
+
+    def _try(self, signs: Collection[Sign], *, due: bool = False) -> Kind | None:
+        """Whom the first of `signs` shows that shows anything. `due`: see `ask`."""
         for sign in signs:
-            blocks = [(span[0], self._ask(sign.space, span)) for span in sign.reads]
+            blocks = [(span[0], self.ask(sign.space, span, due=due)) for span in sign.reads]
             shown = sign.shows(within(blocks))
             if shown:
                 self.evidence = "; ".join(filter(None, (shown, self.evidence)))
                 return sign.kind
         return None
 
-    def _ask(self, space: str, span: Span) -> bytes | None:
-        """One question, asked once in a look; the first as often as any read. None where no valid answer came."""
-        if (space, span) in self._memory:
-            return self._memory[space, span]
+    def ask(self, space: str, span: Span, *, due: bool = False) -> bytes | None:
+        """One question, asked once in a look; the first as often as any read. None where no valid answer came.
+
+        due  it gets the patience of any read, and is asked again where it was silent: a busy computer hears late
+        """
+        known = self._memory.get((space, span))
+        if known is not None or ((space, span) in self._memory and not due):
+            return known
         first, bus = not self._memory, self._bus.at(space)
-        if not first and self._bus.round_trip is not None:
+        if not (first or due) and self._bus.round_trip is not None:
             bus.timeout = min(bus.timeout, max(LEAST, FACTOR * self._bus.round_trip))
         data, started = None, bus.link.now()
         try:
-            data = bus.read(*span, retries=None if first else 0)
+            data = bus.read(*span, retries=None if first or due else 0)
             if first and bus.link.now() - started > bus.timeout:
                 self._confirm(bus)
-        except (NoAnswer, ProtocolError) as exc:
-            if exc.code == "late":
-                raise
+        except (NoAnswer, ProtocolError, DeviceRefused) as exc:
+            if exc.code == "late" or self._bus.over:
+                raise  # --deadline is over: nothing that was not answered shows anything
             if first:
                 self._failure = exc
             elif exc.code in DAMAGED:
@@ -207,14 +228,15 @@ class Look:
         """Once more, with the patience of any read: somebody may have answered what only a sibling answers."""
         try:
             return self._bus.at(space).read(*span)
-        except (NoAnswer, ProtocolError) as exc:
+        except (NoAnswer, ProtocolError, DeviceRefused) as exc:
             if exc.code in DAMAGED:
                 raise
             return None
 
     def _confirm(self, bus: RegisterBus) -> None:
         """An answer after silence may be a late one to the first question: then what is written is not seen in time."""
-        span = (1022, 2) if bus.read_flag == bus.spaces["wrist"][0] else (1618, 5)
+        wrist, _ = bus.spaces.get("wrist", (None, None))
+        span = (1022, 2) if bus.read_flag == wrist else (1618, 5)
         try:
             bus.read(*span, retries=0)
         except NoAnswer as exc:
@@ -259,15 +281,14 @@ class FamilyGate(Gate):
     def _judge(self, bus: RegisterBus) -> None:
         look = Look(bus)
         kind = look.who(self._own)
-        if kind is not self._own:
+        if kind.family != self._own.family:
             raise stranger(bus, kind, self._own, look.evidence)
 
 
 def stranger(bus: RegisterBus, kind: Kind, own: Kind, evidence: str) -> DeviceRefused:
     """The error of a device of another kind, with the command that fits."""
-    fits = f"use `{kind.command}`, the command for it" if kind.command else "handctl has no command for it yet"
     return DeviceRefused(
         f"{bus.where}: this is {kind.words}, not {own.words}: {evidence}",
-        hint=f"{fits}. --assume-identity writes all the same, if you are sure of the device",
+        hint=f"use `{kind.command}`, the command for it. --assume-identity writes all the same, if you are sure of the device",
         code="other-device",
     )

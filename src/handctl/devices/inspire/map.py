@@ -26,20 +26,33 @@ BAUD_RATES = {0: 115200, 1: 57600, 2: 19200}
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Register(Param):
-    """A Param with its place: `address` of element 0, `size` in bytes of one element, `signed`."""
+    """A Param with its place: `address` of element 0 in bytes, `size` in bytes of one element, `signed`.
+
+    per  bytes at one address of the manual: 1, or 2 where it counts words (rh56 §3.2); the wire divides by it
+    """
 
     address: int
     size: int = 2
     signed: bool = True
+    per: int = 1
 
     @property
     def span(self) -> range:
         """All byte addresses of the register group."""
         return range(self.address, self.address + self.size * self.count)
 
+    @property
+    def place(self) -> int:
+        """Address of element 0 as the manual counts."""
+        return self.place_of(0)
+
     def address_of(self, index: int) -> int:
         """Address of element `index`."""
         return self.address + self.size * index
+
+    def place_of(self, index: int) -> int:
+        """Address of element `index` as the manual counts."""
+        return self.address_of(index) // self.per
 
     @property
     def type_name(self) -> str:

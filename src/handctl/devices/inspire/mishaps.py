@@ -14,6 +14,12 @@ SILENCE_HINT = (
     "check in this order: --id 1 at 115200 bit/s, `handctl exo scan`, power (7 to 9 V), TX/RX and RS-232 wiring. "
     "A wrong id, a wrong speed, no power and no cable all end in silence. Unplug power and data, and plug them in again"
 )
+SILENCE_HINTS = {
+    "hand": "check in this order: --id 1 at 115200 bit/s, `handctl hand scan`, power (24 V), A and B of RS-485. "
+    "An RH56DFTP may answer on its network only: `handctl hand status -p tcp://192.168.11.210`. "
+    "At 38400 bit/s and less Modbus RTU is asked only with --protocol modbus",
+}
+"""Of families that are not as the EH55BF1 is (rh56 §1, §2.5)."""
 HINTS = {
     "echo": "check the wiring: only our own bytes come back, by an echo or a TX-RX short. No device answers",
     "wrong-id": "use the --id it shows, or look with `handctl exo scan`: another id answers",
@@ -25,9 +31,27 @@ HINTS = {
 }
 
 
+OWN_HINTS = {
+    (
+        "hand",
+        "garbage",
+    ): "try --baud 115200, 921600, 57600 and 19200: most likely the speed is wrong, or this is another kind of device",
+    (
+        "hand",
+        "bad-checksum",
+    ): "check cable, ground and speed. Two hands with one id do this as well: `handctl doctor -p LINK --family hand` shows it",
+}
+"""(family, code) -> the next step where it is another one."""
+
+
 def hint_for(code: str, family: str) -> str:
     """The next step for a code of `mishap`, with this family's own command names."""
-    return HINTS[code].replace("handctl exo", f"handctl {family}")
+    return OWN_HINTS.get((family, code), HINTS[code]).replace("handctl exo", f"handctl {family}")
+
+
+def silence_hint_for(family: str) -> str:
+    """The next step where nothing came."""
+    return SILENCE_HINTS.get(family, SILENCE_HINT)
 
 
 def mishap(request: bytes, received: bytes) -> tuple[str, str]:

@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+
+from handctl.devices.inspire import eb90
+from handctl.devices.inspire.asker import Asker
 from handctl.devices.inspire.base import RegisterDevice
 from handctl.devices.inspire.bus import Bus
-from handctl.devices.inspire.identity import SIX_HINT, Kind, Look
-from handctl.errors import NoAnswer
+from handctl.devices.inspire.identity import Kind, Look
+from handctl.devices.inspire.mishaps import foreign_in
+from handctl.devices.inspire.quiet import Span
+from handctl.errors import NoAnswer, ProtocolError
 from handctl.model.result import Row, Table
 
 SPEEDS = (115200, 57600, 19200)
 """exo §2.3.2; the wrist's manual has 115200 only, its hand's the others too."""
+BURST = 8
+"""Questions back to back, of which the first is answered while the last are sent."""
+ASIDE = 0.02
+"""Seconds for a burst to be sent beyond its time on the wire."""
 WAIT_MS = 120.0
 """Reply window of a single id, with room for Bluetooth."""
 
@@ -48,7 +58,7 @@ def identified(device: RegisterDevice, own: Kind) -> tuple[str, str, str]:
     kind = look.who(own)
     if kind is own:
         return "ok", f"nothing contradicts {own.words}: {look.evidence}", ""
-    command = f"use `{kind.command}`, the command for it" if kind.command else SIX_HINT
+    command = f"use `{kind.command}`, the command for it"
     return "fail", f"this is {kind.words}, not {own.words}: {look.evidence}", command
 
 
@@ -66,3 +76,32 @@ def ignores_speed(device: RegisterDevice) -> bool:
         bus.link.set_baud(was)
         bus.pace(wait)  # what the other speed left half read is passed over
     return not line.speed_matters
+
+
+def measure(device: RegisterDevice, long: Span, probe: Span, unasked: bytes) -> None:
+    """Fill the profile of the line with what reading shows; `unasked` is what came before anything was sent.
+
+    A `long` answer is read for its packets. Whatever fails is left open: the series of reads tells that.
+    """
+    bus = device.bus
+    if not isinstance(bus, Bus):
+        return
+    line = bus.journal.line
+    if foreign_in(unasked, b"", lambda _frame: False):
+        line.others = True
+    if not len(line.trips):
+        return
+    with suppress(NoAnswer, ProtocolError):
+        for _ in range(2):
+            bus.read(*long, retries=0)
+    asker = Asker(bus, ASIDE, probe)
+    line.half_duplex = not any(asker.overlaps(bus.id, BURST) for _ in range(2))
+    line.others = bool(line.others)
+    bus.drain()
+
+
+def overheard(data: bytes, *, wrist: bool) -> list[int]:
+    """The ids of frames in `data` that were asked or answered by others, of the wrist's flags or of all others."""
+    own = (eb90.WRIST_READ, eb90.WRIST_WRITE)
+    frames = foreign_in(data, b"", lambda _frame: False)
+    return sorted({frame.id for frame in frames if (frame.flag in own) is wrist})

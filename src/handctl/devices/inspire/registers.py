@@ -9,7 +9,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from copy import copy
-from typing import TYPE_CHECKING, ClassVar, Self
+from typing import TYPE_CHECKING, ClassVar, TypeVar
 
 from handctl.errors import HandctlError, Left, LinkError, NoAnswer, ProtocolError
 from handctl.link import CanFrame, Deadline, Link
@@ -19,6 +19,7 @@ from handctl.model.param import Step
 from handctl.model.result import Journal
 
 if TYPE_CHECKING:
+    from handctl.devices.inspire.eb90 import Frame
     from handctl.devices.inspire.identity import FamilyGate
 
 DEFAULT_TIMEOUT = 0.3
@@ -36,6 +37,9 @@ def may_still_move(what: str) -> Iterator[None]:
         raise
 
 
+Own = TypeVar("Own", bound="RegisterBus")
+
+
 class RegisterBus(Line, ABC):
     """The wire to the registers of one device id: what the serial bus and the CAN bus have in common.
 
@@ -43,6 +47,9 @@ class RegisterBus(Line, ABC):
     max_count longest single read in bytes
     spaces    read and write flag of each register space
     gate      looks who is there before the first frame that is no read; None = nobody looks
+    presence  the span that tells whether anybody is there; its answer is longer than its question, so an echo never passes for it
+    reports   the device sends the end of a save or a calibration by itself
+    per       bytes at one address of the wire: 2 where the device counts words; addresses here are bytes
     round_trip   seconds that the last answer took, its bytes included
     """
 
@@ -50,6 +57,9 @@ class RegisterBus(Line, ABC):
     spaces: ClassVar[dict[str, tuple[int, int]]]
     gate: FamilyGate | None = None
     round_trip: float | None = None
+    presence: tuple[int, int] = (1472, 2)
+    reports = False
+    per = 1
     read_flag: int
     write_flag: int
 
@@ -76,9 +86,24 @@ class RegisterBus(Line, ABC):
         """Whether this read may be sent now: somebody has answered, or no stranger on the line would act upon it."""
         return True
 
+    def pace(self, seconds: float) -> float | None:
+        """Seconds until the answer to one question, None when none came within `seconds`."""
+        there = self.at()
+        there.timeout = seconds
+        try:
+            there.read(*self.presence, retries=0)
+        except NoAnswer:
+            return None
+        self.round_trip = there.round_trip
+        return self.round_trip
+
+    def listen(self, prefixes: Sequence[bytes], seconds: float) -> Frame | None:
+        """Wait for a frame that the device sends later by itself; None when it does not come, or this wire has none."""
+        return None
+
     @abstractmethod
-    def write(self, address: int, data: bytes) -> None:
-        """Write `data` once. Raises DeviceRefused; NoAnswer, ProtocolError when it is unknown whether it arrived."""
+    def write(self, address: int, data: bytes, *, acknowledged_by: Sequence[int] = ()) -> None:
+        """Write `data` once; `acknowledged_by` are further ids whose acknowledgement counts, where it names one. Raises DeviceRefused; NoAnswer, ProtocolError when it is unknown whether it arrived."""
 
     def try_write(self, address: int, data: bytes, what: str, then: str, **more: Sequence[int]) -> HandctlError | None:
         """Write once; where no acknowledgement came, that is told and returned: `then` says what decides instead.
@@ -122,7 +147,7 @@ class RegisterBus(Line, ABC):
         if self.gate is not None:
             self.gate.look(self)
 
-    def at(self, space: str = "", device_id: int | None = None) -> Self:
+    def at(self: Own, space: str = "", device_id: int | None = None) -> Own:
         """The same wire to another register space ("hand", "wrist"), or to another id."""
         other = copy(self)
         other.read_flag, other.write_flag = self.spaces.get(space, (self.read_flag, self.write_flag))

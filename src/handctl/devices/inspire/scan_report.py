@@ -13,6 +13,7 @@ from handctl.devices.inspire.map import BAUD_RATES
 from handctl.devices.inspire.mishaps import hint_for
 from handctl.devices.inspire.quiet import Span
 from handctl.devices.inspire.scanner import Scanner
+from handctl.digits import number_in
 from handctl.errors import DeviceRefused, NoAnswer, ProtocolError, UsageError
 from handctl.model.guide import Guide
 from handctl.model.param import ids_in
@@ -78,12 +79,13 @@ def parse_speeds(text: str) -> list[int]:
     known = ", ".join(map(str, BAUD_RATES.values()))
     speeds = []
     for part in text.split(","):
-        if not part.strip().isdecimal() or int(part) not in BAUD_RATES.values():
+        speed = number_in(part.strip())
+        if speed is None or speed not in BAUD_RATES.values():
             raise UsageError(
                 f"--speeds {text}: {part.strip()!r} is not a speed of this hand",
                 hint=f"choose from {known} bit/s (exo §2.3.2)",
             )
-        speeds.append(int(part))
+        speeds.append(speed)
     return list(dict.fromkeys(speeds))
 
 
@@ -135,6 +137,13 @@ def scan(
         f"{found.probes} probes in {found.windows} windows, {found.seconds:.2f} s, asked for: ids {ids[0]} to {ids[-1]} at "
         f"{speeds_text}, {method}"
     )
+    if found.single is not None:
+        why = (
+            "they answer one at a time only"
+            if bus.journal.line.half_duplex
+            else "a half-duplex line loses answers to several"
+        )
+        summary += f", then one by one, {1000 * found.single:.0f} ms each, as {why}"
     if found.cut:
         summary += ", ended by --deadline before all were asked"
     bus.journal.info("scanned", summary)
@@ -227,6 +236,7 @@ def _nothing(found: Findings, name: str, summary: str, kind: Target) -> NoAnswer
             f"{name}: no {kind.family}, but {found.garbage} bytes that form no valid answer ({summary})",
             hint=hint_for("garbage", kind.family),
             code="garbage",
+            came=found.came if eb90.sign(found.came) else b"",
         )
     if found.cut:
         return NoAnswer(

@@ -25,15 +25,18 @@ from handctl.errors import NoAnswer, ProtocolError
 from handctl.model.guide import Guide
 
 DRAIN_SECONDS = 0.05
-"""How long to listen behind a pass in windows, as long as no round trip was measured ..."""
+"""How long to listen behind the last probe of a pass in windows, as long as no round trip was measured ..."""
 FIRST_SECONDS = 0.25
 """... behind id 1 at each speed: time for Bluetooth ..."""
 SILENCE_SECONDS = 1.0
 """... and behind a pass of one id at a time: what has not come then is silence."""
+TWICE_SECONDS = 0.005
+"""Between the first probe of a pass in windows and the same in its window: the second one has the time for an answer."""
 SINGLE_SECONDS = 0.030
 """Between two ids of the pass that follows silence: on the wire, a delay that varies must not push them together."""
 MOST_SINGLE = 0.150
 """However slow the line: the answers overlap, and name their ids."""
+PROBE_BYTES = 9
 AGAIN_AMONG_OTHERS = 2
 """So many passes more where others speak and nothing was found."""
 CONFIRM_SECONDS = (0.3, 0.6, 1.2)
@@ -43,13 +46,15 @@ TWIN_READS_SLOW = 6
 
 
 class Pass(NamedTuple):
-    """Ids at one speed: how many a window, how long a window waits, how long to listen behind the last one."""
+    """Ids at one speed: how many a window, how long a window waits, how long to listen behind the last probe, how many
+    speeds come after it."""
 
     speed: int | None
     ids: Sequence[int]
     window: int
     wait: float
     dwell: float
+    more: int = 0
 
 
 class Scanner(Asker):
@@ -123,10 +128,10 @@ class Scanner(Asker):
 
     def _single_passes(self, ids: Sequence[int], speeds: Sequence[int | None]) -> Iterator[Pass]:
         """One id at a time. Where others speak, their speed is the likeliest, and a probe may have met their bytes."""
-        for number, speed in enumerate(sorted(speeds, key=lambda speed: speed != self.others_at)):
-            if number and self.line.speed_matters is False:
+        for number, speed in enumerate(sorted(speeds, key=lambda speed: speed != self.others_at), 1):
+            if number > 1 and self.line.speed_matters is False:
                 break
-            yield self._single(ids, speed)
+            yield self._single(ids, speed)._replace(more=len(speeds) - number)
         for _ in range(AGAIN_AMONG_OTHERS):
             if self.found.hits or self.others_at not in speeds:
                 break
@@ -157,11 +162,8 @@ class Scanner(Asker):
         # The first probe goes twice: a frame cut by wrong-speed garbage may swallow one.
         groups = [ids[:1]] + [ids[i : i + this.window] for i in range(0, len(ids), this.window)]
         for number, group in enumerate(groups):
-            at = f"{speed} bit/s, " if speed else ""
-            singly = "one at a time, " if self.found.single else ""
-            self._guide.progress(
-                f"{at}ids {group[0]} to {group[-1]}, {singly}found {len(self.found.hits)}, {100 * number // len(groups)} %"
-            )
+            self._tell(this, group, number / len(groups))
+            self._wait = this.wait if number or this.window == 1 else min(this.wait, TWICE_SECONDS)
             whole = self._group(group, answered)
             if not whole and len(group) > 1:
                 self._split(group, answered)
@@ -172,8 +174,20 @@ class Scanner(Asker):
                 return
             if this.window > 1 and self._singly:
                 return
-        self._collect(answered, self._patience(this.dwell), alone=len(ids) == 1)
+        self._collect(answered, max(0.0, self._patience(this.dwell) - this.wait), alone=len(ids) == 1)
         self._confirm(speed, answered, group)
+
+    def _tell(self, this: Pass, group: Sequence[int], part: float) -> None:
+        """How far it is; of one id at a time, which is long, why and how long, too."""
+        at = f"{this.speed} bit/s, " if this.speed else ""
+        found = f"found {len(self.found.hits)}"
+        if not self.found.single:
+            self._guide.progress(f"{at}ids {group[0]} to {group[-1]}, {found}, {100 * part:.0f} %")
+            return
+        asking = len(this.ids) * (this.wait + self._bus.wire_seconds(PROBE_BYTES))
+        left = asking * (1.0 - part) + this.dwell + this.more * (asking + this.dwell)
+        why = "half duplex" if self._singly else "may be half duplex"
+        self._guide.progress(f"{at}id {group[0]}, {found}, {left:.0f} s left. One at a time: {why}")
 
     def _split(self, group: Sequence[int], answered: dict[int, int]) -> None:
         """Ask a group with garbage again in halves, descending only where garbage shows again."""
@@ -260,7 +274,7 @@ class Scanner(Asker):
             link.set_baud(speed)
             self._ask(device_id, (self._patience(0.0),) * 2)  # what the other speed left half read is passed over
         if line.half_duplex is None and self._window > 1 and (self._find_all or self.found.single):
-            line.half_duplex = not any(self._overlaps(device_id, self._window) for _ in range(2))
+            line.half_duplex = not any(self.overlaps(device_id, self._window) for _ in range(2))
         if line.others is None:
             line.others = False
 
@@ -293,4 +307,6 @@ class Scanner(Asker):
                     continue  # a lost reply says nothing about a twin
         finally:
             bus.timeout = wanted
+        if self.line.others:  # their frames damage answers as well, but not most of them
+            return 2 * bad > reads
         return bad > 0 and (good > 0 or bad == reads)

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Hashable, Iterable, Sequence
 
 from handctl.devices.inspire import canreg, eb90
-from handctl.devices.inspire.map import EXO, Register
+from handctl.devices.inspire.map import EXO, WRIST, Register
 from handctl.model.frames import frames_in
 from handctl.model.ledger import Frame
 from handctl.model.param import ParamMap
@@ -28,7 +28,11 @@ class InspireWrites:
 
     def __init__(self, params: ParamMap[Register]) -> None:
         self._map = params
-        self._exo = params is EXO
+        self._own = params is not WRIST  # the hand's register space is its own
+        self._per = 1
+        """Bytes at one address of a frame: 2 where the device counts words (rh56 §3.2)."""
+        self._places = {name: EXO[name].address for name in ("id", "save", "factory_reset")}
+        """Addresses whose writes are acknowledged in a way of their own."""
         self._decoder = eb90.Decoder()
         self._key: Hashable = None
         self._can: tuple[int, bytes] | None = None
@@ -63,17 +67,19 @@ class InspireWrites:
 
     def next(self, data: bytes, can_id: int | None) -> str:
         """See WriteWords."""
-        kind = "exo" if self._exo else "wrist"
+        kind = self._map.kind
         if can_id is not None:
             access = canreg.parse_identifier(can_id)
-            return self._read(kind, access.address, len(data), of_hand=access.flag == canreg.WRITE_HAND)
+            return self._read(
+                kind, access.address, len(data), of_hand=not self._own and access.flag == canreg.WRITE_HAND
+            )
         flag = data[4] if len(data) > 4 else 0
-        if self._exo and flag in COMMANDS:
+        if self._map is EXO and flag in COMMANDS:
             return f"`handctl exo get {COMMANDS[flag]} position_actual`"
         if flag not in (eb90.WRITE, WRITE_WRIST) or len(data) <= SHORTEST + 1:
             return f"`handctl {kind} dump`"
         address = int.from_bytes(data[5:7], "little")
-        return self._read(kind, address, len(data) - SHORTEST - 1, of_hand=not self._exo and flag == eb90.WRITE)
+        return self._read(kind, address, len(data) - SHORTEST - 1, of_hand=not self._own and flag == eb90.WRITE)
 
     # -- frames --------------------------------------------------------------------------------------------------
 
@@ -81,7 +87,7 @@ class InspireWrites:
         if of_hand:
             return f"`handctl wrist hand-read {address} {count}`"
         for param in self._map:
-            if param.address <= address < param.address + param.size * param.count:
+            if address * self._per in param.span:
                 if param.name == "id":
                     return f"`handctl {kind} scan` finds the id"
                 if param.name in ("save", "factory_reset"):
@@ -96,13 +102,13 @@ class InspireWrites:
         if data[:2] == eb90.HOST and len(data) >= SHORTEST:
             device_id, flag = data[2], data[4]
             prefixes = []
-            if self._exo and flag in COMMANDS and len(data) == 16:
+            if self._map is EXO and flag in COMMANDS and len(data) == 16:
                 prefixes = [eb90.command_reply_prefix(device_id, flag)]
             elif flag in (eb90.WRITE, WRITE_WRIST):
                 address = int.from_bytes(data[5:7], "little")
                 ids = {device_id, *self._new_ids(address, data)}
                 prefixes = [eb90.write_ack_prefix(single, address, flag) for single in ids]
-                if self._exo and address == EXO["save"].address:
+                if self._own and address == self._places["save"]:
                     prefixes.append(eb90.read_reply_prefix(device_id, address, 1))  # its result may have either flag
             if prefixes:
                 key = data[:SHORTEST]
@@ -112,15 +118,15 @@ class InspireWrites:
 
     def _new_ids(self, address: int, data: bytes) -> tuple[int, ...]:
         """Ids from which the acknowledgement may come, since the write gives them (RH56 ch. 3 ex. 1)."""
-        if self._exo and address == EXO["id"].address and len(data) == SHORTEST + 2:
+        if self._own and address == self._places["id"] and len(data) == SHORTEST + self._per + 1:
             return (data[SHORTEST],)
-        return (1,) if self._exo and address == EXO["factory_reset"].address else ()
+        return (1,) if self._own and address == self._places["factory_reset"] else ()
 
     def _verdict(self, frame: eb90.Frame) -> bool | None:
         """What a frame from the device says of the last write; None = a save was taken, whether it is done comes later."""
         if frame.address is None or len(frame.data) != 1:
             return True  # the values that answer a force or position command
-        if self._exo and frame.address == EXO["save"].address:
+        if self._own and frame.address == self._places["save"]:
             return {SAVED: True, NOT_SAVED: False, eb90.ACCEPTED: None}.get(frame.data[0], False)
         return frame.data[0] == eb90.ACCEPTED
 

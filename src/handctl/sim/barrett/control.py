@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from handctl.digits import whole
 from handctl.sim.barrett import found
 from handctl.sim.barrett.device import Device
 from handctl.sim.barrett.memory import Memory
@@ -52,7 +53,7 @@ def command(device: Device, words: list[str]) -> str:
         case ["saves"]:
             return f"saves {device.memory.saves[0]} {device.memory.saves[1]}"
         case ["saves", motors, common]:
-            device.memory.saves = [_whole(motors, 0, 1000000), _whole(common, 0, 1000000)]
+            device.memory.saves = [whole(motors, 0, 1000000), whole(common, 0, 1000000)]
         case ["image"]:
             return _image(device)
         case ["save-image", path]:
@@ -64,14 +65,14 @@ def command(device: Device, words: list[str]) -> str:
         case ["age", seconds]:
             if device.powered:
                 raise ValueError("RAM does not age while the power is on")
-            device.off_since -= _whole(seconds, 0, 1000000000)
+            device.off_since -= whole(seconds, 0, 1000000000)
         case ["download-at", place]:
             device.monitor.aim(place)
         case ["temperature", tenths]:
-            hand.set_temperature(_whole(tenths, -550, 1250))
+            hand.set_temperature(whole(tenths, -550, 1250))
         case ["push", name, counts]:
             for motor in _motors(device, name):
-                if not hand.push(motor.number, _whole(counts, -30000, 30000)):
+                if not hand.push(motor.number, whole(counts, -30000, 30000)):
                     raise ValueError(f"{NAMES[motor.number]} cannot be pushed: only a spread without power yields")
         case ["block" | "release", name]:
             for motor in _motors(device, name):
@@ -82,13 +83,13 @@ def command(device: Device, words: list[str]) -> str:
             for motor in _motors(device, name):
                 if hand.movement is not None:
                     raise ValueError("a movement is under way")
-                motor.jump(device.now, motor.position(device.now) + _whole(counts, -30000, 30000))
+                motor.jump(device.now, motor.position(device.now) + whole(counts, -30000, 30000))
         case ["obstacle" | "breakaway" | "position", name, counts]:
             for motor in _motors(device, name):
-                _put(device, words[0], motor, _whole(counts, -30000, 30000))
+                _put(device, words[0], motor, whole(counts, -30000, 30000))
         case ["strain", name, text]:
             for motor in _motors(device, name):
-                motor.strain = None if text == "off" else _whole(text, 0, 255)
+                motor.strain = None if text == "off" else whole(text, 0, 255)
         case _:
             raise ValueError(f"unknown command {' '.join(words)!r}. Known: {HELP}")
     hand.disturbed()
@@ -223,10 +224,3 @@ def _number(name: str, value: Any, low: int, high: int) -> Any:
     if not isinstance(value, (int, float)) or not low <= value <= high:
         raise ValueError(f"{name} is {value!r}, not a number from {low} to {high}")
     return value
-
-
-def _whole(text: str, low: int, high: int) -> int:
-    digits = text.removeprefix("-")
-    if not digits.isascii() or not digits.isdigit() or len(digits) > 10 or not low <= int(text) <= high:
-        raise ValueError(f"{text!r} is not a whole number from {low} to {high}")
-    return int(text)

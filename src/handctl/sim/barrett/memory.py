@@ -5,6 +5,7 @@ Knows the table and its ranges, no bytes and no motors. Status parameters are no
 
 from __future__ import annotations
 
+from handctl.digits import number_in
 from handctl.sim.barrett.tables import (
     ADVANCED,
     ALIAS,
@@ -116,6 +117,5 @@ class Memory:
 
 def decimal_number(text: str, low: int, high: int) -> int | None:
     """A number as the hand reads it: decimal digits alone (a sign is refused, our guess), in its range."""
-    if not (text.isascii() and text.isdigit()) or len(text) > 10 or not low <= int(text) <= high:
-        return None
-    return int(text)
+    number = number_in(text)
+    return number if number is not None and low <= number <= high else None

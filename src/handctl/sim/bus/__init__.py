@@ -30,7 +30,13 @@ def create(options: dict[str, str]) -> Any:
             raise ValueError(f"unknown option {name!r} of the simulated bus. Known: file, seed")
     if not options.get("file"):
         raise ValueError("option file: name the file that describes the bus (fake://bus?file=PATH)")
-    return client_of(read(options["file"], options.get("seed")))
+    plan = read(options["file"], options.get("seed"))
+    if plan.adapter_faults:
+        name = min(plan.adapter_faults)
+        raise ValueError(
+            f"{plan.path}: [line] fault = {name!r} belongs to an adapter: serve it with `handctl sim bus --slcan-pty`"
+        )
+    return client_of(plan)
 
 
 def client_of(plan: Any) -> Any:

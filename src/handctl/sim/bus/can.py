@@ -7,7 +7,7 @@ destroyed. A device at another bitrate hears and acknowledges nothing. For a cli
 
 from __future__ import annotations
 
-from handctl.sim.bus.file import Plan
+from handctl.sim.bus.file import BUS_FAULTS, Plan
 from handctl.sim.bus.rack import IDLE, Master, Rack
 from handctl.sim.engine.canline import BACKLOG, SOON, CanLine, Frame
 
@@ -17,12 +17,13 @@ Sender = CanLine | Master | None  # None: the client
 class CanBus(Rack[CanLine]):
     """The bus as a client's CAN controller sees it: takes and gives frames."""
 
-    hung_up = False
     deafened = False
 
     def __init__(self, plan: Plan) -> None:
         """Raises ValueError for options that a device does not know."""
         super().__init__(plan, CanLine)
+        self.faults = plan.faults
+        self.hung_up = self.pulled = False  # the adapter was unplugged, and nobody has opened it since
         self.speed = plan.baud
         self.client_bitrate: int | None = None  # None: taken for the right one
         self.acknowledged = True  # whether anybody acknowledged the last frame of the client
@@ -35,7 +36,6 @@ class CanBus(Rack[CanLine]):
         self._free = 0.0  # when the bus is or was free
         self._arrived: list[tuple[float, int, bytes]] = []
         self._wakes: dict[CanLine, float] = {}
-        self._now: float | None = None
 
     @property
     def device(self) -> CanBus:
@@ -46,23 +46,29 @@ class CanBus(Rack[CanLine]):
 
     def advance(self, now: float) -> None:
         """Moves time on; the first call is the moment of power-on. A time before the last one is taken as the last."""
-        self._now = now if self._now is None else self._now
+        if self.now is None:
+            self.now = now
+            self.begin(now)
         for master in self.masters:
             master.wait(now)
         while (event := self._next()) is not None and event <= now + SOON:
-            self._now = max(event, self._now)
-            self._happen(self._now)
-        self._now = max(now, self._now)
+            self.now = max(event, self.now)
+            self._happen(self.now)
+        self.now = max(now, self.now)
         for line in self.lines:
-            self._act(line, self._now)
+            self._act(line, self.now)
+        self._look()
 
     def feed_frame(self, can_id: int, data: bytes, extended: bool = True, remote: bool = False) -> None:
         """A frame that the client sends at the present time. ValueError: there is no such frame."""
         if not 0 <= can_id < (536870912 if extended else 2048) or len(data) > 8:
             raise ValueError(f"not a CAN frame: identifier {can_id}, {len(data)} data bytes")
-        if self._now is None:
+        if self.now is None:
             self.advance(0.0)
-        heard = self.client_bitrate in (None, self.speed) and not self.bus_off
+        if self.pulled:
+            return
+        self.bus_off = self.bus_off or "bus-off" in self.faults
+        heard = self.client_bitrate in (None, self.speed) and not self.bus_off and "no-ack" not in self.faults
         self.acknowledged = heard and (any(self._takes_part(line) for line in self.lines) or bool(self.masters))
         if not self.acknowledged:
             self.unacknowledged += 1
@@ -88,15 +94,35 @@ class CanBus(Rack[CanLine]):
         """A new client: what was on its way is lost, the devices go on."""
         self._arrived.clear()
         self._waiting = [(frame, sender) for frame, sender in self._waiting if sender is not None]
-        self.bus_off = False
+        self.bus_off = self.hung_up = self.pulled = False
+
+    def command(self, text: str) -> str:
+        """Of the faults those of the bus are its own, the others those of all devices."""
+        words = text.split()
+        if words[:1] != ["fault"] or len(words) < 2:
+            answer = super().command(text)
+            self._look()
+            return answer
+        names = [name.strip() for name in ",".join(words[1:]).split(",")]
+        others = [name for name in names if name not in BUS_FAULTS]
+        answer = super().command(f"fault {','.join(others) or 'none'}")
+        self.faults = frozenset(names).intersection(BUS_FAULTS)
+        return f"fault {','.join(words[1:])}" if self.faults else answer
 
     # -- inside -----------------------------------------------------------------------------------------------------
 
-    def _present(self) -> float:
-        return 0.0 if self._now is None else self._now
+    def _look(self) -> None:
+        """With the adapter goes what was on its way."""
+        if self.away and not self.pulled:
+            self.reconnect()
+            self.hung_up = self.pulled = True
+
+    def _out(self, line: CanLine) -> bool:
+        """Whether the device is not on the bus."""
+        return self.plugs[self.lines.index(line)].out(self._present())
 
     def _takes_part(self, line: CanLine) -> bool:
-        return line.device.powered and line.device.speed == self.speed and not line.deafened
+        return not self._out(line) and line.device.powered and line.device.speed == self.speed and not line.deafened
 
     def _half(self) -> float:
         """Seconds of one way between client and bus."""
@@ -104,6 +130,7 @@ class CanBus(Rack[CanLine]):
 
     def _next(self) -> float | None:
         times = [master.due for master in self.masters] + list(self._wakes.values())
+        times += self.pulls()
         if self._flying:
             times.append(self._end)
         elif self._waiting:
@@ -122,6 +149,7 @@ class CanBus(Rack[CanLine]):
             self._act(line, now)
         if not self._flying:
             self._begin(now)
+        self._look()
 
     def _wait(self, frame: Frame, sender: Sender) -> None:
         self._waiting.append((frame, sender))
@@ -130,7 +158,7 @@ class CanBus(Rack[CanLine]):
         """Lets the device do what it does by itself; its frames wait for the bus."""
         line.advance(now)
         for identifier, data in line.take_frames():
-            if line.device.speed == self.speed:
+            if line.device.speed == self.speed and not self._out(line):
                 self._wait(Frame(now, identifier, data), line)
         if line.hung_up:
             line.reconnect()
@@ -156,7 +184,8 @@ class CanBus(Rack[CanLine]):
         """A frame is over: everybody else has it, unless others sent another one with the same identifier."""
         flown, self._flying = self._flying, []
         frame, senders = flown[0][0], [sender for _, sender in flown]
-        if any(other.data != frame.data for other, _ in flown):
+        destroyed = "bus-errors" in self.faults and None not in senders
+        if destroyed or any(other.data != frame.data for other, _ in flown):
             self.bus_errors += 1
             return
         hears = self.client_bitrate in (None, self.speed) and not self.bus_off
@@ -166,7 +195,7 @@ class CanBus(Rack[CanLine]):
                 (max(when, self._arrived[-1][0] if self._arrived else when), frame.identifier, frame.data)
             )
         for line in self.lines:
-            if line not in senders and line.device.speed == self.speed:
+            if line not in senders and line.device.speed == self.speed and not self._out(line):
                 line.advance(now)
                 line.feed_frame(frame.identifier, frame.data, frame.extended, frame.remote)
                 self._act(line, now)

@@ -28,6 +28,9 @@ if TYPE_CHECKING:
         down: Pair
         up: Pair
 
+        @property
+        def away(self) -> bool: ...
+
         def advance(self, now: float) -> None: ...
 
         def next_event(self, client: Client) -> float | None: ...
@@ -48,10 +51,9 @@ BACKLOG = 65536  # bytes on their way to the wire that are kept
 class Client:
     """One end of the bus that takes and gives bytes."""
 
-    hung_up = False
-
     def __init__(self, bus: Bus) -> None:
         self.bus = bus
+        self.hung_up = self.pulled = False  # its adapter was unplugged, and nobody has opened it since
         self._baud: int | None = None
         self._speed: int | None = None  # at which its adapter sends; None: that of whoever listens
         self.ear = Ear(bus.up, self, None, bus.plan.echo)
@@ -87,13 +89,27 @@ class Client:
         else:
             self._speed = self.ear.speed = speed
 
+    @property
+    def away(self) -> bool:
+        """Whether its adapter is unplugged."""
+        return self.bus.away
+
+    def look(self) -> None:
+        """With the adapter goes what was on its way."""
+        if self.away and not self.pulled:
+            self.reconnect()
+            self.hung_up = self.pulled = True
+
     def advance(self, now: float) -> None:
         self.bus.advance(now)
+        self.look()
 
     def feed(self, data: bytes) -> None:
         """Bytes that the client writes at the present time."""
         if self.bus.now is None:
             self.bus.advance(0.0)
+        if self.pulled:
+            return
         self._used = True
         size = self.bus.plan.packet or len(data)
         if sum(len(part or b"") for _, part, _ in self._forth) + len(data) <= BACKLOG:
@@ -117,7 +133,7 @@ class Client:
         self._forth.clear()
         self._back.clear()
         self._chunk.clear()
-        self._used = self._swallow = False
+        self._used = self._swallow = self.hung_up = self.pulled = False
 
     def power_cycle(self) -> None:
         self.bus.power_cycle()
@@ -153,6 +169,8 @@ class Client:
 
     def heard(self, byte: int, now: float) -> None:
         """One byte from the wire."""
+        if self.pulled:
+            return
         plan = self.bus.plan
         if now - self._heard_last > PAUSE:
             self._delay = self._half()

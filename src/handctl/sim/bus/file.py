@@ -5,15 +5,29 @@ Every complaint is a ValueError of one line: which key of which table, what is a
 
 from __future__ import annotations
 
-import tomllib
+import sys
 from dataclasses import dataclass, field
 from typing import Any
 
+from handctl.digits import number_in
 from handctl.sim import folder_of, kinds, model_class
 from handctl.sim.bus.models import MODELS
+from handctl.sim.engine.plug import Plug
+from handctl.sim.engine.slcan import ADAPTER_FAULTS
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
 
 WIRES = ("rs485", "rs232", "can")
 MOST = 100_000  # bytes of a file
+UNPLUG = "AT:SECONDS[,AT:SECONDS]"
+BUS_FAULTS: dict[str, str] = {
+    "no-ack": "no device acknowledges a frame of a client",
+    "bus-off": "a client's controller gives up with its first frame until it connects again",
+    "bus-errors": "each frame of a device is destroyed on the bus",
+}
 LINE_KEYS: dict[str, str] = {
     "wire": "rs485, rs232 or can",
     "model": f"a line by its name, which the other keys change: {', '.join(MODELS)}",
@@ -26,11 +40,14 @@ LINE_KEYS: dict[str, str] = {
     "first_byte_lost": "true: the client's adapter swallows the first byte after each sending (default false)",
     "coalesce_ms": "the client gets bytes this long after the first of them (default 0)",
     "echo": "true: the client's adapter hears itself (default false)",
+    "unplug": f"{UNPLUG}: the adapters of all clients are unplugged AT seconds after the start, for SECONDS",
+    "fault": f"faults of a CAN bus and of its adapters: {', '.join([*BUS_FAULTS, *ADAPTER_FAULTS])}",
     "seed": "start of the random generator (default 0)",
 }
 DEVICE_KEYS: dict[str, str] = {
     "kind": "a simulated device with this wire, as in `handctl sim`",
     "id": "its id, where it has one",
+    "unplug": f"{UNPLUG}: its plug is pulled from the bus. The device goes on",
     "KEY": "each further option of that device, such as turnaround, fault, state. See `handctl sim KIND -h`",
 }
 MASTER_KEYS: dict[str, str] = {
@@ -73,8 +90,12 @@ class Plan:
     first_byte_lost: bool = False
     coalesce: float = 0.0  # s
     echo: bool = False
+    unplug: str = ""
+    faults: frozenset[str] = frozenset()  # of the bus
+    adapter_faults: frozenset[str] = frozenset()
     seed: int = 0
     devices: list[tuple[str, dict[str, str]]] = field(default_factory=list)  # kind, raw options
+    plugs: list[str] = field(default_factory=list)  # the plan of each device's plug
     masters: list[tuple[bytes, int, float]] = field(default_factory=list)  # bytes, identifier on CAN, s
 
 
@@ -85,7 +106,8 @@ def load(path: str) -> dict[str, Any]:
             content = file.read(MOST + 1)
         if len(content) > MOST:
             raise ValueError(f"{path}: larger than {MOST // 1000} kB")
-        return tomllib.loads(content.decode("utf-8"))
+        tables: dict[str, Any] = tomllib.loads(content.decode("utf-8"))
+        return tables
     except OSError as exc:
         raise ValueError(f"{path}: cannot be read: {exc.strerror or exc}") from exc
     except UnicodeDecodeError as exc:
@@ -115,9 +137,9 @@ def read(path: str, seed: str | None = None) -> Plan:
 
 
 def _seed(text: str) -> int:
-    if not text.isascii() or not text.isdigit():
+    if (number := number_in(text)) is None:
         raise ValueError(f"option seed={text}: not a whole number (0 to 4294967295)")
-    return int(text)
+    return number
 
 
 def _table(tables: dict[str, Any], name: str) -> dict[str, Any]:
@@ -155,22 +177,28 @@ def _plan(path: str, tables: dict[str, Any]) -> Plan:
         first_byte_lost=line.flag("first_byte_lost", False),
         coalesce=line.number("coalesce_ms", 0.0, 10_000.0) / 1000.0,
         echo=line.flag("echo", False),
+        unplug=line.plan("unplug"),
         seed=line.whole("seed", 0, 0, 4294967295),
     )
     plan.speed_ignored = line.flag("speed_ignored", plan.packet > 0)
     if wire == "can" and (beside := [key for key in _SERIAL if key in line.given]):
         raise ValueError(f'[line] {beside[0]} belongs to a serial line. Keys with wire = "can": {", ".join(_CAN)}')
+    faults = line.names("fault", (*BUS_FAULTS, *ADAPTER_FAULTS))
+    if faults and wire != "can":
+        raise ValueError('[line] fault belongs to wire = "can". A device has its own in [[device]]')
+    plan.faults = faults.intersection(BUS_FAULTS)
+    plan.adapter_faults = faults.intersection(ADAPTER_FAULTS)
     plan.devices = [_device(number, row, plan) for number, row in enumerate(_rows(tables, "device"), 1)]
     plan.masters = [_master(number, row, wire) for number, row in enumerate(_rows(tables, "master"), 1)]
     return plan
 
 
 _SERIAL = ("packet", "speed_ignored", "half_duplex", "first_byte_lost", "coalesce_ms")
-_CAN = ("baud", "latency_ms", "spread_ms", "echo", "seed")
+_CAN = ("baud", "latency_ms", "spread_ms", "echo", "unplug", "fault", "seed")
 
 
 def _device(number: int, row: dict[str, Any], plan: Plan) -> tuple[str, dict[str, str]]:
-    """Kind and raw options, which the device itself checks."""
+    """Kind and raw options, which the device itself checks; its plug is the bus's."""
     where = f"[[device]] {number}"
     wire = "can" if plan.wire == "can" else "serial"
     fitting = [kind for kind in kinds() if wire in folder_of(kind).WIRES]
@@ -178,6 +206,7 @@ def _device(number: int, row: dict[str, Any], plan: Plan) -> tuple[str, dict[str
     if kind not in fitting:
         what = "kind is missing" if kind is None else f"kind = {kind!r}: no simulated device on {plan.wire}"
         raise ValueError(f"{where} {what}. Known: {', '.join(fitting)}")
+    plan.plugs.append(_Keys(where, {"unplug": row.get("unplug", "")}, ("unplug",)).plan("unplug"))
     raw: dict[str, str] = {}
     for key, given in row.items():
         name, value = key.replace("_", "-"), given
@@ -187,7 +216,7 @@ def _device(number: int, row: dict[str, Any], plan: Plan) -> tuple[str, dict[str
             value = ",".join(given)
         if not isinstance(value, str | int | float):
             raise ValueError(f"{where} {key}: a text or a number is allowed")
-        if name != "kind":
+        if name not in ("kind", "unplug"):
             raw[name] = str(int(value)) if isinstance(value, bool) else str(value)
     speed = "bitrate" if wire == "can" else "baud"
     if wire == "can":
@@ -230,6 +259,23 @@ class _Keys:
         if value not in allowed:
             raise ValueError(f"{self.where} {key} = {value!r}: one of {', '.join(allowed)}")
         return str(value)
+
+    def plan(self, key: str) -> str:
+        value = self.given.get(key, "")
+        if not isinstance(value, str):
+            raise ValueError(f"{self.where} {key} = {value!r}: a text, {UNPLUG}")
+        try:
+            Plug(value)
+        except ValueError as exc:
+            raise ValueError(f"{self.where} {exc}") from exc
+        return value
+
+    def names(self, key: str, allowed: tuple[str, ...]) -> frozenset[str]:
+        value = self.given.get(key, [])
+        names = value.split(",") if isinstance(value, str) else value
+        if not isinstance(names, list) or not {str(name).strip() for name in names} <= set(allowed):
+            raise ValueError(f"{self.where} {key} = {value!r}: some of {', '.join(allowed)}")
+        return frozenset(str(name).strip() for name in names)
 
     def flag(self, key: str, default: bool) -> bool:
         value = self.given.get(key, default)

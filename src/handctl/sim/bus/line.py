@@ -23,11 +23,14 @@ class Station:
         self.line = line
         self.ear = Ear(bus.down, self, line.device.speed)
         self.bus = bus
+        self.plug = bus.plugs[len(bus.stations)]
+        self.pulled = False
         self.wake: float | None = None
 
     def heard(self, byte: int, now: float) -> None:
         self.line.advance(now)
-        self.line.feed(bytes((byte,)))
+        if not self.plug.out(now):
+            self.line.feed(bytes((byte,)))
         self.speak(now)
 
     def act(self, now: float) -> None:
@@ -38,7 +41,11 @@ class Station:
         """Puts what it has to say on the wire, and looks when it acts by itself next."""
         line = self.line
         speed = line.device.speed or self.bus.plan.baud
-        if data := line.take():
+        data = line.take()
+        if (out := self.plug.out(now)) and not self.pulled:
+            self.bus.up.cut(self, now)
+        self.pulled = out
+        if data and not out:
             self.bus.up.put(self, now, speed, data)
         if line.hung_up:
             line.reconnect()  # its cable was pulled in the middle; the bus is still there
@@ -56,14 +63,18 @@ class Bus(Rack[Line]):
         self.down = Pair()
         self.up = self.down if plan.half_duplex else Pair()
         self.clients: list[Client] = []
-        self.stations = [Station(line, self) for line in self.lines]
-        self.now: float | None = None
+        self.stations: list[Station] = []
+        for line in self.lines:
+            self.stations.append(Station(line, self))
 
     def join(self) -> Client:
         """One more client."""
         client = Client(self)
         self.clients.append(client)
         return client
+
+    def reconnect(self) -> None:
+        """The adapters are back: each client opens its own."""
 
     def leave(self, client: Client) -> None:
         if client in self.clients:
@@ -75,6 +86,7 @@ class Bus(Rack[Line]):
         """Moves time on; the first call is the moment of power-on. A time before the last one is taken as the last."""
         if self.now is None:
             self.now = now
+            self.begin(now)
         for master in self.masters:
             master.wait(now)
         while (event := self._first()) is not None and event <= now + EDGE:
@@ -102,7 +114,7 @@ class Bus(Rack[Line]):
         times = [master.due for master in self.masters]
         times += [station.wake for station in self.stations if station.wake is not None]
         times += [due for client in self.clients if (due := client.due()) is not None]
-        return times
+        return times + self.pulls()
 
     def _first(self) -> float | None:
         times = self._acts()
@@ -129,6 +141,8 @@ class Bus(Rack[Line]):
         for station in self.stations:
             if station.wake is not None and station.wake <= until:
                 station.act(now)
+        for client in self.clients:
+            client.look()
 
     # -- power and control ----------------------------------------------------------------------------------------------
 
@@ -141,6 +155,3 @@ class Bus(Rack[Line]):
     def _changed(self) -> None:
         for station in self.stations:
             station.speak(self._present())
-
-    def _present(self) -> float:
-        return 0.0 if self.now is None else self.now

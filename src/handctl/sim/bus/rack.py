@@ -5,17 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Generic, TypeVar
 
+from handctl.digits import number_in
 from handctl.sim import model_class
 from handctl.sim.bus.file import Plan
 from handctl.sim.engine.cable import Cable
 from handctl.sim.engine.model import Model, Random
+from handctl.sim.engine.plug import COMMANDS, Plug
 
 IDLE = 0.001  # s until a device is asked again that says that it acts now, and does not
 BEHIND = 5.0  # s; a master does not catch up with more
-HELP = (
-    "power-cycle | power on|off | fault NAME[,NAME]|none | requests | devices"
-    " | device NUMBER COMMAND, of the device with this number in the file, from 1"
-)
+HELP = " | ".join((
+    "power-cycle", "power on|off", "fault NAME[,NAME]|none", "requests", "devices", *COMMANDS,
+    "device NUMBER COMMAND, of the device with this number in the file, from 1",
+))  # fmt: skip
 
 
 class Master:
@@ -47,13 +49,17 @@ Wire = TypeVar("Wire", bound=Cable)
 
 
 class Rack(Generic[Wire]):
-    """The devices of a file, each at a cable of its own, and the masters."""
+    """The devices of a file, each at a cable of its own, and the masters. `now`: None before the moment of power-on."""
+
+    now: float | None = None
 
     def __init__(self, plan: Plan, cable: Callable[[type[Model], dict[str, str]], Wire]) -> None:
         """Raises ValueError for options that a device does not know."""
         self.plan = plan
         self.random = Random(plan.seed)
         self.masters = [Master(*row) for row in plan.masters]
+        self.adapters = Plug(plan.unplug)  # of all clients
+        self.plugs = [Plug(each) for each in plan.plugs]  # of the devices
         self.lines: list[Wire] = []
         for number, (kind, raw) in enumerate(plan.devices, 1):
             try:
@@ -61,6 +67,21 @@ class Rack(Generic[Wire]):
             except ValueError as exc:
                 raise ValueError(f"{plan.path}: [[device]] {number} {exc}") from exc
             self.lines[-1].second = kind in [before for before, _ in plan.devices[: number - 1]]
+
+    @property
+    def away(self) -> bool:
+        """Whether the clients' adapters are unplugged."""
+        return self.adapters.out(self._present())
+
+    def begin(self, now: float) -> None:
+        """The moment of power-on."""
+        for plug in (self.adapters, *self.plugs):
+            plug.begin(now)
+
+    def pulls(self) -> list[float]:
+        """When plugs go out or in next."""
+        moments = [plug.next_event(self._present()) for plug in (self.adapters, *self.plugs)]
+        return [moment for moment in moments if moment is not None]
 
     def power(self, on: bool) -> None:
         """All devices."""
@@ -76,6 +97,8 @@ class Rack(Generic[Wire]):
     def command(self, text: str) -> str:
         """A control command; returns one line, raises ValueError."""
         match text.split():
+            case ["unplug" | "replug", *_] as words:
+                return self.adapters.command(words, self._present())
             case ["power-cycle"]:
                 self.power_cycle()
                 return "power cycled"
@@ -96,15 +119,22 @@ class Rack(Generic[Wire]):
         raise ValueError(f"unknown command {text!r}. Known: {HELP}")
 
     def _one(self, number: str, text: str) -> str:
-        if not number.isascii() or not number.isdigit() or not 1 <= int(number) <= len(self.lines):
+        if not 1 <= (number_in(number) or 0) <= len(self.lines):
             raise ValueError(f"there is no device {number}. Known: 1 to {len(self.lines)}")
-        answer = self.lines[int(number) - 1].command(text)
+        words, place = text.split(), int(number) - 1
+        if words[0] in ("unplug", "replug"):  # of its plug at the bus
+            answer = self.plugs[place].command(words, self._present())
+        else:
+            answer = self.lines[place].command(text)
         self._changed()
         return answer
 
     def close(self) -> None:
         for line in self.lines:
             line.close()
+
+    def _present(self) -> float:
+        return 0.0 if self.now is None else self.now
 
     # -- what the wires do ----------------------------------------------------------------------------------------------
 

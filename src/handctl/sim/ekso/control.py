@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from handctl.digits import whole
 from handctl.sim.ekso import tables
 from handctl.sim.ekso.body import POSTURES
 from handctl.sim.ekso.clock import WRAP
@@ -32,7 +33,7 @@ def command(device: Device, words: list[str]) -> str:
         case ["get", name]:
             return f"{device.settings[tables.place_of(name)]}"
         case ["data", word]:
-            return f"{device.data_words(NOTHING)[_whole(word, 0, tables.DATA_COUNT - 1)]}"
+            return f"{device.data_words(NOTHING)[whole(word, 0, tables.DATA_COUNT - 1)]}"
         case ["boot"]:
             return f"boot {device.boot_ms()}"
         case ["rtc"]:
@@ -53,13 +54,13 @@ def _change(device: Device, words: list[str]) -> None:
         case ["set", name, raw]:
             device.settings[tables.place_of(name)] = _word(raw)
         case ["data", word, raw]:
-            device.pinned[_whole(word, 0, tables.DATA_COUNT - 1)] = _word(raw)
+            device.pinned[whole(word, 0, tables.DATA_COUNT - 1)] = _word(raw)
         case ["state", digits] if len(digits) == 4:
             device.pinned[18] = _hex(digits)
         case ["reboot"]:
             device.reboot()
         case ["boot", number]:
-            device.boot_time.restart(_whole(number, 0, WRAP - 1), device.now)
+            device.boot_time.restart(whole(number, 0, WRAP - 1), device.now)
         case ["rtc", text]:
             device.calendar.set(text, device.now)
         case ["unsolicited"]:
@@ -130,17 +131,11 @@ def _row(words: Any, count: int) -> list[int]:
     return list(words)
 
 
-def _whole(text: str, low: int, high: int) -> int:
-    if not (text.isascii() and text.isdigit() and len(text) <= 10 and low <= int(text) <= high):
-        raise ValueError(f"{text!r} is not a whole number from {low} to {high}")
-    return int(text)
-
-
 def _word(text: str) -> int:
     """A word; negative numbers are taken as two's complement."""
     if text.startswith("-"):
-        return 65536 - _whole(text[1:], 1, 32768)
-    return _whole(text, 0, 65535)
+        return 65536 - whole(text[1:], 1, 32768)
+    return whole(text, 0, 65535)
 
 
 def _hex(digits: str) -> int:

@@ -5,6 +5,8 @@ A transcription of its own, raw numbers throughout. Limits are invented; the cod
 
 from __future__ import annotations
 
+from handctl.digits import number_in
+
 # Per word of GetSettings: (name, ParameterID or None, values that SetValue takes, power-on value). The order of the
 # words is not that of the IDs. A range is a limit in hundredths (status 2 beyond it), a set is a list of codes (status
 # 3 for others). The power-on codes differ as far as their short lists allow, and from their neighbours in either table.
@@ -61,8 +63,8 @@ def place_of(word: str) -> int:
     """The word of a setting by its name or its ParameterID; ValueError when there is none."""
     if word in NAMES:
         return NAMES.index(word)
-    if word.isascii() and word.isdigit() and int(word) in PLACE:
-        return PLACE[int(word)]
+    if (number := number_in(word)) in PLACE:
+        return PLACE[number]
     raise ValueError(f"unknown setting {word!r}. Known: {', '.join(NAMES)}, or a ParameterID, 200 to 219")
 
 

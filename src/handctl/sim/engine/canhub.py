@@ -71,6 +71,15 @@ class Hub:
     def next_event(self) -> float | None:
         return self.line.next_event()
 
+    @property
+    def away(self) -> bool:
+        """Whether all adapters are unplugged, as those of a bus of a file can be."""
+        return bool(getattr(self.line, "away", False))
+
+    def reconnect(self) -> None:
+        """The adapters are back."""
+        self.line.reconnect()
+
     def power_cycle(self) -> None:
         self.line.power_cycle()
 
@@ -105,7 +114,7 @@ class Hub:
             seat.bus_errors += errors
             if seat.hears():
                 seat.arrived += frames
-        if line.hung_up:  # the adapter of who asked goes away
+        if line.hung_up and not self.away:  # the adapter of who asked goes away
             line.reconnect()
             if self.asked is not None:
                 self.asked.hung_up = True

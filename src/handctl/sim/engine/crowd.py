@@ -18,12 +18,23 @@ RETRY = 0.005  # s until a client that does not read is tried again
 Client = TypeVar("Client", bound=Served)
 
 
-class Whole(Protocol[Client]):
-    """What the clients share."""
+class Place(Protocol[Client]):
+    """Where clients of one sort come in."""
 
     def join(self) -> Client: ...
 
     def leave(self, client: Client, /) -> None: ...
+
+
+class Whole(Place[Client], Protocol[Client]):
+    """What the clients share."""
+
+    @property
+    def away(self) -> bool:
+        """Whether the adapters of all clients are unplugged."""
+
+    def reconnect(self) -> None:
+        """They are back."""
 
     def advance(self, now: float) -> None: ...
 
@@ -37,8 +48,9 @@ class Whole(Protocol[Client]):
 class Guest(Generic[Client]):
     """One client: what is served to it, and where it is."""
 
-    def __init__(self, served: Client, port: Port) -> None:
-        self.served = served
+    def __init__(self, place: Place[Client], port: Port) -> None:
+        self.place = place
+        self.served = place.join()
         self.port = port
         self.unsent = bytearray()
 
@@ -60,19 +72,20 @@ class Crowd(Generic[Client]):
 
     def __init__(self, whole: Whole[Client]) -> None:
         self._whole = whole
-        self._doors: list[TcpDoor] = []
+        self._doors: list[tuple[TcpDoor, Place[Client]]] = []
         self._guests: list[Guest[Client]] = []
         self._now = 0.0
+        self._away = False
         self.links: list[str] = []
 
-    def at(self, port: Port, link: Callable[[str], str] = str) -> None:
-        """One more place, for one client."""
-        self._guests.append(Guest(self._whole.join(), port))
+    def at(self, port: Port, link: Callable[[str], str] = str, place: Place[Client] | None = None) -> None:
+        """One more place, for one client; of what all share, or of one part of it."""
+        self._guests.append(Guest(place or self._whole, port))
         self.links.append(link(port.link))
 
-    def behind(self, door: TcpDoor, link: Callable[[str], str] = str) -> None:
+    def behind(self, door: TcpDoor, link: Callable[[str], str] = str, place: Place[Client] | None = None) -> None:
         """One more place, for any number of clients."""
-        self._doors.append(door)
+        self._doors.append((door, place or self._whole))
         self.links.append(link(door.link))
 
     # -- as a line ------------------------------------------------------------------------------------------------
@@ -101,6 +114,10 @@ class Crowd(Generic[Client]):
 
     def take(self) -> bytes:
         """Each client gets its own."""
+        if self._whole.away != self._away:
+            self.plug(self._away)
+        if self._away:
+            return b""
         gone = [guest for guest in self._guests if not guest.give()]
         if gone and len(gone) < len(self._guests) + len(self._doors):
             tell_hung_up()  # otherwise the server says so, and ends
@@ -130,7 +147,8 @@ class Crowd(Generic[Client]):
 
     def readers(self) -> list[int]:
         seated = [number for guest in self._guests for number in guest.port.readers()]
-        return [*(door.fileno() for door in self._doors), *seated]
+        doors = [number for door, _ in self._doors if (number := door.fileno()) >= 0 and not self._away]
+        return [*doors, *seated]
 
     def read(self, ready: list[int]) -> bytes:
         """What came in, which is passed on already."""
@@ -144,9 +162,9 @@ class Crowd(Generic[Client]):
                 heard += data
                 guest.served.feed(data)
         self._part(gone)
-        for door in self._doors:
-            if door.fileno() in ready and (port := door.accept()) is not None:
-                guest = Guest(self._whole.join(), port)
+        for door, place in self._doors:
+            if door.fileno() in ready and not self._away and (port := door.accept()) is not None:
+                guest = Guest(place, port)
                 guest.served.reconnect()
                 guest.served.advance(self._now)
                 self._guests.append(guest)
@@ -160,8 +178,17 @@ class Crowd(Generic[Client]):
 
     def baud(self) -> None:
         """Tells each client's line the speed of its port."""
-        for guest in self._guests:
+        for guest in self._guests if not self._away else ():
             guest.served.client_baud = guest.port.baud()
+
+    def plug(self, present: bool) -> None:
+        """The adapters come, or go with all that is on its way; a TCP client has to connect again."""
+        self._away = not present
+        self._whole.reconnect()
+        for guest in self._guests:
+            guest.port.plug(present)
+            guest.served.reconnect()
+            guest.unsent.clear()
 
     def hang_up(self) -> bool:
         return True
@@ -169,7 +196,7 @@ class Crowd(Generic[Client]):
     def close(self) -> None:
         for guest in self._guests:
             guest.port.close()
-        for door in self._doors:
+        for door, _ in self._doors:
             door.close()
         self._whole.close()
 
@@ -177,7 +204,7 @@ class Crowd(Generic[Client]):
         """Forgets clients that have left; a pseudo terminal that hung up is gone for good."""
         for guest in gone:
             guest.port.close()
-            self._whole.leave(guest.served)
+            guest.place.leave(guest.served)
             self._guests.remove(guest)
 
 
@@ -197,6 +224,13 @@ class Adapters:
 
     def leave(self, adapter: Adapter) -> None:
         self.hub.leave(self._seats.pop(adapter))
+
+    @property
+    def away(self) -> bool:
+        return self.hub.away
+
+    def reconnect(self) -> None:
+        self.hub.reconnect()
 
     def advance(self, now: float) -> None:
         self.hub.advance(now)

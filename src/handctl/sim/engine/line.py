@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from handctl.sim.engine.cable import Cable
 from handctl.sim.engine.model import NOTHING, Model, Reply
-from handctl.sim.engine.plug import Plug
+from handctl.sim.engine.plug import COMMANDS, Plug
 
 LINE_OPTIONS: dict[str, str] = {
     "seed": "start of the random generator, 0..4294967295 (default 0)",
@@ -158,18 +158,14 @@ class Line(Cable):
     def command(self, text: str) -> str:
         """Beside those of every device: unplug [SECONDS] | replug."""
         match text.split():
-            case ["unplug", *seconds] if len(seconds) < 2:
-                self._plug.pull(self._present() + _seconds(seconds[0]) if seconds else float("inf"))
-            case ["replug"]:
-                self._plug.push()
+            case ["unplug" | "replug", *_] as words:
+                answer = self._plug.command(words, self._present())
             case ["help"]:
-                return " | ".join(("unplug [SECONDS]", "replug", super().command(text)))
+                return " | ".join((*COMMANDS, super().command(text)))
             case _:
                 answer = super().command(text)
-                self._look()
-                return answer
         self._look()
-        return text.strip()
+        return answer
 
     def feed(self, data: bytes) -> None:
         """Bytes that the client writes at the present time."""
@@ -359,13 +355,3 @@ class Line(Cable):
         self._tx.clear()
         self._out.clear()
         self._rx_free = self._tx_free = 0.0
-
-
-def _seconds(text: str) -> float:
-    try:
-        seconds = float(text)
-    except ValueError:
-        seconds = -1.0
-    if not 0.0 < seconds <= 1e9:
-        raise ValueError(f"{text!r} is not a number of seconds")
-    return seconds

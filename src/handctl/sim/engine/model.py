@@ -165,6 +165,20 @@ class Model:
         """Whether its port is gone: that of a device with USB inside goes with a restart."""
         return False
 
+    @property
+    def host(self) -> str:
+        """The IP address that it has in the network, "" = none."""
+        return ""
+
+    @property
+    def one_client(self) -> bool:
+        """Whether it drops a client when another one comes, where several can come."""
+        return False
+
+    def beside(self, model: type[Model]) -> type[Model]:
+        """The model of another wire of this very device."""
+        raise ValueError(f"a simulated {self.KIND} has one wire")
+
     def reconnected(self) -> None:
         """A new client came. A device with a connection of its own, unlike one behind a serial adapter, notices that."""
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+COMMANDS = ("unplug [SECONDS]", "replug")
+
 
 class Plug:
     """Out at the moments of a plan "AT:SECONDS,AT:SECONDS", counted from the start, or from `pull` to `push`."""
@@ -24,6 +26,17 @@ class Plug:
         """In again, whatever the plan says of the present."""
         self._until = 0.0
 
+    def command(self, words: list[str], now: float) -> str:
+        """unplug [SECONDS] | replug, as words. Raises ValueError."""
+        match words:
+            case ["unplug", *seconds] if len(seconds) < 2:
+                self.pull(now + _seconds(seconds[0]) if seconds else float("inf"))
+            case ["replug"]:
+                self.push()
+            case _:
+                raise ValueError(f"unknown command {' '.join(words)!r}. Known: {' | '.join(COMMANDS)}")
+        return " ".join(words)
+
     def out(self, now: float) -> bool:
         """Whether it is out."""
         since = now - self._start
@@ -33,6 +46,16 @@ class Plug:
         """When that changes next."""
         moments = [self._until, *(self._start + edge for at, seconds in self._plan for edge in (at, at + seconds))]
         return min((moment for moment in moments if now < moment < float("inf")), default=None)
+
+
+def _seconds(text: str) -> float:
+    try:
+        seconds = float(text)
+    except ValueError:
+        seconds = -1.0
+    if not 0.0 < seconds <= 1e9:
+        raise ValueError(f"{text!r} is not a number of seconds")
+    return seconds
 
 
 def _pair(text: str) -> tuple[float, float]:

@@ -6,16 +6,11 @@ Knows file descriptors and serial speeds; nothing of the line behind it, and no 
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import os
-import pty
 import socket
-import termios
-import time
-import tty
 from typing import Protocol
 
-SPEEDS = {getattr(termios, name): int(name[1:]) for name in dir(termios) if name[0] == "B" and name[1:].isdigit()}
+from handctl.system import clock, pseudo
 
 
 class ServeError(Exception):
@@ -45,6 +40,9 @@ class Port(Protocol):
     def hang_up(self) -> bool:
         """Drops the client; True when nobody can come any more."""
 
+    def plug(self, present: bool) -> None:
+        """Unplugs it, with its client, or plugs it in again."""
+
     def close(self) -> None: ...
 
 
@@ -59,27 +57,19 @@ class PtyPort:
         self._name = name
         self._closed = True
         self._open()
-        self.link = name or os.ttyname(self._slave)
+        self.link = name or pseudo.name(self._slave)
 
     def _open(self) -> None:
         try:
-            self._master, self._slave = pty.openpty()
+            self._master, self._slave = pseudo.opened(self._speed)
         except OSError as exc:
-            raise ServeError(f"cannot open a pty: {exc.strerror}") from exc
-        tty.setraw(self._slave)
-        attributes = termios.tcgetattr(self._slave)
-        constant = {rate: value for value, rate in SPEEDS.items()}.get(self._speed or 0)
-        if constant is not None:
-            # A client that sets no speed, such as a shell redirection, then talks at the right one.
-            attributes[4] = attributes[5] = constant
-            termios.tcsetattr(self._slave, termios.TCSANOW, attributes)
-        os.set_blocking(self._master, False)
+            raise ServeError(f"cannot open a pty: {exc.strerror or exc}") from exc
         self._closed = False
         if self._name is not None:
             try:
                 if os.path.islink(self._name) and not os.path.exists(self._name):
                     os.unlink(self._name)  # of one that was killed
-                os.symlink(os.ttyname(self._slave), self._name)
+                os.symlink(pseudo.name(self._slave), self._name)
             except OSError as exc:
                 name, self._name = self._name, None
                 self.close()
@@ -114,16 +104,16 @@ class PtyPort:
         return self._master
 
     def baud(self) -> int:
-        """The termios speed that the client set, visible on the master side; -1 for a speed without a constant."""
-        return -1 if self._closed else SPEEDS.get(termios.tcgetattr(self._master)[5], -1)
+        """The speed that the client set; -1 for one that has no name."""
+        return -1 if self._closed else pseudo.speed_of(self._master)
 
     def hang_up(self) -> bool:
         # Closing the master throws away what the client has not read: let it have the first half of the reply. The
         # kernel hands bytes to the slave side a little later, so a count of 0 means nothing at once.
-        time.sleep(0.02)
-        patience = time.monotonic() + 0.2
-        while any(fcntl.ioctl(self._slave, termios.FIONREAD, bytes(4))) and time.monotonic() < patience:
-            time.sleep(0.002)
+        clock.sleep(0.02)
+        patience = clock.now() + 0.2
+        while pseudo.unread(self._slave) and clock.now() < patience:
+            clock.sleep(0.002)
         self.close()
         return True
 
@@ -141,6 +131,13 @@ class TcpDoor:
     """A listening port; who comes gets a place of its own."""
 
     def __init__(self, host: str, port: int) -> None:
+        self.host = host
+        self._open(host, port)
+        self._port = self._listener.getsockname()[1]
+        shown = f"[{host}]" if ":" in host else host
+        self.link = f"tcp://{shown}:{self._port}"
+
+    def _open(self, host: str, port: int) -> None:
         try:
             family, kind, proto, _, address = socket.getaddrinfo(
                 host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
@@ -152,10 +149,19 @@ class TcpDoor:
         except OSError as exc:
             raise ServeError(f"cannot listen on {host}:{port}: {exc.strerror or exc}") from exc
         self._listener.setblocking(False)
-        shown = f"[{host}]" if ":" in host else host
-        self.link = f"tcp://{shown}:{self._listener.getsockname()[1]}"
+
+    def move(self, host: str) -> None:
+        """Listens at this address of the machine instead, or nowhere when the machine does not have it."""
+        if host != self.host:
+            self._listener.close()
+            self.host = host
+            with contextlib.suppress(ServeError):
+                self._open(host, self._port)
+                return
+            self._listener.close()
 
     def fileno(self) -> int:
+        """-1 when it listens nowhere."""
         return self._listener.fileno()
 
     def accept(self) -> TcpClient | None:
@@ -215,6 +221,10 @@ class TcpClient:
     def hang_up(self) -> bool:
         self.gone = True
         return True
+
+    def plug(self, present: bool) -> None:
+        if not present:
+            self.hang_up()
 
     def close(self) -> None:
         self._client.close()

@@ -6,22 +6,17 @@ SIGTERM, SIGINT or the end of its duration; it exits in order, with the state sa
 
 from __future__ import annotations
 
-import errno
 import json
-import os
 import select
-import signal
-import socket
-import stat
 import sys
-import time
 from collections import deque
 from collections.abc import Callable
-from contextlib import ExitStack, suppress
-from types import FrameType, TracebackType
+from contextlib import ExitStack, closing, suppress
 from typing import Protocol
 
 from handctl.sim.engine.ports import Port, PtyPort, ServeError, TcpPort
+from handctl.system import clock, local
+from handctl.system.signals import Served as Signals
 
 __all__ = [
     "ControlPort",
@@ -73,16 +68,12 @@ class ControlPort:
     def __init__(self, path: str) -> None:
         self.path = path
         self._heard: deque[tuple[float, bytes]] = deque(maxlen=REMEMBERED)
-        self._clients: dict[int, tuple[socket.socket, bytearray]] = {}
-        self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        self._clients: dict[int, tuple[local.Peer, bytearray]] = {}
         try:
-            _remove_dead_socket(path)
-            self._listener.bind(path)
+            local.remove_dead(path)
+            self._listener = local.Listener(path)
         except OSError as exc:
-            self._listener.close()
             raise ServeError(f"cannot open the control socket {path}: {exc.strerror or exc}") from exc
-        self._listener.listen(8)
-        self._listener.setblocking(False)
 
     def readers(self) -> list[int]:
         return [self._listener.fileno(), *self._clients]
@@ -90,8 +81,7 @@ class ControlPort:
     def serve(self, ready: list[int], line: Served) -> None:
         if self._listener.fileno() in ready:
             with suppress(OSError):
-                client, _ = self._listener.accept()
-                client.setblocking(False)
+                client = self._listener.accept()
                 self._clients[client.fileno()] = (client, bytearray())
         for descriptor in [number for number in ready if number in self._clients]:
             self._serve_client(descriptor, line)
@@ -117,7 +107,7 @@ class ControlPort:
 
     def note(self, data: bytes) -> None:
         """A client has sent this, now."""
-        self._heard.append((time.monotonic(), data))
+        self._heard.append((clock.now(), data))
 
     def _tell(self) -> str:
         told = [[round(moment, 6), data.hex()] for moment, data in self._heard]
@@ -128,43 +118,6 @@ class ControlPort:
         for client, _ in self._clients.values():
             client.close()
         self._listener.close()
-        with suppress(OSError):
-            os.unlink(self.path)
-
-
-class _Signals:
-    """SIGTERM and SIGINT end the server, SIGUSR1 is a power cycle; each wakes the select at once."""
-
-    def __init__(self) -> None:
-        self.stop = False
-        self.power_cycles = 0
-        self.reader, self._writer = os.pipe()
-        for descriptor in (self.reader, self._writer):
-            os.set_blocking(descriptor, False)
-        self._old = {name: signal.signal(name, self._note) for name in (signal.SIGTERM, signal.SIGINT, signal.SIGUSR1)}
-        self._old_wakeup = signal.set_wakeup_fd(self._writer, warn_on_full_buffer=False)
-
-    def _note(self, number: int, frame: FrameType | None) -> None:
-        if number == signal.SIGUSR1:
-            self.power_cycles += 1
-        else:
-            self.stop = True
-
-    def drain(self) -> None:
-        with suppress(BlockingIOError):
-            os.read(self.reader, 4096)
-
-    def __enter__(self) -> _Signals:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, exc: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        signal.set_wakeup_fd(self._old_wakeup)
-        for number, handler in self._old.items():
-            signal.signal(number, handler)
-        os.close(self.reader)
-        os.close(self._writer)
 
 
 def serve_pty(
@@ -212,7 +165,7 @@ def _serve(
     link: Callable[[str], str],
 ) -> None:
     with ExitStack() as stack:
-        signals = stack.enter_context(_Signals())
+        signals = stack.enter_context(Signals())
         port = open_port()
         stack.callback(port.close)
         panel = None if control is None else ControlPort(control)
@@ -227,19 +180,16 @@ def _serve(
             raise ServeError(
                 f"stdout cannot be written, so no one learns that the simulator is ready: {exc.strerror or exc}"
             ) from exc
-        _loop(line, port, panel, signals, None if duration is None else time.monotonic() + duration)
+        _loop(line, port, panel, signals, None if duration is None else clock.now() + duration)
 
 
-def _loop(line: Served, port: Port, panel: ControlPort | None, signals: _Signals, end: float | None) -> None:
+def _loop(line: Served, port: Port, panel: ControlPort | None, signals: Signals, end: float | None) -> None:
     unsent = bytearray()
     while not signals.stop:
-        now = time.monotonic()
+        now = clock.now()
         if end is not None and now >= end:
             return
         line.advance(now)
-        while signals.power_cycles:
-            signals.power_cycles -= 1
-            line.power_cycle()
         taken = line.take()
         if len(unsent) + len(taken) <= UNREAD or not unsent:
             unsent += taken  # otherwise lost as it was taken: on a line without a speed that is in whole replies
@@ -260,9 +210,12 @@ def _loop(line: Served, port: Port, panel: ControlPort | None, signals: _Signals
         readers = [signals.reader, *port.readers(), *(panel.readers() if panel is not None else ())]
         ready = _wait(now, line.next_event(), end, readers, port.writer() if unsent else None)
         line.client_baud = port.baud()  # a client may change it while an answer is on its way
-        line.advance(time.monotonic())
+        line.advance(clock.now())
         if signals.reader in ready:
             signals.drain()
+        while signals.power_cycles:  # ahead of what clients have sent since
+            signals.power_cycles -= 1
+            line.power_cycle()
         if panel is not None:
             panel.serve(ready, line)
         data = port.read([descriptor for descriptor in port.readers() if descriptor in ready])
@@ -295,30 +248,12 @@ def _answer(line: Served, command: str) -> str:
         return f"error {exc}"
 
 
-def _remove_dead_socket(path: str) -> None:
-    """Takes away what a killed server left; anything else at this path is left alone and makes bind fail."""
-    try:
-        if not stat.S_ISSOCK(os.stat(path).st_mode):
-            return
-    except FileNotFoundError:
-        return
-    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:
-        try:
-            probe.connect(path)
-        except ConnectionRefusedError:
-            os.unlink(path)
-        else:
-            raise OSError(errno.EADDRINUSE, "another simulator listens there")
-
-
 def send_control(path: str, command: str, timeout: float = 5.0) -> str:
     """Sends one command to the control socket of a running server; returns its answer. Raises ServeError."""
     if "\n" in command:
         raise ServeError("a control command is one line")
     try:
-        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as link:
-            link.settimeout(timeout)
-            link.connect(path)
+        with closing(local.connected(path, timeout)) as link:
             link.sendall(command.encode() + b"\n")
             answer = b""
             while not answer.endswith(b"\n"):

@@ -7,6 +7,7 @@ import os
 import stat
 
 from handctl.sim.engine.model import Model
+from handctl.system import disk
 
 FORMAT = "handctl-sim/1"
 MOST = 4_000_000
@@ -47,11 +48,11 @@ def save(path: str, device: Model) -> None:
     target = os.path.realpath(path)
     temporary = f"{target}.{os.getpid()}.tmp"
     try:
-        with open(temporary, "w", encoding="utf-8") as file:
+        with open(temporary, "w", encoding="utf-8", newline="\n") as file:
             json.dump(state, file, indent=1)
             file.write("\n")
             file.flush()
-            os.fsync(file.fileno())
+            disk.sync(file.fileno())
         os.replace(temporary, target)
     except BaseException as exc:
         if os.path.exists(temporary):

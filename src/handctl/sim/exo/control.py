@@ -5,6 +5,7 @@ from __future__ import annotations
 import struct
 from typing import Any
 
+from handctl.digits import whole
 from handctl.sim.exo.device import MEMORY, SPEEDS, Device
 from handctl.sim.exo.hand import FINGERS, Finger, Hand
 
@@ -17,13 +18,13 @@ def command(device: Device, words: list[str]) -> str:
         case ["help"]:
             return HELP
         case ["set", address, *digits] if digits:
-            return _poke(device, _whole(address, 0, MEMORY - 1), _hex("".join(digits)))
+            return _poke(device, whole(address, 0, MEMORY - 1), _hex("".join(digits)))
         case ["get", address, count]:
             device.publish()
-            place = _whole(address, 0, MEMORY - 1)
-            return device.memory[place : place + _whole(count, 1, MEMORY)].hex(" ").upper()
+            place = whole(address, 0, MEMORY - 1)
+            return device.memory[place : place + whole(count, 1, MEMORY)].hex(" ").upper()
         case ["temperature", name, degrees]:
-            _finger(device, name).set_temperature(_whole(degrees, 0, 100))
+            _finger(device, name).set_temperature(whole(degrees, 0, 100))
         case ["block" | "release", name]:
             _finger(device, name).blocked = words[0] == "block"
         case _:
@@ -84,7 +85,7 @@ def restore(device: Device, state: dict[str, Any]) -> None:
     memory = bytearray(MEMORY)
     for address, digits in state["ram"].items():
         data = bytes.fromhex(digits)
-        place = _whole(address, 0, MEMORY - len(data))
+        place = whole(address, 0, MEMORY - len(data))
         memory[place : place + len(data)] = data
     _set_body(device.hand, state)
     device.memory, device.speed = memory, speed
@@ -131,12 +132,6 @@ def _finger(device: Device, name: str) -> Finger:
     if name not in FINGERS:
         raise ValueError(f"unknown finger {name!r}. Known: {', '.join(FINGERS)}")
     return device.hand.fingers[FINGERS.index(name)]
-
-
-def _whole(text: str, low: int, high: int) -> int:
-    if not text.isascii() or not text.isdigit() or not low <= int(text) <= high:
-        raise ValueError(f"{text!r} is not a whole number from {low} to {high}")
-    return int(text)
 
 
 def _hex(text: str) -> bytes:

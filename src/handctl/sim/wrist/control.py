@@ -5,8 +5,12 @@ from __future__ import annotations
 import struct
 from typing import Any
 
+from handctl.digits import whole
+from handctl.sim.hand.body import CALIBRATION
+from handctl.sim.hand.control import poke
+from handctl.sim.inspire.space import MEMORY, hex_bytes
 from handctl.sim.wrist.body import AXES
-from handctl.sim.wrist.memory import KEPT, MEMORY, Space
+from handctl.sim.wrist.memory import KEPT
 from handctl.sim.wrist.model import Module
 
 HELP = (
@@ -21,15 +25,15 @@ def command(device: Module, words: list[str]) -> str:
         case ["help"]:
             return HELP
         case ["set" | "hand-set", address, *digits] if digits:
-            _poke(device, words[0] == "set", _whole(address, 0, MEMORY - 1), data := _hex("".join(digits)))
+            _poke(device, words[0] == "set", whole(address, 0, MEMORY - 1), data := hex_bytes("".join(digits)))
             return f"{words[0]} {address} {data.hex(' ').upper()}"
         case ["get" | "hand-get", address, count]:
             device.publish()
             space = device.wrist if words[0] == "get" else device.hand
-            place = _whole(address, 0, MEMORY - 1)
-            return space.memory[place : place + _whole(count, 1, MEMORY)].hex(" ").upper()
+            place = whole(address, 0, MEMORY - 1)
+            return space.memory[place : place + whole(count, 1, MEMORY)].hex(" ").upper()
         case ["temperature", "1" | "2" as number, degrees]:
-            device.body.actuators[int(number) - 1].set_temperature(_whole(degrees, 0, 100))
+            device.body.actuators[int(number) - 1].set_temperature(whole(degrees, 0, 100))
         case ["block", "pitch" | "yaw" as axis]:
             device.body.blocked[AXES.index(axis)] = True
         case ["release", "pitch" | "yaw" as axis]:
@@ -41,17 +45,19 @@ def command(device: Module, words: list[str]) -> str:
 
 
 def _poke(device: Module, of_wrist: bool, address: int, data: bytes) -> None:
-    """Writes memory past all rules; readings of the wrist that are poked become the state of its body."""
-    space = device.wrist if of_wrist else device.hand
+    """Writes memory past all rules; readings that are poked become the state of what is behind them."""
     if address + len(data) > MEMORY:
         raise ValueError(f"memory ends at {MEMORY - 1}")
     device.publish()
-    before = bytes(space.memory)
-    space.memory[address : address + len(data)] = data
     device.dirty = True
     if not of_wrist:
-        device.id = device.id if space.memory[1000] == before[1000] else space.memory[1000]
+        number = device.hand.memory[1000]
+        poke(device.carrier, address, data)
+        device.id = device.id if device.hand.memory[1000] == number else device.hand.memory[1000]
         return
+    space = device.wrist
+    before = bytes(space.memory)
+    space.memory[address : address + len(data)] = data
 
     def changed(place: int, layout: str) -> int | None:
         """The new value of this reading, None if it is still the old one."""
@@ -77,9 +83,9 @@ def snapshot(device: Module) -> dict[str, Any]:
     device.publish()
     body = device.body
     return {
-        "wrist": _runs(device.wrist),
-        "hand": _runs(device.hand),
-        "flash": {**device.flash, "kept": device.kept.hex(" ").upper()},
+        "wrist": device.wrist.runs(),
+        "carrier": device.hand.runs(),
+        "flash": {**device.flash, "kept": _kept(device).hex(" ").upper()},
         "id": device.id,
         "speed_code": device.speed_code,
         "angles": list(body.angles),
@@ -89,7 +95,7 @@ def snapshot(device: Module) -> dict[str, Any]:
         "temperatures": [actuator.temperature for actuator in body.actuators],
         "errors": [actuator.errors for actuator in body.actuators],
         "rest_currents": [actuator.rest_current for actuator in body.actuators],
-        "fingers": device.fingers.snapshot(),
+        "fingers": device.carrier.body.snapshot(),
     }
 
 
@@ -101,18 +107,22 @@ def restore(device: Module, state: dict[str, Any]) -> None:
     codes = range(len(device.SPEEDS))
     if flash_id not in range(low, high + 1) or number not in range(low, high + 1):
         raise ValueError(f"impossible id {flash_id!r} or {number!r}")
-    if flash_code not in codes or code not in codes or len(kept) != KEPT[1] - KEPT[0]:
+    if flash_code not in codes or code not in codes or len(kept) != 36:
         raise ValueError(f"impossible speed code {flash_code!r} or {code!r}, or flash of {len(kept)} bytes")
-    wrist, hand = _memory(state["wrist"]), _memory(state["hand"])
+    wrist, hand = device.wrist.memory_of(state["wrist"]), device.hand.memory_of(state["carrier"])
     angles, targets = _row(state, "angles", -32768, 32767), _row(state, "targets", -32768, 32767, True)
     movement, blocked = _row(state, "movement", 0, 65.535), _row(state, "blocked", 0, 1)
     temperatures, errors = _row(state, "temperatures", 0, 255), _row(state, "errors", 0, 255)
     currents = _row(state, "rest_currents", -32768, 32767)
-    still: dict[str, Any] = {"moving": [None] * 6, "course": []}  # a file of before the fingers moved
-    fingers = device.fingers.check(state.get("fingers", still))
+    fingers = state.get("fingers", {})
+    course = device.carrier.body.check(fingers, CALIBRATION) if "rows" in fingers else None  # an older file has no rows
     device.wrist.memory, device.hand.memory = wrist, hand
-    device.fingers.use(*fingers)
-    device.flash, device.kept, device.id = {"id": flash_id, "speed_code": flash_code}, kept, number
+    if course is not None:
+        device.carrier.body.use(*course)
+    values = struct.unpack("<18h", kept)
+    device.carrier.kept = {word: values[6 * place : 6 * place + 6] for place, word in enumerate(KEPT)}
+    device.carrier.use_set_values()
+    device.flash, device.id = {"id": flash_id, "speed_code": flash_code}, number
     device.use_speed(code)
     body = device.body
     body.angles, body.targets = [float(angle) for angle in angles], targets
@@ -123,25 +133,9 @@ def restore(device: Module, state: dict[str, Any]) -> None:
         actuator.set_temperature(float(temperatures[place]))
 
 
-def _runs(space: Space) -> dict[str, str]:
-    runs, place, memory = {}, 0, space.memory
-    while place < MEMORY:
-        end = place
-        while memory[place] and any(memory[end : end + 4]):  # a run may hold up to three zeros in a row
-            end += 1
-        if end > place:
-            runs[str(place)] = memory[place:end].hex(" ").upper()
-        place = end + 1
-    return runs
-
-
-def _memory(runs: dict[str, str]) -> bytearray:
-    memory = bytearray(MEMORY)
-    for address, digits in runs.items():
-        data = bytes.fromhex(digits)
-        place = _whole(address, 0, MEMORY - len(data))
-        memory[place : place + len(data)] = data
-    return memory
+def _kept(device: Module) -> bytes:
+    """What the hand's flash holds of limits, speeds and forces."""
+    return struct.pack("<18h", *(value for word in KEPT for value in device.carrier.kept[word]))
 
 
 def _row(state: dict[str, Any], name: str, low: float, high: float, may_be_none: bool = False) -> list[Any]:
@@ -150,16 +144,3 @@ def _row(state: dict[str, Any], name: str, low: float, high: float, may_be_none:
     if len(values) != 2 or not all((may_be_none and v is None) or low <= v <= high for v in values):
         raise ValueError(f"{name} are not 2 values from {low} to {high}")
     return values
-
-
-def _whole(text: str, low: int, high: int) -> int:
-    if not text.isascii() or not text.isdigit() or not low <= int(text) <= high:
-        raise ValueError(f"{text!r} is not a whole number from {low} to {high}")
-    return int(text)
-
-
-def _hex(text: str) -> bytes:
-    try:
-        return bytes.fromhex(text)
-    except ValueError:
-        raise ValueError(f"{text!r} is not a row of hex bytes") from None

@@ -10,9 +10,10 @@ from __future__ import annotations
 import struct
 
 from handctl.sim.engine.model import Model, Options, Random
+from handctl.sim.hand.model import Hand
+from handctl.sim.inspire.space import Space
 from handctl.sim.wrist.body import PITCH, YAW, Body
-from handctl.sim.wrist.fingers import Fingers
-from handctl.sim.wrist.memory import FACTORY, HAND, KEPT, TRIGGERS, WRIST, Space, power_on_hand, power_on_wrist
+from handctl.sim.wrist.memory import WRIST, carrier, power_on_wrist
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -26,6 +27,7 @@ LATCHED = {  # fault -> (actuator, error byte)
     "communication": (0, 16),
     "unknown-bits": (1, 160),
 }
+OF_HAND = frozenset(("strict", "save-fails"))  # what its requests meet too
 ALL_FAULTS = (1, 4)  # error bytes of the state "faults"
 
 OPTIONS = {
@@ -67,28 +69,28 @@ class Module(Model):
         options.choice("bus", "serial", ("serial", "can"))
         self.id = options.integer("id", 1, *self.IDS)
         self.flash = {"id": self.id, "speed_code": speed_code}
-        self.kept = FACTORY  # the hand's flash bytes from 1020 on
         self.speed_code = speed_code  # the one in force
         jitter = options.choice("jitter", "0", ("0", "1")) == "1"
         self.body = Body(random, jitter, float(options.integer("limit", 70, 40, 100)))
         self.wrist = Space(WRIST)
-        self.hand = Space(HAND)
-        self.fingers = Fingers(self.hand)
+        self.carrier = Hand(carrier(), random)
+        self.hand = self.carrier.space
 
     # -- power, time, faults ----------------------------------------------------------------------------------------
 
     def boot(self, now: float) -> None:
         super().boot(now)
-        self.body.now = self.fingers.now = now
+        self.body.now = now
+        self.carrier.boot(now)
 
     def advance(self, now: float) -> None:
         self.now = now
         self.body.advance(now)
-        self.fingers.advance(now)
+        self.carrier.advance(now)
 
     def elapse(self, seconds: float) -> None:
         self.body.advance(self.body.now + max(seconds, self.body.left))
-        self.fingers.settle()
+        self.carrier.elapse(seconds)
 
     def power(self, on: bool) -> None:
         """Id and speed come from flash, set values start anew, late frames are gone; angles and heat stay."""
@@ -96,11 +98,10 @@ class Module(Model):
         self.powered = on
         self._replies.clear()
         self.body.power_on()
-        self.fingers.power_on()
+        self.carrier.power(on)
         if not on:
             return
         power_on_wrist(self.wrist)
-        power_on_hand(self.hand, self.kept)
         self.use_id(self.flash["id"])
         self.hand.memory[1002] = self.flash["speed_code"]
         self.use_speed(self.flash["speed_code"])
@@ -112,6 +113,7 @@ class Module(Model):
 
     def set_faults(self, faults: frozenset[str]) -> None:
         before, self.faults = self.faults, faults
+        self.carrier.faults = faults & OF_HAND
         body = self.body
         if "blocked" in faults:
             body.blocked = [True, True]
@@ -146,7 +148,10 @@ class Module(Model):
             return None
         if "block-silent" in self.faults and not space.documented(address, count):
             return None
-        self.publish()
+        if space is self.hand:
+            self.carrier.publish()
+        else:
+            self._publish_wrist()
         return space.read(address, count)
 
     def write(self, space: Space, address: int, data: bytes, hits: frozenset[str]) -> bool | None:
@@ -155,7 +160,9 @@ class Module(Model):
         Gaps, read-only bytes and values out of range are ignored but acknowledged (open on hardware), or met with
         silence in the state "strict".
         """
-        if space is self.wrist and "no-wrist" in self.faults:
+        if space is self.hand:
+            return self._write_hand(address, data, hits)
+        if "no-wrist" in self.faults:
             return None
         accepted, covered = space.plan(address, data)
         if "strict" in self.faults and covered < len(data):
@@ -163,42 +170,40 @@ class Module(Model):
         if "refuse" in hits:
             return False
         self.dirty = True
-        for place, value, raw in accepted:
-            if space is self.hand and place in TRIGGERS:
-                if value == 1:
-                    self._trigger(place, hits)
-                continue
+        for place, _, raw in accepted:
             space.memory[place : place + len(raw)] = raw
-            if space is self.hand:
-                self.fingers.written(place, value)
-                if place == 1000:
-                    self.use_id(value)
-        if space is self.wrist:
-            self._move({place: value for place, value, _ in accepted})
+        self._move({place: value for place, value, _ in accepted})
         return True
+
+    def _write_hand(self, address: int, data: bytes, hits: frozenset[str]) -> bool | None:
+        """What the hand does, and what of that concerns the wrist: the id, errors that are cleared, flash."""
+        hand = self.carrier
+        before = dict(hand.acts)
+        done = hand.write(address, data, hits)
+        did = {name for name, count in hand.acts.items() if count != before[name]}
+        self.dirty = self.dirty or bool(done)
+        if "id" in did:
+            self.use_id(hand.number)
+        if "clear" in did:  # taken to clear the wrist's errors as well: it has no register of its own for that
+            self.body.clear()
+        if "factory-reset" in did:  # RAM only: the id acts at once, the speed after a save and a power cycle (open)
+            self.use_id(1)
+        for event, when in hand.events:
+            if event == "saved":
+                # Flash is written at once, so that a client that leaves before the result finds it saved.
+                if "save-fails" not in self.faults:
+                    self.flash = {"id": self.id, "speed_code": self.hand.memory[1002]}
+                self.saved(hits)
+            else:
+                self.calibrates(when, hits)
+        hand.events.clear()
+        return done
 
     def _move(self, values: dict[int, int]) -> None:
         """The time of the same write counts for its angles; a time alone is for the next movement (open)."""
         targets = {axis: values[place] for axis, place in ((YAW, 1038), (PITCH, 1040)) if place in values}
         if targets:
             self.body.move(targets, struct.unpack_from("<H", self.wrist.memory, 1042)[0] / 1000.0)
-
-    def _trigger(self, place: int, hits: frozenset[str]) -> None:
-        if place == 1004:  # taken to clear the wrist's errors as well: it has no register of its own for that
-            self.body.clear()
-            self.hand.memory[1606:1612] = bytes(6)
-        elif place == 1005:
-            # Flash is written at once, so that a client that leaves before the result finds it saved.
-            if "save-fails" not in self.faults:
-                self.flash = {"id": self.id, "speed_code": self.hand.memory[1002]}
-                self.kept = bytes(self.hand.memory[KEPT[0] : KEPT[1]])
-            self.saved(hits)
-        elif place == 1006:  # RAM only: the id acts at once, the speed after a save and a power cycle (open)
-            self.use_id(1)
-            self.hand.memory[1002] = 0
-            self.hand.memory[KEPT[0] : KEPT[1]] = FACTORY
-        elif place == 1009:
-            self.calibrates(self.fingers.calibrate(), hits)
 
     def saved(self, hits: frozenset[str]) -> None:
         """A save was tried; a wire that reports the result overrides this."""
@@ -208,7 +213,10 @@ class Module(Model):
 
     def publish(self) -> None:
         """Puts the readings of this moment into memory."""
-        self.fingers.publish()
+        self.carrier.publish()
+        self._publish_wrist()
+
+    def _publish_wrist(self) -> None:
         body, memory = self.body, self.wrist.memory
         pitch, yaw = (3000, 3001) if "foreign" in self.faults else body.positions()
         struct.pack_into("<hh", memory, 1020, pitch, yaw)

@@ -178,7 +178,7 @@ def repeatable(patient: Patient) -> list[Finding]:
     settings = [param.mnemonic for param in standard() if param.writable]
     again = patient.read(*settings)
     differ = [
-        f"{name}.{motor or 'hand'} {patient.values[name, motor]} then {value}"
+        f"{name}.{motor or 'whole hand'} {patient.values[name, motor]} then {value}"
         for (name, motor), value in again.items()
         if value != patient.values[name, motor]
     ]

@@ -6,7 +6,7 @@ number and, where that is not unique, a name. Nothing here writes to the hand.
 
 from __future__ import annotations
 
-from datetime import UTC, datetime
+from datetime import datetime, timezone
 from typing import Any, NamedTuple
 
 from handctl.devices.barrett import hostfile
@@ -110,7 +110,7 @@ class Care:
                 hint="name the hand with --hand NAME. Nothing was recorded.",
                 code="which-hand",
             )
-        date = datetime.now(UTC).date().isoformat()
+        date = datetime.now(timezone.utc).date().isoformat()
         new = {f"{point.name}.{motor}": {"odometer": self.at["OD", motor], "date": date} for point, motor in points}
         self._journal[self._key] = {**self.entries, **new}
         hostfile.store(self._path, WHAT, self._journal)

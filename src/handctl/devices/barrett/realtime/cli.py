@@ -160,6 +160,7 @@ def add_realtime(group: Group) -> None:
             plain=("name", "motor", "value", "unit"),
             summary=loop.summary,
             ranges={"strain": (0, 255), "position": (0, 17800)},
+            wide=True,
         )
         table.samples = _guarded(loop, table, rate, count, duration)
         return table

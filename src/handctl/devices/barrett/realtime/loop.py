@@ -194,6 +194,7 @@ class RealtimeLoop:
         proved: deque[Taken] = deque()
         last: Taken | None = None  # has come, but nothing behind it yet
         intake.start = due = link.now()
+        intake.started = link.wall()
         intake.rate = rate
         asked = 0
         going = True

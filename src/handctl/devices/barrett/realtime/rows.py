@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.language import MOTORS
+from handctl.devices.barrett.map import BARRETT
 from handctl.devices.barrett.realtime.blocks import FEEDBACK, DeltaPosition, Feedback, Layout, cycles
 from handctl.devices.barrett.realtime.flags import Prepared, Wish
 from handctl.devices.barrett.realtime.guards import Event, Guards, implausible
@@ -15,6 +16,8 @@ from handctl.errors import CheckFailed
 from handctl.model.latency import RoundTrips
 from handctl.model.param import Number
 from handctl.model.result import Row, Sample
+from handctl.model.sampling import started
+from handctl.model.units import scale_of
 
 UNITS = {
     "strain": None,
@@ -90,7 +93,7 @@ class Intake:
     """Takes the answers of one loop: times, positions, guards, samples.
 
     prepared  how the loop is, once that is known
-    start     of the blocks; rate = blocks a second that were asked for, 0 = as many as go; late = blocks behind it
+    start     of the blocks, `started` the same as a time of day; rate = blocks a second that were asked for, 0 = as many as go; late = blocks behind it
     cycle     s that pass from one chance to act to the next, as seen lately
     end       why a guard ends the loop
     """
@@ -102,6 +105,7 @@ class Intake:
         self.end: CheckFailed | None = None
         self.velocity_points: dict[int, list[tuple[float, int, int]]] = {index: [] for index in wish.motors}
         self.start = self.rate = 0.0
+        self.started: float | None = None
         self._positions = Positions(self.prepared.layout, {}, discards=False)
         self._in_force: Values = {}
         self._told = 0
@@ -181,6 +185,7 @@ class Intake:
         size = (layout.control_size if drives else 1, layout.feedback_size)
         floors = {name: round(1 / cycle, 1) for name, cycle in cycles(*size, baud).items()} if baud else None
         return {
+            **started(self.started),
             "stream": {
                 "samples": self.samples,
                 "failed": 0,
@@ -252,4 +257,8 @@ def _motor_rows(taken: Taken, layout: Layout, index: int, shown: tuple[str, ...]
 
 
 def _row(name: str, parameter: str, motor: str | None, value: Number, unit: str | None, doubt: str = "") -> Row:
-    return {"name": name, "parameter": parameter, "motor": motor, "value": value, "unit": unit, "doubt": doubt or None}
+    row: Row = {"name": name, "parameter": parameter, "motor": motor, "value": value, "unit": unit}
+    if (scale := scale_of(unit or "")) is not None:
+        row |= {"scaled": scale.of(value), "scaled_unit": scale.unit}
+    path = {"path": f"{name}.{motor}" if motor else name} if name in BARRETT else {}  # of what `get` tells as well
+    return {**row, "doubt": doubt or None, **path}

@@ -176,7 +176,8 @@ def _device_time(ekso: Ekso) -> dict[str, Any] | None:
 
     with suppress(NoAnswer, ProtocolError, ValueError):
         date, time = ekso.now()
-        device, host = datetime.fromisoformat(f"{date['value']}T{time['value']}"), datetime.now()  # noqa: DTZ005 - the device tells no zone
+        device = datetime.fromisoformat(f"{date['value']}T{time['value']}")
+        host = datetime.fromtimestamp(ekso.link.wall())  # noqa: DTZ006 - the device tells no zone
         return {"device": device.isoformat(), "host_local": host.isoformat(timespec="seconds"), "offset_s": round((device - host).total_seconds(), 1)}  # fmt: skip
     return None
 
@@ -268,7 +269,7 @@ def _hole_text(hole: Hole) -> str:
 
 
 class _ExportCommand(Command):
-    """A command with a --format of its own, instead of the shared one."""
+    """A command whose --format is the older name of --to, instead of the shared one."""
 
     def get_params(self, ctx: click.Context) -> list[click.Parameter]:
         return [
@@ -290,10 +291,11 @@ def _own_format(group: Group, name: str, body: Callable[..., Table]) -> click.Co
 
 @click.argument("log", metavar="LOG", type=InFile(beside=(".json",)))
 @click.option(
+    "--to",
     "--format",
     "kind",
     type=click.Choice(["mot", "csv"]),
-    help="Format of the output: mot (OpenSim motion file) or csv (the log's columns).",
+    help="What to make: mot (OpenSim motion file) or csv (the log's columns). --format is the older name.",
 )
 @click.option("--si", is_flag=True, help="With csv: metres and radians instead of inches and degrees.")
 @click.option(
@@ -345,11 +347,11 @@ def export(
 
 def _check_options(kind: str | None, *, si: bool, knee_sign: str | None, rate: float | None) -> None:
     if kind is None:
-        raise UsageError("which format?", hint="--format mot or --format csv")
+        raise UsageError("which format?", hint="--to mot or --to csv")
     if kind == "csv" and (knee_sign is not None or rate is not None):
-        raise UsageError("--knee-sign and --rate are for --format mot", hint="leave them out")
+        raise UsageError("--knee-sign and --rate are for --to mot", hint="leave them out")
     if kind == "mot" and si:
-        raise UsageError("--si is for --format csv", hint="a motion file is in degrees")
+        raise UsageError("--si is for --to csv", hint="a motion file is in degrees")
 
 
 def _shown(run: Run, result: Exported, as_rows: bool) -> Table:

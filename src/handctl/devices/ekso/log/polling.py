@@ -167,6 +167,9 @@ class _Loop:
                 if not reopen():
                     return False
                 break
+            except KeyboardInterrupt:  # while the port that is gone was being closed
+                self._recording.port_lost()
+                raise
             except LinkError as exc:
                 self._recording.port_lost()
                 if (left := over - self._clock.now()) <= 0:

@@ -12,7 +12,6 @@ import contextlib
 import errno
 import json
 import os
-import signal
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Protocol
 
@@ -22,6 +21,7 @@ from handctl.devices.ekso.log.timeline import Hole, Timeline
 from handctl.devices.ekso.map import SETTINGS, boot_ms
 from handctl.errors import HandctlError, OutputError, UsageError
 from handctl.files import atomic_write
+from handctl.system import disk, signals
 
 PERSONAL = "pilot_id"
 
@@ -38,21 +38,18 @@ class RawSample(Protocol):
 
 
 class Clock(Protocol):
-    """The clock of the link."""
+    """The clock of the link, and its time of day."""
 
     def now(self) -> float: ...
+    def wall(self) -> float: ...
     def sleep(self, seconds: float) -> None: ...
 
 
 @contextlib.contextmanager
 def undisturbed() -> Iterator[None]:
     """Ctrl-C and its like wait until the body is through, so that file and counts stay in step."""
-    stops = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP}
-    try:
-        signal.pthread_sigmask(signal.SIG_BLOCK, stops)  # raises what had arrived before
+    with signals.held_back(signals.numbers()):  # what had arrived before is raised
         yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, stops)
 
 
 class Recording:
@@ -62,8 +59,6 @@ class Recording:
     """
 
     def __init__(self, path: str, clock: Clock, about: dict[str, Any], *, raw: bool, rate: float, force: bool) -> None:
-        from datetime import UTC, datetime
-
         self.path = path
         self.layout = RowLayout(raw=raw)
         self.timeline = Timeline(1000 / rate if rate else 0.0)
@@ -76,7 +71,7 @@ class Recording:
         self.pending = ""
         """The mark that the next row gets."""
         self._reopened = False
-        self._utc_offset = datetime.now(UTC).timestamp() - clock.now()
+        self._utc_offset = clock.wall() - clock.now()
         self._about = about
         self._size = 0
         self._first: Stamp | None = None
@@ -164,7 +159,7 @@ class Recording:
         file, self._file = self._file, -1
         try:
             try:
-                os.fsync(file)
+                disk.sync(file)
             finally:
                 os.close(file)
         except OSError as exc:
@@ -218,19 +213,19 @@ class Recording:
 
 
 def _moment(stamp: Stamp | None) -> dict[str, Any] | None:
-    from datetime import UTC, datetime
+    from datetime import datetime, timezone
 
     if stamp is None:
         return None
-    utc = datetime.fromtimestamp(stamp.utc_s, UTC).isoformat(timespec="milliseconds")
+    utc = datetime.fromtimestamp(stamp.utc_s, timezone.utc).isoformat(timespec="milliseconds")
     return {"utc": utc, "host_mono_s": round(stamp.place.mono_s, 6), "boot_ms": stamp.place.boot_ms}
 
 
 def file_name(text: str) -> str:
     """The file that is meant: in a directory, one named after the moment (UTC)."""
-    from datetime import UTC, datetime
+    from datetime import datetime, timezone
 
-    return os.path.join(text, f"ekso-{datetime.now(UTC):%Y%m%dT%H%M%SZ}.csv") if os.path.isdir(text) else text
+    return os.path.join(text, f"ekso-{datetime.now(timezone.utc):%Y%m%dT%H%M%SZ}.csv") if os.path.isdir(text) else text
 
 
 def refuse_existing(path: str, force: bool) -> None:
@@ -252,7 +247,7 @@ def open_new(path: str, force: bool) -> int:
     """A new file, descriptor for writing. Never touches an existing one unless `force`. Raises UsageError."""
     refuse_existing(path, force)
     try:
-        return os.open(path, os.O_WRONLY | os.O_CREAT | (os.O_TRUNC if force else os.O_EXCL), 0o666)
+        return os.open(path, os.O_WRONLY | os.O_CREAT | disk.BINARY | (os.O_TRUNC if force else os.O_EXCL), 0o666)
     except OSError as exc:
         raise UsageError(
             f"{path}: cannot be written: {exc.strerror or exc}", hint="name another file", code="log-file"

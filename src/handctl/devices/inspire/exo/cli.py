@@ -38,7 +38,7 @@ def open_exo(link: ByteLink, settings: Settings, journal: Journal) -> ExoHand:
 
 def explain_silence(device: ExoHand, error: HandctlError) -> HandctlError:
     """Whether the silent hand is there at another speed."""
-    from handctl.devices.inspire.exo import procedures
+    from handctl.devices.inspire import procedures
 
     return procedures.explain_silence(device, error)
 
@@ -132,7 +132,7 @@ def id_(run: Run, new: int | None) -> Table:
 
     A new id acts at once, and `save` keeps it. Only one hand may be on the line.
     """
-    from handctl.devices.inspire.exo import procedures
+    from handctl.devices.inspire import procedures
 
     if new is None:
         _only_reads(run, "id")
@@ -163,7 +163,7 @@ def baud(run: Run, rate: int | None, save_too: bool, verify: bool) -> Table:
 
     The new speed acts after `save` and a power-cycle.
     """
-    from handctl.devices.inspire.exo import flash, procedures
+    from handctl.devices.inspire import flash, procedures
 
     if rate is None:
         _only_reads(run, "baud")
@@ -213,7 +213,7 @@ def baud(run: Run, rate: int | None, save_too: bool, verify: bool) -> Table:
 
 
 def _verify_speed(run: Run, hand: ExoHand, rate: int, table: Table) -> None:
-    from handctl.devices.inspire.exo import procedures
+    from handctl.devices.inspire import procedures
 
     if procedures.wait_for_speed(hand, rate, run.guide):
         table.rows.append(
@@ -238,7 +238,7 @@ def _only_reads(run: Run, name: str) -> None:
 @cli.verb("clear-errors", "Service", writes=True)
 def clear_errors(run: Run) -> Table:
     """Clear actuator errors and show which remain. Over-temperature cannot be cleared. It ends by cooling."""
-    from handctl.devices.inspire.exo import flash
+    from handctl.devices.inspire import flash
 
     if (plan := run.planned([run.planner().trigger_step("clear_errors", "clear errors")])) is not None:
         return plan
@@ -254,7 +254,7 @@ SKIP_IDENTITY = click.option(
 @SKIP_IDENTITY
 def save(run: Run, skip_identity_check: bool) -> Table:
     """Save the present parameters to flash and wait for the result (about 1 s)."""
-    from handctl.devices.inspire.exo import flash
+    from handctl.devices.inspire import flash
 
     steps = [run.planner().trigger_step("save", "save to flash")]
     if (plan := run.planned(steps)) is not None:
@@ -283,7 +283,7 @@ def factory_reset(run: Run, undocumented_address: bool, backup: str | None, skip
     """Restore the factory defaults. A snapshot is written first. The manual gives no address for this."""
     import os
 
-    from handctl.devices.inspire.exo import flash
+    from handctl.devices.inspire import flash
 
     if not undocumented_address:
         raise UsageError(

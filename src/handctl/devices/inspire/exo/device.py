@@ -58,7 +58,7 @@ class ExoHand(RegisterDevice):
         readings = super().write(calm) if calm else []
         for element, value in changes:
             if element.param.name == "id":
-                from handctl.devices.inspire.exo.procedures import change_id
+                from handctl.devices.inspire.procedures import change_id
 
                 change_id(self, int(value))
                 readings += self.read([element])
@@ -72,7 +72,7 @@ class ExoHand(RegisterDevice):
 
     def find_for_restore(self, values: dict[str, Number]) -> None:
         """Make `bus.id` the one that answers: after an interrupted restore that may be the snapshot's id already."""
-        from handctl.devices.inspire.exo.procedures import probe
+        from handctl.devices.inspire.procedures import probe
 
         stored = values.get("id")
         if stored is None or stored == self.bus.id or probe(self.bus, self.bus.id):

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.bus import Bus
-from handctl.devices.inspire.exo.flash import outcome
+from handctl.devices.inspire.flash import outcome
 from handctl.devices.inspire.map import EXO
 from handctl.devices.inspire.registers import may_still_move
 from handctl.errors import HandctlError

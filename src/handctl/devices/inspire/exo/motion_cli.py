@@ -13,7 +13,7 @@ from handctl.frame.run import Run
 from handctl.model.result import Table
 
 
-class _Signed(click.ParamType):  # type: ignore[type-arg,unused-ignore]
+class Signed(click.ParamType):  # type: ignore[type-arg,unused-ignore]
     """A whole number that may be negative; the range is the manual's."""
 
     name = "integer"
@@ -54,7 +54,7 @@ def add_movements(group: Group) -> None:
         return motion.calibrate(run.device(), run.guide)
 
     @group.verb("force", "Move", writes=True)
-    @click.argument("values", nargs=5, type=_Signed(), metavar="LITTLE RING MIDDLE INDEX THUMB")
+    @click.argument("values", nargs=5, type=Signed(), metavar="LITTLE RING MIDDLE INDEX THUMB")
     def force(run: Run, values: tuple[int, ...]) -> Table:
         """Command forces from -1000 to 1000. A positive force opens the hand, a negative force closes it.
 
@@ -63,7 +63,7 @@ def add_movements(group: Group) -> None:
         return _command(run, "force", values)
 
     @group.verb("position", "Move", writes=True)
-    @click.argument("values", nargs=5, type=_Signed(), metavar="LITTLE RING MIDDLE INDEX THUMB")
+    @click.argument("values", nargs=5, type=Signed(), metavar="LITTLE RING MIDDLE INDEX THUMB")
     @click.option(
         "--wait",
         type=Seconds(),

@@ -12,7 +12,7 @@ from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.exo.device import ExoHand
 from handctl.devices.inspire.exo.scan import TARGET, scan
 from handctl.link import ByteLink, Deadline
-from handctl.model.guide import Guide
+from handctl.model.guide import Progress
 from handctl.model.result import Journal, Row
 
 FAMILY = "exo"
@@ -20,6 +20,8 @@ WIRES = ("serial", "tcp")
 SPEEDS = probing.SPEEDS
 PING = "system_voltage"
 ECHOES = False
+LONG = (1472, 151)
+"""One long answer of documented registers (exo §2.3)."""
 WINDOW = 8
 """Ids asked back to back: RS-232 and Bluetooth have both directions (dossier, windowed scan)."""
 
@@ -31,7 +33,7 @@ def probe(
     bus = Bus(link, ids[0], journal, retries=0, bound=deadline)
     at_once = 1 if len(ids) == 1 else WINDOW
     wait = probing.window_ms(timeout, len(ids))
-    table = scan(ExoHand(bus), Guide(), ids, [link.baud or 0], at_once, wait, False, len(ids) > 1)
+    table = scan(ExoHand(bus), Progress(journal.progress), ids, [link.baud or 0], at_once, wait, False, len(ids) > 1)
     return probing.found(table, TARGET.value)
 
 
@@ -48,3 +50,13 @@ def identify(device: ExoHand) -> tuple[str, str, str]:
 def ignores_speed(device: ExoHand) -> bool:
     """Whether it answers at another speed of the port as well. Read-only."""
     return probing.ignores_speed(device)
+
+
+def measure(device: ExoHand, unasked: bytes) -> None:
+    """What reading shows of the line, into the journal. Read-only."""
+    probing.measure(device, LONG, TARGET.probe, unasked)
+
+
+def overheard(data: bytes) -> list[int]:
+    """The ids that others ask on this line, as what came unasked shows."""
+    return probing.overheard(data, wrist=False)

@@ -6,10 +6,10 @@ from contextlib import AbstractContextManager, nullcontext
 
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.base import RegisterDevice
-from handctl.devices.inspire.bus import Bus
+from handctl.devices.inspire.bus import PATIENCE, Bus
 from handctl.devices.inspire.exo.device import check_command
 from handctl.devices.inspire.map import EXO, Register
-from handctl.devices.inspire.mishaps import hint_for, mishap, shorten
+from handctl.devices.inspire.mishaps import hint_for, mishap, others_speak, shorten
 from handctl.devices.inspire.spans import describe, element_at, stretches
 from handctl.errors import CheckFailed, DeviceRefused, ProtocolError, UsageError
 from handctl.model.frames import frames_in
@@ -62,7 +62,7 @@ def _rows(hand: RegisterDevice, address: int, data: bytes) -> list[Row]:
             {
                 "name": None,
                 "finger": None,
-                "address": address + start,
+                "address": (address + start) // hand.bus.per,
                 "value": None,
                 "unit": None,
                 "raw": hex_bytes(data[start:position]),
@@ -90,11 +90,11 @@ def _element_at(params: ParamMap[Register], address: int) -> tuple[int, Register
 def plan_write(hand: RegisterDevice, address: int, data: bytes, undocumented: bool) -> Step:
     """Check a write against the map: within one documented group, whole elements, legal values. Raises UsageError."""
     eb90.check_span(address, len(data))
-    touched = [register for register in EXO if _overlap(register, address, len(data))]
-    meaning = f"write {hex_bytes(data)} at {address}"
-    frame = eb90.write_request(hand.bus.id, address, data)
+    touched = [register for register in hand.map if _overlap(register, address, len(data))]
+    step = hand.bus.write_step(address, data, f"write {hex_bytes(data)} at {address // hand.bus.per}")
     if len(touched) == 1 and address in touched[0].span and address + len(data) <= touched[0].span.stop:
-        return Step(f"{meaning}: {_checked(touched[0], address, data)}", frame, touched[0].moves, touched[0].strands)
+        said = f"{step.meaning}: {_checked(hand, touched[0], address, data)}"
+        return step._replace(meaning=said, moves=touched[0].moves, strands=touched[0].strands)
     if touched:
         names = ", ".join(register.name for register in touched)
         raise UsageError(
@@ -107,27 +107,27 @@ def plan_write(hand: RegisterDevice, address: int, data: bytes, undocumented: bo
             hint="add --undocumented if you know its effect there. Nothing was sent.",
             code="undocumented",
         )
-    return Step(f"{meaning}: UNDOCUMENTED", frame, moves=True, strands=True)
+    return step._replace(meaning=f"{step.meaning}: UNDOCUMENTED", moves=True, strands=True)
 
 
 def _overlap(register: Register, address: int, count: int) -> bool:
     return address < register.span.stop and register.address < address + count
 
 
-def _checked(register: Register, address: int, data: bytes) -> str:
+def _checked(hand: RegisterDevice, register: Register, address: int, data: bytes) -> str:
     if register.trigger:
         raise UsageError(
             f"{address} is {register.name}: a write to it starts an action",
-            hint=f"use `handctl exo {register.verb}`. Nothing was sent.",
+            hint=f"use `handctl {hand.kind} {register.verb}`. Nothing was sent.",
         )
     if "w" not in register.access:
         raise UsageError(
             f"{address} is {register.name}, which is read-only ({register.source})",
-            hint=f"read it with `handctl exo get {register.name}`. Nothing was sent.",
+            hint=f"read it with `handctl {hand.kind} get {register.name}`. Nothing was sent.",
         )
     if register.name == "id":
         raise UsageError(
-            f"{address} is the id", hint="use `handctl exo id NEW`: it finds the hand again. Nothing was sent."
+            f"{address} is the id", hint=f"use `handctl {hand.kind} id NEW`: it finds the hand again. Nothing was sent."
         )
     if (address - register.address) % register.size or len(data) % register.size:
         raise UsageError(
@@ -262,7 +262,10 @@ def goes_on(hand: RegisterDevice, step: Step) -> AbstractContextManager[None]:
 
 
 def exchange(hand: RegisterDevice, data: bytes, wait: float) -> Table:
-    """Send bytes once, listen for `wait` seconds after the last byte came, show every frame in the answer."""
+    """Send bytes once, listen for `wait` seconds after the last byte came, show every frame in the answer.
+
+    Where others go on speaking there is no last byte: then for a few times as long.
+    """
     bus = hand.bus
     assert isinstance(bus, Bus)
     bus.pass_gate(data)
@@ -270,11 +273,13 @@ def exchange(hand: RegisterDevice, data: bytes, wait: float) -> Table:
     bus.drain()
     since = bus.link.now()
     bus.send(data)
-    received = b""
-    while chunk := bus.link.read(bus.deadline(wait + bus.wire_seconds(len(data)))):
+    received, last = b"", bus.deadline(PATIENCE * wait + bus.wire_seconds(len(data) + eb90.MAX_COUNT))
+    while chunk := bus.link.read(bus.deadline(wait + bus.wire_seconds(len(data))).earlier(last)):
         received += chunk
-        if len(received) > 65536 or bus.over:
+        if len(received) > 65536 or last.expired or bus.over:
             break
+    if last.expired and others_speak(data, received):
+        bus.journal.line.others = True
     if not received:
         raise bus.unanswered(hex_bytes(data), wait, since, "listen longer with --wait S")
     decoder = eb90.Decoder()

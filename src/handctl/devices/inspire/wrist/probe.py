@@ -16,7 +16,7 @@ from handctl.devices.inspire.scan_report import scan
 from handctl.devices.inspire.wrist.device import Wrist
 from handctl.devices.inspire.wrist.scan import TARGET, scan_wrist
 from handctl.link import ByteLink, Deadline, FrameLink
-from handctl.model.guide import Guide
+from handctl.model.guide import Progress
 from handctl.model.result import Journal, Row
 
 FAMILY = "wrist"
@@ -24,6 +24,8 @@ WIRES = ("serial", "tcp", "can")
 SPEEDS = probing.SPEEDS
 PING = "current_1024"
 ECHOES = False
+LONG = (1020, 24)
+"""One long answer of documented registers (wrist §2.1)."""
 
 
 def probe(
@@ -37,7 +39,9 @@ def probe(
     wait = probing.window_ms(timeout, len(ids))
     if isinstance(link, FrameLink):
         bus = CanBus(link, ids[0], journal, retries=0, bound=deadline)
-        return probing.found(scan_wrist(Wrist(bus), Guide(), ids, [0], 1, wait, False, len(ids) > 1), TARGET.value)
+        return probing.found(
+            scan_wrist(Wrist(bus), Progress(journal.progress), ids, [0], 1, wait, False, len(ids) > 1), TARGET.value
+        )
     line = Bus(
         link,
         ids[0],
@@ -48,7 +52,7 @@ def probe(
         write_flag=eb90.WRIST_WRITE,
         family=FAMILY,
     )
-    table = scan(line, TARGET, Guide(), ids, [link.baud or 0], 1, wait, False, len(ids) > 1)
+    table = scan(line, TARGET, Progress(journal.progress), ids, [link.baud or 0], 1, wait, False, len(ids) > 1)
     return probing.found(table, TARGET.value)
 
 
@@ -65,3 +69,13 @@ def identify(device: Wrist) -> tuple[str, str, str]:
 def ignores_speed(device: Wrist) -> bool:
     """Whether it answers at another speed of the port as well. Read-only."""
     return probing.ignores_speed(device)
+
+
+def measure(device: Wrist, unasked: bytes) -> None:
+    """What reading shows of the line, into the journal. Read-only."""
+    probing.measure(device, LONG, TARGET.probe, unasked)
+
+
+def overheard(data: bytes) -> list[int]:
+    """The ids that others ask on this line, as what came unasked shows."""
+    return probing.overheard(data, wrist=True)

@@ -19,6 +19,8 @@ from handctl.model.result import Column, Row, Table
 TARGET = Target(WRIST, probe=(1020, 2), twin=(1020, 4), value="pitch_raw", silence_hint=WIRING_HINT)
 CHUNK = 32
 DRAIN_SECONDS = 0.05
+TIMED = 3
+"""Questions more to the first hand, where the scan ends with it."""
 MOST = 4096
 """Ids in one CAN scan at the most; all 16383 would only be traffic for the others on the bus."""
 
@@ -62,6 +64,7 @@ def _scan_can(bus: CanBus, guide: Guide, ids: Sequence[int], wait: float, find_a
         guide.progress(f"ids {chunk[0]} to {chunk[-1]}, found {len(hits)}")
         hits += search.confirmed(chunk, last=start + CHUNK >= len(ids))
         if hits and not find_all:
+            search.measure(hits[0][0])
             break
         cut = bus.over and start + CHUNK < len(ids)
         if cut:
@@ -117,7 +120,7 @@ class _CanSearch:
             if hand_id in self._known:
                 continue  # answered twice to an earlier probe
             self._bus.drain()  # only an answer to this very probe confirms
-            again = self._ask([hand_id], self._wait + DRAIN_SECONDS)
+            again = self._timed(hand_id)
             if hand_id in again:
                 hits.append((hand_id, again[hand_id]))
                 self._known.add(hand_id)
@@ -127,6 +130,20 @@ class _CanSearch:
                     "unconfirmed", f"id {hand_id} answered once, but not when it was asked alone. It is not counted"
                 )
         return hits
+
+    def _timed(self, hand_id: int) -> dict[int, bytes]:
+        """Ask one id alone: the time of its answer is that of the bus."""
+        started, own = self._bus.link.now(), self._own
+        answered = self._ask([hand_id], self._wait + DRAIN_SECONDS)
+        if answered:
+            self._bus.learn(self._bus.link.now() - started, echo=self._own > own)
+        return answered
+
+    def measure(self, hand_id: int) -> None:
+        """Ask a hand that was found a few times more, for how much the time of an answer varies."""
+        for _ in range(TIMED):
+            if not self._bus.over:
+                self._timed(hand_id)
 
     def _ask(self, ids: Sequence[int], seconds: float) -> dict[int, bytes]:
         bus = self._bus

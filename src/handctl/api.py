@@ -1,0 +1,243 @@
+"""handctl as a library: `connect` and `simulate` give a device whose methods are the commands of its family.
+
+    with handctl.connect("exo", "/dev/ttyUSB0") as hand:
+        for row in hand.get("temperature"):
+            print(row["finger"], row["value"])
+
+Rows are those of `--json`, errors those of `handctl.errors`. Nothing is printed and nobody is asked: what needs a confirmation takes
+`confirm=True` or a function `(question, steps) -> bool`, and raises NotConfirmed without. The environment and the configuration file
+play no part. `handctl.hands` has the types; `handctl help library` is the guide.
+"""
+
+from __future__ import annotations
+
+import keyword
+from collections.abc import Callable, Iterator, Mapping
+from functools import cache
+from typing import Any, NamedTuple
+
+import click
+
+from handctl.errors import HandctlError, UsageError
+from handctl.families import FAMILIES
+from handctl.frame.call import Confirm, Line
+from handctl.frame.clikit import Command
+from handctl.frame.family import Family, load
+from handctl.frame.options import Settings
+from handctl.frame.session import Session
+from handctl.model.result import Row
+
+HOST = ("timeout", "deadline", "retries", "trace", "assume_identity")
+"""Settings of this end of a link, whatever is at the other."""
+SHARED = ("id", "baud")
+CONTROLS = ("confirm", "dry_run")
+
+
+class Argument(NamedTuple):
+    """One argument of a method.
+
+    name     as it is given
+    key      click's name of it
+    param    click's parameter
+    pairs    takes NAME=VALUE: a mapping does too
+    """
+
+    name: str
+    key: str
+    param: click.Parameter
+    pairs: bool
+
+    @property
+    def positional(self) -> bool:
+        """Whether it stands without its name."""
+        return isinstance(self.param, click.Argument)
+
+    @property
+    def variadic(self) -> bool:
+        """Whether it takes all that is left."""
+        return self.param.nargs == -1
+
+
+class Method(NamedTuple):
+    """A command as a method. `words` are those that are typed for it."""
+
+    name: str
+    words: str
+    command: Command
+    arguments: tuple[Argument, ...]
+
+    def values(self, args: tuple[Any, ...], named: Mapping[str, Any]) -> dict[str, Any]:
+        """Click's name -> value. Raises TypeError for arguments that there are not."""
+        found: dict[str, Any] = {}
+        rest = list(args)
+        for argument in self.arguments:
+            if argument.name in named:
+                found[argument.key] = _plain(argument, named[argument.name])
+            elif argument.positional and argument.variadic:
+                given, rest = rest, []
+                found[argument.key] = tuple(_texts(argument, given))
+            elif argument.positional and rest:
+                size = argument.param.nargs
+                found[argument.key] = _plain(argument, rest[0] if size == 1 else tuple(rest[:size]))
+                rest = rest[size:]
+        known = {argument.name for argument in self.arguments}
+        unknown = [name for name in named if name not in known]
+        if rest or unknown:
+            what = f"unexpected argument {unknown[0]!r}" if unknown else f"{len(rest)} arguments too many"
+            raise TypeError(f"{self.name}(): {what}")
+        return found
+
+
+def _plain(argument: Argument, value: Any) -> Any:
+    if argument.variadic:
+        return tuple(_texts(argument, [value] if isinstance(value, str | int | float | Mapping) else list(value)))
+    return value
+
+
+def _texts(argument: Argument, values: list[Any]) -> Iterator[str]:
+    """Values as they would be typed; a mapping as NAME=VALUE each."""
+    for value in values:
+        if isinstance(value, Mapping):
+            for name, one in value.items():
+                several = isinstance(one, list | tuple)
+                yield f"{name}={','.join(map(str, one)) if several else one}"
+        else:
+            yield str(value)
+
+
+@cache
+def methods(kind: str) -> dict[str, Method]:
+    """The commands of a family that are methods, by their names in Python."""
+    group = load(kind, "cli").cli
+    return {method.name: method for method in _below(group, "")}
+
+
+def _below(group: click.Group, path: str) -> Iterator[Method]:
+    for name, command in group.commands.items():
+        if isinstance(command, click.Group):
+            yield from _below(command, f"{path}{name} ")
+        elif isinstance(command, Command):
+            words = f"{path}{name}"
+            yield Method(_identifier(words), words, command, tuple(_arguments(command)))
+
+
+def _identifier(words: str) -> str:
+    name = words.replace(" ", "_").replace("-", "_")
+    return f"{name}_" if keyword.iskeyword(name) else name
+
+
+def _arguments(command: Command) -> Iterator[Argument]:
+    for param in command.params:
+        key = param.name or ""
+        name = key if isinstance(param, click.Argument) else max(param.opts, key=len).lstrip("-")
+        yield Argument(_identifier(name), key, param, "=VALUE" in (getattr(param, "metavar", None) or ""))
+
+
+class Device:
+    """A device with an open link. Its methods are the commands of its family, see `handctl.hands`."""
+
+    kind = ""
+
+    def __init__(self, line: Line) -> None:
+        self._line = line
+
+    def __enter__(self) -> Device:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        failure = self._line.close()
+        if failure is not None and error[0] is None:
+            raise failure
+
+    def disconnect(self) -> None:
+        """Close the link. A `with` does so at its end. Raises LinkError."""
+        self.__exit__(None)
+
+    @property
+    def envelope(self) -> dict[str, Any]:
+        """What `--json` says of the last call beside its rows: device, line, messages, counters, writes."""
+        call = self._line.last
+        assert call is not None
+        return call.envelope(call.failure, call.extra)
+
+    @property
+    def messages(self) -> list[Row]:
+        """What the last call had to say: `level`, `code`, `text`, `hint` each."""
+        found: list[Row] = self.envelope["messages"]
+        return found
+
+    def __dir__(self) -> list[str]:
+        return [*super().__dir__(), *methods(self.kind)]
+
+    def __getattr__(self, name: str) -> Callable[..., Any]:
+        found = methods(self.kind).get(name) if not name.startswith("_") else None
+        if found is None:
+            raise AttributeError(f"{self.kind} has no command {name!r}")
+        method, line = found, self._line
+
+        def call(*args: Any, confirm: Confirm = False, dry_run: bool = False, **named: Any) -> Any:
+            values = method.values(args, named)
+            return line.call(method.command, method.words, values, confirm=confirm, dry_run=dry_run)
+
+        call.__name__, call.__doc__ = name, method.command.help
+        self.__dict__[name] = call
+        return call
+
+
+@cache
+def class_of(kind: str) -> type[Device]:
+    """The class of a family's devices, as `handctl.hands` names it."""
+    return type(
+        kind.capitalize(), (Device,), {"kind": kind, "__doc__": FAMILIES[kind].help, "__module__": "handctl.hands"}
+    )
+
+
+def connect(family: str, link: str, **settings: Any) -> Device:
+    """Open LINK, a port or another link as after `-p`, to a device of this family.
+
+    Settings are `id`, `baud`, `timeout`, `deadline`, `retries`, `trace`, `assume_identity` and the family's own options by their
+    long names with _ for -. Raises UsageError, LinkError.
+    """
+    if family not in FAMILIES:
+        raise UsageError(f"no device family {family!r}", hint=f"one of {', '.join(FAMILIES)}")
+    options = {option.key: option for option in FAMILIES[family].options}
+    shared, own = {}, {}
+    for name, value in settings.items():
+        if name in options:
+            choices = options[name].choices
+            if choices and value not in choices:
+                raise UsageError(f"{name} = {value!r} is not known", hint=f"one of {', '.join(choices)}")
+            own[name] = value
+        elif name in (*HOST, *SHARED):
+            shared[name] = value
+        else:
+            known = ", ".join((*SHARED, *HOST, *options))
+            raise UsageError(f"{name}: no such setting of {family}", hint=f"known: {known}")
+    known_family: Family = load(family, "cli").cli.family
+    chosen = Settings(kind=family, port=str(link), format="json", quiet=True, own=own, **shared)
+    line = Line(known_family, chosen, Session("library", writes=True))
+    try:
+        line.open()
+    except BaseException:
+        line.close()
+        raise
+    return class_of(family)(line)
+
+
+def simulate(family: str, **options: Any) -> Device:
+    """A simulated device of this family in this process: `fault`, `seed` and what else `handctl sim FAMILY -h` lists.
+
+    Its time jumps from event to event, so nothing waits; `clock="real"` lets it pass. `timeout`, `deadline`, `retries`, `trace` and
+    `assume_identity` are those of `connect`. Raises UsageError.
+    """
+    from urllib.parse import quote
+
+    host = {name: options.pop(name) for name in HOST if name in options}
+    if "id" in options:
+        host["id"] = options["id"]
+    said = {"clock": "virtual", **{name.replace("_", "-"): value for name, value in options.items()}}
+    link = "&".join(f"{name}={quote(str(value), safe='')}" for name, value in said.items())
+    return connect(family, f"fake://{family}?{link}", **host)
+
+
+__all__ = ["Device", "HandctlError", "connect", "simulate"]

@@ -1,0 +1,366 @@
+"""The RH56 hands: reading, writing and judging their registers, whichever generation and wire. Returns readings and Tables.
+
+A hand sits on a robot or a bench. It closes within a second: what moves it is asked for first, and refused while the
+hand reports a fault (rh56 §9). Movements are in `motion`, what is kept in `flash`, which generation it is in `generation`.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Collection, Sequence
+from typing import Any, TypeVar
+
+from handctl.devices.inspire.base import RegisterDevice
+from handctl.devices.inspire.blocks import BlockReader
+from handctl.devices.inspire.canbus import CanBus
+from handctl.devices.inspire.hand.generation import LABEL, Found, ModelGate, contradiction
+from handctl.devices.inspire.hand.map import (
+    BYTE_MAP,
+    DF,
+    DG2,
+    F1,
+    FORCE_MOST,
+    HOT,
+    IP_ADDRESS,
+    MAPS,
+    MODELS,
+    OVER_TEMPERATURE,
+    SPEEDS,
+    THUMB_DEFAULT,
+    TP,
+    HandRegister,
+)
+from handctl.devices.inspire.identity import BYTE_HAND, UNHEARD, stranger
+from handctl.devices.inspire.modbusbus import BETWEEN_PROTOCOLS
+from handctl.devices.inspire.registers import RegisterBus
+from handctl.errors import HandctlError, NoAnswer, ProtocolError, UsageError
+from handctl.model.param import Element, Number, ParamMap, Reading, Step, elements_of
+from handctl.model.result import Cell, Grid, Row, Table
+
+T = TypeVar("T")
+
+LIVE = ("stroke_actual", "angle_actual", "force_actual", "current", "error", "status", "temperature")
+"""What changes by itself, one block of 90 bytes on DF and TP: the default of `watch`."""
+SHOWN = ("id", "baud_code", "angle_set", "force_limit", "speed_set", *LIVE)
+
+
+class Hand(RegisterDevice):
+    """One RH56 hand on a bus. See `model.device`.
+
+    typed  the generation that the user named; it decides the map, and a hand that contradicts it is refused
+    side   left or right, as the user says; "" = not said: the hand does not know it (rh56 §1)
+    other  the wire with which a hand is asked that is silent on the first: Modbus RTU behind EB90 (rh56 §2.5)
+    """
+
+    kind = "hand"
+    live = LIVE
+    supply = "24 V, 2 A peak (RH56DFTP: 4.5 A)"
+    save_result = "it comes about a second later, rh56 §2.1"
+    not_covered = (
+        "set-points (angle_set, stroke_set), which are never restored",
+        "id, speed and network address, which are changed by their own commands",
+        "stored action sequences and gestures",
+        "triggers (clear_errors, save, factory_reset, calibrate_force)",
+    )
+
+    def __init__(self, bus: RegisterBus, gate: ModelGate, other: RegisterBus | None = None, *, side: str = "") -> None:
+        super().__init__(bus)
+        self.side = side
+        self.gate = gate
+        self.typed = gate.typed
+        self._other = other
+        self._known: str | None = None
+        self._asked = False
+        if gate.typed is not None:
+            self._is(gate.typed)
+
+    @property
+    def map(self) -> ParamMap[Any]:  # type: ignore[override]
+        """The map of the generation, as far as it is known."""
+        return MAPS[self._known] if self._known is not None else BYTE_MAP
+
+    def identity(self) -> dict[str, object]:
+        """What tells this device from another: the hand has no register for model, side or serial number (rh56 §1)."""
+        self.know()
+        return {"kind": self.kind, "id": self.bus.id, "model": self._known}
+
+    # -- who it is -----------------------------------------------------------------------------------------------
+
+    def identify(self) -> None:
+        """Look who is there, and whether it may be written to. Raises NotIdentified."""
+        if not self.gate.assumed:
+            found = self.answered(lambda: self.gate.seen(self.bus, self._other))
+            if found.kind.family == self.kind and found.model is not None and self._known is None:
+                self._is(found.model)
+        self.bus.identify()
+
+    def found(self) -> Found:
+        """Who answers, asked once. Raises DeviceRefused for a device of another kind or another generation than typed."""
+        found = self.answered(lambda: self.gate.seen(self.bus, self._other))
+        if found.kind.family != "hand":
+            raise stranger(self.bus, found.kind, BYTE_HAND, found.evidence)
+        contradiction(self.bus, found, self.typed)
+        return found
+
+    def know(self) -> None:
+        """Find the generation, unless it was typed: it decides where everything lies."""
+        if self._known is not None or self._asked:
+            return
+        found = self.found()
+        self._asked = True
+        if found.model is not None:
+            self._is(found.model)
+        else:
+            self.journal.warn(
+                "model-open", f"{self.bus.where}: the generation is not certain: {found.evidence}", hint=LABEL
+            )
+
+    def _is(self, model: str) -> None:
+        self._known = self.about["model"] = model
+        self.link.event(f"generation {model}")  # so that a transcript tells what its addresses mean
+        for bus in (self.bus, self._other):
+            if bus is not None:
+                bus.per = 2 if model in (F1, DG2) else 1
+                bus.presence = (self.map["angle_actual"].address, 2)
+
+    def answered(self, ask: Callable[[], T]) -> T:
+        """What `ask` returns; where nobody answers on the first wire, asked once more on the other."""
+        try:
+            return ask()
+        except (NoAnswer, ProtocolError) as exc:
+            other, self._other = self._other, None
+            if other is None or exc.code not in UNHEARD:
+                raise
+            first, self.bus = self.bus, other
+            self._reader = BlockReader(other)
+            self.journal.ledger.forget()  # planned in EB90
+            other.pause(BETWEEN_PROTOCOLS)
+            try:
+                answer = ask()
+            except HandctlError:
+                self.bus, self._reader = first, BlockReader(first)
+                raise exc from None
+            self.journal.info("protocol", f"{other.where}: silent to EB90, answers to Modbus RTU")
+            return answer
+
+    @property
+    def wires(self) -> list[RegisterBus]:
+        """The one that it speaks, and behind it one that was not asked yet."""
+        return [self.bus] if self._other is None else [self.bus, self._other]
+
+    @property
+    def has(self) -> list[HandRegister]:
+        """The registers that this generation has."""
+        model = self._known
+        return [one for one in self.map if model in one.models or (model is None and one.models == (DF, TP))]
+
+    def further(self, identity: dict[str, object]) -> Collection[str]:
+        """Settings that not every generation has."""
+        return ["current_limit"] if identity.get("model") == DF else []
+
+    # -- reading -------------------------------------------------------------------------------------------------
+
+    def read(self, elements: Sequence[Element]) -> list[Reading]:
+        """Elements by name, wherever this generation has them; one that it has not carries its error."""
+        self.know()
+        own: list[Element | HandctlError] = [self._own(element) for element in elements]
+        there = [element for element in own if isinstance(element, Element)]
+        readings = iter(self.answered(lambda: super(Hand, self).read(there)) if there else ())
+        return [
+            next(readings) if isinstance(element, Element) else Reading(asked, None, b"", element)
+            for asked, element in zip(elements, own, strict=True)
+        ]
+
+    def here(self, elements: list[Element]) -> list[Element]:
+        """A quantity of all six actuators is one of all thirteen on an RH5DG2."""
+        self.know()
+        asked = Counter(element.param.name for element in elements)
+        found: dict[str, Element] = {}
+        for element in elements:
+            own, param = self.map.get(element.param.name), element.param
+            whole = own is not None and own.elements != param.elements and asked[param.name] == param.count
+            for one in elements_of(own) if own is not None and whole else [element]:
+                found[one.path] = one
+        return list(found.values())
+
+    def _own(self, element: Element) -> Element | HandctlError:
+        """The same element in the map of this generation."""
+        name, model = element.param.name, self._known
+        register = self.map.get(name)
+        missing = register is None or (model is not None and model not in register.models)
+        if register is None or missing or (element.part is not None and element.part not in register.elements):
+            who = MODELS[model] if model is not None else "this hand"
+            return UsageError(
+                f"{who} has no {element.full_name}",
+                hint=f"`handctl hand describe --model {model}` shows what it has",
+                code="not-on-model",
+            )
+        return Element(register, register.elements.index(element.part) if element.part is not None else 0)
+
+    def dump(self) -> Table:
+        """Everything documented, in two reads on DF (rh56 §5)."""
+        self.know()
+        readings = self.read([e for one in self.has if one.readable for e in elements_of(one)])
+        return self._with_blocks(self.table(readings))
+
+    def status(self, check: bool) -> Table:
+        """What a technician looks at first, per finger. With `check`, anything unhealthy is exit 7."""
+        self.know()
+        names = [one for one in self.has if one.name in SHOWN]
+        readings = self.read([element for one in names for element in elements_of(one)])
+        table = self.table(readings)
+        table.view = status_view
+        hint = "`handctl hand clear-errors` clears all errors but over_temperature, which ends by cooling"
+        return self.judge(table, unhealthy(readings), check, hint=hint)
+
+    @staticmethod
+    def view(rows: list[Row]) -> list[Grid]:
+        """One line per register, fingers side by side."""
+        return registers_view(rows)
+
+    # -- writing -------------------------------------------------------------------------------------------------
+
+    def plan(self, changes: Sequence[tuple[Element, Number]]) -> list[Step]:
+        return super().plan(self._placed(changes))
+
+    def write(self, changes: Sequence[tuple[Element, Number]]) -> list[Reading]:
+        self.identify()
+        return super().write(self._placed(changes))
+
+    def runs(self, changes: Sequence[tuple[Element, Number]]) -> list[list[tuple[Element, Number]]]:
+        """As every register device; a CAN frame has eight bytes."""
+        most = self.bus.max_count // 2 if isinstance(self.bus, CanBus) else len(changes)
+        groups = super().runs(changes)
+        return [group[start : start + most] for group in groups for start in range(0, len(group), most)]
+
+    def _placed(self, changes: Sequence[tuple[Element, Number]]) -> list[tuple[Element, Number]]:
+        """The changes in the map that is written to. Raises UsageError for what this generation has not."""
+        placed = []
+        for element, value in changes:
+            own = self._own(element)
+            if isinstance(own, HandctlError):
+                raise own
+            self._refuse_grams(own, value)
+            placed.append((own, value))
+        return placed
+
+    def _refuse_grams(self, element: Element, value: Number) -> None:
+        """Raise UsageError for a force that only another generation has (rh56 §3.1)."""
+        name, part = element.param.name, element.part or ""
+        if self._known != DF or name not in ("force_limit", "default_force"):
+            return
+        most = THUMB_DEFAULT if name == "default_force" and part.startswith("thumb") else FORCE_MOST[DF]
+        if value > most:
+            raise UsageError(
+                f"{element.full_name} = {value} is outside 0 to {most} g of {MODELS[DF]}",
+                hint=f"choose a value up to {most} g (rh56 §3.1). Nothing was sent.",
+                code="out-of-range",
+            )
+
+    def trigger_step(self, name: str, meaning: str) -> Step:
+        """The frame that writes 1 to a trigger register."""
+        register = self.map[name]
+        step = self.bus.write_step(register.address, register.encode(1), "")
+        meaning = f"{meaning} (write 1 to address {register.place_of(0)})"
+        return step._replace(meaning=meaning, moves=register.moves, strands=register.strands)
+
+    def halt(self, names: Collection[str]) -> str:
+        """Speed 0: the hand has no stop command (rh56 §6)."""
+        from handctl.devices.inspire.hand.motion import halt
+
+        return halt(self)
+
+
+# -- findings and views -------------------------------------------------------------------------------------------
+
+
+def unhealthy(readings: Sequence[Reading]) -> list[str]:
+    """What a technician must look at: error bits, status 5 to 7, heat, values outside the documented range."""
+    at = {reading.element.full_name: reading.value for reading in readings}
+    found = []
+    for reading in readings:
+        param, value, part = reading.element.param, reading.value, reading.element.part
+        if value is None:
+            continue
+        if param.name == "error" and value:
+            text = f"{part}: {param.label(value)} (0x{int(value):02X})"
+            if int(value) & OVER_TEMPERATURE:
+                text += f", ends by cooling, now {at.get(f'temperature.{part}')} °C"
+            found.append(text)
+        elif param.name == "status" and value in (5, 6, 7, 8):
+            found.append(f"{part}: status {value}, {param.label(value)}")
+        elif param.name == "temperature" and value != 255 and value >= HOT:
+            found.append(f"{part}: {value} °C")
+        elif not param.bits and not param.allowed(value):
+            found.append(f"{reading.element.full_name} = {value} is outside {param.range_text} ({param.source})")
+    return found
+
+
+def cell(row: Row) -> str | Cell:
+    """One value for people; what could not be read is a bad "?"."""
+    if "error" in row and "value" not in row:
+        return Cell("?", "bad")
+    value = row.get("value")
+    return Cell("-", "dim") if value == -1 and row["name"].endswith("_set") else str(value)
+
+
+def registers_view(rows: list[Row]) -> list[Grid]:
+    """What has one value, the IP address in one piece, then registers down and fingers across."""
+    octets = [row for row in rows if row["name"] == IP_ADDRESS]
+    whole = len(octets) == 4
+    rows = [row for row in rows if row["name"] != IP_ADDRESS or not whole]
+    names = list(dict.fromkeys(row["name"] for row in rows))
+    parts = list(dict.fromkeys(row["finger"] for row in rows if row["finger"] is not None))
+    at = {(row["name"], row["finger"]): row for row in rows}
+    vectors = [name for name in names if any((name, part) in at for part in parts if part is not None)]
+    lines = [(name, *(cell(at[name, part]) if (name, part) in at else "" for part in parts)) for name in vectors]
+    single = [
+        (row["name"] or "", cell(row), row["unit"] or "", row.get("label") or row.get("error") or "")
+        for row in rows
+        if row["finger"] is None
+    ]
+    if whole:
+        texts = [one.text if isinstance(one, Cell) else one for one in map(cell, octets)]
+        single.append((IP_ADDRESS, ".".join(texts), "", octets[0].get("error") or ""))
+    grids = []
+    if single:
+        heads = ("Name", "Value", "Unit", "Meaning")
+        used = [place for place in range(4) if place < 2 or any(line[place] for line in single)]
+        lines_of = tuple(tuple(line[place] for place in used) for line in single)
+        grids.append(Grid(tuple(heads[place] for place in used), lines_of, right=frozenset({1})))
+    if lines:
+        heads = ("Name", *(part.replace("thumb_", "") for part in parts))
+        grids.append(Grid(heads, tuple(lines), right=frozenset(range(1, len(heads)))))
+    return grids
+
+
+STATUS_COLUMNS = (
+    "angle_actual", "angle_set", "force_actual", "force_limit", "current", "temperature", "status", "error",
+)  # fmt: skip
+
+
+def status_view(rows: list[Row]) -> list[Grid]:
+    """One line per finger."""
+    at = {(row["name"], row["finger"]): row for row in rows}
+    parts = list(dict.fromkeys(row["finger"] for row in rows if row["finger"] is not None))
+
+    def text(name: str, part: str) -> str | Cell:
+        row = at.get((name, part))
+        if row is None:
+            return ""
+        if name in ("status", "error") and "value" in row:
+            bad = row["value"] in (5, 6, 7, 8) if name == "status" else bool(row["value"])
+            return Cell(str(row.get("label") or row["value"]), "bad" if bad else "good")
+        return cell(row)
+
+    lines = tuple((part, *(text(name, part) for name in STATUS_COLUMNS)) for part in parts)
+    code = at.get(("baud_code", None), {}).get("value")
+    number = at.get(("id", None), {}).get("value", "?")
+    head = f"id {number}, {SPEEDS.get(code, '?') if isinstance(code, int) else '?'} bit/s on a serial line"
+    speeds = " ".join(str(at[name, part].get("value", "?")) for name, part in at if name == "speed_set")
+    notes = (
+        f"Speed of the next movement: {speeds}.",
+        "Force: the limit is a threshold in grams, no force that is held.",
+    )
+    headings = ("Finger", "Angle", "Set", "Force", "Limit", "mA", "°C", "Status", "Errors")
+    return [Grid(headings, lines, title=head, right=frozenset(range(1, 7)), notes=notes)]

@@ -1,0 +1,274 @@
+"""What users of the RH56 hands complain about, as checks of one hand for `handctl doctor` (rh56 §5, §6, §7). Read-only.
+
+Each check is a row: name, status, evidence, remedy. What the link itself does (holder, timer, errors) is checked elsewhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from typing import TYPE_CHECKING
+
+from handctl.devices.inspire.bus import Bus
+from handctl.devices.inspire.canbus import CanBus
+from handctl.devices.inspire.hand.map import BLOCKED, FINGERS, HOT, IP_ADDRESS, STATUS, UNMEASURED
+from handctl.devices.inspire.hand.typed import asks_rtu
+from handctl.devices.inspire.modbusbus import BETWEEN_PROTOCOLS, ModbusBus
+from handctl.errors import HandctlError, NoAnswer, ProtocolError
+from handctl.model.param import elements_of
+
+if TYPE_CHECKING:
+    from handctl.devices.inspire.hand.device import Hand
+    from handctl.devices.inspire.registers import RegisterBus
+
+Row4 = tuple[str, str, str, str]
+Values = Mapping[str, Mapping[str, int]]
+"""Register -> finger -> value, of what could be read."""
+
+EMERGENCY = 8
+REMEDIES = {
+    5: "free the finger, compare `handctl hand get current_limit current`, then run `handctl hand clear-errors`",
+    6: "take away what blocks the finger, then run `handctl hand clear-errors`",
+    7: "run `handctl hand clear-errors`. Power-cycle the hand where the fault stays, then send it to service",
+    EMERGENCY: "release the emergency stop with the program that set it (register 1131, rh56 §3.2)",
+}
+CLEAR = "remove the cause, then run `handctl hand clear-errors`"
+COOL = "let the hand cool: this error cannot be cleared"
+SLOWLY = "run `handctl hand speed 100 100 100 100 100 100` before the first movement"
+EACH_SLOWLY = "run `handctl hand set speed_set.m1=100`, and so for each actuator, before the first movement"
+DRAWN = 200
+"""mA: a movement without a load draws 100 to 194 (rh56 §6)."""
+MOST_CURRENT = 1500
+ASKED = 4
+"""Questions of each kind that tell two hands from a bad line."""
+QUARTET = ("stroke_actual", "angle_actual", "force_actual", "current")
+"""Readings that two hands do not share."""
+DESTROYED = ("bad-checksum", "cut-short", "garbage", "wrong-id")
+REFRESH = 0.0307
+"""Seconds from one refresh inside the hand to the next (rh56 §5)."""
+REFRESH_SECONDS, REFRESH_STEP = 0.5, 0.004
+"""How long it is looked at, and how often."""
+
+
+def further(device: Hand, answered: bool) -> Iterator[Row4]:
+    """The checks of a hand, `answered`: it has answered the doctor's reads. Raises nothing but LinkError."""
+    twins = None if isinstance(device.bus, ModbusBus) and device.bus.tcp else same_id(device)
+    if not answered:
+        if twins is not None and twins[1] == "fail":
+            yield twins
+        else:
+            yield from _elsewhere(device)
+        return
+    yield protocol(device)
+    if twins is not None:
+        yield twins
+    try:
+        held = _held(device)
+    except (NoAnswer, ProtocolError) as exc:
+        yield "fingers", "warning", exc.text, exc.hint
+        return
+    yield fingers(held, swaps=isinstance(device.bus, ModbusBus) and device.bus.per == 1)
+    yield first_movement(held)
+    yield current_limit(held)
+    yield refresh(device)
+
+
+def address_of(device: Hand) -> str:
+    """The address that the hand holds for its network, "" = it has none, or does not say. Raises nothing."""
+    try:
+        device.know()
+        if IP_ADDRESS not in [one.name for one in device.has]:
+            return ""
+        octets = [reading.value for reading in device.read(elements_of(device.map[IP_ADDRESS]))]
+    except HandctlError:
+        return ""
+    return "" if None in octets or not any(octets) else ".".join(map(str, octets))
+
+
+def fingerprint(device: Hand) -> list[int]:
+    """Readings that stay as they are while a hand rests, and that two hands do not share. Raises what the bus raises."""
+    names = ("stroke_actual", "angle_actual")
+    readings = device.read([element for name in names for element in elements_of(device.map[name])])
+    return [int(reading.value or 0) for reading in readings]
+
+
+# -- the line ---------------------------------------------------------------------------------------------------------
+
+
+def protocol(device: Hand) -> Row4:
+    """Which protocol the hand speaks; one that is silent in EB90 is a surprise to programs that speak nothing else."""
+    bus = device.bus
+    if isinstance(bus, CanBus):
+        return "protocol", "ok", "the hand answers on CAN", ""
+    if not isinstance(bus, ModbusBus):
+        return "protocol", "ok", "the hand answers in EB90", ""
+    if bus.tcp:
+        return "protocol", "ok", "the hand answers in Modbus TCP", ""
+    if any(message.code == "protocol" for message in device.journal.messages):
+        remedy = "give --protocol modbus. Programs that speak EB90 only cannot use this hand"
+        return "protocol", "warning", "EB90 is silent, Modbus RTU answers", remedy
+    return "protocol", "ok", "the hand answers in Modbus RTU", ""
+
+
+def same_id(device: Hand) -> Row4:
+    """Two hands with one id answer at once: what they share arrives whole, their readings destroy each other (rh56 §6)."""
+    bus, number = device.bus, device.bus.id
+    whole = sum(_arrives(bus, 1000 * bus.per, bus.per) == "" for _ in range(ASKED))
+    ends = [_arrives(bus, device.map[name].address, len(device.map[name].span)) for name in QUARTET]
+    destroyed = sum(end in DESTROYED or (isinstance(bus, CanBus) and end != "") for end in ends)
+    if whole == ASKED and destroyed == len(ends):
+        text = f"id {number} itself arrives whole, each reading is destroyed: two hands with id {number} answer at once"
+        remedy = (
+            "disconnect one hand and run `handctl hand id 2`, or run `handctl hand pair`, which takes you through it"
+        )
+        return "same_id", "fail", text, remedy
+    if any(ends) or whole < ASKED:
+        return "same_id", "skipped", "answers are missing or damaged, the id itself as well", ""
+    return "same_id", "ok", f"{2 * ASKED} answers arrived whole: one hand has id {number}", ""
+
+
+def _arrives(bus: RegisterBus, address: int, count: int) -> str:
+    """Code of what ended a read, "" = nothing."""
+    try:
+        bus.read(address, count, retries=0)
+    except (NoAnswer, ProtocolError) as exc:
+        return exc.code
+    except HandctlError as exc:
+        if exc.code == "lost":
+            raise
+        return exc.code
+    return ""
+
+
+def _elsewhere(device: Hand) -> Iterator[Row4]:
+    """Of a hand that is silent: whether it speaks the other protocol, and where it may be."""
+    bus, link = device.bus, device.bus.link
+    other: RegisterBus | None = None
+    if isinstance(bus, ModbusBus) and not bus.tcp:
+        other = Bus(bus.link, bus.id, device.journal, retries=0, timeout=bus.timeout, family="hand")
+    elif isinstance(bus, Bus) and asks_rtu(bus.link):
+        other = ModbusBus(bus.link, bus.id, device.journal, tcp=False, retries=0, timeout=bus.timeout)
+    if other is not None:
+        link.sleep(BETWEEN_PROTOCOLS)
+        silent, spoken = ("EB90", "Modbus RTU") if isinstance(bus, Bus) else ("Modbus RTU", "EB90")
+        if not _arrives(other, *other.presence):
+            word = "modbus" if isinstance(bus, Bus) else "eb90"
+            yield "protocol", "fail", f"{silent} is silent, {spoken} answers", f"give --protocol {word}"
+            return
+        yield "protocol", "ok", f"neither {silent} nor {spoken} is answered", ""
+    if not (isinstance(bus, ModbusBus) and bus.tcp):
+        text = "a tactile hand (RH56DFTP) may answer on its network only"
+        yield "network", "skipped", text, "run `handctl doctor -p tcp://192.168.11.210 --family hand`"
+
+
+def refresh(device: Hand) -> Row4:
+    """How often the readings change: who asks more often reads the same again."""
+    bus, register = device.bus, device.map["current"]
+    link, seen, changes = bus.link, b"", list[float]()
+    end = link.deadline(REFRESH_SECONDS)
+    while not end.expired:
+        link.sleep(REFRESH_STEP)
+        with suppress(NoAnswer, ProtocolError):
+            data = bus.read(register.address, min(len(register.span), bus.max_count), retries=0)
+            if seen and data != seen:
+                changes.append(link.now())
+            seen = data
+    often = f"more than {1 / REFRESH:.0f} reads a second repeat readings"
+    if len(changes) < 3:
+        return (
+            "refresh",
+            "ok",
+            f"the readings of the resting hand did not change. It refreshes them every 31 ms: {often}",
+            "",
+        )
+    period = (changes[-1] - changes[0]) / (len(changes) - 1)
+    text = f"the readings change every {1000 * period:.0f} ms: {often}"
+    if period > 2 * REFRESH:
+        return "refresh", "warning", text, "read over a quicker line, or stop the program that reads as well"
+    return "refresh", "ok", text, ""
+
+
+# -- the hand ---------------------------------------------------------------------------------------------------------
+
+
+def _held(device: Hand) -> Values:
+    """What the checks look at. Raises NoAnswer, ProtocolError."""
+    device.know()
+    wanted = ("error", "status", "temperature", "speed_set", "default_speed", "current_limit")
+    own = [register for register in device.has if register.name in wanted]
+    held: dict[str, dict[str, int]] = {}
+    for reading in device.read([element for register in own for element in elements_of(register)]):
+        if reading.value is not None:
+            held.setdefault(reading.element.param.name, {})[str(reading.element.part)] = int(reading.value)
+    return held
+
+
+def fingers(held: Values, *, swaps: bool = False) -> Row4:
+    """Status 5 to 8, error bits and heat. `swaps`: two bytes share a word, which other programs read the wrong way round."""
+    found: dict[str, list[str]] = {}
+    remedies: list[str] = []
+    for part, code in held.get("status", {}).items():
+        if code in BLOCKED or code == EMERGENCY:
+            found.setdefault(part, []).append(f"status {code}, {STATUS[code]}")
+            remedies.append(REMEDIES[code])
+    for part, bits in held.get("error", {}).items():
+        if bits:
+            found.setdefault(part, []).append(f"error 0x{bits:02X}")
+            remedies += [COOL] * bool(bits & 2) + [CLEAR] * bool(bits & ~2)
+    for part, degrees in held.get("temperature", {}).items():
+        if HOT <= degrees != UNMEASURED:
+            found.setdefault(part, []).append(f"{degrees} °C")
+            remedies.append(f"let it cool: handctl moves no hand from {HOT} °C on")
+    if not found:
+        quiet = " The hand has had no command since power-up." if 255 in held.get("status", {}).values() else ""
+        return "fingers", "ok", f"no finger reports an error, a block or heat.{quiet}", ""
+    text = "; ".join(f"{part}: {', '.join(words)}" for part, words in found.items())
+    if swaps and (mirrored := _mirrored(held, found)):
+        text += f". A program that swaps the two bytes of a word shows it on {mirrored}"
+    return "fingers", "fail", text, min(remedies, key=_first)
+
+
+def _first(remedy: str) -> int:
+    """What must be done before anything else helps: cooling, then the finger itself."""
+    return 0 if "cool" in remedy else 2 if remedy == CLEAR else 1
+
+
+def _mirrored(held: Values, found: Mapping[str, object]) -> str:
+    """The fingers that share a word with those found, where the swap would be seen."""
+    order = list(held.get("status", {}))
+    swapped = [order[order.index(part) ^ 1] for part in found if part in order]
+    return ", ".join(swapped) if set(swapped) != set(found) else ""
+
+
+def first_movement(held: Values) -> Row4:
+    """The speed that a program has left: 0 looks as if the hand were dead, a high one surprises (rh56 §6)."""
+    speeds, usual = held.get("speed_set", {}), held.get("default_speed", {})
+    if not speeds:
+        return "first_movement", "skipped", "the speed could not be read", ""
+    remedy = SLOWLY if len(speeds) == len(FINGERS) else EACH_SLOWLY
+    still = [part for part, speed in speeds.items() if speed == 0]
+    if still:
+        text = f"speed 0: {', '.join(still)}. A movement does nothing there"
+        return "first_movement", "warning", text, remedy
+    quick = [part for part, speed in speeds.items() if speed > usual.get(part, speed)]
+    if quick:
+        text = f"speed {max(speeds[part] for part in quick)} was left by a program: {', '.join(quick)}. "
+        text += f"After power-up it is {min(usual[part] for part in quick)}"
+        return "first_movement", "warning", text, remedy
+    return "first_movement", "ok", f"the next movement has speed {min(speeds.values())} to {max(speeds.values())}", ""
+
+
+def current_limit(held: Values) -> Row4:
+    """Limits below what a movement draws end it with status 5; above the documented range they protect nothing."""
+    limits = held.get("current_limit", {})
+    if not limits:
+        return "current_limit", "skipped", "this generation shows no current limits", ""
+    remedy = "compare them with another hand of this kind, then `handctl hand set current_limit.FINGER=MA`"
+    low = [f"{part} {limit} mA" for part, limit in limits.items() if limit < DRAWN]
+    if low:
+        text = f"{', '.join(low)}: a movement without a load draws up to 194 mA and would end with status 5"
+        return "current_limit", "warning", text, remedy
+    high = [f"{part} {limit} mA" for part, limit in limits.items() if limit > MOST_CURRENT]
+    if high:
+        return "current_limit", "warning", f"{', '.join(high)}: outside 0 to {MOST_CURRENT} mA (rh56 §3.1)", remedy
+    return "current_limit", "ok", f"{min(limits.values())} to {max(limits.values())} mA", ""

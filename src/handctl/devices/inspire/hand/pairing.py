@@ -1,0 +1,282 @@
+"""Two hands: which is which, and a place of its own for each (rh56 §6, §7). Knows no command and no configuration file.
+
+Both hands of a pair come with id 1 and one IP address, and no register holds a side. So one hand alone gets another
+id or address while the other is unplugged; then each moves a finger, and whoever stands there says which one it was.
+
+    one line, two ids       ->  move, ask                       two links  ->  move, ask
+    one line, one id        ->  unplug one, new id (RAM), plug in, look for both, save, move, ask
+    one address             ->  switch one off, new address, save, power-cycle, switch on, look for both, move, ask
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple, Protocol
+
+from handctl.devices.inspire import flash, procedures
+from handctl.devices.inspire.hand import place
+from handctl.devices.inspire.hand.device import Hand
+from handctl.devices.inspire.hand.motion import nudge, plan_nudge
+from handctl.devices.inspire.hand.scan import ids_on
+from handctl.devices.inspire.identity import DAMAGED
+from handctl.errors import CheckFailed, HandctlError, Left, LinkError, NoAnswer, NotConfirmed, ProtocolError, UsageError
+from handctl.model.guide import Guide
+from handctl.model.leaving import leaving
+from handctl.model.param import Step, elements_of
+
+LEFT, RIGHT = "left", "right"
+OTHER = {LEFT: RIGHT, RIGHT: LEFT}
+NOBODY = Left("no hand is named", joint=". ")
+AGAIN = "run `handctl hand pair` again: it begins with what it finds then"
+JITTERING, READS = (1582, 24), 20
+"""Forces and currents: two hands with one id do not agree on them for long (inspire §4.14)."""
+WAIT_SECONDS, AGAIN_SECONDS = 120.0, 1.0
+"""How long a hand is waited for whose power or network was switched, and how often it is looked for."""
+
+
+class Paired(NamedTuple):
+    """One hand, where it is and which side it is."""
+
+    hand: Hand
+    link: str
+    side: str
+
+
+class Bench(Protocol):
+    """What a pairing needs of the command that it belongs to.
+
+    guide   whoever stands at the hands
+    """
+
+    guide: Guide
+
+    def hand(self, number: int | None = None) -> Hand:
+        """A hand on the first link, with this id; nothing is known of it yet."""
+
+    def again(self) -> Hand:
+        """The same behind the first link when that is opened again. Raises LinkError."""
+
+    def elsewhere(self, link: str) -> Hand:
+        """A hand behind another LINK. Raises UsageError, LinkError."""
+
+    def confirm(self, question: str, steps: Sequence[Step], word: str = "") -> None:
+        """Ask before something that moves or strands. Raises NotConfirmed."""
+
+
+def pair(
+    bench: Bench, link: str, other: str | None, *, first: str | None = None, address: str | None = None
+) -> list[Paired]:
+    """Find both hands behind `link`, or behind it and `other`, and tell which is left and which is right.
+
+    first    side of the first hand: by id or by link, or the one that gets a new id or address. None = found out by a movement
+    address  what the first hand at one shared IP address gets, None = the next one
+
+    Raises NotConfirmed where nobody can answer, Interrupted on Ctrl-C: no hand is named then, and both stand still.
+    """
+    if first is None and not bench.guide.present:
+        raise NotConfirmed(
+            "a person must see which hand moves, but this is not an interactive terminal",
+            hint="say it with --first left or --first right: then nothing moves. Nothing was sent.",
+        )
+    try:
+        with leaving(NOBODY, by=HandctlError):
+            return _paired(bench, link, other, first, address)
+    except HandctlError as exc:
+        exc.hint = exc.hint or AGAIN
+        raise
+
+
+def _paired(bench: Bench, link: str, other: str | None, first: str | None, address: str | None) -> list[Paired]:
+    if other is not None:
+        found = [(bench.hand(), link), (bench.elsewhere(other), other)]
+    elif place.over_network(bench.hand()):
+        found = _one_address(bench, link, address)
+    else:
+        found = [(hand, link) for hand in _one_line(bench)]
+    for hand, _ in found:
+        hand.identify()
+    sides = (first, OTHER[first]) if first is not None else _seen(bench, [hand for hand, _ in found])
+    return [Paired(hand, where, side) for (hand, where), side in zip(found, sides, strict=True)]
+
+
+# -- which is which -------------------------------------------------------------------------------------------------
+
+
+def _seen(bench: Bench, hands: Sequence[Hand]) -> tuple[str, str]:
+    """Move a finger of each hand, one after the other; the sides as they are seen."""
+    plans = [plan_nudge(hand) for hand in hands]
+    steps = [step for hand, plan in zip(hands, plans, strict=True) for step in hand.plan(plan.changes)]
+    moves = ", then ".join(plan.question for plan in plans)
+    bench.confirm(f"This moves, one after the other, {moves}. Keep both hands empty and free", steps)
+    sides = []
+    for hand, plan in zip(hands, plans, strict=True):
+        nudge(hand, plan, bench.guide)
+        side = bench.guide.choose(f"{hand.bus.where}: which hand has moved", (LEFT, RIGHT))
+        if not side:
+            raise NotConfirmed(
+                f"{hand.bus.where}: the answer names neither the left nor the right hand",
+                hint="run the command again and look at both hands. The finger is back where it was",
+                code="not-seen",
+            )
+        if side in sides:
+            raise CheckFailed(
+                f"{hand.bus.where}: the {side} hand moved both times",
+                hint="check the cables: both ways lead to one hand, or both hands follow one id",
+                code="same-hand",
+            )
+        sides.append(side)
+    return sides[0], sides[1]
+
+
+# -- one serial line or CAN bus ---------------------------------------------------------------------------------------
+
+
+def _one_line(bench: Bench) -> list[Hand]:
+    """The two hands on one line, each with an id of its own."""
+    hand = bench.hand()
+    ids = ids_on(hand, bench.guide)
+    if not ids:
+        raise NoAnswer(
+            f"{hand.link.name}: no hand answers",
+            hint="check power, wires and speed: `handctl hand scan` asks all speeds",
+        )
+    if len(ids) > 2:
+        raise CheckFailed(
+            f"{hand.link.name}: {len(ids)} devices answer, with the ids {', '.join(map(str, ids))}",
+            hint="leave only the two hands on the line. Nothing was written.",
+            code="too-many",
+        )
+    return [bench.hand(number) for number in ids] if len(ids) == 2 else _apart(bench, ids[0])
+
+
+def _apart(bench: Bench, number: int) -> list[Hand]:
+    """Two hands with one id: the one that stays plugged in gets another. Saved only when both have answered."""
+    new = 2 if number == 1 else 1
+    _done(
+        bench,
+        f"Only id {number} answers. Two hands with one id both obey it.\n"
+        f"Unplug the data cable of one hand. The other one gets id {new}. Then press Enter",
+    )
+    hand = bench.hand(number)
+    _check_alone(hand)
+    hand.know()
+    steps = hand.plan([(elements_of(hand.map["id"])[0], new)])
+    saving = bench.hand(new).trigger_step("save", "save to flash")
+    bench.confirm(
+        f"This changes id {number} to {new} at once, for the hand that is plugged in, and saves it when both hands answer",
+        [*steps, saving],
+    )
+    procedures.change_id(hand, new, saved_next=True)
+    with leaving(
+        Left(
+            f"one hand has id {new} until its power is switched off",
+            f"`handctl hand save --id {new}` keeps it",
+            joint=". ",
+        ),
+        by=HandctlError,
+    ):
+        _done(bench, "Plug the other hand in again, and leave the power of this one on. Then press Enter")
+        missing = [one for one in (number, new) if not procedures.probe(hand.bus, one)]
+        if missing:
+            raise CheckFailed(
+                f"{hand.link.name}: no hand answers to id {' or '.join(map(str, missing))}",
+                hint="check the cable of the other hand. A power-cycle of both brings back the saved ids",
+                code="gone",
+            )
+        changed = bench.hand(new)
+        changed.know()
+        flash.save(changed, bench.guide)
+    return [changed, bench.hand(number)]
+
+
+def _check_alone(hand: Hand) -> None:
+    """Raise CheckFailed where two hands answer to this id at once."""
+    for _ in range(READS):
+        try:
+            hand.answered(lambda: hand.bus.read(*JITTERING, retries=0))
+        except ProtocolError as exc:
+            if exc.code in DAMAGED:
+                raise CheckFailed(
+                    f"{hand.bus.where}: answers are damaged: two hands with this id still answer",
+                    hint="unplug the data cable of one hand, then run the command again. Nothing was written.",
+                    code="twin-id",
+                ) from exc
+            raise
+
+
+# -- one IP address ---------------------------------------------------------------------------------------------------
+
+
+def _one_address(bench: Bench, link: str, address: str | None) -> list[tuple[Hand, str]]:
+    """Two hands with one IP address: the one that is on gets another, then both are looked for."""
+    guide = bench.guide
+    _done(
+        bench,
+        f"Two hands with one IP address answer in turn at {link}.\n"
+        "Switch the power of one hand off. The other one gets a new address. Then press Enter",
+    )
+    hand = bench.again()
+    old = place.held(hand)
+    octets = place.octets_of(address) if address is not None else place.next_to(old)
+    if octets == old:
+        raise UsageError(
+            f"{address} is the address that both hands have", hint="choose another --address. Nothing was sent."
+        )
+    new = ".".join(map(str, octets))
+    target = place.link_of(link, octets)
+    steps = hand.plan(place.address_plan(hand, octets))
+    steps.append(hand.trigger_step("save", "save to flash"))
+    bench.confirm(
+        f"This changes the address {'.'.join(map(str, old))} to {new}. The hand has it after a power-cycle",
+        steps,
+        word=new,
+    )
+    place.change_network(hand, octets, guide, cycled_next=True)
+    _done(
+        bench,
+        f"Switch the power of this hand off and on. The other one stays off. Then press Enter to look for it at {new}",
+    )
+    hand.link.power_cycle()
+    moved = _wait_for(bench, lambda: bench.elsewhere(target), octets, hand)
+    with leaving(Left(f"one hand has the address {new} now, and keeps it", joint=". "), by=HandctlError):
+        _done(bench, "Switch the other hand on. Then press Enter")
+        stayed = _wait_for(bench, bench.again, old, hand)
+    return [(moved, target), (stayed, link)]
+
+
+def _wait_for(bench: Bench, opened: Callable[[], Hand], octets: Sequence[int], clock: Hand) -> Hand:
+    """The hand that holds this address where `opened` finds one. Raises CheckFailed for another, or what kept it from being found."""
+    link, text = clock.link, ".".join(map(str, octets))
+    end = link.deadline(WAIT_SECONDS)
+    while True:
+        bench.guide.progress(f"waiting for the hand at {text}, {end.remaining:.0f} s left")
+        try:
+            hand = opened()
+            found = place.held(hand)
+            break
+        except (LinkError, NoAnswer) as exc:
+            if end.expired or clock.bus.over:
+                bench.guide.done()
+                raise exc.retold(
+                    f"no hand at {text}: {exc.text}",
+                    hint=f"give this computer an address such as {place.laptop_for(octets)}, mask 255.255.255.0, and run the command again",
+                ) from exc
+            link.sleep(AGAIN_SECONDS)
+    bench.guide.done()
+    if found != list(octets):
+        raise CheckFailed(
+            f"{hand.bus.where}: the hand there holds the address {'.'.join(map(str, found))}, not {text}",
+            hint="look which hand has power: only one was to be changed. `handctl hand network` shows its address",
+            code="other-address",
+        )
+    return hand
+
+
+def _done(bench: Bench, what: str) -> None:
+    """What a person must do now. Raises NotConfirmed where nobody is there."""
+    if not bench.guide.wait_for_enter(f"{what}."):
+        raise NotConfirmed(
+            f"somebody must act at the hands: {what.splitlines()[-1]}",
+            hint="run the command at a terminal, beside the hands",
+            code="nobody-there",
+        )

@@ -1,0 +1,176 @@
+"""Bytes by number: a write at an address, and frames as they are typed, in EB 90 or Modbus (rh56 §2, §9).
+
+What no command sends is refused here too: what starts a stored movement, and what lies beside the triggers.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from handctl.devices.inspire import eb90, modbus
+from handctl.devices.inspire.canbus import CanBus
+from handctl.devices.inspire.exo import raw as exo_raw
+from handctl.devices.inspire.explain import InspireExplainer
+from handctl.devices.inspire.hand.map import BYTE_MAP
+from handctl.devices.inspire.modbus import only_reads
+from handctl.devices.inspire.modbusbus import ModbusBus
+from handctl.devices.inspire.modbuswords import RTU, TCP, EitherExplainer, mode_of, pdu_of
+from handctl.devices.inspire.registers import RegisterBus
+from handctl.devices.inspire.spans import stretches
+from handctl.errors import UsageError
+from handctl.model.param import Element, Number, Step
+from handctl.model.piece import DEVICE, HOST
+from handctl.model.result import Column, Row, Table, hex_bytes
+
+if TYPE_CHECKING:
+    from handctl.devices.inspire.hand.device import Hand
+    from handctl.frame.run import Run
+
+COLUMNS = (Column("direction", "From"), Column("meaning", "Meaning"), Column("raw", "Frame"))
+FORCED = "Add --force-ambiguous to send it all the same."
+NEVER = {1: (range(1000, 1020), range(2000, 2326)), 2: (range(1000, 1016), range(1431, 1433), range(2160, 2163))}
+"""Bytes at one address -> addresses that hold triggers, speed codes, gestures and sequences of one edition or another.
+What of them is not documented is never written (rh56 §3.1, §3.3, §9)."""
+
+
+def plan_write(hand: Hand, address: int, data: bytes, undocumented: bool) -> Step:
+    """Check a write at a byte address against the map. Raises UsageError."""
+    unit = hand.bus.per
+    if any(
+        place // unit in span and not _known(hand, place)
+        for place in range(address, address + len(data))
+        for span in NEVER[unit]
+    ):
+        raise UsageError(
+            f"{address // unit} lies among triggers, gestures or sequences, which start movements or resets on one generation or another",
+            hint="handctl never writes there (rh56 §9). Nothing was sent.",
+            code="never",
+        )
+    return exo_raw.plan_write(hand, address, data, undocumented)
+
+
+def _known(hand: Hand, place: int) -> bool:
+    return any(place in register.span for register in hand.has)
+
+
+def changes_of(hand: Hand, address: int, data: bytes) -> list[tuple[Element, Number]]:
+    """What a checked write at a byte address changes."""
+    return [
+        (Element(register, index), register.decode(raw))
+        for register, index, raw in stretches(hand.map, address, data)
+        if register is not None
+    ]
+
+
+# -- frames -----------------------------------------------------------------------------------------------------------
+
+
+def choose_wire(run: Run, data: bytes) -> None:
+    """A frame says by itself in which protocol it is: the hand is looked at in the same one."""
+    mode = mode_of(data)
+    if mode != TCP and run.settings.own.get("protocol") in (None, "auto"):
+        own = {**run.settings.own, "protocol": "modbus" if mode == RTU else "eb90"}
+        run.settings = run.settings._replace(own=own)
+
+
+def plan(hand: Hand, data: bytes, force: bool) -> Step:
+    """What these bytes would do. A read is harmless; anything else asks. Raises UsageError for what needs `force`."""
+    bus = hand.bus
+    if isinstance(bus, CanBus):
+        raise UsageError("raw has no frames of CAN here", hint="use `handctl hand read` and `write` over CAN")
+    mode = mode_of(data)
+    tcp = isinstance(bus, ModbusBus) and bus.tcp
+    if mode and (mode == TCP) != tcp:
+        other = "Modbus TCP" if mode == TCP else "a serial line"
+        raise UsageError(f"this is a frame of {other}, which this LINK is not", hint="choose another LINK with -p")
+    words = "; ".join(piece.meaning for piece in EitherExplainer(hand.map).decode(data, HOST))
+    if only_reads(pdu_of(data, mode)) if mode else eb90.only_reads(data):
+        return Step(words, data)
+    if not force:
+        _refuse(hand, repaired(data))
+    return Step(words, data, moves=True, strands=True)
+
+
+def repaired(data: bytes) -> bytes:
+    """The bytes with the checksum that fits: an error of the line may put it right, and a device may be lenient."""
+    start = data.find(eb90.HOST)
+    if start >= 0:
+        whole = data[start : start + data[start + 3] + eb90.OVERHEAD] if len(data) > start + 3 else b""
+        return whole[:-1] + bytes([eb90.checksum(whole[2:-1])]) if len(whole) > 7 else data
+    if mode_of(data) or len(data) < 8:
+        return data
+    return data[:-2] + modbus.crc(data[:-2])
+
+
+def _refuse(hand: Hand, frame: bytes) -> None:
+    """Refuse a write that resets, starts a stored movement, or holds a value out of range. Raises UsageError."""
+    mode, unit = mode_of(frame), hand.bus.per
+    if mode:
+        number, pdu = (frame[0] if mode == RTU else 1), pdu_of(frame, mode)
+        address = int.from_bytes(pdu[1:3], "big")
+        data = modbus.to_memory(pdu[3:5] if pdu[0] == modbus.WRITE_ONE else pdu[6:])
+        count = 1 if unit == 1 and len(data) == 2 and data[1] == 0 else len(data)
+        data = data[:count] if any(address == register.address for register in hand.has if register.size == 1) else data
+    elif frame[:2] == eb90.HOST and len(frame) > 8 and frame[4] == eb90.WRITE:
+        number, address, data = frame[2], int.from_bytes(frame[5:7], "little"), frame[7:-1]
+    elif frame[:2] == eb90.HOST and len(frame) > 4:
+        raise UsageError(
+            f"flag {frame[4]:02X} is not one of these hands", hint=f"{FORCED} Nothing was sent.", code="ambiguous"
+        )
+    else:
+        return
+    if not 1 <= number <= 254:
+        raise UsageError(f"id {number} is not one of a hand", hint=f"{FORCED} Nothing was sent.", code="out-of-range")
+    touched = range(address * unit, address * unit + len(data))
+    for place in touched:
+        known = next((register for register in hand.has if place in register.span), None)
+        if (known is not None and known.name == "factory_reset") or (
+            known is None and any(place // unit in span for span in NEVER[unit])
+        ):
+            raise UsageError(
+                f"{place // unit} resets the hand, or starts a stored movement on one generation or another",
+                hint=f"{FORCED} Nothing was sent.",
+                code="never",
+            )
+    for register, index, raw in stretches(hand.map, address * unit, data):
+        if register is not None and "w" in register.access:
+            try:
+                register.check(register.decode(raw), Element(register, index).full_name)
+            except UsageError as exc:
+                raise UsageError(exc.text, hint=f"{exc.hint} {FORCED}", code=exc.code) from exc
+
+
+def _addressed(bus: RegisterBus, data: bytes) -> RegisterBus:
+    """The same wire to the hand that a frame of RTU names."""
+    return bus.at(device_id=data[0]) if mode_of(data) == RTU and 1 <= data[0] <= 254 else bus
+
+
+def exchange(hand: Hand, data: bytes, wait: float) -> Table:
+    """Send the bytes once, listen until `wait` seconds have brought nothing more, show every frame that came."""
+    from handctl.link import ByteLink
+
+    bus, link = hand.bus, hand.bus.link
+    if not isinstance(link, ByteLink):
+        raise UsageError("raw has no frames of CAN here", hint="use `handctl hand read` and `write` over CAN")
+    if not (mode_of(data) and only_reads(pdu_of(data, mode_of(data)))):
+        _addressed(bus, data).pass_gate(data)
+    bus.check_bound(hex_bytes(data))
+    since, received = link.now(), b""
+    bus.count(data)
+    link.write(data, bus.deadline(1.0))
+    while chunk := link.read(bus.deadline(wait)):
+        received += chunk
+        if len(received) > 65536 or bus.over:
+            break
+    if not received:
+        raise bus.unanswered(hex_bytes(data), wait, since, "listen longer with --wait S")
+    explainer: InspireExplainer = EitherExplainer(hand.map if hand.typed is not None else BYTE_MAP)
+    explainer.feed(HOST, data)
+    pieces = [*explainer.feed(DEVICE, received), *explainer.flush()]
+    rows: list[Row] = [
+        {"direction": "device", "meaning": piece.meaning, "problem": piece.problem or None, "raw": hex_bytes(piece.raw)}
+        for piece in pieces
+        if piece.direction == DEVICE
+    ]
+    bus.journal.counters.received += len(rows)
+    return Table(rows=rows, columns=COLUMNS, extra={"received": hex_bytes(received)})

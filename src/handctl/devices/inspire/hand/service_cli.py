@@ -1,0 +1,134 @@
+"""`handctl hand read | write | raw | scan`: registers and frames by number, and who is on the line."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from handctl.devices.inspire.hand.settings_cli import met
+from handctl.devices.inspire.map import address_in
+from handctl.errors import UsageError
+from handctl.frame.clikit import Group
+from handctl.frame.numbers import Seconds
+from handctl.frame.run import Run
+from handctl.model.result import Table
+
+if TYPE_CHECKING:
+    from handctl.devices.inspire.hand.device import Hand
+
+
+def add_service(group: Group) -> None:
+    """Add the commands to the family's group."""
+
+    @group.verb("read", "Service")
+    @click.argument("address")
+    @click.argument("count", type=int)
+    def read(run: Run, address: str, count: int) -> Table:
+        """Read COUNT bytes (1 to 252) from any ADDRESS. Documented registers are decoded.
+
+        An RH56F1 or RH5DG2 counts words: each of their addresses has two bytes.
+        """
+        from handctl.devices.inspire import eb90
+        from handctl.devices.inspire.exo import raw as exo_raw
+
+        place = address_in(address)
+        eb90.check_span(place, count)
+        hand: Hand = run.device()
+        hand.know()
+        return hand.answered(lambda: exo_raw.read(hand, place * hand.bus.per, count))
+
+    @group.verb("write", "Service", writes=True)
+    @click.argument("address")
+    @click.argument("data", metavar="HEX")
+    @click.option("--undocumented", is_flag=True, help="Allow an address that is not documented.")
+    def write(run: Run, address: str, data: str, undocumented: bool) -> Table:
+        """Write bytes at ADDRESS, low byte first, and read them back. They are checked against the map. Asks first."""
+        from handctl.devices.inspire.exo import raw as exo_raw
+        from handctl.devices.inspire.hand import motion
+        from handctl.devices.inspire.hand import raw as hand_raw
+
+        payload, planner = exo_raw.parse_hex(data), run.planner()
+        place = address_in(address) * planner.bus.per
+        step = hand_raw.plan_write(planner, place, payload, undocumented)
+        if (plan := run.planned([step])) is not None:
+            return plan
+        question = f"This writes to the hand: {step.meaning}"
+        run.need_answer(question)
+        hand = met(run)
+        if step.moves:
+            question = motion.question(hand, hand_raw.changes_of(hand, place, payload), motion.fit_to_move(hand))
+        run.confirm(question, [hand_raw.plan_write(hand, place, payload, undocumented)])
+        return exo_raw.write(hand, place, payload)
+
+    @group.verb("raw", "Service", writes=True)
+    @click.argument("data", nargs=-1, required=True, metavar="HEX...")
+    @click.option(
+        "--wait",
+        type=Seconds(),
+        default=0.5,
+        show_default=True,
+        metavar="S",
+        help="Listen for S seconds after the last byte.",
+    )
+    @click.option(
+        "--force-ambiguous",
+        is_flag=True,
+        help="Send also a frame that resets, starts a stored movement, or has a value out of range.",
+    )
+    def raw(run: Run, data: tuple[str, ...], wait: float, force_ambiguous: bool) -> Table:
+        """Send exactly these bytes, EB90 or Modbus, and show the answer, decoded. Everything except a read asks first."""
+        from handctl.devices.inspire.exo import raw as exo_raw
+        from handctl.devices.inspire.hand import raw as hand_raw
+
+        frame = exo_raw.parse_hex(" ".join(data))
+        hand_raw.choose_wire(run, frame)
+        step = hand_raw.plan(run.planner(), frame, force_ambiguous)
+        if (plan := run.planned([step])) is not None:
+            return plan
+        if step.moves or step.strands:
+            run.confirm(f"This may move or change the hand: {step.meaning}", [step])
+        hand: Hand = run.device()
+        with exo_raw.goes_on(hand, step):
+            return hand_raw.exchange(hand, frame, wait)
+
+    @group.verb("scan", "Service")
+    @click.option("--ids", default="1-254", show_default=True, metavar="FROM-TO", help="Ids to ask.")
+    @click.option(
+        "--speeds",
+        default="115200,921600,57600,19200",
+        show_default=True,
+        metavar="LIST",
+        help="Speeds to try, in bit/s.",
+    )
+    @click.option(
+        "--all", "find_all", is_flag=True, help="Ask all ids at all speeds instead of ending at the first hand."
+    )
+    def scan(run: Run, ids: str, speeds: str, find_all: bool) -> Table:
+        """Look for hands: id 1 at each speed, in EB90 and in Modbus RTU, then all ids. Only reads.
+
+        At 19200 bit/s EB90 only, unless --protocol modbus is given: a BarrettHand may act upon a question of Modbus there.
+        """
+        from handctl.devices.inspire import scan_report
+        from handctl.devices.inspire.hand import scan as hand_scan
+        from handctl.devices.inspire.hand.typed import protocol_of
+
+        wanted = scan_report.parse_ids(ids)
+        protocol = protocol_of(run.settings)
+        return hand_scan.scan(run.device(), run.guide, wanted, _rates(speeds), find_all, protocol)
+
+
+def _rates(text: str) -> list[int]:
+    """Speeds of a serial line. Raises UsageError."""
+    from handctl.devices.inspire.hand.scan import SPEEDS
+
+    try:
+        rates = [int(word) for word in text.split(",")]
+    except ValueError:
+        rates = []
+    if not rates or set(rates) - set(SPEEDS):
+        raise UsageError(
+            f"--speeds {text}: not a list of speeds of these hands",
+            hint=f"choose from {', '.join(map(str, SPEEDS))}, separated by commas",
+        )
+    return list(dict.fromkeys(rates))

@@ -1,0 +1,202 @@
+"""`handctl hand id | baud | save | factory-reset | clear-errors`: what a hand keeps, and where it is found."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING
+
+import click
+
+from handctl.devices.inspire.hand.typed import map_of
+from handctl.errors import CheckFailed, NoAnswer, UsageError
+from handctl.frame import stored, verbs
+from handctl.frame.clikit import Group
+from handctl.frame.filetypes import OutFile
+from handctl.frame.run import Run
+from handctl.model.result import Table
+
+if TYPE_CHECKING:
+    from handctl.devices.inspire.hand.device import Hand
+
+BACKUP = "hand-before-reset.json"
+
+
+def met(run: Run) -> Hand:
+    """The hand, proved to be of a generation that may be written to. Raises NotIdentified, NoAnswer."""
+    hand: Hand = run.device()
+    hand.identify()
+    return hand
+
+
+def add_settings(group: Group) -> None:
+    """Add the commands to the family's group."""
+
+    @group.verb("id", "Settings", writes=True)
+    @click.argument("new", required=False, type=int)
+    def id_(run: Run, new: int | None) -> Table:
+        """Show the id, or give the hand a NEW one (1 to 254).
+
+        A new id acts at once, and `save` keeps it. Only one hand may be on the line. Modbus calls the id unit.
+        """
+        if new is None:
+            _only_reads(run, "id")
+            return verbs.get(run, map_of(run.settings), ["id"])
+        return _change_id(run, new)
+
+    @group.verb("baud", "Settings", writes=True)
+    @click.argument("rate", required=False, type=int)
+    @click.option(
+        "--save",
+        "save_too",
+        is_flag=True,
+        help="Save to flash afterwards. The new speed acts only after that and a power-cycle.",
+    )
+    @click.option(
+        "--verify",
+        is_flag=True,
+        help="Wait for the power-cycle (up to 120 s), then look for the hand at the new speed.",
+    )
+    def baud(run: Run, rate: int | None, save_too: bool, verify: bool) -> Table:
+        """Show the speed code, or write a new RATE: 115200, 57600, 19200, on some hands 921600 bit/s.
+
+        The new speed acts after `save` and a power-cycle. On CAN the rates are 1000000 and 500000 bit/s.
+        """
+        from handctl.devices.inspire.hand import place
+
+        if rate is None:
+            _only_reads(run, "baud")
+            hand: Hand = run.device()
+            hand.know()
+            return place.show_speed(hand)
+        return _change_baud(run, rate, save_too, verify)
+
+    @group.verb("clear-errors", "Service", writes=True)
+    def clear_errors(run: Run) -> Table:
+        """Clear actuator errors and show which remain. Over-temperature cannot be cleared. It ends by cooling."""
+        from handctl.devices.inspire import flash
+
+        if (plan := run.planned([run.planner().trigger_step("clear_errors", "clear errors")])) is not None:
+            return plan
+        return flash.clear_errors(met(run))
+
+    @group.verb("save", "Settings", writes=True)
+    def save(run: Run) -> Table:
+        """Save the present parameters to flash and wait for the result (about 1 s)."""
+        from handctl.devices.inspire import flash
+
+        steps = [run.planner().trigger_step("save", "save to flash")]
+        if (plan := run.planned(steps)) is not None:
+            return plan
+        run.confirm("This saves the present parameters to flash", steps)
+        return flash.save(met(run), run.guide)
+
+    @group.verb("factory-reset", "Settings", writes=True)
+    @click.option(
+        "--backup",
+        metavar="FILE",
+        type=OutFile(),
+        help=f"Snapshot to write first (default: {BACKUP}). An existing file is never overwritten.",
+    )
+    def factory_reset(run: Run, backup: str | None) -> Table:
+        """Restore the factory defaults. A snapshot is written first.
+
+        The id may be 1 afterwards, the speed 115200 bit/s, and the network address 192.168.11.210.
+        """
+        from handctl.devices.inspire import flash
+
+        steps = [run.planner().trigger_step("factory_reset", "factory reset")]
+        if (plan := run.planned(steps)) is not None:
+            return plan
+        path = backup or BACKUP
+        if os.path.exists(path):
+            raise UsageError(
+                f"{path}: the file exists and is not overwritten", hint="choose another file with --backup FILE"
+            )
+        run.confirm("This restores the factory defaults permanently", steps, word="reset")
+        hand = met(run)
+        stored.snapshot(run, path)
+        return flash.factory_reset(hand)
+
+
+def _change_id(run: Run, new: int) -> Table:
+    from handctl.devices.inspire import procedures
+    from handctl.devices.inspire.modbusbus import ModbusBus
+
+    params = map_of(run.settings)
+    params["id"].check(new, "id")
+    change = [(params.find("id")[1][0], new)]
+    steps = run.planner().plan(change)
+    if (plan := run.planned(steps)) is not None:
+        return plan
+    run.confirm(
+        f"This changes the id to {new} at once. Every hand on this line that has the old id would change", steps
+    )
+    hand: Hand = run.device()
+    try:
+        hand.identify()
+    except NoAnswer:
+        return procedures.change_id(hand, new)  # perhaps it has the new id already
+    if isinstance(hand.bus, ModbusBus) and hand.bus.tcp:
+        run.journal.info("unit", "over TCP a hand answers to every unit: the id counts on its serial line or CAN bus")
+        return hand.table(hand.write(change))
+    return procedures.change_id(hand, new)
+
+
+def _change_baud(run: Run, rate: int, save_too: bool, verify: bool) -> Table:
+    from handctl.devices.inspire import flash
+    from handctl.devices.inspire.hand import place
+
+    planner: Hand = run.planner()
+    code = place.code_of(planner, rate)
+    if verify and not save_too:
+        raise UsageError("--verify needs --save: without it the hand keeps its old speed", hint="add --save")
+    if verify and not place.is_serial(planner):
+        raise UsageError("--verify needs a serial line", hint="leave it out, and scan after the power-cycle")
+    steps = planner.plan([(map_of(run.settings).find("baud_code")[1][0], code)])
+    if save_too:
+        steps.append(planner.trigger_step("save", "save to flash"))
+    if (plan := run.planned(steps)) is not None:
+        return plan
+    run.confirm(f"After save and power-cycle the hand uses {rate} bit/s only", steps)
+    hand = met(run)
+    table = place.change_speed(hand, code, rate)
+    if save_too or run.offer("Save it to flash now"):
+        table.rows += flash.save(hand, run.guide).rows
+        if verify or (place.is_serial(hand) and run.offer("Wait for the power-cycle and look for the hand there")):
+            _verify_speed(run, hand, rate, table)
+        else:
+            run.journal.info(
+                "power-cycle",
+                "the hand keeps its old speed until its power is switched off and on",
+                hint=f"power-cycle the hand, then use --baud {rate}",
+            )
+    else:
+        run.journal.warn(
+            "not-saved",
+            f"{rate} bit/s is not saved: the hand keeps its old speed",
+            hint=f"run `handctl hand save --id {hand.bus.id}`, then power-cycle the hand",
+        )
+    return table
+
+
+def _verify_speed(run: Run, hand: Hand, rate: int, table: Table) -> None:
+    from handctl.devices.inspire import procedures
+
+    if procedures.wait_for_speed(hand, rate, run.guide):
+        table.rows.append(
+            {"name": "verified_baud", "finger": None, "address": None, "value": rate, "unit": "baud", "raw": None}
+        )
+        return
+    table.failure = CheckFailed(
+        f"{hand.bus.link.name}: no hand at {rate} bit/s after the power-cycle",
+        hint="one edition of the manual says that this speed is not kept. `handctl hand scan` asks all ids and speeds",
+        code="not-kept",
+    )
+
+
+def _only_reads(run: Run, name: str) -> None:
+    if run.settings.dry_run:
+        raise UsageError(
+            f"`handctl hand {name}` without a value only reads", hint="run it without -n: it changes nothing"
+        )
+    run.only_reads()

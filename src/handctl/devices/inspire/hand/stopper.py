@@ -1,0 +1,165 @@
+"""The stop of an RH56 hand: speed 0 for every finger (rh56 §6). It is no emergency stop: a finger runs on a little.
+
+One quick read shows whether a hand of byte addresses is there. Who shows itself as something else is not written to. Who is
+silent is: then it is asked again behind the acknowledgement, since the speeds of F1 and DG2 lie elsewhere. There the
+generation must have been typed, or named with the device.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator
+
+from handctl.devices.inspire import canreg, eb90, modbus
+from handctl.devices.inspire.hand.typed import map_of, over_tcp
+from handctl.devices.inspire.identity import STATES, is_five_wide, is_six_wide, within
+from handctl.errors import DeviceRefused, LinkError, NoAnswer, ProtocolError
+from handctl.model.param import Step
+from handctl.stop.talk import Aim, Pieces, Say, Stopped, Talk
+
+QUICK, PATIENCE = 0.05, 0.3
+POWER = "Speed 0 does not replace the power switch. Switch the power off if the hand still moves"
+GOES_ON = "With a new speed the fingers may go on to their last target"
+LABEL = "add --model f1 or dg2 if the label says so. Switch the power off if it still moves"
+EB90, RTU, TCP, CAN = "EB90", "Modbus RTU", "Modbus TCP", "CAN"
+Verdict = Callable[[Pieces], Stopped | None]
+"""What the pieces that came say of a write; None = nothing came that does."""
+
+TAKEN = Stopped("taken")
+REFUSED = Stopped("the hand refused speed 0", POWER, DeviceRefused)
+BY_GATEWAY = {
+    modbus.NO_PATH: Stopped("the gateway has no way to the hand. Speed 0 did not arrive", POWER, LinkError),
+    modbus.NO_TARGET: Stopped("the gateway got no answer from the hand to speed 0", POWER, NoAnswer),
+}
+"""Exception -> who says so: not the hand."""
+
+
+def stop_talk(aim: Aim) -> Talk:
+    """Speed 0 on the wire of the LINK; on a serial line in the other protocol too, where the first brings no answer."""
+    settings = aim.settings
+    protocol = settings.own.get("protocol") or "auto"
+    if aim.can:
+        wires = [CAN]
+    elif over_tcp(settings):
+        wires = [TCP]
+    else:
+        wires = {"eb90": [EB90], "modbus": [RTU]}.get(protocol, [EB90, RTU])
+    failed: list[Stopped] = []
+    for wire in wires:
+        stopped = yield from _stop(aim, wire)
+        if stopped.error not in (NoAnswer, ProtocolError):
+            return stopped
+        failed.append(stopped)
+    return next((one for one in failed if one.error is ProtocolError), failed[-1])
+
+
+def _stop(aim: Aim, wire: str) -> Generator[Say, Pieces, Stopped]:
+    number = aim.settings.id if aim.settings.id is not None else 1
+    register = map_of(aim.settings)["speed_set"]
+    asks = register.per == 1 and wire != CAN  # CAN ids are the hand's own, and eight bytes tell nothing
+    states = (yield from _states(wire, number, QUICK)) if asks else None
+    if states is not None and not _is_hand(states):
+        return _other(states)
+    zeros = b"".join(register.encode(0) for _ in range(register.count))
+    seconds = aim.settings.timeout or PATIENCE
+    size = canreg.MAX_COUNT if wire == CAN else len(zeros)
+    for start in range(0, len(zeros), size):
+        data = zeros[start : start + size]
+        step, verdict = _writing(wire, number, (register.address + start) // register.per, data)
+        pieces = yield Say(step, seconds, lambda came, verdict=verdict: verdict(came) is not None)  # type: ignore[misc]
+        said = verdict(pieces)
+        if said is None:
+            return Stopped("speed 0 was sent and not acknowledged", POWER, ProtocolError if pieces else NoAnswer)
+        if said is not TAKEN:
+            return said
+    if asks and states is None:
+        states = yield from _states(wire, number, seconds)
+        if states is None or not _is_hand(states):
+            text = "speed 0 was acknowledged, by a device that did not show itself as an RH56 hand of byte addresses"
+            return Stopped(text, LABEL, ProtocolError)
+    return Stopped(f"the hand acknowledged speed 0 for every finger. {GOES_ON}. {POWER}")
+
+
+def _is_hand(states: bytes) -> bool:
+    return bool(is_six_wide(within([(STATES[0], states)])))
+
+
+def _other(states: bytes) -> Stopped:
+    """A device that answers and is no hand of byte addresses: nothing was written to it."""
+    if is_five_wide(within([(STATES[0], states)])):
+        text = "an EH55BF1 exoskeleton hand seems to answer here. Nothing was written"
+        return Stopped(text, "stop it with `handctl exo stop`", DeviceRefused)
+    text = "the device does not show itself as an RH56 hand of byte addresses. Nothing was written"
+    return Stopped(text, LABEL, DeviceRefused)
+
+
+def _states(wire: str, number: int, seconds: float) -> Generator[Say, Pieces, bytes | None]:
+    """Errors, status codes and temperatures of six fingers, None where they are not answered."""
+    address, count = STATES
+    pdu = modbus.read_request(address, count // 2)
+    data = eb90.read_request(number, address, count) if wire == EB90 else _modbus(wire, number, pdu)
+
+    def answered(pieces: Pieces) -> bytes | None:
+        if wire == EB90:
+            decoder = eb90.Decoder([eb90.read_reply_prefix(number, address, count)])
+            decoder.feed(b"".join(pieces))
+            frame = next(iter(decoder.finish()), None)
+            return frame.data if frame is not None else None
+        answer = _answer(wire, number, pieces, pdu)
+        return modbus.to_memory(answer.data) if answer is not None and answer.exception is None else None
+
+    step = Step("ask whether a hand is there", data)
+    pieces = yield Say(step, seconds, lambda came: answered(came) is not None, reads=True)
+    return answered(pieces)
+
+
+def _modbus(wire: str, number: int, pdu: bytes) -> bytes:
+    return modbus.tcp(1, pdu) if wire == TCP else modbus.rtu(number, pdu)
+
+
+def _answer(wire: str, number: int, pieces: Pieces, pdu: bytes) -> modbus.Answer | None:
+    decoder = modbus.TcpDecoder() if wire == TCP else modbus.RtuDecoder(number, pdu)
+    decoder.feed(b"".join(pieces))
+    while True:
+        try:
+            answer = decoder.next()
+        except ProtocolError:
+            continue
+        if answer is None or modbus.answers(answer.pdu, pdu):
+            return answer
+
+
+def _writing(wire: str, number: int, address: int, data: bytes) -> tuple[Step, Verdict]:
+    """The write, and what judges the pieces that come back."""
+    meaning = "set the speed of every finger to 0"
+    if wire == CAN:
+        identifier, payload = canreg.write_request(number, address, data, canreg.WRITE_HAND)
+        return Step(meaning, payload, can_id=identifier, moves=True), lambda pieces: _of_can(pieces, len(data))
+    if wire == EB90:
+        prefix = eb90.write_ack_prefix(number, address)
+
+        def acknowledged(pieces: Pieces) -> Stopped | None:
+            decoder = eb90.Decoder([prefix])
+            decoder.feed(b"".join(pieces))
+            frame = next(iter(decoder.finish()), None)
+            if frame is None:
+                return None
+            return TAKEN if frame.data == bytes([eb90.ACCEPTED]) else REFUSED
+
+        return Step(meaning, eb90.write_request(number, address, data), moves=True), acknowledged
+    pdu = modbus.write_request(address, modbus.to_memory(data))
+
+    def answered(pieces: Pieces) -> Stopped | None:
+        answer = _answer(wire, number, pieces, pdu)
+        if answer is None:
+            return None
+        return TAKEN if answer.exception is None else BY_GATEWAY.get(answer.exception, REFUSED)
+
+    return Step(meaning, _modbus(wire, number, pdu), moves=True), answered
+
+
+def _of_can(pieces: Pieces, count: int) -> Stopped | None:
+    """An acknowledgement is empty, or the number of bytes taken; longer is our own frame, which an adapter hands back."""
+    short = [piece for piece in pieces if len(piece) < 2]
+    if not short:
+        return None
+    return TAKEN if short[0] in (b"", bytes([count])) else REFUSED

@@ -1,0 +1,105 @@
+"""What the user says of a hand before anybody asks it: its generation and its wire. Sends nothing."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from handctl.devices.inspire.hand.map import BYTE_MAP, MAPS, MODELS, model_of
+from handctl.devices.inspire.modbuswords import RTU, TCP, mode_of
+from handctl.digits import number_in
+from handctl.errors import UsageError
+from handctl.model.param import ParamMap
+
+PORT = 6000
+"""Modbus TCP (rh56 §2.3)."""
+RTU_SPEED = 38400
+"""bit/s: at this one and below a BarrettHand listens."""
+HERE = ("127.0.0.1", "localhost", "[::1]")
+"""This machine, where simulators are served."""
+
+if TYPE_CHECKING:
+    from handctl.frame.options import Settings
+    from handctl.link import ByteLink
+
+
+def typed_model(settings: Settings) -> str | None:
+    """The generation that --model or the named device says. Raises UsageError for a label that is not known."""
+    text = settings.own.get("model")
+    if text is None:
+        return None
+    model = model_of(text)
+    if model is None:
+        raise UsageError(
+            f"--model {text}: this model is not known",
+            hint=f"use {', '.join(MODELS)}, or the name on the label, such as RH56DFTP",
+        )
+    return model
+
+
+def check(settings: Settings) -> None:
+    """Raise UsageError for a model that is not known, and for Modbus TCP on a port that nobody has said is a hand's.
+
+    Bytes to another port may reach a serial line. There function 03 is ^C, which ends a movement of a BarrettHand.
+    """
+    typed_model(settings)
+    link = settings.port or ""
+    if not link.startswith("tcp://") or settings.own.get("protocol") == "modbus":
+        return
+    host, colon, port = link.removeprefix("tcp://").rstrip("/").rpartition(":")
+    if colon and number_in(port) not in (None, PORT) and host not in HERE:
+        raise UsageError(
+            f"{link}: Modbus TCP of a hand is port {PORT}. Another port may lead to a serial line",
+            hint="add --protocol modbus if a hand answers there (for doctor, HANDCTL_PROTOCOL=modbus), or give socket://HOST:PORT for "
+            "a serial line",
+        )
+
+
+def map_of(settings: Settings) -> ParamMap[Any]:
+    """The map of the generation that was typed; without one, that of DF and TP."""
+    model = typed_model(settings)
+    return MAPS[model] if model is not None else BYTE_MAP
+
+
+def over_tcp(settings: Settings) -> bool:
+    """Whether the LINK is Modbus TCP: tcp://, the simulator's --modbus-tcp, or a transcript of it."""
+    if settings.port is None:
+        return settings.wire == "modbus-tcp"
+    return is_modbus_tcp(settings.port) or recorded(settings.port) == TCP
+
+
+def simulated(settings: Settings) -> str:
+    """The simulator of plain --fake is of the generation that was typed."""
+    model = typed_model(settings)
+    return f"model={model}" if model is not None else ""
+
+
+def protocol_of(settings: Settings) -> str:
+    """What is spoken on a serial line: auto, eb90 or modbus; a transcript shows it."""
+    typed: str = settings.own.get("protocol") or "auto"
+    shown = recorded(settings.port or "")
+    return "modbus" if typed == "auto" and shown == RTU else typed
+
+
+def recorded(link: str) -> str:
+    """Which envelope of Modbus the first question of a transcript has; "" = none, or the LINK is no transcript."""
+    if not link.startswith("replay:"):
+        return ""
+    from handctl.files import opened
+
+    try:
+        with opened(link.removeprefix("replay:"), "a transcript") as file:
+            lines = (line.decode("ascii", "replace") for line in iter(lambda: file.readline(1 << 16), b""))
+            asked = next((line for line in lines if ">" in line and not line.lstrip().startswith("#")), "")
+        return mode_of(bytes.fromhex(asked.partition(">")[2]))
+    except (OSError, UsageError, ValueError):
+        return ""  # opening it will say what is wrong; a line of CAN has words in it
+
+
+def is_modbus_tcp(link: str) -> bool:
+    """Whether a LINK carries Modbus TCP."""
+    return link.startswith("tcp://") or (link.startswith("fake://") and "bus=modbus-tcp" in link)
+
+
+def asks_rtu(link: ByteLink) -> bool:
+    """Whether Modbus RTU may be asked there unsaid: at a slow speed a BarrettHand takes the 03 of a read for ^C."""
+    return link.replayed or not link.can_set_baud or link.baud is None or link.baud > RTU_SPEED

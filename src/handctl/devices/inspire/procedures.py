@@ -1,0 +1,273 @@
+"""Finding a hand and changing where it is found: probes, id, baud. For the EH55BF1 and the RH56 hands.
+
+Each writes once, then finds out by reading what became of it; none repeats a write. The order of steps and the waits
+are those of the manual (cited) and, where it is silent, of the sibling hand; what is unknown on this hardware is said.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from handctl.devices.inspire import eb90
+from handctl.devices.inspire.bus import Bus
+from handctl.devices.inspire.map import BAUD_RATES
+from handctl.devices.inspire.registers import RegisterBus
+from handctl.errors import CheckFailed, HandctlError, LinkError, NoAnswer, ProtocolError
+from handctl.link import ByteLink
+from handctl.model.guide import Guide
+from handctl.model.param import Element, Reading
+from handctl.model.result import Column, Table
+
+if TYPE_CHECKING:
+    from handctl.devices.inspire.base import RegisterDevice
+
+PROBE_SECONDS = 0.1
+PATIENCE_SECONDS = 2.5
+"""Longest answer that is waited for where one may only be late."""
+LATE_SECONDS = 0.7
+"""How long to listen for an answer that came too late before looking at other speeds."""
+POWER_CYCLE_SECONDS = 120.0
+
+
+def probe(bus: RegisterBus, device_id: int, *, seconds: float | None = None) -> bool:
+    """Whether a hand answers to `device_id` (read-only, asked twice). `seconds` per answer, default the bus timeout.
+
+    Only our own bytes coming back is silence too: on a line with echo that is how a free id looks. So are the frames of others, which are
+    told. Raises
+    ProtocolError when something else comes.
+    """
+    there = bus.at(device_id=device_id)
+    there.timeout = seconds if seconds is not None else bus.timeout
+    try:
+        there.read(*bus.presence, retries=1)
+    except NoAnswer:
+        return False
+    except ProtocolError as exc:
+        if exc.code == "stale" and bus.journal.line.others:
+            bus.journal.warn(
+                "others",
+                f"others speak on this line, and id {device_id} did not answer among them",
+                hint="stop the other program or master to be sure that the id is free",
+            )
+        elif exc.code != "echo":
+            raise
+        return False
+    finally:
+        bus.round_trip = there.round_trip
+    return True
+
+
+def find_speed(bus: Bus) -> int | None:
+    """The speed of the three documented ones at which the hand answers, or None. Leaves the port at that speed."""
+    link, first = bus.link, bus.link.baud
+    for rate in sorted(BAUD_RATES.values(), key=lambda rate: rate != first):
+        link.set_baud(rate)
+        try:
+            if probe(bus, bus.id, seconds=PROBE_SECONDS) and bus.pace(LATE_SECONDS) is not None:
+                return rate  # not a late answer to a question at another speed
+        except ProtocolError:
+            continue  # garbage at a wrong speed is as good as silence here
+    if first is not None:
+        link.set_baud(first)
+    return None
+
+
+def explain_silence(hand: RegisterDevice, error: HandctlError) -> HandctlError:
+    """A better error for a hand that gave no valid answer at all: is it slow, or there at another speed? Read-only.
+
+    Late answers are waited for first: one that arrives after the speed was changed would name a wrong speed.
+    """
+    bus = hand.bus
+    if not isinstance(bus, Bus) or bus.link.replayed:
+        return error
+    frame = bus.listen([eb90.DEVICE + bytes([bus.id])], max(LATE_SECONDS, bus.timeout))
+    if frame is not None:
+        return late(bus)
+    if not bus.link.can_set_baud:
+        return error
+    was = bus.link.baud
+    try:
+        found = find_speed(bus)
+    except LinkError:
+        return error
+    if found is None and bus.pace(PATIENCE_SECONDS) is not None:
+        return late(bus)
+    if found is None or found == was:
+        return error
+    return ProtocolError(
+        f"id {bus.id} on {bus.link.name} does not answer at {was} bit/s but does at {found} bit/s",
+        hint=f"run the command again with --baud {found}",
+        code="wrong-speed",
+    )
+
+
+def late(bus: Bus) -> NoAnswer:
+    """The error of a hand that answers, but too late."""
+    longer = f"--timeout {max(1.0, 4 * bus.timeout):g}"
+    written = any(message.code == "ack-lost" for message in bus.journal.messages)
+    return NoAnswer(
+        f"id {bus.id} on {bus.link.name} answers, but later than {bus.timeout:g} s",
+        hint=f"read the values with {longer} before you repeat the command: the write may have taken effect"
+        if written
+        else f"run the command again with {longer}",
+        code="late",
+    )
+
+
+# -- id -----------------------------------------------------------------------------------------------------------
+
+
+def change_id(hand: RegisterDevice, new: int, *, saved_next: bool = False) -> Table:
+    """Give the hand another id (exo §2.3.1, rh56 §2.1). Acts at once; kept over power-off only by a later save.
+
+    `saved_next`: the caller sees to that. The new id must be free on the line. Raises CheckFailed when it is not, or when the hand is not found afterwards.
+    """
+    bus, old = hand.bus, hand.bus.id
+    if new == old:
+        hand.journal.info("already", f"the hand already has id {new}")
+        return _id_row(hand, old)
+    new_taken = probe(bus, new)
+    try:
+        old_there = probe(bus, old)
+    except ProtocolError as exc:  # perhaps a late answer of the new id
+        if exc.code != "wrong-id" or not _slower(bus):
+            raise
+        old_there, new_taken = True, probe(bus, new)
+    if (not old_there or (bus.round_trip or 0.0) > bus.timeout / 2) and _slower(bus):
+        old_there, new_taken = True, probe(bus, new)
+    if not old_there and new_taken:
+        bus.id = new
+        hand.journal.info("already", f"no hand answers to id {old}, but one already answers to id {new}")
+        return _id_row(hand, old)
+    if not old_there:
+        hand.identify()  # somebody else's answers name him
+        bus.read(*bus.presence)  # says what comes instead: silence, or only our own bytes
+    if new_taken:
+        raise CheckFailed(
+            f"{bus.link.name}: id {new} is taken by another hand on this line",
+            hint=f"choose a free id: `handctl {hand.kind} scan --all` lists those in use. Nothing was written.",
+            code="id-taken",
+        )
+    with hand.bus.leaving(
+        f"the hand may have id {new} already",
+        f"find it with `handctl {hand.kind} scan`. A power-cycle brings back the saved id",
+    ):
+        return _write_id(hand, new, saved_next)
+
+
+def _slower(bus: RegisterBus) -> bool:
+    """Whether the hand answers more slowly than the timeout has room for: then this is raised to fit."""
+    took = bus.pace(PATIENCE_SECONDS)
+    if took is None or 2 * took <= bus.timeout:
+        return False
+    bus.timeout = 2 * took + 0.1
+    bus.journal.info("line", f"Slow line: {1000 * took:.0f} ms. Each answer has {bus.timeout:.1f} s")
+    return True
+
+
+def _write_id(hand: RegisterDevice, new: int, saved_next: bool) -> Table:
+    bus, old = hand.bus, hand.bus.id
+    data, ids = hand.map["id"].encode(new), (new,)
+    step = bus.write_step(hand.map["id"].address, data, f"id = {new}")
+    # The acknowledgement comes from the new id on the sibling hand; the manual does not say (RH56 ch. 3 ex. 1).
+    bus.try_write(hand.map["id"].address, data, "the id change", "handctl looks for the hand", acknowledged_by=ids)
+    if probe(bus, new):
+        bus.id = new
+        row = _id_row(hand, old)
+        hand.journal.ledger.confirm(f"answers to id {new}", step)
+        if not saved_next:
+            hand.journal.info(
+                "volatile",
+                f"id {new} lasts until power-off",
+                hint=f"keep it with `handctl {hand.kind} save --id {new}` ({hand.map['save'].source})",
+            )
+        return row
+    if probe(bus, old):
+        hand.journal.ledger.doubt(f"still answers to id {old}", step)
+        raise CheckFailed(
+            f"{bus.link.name}: the hand still answers to id {old}, not to {new}",
+            hint="run the command again: the id was not changed, so this is safe",
+            code="read-back",
+        )
+    try:
+        bus.at(device_id=new).read(*bus.presence)
+    except (NoAnswer, ProtocolError) as exc:
+        raise exc.retold(
+            f"{bus.link.name}: no hand answers to id {new} or {old} after the id change: {exc.text}",
+            hint=f"find the hand with `handctl {hand.kind} scan`. A power-cycle brings back the saved id",
+        ) from exc
+    bus.id = new
+    return _id_row(hand, old)
+
+
+def _id_row(hand: RegisterDevice, before: int) -> Table:
+    register = hand.map["id"]
+    value = hand.bus.read(register.address, register.size)
+    if value[0] != hand.bus.id:
+        raise CheckFailed(
+            f"{hand.bus.where}: register 1000 reads {value[0]}, but the hand answers to id {hand.bus.id}",
+            hint=f"leave one hand on the line, then look with `handctl {hand.kind} scan`",
+            code="read-back",
+        )
+    row = hand.row(Reading(Element(register, 0), value[0], value))
+    return Table(rows=[{**row, "before": before}], columns=(*hand.columns, Column("before", "Before", right=True)))
+
+
+# -- baud ---------------------------------------------------------------------------------------------------------
+
+
+def code_of(rate: int) -> int | None:
+    """The register code of a speed in bit/s (exo §2.3.2), None if the manual has none."""
+    return next((code for code, value in BAUD_RATES.items() if value == rate), None)
+
+
+def change_baud(hand: RegisterDevice, rate: int) -> Table:
+    """Write the speed of an EH55BF1 that counts after save and power cycle (exo §2.3.2), and read it back.
+
+    The port stays as it is. The RH56 hands have their own way (`hand.place`): their code lies elsewhere.
+    """
+    register, code = hand.map["baud_code"], code_of(rate)
+    assert code is not None
+    element = Element(register, 0)
+    hand.identify()
+    before = hand.bus.read(register.address, register.size)[0]
+    if before == code:
+        hand.journal.info("already", f"baud_code is already {code} ({rate} bit/s)")
+        readings = [Reading(element, before, bytes([before]))]
+    else:
+        try:
+            readings = hand.write([(element, code)])
+        except CheckFailed as exc:
+            exc.hint = (
+                f"read both places of the speed code with `handctl {hand.kind} read 1001 2`. It lies at 1001 in this manual (exo §2.3), "
+                "at 1002 on the RH56 hand: this may be another hand. Only 1001 was written"
+            )
+            raise
+    return hand.table(readings)
+
+
+def wait_for_speed(hand: RegisterDevice, rate: int, guide: Guide, *, seconds: float = POWER_CYCLE_SECONDS) -> bool:
+    """Wait until the hand answers at `rate` after a power cycle. A simulator's power is switched here."""
+    link = hand.bus.link
+    assert isinstance(link, ByteLink)
+    if link.power_cycle():
+        guide.say("simulated: the simulator's power was switched off and on")
+    else:
+        guide.say(
+            f"Switch the hand's power off and on now. handctl waits up to {seconds:.0f} s for it at {rate} bit/s."
+        )
+    link.set_baud(rate)
+    end = link.deadline(seconds)
+    while not end.expired:
+        guide.progress(f"waiting for id {hand.bus.id} at {rate} bit/s, {end.remaining:.0f} s left")
+        try:
+            allowed = max(PROBE_SECONDS, 2 * (hand.bus.round_trip or 0.0))
+            if probe(hand.bus, hand.bus.id, seconds=allowed) and hand.bus.pace(allowed) is not None:
+                guide.done()
+                return True
+        except ProtocolError:
+            pass  # bytes of a hand that starts, or still talks at the old speed
+        hand.bus.out_of_time("the power-cycle")
+        hand.bus.pause(0.2)
+    guide.done()
+    return False

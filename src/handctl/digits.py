@@ -1,0 +1,20 @@
+"""Numbers in what somebody typed, set or sent. Python takes digits of every script for a number, and raises at 4,300 of them."""
+
+from __future__ import annotations
+
+MOST = 18
+"""Digits: more than any number here has, and none that two programs take for different ones."""
+
+
+def number_in(text: str) -> int | None:
+    """The number that these digits are, from 0; None when they are no ASCII digits, or more than `MOST`."""
+    return int(text) if text.isascii() and text.isdigit() and len(text) <= MOST else None
+
+
+def whole(text: str, low: int, high: int) -> int:
+    """A whole number from low to high, as a control command or a state file has it. Raises ValueError."""
+    digits = number_in(text.removeprefix("-"))
+    number = -digits if digits is not None and text.startswith("-") else digits
+    if number is None or not low <= number <= high:
+        raise ValueError(f"{text!r} is not a whole number from {low} to {high}")
+    return number

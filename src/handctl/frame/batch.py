@@ -1,0 +1,214 @@
+"""`handctl batch`: a script of command lines on one open link. All of it is understood, planned and confirmed before it begins."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import sys
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+import click
+
+from handctl.ending import asked
+from handctl.errors import HandctlError, Interrupted, NotConfirmed, UsageError
+from handctl.files import atomic_write, read_text
+from handctl.frame.console import print_message
+from handctl.frame.lines import Line, defaults, line, placed
+from handctl.frame.run import NO_TERMINAL, UNANSWERED
+from handctl.frame.session import Session
+from handctl.model.result import Table
+from handctl.sentence import plural
+
+if TYPE_CHECKING:
+    from handctl.frame.plan import Plan
+    from handctl.frame.run import Run
+
+MOST_BYTES = 4_000_000
+LONGEST = 20_000
+"""Characters of a line."""
+SHOWN = 20
+"""Steps of one line that the question shows."""
+
+
+def batch(run: Run, context: click.Context, file: str, *, keep_going: bool) -> Table | None:
+    """Run the lines of `file`, or of stdin for "-". The failure of the whole is that of the first line that failed."""
+    text = _script(file)
+    with _no_stdin():
+        lines = list(_lines(text, context))
+        if not lines:
+            raise UsageError("the script has no command", hint="write one command a line, without `handctl`")
+        plans = list(_plans(lines))
+    lines = _confirmed(run, lines, plans)
+    with _no_stdin(), _output(run):
+        return _run(run, lines, keep_going=keep_going)
+
+
+def _script(file: str) -> str:
+    if file != "-":
+        return read_text(file, "a script", MOST_BYTES)
+    if sys.stdin.isatty():
+        raise UsageError("no script given", hint="name a file, or send the lines on stdin. `handctl shell` is a prompt")
+    try:
+        text = sys.stdin.read(MOST_BYTES + 1)
+    except (OSError, UnicodeDecodeError) as exc:
+        raise UsageError(f"stdin: the script cannot be read: {exc}", hint="send text in UTF-8") from exc
+    if len(text) > MOST_BYTES:
+        raise UsageError(f"stdin: larger than {MOST_BYTES // 1_000_000} MB: not a script", hint="send fewer lines")
+    return text
+
+
+@contextlib.contextmanager
+def _no_stdin() -> Iterator[None]:
+    """No line reads what the script came from, and none asks: that was done before."""
+    before, sys.stdin = sys.stdin, io.StringIO()
+    try:
+        yield
+    finally:
+        sys.stdin = before
+
+
+def _lines(text: str, context: click.Context) -> Iterator[Line]:
+    """The commands of a script. Raises UsageError with the number of the line."""
+    import shlex
+
+    given = defaults(context)
+    known: dict[str, Line] = {}  # a line that occurs again is the same
+    for number, raw in enumerate(text.splitlines(), 1):
+        typed = raw.strip()
+        if len(typed) > LONGEST:
+            raise UsageError(
+                f"line {number} has {len(typed)} characters: not a command", hint="write one command a line"
+            )
+        try:
+            if typed in known:
+                yield known[typed]._replace(number=number)
+                continue
+            words = shlex.split(typed, comments=True)
+            if words[:1] == ["handctl"]:
+                raise UsageError(
+                    "the word handctl is not part of a line", hint="begin with the device, such as `exo get id`"
+                )
+            if words:
+                with contextlib.redirect_stdout(io.StringIO()):  # of a line that asks for help
+                    known[typed] = line(words, given, number)
+                yield known[typed]
+        except ValueError as exc:
+            raise UsageError(f"line {number}: {exc}: {typed}", hint="close the quote") from exc
+        except click.exceptions.Exit as exc:
+            raise UsageError(f"line {number} asks for help: {typed}", hint="remove that line") from exc
+        except HandctlError as exc:
+            raise exc.retold(f"line {number} ({typed}): {exc.text}") from exc
+
+
+def _plans(lines: Sequence[Line]) -> Iterator[Plan]:
+    """The plan of each. Raises UsageError."""
+    known: dict[int, Plan] = {}
+    for one in lines:
+        key = id(one.context)
+        if key not in known:
+            known[key] = _planned(one)
+        yield known[key]
+
+
+def _planned(one: Line) -> Plan:
+    try:
+        return one.plan()
+    except click.UsageError as exc:
+        raise placed(UsageError(exc.format_message(), hint="correct that line. Nothing was sent."), one) from exc
+    except HandctlError as exc:
+        raise placed(exc, one) from exc
+
+
+def _confirmed(run: Run, lines: Sequence[Line], plans: Sequence[Plan]) -> list[Line]:
+    """The lines, with a yes where they ask for one: one question for all, behind the plan. Raises NotConfirmed."""
+    open_ = [
+        (one, plan)
+        for one, plan in zip(lines, plans, strict=True)
+        if plan.question and not one.settings.yes and not one.settings.dry_run
+    ]
+    if not open_:
+        return list(lines)
+    for one, plan in open_:
+        run.guide.say(f"line {one.number}: {one.command}: {plan.question}")
+        for step in plan.steps[:SHOWN]:
+            run.guide.say(f"  {step.meaning}: {step.wire}")
+        if len(plan.steps) > SHOWN:
+            run.guide.say(f"  and {len(plan.steps) - SHOWN} more steps. -n shows them")
+    first, plan = open_[0]
+    if not run.guide.interactive:
+        where = f"line {first.number} ({first.command}): {plan.question}"
+        raise NotConfirmed(f"{where}. {NO_TERMINAL}", hint=UNANSWERED)
+    words = dict.fromkeys(plan.word for _, plan in open_ if plan.word)
+    count = f"{len(open_)} of {len(lines)} lines ask" if len(open_) > 1 else "One line asks"
+    if not run.guide.ask(f"{count} to be confirmed", " ".join(words)):
+        raise NotConfirmed("not confirmed: nothing was sent", hint="run the command again to confirm it")
+    asking = {one.number for one, _ in open_}
+    answered = [one.confirmed() if one.number in asking else one for one in lines]
+    for one in answered:
+        if one.number in asking:
+            _planned(one)  # a yes without a person may need more words, such as who it was
+    return answered
+
+
+@contextlib.contextmanager
+def _output(run: Run) -> Iterator[None]:
+    """The data of all lines goes to the file of -o."""
+    path = run.settings.output
+    if not path:
+        yield
+        return
+    with atomic_write(path) as file, contextlib.redirect_stdout(file):
+        yield
+
+
+def _run(run: Run, lines: Sequence[Line], *, keep_going: bool) -> Table | None:
+    dry = run.settings.dry_run
+    session = Session(run.command, writes=any(one.leaf.writes and not one.settings.dry_run for one in lines))
+    failed: list[tuple[Line, HandctlError]] = []
+    done = 0
+    try:
+        for one in lines:
+            if dry and not one.leaf.writes and not one.leaf.offline:
+                run.journal.info("left-out", f"line {one.number} ({one.command}) only reads: left out of a dry run")
+                continue
+            done += 1
+            session.place = {"line": one.number, "command": one.command}
+            error = _carried_out(one, session, run)
+            if error is not None:
+                failed.append((one, error))
+            if error is not None and not (keep_going and error.exit_code != Interrupted.exit_code):
+                break
+    finally:
+        error = session.close(run.journal)
+    failure = _failure(failed, done) if failed else error
+    if run.settings.format in ("json", "ndjson"):
+        return Table(extra={"lines": done, "failed": len(failed)}, failure=failure)
+    if failure is not None:
+        raise failure
+    return None
+
+
+def _carried_out(one: Line, session: Session, run: Run) -> HandctlError | None:
+    """Run one line; the error with which it ended."""
+    if not one.shared:
+        session.release(run.journal)  # it may want the port for itself
+    try:
+        one.run(session)
+    except HandctlError as exc:
+        if exc.text != "interrupted":
+            told = placed(exc, one)
+            print_message("error", told.text, told.hint)
+        return exc
+    return Interrupted("interrupted") if asked() else None
+
+
+def _failure(failed: Sequence[tuple[Line, HandctlError]], done: int) -> HandctlError:
+    """The failure of the whole: it ends as the first line that failed."""
+    one, first = failed[0]
+    if first.exit_code == Interrupted.exit_code:
+        return Interrupted("interrupted")
+    text = f"{len(failed)} of {plural(done, 'line')} failed, the first is line {one.number} ({one.command})"
+    failure = HandctlError(text, hint=f"see the message of line {one.number}", code="line-failed")
+    failure.exit_code = first.exit_code
+    return failure

@@ -1,0 +1,216 @@
+"""A command called from Python: the same body with values in place of words, nothing shown, no signal taken.
+
+A question goes to `confirm`, the result is returned, what went wrong is raised. Ctrl-C stops what is being driven, as in a
+command, and is raised again.
+"""
+
+from __future__ import annotations
+
+import io
+import threading
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any, TextIO
+
+import click
+
+from handctl.errors import HandctlError, Interrupted, NotConfirmed, UsageError
+from handctl.frame.cause import as_told, from_click
+from handctl.frame.clikit import Command
+from handctl.frame.options import COMMAND_LINE, SOURCES
+from handctl.frame.own import OWN
+from handctl.frame.run import SESSION, Run
+from handctl.frame.steps import plan_table
+from handctl.model.guide import Guide
+from handctl.model.result import Journal, Row, Table
+
+if TYPE_CHECKING:
+    from handctl.frame.family import Family
+    from handctl.frame.options import Settings
+    from handctl.frame.session import Session
+    from handctl.model.param import Step
+    from handctl.model.result import Message
+
+Confirm = bool | Callable[[str, list[Row]], bool]
+"""The answer to what asks: True, or who is asked, with the question and the steps that are going to be written."""
+STOPPED = "stopped"
+"""Code of what another process has stopped: no Ctrl-C."""
+
+
+class Caller(Guide):
+    """A program: nothing is said to it. What must not be disturbed keeps Ctrl-C waiting without a handler of its own."""
+
+    def __init__(self, confirm: Confirm) -> None:
+        self.interactive = callable(confirm)
+
+    @contextmanager
+    def undisturbed(self) -> Iterator[None]:
+        from handctl.system.signals import held_back, numbers
+
+        with held_back(numbers()):
+            yield
+
+
+class Call(Run):
+    """One run of one command for a program."""
+
+    def __init__(self, ctx: click.Context, settings: Settings, family: Family | None, confirm: Confirm = False) -> None:
+        self._confirm = confirm
+        self.failure: HandctlError | None = None
+        self.extra: dict[str, Any] = {}
+        super().__init__(ctx, settings, family)
+        self.context = ctx
+        self.listens = False
+
+    def person(self) -> Guide:
+        return Caller(self._confirm)
+
+    @property
+    def typed(self) -> TextIO:
+        return io.StringIO()
+
+    def need_answer(self, question: str) -> None:
+        if not (self.settings.yes or self.settings.dry_run or callable(self._confirm)):
+            hint = "give confirm=True, or a function that answers. dry_run=True returns the bytes. Nothing was sent."
+            raise NotConfirmed(f"{question}. Confirmation needed", hint=hint)
+
+    def confirm(self, question: str, steps: Sequence[Step] = (), *, word: str = "") -> None:
+        self.ledger.plan(steps)
+        if self.settings.yes:
+            return
+        self.need_answer(question)
+        if not (callable(self._confirm) and self._confirm(question, plan_table(steps).rows)):
+            raise NotConfirmed("not confirmed: nothing was sent", hint="the function given as confirm said no")
+
+    def offer(self, question: str) -> bool:
+        return False
+
+    def stream(self, table: Table) -> HandctlError | None:
+        """A stream is taken by the caller, sample by sample."""
+        return None
+
+    def _show_message(self, message: Message) -> None:
+        """Nothing is shown: it stands in the envelope."""
+
+    def finish(self, table: Table | None, failure: HandctlError | None) -> list[Row]:
+        """The rows of what has ended. Raises what went wrong, with them; KeyboardInterrupt for Ctrl-C."""
+        failure, told = self.ended(table, failure)
+        rows = table.rows if table is not None else []
+        self.failure = told
+        if table is not None:
+            self.extra = table.extra
+        if isinstance(told, Interrupted) and told.code != STOPPED:
+            raise KeyboardInterrupt(told.text) from told
+        if told is not None:
+            told.rows = tuple(rows)
+            raise told
+        return rows
+
+    def samples(self, table: Table) -> Generator[list[Row], None, None]:
+        """The samples of a stream, each as its rows. The device is left when it ends, or is closed."""
+        failure: HandctlError | None = None
+        assert table.samples is not None
+        source = iter(table.samples)
+        try:
+            for sample in source:
+                yield [{"t": round(sample.t, 6), **row} for row in sample.rows]
+        except HandctlError as exc:
+            failure = as_told(self, exc)
+        except KeyboardInterrupt:
+            failure = Interrupted("interrupted")
+        finally:
+            if isinstance(source, Generator):
+                source.close()
+            self.extra = table.summary() if table.summary is not None else {}
+            ended, self.failure = self.ended(table, failure)
+        told = self.failure or ended
+        if isinstance(told, Interrupted) and told.code != STOPPED:
+            raise KeyboardInterrupt(told.text) from told
+        if told is not None:
+            raise told
+
+
+class Line:
+    """One device that is called again and again: its session, and what is said of its link."""
+
+    def __init__(self, family: Family, settings: Settings, session: Session) -> None:
+        self.family = family
+        self.settings = settings
+        self.session = session
+        self.last: Call | None = None
+        self._running: Generator[list[Row], None, None] | None = None
+        self._turn = threading.RLock()
+
+    def open(self) -> None:
+        """Open the link now. Raises LinkError, UsageError."""
+        call = self._call(click.Command("connect"), "connect", {}, self.settings, False)
+
+        def body() -> None:
+            call.open_link()
+
+        call.finish(*call.carried_out(body))
+
+    def close(self) -> HandctlError | None:
+        """Close the link; what went wrong."""
+        with self._turn:
+            self._end_stream()
+            return self.session.close(self.last.journal if self.last is not None else Journal())
+
+    def call(
+        self, command: Command, words: str, values: Mapping[str, Any], *, confirm: Confirm, dry_run: bool
+    ) -> list[Row] | Iterator[list[Row]]:
+        """Carry out the command that is typed as `words` with these values, by click's names. Raises HandctlError."""
+        with self._turn:
+            if command.stops:
+                self._end_stream()
+            self._check_free()
+            settings = self.settings._replace(yes=confirm is True, dry_run=dry_run)
+            call = self._call(command, words, values, settings, confirm)
+            table, failure = call.carried_out(command.body(call.context, call))
+            if failure is None and table is not None and table.samples is not None:
+                return self._taken(call, table)
+            rows = call.finish(table, failure)
+            return iter([rows]) if command.streams else rows
+
+    def _call(
+        self, command: click.Command, words: str, values: Mapping[str, Any], settings: Settings, confirm: Confirm
+    ) -> Call:
+        ctx = click.Context(command, info_name=f"handctl {self.family.kind} {words}")
+        ctx.meta[SESSION] = self.session
+        said = [key for key in ("id", "baud") if getattr(settings, key) is not None]
+        ctx.meta[SOURCES] = dict.fromkeys((*said, "yes", "dry_run"), COMMAND_LINE)
+        try:
+            with ctx:
+                for param in command.params:
+                    given = {param.name: values[param.name]} if param.name in values else {}
+                    param.handle_parse_result(ctx, given, [])
+            for name, value in ctx.params.items():
+                if type(value).__module__.startswith("click"):
+                    ctx.params[name] = None  # click's own mark of what was not given
+        except click.UsageError as exc:
+            raise from_click(exc) from exc
+        if "-" in ctx.params.values():
+            raise UsageError("standard input is not read here", hint="name a file in place of -")
+        settings = settings._replace(own={**settings.own, **ctx.meta.get(OWN, {})})
+        self.last = Call(ctx, settings, self.family, confirm)
+        return self.last
+
+    def _check_free(self) -> None:
+        if self._running is not None:
+            hint = "leave its loop, or close it. `stop` can be called at any time"
+            raise UsageError(f"{self.settings.port}: a stream is running on this link", hint=hint)
+
+    def _taken(self, call: Call, table: Table) -> Iterator[list[Row]]:
+        with self._turn:
+            self._check_free()
+            self._running = samples = call.samples(table)
+        try:
+            yield from samples
+        finally:
+            if self._running is samples:
+                self._running = None
+
+    def _end_stream(self) -> None:
+        running, self._running = self._running, None
+        if running is not None:
+            running.close()

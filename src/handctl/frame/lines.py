@@ -1,0 +1,107 @@
+"""Command lines as they are typed behind `handctl`: taken apart, planned without a device, and run in a session."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import click
+
+from handctl.errors import HandctlError, UsageError
+from handctl.frame.cause import from_click
+from handctl.frame.clikit import TAKEN, Command, root
+from handctl.frame.options import COMMAND_LINE, GIVEN, SOURCES
+from handctl.frame.plan import Plan, Planning
+from handctl.frame.run import SESSION, Run
+from handctl.frame.usage import BARE, NoCommand
+
+if TYPE_CHECKING:
+    from handctl.frame.options import Settings
+    from handctl.frame.session import Session
+
+HERE = ("stop",)
+"""Commands without a family that use the links of a session."""
+
+
+class Line(NamedTuple):
+    """A command line whose words make sense.
+
+    number   in its script, from 1
+    command  all its words that name the command, such as "exo get"
+    """
+
+    number: int
+    command: str
+    context: click.Context
+    leaf: Command
+    settings: Settings
+
+    @property
+    def shared(self) -> bool:
+        """Whether it uses the links of its session."""
+        return self.leaf.family is not None or self.leaf.offline or self.command in HERE
+
+    def plan(self) -> Plan:
+        """What it means to do. Raises UsageError."""
+        run = Planning(self.context, self.settings, self.leaf.family)
+        if "-" in self.context.params.values():
+            raise UsageError("standard input cannot be read here", hint="name a file in place of -")
+        if self.leaf.offline and run.outputs:
+            return Plan()  # it writes its files where it stands
+        return run.plan(self.leaf.body(self.context, run))
+
+    def confirmed(self) -> Line:
+        """The same line with a yes."""
+        self.context.meta[SOURCES] = {**self.context.meta.get(SOURCES, {}), "yes": COMMAND_LINE}
+        return self._replace(settings=self.settings._replace(yes=True))
+
+    def run(self, session: Session) -> None:
+        """Carry it out and show its result. Raises HandctlError."""
+        self.context.meta[SESSION] = session
+        self.leaf.carry_out(self.context, Run(self.context, self.settings, self.leaf.family))
+
+
+def line(words: Sequence[str], given: Mapping[str, Any], number: int = 0) -> Line:
+    """Take the words apart; `given` are common options that hold where the line says nothing else.
+
+    Raises UsageError, click's Exit where the line only asked for help.
+    """
+    context = click.Context(root, info_name="handctl", **root.context_settings)
+    context.meta[GIVEN] = {key: value for key, value in given.items() if not key.endswith("@")}
+    context.meta[BARE] = not any(word.startswith("-") for word in words)
+    found: list[click.Context] = []
+    context.meta[TAKEN] = found.append
+    try:
+        with context.scope(cleanup=False):
+            root.parse_args(context, list(words))
+            root.invoke(context)
+        (leaf,) = found
+        assert isinstance(leaf.command, Command)
+        said = leaf.meta[GIVEN]
+        if not leaf.command.writes:
+            for key in ("dry_run", "assume_identity"):
+                if f"{key}@" not in said:
+                    said.pop(key, None)
+        del leaf.meta[TAKEN]
+        command = " ".join(leaf.command_path.split()[1:])
+        return Line(number, command, leaf, leaf.command, leaf.command.settings(leaf))
+    except NoCommand as exc:
+        raise UsageError(
+            "no command", hint=f"`{exc.ctx.command_path if exc.ctx else 'handctl'} -h` lists them"
+        ) from exc
+    except click.UsageError as exc:
+        raise from_click(exc) from exc
+
+
+def defaults(context: click.Context) -> dict[str, Any]:
+    """The common options of a command that runs others, as far as each of these takes them over."""
+    given = {key: value for key, value in context.meta.get(GIVEN, {}).items() if not key.endswith("@")}
+    given.pop("output", None)
+    if given.get("format") == "json":
+        given["format"] = "ndjson"
+    return given
+
+
+def placed(error: HandctlError, one: Line) -> HandctlError:
+    """The error, beginning with the line that it is of."""
+    return error.retold(f"line {one.number} ({one.command}): {error.text}")

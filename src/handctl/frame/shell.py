@@ -1,0 +1,154 @@
+"""`handctl shell`: command lines at a prompt, on links that stay open. A port that was lost is opened again by the next line."""
+
+from __future__ import annotations
+
+import contextlib
+import shlex
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from handctl.ending import end_on_signals
+from handctl.errors import HandctlError, UsageError
+from handctl.families import COMMANDS, FAMILIES
+from handctl.files import state_path
+from handctl.frame.clikit import ALONE
+from handctl.frame.console import print_message
+from handctl.frame.family import load, map_of
+from handctl.frame.lines import defaults, line
+from handctl.frame.session import Session
+from handctl.system import lines
+
+if TYPE_CHECKING:
+    from handctl.frame.run import Run
+
+ENDS = ("exit", "quit")
+HISTORY = 1000
+"""Lines that are kept."""
+NAMING = ("get", "watch", "set", "describe")
+"""Commands whose words are quantities."""
+
+
+class Shell:
+    """One session at a prompt.
+
+    family  that a line may leave out, "" = each line has its own
+    given   the common options that hold for every line
+    """
+
+    def __init__(self, run: Run, context: click.Context, family: str, read_line: Callable[[str], str]) -> None:
+        self._run = run
+        self._read_line = read_line
+        self._given = defaults(context)
+        self.family = family or run.settings.kind or ""
+        self._session = Session(run.command, writes=True)
+
+    @property
+    def prompt(self) -> str:
+        """Device and link."""
+        settings = self._run.settings
+        link = settings.port or ("simulated" if settings.fake else "")
+        return f"{' '.join(filter(None, (settings.device or self.family, link))) or 'handctl'}> "
+
+    def run(self) -> None:
+        """Take lines until Ctrl-D or `exit`."""
+        run = self._run
+        path = state_path("shell-history")
+        with contextlib.suppress(OSError):
+            path.parent.mkdir(parents=True, exist_ok=True)
+        editing = lines.prepare(str(path), HISTORY, self.candidates)
+        run.guide.say("Lines are commands without `handctl`. TAB completes them. Ctrl-D or `exit` ends.")
+        try:
+            while self._one():
+                pass
+        finally:
+            if editing:
+                lines.keep(str(path))
+            failure = self._session.close(run.journal)
+        if failure is not None:
+            raise failure
+
+    def _one(self) -> bool:
+        """Take a line and carry it out; False at the end."""
+        end_on_signals(suspend=False)
+        try:
+            typed = self._read_line(self.prompt)
+        except EOFError:
+            self._run.out("")
+            return False
+        except KeyboardInterrupt:
+            stopped = self._session.stopped(self._run.journal)
+            print_message("note", stopped.text if stopped is not None else "Ctrl-D ends the shell", "")
+            return True
+        try:
+            words = shlex.split(typed, comments=True)
+        except ValueError as exc:
+            print_message("error", str(exc), "close the quote")
+            return True
+        if words[:1] == ["handctl"]:
+            del words[0]
+        if words[:1] and words[0] in ENDS:
+            return False
+        if words:
+            self.carry_out(words)
+        return True
+
+    def carry_out(self, words: Sequence[str]) -> None:
+        """One line; what goes wrong is told, and the shell goes on."""
+        try:
+            found = line(self._whole(words), self._given)
+            if not found.shared:
+                self._session.release(self._run.journal)  # it may want the port for itself
+            found.run(self._session)
+        except click.exceptions.Exit:
+            return  # it asked for help
+        except HandctlError as exc:
+            if exc.text != "interrupted":
+                print_message("error", exc.text, exc.hint)
+        except click.ClickException as exc:
+            print_message("error", exc.format_message(), "")
+
+    def _whole(self, words: Sequence[str]) -> list[str]:
+        """The line with its family, where the shell knows that and the line leaves it out."""
+        first = next((word for word in words if not word.startswith("-")), "")
+        leave = not self.family or (first in COMMANDS and first != "stop") or first in FAMILIES
+        return list(words) if leave else [self.family, *words]
+
+    # -- completion --
+
+    def candidates(self, before: str, word: str) -> list[str]:
+        """What fits at the cursor: commands, then their quantities."""
+        words = before[: len(before) - len(word)].split()
+        with contextlib.suppress(HandctlError, click.ClickException):
+            return [f"{name} " for name in sorted(set(self._fitting(words))) if name.startswith(word)]
+        return []
+
+    def _fitting(self, words: Sequence[str]) -> Iterator[str]:
+        words = [name for name in words if not name.startswith("-")]
+        if not words:
+            yield from (name for name in COMMANDS if name not in ALONE)
+            yield from ENDS
+        if self.family and (not words or words[0] not in COMMANDS):
+            words = [self.family, *words]
+        if not words or words[0] not in FAMILIES:
+            return
+        node: Any = load(words[0], "cli").cli
+        rest = list(words[1:])
+        while rest and isinstance(node, click.Group):
+            node = node.commands.get(rest.pop(0))
+        if isinstance(node, click.Group):
+            yield from node.commands
+        elif node is not None and node.name in NAMING and (params := map_of(words[0])) is not None:
+            for param in params:
+                yield param.name
+                yield from (f"{param.name}.{part}" for part in param.elements)
+
+
+def shell(run: Run, context: click.Context, family: str) -> None:
+    """Open the prompt. Raises UsageError where nobody can type."""
+    if not run.guide.interactive:
+        raise UsageError("the shell needs a terminal", hint="send the lines to `handctl batch`", code="no-terminal")
+    if run.settings.output:
+        raise UsageError("the shell writes to the terminal", hint="give -o in a line of it")
+    Shell(run, context, family, input).run()

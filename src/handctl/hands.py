@@ -1,0 +1,19 @@
+"""The classes of the devices that `handctl.connect` and `handctl.simulate` give, one for each family. Their types: `hands.pyi`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from handctl.api import Device, class_of, connect, simulate
+from handctl.families import FAMILIES
+from handctl.frame.call import Confirm
+from handctl.model.result import Row
+
+__all__ = ["Confirm", "Device", "Row", "connect", "simulate"]
+
+
+def __getattr__(name: str) -> Any:
+    kind = name.lower()
+    if kind in FAMILIES and name == kind.capitalize():
+        return class_of(kind)
+    raise AttributeError(f"module 'handctl.hands' has no attribute {name!r}")

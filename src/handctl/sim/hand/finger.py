@@ -1,0 +1,225 @@
+"""One finger of a simulated RH56 hand: it moves, meets something soft or hard, and gets warm.
+
+Knows units and time, no addresses and no frames. Angles are those of the generation (larger is more open), strokes run from 0
+(open) to 2000, forces are grams, currents mA, temperatures °C. Everything is computed in closed form from the time that
+passed, so a jump of virtual time gives the same as many small steps. What the dossier does not give is invented, and says so.
+"""
+
+from __future__ import annotations
+
+from handctl.sim.engine.servo import CLEARABLE, LOCKED_ROTOR, OVER_CURRENT, OVER_TEMPERATURE, Servo
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from typing import Any
+
+OPENING, CLOSING, ARRIVED, FORCE_REACHED, PROTECTED, LOCKED, FAULTY, EMERGENCY = 0, 1, 2, 3, 5, 6, 7, 8  # status
+DRIVE_CURRENT = 150.0  # mA more than at rest while a finger moves (100 to 194 were measured, dossier §6)
+STALL_CURRENT = 880.0  # mA more than at rest against an obstacle, below the golden current limits
+STALL_TIME = 0.3  # s against an obstacle until the locked-rotor error
+STIFFNESS = 20.0  # g per thousandth of the way that an object is pressed
+GENTLE, OVERSHOOT = (
+    25,
+    3.44,
+)  # up to this speed none, then g per unit of speed: 100 g became 3453 g at 1000 (dossier §6)
+HOLDING = 0.3  # mA more than at rest for each g
+STROKE = 2000
+
+
+class Finger(Servo):
+    """One actuator with the finger it moves. A set value acts only once it was written."""
+
+    __slots__ = (
+        "angle", "blocked", "closed", "command", "current_limit", "force_limit", "forced", "goal", "object", "open", "pressing",
+        "rate", "rest_current", "rest_force", "short", "speed", "state", "stroke", "stroke_goal", "stubborn", "thing", "waiting",
+    )  # fmt: skip
+
+    def __init__(
+        self, ends: tuple[int, int], found: tuple[int, int, int, int, int, int], rate: float, limit: float
+    ) -> None:
+        """`found` are the readings of books.py, `rate` the angle units a second for each unit of speed."""
+        stroke, angle, force, current, status, degrees = found
+        super().__init__(float(degrees), limit)
+        self.closed, self.open = ends
+        self.rate = rate
+        self.angle, self.stroke = float(angle), float(stroke)
+        self.rest_force, self.rest_current = force, current
+        self.state = status
+        self.thing: float | None = None  # angle at which there is something soft
+        self.object: float | None = None  # the same, once the finger was beside it and not within
+        self.blocked = False
+        self.short = 0.0  # so much before its closed end it stands still, without a word of it
+        self.stubborn = False  # at its force limit it takes no command until the limit is another
+        self.speed = self.force_limit = self.current_limit = 0
+        self.power_on()
+
+    def power_on(self) -> None:
+        """Forgets commands and latched errors; position and heat are those of the body and stay."""
+        self._forget()
+        self.pressing = 0.0
+        self.forced = 0  # speed of a calibration
+        self.errors = 0
+        self._check_heat()
+
+    def _forget(self) -> None:
+        self.command: float | None = None  # where it was told to go
+        self.goal: float | None = None  # where that ends, by its force limit
+        self.stroke_goal = self.stroke
+        self.waiting: list[tuple[float, float]] = []  # commands that have not reached the motor: when, where
+
+    # -- what it does -----------------------------------------------------------------------------------------------------
+
+    @property
+    def span(self) -> int:
+        return self.open - self.closed
+
+    @property
+    def halted(self) -> bool:
+        """An error keeps it still until that is cleared (invented)."""
+        return bool(self.error() & 31)
+
+    @property
+    def pace(self) -> float:
+        """Angle units a second."""
+        return self.rate * (self.forced or self.speed)
+
+    @property
+    def driven(self) -> bool:
+        """The motor has somewhere to go."""
+        return self.goal is not None and self.goal != self.angle and self.pace > 0.0 and not self.halted
+
+    @property
+    def moving(self) -> bool:
+        return self.driven and not self.blocked
+
+    def stroke_at(self, angle: float) -> float:
+        return STROKE * (self.open - angle) / self.span
+
+    def pressed(self) -> float:
+        """What an object presses back, g."""
+        depth = 0.0 if self.object is None else max(0.0, self.object - self.angle) * 1000.0 / self.span
+        return STIFFNESS * depth
+
+    def current(self) -> float:
+        if self.driven and self.blocked:
+            return self.rest_current + STALL_CURRENT * min(1.0, self.pressing / STALL_TIME)
+        return self.rest_current + self._rise()
+
+    def _rise(self) -> float:
+        """mA above rest, but against an obstacle."""
+        return (DRIVE_CURRENT if self.moving else 0.0) + HOLDING * self.pressed()
+
+    def error(self) -> int:
+        """The error byte; that of heat follows the temperature, or is what is left of one that is gone."""
+        return self.errors | (OVER_TEMPERATURE if self.hot else 0)
+
+    def status(self) -> int:
+        """An error shows before all else (dossier §3.1)."""
+        error = self.error() & 31
+        if error:
+            return LOCKED if error & LOCKED_ROTOR else PROTECTED if error & OVER_CURRENT else FAULTY
+        return self.state
+
+    # -- commands -------------------------------------------------------------------------------------------------------
+
+    def aim(self, angle: float) -> None:
+        """Sends it to this angle now; where its force limit ends the way is known before."""
+        if self.halted or (self.stubborn and self.state == FORCE_REACHED and self.pressed() > 0.0):
+            return
+        self.command = self.goal = angle
+        self.place(self.thing)
+        if self.short and angle == self.closed:
+            self.goal = min(self.open, angle + self.short)
+        if self.object is not None and self.goal < self.object:
+            grams = max(0, self.force_limit) + OVERSHOOT * max(0, (self.forced or self.speed) - GENTLE)
+            self.goal = max(self.goal, self.object - grams / STIFFNESS * self.span / 1000.0)
+            if angle < self.angle < self.goal:  # pressed harder than its limit already
+                self.goal = self.angle
+        self.stroke_goal = self.stroke_at(self.goal)
+        if self.driven:
+            self.state = OPENING if self.goal > self.angle else CLOSING
+        elif self.goal == self.angle:
+            self._arrive()
+
+    def _arrive(self) -> None:
+        self.stroke = self.stroke_goal
+        grams = self.pressed()
+        self.state = FORCE_REACHED if grams > 0.0 and grams > self.force_limit - 0.5 else ARRIVED
+
+    def renew(self) -> None:
+        """Speed or force limit are others now: a movement goes on with them."""
+        if self.command is not None and self.goal != self.angle:
+            self.aim(self.command)
+
+    def place(self, thing: float | None) -> None:
+        """Puts something soft there; a finger that is already beyond meets it when it closes the next time."""
+        self.object = thing if thing is not None and (self.angle >= thing or self.object == thing) else None
+        self.thing = thing
+
+    def hold(self, angle: float) -> None:
+        """Puts it there, without a command."""
+        self.angle = angle
+        self._forget()
+
+    def clear(self) -> None:
+        """Clears what can be cleared: not the heat. The finger stays where it is."""
+        self.errors &= ~(CLEARABLE + OVER_TEMPERATURE)  # what is left of heat that is gone
+        self.pressing = 0.0
+
+    # -- time -----------------------------------------------------------------------------------------------------------
+
+    def run(self, seconds: float) -> None:
+        """Lets time pass under the present command."""
+        if self.object is None and (self.goal is None or self.goal == self.angle):
+            self.warm(seconds, 0.0)
+            return
+        if self.driven and self.blocked:
+            self._press(seconds)
+        elif self.moving and self.goal is not None:
+            way = abs(self.goal - self.angle) / self.pace
+            part = min(seconds, way)
+            self.warm(part, self._rise())
+            self.stroke += (self.stroke_goal - self.stroke) * part / way
+            if way <= seconds + 0.000000001:
+                self.angle = self.goal
+                self._arrive()
+            else:
+                self.angle += (self.goal - self.angle) * part / way
+            self.warm(seconds - part, self._rise())
+        else:
+            self.warm(seconds, self._rise())
+        if self.halted and self.goal is not None:
+            self._forget()
+            self.state = ARRIVED
+
+    def _press(self, seconds: float) -> None:
+        """Against an obstacle: the current rises until it is too much, or has lasted too long."""
+        until = STALL_TIME
+        if self.rest_current + STALL_CURRENT > self.current_limit > 0:
+            until = STALL_TIME * max(0.0, self.current_limit - self.rest_current) / STALL_CURRENT
+        self.pressing += seconds
+        self.warm(seconds, STALL_CURRENT)
+        if self.pressing >= until:
+            self.errors |= LOCKED_ROTOR if until == STALL_TIME else OVER_CURRENT
+
+
+FIELDS = {  # of a finger in a state file, with the least and the greatest value
+    "angle": (-4000, 4000), "stroke": (-4000, 4000), "stroke_goal": (-4000, 4000), "rest_force": (-32768, 32767),
+    "rest_current": (-32768, 32767), "state": (0, 255), "blocked": (0, 1), "errors": (0, 255), "temperature": (0, 255),
+    "forced": (0, 8000),
+}  # fmt: skip
+GOALS = ("command", "goal", "object", "thing")  # None, or an angle
+
+
+def fields_of(row: dict[str, Any]) -> dict[str, Any]:
+    """What a finger is made of, within what registers show."""
+    for name, (low, high) in FIELDS.items():
+        if not low <= row[name] <= high:
+            raise ValueError(f"impossible {name} {row[name]!r} of a finger")
+    for name in GOALS:
+        if row[name] is not None and not -4000 <= row[name] <= 4000:
+            raise ValueError(f"impossible {name} {row[name]!r} of a finger")
+    counts = ("rest_force", "rest_current", "state", "errors", "forced")
+    found: dict[str, Any] = {name: int(row[name]) if name in counts else row[name] for name in (*FIELDS, *GOALS)}
+    waiting = [(float(when), float(angle)) for when, angle in row["waiting"]]
+    return {**found, "blocked": bool(row["blocked"]), "waiting": waiting}

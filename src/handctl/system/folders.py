@@ -1,0 +1,56 @@
+"""The user's folders: configuration, state, and what lasts until log-out. Small: every --fake loads it."""
+
+from __future__ import annotations
+
+import os
+import sys
+
+HINT = "set TEMP to a folder that you may write to" if sys.platform == "win32" else "set XDG_RUNTIME_DIR or TMPDIR to a directory that you may write to"  # fmt: skip
+"""Where there is no private folder."""
+
+
+def config_folder() -> str:
+    """$XDG_CONFIG_HOME, by default ~/.config; on Windows %APPDATA%."""
+    return _base("XDG_CONFIG_HOME", "APPDATA", ".config")
+
+
+def state_folder() -> str:
+    """$XDG_STATE_HOME, by default ~/.local/state; on Windows %LOCALAPPDATA%: what this machine keeps for this user."""
+    return _base("XDG_STATE_HOME", "LOCALAPPDATA", ".local", "state")
+
+
+def data_folder() -> str:
+    """$XDG_DATA_HOME, by default ~/.local/share; on Windows %LOCALAPPDATA%."""
+    return _base("XDG_DATA_HOME", "LOCALAPPDATA", ".local", "share")
+
+
+def _base(variable: str, on_windows: str, *below: str) -> str:
+    base = os.environ.get(variable, "")
+    if sys.platform == "win32" and not os.path.isabs(base):
+        base = os.environ.get(on_windows, "")
+    if not os.path.isabs(base):  # so says the XDG specification
+        base = os.path.join(os.path.expanduser("~"), *below)
+    return base
+
+
+def private_folders() -> list[str]:
+    """Where what is this user's until log-out may lie, the best first; the second for a job without a login's environment."""
+    if sys.platform == "win32":
+        bases = (os.environ.get(name, "") for name in ("TEMP", "TMP", "LOCALAPPDATA"))
+        return [os.path.join(base, "handctl") for base in dict.fromkeys(bases) if os.path.isabs(base)]
+    user = os.getuid()
+    runtime = os.environ.get("XDG_RUNTIME_DIR", "")
+    found = [os.path.join(runtime, "handctl")] if os.path.isabs(runtime) else [f"/run/user/{user}/handctl"]
+    return [*found, os.path.join(os.environ.get("TMPDIR") or "/tmp", f"handctl-{user}")]  # noqa: S108 - made 0700, checked
+
+
+def own_folder(folder: str, *, make: bool = False) -> bool:
+    """Whether a folder is this user's, not to be trusted otherwise; with `make` a missing one is made. Raises OSError."""
+    if make and not os.path.isdir(folder):
+        os.mkdir(folder, 0o700)
+    return own(os.stat(folder))
+
+
+def own(found: os.stat_result) -> bool:
+    """Whether a file is this user's; on Windows what lies in the user's own folders is."""
+    return sys.platform == "win32" or found.st_uid == os.getuid()

@@ -1,0 +1,278 @@
+"""What asks the program to end, alarms, and what is to run in the main thread at once.
+
+On Windows there is no alarm and no signal between processes: what a thread hears reaches the main thread between two of
+its steps, and every wait is cut into slices (`clock.SLICE`) for it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import sys
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any
+
+Handler = Callable[[int, Any], None]
+
+ENDING = ("SIGINT", "SIGQUIT", "SIGTERM", "SIGHUP", "SIGBREAK")
+"""What asks the program to end: Ctrl-C, Ctrl-\\, a service manager, a closing terminal, Ctrl-Break. A device is stopped first."""
+SUSPEND = "SIGTSTP"
+"""Ctrl-Z. A command that may move something ends on it too: stopped in its sleep, it could not stop the device."""
+
+
+def numbers(*, suspend: bool = False) -> list[int]:
+    """Those of ENDING, with SUSPEND if asked for, that this system has."""
+    names = (*ENDING, *((SUSPEND,) if suspend else ()))
+    return [int(getattr(signal, name)) for name in names if hasattr(signal, name)]
+
+
+def take(handler: Handler, which: Iterable[int]) -> list[tuple[int, Any]]:
+    """Let `handler` take these; what they had before, for `give_back`."""
+    return [(number, signal.signal(number, handler)) for number in which]
+
+
+def give_back(before: Iterable[tuple[int, Any]]) -> None:
+    """Each has what it had before `take`."""
+    for number, old in before:
+        signal.signal(number, signal.SIG_DFL if old is None else old)
+
+
+def taken(number: int) -> bool:
+    """Whether anything but the system's own handler has a signal."""
+    return signal.getsignal(number) not in (signal.SIG_DFL, None)
+
+
+def ignore(which: Iterable[int]) -> None:
+    """These do nothing from now on."""
+    for number in which:
+        signal.signal(number, signal.SIG_IGN)
+
+
+def interrupt(frame: Any) -> None:
+    """Do now what Ctrl-C does just now, as far as that is handled."""
+    handler = signal.getsignal(signal.SIGINT)
+    if callable(handler):
+        handler(signal.SIGINT, frame)
+
+
+@contextlib.contextmanager
+def held_back(which: Iterable[int]) -> Iterator[None]:
+    """These wait until it is over; what had arrived before is handled first."""
+    if sys.platform == "win32":
+        with _deferred(which):
+            yield
+    else:
+        which = set(which)
+        try:
+            signal.pthread_sigmask(signal.SIG_BLOCK, which)
+            yield
+        finally:
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, which)
+
+
+@contextlib.contextmanager
+def one_at_a_time(which: Iterable[int]) -> Iterator[None]:
+    """These wait until it is over, and those that waited before go on waiting: for within a handler."""
+    if sys.platform == "win32":
+        with _deferred(which):
+            yield
+    else:
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, which)
+        try:
+            yield
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextlib.contextmanager
+def _deferred(which: Iterable[int]) -> Iterator[None]:
+    """What comes meanwhile is delivered when it is over; outside the main thread, which hears of signals alone, nothing comes."""
+    import _thread
+    import threading
+
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    came: list[int] = []
+    before = take(lambda number, _frame: came.append(number), which)
+    try:
+        yield
+    finally:
+        give_back(before)
+        for number in dict.fromkeys(came):
+            _thread.interrupt_main(signal.Signals(number))
+
+
+# -- alarms -------------------------------------------------------------------------------------------------------
+
+
+if sys.platform == "win32":
+    import threading
+
+    _over: list[threading.Event] = []
+    """No alarm any more, for each of them."""
+
+    def alarm(handler: Handler, seconds: float) -> list[tuple[int, Any]]:
+        """Call `handler` in the main thread after `seconds`; what had the alarm before, for `no_alarm`."""
+        over = threading.Event()
+        bell = Bell(lambda frame: None if over.is_set() else handler(0, frame))
+        _ring_after(over, bell.ring, seconds, 0.0)
+        return []
+
+    def look(handler: Handler, seconds: float, again: float) -> None:
+        """Call `handler` after `seconds`, then each `again`, in threads: the main one may be waiting for a reader."""
+
+        def call() -> None:  # in a thread of its own: one call may wait, the next ends the process
+            threading.Thread(target=handler, args=(0, None), daemon=True).start()
+
+        _ring_after(threading.Event(), call, seconds, again)
+
+    def _ring_after(over: threading.Event, ring: Callable[[], None], seconds: float, again: float) -> None:
+        _over.append(over)
+
+        def run() -> None:
+            wait = seconds
+            while not over.wait(wait):
+                ring()
+                if not again:
+                    return
+                wait = again
+
+        threading.Thread(target=run, daemon=True).start()
+
+    def no_alarm(before: Iterable[tuple[int, Any]] = ()) -> None:
+        """No alarm any more; who had it `before` has it again."""
+        while _over:
+            _over.pop().set()
+
+else:
+
+    def alarm(handler: Handler, seconds: float) -> list[tuple[int, Any]]:
+        """Call `handler` in the main thread after `seconds`; what had the alarm before, for `no_alarm`."""
+        before = take(handler, [signal.SIGALRM])
+        signal.setitimer(signal.ITIMER_REAL, seconds)
+        return before
+
+    def look(handler: Handler, seconds: float, again: float) -> None:
+        """Call `handler` after `seconds`, then each `again`, also while the main thread waits for a reader."""
+        take(handler, [signal.SIGALRM])
+        signal.setitimer(signal.ITIMER_REAL, seconds, again)
+
+    def no_alarm(before: Iterable[tuple[int, Any]] = ()) -> None:
+        """No alarm any more; who had it `before` has it again."""
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        give_back(before)
+
+
+def listen(pressed: Callable[[], None]) -> None:
+    """What ends a program without a signal, as the closing of a window on Windows, is the wish to end of SIGTERM from now on.
+
+    `pressed` is told there of Ctrl-C at once, in another thread: the main one hears of it when it waits for nothing.
+    """
+    if sys.platform == "win32":
+        from handctl.system import console
+
+        def ends() -> bool:
+            if not taken(signal.SIGTERM):
+                return False
+            import _thread
+
+            _thread.interrupt_main(signal.SIGTERM)
+            return True
+
+        console.watch(ends, pressed)
+
+
+# -- the main thread ----------------------------------------------------------------------------------------------
+
+
+class Bell:
+    """Calls `handler` with the frame in the main thread, between two of its steps, once any thread rings."""
+
+    def __init__(self, handler: Callable[[Any], None]) -> None:
+        """Raises ValueError outside the main thread."""
+        self._handler = handler
+        if sys.platform == "win32":
+            self._before = take(_call, [signal.SIGFPE])  # nothing sends it: it is a number only
+        else:
+            self._before = take(lambda _number, frame: handler(frame), [signal.SIGUSR1])
+
+    def ring(self) -> None:
+        """From any thread."""
+        if sys.platform == "win32":
+            import _thread
+
+            _calls.append(self._handler)
+            _thread.interrupt_main(signal.SIGFPE)
+        else:
+            import threading
+
+            signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGUSR1)
+
+    def close(self) -> None:
+        if sys.platform != "win32":
+            give_back(self._before)
+
+
+_calls: deque[Callable[[Any], None]] = deque()
+"""What is to be called in the main thread, where a signal is no more than a number."""
+
+
+def _call(_number: int, frame: Any) -> None:
+    while _calls:
+        _calls.popleft()(frame)
+
+
+class Served:
+    """What a server hears beside its clients: an end (SIGTERM, SIGINT) or a power cycle (SIGUSR1); `reader` wakes its select."""
+
+    def __init__(self) -> None:
+        self.stop = False
+        self.power_cycles = 0
+        self._cycle = -1
+        which = [int(signal.SIGTERM), int(signal.SIGINT)]
+        if sys.platform == "win32":
+            import socket  # a select there takes nothing else
+
+            which.append(int(signal.SIGBREAK))
+            self._ends = socket.socketpair()
+            for end in self._ends:
+                end.setblocking(False)
+            self.reader, writer = (end.fileno() for end in self._ends)
+        else:
+            self.reader, writer = self._ends = os.pipe()
+            for end in self._ends:
+                os.set_blocking(end, False)
+            self._cycle = int(signal.SIGUSR1)
+            which.append(self._cycle)
+        self._old = take(self._note, which)
+        self._old_wakeup = signal.set_wakeup_fd(writer, warn_on_full_buffer=False)
+        listen(lambda: None)
+
+    def _note(self, number: int, _frame: Any) -> None:
+        if number == self._cycle:
+            self.power_cycles += 1
+        else:
+            self.stop = True
+
+    def drain(self) -> None:
+        """What woke the select is taken."""
+        with contextlib.suppress(BlockingIOError):
+            if sys.platform == "win32":
+                self._ends[0].recv(4096)
+            else:
+                os.read(self.reader, 4096)
+
+    def __enter__(self) -> Served:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        signal.set_wakeup_fd(self._old_wakeup)
+        give_back(self._old)
+        for end in self._ends:
+            if sys.platform == "win32":
+                end.close()
+            else:
+                os.close(end)

@@ -1,0 +1,27 @@
+"""`handctl batch`: many commands on one open link, from a script or from stdin."""
+
+from __future__ import annotations
+
+import click
+
+from handctl.frame.clikit import Command
+from handctl.frame.filetypes import InFile
+from handctl.frame.run import Run
+from handctl.model.result import Table
+
+
+@click.command("batch", cls=Command, writes=True, streams=True)
+@click.argument("file", type=InFile(), default="-", metavar="[FILE]")
+@click.option("--keep-going", is_flag=True, help="Continue after a line that failed.")
+@click.pass_context
+def cli(context: click.Context, file: str, keep_going: bool) -> Table | None:
+    """Run many commands on one open link, from FILE or stdin.
+
+    A line is a command as you type it, without `handctl`. `#` begins a comment. Options such as -p, -d, --yes and --json
+    hold for every line that does not have its own. handctl reads and checks all lines before it sends anything. Where
+    lines need a confirmation, it shows them and asks once. The exit code is that of the first line that failed.
+    """
+    from handctl.frame.batch import batch
+
+    run: Run = context.obj
+    return batch(run, context, file, keep_going=keep_going)

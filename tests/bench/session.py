@@ -1,0 +1,98 @@
+"""Many commands on one link against the wire: as a batch, from Python, as programs; and several devices at once."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+from tests.bench.measure import HANDCTL, Figure, environment, quickest, served
+
+GET = ("exo", "get", "system_voltage")
+WIRE_MS = (9 + 8 + 2) * 10 / 115200 * 1000
+"""A request of 9 bytes, an answer of n + 8."""
+BATCH_MS = 1.0
+"""What handctl may take for a line of a batch beyond the wire."""
+PTY = "pty, wire emulated"
+LOOP = """
+import sys, time, handctl
+with handctl.connect("exo", sys.argv[1]) as hand:
+    hand.get("system_voltage")
+    began = time.perf_counter()
+    for _ in range(int(sys.argv[2])):
+        hand.get("system_voltage")
+    print(time.perf_counter() - began)
+"""
+DEVICES = 8
+
+
+def run(*, quick: bool) -> Iterator[Figure]:
+    """Yield the figures."""
+    count, tries = (200, 3) if quick else (1000, 5)
+    with served("exo", "--pty", "--wire", "115200") as link:
+        one, half, whole = (min(batch(link, lines) for _ in range(tries)) for lines in (1, count // 2, count))
+        line = (whole - one) / (count - 1) * 1000
+        yield Figure(
+            f"batch, get of one exo register, {count} lines",
+            line,
+            WIRE_MS + BATCH_MS,
+            "ms",
+            1.0,
+            f"{PTY}, at most the wire and 1 ms",
+            "wire + 1 ms",
+        )
+        yield Figure(
+            "batch, second half of the lines", (whole - half) * 1000, (half - one) * 1000, "ms", 1.1, PTY, "first half"
+        )
+        alone = [HANDCTL, *GET, "-p", link, "--json"]
+        with tempfile.NamedTemporaryFile("w", suffix=".txt") as script:
+            script.write(" ".join(GET))
+            script.flush()
+            times = quickest([[HANDCTL, "batch", script.name, "-p", link, "--json"], alone], 5 if quick else 15)
+        yield Figure("batch of one line", times[0] * 1000, times[1] * 1000, "ms", 1.1, PTY, "the command")
+        yield Figure("the same as programs, one line", times[1] * 1000, WIRE_MS, "ms", None, PTY)
+        called = min(library(link, count) for _ in range(tries)) / count * 1000
+        yield Figure("library, get of one exo register", called, WIRE_MS, "ms", 1.15, PTY)
+    yield several(5 if quick else 9)
+
+
+def batch(link: str, lines: int) -> float:
+    """Seconds of a batch of so many lines."""
+    began = time.perf_counter()
+    subprocess.run(
+        [HANDCTL, "batch", "-p", link, "--json"], input=f"{' '.join(GET)}\n" * lines, stdout=subprocess.DEVNULL,
+        text=True, check=True, env=environment(),
+    )  # fmt: skip
+    return time.perf_counter() - began
+
+
+def library(link: str, count: int) -> float:
+    """Seconds of so many calls."""
+    words = [sys.executable, "-c", LOOP, link, str(count)]
+    return float(subprocess.run(words, capture_output=True, text=True, check=True, env=environment()).stdout)
+
+
+def several(runs: int) -> Figure:
+    """Eight simulated devices at once against one."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "config.toml"
+        path.write_text(
+            "".join(
+                f'[devices.d{number}]\nkind = "exo"\nport = "fake://exo?wire=115200"\n' for number in range(DEVICES)
+            )
+        )
+        words = ["/usr/bin/env", f"HANDCTL_CONFIG={path}", HANDCTL, "dump", "--json", "-d"]
+        every, one = quickest([[*words, "*"], [*words, "d0"]], runs)
+    return Figure(
+        f"{DEVICES} simulated devices at once, dump",
+        every * 1000,
+        one * 1000,
+        "ms",
+        1.5,
+        f"{os.cpu_count()} cores",
+        "one device",
+    )

@@ -1,0 +1,157 @@
+"""`stop` of an RH56 hand on each wire, against hands, gateways and lines that mean no good: said only what was seen."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable
+
+import pytest
+
+from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer, ProtocolError
+from handctl.frame.options import Settings
+from handctl.link import CanFrame
+from handctl.stop.talk import Aim, Sent, Stopped, Talk, drive
+from tests.inspire.wrist_support import ScriptedFrames
+from tests.support.odd_hands import (
+    CAN,
+    DELAY,
+    EB90,
+    RTU,
+    TCP,
+    WIRES,
+    Odd,
+    Pieces,
+    as_it_is,
+    golden,
+    rtu,
+    tcp,
+    words_only,
+)
+from tests.support.scripted import ScriptedLink
+
+SPEEDS = slice(1522, 1534)
+
+
+def talk(wire: str, **own: object) -> Talk:
+    """The stop that `handctl hand stop` holds on this wire."""
+    from handctl.devices.inspire.hand.stopper import stop_talk
+
+    return stop_talk(
+        Aim(Settings(port="tcp://192.168.11.210:6000" if wire == TCP else "/dev/ttyUSB7", own=own), can=wire == CAN)
+    )
+
+
+def stop(odd: Odd, **own: object) -> tuple[Stopped, list[Sent]]:
+    sent: list[Sent] = []
+    link = ScriptedFrames(odd.frame) if odd.wire == CAN else ScriptedLink(odd)
+    return drive(link, talk(odd.wire, **own), sent), sent
+
+
+@pytest.mark.parametrize("wire", WIRES)
+def test_every_finger_has_speed_0(wire: str) -> None:
+    odd = Odd(wire, golden("tp"))
+    stopped, _ = stop(odd)
+    assert stopped.error is None and "the hand acknowledged speed 0" in stopped.text
+    assert odd.memory[SPEEDS] == bytes(12)
+
+
+@pytest.mark.parametrize("wire", WIRES)
+@pytest.mark.parametrize("late", [0.04, 0.06, 0.2, 0.28])
+def test_a_late_hand_is_stopped_and_known(wire: str, late: float) -> None:
+    """The check has 50 ms. Who answers later is written to all the same, and asked again."""
+    odd = Odd(wire, golden("tp"), lambda _r, answer: [(late, answer)] if answer else [])
+    stopped, _ = stop(odd)
+    assert stopped.error is None and "the hand acknowledged speed 0" in stopped.text, stopped
+    assert odd.memory[SPEEDS] == bytes(12)
+
+
+@pytest.mark.parametrize("wire", WIRES)
+def test_silence_is_said(wire: str) -> None:
+    stopped, sent = stop(Odd(wire, golden("tp"), lambda _r, _a: []))
+    assert stopped.error is NoAnswer and "not acknowledged" in stopped.text and "power" in stopped.hint
+    assert any(not one.reads for one in sent), "sent all the same"
+
+
+@pytest.mark.parametrize("wire", [EB90, RTU, TCP])
+def test_an_echo_acknowledges_nothing(wire: str) -> None:
+    stopped, _ = stop(Odd(wire, golden("tp"), lambda r, _a: [(DELAY, r)]))
+    assert stopped.error is ProtocolError and "not acknowledged" in stopped.text
+
+
+@pytest.mark.parametrize("wire", [EB90, RTU])
+def test_a_line_with_echo_is_asked_in_both_protocols(wire: str) -> None:
+    """What comes back to EB90 are only our own bytes: a hand that speaks Modbus RTU is stopped all the same."""
+    odd = Odd(wire, golden("tp"))
+    whole = odd.__call__
+
+    def answer(request: bytes) -> list[tuple[float, bytes]]:
+        ours = (request[:2] == b"\xeb\x90") == (wire == EB90)
+        return [(0.0, request), *(whole(request) if ours else [])]
+
+    link = ScriptedLink(answer)
+    stopped = drive(link, talk(wire), [])
+    assert stopped.error is None and odd.memory[SPEEDS] == bytes(12), stopped
+
+
+def test_a_loopback_of_the_adapter_is_no_refusal() -> None:
+    odd = Odd(CAN, golden("tp"))
+
+    def both(frame: CanFrame) -> list[tuple[float, CanFrame]]:
+        return [(0.0, frame), *odd.frame(frame)]
+
+    stopped = drive(ScriptedFrames(both), talk(CAN), [])
+    assert stopped.error is None and odd.memory[SPEEDS] == bytes(12), stopped
+    alone = drive(ScriptedFrames(lambda frame: [(0.0, frame)]), talk(CAN), [])
+    assert alone.error is not None and alone.error is not DeviceRefused, alone
+
+
+@pytest.mark.parametrize("wire", [RTU, TCP])
+@pytest.mark.parametrize(
+    ("code", "error"), [(2, DeviceRefused), (6, DeviceRefused), (0x0A, LinkError), (0x0B, NoAnswer)]
+)
+def test_an_exception_is_told_as_what_it_is(wire: str, code: int, error: type[HandctlError]) -> None:
+    def refuse(request: bytes, _answer: bytes) -> Pieces:
+        pdu = bytes([(request[7] if wire == TCP else request[1]) | 0x80, code])
+        return [(DELAY, tcp(struct.unpack_from(">H", request)[0], pdu) if wire == TCP else rtu(1, pdu))]
+
+    stopped, _ = stop(Odd(wire, golden("tp"), refuse), protocol="modbus")
+    assert stopped.error is error and ("gateway" in stopped.text) == (code > 6), stopped
+
+
+@pytest.mark.parametrize("wire", [EB90, RTU])
+@pytest.mark.parametrize("silent", [False, True])
+def test_a_hand_that_counts_words_is_not_claimed_to_stand(wire: str, silent: bool) -> None:
+    """The speeds of an RH56F1 lie elsewhere. Where it shows itself nothing is written; else the claim stays out."""
+
+    def change(request: bytes, answer: bytes) -> Pieces:
+        address = struct.unpack_from("<H", request, 5)[0] if wire == EB90 else struct.unpack_from(">H", request, 2)[0]
+        return [] if silent and 1100 < address != 1522 else as_it_is(request, answer)
+
+    odd = Odd(wire, words_only(), change)
+    stopped, _ = stop(odd, protocol="modbus" if wire == RTU else "eb90")
+    assert stopped.error is (ProtocolError if silent else DeviceRefused) and "--model" in stopped.hint, stopped
+    assert bool(odd.writes) == silent
+    typed = Odd(wire, words_only(), change)
+    assert stop(typed, model="f1", protocol="modbus" if wire == RTU else "eb90")[0].error is None
+    assert typed.memory[2 * 1052 : 2 * 1058] == bytes(12) and len(typed.writes) == 1
+
+
+EXO = {1606: bytes(5), 1612: bytes(6), 1618: bytes((31, 32, 33, 34, 35, 0))}
+
+
+@pytest.mark.parametrize("wire", [EB90, RTU])
+def test_an_exoskeleton_hand_is_not_written_to(wire: str) -> None:
+    memory = bytearray(8192)
+    for address, data in EXO.items():
+        memory[address : address + len(data)] = data
+    odd = Odd(wire, memory)
+    stopped, _ = stop(odd, protocol="modbus" if wire == RTU else "eb90")
+    assert stopped.error is DeviceRefused and odd.writes == [], stopped
+    assert "handctl exo stop" in stopped.hint
+
+
+@pytest.mark.parametrize("count", [lambda data: b"\x03", lambda data: b"\x00"])
+def test_a_part_that_was_taken_on_can_is_said(count: Callable[[bytes], bytes]) -> None:
+    odd = Odd(CAN, golden("tp"), lambda request, answer: [(DELAY, count(request) if len(request) > 1 else answer)])
+    stopped, _ = stop(odd)
+    assert stopped.error is DeviceRefused

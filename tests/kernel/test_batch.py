@@ -1,0 +1,151 @@
+"""handctl batch: one open link, one plan, one question, an end for each line and one for all."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.support.cli import Result, check_schema, fake, run, spying
+
+GET = "exo get system_voltage"
+
+
+def batch(*lines: str, more: tuple[str | Path, ...] = (), link: str = "") -> Result:
+    return run("batch", "-p", link or fake(), *more, stdin="\n".join(lines))
+
+
+def ends(result: Result) -> list[dict[str, Any]]:
+    """What closes the lines, and the whole."""
+    found = [row for text in result.lines if "end" in (row := json.loads(text))]
+    for row in found:
+        check_schema(row["end"])
+    return found
+
+
+def test_all_lines_use_one_link() -> None:
+    with spying() as spy:
+        result = batch("# in the morning", GET, "", "exo status  # as always", f"{GET} id", more=("--json",))
+    assert result.code == 0, result
+    assert len(spy.lines) == 1
+    one, two, three, whole = ends(result)
+    assert [(end["line"], end["command"]) for end in (one, two, three)] == [
+        (2, "exo get"),
+        (4, "exo status"),
+        (5, "exo get"),
+    ]
+    assert set(whole) == {"end"}
+    assert (whole["end"]["lines"], whole["end"]["failed"], whole["end"]["exit_code"]) == (3, 0, 0)
+    assert one["end"]["counters"]["sent"] == three["end"]["counters"]["sent"] - 1 == 1
+
+
+def test_a_table_is_shown_as_alone(tmp_path: Path) -> None:
+    alone = run(*GET.split(), "-p", fake()).out
+    script = tmp_path / "script.txt"
+    script.write_text(f"{GET}\n'exo' \"get\" system_voltage", encoding="utf-8")
+    assert run("batch", script, "-p", fake()).out == alone * 2
+    assert run("batch", script, "-p", fake(), "-o", tmp_path / "out.txt").out == ""
+    assert (tmp_path / "out.txt").read_text(encoding="utf-8") == alone * 2
+
+
+def test_a_line_has_the_last_word() -> None:
+    result = batch(f"{GET} --format plain", f"{GET} -p {fake(after=9)} --csv")
+    assert result.lines[0].startswith("558") and result.lines[1].startswith("name,"), result
+
+
+def test_the_first_failure_ends_it_and_is_its_exit_code() -> None:
+    link = fake(fault="silent", after=1)
+    stopped = batch(GET, GET, GET, more=("--json", "--timeout", "0.1"), link=link)
+    assert stopped.code == 4
+    assert [end["end"]["exit_code"] for end in ends(stopped)] == [0, 4, 4]
+    assert "line 2 (exo get): " in stopped.err.casefold() and "1 of 2 lines failed" in stopped.err
+    on = batch(GET, GET, GET, more=("--json", "--timeout", "0.1", "--keep-going"), link=link)
+    assert on.code == 4 and ends(on)[-1]["end"]["failed"] == 2
+
+
+@pytest.mark.parametrize(
+    ("line", "code", "told"),
+    [
+        ("exo get nonsense", 2, "line 2 (exo get): exo has no quantity"),
+        ("exo nonsense", 2, "line 2 (exo nonsense): no such command"),
+        ("exo get 'x", 2, "line 2: no closing quotation"),
+        ("exo set position_set.index=2000", 2, "line 2 (exo set): position_set.index = 2000 is out of range"),
+        ("exo get --nonsense", 2, "line 2 (exo get --nonsense): no such option"),
+        ("handctl exo get id", 2, "the word handctl is not part of a line"),
+        ("exo -h", 2, "line 2 asks for help"),
+        ("exo", 2, "line 2 (exo): no command"),
+        ("sim exo --pty", 2, "cannot be one of several commands"),
+        ("batch other.txt", 2, "cannot be one of several commands"),
+        ("barrett realtime --control -", 2, "standard input cannot be read here"),
+        ("exo save", 8, "line 2 (exo save): this saves the present parameters"),
+        ("-d nobody status", 2, "no device is named 'nobody'"),
+    ],
+)
+def test_a_line_that_cannot_be_run_ends_it_before_the_first(line: str, code: int, told: str, tmp_path: Path) -> None:
+    result = run("batch", "--fake", "--trace", tmp_path / "t.txt", stdin=f"{GET}\n{line}\n")
+    assert result.code == code, result
+    assert told in result.err.casefold() or told in result.err, result
+    assert result.out.replace("Usage", "") == result.out and not (tmp_path / "t.txt").exists(), result
+
+
+def test_a_yes_runs_what_asks_and_the_next_line_sees_it() -> None:
+    with spying() as spy:
+        result = batch("exo set position_set.index=300", "exo get position_set.index", more=("--json", "-y"))
+    assert result.code == 0 and len(spy.lines) == 1, result
+    first, second, _ = ends(result)
+    assert [step["state"] for step in first["end"]["writes"]] == ["confirmed"] and "writes" not in second["end"]
+    rows = [row for text in result.lines if "end" not in (row := json.loads(text))]
+    assert [row["value"] for row in rows] == [300, 300]
+
+
+def test_a_dry_run_shows_what_is_written_and_sends_nothing(tmp_path: Path) -> None:
+    result = batch(GET, "exo save", more=("-n", "--format", "plain", "--trace", tmp_path / "t.txt"))
+    assert (result.code, result.lines) == (0, ["EB 90 01 04 12 ED 03 01 08"]), result
+    assert not (tmp_path / "t.txt").exists()
+    assert "only reads: left out of a dry run" in result.err
+
+
+def test_a_stop_takes_the_open_link() -> None:
+    with spying() as spy:
+        result = batch(GET, "exo stop", GET, more=("--json",))
+    assert result.code == 0 and len(spy.lines) == 1, result
+    assert ends(result)[1]["end"]["writes"], result
+
+
+def test_a_lost_link_is_opened_again() -> None:
+    with spying() as spy:
+        result = batch(GET, GET, GET, more=("--json", "--keep-going"), link=fake(fault="disconnect", after=1))
+    assert [end["end"]["exit_code"] for end in ends(result)[:-1]] == [0, 3, 0], result
+    assert len(spy.lines) == 2
+
+
+def test_a_trace_holds_all_lines(tmp_path: Path) -> None:
+    batch(GET, GET, more=("--trace", tmp_path / "t.txt"))
+    lines = (tmp_path / "t.txt").read_text(encoding="utf-8").splitlines()
+    assert [line.split()[1] for line in lines] == ["handctl", ">", "<", ">", "<"] and lines[0].startswith("# handctl")
+
+
+def test_two_devices_in_one_script() -> None:
+    with spying() as spy:
+        lines = (
+            f"exo get id -p {fake(seed=2)}",
+            f"wrist status -p {fake().replace('exo', 'wrist')}",
+            f"exo get id -p {fake(seed=2)}",
+        )
+        result = run("batch", "--json", stdin="\n".join(lines))
+    assert result.code == 0 and len(spy.lines) == 2, result
+
+
+def test_no_script_is_a_usage_error(tmp_path: Path) -> None:
+    assert run("batch", tmp_path / "none.txt").code == 2
+    assert run("batch", stdin="# nothing\n").code == 2
+    (tmp_path / "bytes").write_bytes(b"\xff\xfe")
+    assert run("batch", tmp_path / "bytes").code == 2
+
+
+def test_tools_may_stand_between() -> None:
+    result = batch(GET, "devices list", "stop", "scan", GET, more=("--json",))
+    assert result.code == 0, result
+    assert [end["command"] for end in ends(result)[:-1]] == ["exo get", "devices list", "stop", "scan", "exo get"]

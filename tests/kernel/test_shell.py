@@ -1,0 +1,140 @@
+"""handctl shell: lines at a prompt on one open link, history, completion, and a port that comes back."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import click
+import pytest
+
+from handctl.frame.clikit import root
+from handctl.frame.lines import line
+from handctl.frame.run import Run
+from handctl.frame.shell import Shell
+from tests.support.cli import fake, run, spying
+from tests.support.terminal import Terminal
+
+
+@pytest.fixture
+def handler() -> Iterator[None]:
+    """What asks the program to end, as it was."""
+    before = signal.getsignal(signal.SIGINT)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+def shell(typed: list[str], *options: str, family: str = "exo") -> tuple[Shell, list[str]]:
+    """A shell into which these lines are typed, and the prompts that it shows."""
+    rest, prompts = iter(typed), []
+
+    def read_line(prompt: str) -> str:
+        prompts.append(prompt)
+        try:
+            return next(rest)
+        except StopIteration:
+            raise EOFError from None
+
+    one = line(["exo", "describe", *options], {})
+    context: click.Context = one.context
+    return Shell(Run(context, one.settings, None), context, family, read_line), prompts
+
+
+def test_lines_share_a_link_and_errors_do_not_end_it(handler: None, capsys: pytest.CaptureFixture[str]) -> None:
+    made, prompts = shell(
+        [
+            "get id",
+            "exo get id  # with the family",
+            "handctl get 'x",
+            "nonsense",
+            "get nonsense",
+            "",
+            "-h",
+            "get id",
+            "exit",
+            "get id",
+        ],
+        "-p",
+        fake(),
+    )
+    with spying() as spy:
+        made.run()
+    out, err = capsys.readouterr()
+    assert len(spy.lines) == 1 and spy.requests == 3
+    assert prompts[0] == f"exo {fake()}> " and len(prompts) == 9
+    assert out.count("id    1000") == 3 and "Usage: handctl exo" in out
+    assert "No closing quotation" in err and "No such command 'nonsense'" in err and "no quantity 'nonsense'" in err
+
+
+def test_a_lost_port_is_opened_again(handler: None, capsys: pytest.CaptureFixture[str]) -> None:
+    made, _ = shell(["get id", "get id", "get id"], "-p", fake(fault="disconnect", after=1))
+    with spying() as spy:
+        made.run()
+    out, err = capsys.readouterr()
+    assert len(spy.lines) == 2 and out.count("id    1000") == 2 and "hung up" in err
+
+
+def test_ctrl_c_at_the_prompt_ends_nothing(handler: None, capsys: pytest.CaptureFixture[str]) -> None:
+    made, prompts = shell([], "-p", fake())
+    keys: list[Any] = [KeyboardInterrupt, "get id", EOFError]
+
+    def read_line(prompt: str) -> str:
+        prompts.append(prompt)
+        key = keys.pop(0)
+        if isinstance(key, str):
+            return key
+        raise key
+
+    made._read_line = read_line
+    made.run()
+    assert len(prompts) == 3 and "Ctrl-D ends the shell" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("before", "found", "absent"),
+    [
+        ("", ["get ", "status ", "exo ", "barrett ", "ports ", "exit "], ["shell ", "sim "]),
+        ("st", ["status ", "stop "], ["get "]),
+        ("get te", ["temperature ", "temperature.index "], ["id "]),
+        ("exo get temperature po", ["position_set "], ["temperature "]),
+        ("barrett get TEM", [], []),
+        ("barrett get temp", ["temperature "], []),
+        ("barrett firmware ", ["check ", "download "], ["get "]),
+        ("get temperature --json te", ["temperature "], []),
+        ("nonsense te", [], ["temperature "]),
+    ],
+)
+def test_completion_of_verbs_and_quantities(before: str, found: list[str], absent: list[str]) -> None:
+    made, _ = shell([])
+    word = before.rpartition(" ")[2]
+    offered = made.candidates(before, word)
+    assert set(found) <= set(offered) and not set(absent) & set(offered), offered
+    assert all(one.startswith(word) for one in offered)
+
+
+def test_the_prompt_names_what_is_known() -> None:
+    assert shell([], family="")[0].prompt == "handctl> "
+    assert shell([], "--fake")[0].prompt == "exo simulated> "
+
+
+def test_it_needs_a_terminal() -> None:
+    result = run("shell", "--fake")
+    assert result.code == 2 and "handctl batch" in result.err
+    assert "shell" in root.list_commands(click.Context(root))
+
+
+def test_a_person_types_confirms_and_finds_the_line_again(tmp_path: Path) -> None:
+    env = {"XDG_STATE_HOME": str(tmp_path)}
+    with Terminal("shell", "exo", "-p", "fake://exo", env=env) as terminal:
+        terminal.until("exo fake://exo> ")
+        terminal.process.send("get te\t.in\t\r")
+        terminal.until("1621")
+        terminal.process.send("set position_set.index=300\r")
+        terminal.until("[y/N]")
+        terminal.process.send("y\r")
+        terminal.until("1 confirmed")
+        terminal.process.send("\x04")
+        assert terminal.finish() == 0
+    assert "set position_set.index=300" in (tmp_path / "handctl" / "shell-history").read_text(encoding="utf-8")

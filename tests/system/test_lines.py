@@ -1,0 +1,27 @@
+"""TAB at a prompt, under the two libraries that Python's readline may be."""
+
+from __future__ import annotations
+
+import sys
+from types import ModuleType
+from typing import Any
+
+import pytest
+
+from handctl.system import lines
+
+
+@pytest.mark.parametrize(
+    ("library", "binding"),
+    [("GNU readline", "tab: complete"), ("Importing this module enables libedit", "bind ^I rl_complete")],
+)
+def test_tab_is_bound_as_the_library_wants_it(library: str, binding: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """macOS has libedit in place of readline, which takes no line of an inputrc."""
+    told: list[Any] = []
+    fake = ModuleType("readline", library)
+    for name in ("read_history_file", "set_history_length", "set_completer_delims", "set_completer"):
+        setattr(fake, name, lambda *_: None)
+    fake.parse_and_bind = told.append  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "readline", fake)
+    assert lines.prepare("/nowhere/history", 10, lambda _line, _word: [])
+    assert told == [binding]
