@@ -14,6 +14,7 @@ import contextlib
 import os
 import stat
 import sys
+from _thread import get_ident
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -42,6 +43,8 @@ class _State:
         """Descriptor that a piece of the result is just being handed to, -1 where that cannot take long."""
         self.kept = False
         """A wish came meanwhile."""
+        self.thread = get_ident()
+        """The thread that is told of a wish."""
         self.results: set[int] = set()
         self.beside: set[int] = set()
         """Descriptors of pipes and terminals that take a result, and those that take a trace; without stdout and stderr."""
@@ -86,7 +89,10 @@ def end_on_signals(*, suspend: bool) -> None:
     _state.__init__()  # type: ignore[misc]
 
     def end(_number: int, _frame: Any) -> None:
-        if not _state.wish():
+        new = _state.wish()
+        if _state.finishing:
+            _ring_soon()
+        if not new or _state.finishing:
             return
         if _state.handing is not None and has_room(_state.handing):
             _state.kept = True  # raised as soon as that piece is out: a row is written and counted, or neither
@@ -95,6 +101,14 @@ def end_on_signals(*, suspend: bool) -> None:
 
     signals.take(end, signals.numbers(suspend=suspend))
     signals.listen(_pressed)
+
+
+def served() -> None:
+    """All that the command does to the device is done: from now on a wish raises nothing, in one step.
+
+    The last statement of what answers to KeyboardInterrupt: behind it nobody would. `finish_on_signals` follows.
+    """
+    _state.finishing = True
 
 
 def finish_on_signals() -> None:
@@ -108,7 +122,7 @@ def finish_on_signals() -> None:
         _state.wish()
         _ring_soon()
 
-    _state.finishing = True
+    served()
     signals.take(end, filter(signals.taken, signals.numbers(suspend=True)))
     if _state.wishes > 1:
         _ring_soon()
@@ -213,7 +227,13 @@ def forget(descriptor: int) -> None:
 
 @contextlib.contextmanager
 def handing_over(descriptor: int = -1) -> Iterator[None]:
-    """A wish that comes while a piece goes out takes effect behind it, unless the reader of the descriptor sleeps."""
+    """A wish that comes while a piece goes out takes effect behind it, unless the reader of the descriptor sleeps.
+
+    So a piece is out and noted, or neither. Other threads than that of the command hear of no wish.
+    """
+    if _state.handing is not None or get_ident() != _state.thread:
+        yield
+        return
     _state.handing = descriptor
     try:
         yield

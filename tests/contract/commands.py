@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -13,6 +14,8 @@ from handctl.frame.clikit import Command
 from handctl.frame.family import load
 from tests.contract.facts import facts_of
 
+SECONDS = 20.0
+"""No command over virtual time takes so long."""
 ELSEWHERE = {
     ("barrett", "firmware download"): "needs a power switch",
     ("barrett", "firmware check"): "reaches no device, and takes an image",
@@ -49,3 +52,8 @@ def scratch_of(folder: Path) -> Path:
             content = snapshot.make(kind, {"kind": kind}, dict(values), link="x", fake=True)
             snapshot.write(str(folder / f"{kind}.json"), content)
     return folder
+
+
+def chosen(cells: Iterator[str] | list[str], each: int, name: str) -> list[str]:
+    """The share of the cells of one product."""
+    return [cell for cell in cells if zlib.crc32(f"{name}|{cell}".encode()) % each == 0]

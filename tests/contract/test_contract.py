@@ -9,11 +9,9 @@ from __future__ import annotations
 import csv
 import importlib
 import io
-import os
 import random
 import re
 import signal
-import zlib
 from collections.abc import Iterator
 from itertools import groupby
 from pathlib import Path
@@ -33,7 +31,7 @@ from handctl.sim import model_class
 from handctl.sim.engine.line import LINE_FAULTS
 from handctl.tools.trace_read import explainer_of
 from tests.contract.cell import CODES, judge, tried, wrote
-from tests.contract.commands import ELSEWHERE, commands, scratch_of, writing_commands
+from tests.contract.commands import ELSEWHERE, SECONDS, chosen, commands, scratch_of, writing_commands
 from tests.contract.facts import Passed, Rule, facts_of, passed
 from tests.fuzz.support import Chunks
 from tests.matrix.report import bounded
@@ -42,9 +40,6 @@ from tests.support.places import TESTS
 
 pytestmark = pytest.mark.contract
 
-SHARE = 64
-"""An ordinary run of the whole suite takes one cell of a large product in 48."""
-SECONDS = 20.0
 VIRTUAL_SECONDS = 900.0
 ALL = [
     (family, name, command.writes, command.streams, command.stops)
@@ -61,20 +56,6 @@ WRITING = [
 @pytest.fixture
 def scratch(tmp_path: Path) -> Path:
     return scratch_of(tmp_path)
-
-
-@pytest.fixture
-def each(request: pytest.FixtureRequest) -> int:
-    """Each how manieth cell of a product is tried."""
-    config = request.config
-    whole_suite = not config.option.file_or_dir or config.option.file_or_dir == ["tests"]
-    marked = "contract" in config.option.markexpr.replace("not contract", "")
-    return int(os.environ.get("HANDCTL_CONTRACT_EACH", "1")) if marked or not whole_suite else SHARE
-
-
-def chosen(cells: Iterator[str] | list[str], each: int, name: str) -> list[str]:
-    """The share of the cells of one product."""
-    return [cell for cell in cells if zlib.crc32(f"{name}|{cell}".encode()) % each == 0]
 
 
 def words_of(family: str) -> list[str]:

@@ -89,6 +89,9 @@ class Call(Run):
         """A stream is taken by the caller, sample by sample."""
         return None
 
+    def served(self) -> None:
+        """Ctrl-C is the caller's."""
+
     def _show_message(self, message: Message) -> None:
         """Nothing is shown: it stands in the envelope."""
 

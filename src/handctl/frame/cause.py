@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from handctl.errors import HandctlError, UsageError, joined
+from handctl.errors import HandctlError, Interrupted, Left, UsageError, joined
 
 if TYPE_CHECKING:
     from handctl.frame.run import Run
@@ -35,6 +35,17 @@ def _renamed(run: Run, error: HandctlError) -> HandctlError:
     nobody = error.code in ("no-answer", "garbage") and not run.journal.counters.received and run.family.baud
     port = run.settings.port or ""
     return pointed(error, port) if nobody and port and not port.startswith(("fake:", "replay:")) else error
+
+
+def interrupted(run: Run) -> Interrupted:
+    """Ctrl-C where nobody inside answers to it. What this command has set going, and watches no more, is stopped."""
+    halt = run.journal.still_moving()
+    if halt is None:
+        return Interrupted("interrupted")
+    with run.guide.undisturbed():
+        run.guide.done()
+        told = halt()
+    return Interrupted("interrupted", left=Left(told) if isinstance(told, str) else told)
 
 
 def judged(run: Run, error: HandctlError | None) -> HandctlError | None:

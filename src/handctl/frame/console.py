@@ -9,12 +9,14 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from handctl import ending
+from handctl.errors import HandctlError, OutputError
 from handctl.model.guide import Guide, Presses
 from handctl.screen.filter import short, shown
 from handctl.sentence import sentence
 
 if TYPE_CHECKING:
-    from handctl.errors import HandctlError
+    from handctl.frame.options import Settings
+    from handctl.model.ledger import Ledger
 
 
 ROOM = 18
@@ -157,6 +159,17 @@ def confirms(answer: str, word: str) -> bool:
 def print_message(level: str, text: str, hint: str) -> None:
     """A message with its next step. Neither can begin a line of its own: what a device said may stand in it."""
     print_stderr(f"handctl: {level}: {shown(sentence(text))}" + (f"\n  next: {shown(sentence(hint))}" if hint else ""))
+
+
+def print_writes(ledger: Ledger, settings: Settings, failure: HandctlError | None) -> None:
+    """The ledger, for people; with -q only where nobody knows what came of a write."""
+    in_json = settings.format in ("json", "ndjson") and not isinstance(failure, OutputError)
+    if in_json or settings.dry_run or (settings.quiet and not ledger.unconfirmed):
+        return
+    said = failure is not None and ledger.honest(failure.hint) != failure.hint
+    if lines := ([] if said and not ledger.began else ledger.text()):
+        level = "warning" if ledger.unconfirmed else "note"
+        print_stderr("\n".join((f"handctl: {level}: {lines[0]}", *map(shown, lines[1:]))))
 
 
 def print_stderr(text: str) -> None:

@@ -12,17 +12,17 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 import click
 
-from handctl.ending import end_on_signals, finish_on_signals, gave_up
+from handctl.ending import end_on_signals, finish_on_signals, gave_up, served
 from handctl.errors import HandctlError, Interrupted, NotConfirmed, OutputError, joined
-from handctl.frame.cause import as_told, from_click, judged
+from handctl.frame.cause import as_told, from_click, interrupted, judged
 from handctl.frame.connection import Connection, beside
-from handctl.frame.console import TerminalGuide, print_message, print_stderr
+from handctl.frame.console import TerminalGuide, print_message, print_writes
 from handctl.frame.envelope import device_row, make_envelope
 from handctl.frame.family import Family, implied, in_words, load
 from handctl.frame.filetypes import files_of
 from handctl.frame.options import SOURCES, Settings, Source
 from handctl.frame.premises import check_before, link_name, refuse_other_family, tell_unasked
-from handctl.screen.filter import shown, text_shown
+from handctl.screen.filter import text_shown
 
 if TYPE_CHECKING:
     from contextlib import AbstractContextManager
@@ -242,7 +242,7 @@ class Run:
         except BaseException:  # a bug of ours: the link and its lock are let go all the same
             finish_on_signals()
             self.close(None)
-            self._show_writes(None)
+            print_writes(self.journal.ledger, self.settings, None)
             raise
         failure = self._wind_up(table, failure)
         if failure is not None:
@@ -254,19 +254,27 @@ class Run:
         failure: HandctlError | None = None
         table: Table | None = None
         try:
-            check_before(self)
-            table = body()
-            if table is not None and table.samples is not None:
-                failure = self.stream(table)
-        except HandctlError as exc:
-            failure = as_told(self, exc)
-        except click.UsageError as exc:
-            failure = from_click(exc)
+            try:
+                check_before(self)
+                table = body()
+                if table is not None and table.samples is not None:
+                    failure = self.stream(table)
+            except HandctlError as exc:
+                failure = exc  # stands, should Ctrl-C come while its cause is looked for
+                failure = as_told(self, exc)
+            except click.UsageError as exc:
+                failure = from_click(exc)
+            self.served()
         except KeyboardInterrupt:
-            failure = Interrupted("interrupted")
+            self.served()
+            failure = failure or interrupted(self)
         if failure is not None and table is None and not self.writes:
             table = self.journal.kept  # what was read before it went wrong
         return table, failure
+
+    def served(self) -> None:
+        """All that is done to the device is done: from now on Ctrl-C changes neither the result nor the exit code."""
+        served()
 
     def judged(self, error: HandctlError | None) -> HandctlError | None:
         """What is shown of an error, and what its exit code is."""
@@ -284,7 +292,7 @@ class Run:
                 if not self.journal.ledger.began:
                     raise
                 failure = self._tell_lost(exc, told)
-        self._show_writes(failure)
+        print_writes(self.journal.ledger, self.settings, failure)
         if gave_up():
             failure = failure or Interrupted("interrupted while the result was written: its reader took no more of it")
         return failure
@@ -337,17 +345,6 @@ class Run:
         if failure is not None:
             exc.text, exc.hint = joined(failure.text, exc.text), joined(failure.hint, exc.hint)
         return exc
-
-    def _show_writes(self, failure: HandctlError | None) -> None:
-        """The ledger, for people; with -q only where nobody knows what came of a write."""
-        ledger, settings = self.journal.ledger, self.settings
-        in_json = settings.format in ("json", "ndjson") and not isinstance(failure, OutputError)
-        if in_json or settings.dry_run or (settings.quiet and not ledger.unconfirmed):
-            return
-        said = failure is not None and ledger.honest(failure.hint) != failure.hint
-        if lines := ([] if said and not ledger.began else ledger.text()):
-            level = "warning" if ledger.unconfirmed else "note"
-            print_stderr("\n".join((f"handctl: {level}: {lines[0]}", *map(shown, lines[1:]))))
 
     def _tell_held(self) -> None:
         for message in self._held:

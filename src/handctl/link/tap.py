@@ -14,8 +14,10 @@ writes such lines; `parse` reads them. Knows no protocol.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from contextlib import AbstractContextManager, nullcontext
 from typing import NamedTuple, Protocol
 
+from handctl.ending import handing_over
 from handctl.errors import LinkError, UsageError
 from handctl.link.base import ByteLink, CanFrame, Deadline, FrameLink, Link, Outlet, Trouble
 
@@ -189,6 +191,13 @@ class _Tapped(Link):
             self.event("power-cycle")
         return done
 
+    def _whole(self) -> AbstractContextManager[None]:
+        """Around what goes out and is noted: Ctrl-C waits for both, unless the line takes nothing just now."""
+        outlet = self._inner.outlet()
+        if outlet is None and not (self.fake or self.replayed):
+            return nullcontext()
+        return handing_over(outlet.descriptor if outlet is not None else -1)
+
     def _failed(self, exc: LinkError) -> LinkError:
         """That the link is lost is an event of the transcript, once."""
         if exc.code == "lost" and not self._lost:
@@ -218,14 +227,15 @@ class TappedFrames(_Tapped, FrameLink):
         self._link.resume()
 
     def send(self, frame: CanFrame, deadline: Deadline) -> None:
-        sent = self.now()
-        try:
+        with self._whole():
+            sent = self.now()
             try:
-                self._link.send(frame, deadline)
-            finally:
-                self._tap.passed(sent, ">", frame.data, frame.can_id)
-        except LinkError as exc:
-            raise self._failed(exc) from exc.__cause__
+                try:
+                    self._link.send(frame, deadline)
+                finally:
+                    self._tap.passed(sent, ">", frame.data, frame.can_id)
+            except LinkError as exc:
+                raise self._failed(exc) from exc.__cause__
         self._count()
 
     def receive(self, deadline: Deadline) -> CanFrame | None:
@@ -235,7 +245,8 @@ class TappedFrames(_Tapped, FrameLink):
             raise self._failed(exc) from exc.__cause__
         self._count()
         if frame is not None:
-            self._tap.passed(self.now(), "<", frame.data, frame.can_id)
+            with handing_over():
+                self._tap.passed(self.now(), "<", frame.data, frame.can_id)
         return frame
 
     def _count(self) -> None:
@@ -252,14 +263,15 @@ class TappedLink(_Tapped, ByteLink):
         self.baud = link.baud
 
     def write(self, data: bytes, deadline: Deadline) -> None:
-        sent = self.now()
-        try:
+        with self._whole():
+            sent = self.now()
             try:
-                self._link.write(data, deadline)
-            finally:
-                self._tap.passed(sent, ">", data, None)
-        except LinkError as exc:
-            raise self._failed(exc) from exc.__cause__
+                try:
+                    self._link.write(data, deadline)
+                finally:
+                    self._tap.passed(sent, ">", data, None)
+            except LinkError as exc:
+                raise self._failed(exc) from exc.__cause__
 
     def read(self, deadline: Deadline, size: int = 4096) -> bytes:
         try:
@@ -267,7 +279,8 @@ class TappedLink(_Tapped, ByteLink):
         except LinkError as exc:
             raise self._failed(exc) from exc.__cause__
         if data:
-            self._tap.passed(self.now(), "<", data, None)
+            with handing_over():
+                self._tap.passed(self.now(), "<", data, None)
         return data
 
     def set_baud(self, baud: int) -> None:

@@ -13,7 +13,7 @@ from handctl.model.ledger import Ledger, honest
 from handctl.model.profile import Profile
 
 if TYPE_CHECKING:
-    from handctl.errors import HandctlError
+    from handctl.errors import HandctlError, Left
 
 SCHEMA = "handctl/1"
 
@@ -168,12 +168,22 @@ class Journal:
         self.messages: list[Message] = []
         self.kept: Table | None = None
         self._blamed: tuple[HandctlError, int] | None = None
+        self._moving: tuple[Callable[[], str | Left], int] | None = None
         self._on_message = on_message
 
     def keep(self, table: Table) -> None:
         """Keep what was read so far: it is shown when the command ends here. Of several the fullest stays."""
         if self.kept is None or len(table.rows) >= len(self.kept.rows):
             self.kept = table
+
+    def moves(self, halt: Callable[[], str | Left]) -> None:
+        """What is written from now on moves the device, which goes on by itself. `halt` stops it and tells what came of that."""
+        self._moving = halt, self._moving[1] if self._moving is not None else self.ledger.mark
+
+    def still_moving(self) -> Callable[[], str | Left] | None:
+        """How what was set going is stopped; None where nothing that moves was written."""
+        halt, before = self._moving or (None, 0)
+        return halt if self.ledger.mark > before else None
 
     def blame(self, error: HandctlError) -> HandctlError:
         """Keep why an exchange failed although something came: the next valid frame clears it. Returns the error."""

@@ -91,6 +91,22 @@ def show(table: Table | None, failure: HandctlError | None, sink: Sink, context:
         _grids(table, sink, context)
 
 
+def _stream(table: Table, samples: Generator[Sample, None, None], how: str, sink: Sink, context: Context) -> None:
+    if how == "table" and sink.terminal and table.live:
+        from handctl.screen.live import show_live
+
+        show_live(table, samples, sink, context)
+        return
+    with contextlib.closing(samples):
+        if how == "openmetrics":
+            from handctl.screen import metrics
+
+            metrics.stream(samples, sink, context)
+        if how == "csv":
+            samples = _wide_lines(table, samples, sink, context)
+        _stream_lines(table, samples, how, sink)
+
+
 def stream(table: Table, sink: Sink, context: Context) -> HandctlError | None:
     """Write a stream as it comes; returns what ended it, None for its natural end. A closed pipe ends it quietly."""
     assert table.samples is not None
@@ -98,24 +114,14 @@ def stream(table: Table, sink: Sink, context: Context) -> HandctlError | None:
     failure: HandctlError | None = None
     samples = _told(iter(table.samples), how)
     try:
-        if how == "table" and sink.terminal and table.live:
-            from handctl.screen.live import show_live
-
-            show_live(table, samples, sink, context)
-        else:
-            with contextlib.closing(samples):
-                if how == "openmetrics":
-                    from handctl.screen import metrics
-
-                    metrics.stream(samples, sink, context)
-                if how == "csv":
-                    samples = _wide_lines(table, samples, sink, context)
-                _stream_lines(table, samples, how, sink)
-    except HandctlError as exc:
-        failure = exc
+        try:
+            _stream(table, samples, how, sink, context)
+        except HandctlError as exc:
+            failure = exc
+        ending.served()  # the device has been left: only its reader can hold up the rest
     except KeyboardInterrupt:
-        failure = Interrupted("interrupted")
-    ending.finish_on_signals()  # the device has been left: only its reader can hold up the rest
+        failure = failure or Interrupted("interrupted")
+    ending.finish_on_signals()
     if isinstance(failure, OutputError) and failure.code == "reader":
         sink.abandon()
     failure = context.judged(failure or table.failure)

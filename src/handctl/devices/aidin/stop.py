@@ -155,6 +155,7 @@ def _halting(hand: AidinHand, guide: Guide, what: str) -> Iterator[None]:
         left = halt(hand)
         return Left(what + left.text, moving=left.moving)
 
+    hand.journal.moves(stop)
     try:
         with stopped_by_ctrl_c(stop, guide):
             yield

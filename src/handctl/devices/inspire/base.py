@@ -119,6 +119,8 @@ class RegisterDevice(Device):
         before, unsure = self.journal.counters.writes, f"it is not known whether {what} was written"
         look = f"check with `handctl {self.kind} get`"
         left = Left(f"{unsure}, and the device may move" if moving else unsure, look, joint=". ")
+        if moving:
+            self.journal.moves(lambda: self.halt(moving))
         try:
             with leaving(left, since=self.journal.counters, interrupt=False):
                 yield

@@ -85,6 +85,7 @@ class ExoHand(RegisterDevice):
         """Send a force or position command and show its reply: positions after force, forces after position."""
         replied = EXO["position_actual"] if which == "force" else EXO["force_actual"]
         before = self.journal.counters.writes
+        self.journal.moves(lambda: self.halt([f"{which}_set"]))
         try:
             numbers = self.bus.command(COMMAND_FLAGS[which], values)
         except (NoAnswer, ProtocolError):
