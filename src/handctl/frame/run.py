@@ -268,6 +268,8 @@ class Run:
         except KeyboardInterrupt:
             self.served()
             failure = failure or interrupted(self)
+            if table is not None and table.samples is not None:
+                table = None  # its stream has not begun: whoever writes it answers to Ctrl-C
         if failure is not None and table is None and not self.writes:
             table = self.journal.kept  # what was read before it went wrong
         return table, failure
