@@ -8,6 +8,7 @@ __version__ = "0.1.0"
 TYPE_CHECKING = False  # the typing module is not worth its import time here
 if TYPE_CHECKING:
     from handctl import errors as errors
+    from handctl.errors import HandctlError as HandctlError
     from handctl.hands import connect as connect
     from handctl.hands import simulate as simulate
 else:
@@ -17,6 +18,8 @@ else:
 
         if name == "errors":
             return import_module("handctl.errors")
+        if name == "HandctlError":
+            return import_module("handctl.errors").HandctlError
         if name in ("connect", "simulate"):
             return getattr(import_module("handctl.api"), name)
         raise AttributeError(f"module 'handctl' has no attribute {name!r}")

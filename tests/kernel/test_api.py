@@ -41,6 +41,7 @@ def test_importing_it_loads_nothing() -> None:
     found = loaded("import handctl; handctl.__version__")
     assert {name for name in found if name.startswith("handctl")} == {"handctl"}
     assert not found & {"click", "serial", "rich", "can", "typing"}
+    assert handctl.HandctlError is handctl.errors.HandctlError
     assert not loaded("import handctl; handctl.errors.HandctlError") & {"click", "serial", "rich", "can"}
 
 
