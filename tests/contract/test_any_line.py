@@ -22,7 +22,7 @@ import pytest
 
 from handctl.families import FAMILIES
 from handctl.link.fake import FakeFrames, FakeLink
-from tests.contract.cell import judge, wrote
+from tests.contract.cell import in_bytes, judge, wrote
 from tests.contract.commands import ELSEWHERE, SECONDS, chosen, commands, scratch_of
 from tests.contract.facts import Passed, facts_of, passed
 from tests.matrix.report import bounded
@@ -37,21 +37,8 @@ PARTS = 4
 PLACES = 2
 """Of the lines, where each came first and last, one in so many times the share of other products is tried."""
 
-EXO, HAND, WRIST = (facts_of(family).halts or {} for family in ("exo", "hand", "wrist"))
-ONCE = [
-    ("exo", "position 100 200 300 400 500", EXO["position"]),
-    ("exo", "force 101 102 103 104 105", bytes.fromhex("EB 90 01 0B 31")),
-    ("exo", "set position_set.index=100", EXO["position"]),
-    ("exo", "write 1486 6400C800", EXO["position"]),
-    ("hand", "angle 500 600 700 800 900 400", HAND["angle"]),
-    ("hand", "set angle_set.index=500", HAND["angle"]),
-    ("hand", "write 1486 6400C800", HAND["angle"]),
-    ("wrist", "set yaw_set=20", WRIST["move"]),
-    ("wrist", "write 1038 D007", WRIST["move"]),
-]
-"""Movements that are not watched: the command ends while the device goes on."""
 WRITING = [
-    *ONCE,
+    *((family, line, halt) for family in FAMILIES for line, halt in (facts_of(family).unwatched or {}).items()),
     *(
         (
             family,
@@ -64,9 +51,6 @@ WRITING = [
     ),
 ]
 """Family, command and what stops what it has set going, b"" = nothing has to."""
-OVER = {"barrett": b"=> "}
-"""What a device ends with that answers to a movement when it is over (barrett §5.1)."""
-ABORT = b"\x03"
 
 
 class Stepper:
@@ -169,20 +153,19 @@ def test_ctrl_c_at_any_line(family: str, words: str, halt: bytes, part: int, tmp
 
 def judged(family: str, name: str, halt: bytes, ended: Ended, usual: Ended) -> None:
     """Raise AssertionError where it tells less than happened, or has not stopped what it says to have ended."""
+    over, idle = facts_of(family).over, facts_of(family).idle
     done = ended.result.code == usual.result.code
     assert done or ended.result.code == 130, ended.result
     assert ended.envelope["device"] is not None, "the envelope knows of no device"
     went = wrote(family, name, ended.transcript)
     if went or done:
         writes = ended.envelope["writes"]
-        if (
-            ABORT not in went
-        ):  # the prompt before it was lost with Ctrl-C: the ledger takes the ^C for the end of a movement
-            writes = [step for step in writes if (family, step["bytes"]) != ("barrett", "03")]
+        if idle not in went:  # the prompt before it was lost with Ctrl-C: the ledger takes it for the end of a movement
+            writes = [step for step in writes if in_bytes(step["bytes"]) != idle]
         judge(family, name, writes, ended.transcript)
     if done:
         assert went == wrote(family, name, usual.transcript), "it says to have done its work"
     elif halt and went and not went[-1].startswith(halt):
         sent = max(place for place, entry in enumerate(ended.transcript) if entry.data == went[-1])
         came = b"".join(entry.data for entry in ended.transcript[sent:] if entry.mark == "<")
-        assert came.endswith(OVER.get(family, b"?")), f"not stopped: {ended.result.err}"
+        assert over and came.endswith(over), f"not stopped: {ended.result.err}"

@@ -44,6 +44,9 @@ class Facts:
     screens   commands whose whole output is looked at on terminals of every width
     moving    bytes that set it moving, from that state
     halts     command that moves -> the bytes that Ctrl-C must send; "" = of a test of its own
+    unwatched  command line that ends while the device goes on -> the bytes that Ctrl-C must send; {dir} as in `writes`
+    over      how the answer to a movement ends once it stands still; b"" = no answer waits for that
+    idle      bytes of a stop that count as a write only while something moves
     drives    a command on which handctl is killed, what it sends meanwhile, and the bytes of the stop
     ends      writing command that needs no stop -> why
     confusing  faults under which `rule` cannot tell from the bytes what writes, since what comes belongs to older ones
@@ -72,6 +75,9 @@ class Facts:
     screens: tuple[str, ...] = ("status", "dump")
     moving: bytes = b""
     halts: Mapping[str, bytes] | None = None
+    unwatched: Mapping[str, bytes] | None = None
+    over: bytes = b""
+    idle: bytes = b""
     drives: tuple[str, bytes, bytes] | None = None
     ends: Mapping[str, str] | None = None
     confusing: frozenset[str] = frozenset()

@@ -97,6 +97,8 @@ FACTS = Facts(
     halts=dict.fromkeys(
         ("init", "open", "close", "move", "step-open", "step-close", "home", "torque-open", "torque-close"), b"\x03"
     ),
+    over=b"=> ",
+    idle=b"\x03",
     plans=frozenset(["defaults", "gcl", "load", "restore", "set"]),
     adapts=frozenset({"restore", "realtime"}),
     confusing=frozenset({"noise", "no-echo", "late", "loop-silent"}),

@@ -6,6 +6,8 @@ from tests.contract.facts import Facts
 from tests.contract.facts.inspire import inspire
 from tests.fuzz.decoders import EB90_GOODS, EB90_LIKELY
 
+HOLD = bytes.fromhex("EB 90 01 0B 32")
+"""A position command (exo §2.2.2)."""
 FACTS = Facts(
     writes={
         "set": "position_set.index=300 force_set.thumb=-20",
@@ -35,7 +37,14 @@ FACTS = Facts(
         "report": "{dir}/report.html --watch 0 --force",
     },
     snapshot={"position_set.index": 300, "position_set.ring": 250, "force_set.little": 5},
-    halts={"position": bytes.fromhex("EB 90 01 0B 32")},
+    halts={"position": HOLD},
+    unwatched={
+        "position 100 200 300 400 500": HOLD,
+        "force 101 102 103 104 105": bytes.fromhex("EB 90 01 0B 31"),
+        "set position_set.index=100": HOLD,
+        "write 1486 6400C800": HOLD,
+        "restore {dir}/exo.json --setpoints": HOLD,
+    },
     plans=frozenset(["baud", "restore", "set"]),
     lines=(("report", "{dir}/report.html"), ("describe",), ("raw", "EB 90 01 04 11 C0 05 02 DD"), ("stop",)),
     looking=frozenset({("raw", "EB 90 01 04 11 C0 05 02 DD")}),

@@ -17,6 +17,8 @@ def rh56(entry: Passed) -> bool:
     return inspire(entry)
 
 
+SPEED = bytes.fromhex("EB 90 01 0F 12 F2 05")
+"""A write to the six speeds (rh56 §6)."""
 FACTS = Facts(
     writes={
         "set": "speed_set.index=300 force_limit.little=200",
@@ -50,7 +52,8 @@ FACTS = Facts(
         "report": "{dir}/report.html --watch 0 --force",
     },
     snapshot={"default_speed.index": 300, "default_speed.ring": 250, "default_force.little": 400},
-    halts=dict.fromkeys(("angle", "position"), bytes.fromhex("EB 90 01 0F 12 F2 05")),
+    halts=dict.fromkeys(("angle", "position"), SPEED),
+    unwatched=dict.fromkeys(("angle 500 600 700 800 900 400", "set angle_set.index=500", "write 1486 6400C800"), SPEED),
     plans=frozenset({"baud", "restore", "set", "force", "speed", "angle"}),
     lines=(("report", "{dir}/report.html"), ("describe",), ("raw", "EB 90 01 04 11 0A 06 0C 32"), ("stop",)),
     looking=frozenset({("raw", "EB 90 01 04 11 0A 06 0C 32")}),

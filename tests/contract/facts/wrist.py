@@ -6,6 +6,8 @@ from tests.contract.facts import Facts
 from tests.contract.facts.inspire import inspire
 from tests.fuzz.decoders import EB90_GOODS, EB90_LIKELY
 
+STAY = bytes.fromhex("EB 90 01 07 31 0E 04")
+"""A write to both angles (wrist §2.1)."""
 FACTS = Facts(
     writes={
         "set": "pitch_set=5 yaw_set=3 move_time=500",
@@ -31,7 +33,8 @@ FACTS = Facts(
         "report": "{dir}/report.html --watch 0 --force",
     },
     snapshot={"pitch_set": 5.0, "yaw_set": 3.0, "move_time": 400},
-    halts=dict.fromkeys(("move", "center"), bytes.fromhex("EB 90 01 07 31 0E 04")),
+    halts=dict.fromkeys(("move", "center"), STAY),
+    unwatched=dict.fromkeys(("set yaw_set=20", "write 1038 D007", "restore {dir}/wrist.json --setpoints"), STAY),
     plans=frozenset(["restore", "set"]),
     lines=(("report", "{dir}/report.html"), ("describe",), ("stop",)),
     rows_in="tests.inspire.wrist_commands",

@@ -41,6 +41,8 @@ class RegisterDevice(Device):
         self.bus = bus
         self._reader = BlockReader(bus)
         self.last_blocks: list[tuple[int, bytes]] = []
+        self._moving: set[str] = set()
+        """Registers that this command has set going: a stop is for all of them, whichever write it meets."""
 
     def identity(self) -> dict[str, object]:
         """What tells this device from another. The manuals document no serial number, model or firmware register."""
@@ -115,7 +117,8 @@ class RegisterDevice(Device):
 
     @contextmanager
     def stopped_by_ctrl_c(self, what: str, moving: Collection[str]) -> Iterator[None]:
-        """Ctrl-C while `what` is written stops the registers `moving` set going. Raises Interrupted."""
+        """Ctrl-C while `what` is written stops what the registers `moving`, and those written before, set going. Raises Interrupted."""
+        moving = self._moving = {*self._moving, *moving}
         before, unsure = self.journal.counters.writes, f"it is not known whether {what} was written"
         look = f"check with `handctl {self.kind} get`"
         left = Left(f"{unsure}, and the device may move" if moving else unsure, look, joint=". ")
