@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from shlex import quote
 
-from handctl.docgen.tables import INTERFACES, MARK, PORTS, PREFIXES, SLCAN, common, fill, names_of, own
+from handctl.docgen.tables import INTERFACES, MARK, PORTS, PREFIXES, SLCAN, common, fill, names_of, parts, takes, words
 from handctl.docgen.tree import Node, Option
 from handctl.families import FAMILIES
 
@@ -17,8 +17,8 @@ def script(tree: Node) -> str:
     shared = common(tree)
     places = {
         "@MARK@": MARK,
-        "@SHARED@": quote(_words(shared)),
-        "@SHARED_TAKES@": quote(_takes(shared)),
+        "@SHARED@": quote(words(shared)),
+        "@SHARED_TAKES@": quote(takes(shared)),
         "@NODES@": "\n".join(_node(node, shared) for node in tree.walk()),
         "@MAPS@": "\n".join(_map(node) for node in tree.children if node.params),
         "@PREFIXES@": " ".join((*PREFIXES, *(f"fake://{family}" for family in FAMILIES))),
@@ -29,31 +29,14 @@ def script(tree: Node) -> str:
     return fill(TEMPLATE, places)
 
 
-def _words(options: tuple[Option, ...]) -> str:
-    return " ".join(name for option in options for name in option.names)
-
-
-def _takes(options: tuple[Option, ...]) -> str:
-    return " ".join(f"{name}={option.value.token}" for option in options if option.value for name in option.names)
-
-
 def _node(node: Node, shared: tuple[Option, ...]) -> str:
-    options, lacks = own(node, shared)
-    arguments = " ".join(argument.value.token + ("*" if argument.repeats else "") for argument in node.arguments)
-    parts = {
-        "cmds": " ".join(child.path[-1] for child in node.children),
-        "opts": _words(options),
-        "takes": _takes(options),
-        "args": arguments,
-        "lacks": lacks,
-    }
-    return f"        {quote(node.name)}) {' '.join(f'{key}={quote(text)}' for key, text in parts.items() if text)} ;;"
+    return f"        {quote(node.name)}) {' '.join(f'{key}={quote(text)}' for key, text in parts(node, shared).items())} ;;"
 
 
 def _map(node: Node) -> str:
     names = names_of(node.params)
-    elements = " ".join(f"{name}={','.join(words)}" for name, words in names.elements.items())
-    values = " ".join(f"{name}={','.join(words)}" for name, words in names.values.items())
+    elements = " ".join(f"{name}={','.join(texts)}" for name, texts in names.elements.items())
+    values = " ".join(f"{name}={','.join(texts)}" for name, texts in names.values.items())
     return (
         f"        {node.name})\n"
         f"            read={quote(' '.join(names.read))}\n            set={quote(' '.join(names.set))}\n"

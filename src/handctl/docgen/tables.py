@@ -67,6 +67,29 @@ def own(node: Node, shared: tuple[Option, ...]) -> tuple[tuple[Option, ...], str
     return tuple(option for option in node.options if option not in shared), " ".join(lacks)
 
 
+def words(options: tuple[Option, ...]) -> str:
+    """The names of options, for a shell whose tables are words."""
+    return " ".join(name for option in options for name in option.names)
+
+
+def takes(options: tuple[Option, ...]) -> str:
+    """Which of them take a value, and what can complete it: `--opt=token`."""
+    return " ".join(f"{name}={option.value.token}" for option in options if option.value for name in option.names)
+
+
+def parts(node: Node, shared: tuple[Option, ...]) -> dict[str, str]:
+    """What a shell whose tables are words knows of a command, by the names of its variables; no empty ones."""
+    options, lacks = own(node, shared)
+    found = {
+        "cmds": " ".join(child.path[-1] for child in node.children),
+        "opts": words(options),
+        "takes": takes(options),
+        "args": " ".join(argument.value.token + ("*" if argument.repeats else "") for argument in node.arguments),
+        "lacks": lacks,
+    }
+    return {key: text for key, text in found.items() if text}
+
+
 def plain(text: str) -> str:
     """A help text as one line without markup."""
     return " ".join(text.replace("`", "").split())

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from handctl.errors import HandctlError, Interrupted, Left, UsageError, joined
+from handctl.errors import HandctlError, Interrupted, UsageError, joined
+from handctl.model.leaving import stopped
 
 if TYPE_CHECKING:
     from handctl.frame.run import Run
@@ -40,12 +41,7 @@ def _renamed(run: Run, error: HandctlError) -> HandctlError:
 def interrupted(run: Run) -> Interrupted:
     """Ctrl-C where nobody inside answers to it. What this command has set going, and watches no more, is stopped."""
     halt = run.journal.still_moving()
-    if halt is None:
-        return Interrupted("interrupted")
-    with run.guide.undisturbed():
-        run.guide.done()
-        told = halt()
-    return Interrupted("interrupted", left=Left(told) if isinstance(told, str) else told)
+    return Interrupted("interrupted") if halt is None else stopped(halt, run.guide)
 
 
 def judged(run: Run, error: HandctlError | None) -> HandctlError | None:

@@ -46,7 +46,12 @@ def stopped_by_ctrl_c(stop: Callable[[], str | Left], guide: Guide) -> Iterator[
     try:
         yield
     except KeyboardInterrupt as exc:
-        with guide.undisturbed():
-            guide.done()
-            told = stop()
-        raise Interrupted("interrupted", left=Left(told) if isinstance(told, str) else told) from exc
+        raise stopped(stop, guide) from exc
+
+
+def stopped(stop: Callable[[], str | Left], guide: Guide) -> Interrupted:
+    """Stop what moves, undisturbed; the end of the command, with what became of it."""
+    with guide.undisturbed():
+        guide.done()
+        told = stop()
+    return Interrupted("interrupted", left=Left(told) if isinstance(told, str) else told)
