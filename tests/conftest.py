@@ -5,6 +5,8 @@ from __future__ import annotations
 import itertools
 import os
 import zlib
+from collections.abc import Iterator
+from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
@@ -22,8 +24,10 @@ from tests.matrix.report import (
     pytest_terminal_summary,
 )
 from tests.support.collecting import Collecting
+from tests.support.in_process import in_process
 
 __all__ = [
+    "ordinary",
     "own_state",
     "pytest_collection_modifyitems",
     "pytest_configure",
@@ -45,6 +49,13 @@ def own_state(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.Monk
     monkeypatch.setenv("XDG_STATE_HOME", str(own))
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(runtime))
     monkeypatch.setenv("TMPDIR", str(own))  # the second place for what a user's --fake keeps
+
+
+@pytest.fixture(autouse=True)
+def ordinary(request: pytest.FixtureRequest, own_state: None) -> Iterator[None]:
+    """A test that is not marked `real` stays in this process and on virtual time."""
+    with nullcontext() if request.node.get_closest_marker("real") else in_process():
+        yield
 
 
 def pytest_configure(config: pytest.Config) -> None:

@@ -24,7 +24,10 @@ from handctl.stop.holding import Hold
 from tests.aidin.support import feedback, hand_on, line
 from tests.support.cli import PATIENCE, Result, run
 
-pytestmark = pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")  # the server is a thread of this process
+pytestmark = [
+    pytest.mark.real,
+    pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning"),
+]  # the server is a thread of this process
 
 STOP = b'{"hand_mode":3}\n'
 LOST = "the connection was lost. Connected again and sent the stop mode 3 times"

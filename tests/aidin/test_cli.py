@@ -219,6 +219,7 @@ def test_what_is_sent_is_what_the_dry_run_showed(tmp_path: Path) -> None:
 # -- links ------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.real
 def test_a_refused_connection() -> None:
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
@@ -226,6 +227,7 @@ def test_a_refused_connection() -> None:
     assert (result.code, result.error["code"]) == (3, "refused")
 
 
+@pytest.mark.real
 def test_a_silent_server() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         result = aidin("status", "--timeout", "0.1", link=f"tcp://127.0.0.1:{server.getsockname()[1]}")
@@ -246,6 +248,7 @@ def test_the_port_is_8000_when_none_is_given(monkeypatch: pytest.MonkeyPatch) ->
     assert asked == [("192.0.2.7", 8000), ("192.0.2.7", 8001)]
 
 
+@pytest.mark.real
 def test_served() -> None:
     with Simulator("--tcp", "127.0.0.1:0", "--set", "start=open", kind="aidin") as simulator:
         status = aidin("status", link=simulator.link)

@@ -210,6 +210,7 @@ def test_a_ramp_begins_far_outside_only_when_that_is_wanted() -> None:
 # -- a second Ctrl-C in a real process ---------------------------------------------------------------------------------
 
 
+@pytest.mark.real
 def test_a_second_interrupt_cuts_the_way_back_of_currents_short(tmp_path: Path) -> None:
     """The hand confirms the stop within what handctl waits for it, but for a busy machine."""
     tries = (interrupted_twice(tmp_path / f"trace{number}") for number in range(10))

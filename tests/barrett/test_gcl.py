@@ -236,6 +236,7 @@ def test_help_texts() -> None:
     assert passthrough.explain_help("?NOTHING") == ""
 
 
+@pytest.mark.real
 @pytest.mark.parametrize("more", [("--json",), ("--csv",), ("-o", "data.txt")])
 def test_a_prompt_is_for_a_terminal(more: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """What was typed and answered is no JSON, CSV or file: refused before anything is sent (contract 4)."""

@@ -6,6 +6,8 @@ import pytest
 
 from tests.support.loading import back_ends, heavy, loaded
 
+pytestmark = pytest.mark.real
+
 
 @pytest.mark.parametrize("args", [("barrett", "-h"), ("barrett", "describe", "--json"), ("barrett", "open", "-n")])
 def test_barrett_without_a_device_loads_no_simulator(args: tuple[str, ...]) -> None:

@@ -71,6 +71,7 @@ def do(link: str, *args: str | Path) -> Result:
 # -- the same as in process -------------------------------------------------------------------------------------------
 
 
+@pytest.mark.real
 @places
 def test_status_dump_and_set(start: Start, place: str) -> None:
     link = start(place, *READY).link
@@ -90,6 +91,7 @@ def test_status_dump_and_set(start: Start, place: str) -> None:
     assert [row["value"] for row in samples] == [0] * 20 and end["stream"]["samples"] == 5
 
 
+@pytest.mark.real
 @places
 def test_movements_in_real_time(start: Start, place: str) -> None:
     """HI, then C: 17,000 counts in 3120 samples of 256 us (dossier 13)."""
@@ -109,6 +111,7 @@ def test_movements_in_real_time(start: Start, place: str) -> None:
 # -- speed ------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.real
 @pytest.mark.parametrize("place", ["pty", "tcp"])
 def test_baud_and_the_next_command_finds_it(start: Start, tmp_path: Path, place: str) -> None:
     link, trace = start(place, *READY).link, tmp_path / "t.txt"
@@ -123,6 +126,7 @@ def test_baud_and_the_next_command_finds_it(start: Start, tmp_path: Path, place:
         assert (at_once.code, at_once.codes()) == (0, [])
 
 
+@pytest.mark.real
 def test_a_saved_speed_survives_the_power(start: Start, tmp_path: Path) -> None:
     """BAUD in RAM is lost at a power cycle, saved it stays (§5.2.3, §5.4.1)."""
     panel = tmp_path / "panel"
@@ -151,6 +155,7 @@ def test_a_saved_speed_survives_the_power(start: Start, tmp_path: Path) -> None:
 # -- interrupted ------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.real
 @pytest.mark.parametrize(("place", "number"), [("pty", signal.SIGINT), ("tcp", signal.SIGINT), ("pty", signal.SIGTERM)])
 def test_interrupt_in_the_middle_of_a_movement(start: Start, tmp_path: Path, place: str, number: int) -> None:
     """^C stops every motor (§5.5 case 4): exit 130, positions told, and there they stay."""
@@ -178,6 +183,7 @@ def test_interrupt_in_the_middle_of_a_movement(start: Start, tmp_path: Path, pla
     assert all(abs(now[motor] - told[motor]) <= 2 for motor in told), (now, told)
 
 
+@pytest.mark.real
 def test_a_hand_that_ignores_the_abort(start: Start, tmp_path: Path) -> None:
     """What could not be stopped is said, with what to do."""
     panel, trace = tmp_path / "panel", tmp_path / "t.txt"
@@ -200,6 +206,7 @@ def test_a_hand_that_ignores_the_abort(start: Start, tmp_path: Path) -> None:
 # -- the port ---------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.real
 def test_a_second_opener_is_told(start: Start, tmp_path: Path) -> None:
     link = start("pty", *READY).link
     do(link, "set", "MCV=40")  # 17,000 counts in 1.8 s
@@ -216,6 +223,7 @@ def test_a_second_opener_is_told(start: Start, tmp_path: Path) -> None:
     assert process.returncode == 0, err  # the first one is not disturbed
 
 
+@pytest.mark.real
 @places
 def test_a_server_that_is_killed(start: Start, tmp_path: Path, place: str) -> None:
     simulator, trace = start(place, *READY), tmp_path / "t.txt"
@@ -251,11 +259,13 @@ def test_pyserial_client_and_handctl_take_turns(start: Start) -> None:
         assert [row["value"] for row in result.rows] == [1] * 4
 
 
+@pytest.mark.real
 def test_pyserial_url_as_the_link(start: Start) -> None:
     link = start("tcp", *READY).link.replace("tcp://", "socket://")
     assert values_of(do(link, "get", "SN")) == {("SN", None): 1042}
 
 
+@pytest.mark.real
 def test_live_control_through_a_pipe(start: Start, tmp_path: Path) -> None:
     """Each line counts from when it comes; one that is a second old counts no more; the end of the pipe ends the loop."""
     link, trace = start("pty", *READY).link, tmp_path / "trace.txt"
@@ -292,6 +302,7 @@ def test_live_control_through_a_pipe(start: Start, tmp_path: Path) -> None:
 # -- a terminal program ---------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.real
 def test_a_terminal_program_talks_to_the_hand(start: Start) -> None:
     """No client of the BarrettHand is in a registry: pyserial's miniterm, which knows nothing of GCL, reads, sets, moves, stops."""
     simulator = start("pty", *READY)

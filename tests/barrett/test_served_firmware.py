@@ -7,9 +7,13 @@ import json
 import signal
 from pathlib import Path
 
+import pytest
+
 from tests.barrett.panel import download, panel
 from tests.barrett.srecords import END, HEADER, record
 from tests.support.cli import Simulator, wait_until
+
+pytestmark = pytest.mark.real
 
 DATA = bytes((number * 11 + 5) & 255 for number in range(1024))
 

@@ -13,6 +13,8 @@ from tests.barrett.commands import POWER_ON, SETTINGS, STATUS, sent_lines
 from tests.support.cli import Simulator, run
 from tests.support.terminal import Terminal
 
+pytestmark = pytest.mark.real
+
 READY = "fake://barrett?initialized=1"
 
 

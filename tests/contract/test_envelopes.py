@@ -44,6 +44,7 @@ def test_a_sample_has_a_time_of_day(family: str) -> None:
     assert (rows, end) == again
 
 
+@pytest.mark.real
 @pytest.mark.parametrize("family", FAMILIES)
 def test_in_real_time_it_is_the_time_of_day(family: str) -> None:
     link = facts_of(family).link(family).replace("clock=virtual", "seed=1")

@@ -51,6 +51,7 @@ def contract(top: Path, *words: str) -> subprocess.CompletedProcess[str]:
     return python(top, "pytest", *marked, *words, "tests/contract/test_contract.py")
 
 
+@pytest.mark.real
 def test_it_runs_at_once(tree: Path) -> None:
     done = python(tree, "handctl", NAME, "status", "-p", f"fake://{NAME}?clock=virtual", "--format", "plain")
     assert done.returncode == 0, done
@@ -68,6 +69,7 @@ def test_it_is_short(tree: Path) -> None:
     assert sum(text.count("\n") for text in texts) < MOST_LINES
 
 
+@pytest.mark.real
 @pytest.mark.parametrize("name", [NAME, "exo", "sim", "aidin", "Gripper", "two words", "../x", "class", "1st", ""])
 def test_a_name_that_cannot_be_is_refused_and_nothing_is_written(tree: Path, name: str) -> None:
     before = {path: path.stat().st_mtime_ns for path in tree.rglob("*")}

@@ -246,6 +246,7 @@ def linters() -> list[list[str]]:
     return [command for command in known if shutil.which(command[0])]
 
 
+@pytest.mark.real
 @pytest.mark.parametrize("name", SECTION_OF)
 def test_the_linters_of_this_machine_find_nothing(name: str, tmp_path: Path) -> None:
     path = tmp_path / f"{name}.{SECTION_OF[name]}"

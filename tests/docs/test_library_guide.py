@@ -22,6 +22,7 @@ def test_there_are_such_programs() -> None:
     assert len(BLOCKS[-1][1].splitlines()) <= 5
 
 
+@pytest.mark.real
 @pytest.mark.parametrize("text", [text for fixture, text in BLOCKS if not fixture])
 def test_a_program_runs(text: str) -> None:
     if "pandas" in text:
@@ -32,6 +33,7 @@ def test_a_program_runs(text: str) -> None:
     assert done.stdout
 
 
+@pytest.mark.real
 def test_the_fixture_is_one(tmp_path: Path) -> None:
     (text,) = [text for fixture, text in BLOCKS if fixture]
     (tmp_path / "test_hot.py").write_text(text, encoding="utf-8")

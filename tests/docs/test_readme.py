@@ -145,6 +145,7 @@ def test_examples_of_every_family() -> None:
         )
 
 
+@pytest.mark.real
 @pytest.mark.parametrize("name", PAGES)
 def test_every_example_runs(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """In order and in one directory, as a reader would: one example's file is the next one's input."""
@@ -178,6 +179,7 @@ MESSAGES: dict[str, tuple[int, tuple[str, ...]]] = {
 ELSEWHERE = {"not permitted", "in use"}
 
 
+@pytest.mark.real
 @pytest.mark.parametrize("message", MESSAGES)
 def test_a_message_of_the_table_is_what_handctl_says(message: str) -> None:
     code, words = MESSAGES[message]
@@ -204,6 +206,7 @@ def test_readme_stays_short() -> None:
     assert len(PAGES["README"].splitlines()) <= MOST_LINES
 
 
+@pytest.mark.real
 def test_handctl_is_found_behind_the_line_that_readme_has_for_it(tmp_path: Path) -> None:
     """README's lines for a checkout in order: the program is in .venv, and later lines say `handctl` alone."""
     lines = INDENTED.findall(PAGES["README"])
@@ -220,6 +223,7 @@ def test_handctl_is_found_behind_the_line_that_readme_has_for_it(tmp_path: Path)
     assert (done.returncode, done.stdout) == (0, "it is this one\n")
 
 
+@pytest.mark.real
 @pytest.mark.skipif(shutil.which("man") is None, reason="no man")
 def test_a_guide_is_shown_in_a_checkout() -> None:
     (line,) = [line for line in INDENTED.findall(PAGES["README"]) if line.startswith("man ")]

@@ -35,6 +35,7 @@ def test_there_are_such_blocks() -> None:
     assert [len(blocks(language)) for language in ("python", "c", "sh")] == [2, 1, 1]
 
 
+@pytest.mark.real
 @pytest.mark.parametrize("text", blocks("python"))
 def test_python_prints_what_its_comment_says(text: str, tmp_path: Path) -> None:
     wanted = re.findall(r"print\(.*\)  # (.*)", text)
@@ -46,6 +47,7 @@ def test_python_prints_what_its_comment_says(text: str, tmp_path: Path) -> None:
     assert done.stdout.splitlines() == wanted != []
 
 
+@pytest.mark.real
 @pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler")
 def test_c_gets_the_same_answer(tmp_path: Path) -> None:
     (tmp_path / "ask.c").write_text(blocks("c")[0], encoding="ascii")
@@ -66,6 +68,7 @@ def test_c_gets_the_same_answer(tmp_path: Path) -> None:
     assert (done.returncode, done.stdout.strip()) == (0, ANSWER)
 
 
+@pytest.mark.real
 @pytest.mark.skipif(shutil.which("jq") is None, reason="no jq")
 @pytest.mark.parametrize(("fault", "said"), [("", "healthy"), ("&fault=over-temperature", "ring: over_temperature")])
 def test_the_script_tells_a_healthy_hand_from_another(fault: str, said: str, tmp_path: Path) -> None:

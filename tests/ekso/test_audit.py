@@ -67,6 +67,7 @@ def test_it_is_on_the_disk_before_record_returns(tmp_path: Path, monkeypatch: py
     assert done == ["fsync", "write", "fsync", "write", "fsync"], "the folder once, then after each entry"
 
 
+@pytest.mark.real
 def test_a_kill_loses_nothing(tmp_path: Path) -> None:
     path = tmp_path / "log.jsonl"
     done = subprocess.run([sys.executable, "-c", KILLED, str(path)], check=False, timeout=30)
@@ -205,6 +206,7 @@ def test_what_is_no_edit(log: Path) -> None:
     assert told_by(log) == [(3, "was edited")], "the last of the old ones is held by the first of the new"
 
 
+@pytest.mark.real
 def test_several_programs_write_one_chain(tmp_path: Path) -> None:
     path = tmp_path / "log.jsonl"
     with ThreadPoolExecutor(4) as pool:  # threads share no range lock against each other, programs do

@@ -226,6 +226,7 @@ def test_what_set_refuses(args: tuple[str, ...], code: int, word: str, tmp_path:
     assert not trace.exists() or 155 not in commands(trace)
 
 
+@pytest.mark.real
 def test_a_kill_while_the_answer_is_awaited_leaves_the_intent_in_the_log(tmp_path: Path) -> None:
     """In real time: the program is killed without a chance to tidy up."""
     args = ("ekso", "set", "step_length=16", *ME, "-p", "fake://ekso?preset=vectors&fault=set-unanswered")

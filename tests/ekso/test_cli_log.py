@@ -299,6 +299,7 @@ def test_a_directory_and_a_path_that_does_not_exist(tmp_path: Path) -> None:
     assert log(tmp_path / "none" / "a.csv", "--count", "1").code == 2
 
 
+@pytest.mark.real
 def test_a_log_only_reads(tmp_path: Path) -> None:
     trace = tmp_path / "trace"
     assert run("ekso", "log", tmp_path / "a.csv", "--count", "3", "--fake", "--trace", trace).code == 0
@@ -334,6 +335,7 @@ def started(path: Path, *args: str) -> subprocess.Popen[bytes]:
     return process
 
 
+@pytest.mark.real
 def test_kill_9_loses_less_than_a_second(tmp_path: Path) -> None:
     """As far as this machine lets it write in time: of some tries the best."""
     assert any(killed(tmp_path / f"{number}.csv") < 1.0 for number in range(10))
@@ -357,6 +359,7 @@ def killed(path: Path) -> float:
     return lost
 
 
+@pytest.mark.real
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_ctrl_c_ends_a_log_as_it_should(tmp_path: Path, number: signal.Signals) -> None:
     path = tmp_path / "a.csv"
@@ -393,6 +396,7 @@ def _longer(path: Path, rows: int) -> bool:
     return len(table(path)) > rows
 
 
+@pytest.mark.real
 def test_keys_on_a_terminal_set_marks(tmp_path: Path, on_a_terminal: pexpect.spawn) -> None:
     path = tmp_path / "a.csv"
     for keys in (" ", "h", "\x1b[A"):
@@ -409,6 +413,7 @@ def test_keys_on_a_terminal_set_marks(tmp_path: Path, on_a_terminal: pexpect.spa
     assert [mark["text"] for mark in sidecar(path)["marks"]] == ["mark 1", "h"]
 
 
+@pytest.mark.real
 def test_a_terminal_that_is_closed_ends_a_log_as_ctrl_c_does(tmp_path: Path, on_a_terminal: pexpect.spawn) -> None:
     path = tmp_path / "a.csv"
     on_a_terminal.ptyproc.fileobj.close()

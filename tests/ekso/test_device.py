@@ -418,6 +418,7 @@ def test_lines_for_people() -> None:
 # -- layers -----------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.real
 @pytest.mark.parametrize("args", [("ekso", "-h"), ("ekso", "describe", "--json"), ("ekso", "status", "-h")])
 def test_without_a_device_nothing_is_loaded(args: tuple[str, ...]) -> None:
     code, modules = loaded(*args)
@@ -427,6 +428,7 @@ def test_without_a_device_nothing_is_loaded(args: tuple[str, ...]) -> None:
     assert not any(name.startswith("handctl.sim") for name in modules)
 
 
+@pytest.mark.real
 def test_a_dump_loads_its_family_and_the_crc() -> None:
     code, modules = loaded("ekso", "dump", "--fake", "--json")
     assert code == 0

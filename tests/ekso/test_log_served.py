@@ -19,6 +19,8 @@ import pytest
 from handctl.sim.engine.serve import send_control
 from tests.support.cli import Result, Simulator, clean_environment, program, run, wait_until
 
+pytestmark = pytest.mark.real
+
 
 class Bench:
     """A served EksoNR with a name as below by-id, and a log of it."""

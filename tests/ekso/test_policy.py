@@ -92,6 +92,7 @@ def test_an_unfinished_write_is_told(tmp_path: Path) -> None:
     assert "unfinished-write" not in set_("step_length=15.0").codes()
 
 
+@pytest.mark.real
 def test_an_unfinished_write_is_told_before_the_next_is_confirmed(tmp_path: Path) -> None:
     path = tmp_path / "handctl" / "ekso-audit.jsonl"
     assert set_("step_length=15.0").code == 0

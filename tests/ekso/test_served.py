@@ -19,6 +19,8 @@ from tests.ekso.commands import DATA_WORDS, ME, SETTING_WORDS
 from tests.support import forks
 from tests.support.cli import PATIENCE, Result, Simulator, clean_environment, run, run_program, unhurried, wait_until
 
+pytestmark = pytest.mark.real
+
 Start = Callable[..., Simulator]
 PLACES: dict[str, tuple[str, ...]] = {"pty": ("--pty",), "tcp": ("--tcp", "127.0.0.1:0")}
 

@@ -54,6 +54,7 @@ def episode_of(name: str, folder: Path) -> Episode:
     return DECODERS[name](folder)
 
 
+@pytest.mark.real
 @pytest.mark.parametrize("name", DECODERS)
 def test_fuzz(name: str, tmp_path: Path) -> None:
     count = FILES.get(name, SHORT)
@@ -74,6 +75,7 @@ TORN = [b"T1234567\r", b"T12345678\xff\r", b"Tzzzzzzzz0\r", b"T\r", b"D00000001\
 IMPOSSIBLE = [b"TFFFFFFFF0\r", b"T20000000100\r", b"T11000001200\r", b"D1100000120403\r"]
 
 
+@pytest.mark.real
 @pytest.mark.parametrize("text", [*TORN, *IMPOSSIBLE])
 def test_damaged_text_of_an_adapter_is_passed_over_and_counted(text: bytes) -> None:
     """It is shown as it came, it is nobody's error frame, and the line behind it is read."""

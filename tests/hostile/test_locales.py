@@ -104,6 +104,7 @@ PROGRAMS = (
 )
 
 
+@pytest.mark.real
 @pytest.mark.parametrize("place", PLACES, ids=lambda place: " ".join(place.values()))
 def test_the_same_as_a_program(place: dict[str, str], tmp_path: Path, request: pytest.FixtureRequest) -> None:
     """The locale of the system, and bytes in an argument."""

@@ -134,6 +134,7 @@ def endless(*_: Any) -> None:
     time.sleep(60)
 
 
+@pytest.mark.real
 def test_a_command_that_does_not_end_is_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
 ) -> None:

@@ -17,7 +17,7 @@ from tests.hostile.cell import FORMATS, Cell, Folder, attempt
 from tests.hostile.devices import Place
 from tests.hostile.table import Tried, note, share
 
-pytestmark = pytest.mark.hostile
+pytestmark = [pytest.mark.real, pytest.mark.hostile]
 
 EACH = 4
 """An ordinary run takes one in so many: each costs a process."""

@@ -101,6 +101,7 @@ def test_dump_on_a_pty_is_the_same_as_in_process(pty: str) -> None:
     assert counters["sent"] - counters["retries"] == 2  # a busy machine may answer late
 
 
+@pytest.mark.real
 @pytest.mark.parametrize("where", ["pty", "tcp"])
 def test_every_verb_works_on_a_served_hand(start: Start, tmp_path: Path, where: str) -> None:
     place = ("--pty",) if where == "pty" else ("--tcp", "127.0.0.1:0")
@@ -172,6 +173,7 @@ def test_the_second_opener_is_told_that_the_port_is_busy(start: Start) -> None:
     assert run_program("exo", "get", "id", "-p", link).code == 0
 
 
+@pytest.mark.real
 @pytest.mark.parametrize("where", [("--pty",), ("--tcp", "127.0.0.1:0")], ids=["pty", "tcp"])
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
 def test_a_server_that_goes_away_is_exit_3(start: Start, where: tuple[str, ...], number: signal.Signals) -> None:
@@ -196,6 +198,7 @@ def test_a_server_that_goes_away_is_exit_3(start: Start, where: tuple[str, ...],
         assert run("exo", "get", "id", "-p", simulator.link).code == 3
 
 
+@pytest.mark.real
 @pytest.mark.parametrize("where", [("--pty",), ("--tcp", "127.0.0.1:0")], ids=["pty", "tcp"])
 def test_a_line_that_hangs_up_is_exit_3(start: Start, where: tuple[str, ...]) -> None:
     link = start(*where, "--fault", "disconnect", "--after", "1").link
@@ -203,6 +206,7 @@ def test_a_line_that_hangs_up_is_exit_3(start: Start, where: tuple[str, ...]) ->
     assert (result.code, result.error["code"]) == (3, "lost")
 
 
+@pytest.mark.real
 def test_pyserial_urls_reach_the_server(start: Start, tmp_path: Path) -> None:
     tcp = start("--tcp", "127.0.0.1:0").link.removeprefix("tcp://")
     assert run("exo", "get", "id", "-p", f"socket://{tcp}", "--format", "plain").out == "1\n"
@@ -281,6 +285,7 @@ def test_wire_time_of_a_dump(start: Start, tmp_path: Path) -> None:
 # -- foreign clients --------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.real
 def test_pyrh56_reads_the_same_hand_that_handctl_changed(start: Start) -> None:
     link = start("--pty").link
     assert run("exo", "position", "700", "600", "500", "400", "300", "--wait", "3", "-y", "-p", link).code == 0
@@ -304,6 +309,7 @@ def test_pyserial_client(pty: str) -> None:
         assert port.read(13) == frame("90 EB 01 08 11 46 06 00 00 00 00 00 66")
 
 
+@pytest.mark.real
 def test_plain_socket_client(start: Start) -> None:
     host, port = start("--tcp", "127.0.0.1:0").link.removeprefix("tcp://").split(":")
     with socket.create_connection((host, int(port)), timeout=PATIENCE) as client:

@@ -21,6 +21,8 @@ from handctl.model.result import Journal
 from tests.support import modbus_server
 from tests.support.cli import run
 
+pytestmark = pytest.mark.real
+
 GOLDEN = {
     "default_speed": [701, 702, 703, 704, 705, 706],
     "default_force": [501, 502, 503, 504, 505, 506],

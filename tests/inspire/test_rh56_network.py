@@ -40,6 +40,7 @@ def test_a_new_address_is_written_read_back_and_saved(wire: str) -> None:
     assert states[0] == "confirmed" and len(states) == 2, states
 
 
+@pytest.mark.real
 def test_the_new_address_is_typed_to_confirm_it() -> None:
     for answer, code in (("192.168.11.211", 0), ("y", 8)):
         with Terminal("hand", "network", "192.168.11.211", "-p", TP, columns=120) as terminal:

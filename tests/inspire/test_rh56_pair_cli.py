@@ -142,6 +142,7 @@ def at_terminal(config: Path, *words: str) -> Terminal:
     )
 
 
+@pytest.mark.real
 def test_a_person_sees_which_hand_moves_and_types_it(config: Path, two_ports: Any) -> None:
     (one, two), controls = two_ports
     with at_terminal(config, one.link, two.link) as terminal:
@@ -160,6 +161,7 @@ def test_a_person_sees_which_hand_moves_and_types_it(config: Path, two_ports: An
     assert f'[devices.left]\nkind = "hand"\nport = "{two.link}"' in text
 
 
+@pytest.mark.real
 @pytest.mark.parametrize(("answers", "code"), [(("n",), 8), (("y", "neither"), 8), (("y", "left", "left"), 7)])
 def test_another_answer_names_nobody(config: Path, two_ports: Any, answers: tuple[str, ...], code: int) -> None:
     (one, two), controls = two_ports
@@ -178,6 +180,7 @@ def test_another_answer_names_nobody(config: Path, two_ports: Any, answers: tupl
         assert [moves(path) for path in controls] == [0, 0]
 
 
+@pytest.mark.real
 def test_ctrl_c_in_the_movement_holds_both_hands_and_names_nobody(config: Path, two_ports: Any) -> None:
     (one, two), controls = two_ports
     with at_terminal(config, one.link, two.link) as terminal:
@@ -193,6 +196,7 @@ def test_ctrl_c_in_the_movement_holds_both_hands_and_names_nobody(config: Path, 
     assert config.read_text() == "# of this bench\n"
 
 
+@pytest.mark.real
 def test_a_pair_that_is_killed_in_the_movement_stops_the_hand(config: Path, two_ports: Any) -> None:
     (one, two), controls = two_ports
     with at_terminal(config, one.link, two.link) as terminal:
@@ -208,6 +212,7 @@ def test_a_pair_that_is_killed_in_the_movement_stops_the_hand(config: Path, two_
 # -- one IP address -----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.real
 def test_two_hands_with_one_address_over_tcp(config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The network is a table: whoever is on is behind its address, and both begin with the same one."""
     controls = [tmp_path / f"{name}.sock" for name in ("one", "two")]

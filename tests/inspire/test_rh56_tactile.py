@@ -98,6 +98,7 @@ def test_plain_csv_and_a_stream(tmp_path: Path) -> None:
     assert (result.code, result.json["counters"]["sent"]) == (2, 0)
 
 
+@pytest.mark.real
 @pytest.mark.parametrize("columns", [40, 80, 200])
 def test_a_picture_fits_the_window(columns: int) -> None:
     with Terminal("hand", "tactile", "-p", TCP, columns=columns, rows=60) as terminal:
@@ -118,6 +119,7 @@ def test_a_picture_on_a_pipe_has_the_fingers_side_by_side() -> None:
     assert any(line.startswith("Each character is one value") for line in lines)
 
 
+@pytest.mark.real
 @pytest.mark.parametrize(("rows", "seen"), [(60, "palm"), (24, "little_tip")])
 def test_a_live_picture_and_a_line_a_zone_where_it_does_not_fit(rows: int, seen: str) -> None:
     with Terminal("hand", "tactile", "--watch", "--rate", "20", "-p", "fake://hand?model=tp&bus=modbus-tcp", rows=rows) as terminal:  # fmt: skip

@@ -6,6 +6,8 @@ import pytest
 
 from tests.support.loading import back_ends, heavy, loaded
 
+pytestmark = pytest.mark.real
+
 
 @pytest.mark.parametrize("wire", ["--serial", "--can"])
 def test_a_wrist_from_the_simulator_loads_neither_python_can_nor_pyserial(wire: str) -> None:

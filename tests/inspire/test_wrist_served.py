@@ -69,6 +69,7 @@ places = pytest.mark.parametrize("place", PLACES)
 # -- serving ----------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.real
 def test_the_ready_line_is_the_link_to_use(start: Start) -> None:
     patterns = {
         "pty": r"/dev/\S+", "tcp": r"tcp://127\.0\.0\.1:\d+",
@@ -96,6 +97,7 @@ def test_dump_is_the_same_as_in_process(links: dict[str, str], place: str) -> No
     assert counters["sent"] - counters["retries"] == asked  # a busy machine may answer late
 
 
+@pytest.mark.real
 @places
 def test_status_and_scan(links: dict[str, str], place: str) -> None:
     status = run("wrist", "status", "--check", "-p", links[place], "--json")
@@ -109,6 +111,7 @@ def test_status_and_scan(links: dict[str, str], place: str) -> None:
     assert ([row["value"] for row in rows], end["stream"]["samples"]) == ([11.0] * 5, 5)
 
 
+@pytest.mark.real
 @pytest.mark.parametrize("place", ["pty", "tcp", "slcan-pty"])
 def test_move_and_what_it_leaves(start: Start, tmp_path: Path, place: str) -> None:
     """Real time: the movement takes its 300 ms; every further verb works on the moved wrist."""
@@ -140,6 +143,7 @@ def test_move_and_what_it_leaves(start: Start, tmp_path: Path, place: str) -> No
     assert do("set", "move_time=1234").values == {"move_time": 1234}
 
 
+@pytest.mark.real
 def test_a_wrong_bitrate_is_named(links: dict[str, str], start: Start) -> None:
     for place in SLCAN:
         slow = start(place, "--set", "bitrate=500000").link
@@ -161,6 +165,7 @@ def test_a_wrong_serial_speed(start: Start) -> None:
     assert run("wrist", "get", "pitch_actual", "-p", link, "--baud", "57600", "--format", "plain").out == "-3.45\n"
 
 
+@pytest.mark.real
 @pytest.mark.parametrize("place", ["pty", "slcan-pty"])
 def test_the_second_opener_is_told_that_the_port_is_busy(start: Start, place: str) -> None:
     link = start(place).link
@@ -184,6 +189,7 @@ def test_the_second_opener_is_told_that_the_port_is_busy(start: Start, place: st
     assert run("wrist", "get", "yaw_set", "-p", link).code == 0
 
 
+@pytest.mark.real
 @places
 def test_a_server_that_goes_away_is_exit_3(start: Start, place: str) -> None:
     simulator = start(place)
@@ -207,12 +213,14 @@ def test_a_server_that_goes_away_is_exit_3(start: Start, place: str) -> None:
         assert run("wrist", "get", "yaw_set", "-p", simulator.link).code == 3
 
 
+@pytest.mark.real
 @places
 def test_an_adapter_that_hangs_up_is_exit_3(start: Start, place: str) -> None:
     result = run("wrist", "dump", "-p", start(place, "--fault", "disconnect").link, "--json")
     assert (result.code, result.error["code"]) == (3, "lost")
 
 
+@pytest.mark.real
 @pytest.mark.parametrize(("fault", "exit_code", "code"), [
     ("no-ack", 4, "no-ack"), ("no-ack,queue", 4, "no-ack"), ("no-ack,no-status", 4, "bel"), ("no-ack,reports", 4, "no-ack"),
     ("bus-off", 3, "bus-off"), ("bus-off,queue", 3, "bus-off"), ("bus-off,reports", 3, "bus-off"), ("bel", 3, "refused"),
@@ -229,6 +237,7 @@ def test_errors_of_the_bus(start: Start, fault: str, exit_code: int, code: str) 
         assert "termination" in result.error["hint"] and "500000" in result.error["hint"]
 
 
+@pytest.mark.real
 def test_a_busy_bus_does_not_disturb(start: Start, tmp_path: Path) -> None:
     link, trace = start("slcan-tcp", "--set", "traffic=500", "--wire", "1").link, tmp_path / "t.txt"
     result = run("wrist", "dump", "-p", link, "--json", "--trace", trace)
@@ -256,6 +265,7 @@ def ask(bus: can.BusABC, identifier: int, *data: int) -> bytes:
     raise AssertionError("no answer")
 
 
+@pytest.mark.real
 @pytest.mark.parametrize("place", SLCAN)
 def test_a_plain_python_can_bus(start: Start, place: str) -> None:
     """1020 and 1024 with the identifiers of the manual (wrist §2.3.1), a write, and what handctl then reads."""
@@ -268,6 +278,7 @@ def test_a_plain_python_can_bus(start: Start, place: str) -> None:
     assert run("wrist", "get", "yaw_set", "pitch_set", "-p", link, "--format", "plain").lines == ["10.0", "-10.0"]
 
 
+@pytest.mark.real
 def test_handctl_moves_and_python_can_sees_it(start: Start) -> None:
     link = start("slcan-tcp").link
     assert run("wrist", "move", "--pitch", "-10", "--yaw", "10", "--time", "100", "-p", link).code == 0
@@ -275,6 +286,7 @@ def test_handctl_moves_and_python_can_sees_it(start: Start) -> None:
         assert ask(bus, 0x10FF0001, 4) == s16(-1000, 1000)
 
 
+@pytest.mark.real
 def test_can_logger_sees_the_frames_of_the_bus(start: Start, tmp_path: Path) -> None:
     link, log = start("slcan-pty", "--set", "traffic=200").link, tmp_path / "bus.log"
     process = subprocess.Popen(
@@ -309,6 +321,7 @@ def test_an_adapter_as_bytes_for_a_shell(links: dict[str, str]) -> None:
     assert b"T1100000146F00DE00\r" in data
 
 
+@pytest.mark.real
 def test_handctl_and_a_foreign_client_take_turns(links: dict[str, str], tmp_path: Path) -> None:
     """An answer that nobody fetched belongs to nobody."""
     trace = tmp_path / "t.txt"

@@ -15,6 +15,8 @@ from tests.support import forks
 from tests.support.cli import Simulator, clean_environment, run, s16, wait_until
 from tests.support.terminal import Terminal
 
+pytestmark = pytest.mark.real
+
 both = pytest.mark.parametrize("wire", WIRES)
 NUMBER = r"(-?\d+\.\d+)"
 

@@ -37,6 +37,7 @@ def loaded(code: str) -> set[str]:
     return set(done.stdout.split())
 
 
+@pytest.mark.real
 def test_importing_it_loads_nothing() -> None:
     found = loaded("import handctl; handctl.__version__")
     assert {name for name in found if name.startswith("handctl")} == {"handctl"}
@@ -45,6 +46,7 @@ def test_importing_it_loads_nothing() -> None:
     assert not loaded("import handctl; handctl.errors.HandctlError") & {"click", "serial", "rich", "can"}
 
 
+@pytest.mark.real
 def test_a_simulated_device_needs_neither_a_terminal_nor_a_port() -> None:
     found = loaded("import handctl; handctl.simulate('exo').dump()")
     assert not found & {"serial", "rich", "can", "socket"}

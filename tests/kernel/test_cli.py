@@ -164,6 +164,7 @@ def test_a_command_that_writes_says_so_in_its_help() -> None:
         assert any(word in text.split("options:")[0] for word in words), verb
 
 
+@pytest.mark.real
 @pytest.mark.parametrize("args", [(), ("exo",)])
 def test_without_a_command_the_help_is_shown(args: Sequence[str]) -> None:
     result = run_program(*args)
@@ -286,6 +287,7 @@ def test_a_stream_that_cannot_start_ends_as_a_stream(args: Sequence[str]) -> Non
     check_schema(json.loads(line)["end"])
 
 
+@pytest.mark.real
 @pytest.mark.parametrize(
     ("link", "code"),
     [("/dev/no-such-port", "not-found"), ("/dev/null", "not-a-port"), ("tcp://127.0.0.1:1", "refused")],

@@ -46,6 +46,7 @@ def port() -> Iterator[tuple[socket.socket, str]]:
         yield server, f"tcp://127.0.0.1:{server.getsockname()[1]}"
 
 
+@pytest.mark.real
 def test_a_bug_of_ours_lets_the_link_and_its_lock_go(
     port: tuple[socket.socket, str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

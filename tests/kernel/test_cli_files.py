@@ -75,6 +75,7 @@ def test_where_no_snapshot_can_be_written_is_told_before_anything_is_sent(tmp_pa
         assert "Nothing was sent" in result.error["hint"]
 
 
+@pytest.mark.real
 def test_a_snapshot_that_restore_will_refuse_says_so(tmp_path: Path) -> None:
     with Simulator("--pty", "--control", tmp_path / "panel") as simulator:
         assert send_control(str(tmp_path / "panel"), "set 1504 D0 07").startswith("ok")  # 2000, as another program may

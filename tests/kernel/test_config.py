@@ -279,6 +279,7 @@ def test_a_place_that_cannot_be_written(tmp_path: Path) -> None:
         change(str(tmp_path / "file" / "c.toml"), CHECKS, lambda config: put(config, "a", EXO), EXO, "a")
 
 
+@pytest.mark.real
 def test_of_two_edits_at_once_none_is_lost(tmp_path: Path) -> None:
     path = str(tmp_path / "c.toml")
 

@@ -77,6 +77,7 @@ def test_while_presses_are_counted_no_signal_ends_or_stops_the_program(name: str
     assert signal.getsignal(number) is before
 
 
+@pytest.mark.real
 def test_the_alarm_of_impatience_is_off_afterwards() -> None:
     before = signal.getsignal(signal.SIGALRM)
     with TerminalGuide(quiet=True).impatient(30.0, lambda: OutputError("late")):

@@ -17,6 +17,8 @@ import pytest
 
 from tests.support.cli import PATIENCE, clean_environment, program
 
+pytestmark = pytest.mark.real
+
 STREAM = ("ekso", "watch", "--fake", "--rate", "0")
 DUMPS = {
     "dump": ("exo", "dump", "--fake"), "dump json": ("exo", "dump", "--fake", "--json"),

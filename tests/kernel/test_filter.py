@@ -135,6 +135,7 @@ def test_messages_spell_it_out(text: str) -> None:
         assert len([line for line in done.err.splitlines() if line.startswith("handctl:")]) == 1
 
 
+@pytest.mark.real
 def test_a_variable_and_a_key_of_the_configuration(tmp_path: Path) -> None:
     done = run_program("exo", "dump", "--fake", env={"HANDCTL_TIMEOUT": "\x1b]0;x\x07"})
     assert (done.code, harmless(done.err)) == (2, True)
@@ -154,6 +155,7 @@ WORDS = (("-h",), ("barrett", "-h"), ("doctor",), ("exo", "describe"), ("exo", "
          ("exo", "dump", "--fake", "--color", "always"))  # fmt: skip
 
 
+@pytest.mark.real
 @pytest.mark.parametrize(
     ("place", "words"),
     [(PLACES[0], words) for words in WORDS] + [(place, words) for place in PLACES[1:] for words in WORDS[4:6]],
@@ -170,6 +172,7 @@ def test_a_stdout_that_lacks_a_character_gets_a_substitute(place: dict[str, str]
         assert b"deg C" in done.stdout
 
 
+@pytest.mark.real
 def test_a_live_view_in_ascii() -> None:
     """Bars on a terminal that has no block characters."""
     main, side = pty.openpty()
@@ -194,6 +197,7 @@ def test_a_live_view_in_ascii() -> None:
     assert b"##" in seen
 
 
+@pytest.mark.real
 def test_json_of_a_path_that_is_not_utf8(tmp_path: Path) -> None:
     odd = os.fsencode(tmp_path) + b"/\xff.json"
     command = [*(os.fsencode(word) for word in program("exo", "diff")), odd, b"--fake", b"--json"]

@@ -501,6 +501,7 @@ def test_devices_never_look_at_a_clock_of_their_own() -> None:
 # -- what a start loads -----------------------------------------------------------------------------------------------
 
 
+@pytest.mark.real
 @pytest.mark.parametrize("option", ["--version", "-V"])
 def test_version_loads_nothing(option: str) -> None:
     code, modules = loaded(option)
@@ -510,6 +511,7 @@ def test_version_loads_nothing(option: str) -> None:
     assert heavy(modules) == set()
 
 
+@pytest.mark.real
 def test_root_help_loads_click_and_data() -> None:
     code, modules = loaded("-h")
     assert code == 0
@@ -520,6 +522,7 @@ def test_root_help_loads_click_and_data() -> None:
     )
 
 
+@pytest.mark.real
 def test_exo_help_loads_no_link_and_no_simulator() -> None:
     code, modules = loaded("exo", "-h")
     assert code == 0
@@ -530,6 +533,7 @@ def test_exo_help_loads_no_link_and_no_simulator() -> None:
     assert all(name.startswith("handctl.devices.inspire") for name in modules if name.startswith("handctl.devices."))
 
 
+@pytest.mark.real
 def test_completion_of_the_root_loads_no_family(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("_HANDCTL_COMPLETE", "bash_complete")
     monkeypatch.setenv("COMP_WORDS", "handctl e")
@@ -539,6 +543,7 @@ def test_completion_of_the_root_loads_no_family(monkeypatch: pytest.MonkeyPatch)
     assert not any(name.startswith(("handctl.devices.", "handctl.sim", "handctl.link")) for name in modules)
 
 
+@pytest.mark.real
 def test_describe_needs_no_device() -> None:
     code, modules = loaded("exo", "describe", "position_set", "--json")
     assert code == 0
@@ -547,6 +552,7 @@ def test_describe_needs_no_device() -> None:
     assert not any(name.startswith("handctl.sim") for name in modules)
 
 
+@pytest.mark.real
 @pytest.mark.parametrize("output", ["--json", "--csv", "--format=plain", "--format=table"])
 def test_a_dump_from_the_simulator_loads_neither_rich_nor_pyserial(output: str) -> None:
     """A pipe is no terminal: rich stays away also from the table."""
@@ -562,6 +568,7 @@ def test_a_dump_from_the_simulator_loads_neither_rich_nor_pyserial(output: str) 
     assert all(name.startswith("handctl.devices.inspire") for name in modules if name.startswith("handctl.devices."))
 
 
+@pytest.mark.real
 def test_a_serial_port_loads_pyserial_only() -> None:
     code, modules = loaded("exo", "dump", "-p", "/dev/ttyNOTHING0", "--json")
     assert code == 3
@@ -569,6 +576,7 @@ def test_a_serial_port_loads_pyserial_only() -> None:
     assert "handctl.sim" not in modules
 
 
+@pytest.mark.real
 def test_tcp_loads_no_pyserial() -> None:
     code, modules = loaded("exo", "dump", "-p", "tcp://127.0.0.1:1", "--json")
     assert code == 3

@@ -34,6 +34,7 @@ def test_every_family_stands_here() -> None:
     assert {name.split()[0] for name in MOVEMENTS} == set(FAMILIES)
 
 
+@pytest.mark.real
 @pytest.mark.parametrize("name", MOVEMENTS)
 def test_progress_is_one_line(name: str, tmp_path: Path) -> None:
     args, safety, word = MOVEMENTS[name]

@@ -43,6 +43,7 @@ FORMATS = ("table", "plain", "json", "ndjson", "csv")
 # -- tables on a pipe -------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.real
 @pytest.mark.parametrize("args", [("dump",), ("status",), ("describe",), ("get", "error"), ("scan",), ("read", "1472", "60"),
                                   ("set", "position_set.index=3", "-n"), ("watch", "--count", "2")])  # fmt: skip
 def test_a_table_on_a_pipe_is_plain_text_at_any_width(args: tuple[str, ...]) -> None:
@@ -110,6 +111,7 @@ def test_plain_is_bare() -> None:
     assert dump.err == ""
 
 
+@pytest.mark.real
 def test_plain_in_a_shell() -> None:
     done = subprocess.run(
         ["sh", "-c", f'v=$({sys.executable} -m handctl exo get system_voltage --format plain --fake); echo "[$v]"'],
@@ -118,6 +120,7 @@ def test_plain_in_a_shell() -> None:
     assert (done.stdout, done.stderr, done.returncode) == ("[558]\n", "", 0)
 
 
+@pytest.mark.real
 def test_csv_is_rfc_4180() -> None:
     result = run("exo", "dump", "--csv", "-p", fake())
     assert result.raw.count(b"\r\n") == 43
@@ -183,6 +186,7 @@ def test_quiet_leaves_errors_only() -> None:
 # -- colour -----------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.real
 def test_colour_on_a_pipe() -> None:
     assert "\x1b[" in run_program("exo", "status", "--fake", "--color", "always").out
     assert "\x1b[" in run_program("exo", "status", "--fake", "--color", "always", env={"NO_COLOR": "1"}).out
@@ -204,6 +208,7 @@ def test_colours_are_codes_where_there_is_no_console(monkeypatch: pytest.MonkeyP
         assert not console_for(sink).legacy_windows
 
 
+@pytest.mark.real
 @pytest.mark.parametrize("args", [
     *(("exo", "dump", "--fake", "--format", form) for form in FORMATS),
     ("exo", "status", "--fake", "--color", "always"), ("exo", "describe"), ("--version",), ("-h",),
@@ -225,6 +230,7 @@ def test_full_disk_is_one_line_and_not_0(args: tuple[str, ...]) -> None:
     assert "Traceback" not in done.stderr and "Exception" not in done.stderr
 
 
+@pytest.mark.real
 @pytest.mark.parametrize("form", ["table", "json"])
 def test_what_was_written_is_told_though_stdout_takes_nothing(form: str) -> None:
     args = ("exo", "force", "1", "2", "3", "4", "5", "-y", "--format", form, "-p", "fake://exo?clock=virtual")
@@ -236,6 +242,7 @@ def test_what_was_written_is_told_though_stdout_takes_nothing(form: str) -> None
     assert "handctl: note: writes: 1 confirmed" in done.stderr and "stdout: cannot be written" in done.stderr
 
 
+@pytest.mark.real
 @pytest.mark.parametrize("args", [
     *(("exo", "dump", "--fake", "--format", form) for form in FORMATS), ("exo", "describe"), ("-h",),
     ("exo", "watch", "--fake", "--json", "--rate", "0"), ("exo", "watch", "--fake", "--csv", "--rate", "50"),
@@ -256,6 +263,7 @@ def test_a_closed_pipe_is_quiet(args: tuple[str, ...]) -> None:
         process.stderr.close()
 
 
+@pytest.mark.real
 def test_head_gets_its_line() -> None:
     done = subprocess.run(["bash", "-c", f"{sys.executable} -m handctl exo watch --fake --csv --rate 0 | head -1"],
                           env=clean_environment(), capture_output=True, timeout=20, check=False)  # fmt: skip
@@ -299,6 +307,7 @@ def test_watch_without_names_shows_what_changes() -> None:
     assert len(rows) == 26
 
 
+@pytest.mark.real
 def test_watch_in_real_time() -> None:
     """On a machine that has time; one that has none is late now and then."""
     rates: list[float] = []
@@ -316,6 +325,7 @@ def test_watch_in_real_time() -> None:
     pytest.fail(f"never: {rates}")
 
 
+@pytest.mark.real
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("how", ["--json", "--csv", "--format=plain", "--format=table"])
 def test_a_signal_ends_a_stream_in_order(number: signal.Signals, how: str, tmp_path: Path) -> None:
@@ -331,6 +341,7 @@ def test_a_signal_ends_a_stream_in_order(number: signal.Signals, how: str, tmp_p
         assert result.out.endswith("\n")
 
 
+@pytest.mark.real
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_during_a_wait(number: signal.Signals, tmp_path: Path) -> None:
     """Not a stream: nothing reaches stdout until then. JSON says that it was interrupted."""
@@ -368,6 +379,7 @@ def test_the_closing_line_of_an_error() -> None:
     assert json.loads(result.lines[-1]) == {"end": end}
 
 
+@pytest.mark.real
 def test_an_interrupted_stream_leaves_a_whole_file(tmp_path: Path) -> None:
     path = tmp_path / "out.ndjson"
     process = subprocess.Popen(

@@ -122,6 +122,7 @@ def test_each_has_its_own_files(go: Go, tmp_path: Path) -> None:
     assert "right" in (tmp_path / "all.csv").read_text(encoding="utf-8")
 
 
+@pytest.mark.real
 def test_they_run_at_the_same_time(tmp_path: Path) -> None:
     config = tmp_path / "config.toml"
     config.write_text(

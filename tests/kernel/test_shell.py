@@ -125,6 +125,7 @@ def test_it_needs_a_terminal() -> None:
     assert "shell" in root.list_commands(click.Context(root))
 
 
+@pytest.mark.real
 def test_a_person_types_confirms_and_finds_the_line_again(tmp_path: Path) -> None:
     env = {"XDG_STATE_HOME": str(tmp_path)}
     with Terminal("shell", "exo", "-p", "fake://exo", env=env) as terminal:

@@ -34,6 +34,8 @@ from tests.support.cli import (
 )
 from tests.support.terminal import Terminal
 
+pytestmark = pytest.mark.real
+
 POWER_OFF = "Ctrl-C does not stop the hand. To stop it, switch its power off."
 SPARKS = "▁▂▃▄▅▆▇█"
 

@@ -148,6 +148,7 @@ def gone(pid: int) -> bool:
 # -- death ---------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.real
 @pytest.mark.parametrize("how", ["process", "group", "session"])
 def test_three_stops_however_it_dies(place: Place, parents: list[subprocess.Popen[bytes]], how: str) -> None:
     took: list[float] = []
@@ -168,6 +169,7 @@ def test_three_stops_however_it_dies(place: Place, parents: list[subprocess.Pope
     assert took[-1] < 0.1, took
 
 
+@pytest.mark.real
 def test_signals_that_end_a_program_do_not_end_the_guard(place: Place, parents: list[subprocess.Popen[bytes]]) -> None:
     process = armed(place)
     parents.append(process)
@@ -179,6 +181,7 @@ def test_signals_that_end_a_program_do_not_end_the_guard(place: Place, parents: 
     assert place.take(PATIENCE, lambda: gone(guard)) == b"STOP" * 3
 
 
+@pytest.mark.real
 def test_the_newest_stop_is_sent(place: Place, parents: list[subprocess.Popen[bytes]]) -> None:
     body = "[guard.update([Shot(str(n).encode(), 0.01), Shot(b';', 0)]) for n in range(3000)]"
     process = armed(place, body)
@@ -188,6 +191,7 @@ def test_the_newest_stop_is_sent(place: Place, parents: list[subprocess.Popen[by
     assert place.take(PATIENCE, lambda: gone(guard)) == b"2999;"
 
 
+@pytest.mark.real
 def test_a_frame_that_is_half_sent_is_completed(place: Place, parents: list[subprocess.Popen[bytes]]) -> None:
     """A line that takes no more has a part of a frame: the rest of it comes before the stop."""
     body = """
@@ -208,6 +212,7 @@ def test_a_frame_that_is_half_sent_is_completed(place: Place, parents: list[subp
     assert frames == bytes(range(251)) * count
 
 
+@pytest.mark.real
 def test_who_reads_its_output_is_not_kept_waiting(place: Place, parents: list[subprocess.Popen[bytes]]) -> None:
     """The guard holds no pipe of its parent: the end of the output is seen when the parent dies."""
     process = armed(place, "guard.update([Shot(b'STOP', 5.0)])")
@@ -218,6 +223,7 @@ def test_who_reads_its_output_is_not_kept_waiting(place: Place, parents: list[su
     assert not gone(guard)
 
 
+@pytest.mark.real
 def test_nobody_gets_the_lock_before_the_stop_is_out(place: Place, parents: list[subprocess.Popen[bytes]]) -> None:
     process = armed(place, "guard.update([Shot(b'', 1.5), Shot(b'S')])")
     parents.append(process)
@@ -232,6 +238,7 @@ def test_nobody_gets_the_lock_before_the_stop_is_out(place: Place, parents: list
     wait_until(lambda: gone(guard))
 
 
+@pytest.mark.real
 def test_a_suspended_parent_is_not_dead(place: Place, parents: list[subprocess.Popen[bytes]]) -> None:
     process = armed(place)
     parents.append(process)
@@ -242,6 +249,7 @@ def test_a_suspended_parent_is_not_dead(place: Place, parents: list[subprocess.P
     assert place.take(PATIENCE, lambda: gone(guard)) == b"STOP" * 3
 
 
+@pytest.mark.real
 def test_a_fork_that_outlives_the_parent_does_not_keep_the_guard_waiting(
     place: Place, parents: list[subprocess.Popen[bytes]]
 ) -> None:
@@ -261,6 +269,7 @@ def test_a_fork_that_outlives_the_parent_does_not_keep_the_guard_waiting(
 # -- an end in order -------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.real
 def test_an_end_in_order_sends_nothing_and_leaves_nobody(place: Place) -> None:
     link = open_link(place.link)
     before = children()
@@ -275,6 +284,7 @@ def test_an_end_in_order_sends_nothing_and_leaves_nobody(place: Place) -> None:
     assert place.take(0.05) == b""
 
 
+@pytest.mark.real
 def test_open_descriptors_are_as_before(place: Place) -> None:
     link = open_link(place.link)
     before = os.listdir("/dev/fd")
@@ -284,6 +294,7 @@ def test_open_descriptors_are_as_before(place: Place) -> None:
     link.close()
 
 
+@pytest.mark.real
 def test_a_guard_that_was_killed_is_replaced(place: Place) -> None:
     link = open_link(place.link)
     before = children()
@@ -298,6 +309,7 @@ def test_a_guard_that_was_killed_is_replaced(place: Place) -> None:
     link.close()
 
 
+@pytest.mark.real
 def test_a_link_tells_what_it_owes(place: Place) -> None:
     """The link names the rest of a frame whenever it waits in the middle of one."""
     link = open_link(place.link)
@@ -335,6 +347,7 @@ def test_a_link_without_a_way_out_is_told_of() -> None:
     assert code == "unguarded" and "nothing stops the device" in text and hint
 
 
+@pytest.mark.real
 def test_without_fork_it_is_told_of(place: Place, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delattr(os, "fork")
     link = open_link(place.link)
@@ -345,6 +358,7 @@ def test_without_fork_it_is_told_of(place: Place, monkeypatch: pytest.MonkeyPatc
     link.close()
 
 
+@pytest.mark.real
 def test_where_no_process_can_be_started_nothing_is_driven(place: Place) -> None:
     link = open_link(place.link)
     before = os.listdir("/dev/fd")

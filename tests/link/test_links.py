@@ -132,6 +132,7 @@ def test_devices_and_directories_are_not_ports(path: str) -> None:
     assert (error.exit_code, error.code) == (3, "not-a-port")
 
 
+@pytest.mark.real
 def test_a_port_carries_bytes_both_ways(terminal: tuple[int, str]) -> None:
     ours, name = terminal
     link = open_link(name, baud=57600)
@@ -154,6 +155,7 @@ def test_a_port_carries_bytes_both_ways(terminal: tuple[int, str]) -> None:
         link.close()
 
 
+@pytest.mark.real
 def test_the_speed_of_a_port_is_set(terminal: tuple[int, str]) -> None:
     import termios
 
@@ -167,6 +169,7 @@ def test_the_speed_of_a_port_is_set(terminal: tuple[int, str]) -> None:
         link.close()
 
 
+@pytest.mark.real
 def test_every_byte_passes_unchanged(terminal: tuple[int, str]) -> None:
     """XON, XOFF, CR, LF, ^C, ^D and FF too."""
     ours, name = terminal
@@ -181,6 +184,7 @@ def test_every_byte_passes_unchanged(terminal: tuple[int, str]) -> None:
         link.close()
 
 
+@pytest.mark.real
 def test_second_opening_in_this_process_is_busy(terminal: tuple[int, str]) -> None:
     _, name = terminal
     link = open_link(name)
@@ -194,6 +198,7 @@ def test_second_opening_in_this_process_is_busy(terminal: tuple[int, str]) -> No
     open_link(name).close()
 
 
+@pytest.mark.real
 def test_the_holder_is_named(terminal: tuple[int, str]) -> None:
     _, name = terminal
     holder = (
@@ -211,6 +216,7 @@ def test_the_holder_is_named(terminal: tuple[int, str]) -> None:
         process.stdin.close()
 
 
+@pytest.mark.real
 def test_a_port_that_goes_away_is_lost() -> None:
     ours, theirs = pty.openpty()
     link = open_link(os.ttyname(theirs))
@@ -223,6 +229,7 @@ def test_a_port_that_goes_away_is_lost() -> None:
     link.close()
 
 
+@pytest.mark.real
 def test_an_adapter_that_was_unplugged_reads_as_nothing_and_is_lost(
     terminal: tuple[int, str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -238,6 +245,7 @@ def test_an_adapter_that_was_unplugged_reads_as_nothing_and_is_lost(
     link.close()
 
 
+@pytest.mark.real
 def test_a_real_port_that_another_program_has_open_is_refused(
     terminal: tuple[int, str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -253,6 +261,7 @@ def test_a_real_port_that_another_program_has_open_is_refused(
     open_link(name).close()
 
 
+@pytest.mark.real
 def test_a_port_that_takes_nothing_ends_at_the_deadline(terminal: tuple[int, str]) -> None:
     _, name = terminal
     link = open_link(name)
@@ -289,6 +298,7 @@ def test_causes_of_a_failed_opening(monkeypatch: pytest.MonkeyPatch, number: str
     assert (error.exit_code, error.code) == (3, code)
 
 
+@pytest.mark.real
 def test_permission_names_the_group(monkeypatch: pytest.MonkeyPatch, terminal: tuple[int, str]) -> None:
     import errno
 
@@ -369,6 +379,7 @@ def test_usb_link_that_is_none(monkeypatch: pytest.MonkeyPatch, link: str) -> No
     assert opening(link).exit_code == 2
 
 
+@pytest.mark.real
 def test_usb_link_opens_the_port_it_found(monkeypatch: pytest.MonkeyPatch, terminal: tuple[int, str]) -> None:
     plug(monkeypatch, port(terminal[1], 0x0403, 0x6001, "A1"))
     link = open_link("usb:0403:6001:A1")
@@ -382,6 +393,7 @@ def socketed(device: str, location: str | None) -> SimpleNamespace:
     return SimpleNamespace(device=device, vid=0x1A86, pid=0x7523, serial_number=None, location=location)
 
 
+@pytest.mark.real
 def test_a_lost_usb_port_comes_back_as_itself_only(monkeypatch: pytest.MonkeyPatch, terminal: tuple[int, str]) -> None:
     """A kind without a serial number: not the port of another adapter of that kind, whatever its path is by then."""
     name = terminal[1]
@@ -416,6 +428,7 @@ def test_loop_url_echoes() -> None:
     link.close()
 
 
+@pytest.mark.real
 def test_socket_url_carries_bytes(listener: socket.socket) -> None:
     link = open_link(f"socket://127.0.0.1:{listener.getsockname()[1]}")
     peer, _ = listener.accept()
@@ -462,6 +475,7 @@ def device_server(baud: int = 115200) -> Iterator[tuple[str, serial.Serial]]:
             thread.join(PATIENCE)
 
 
+@pytest.mark.real
 def test_an_rfc2217_server_carries_bytes_and_sets_the_speed() -> None:
     with device_server() as (name, port):
         link = open_link(name, baud=57600)
@@ -485,12 +499,14 @@ def test_an_rfc2217_server_carries_bytes_and_sets_the_speed() -> None:
         link.close()
 
 
+@pytest.mark.real
 def test_a_command_over_an_rfc2217_server_that_echoes() -> None:
     with device_server() as (name, _):
         result = run("exo", "get", "id", "-p", name, "--timeout", "0.2", "--json")
         assert (result.code, result.error["code"]) == (5, "echo")
 
 
+@pytest.mark.real
 @pytest.mark.parametrize("link", ["nothing://x", "socket://", "socket://127.0.0.1:0", "socket://127.0.0.1:1"])
 def test_urls_that_cannot_be_opened(link: str) -> None:
     assert opening(link).exit_code in (2, 3)

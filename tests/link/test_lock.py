@@ -76,6 +76,7 @@ KNOWN = "`handctl exo watch` (pid {pid})"
 STOPS = f"`handctl exo stop -p {LINK}` stops the device and ends that command"
 
 
+@pytest.mark.real
 @pytest.mark.parametrize(
     ("content", "who", "hint"),
     [

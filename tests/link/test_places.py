@@ -91,6 +91,7 @@ def test_the_link_alone_says_how_a_bus_is_opened(
 DAMAGED = [b"T\r", b"T1\r", b"TZZZZZZZZ2AABB\r", b"T000000012A\r", b"T00000001\xff1AA\r", b"t12\r", b"x1234567890\r", b"T000000019AA\r", b"R0000\r", b"B000000011\r"]  # fmt: skip
 
 
+@pytest.mark.real
 def test_a_damaged_line_of_an_adapter_is_dropped_and_counted() -> None:
     """What follows it is read."""
     server, port = pty.openpty()
@@ -123,6 +124,7 @@ def answering(server: int, answer: bytes, until: float) -> None:
                 os.write(server, answer.replace(b"?", line[1:9]))
 
 
+@pytest.mark.real
 @pytest.mark.parametrize(
     ("answer", "code", "words"),
     [

@@ -57,6 +57,7 @@ def opened(name: str) -> CanLink:
 # -- who is there ---------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.real
 @pytest.mark.parametrize("place", ["--slcan-pty", "--slcan-tcp 127.0.0.1:0"])
 def test_the_adapter_says_who_it_is(serve: Serve, place: str) -> None:
     link = opened(serve(place=place))
@@ -68,6 +69,7 @@ def test_the_adapter_says_who_it_is(serve: Serve, place: str) -> None:
     link.close()
 
 
+@pytest.mark.real
 def test_an_old_adapter_without_version_is_one_all_the_same(serve: Serve) -> None:
     link = opened(serve("--fault", "no-status"))
     assert link.adapter == ""
@@ -104,6 +106,7 @@ class Port:
             os.close(descriptor)
 
 
+@pytest.mark.real
 @pytest.mark.parametrize(
     ("answer", "words"),
     [
@@ -131,12 +134,14 @@ def test_a_port_that_is_no_adapter_is_named_and_gets_no_command(answer: Callable
     port.close()
 
 
+@pytest.mark.real
 def test_who_only_stops_asks_nothing(serve: Serve) -> None:
     """Another handctl has the port open then, and gets the answers."""
     link = open_link(serve("--fault", "no-adapter"), exclusive=False)
     link.close()
 
 
+@pytest.mark.real
 def test_a_bitrate_that_an_adapter_has_not(serve: Serve) -> None:
     with pytest.raises(UsageError) as caught:
         open_link(serve() + "?bitrate=12345")
@@ -155,6 +160,7 @@ def told(*lines: bytes) -> Any:
     return link
 
 
+@pytest.mark.real
 @pytest.mark.parametrize(
     ("line", "damaged", "errors"),
     [
@@ -171,11 +177,13 @@ def test_what_a_line_means(line: bytes, damaged: int, errors: int) -> None:
     assert (link.damaged, link.error_frames) == (damaged, errors)
 
 
+@pytest.mark.real
 def test_a_frame_with_a_time_stamp() -> None:
     link = told(b"T10FF00012A7FE1234\r")
     assert str(link.receive(link.deadline(0.1))) == "10FF0001 [2] A7 FE"
 
 
+@pytest.mark.real
 def test_a_line_without_end_is_bounded() -> None:
     link = told(b"\rT10FF00012A7FE\r")
     link._bus._buffer.extend(b"T" * 6000)
@@ -194,6 +202,7 @@ def test_flags_in_words(flags: int, text: str) -> None:
 # -- what the controller reports -----------------------------------------------------------------------------------------
 
 
+@pytest.mark.real
 @pytest.mark.parametrize(
     ("fault", "code"),
     [
@@ -214,6 +223,7 @@ def test_conditions_of_the_bus(serve: Serve, fault: str, code: str) -> None:
     assert code in found, found
 
 
+@pytest.mark.real
 def test_bus_off_ends_with_the_next_opening(serve: Serve) -> None:
     link = serve("--fault", "bus-off", "--every", "2")
     codes = [run("wrist", "get", "yaw_actual", "-p", link, "--json").code for _ in range(3)]
@@ -257,6 +267,7 @@ def test_bus_off_in_error_frames_of_linux(monkeypatch: pytest.MonkeyPatch) -> No
 # -- bitrates, listening only ------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.real
 def test_the_bitrate_is_heard_without_sending(serve: Serve, tmp_path: Path) -> None:
     control = tmp_path / "control"
     link = serve("--set", "bitrate=500000", "--set", "traffic=200", "--control", str(control))
@@ -276,6 +287,7 @@ def test_the_bitrate_is_heard_without_sending(serve: Serve, tmp_path: Path) -> N
     assert {row["check"]: row["status"] for row in found.json["rows"]}["bus"] == "ok"
 
 
+@pytest.mark.real
 def test_a_quiet_bus_has_no_bitrate_to_hear(serve: Serve) -> None:
     result = run("doctor", "--family", "wrist", "-p", serve("--fault", "no-ack"), "--json", "--count", "2")
     rows = {row["check"]: row for row in result.json["rows"]}
@@ -293,6 +305,7 @@ def test_other_interfaces_cannot_be_asked() -> None:
 # -- python-can on the same simulator -----------------------------------------------------------------------------------------
 
 
+@pytest.mark.real
 @pytest.mark.parametrize(("fault", "flags"), [("silent", b"F00\r"), ("no-ack", b"FA4\r"), ("no-ack,queue", b"FA4\r")])
 def test_python_can_finds_the_same_adapter(serve: Serve, fault: str, flags: bytes) -> None:
     channel = serve("--fault", fault).removeprefix("can:slcan:")

@@ -333,6 +333,7 @@ def test_virtual_time_jumps_to_what_happens_next() -> None:
     assert time.monotonic() - before < PATIENCE
 
 
+@pytest.mark.real
 def test_real_time_is_real() -> None:
     link = open_link("fake://exo?turnaround=0.05")
 

@@ -37,6 +37,7 @@ def all_of(link: ByteLink, count: int) -> bytes:
     return data
 
 
+@pytest.mark.real
 def test_tcp_carries_bytes(listener: socket.socket) -> None:
     link = open_link(f"tcp://127.0.0.1:{listener.getsockname()[1]}")
     peer, _ = listener.accept()
@@ -54,6 +55,7 @@ def test_tcp_carries_bytes(listener: socket.socket) -> None:
     link.close()
 
 
+@pytest.mark.real
 def test_tcp_reset_is_a_lost_link(listener: socket.socket) -> None:
     import struct
 
@@ -69,6 +71,7 @@ def test_tcp_reset_is_a_lost_link(listener: socket.socket) -> None:
     link.close()
 
 
+@pytest.mark.real
 def test_tcp_peer_that_takes_nothing(listener: socket.socket) -> None:
     link = open_link(f"tcp://127.0.0.1:{listener.getsockname()[1]}")
     peer, _ = listener.accept()
@@ -78,6 +81,7 @@ def test_tcp_peer_that_takes_nothing(listener: socket.socket) -> None:
     link.close()
 
 
+@pytest.mark.real
 def test_tcp_refused() -> None:
     with socket.socket() as server:
         server.bind(("127.0.0.1", 0))  # nobody else's meanwhile, and no one listens
@@ -85,6 +89,7 @@ def test_tcp_refused() -> None:
     assert (error.exit_code, error.code) == (3, "refused")
 
 
+@pytest.mark.real
 def test_tcp_over_ipv6() -> None:
     try:
         server = socket.create_server(("::1", 0), family=socket.AF_INET6)
@@ -122,6 +127,7 @@ def test_tcp_addresses() -> None:
     assert split_address("tcp://[::1]", 8000) == ("::1", 8000)
 
 
+@pytest.mark.real
 def test_reading_waits_for_bytes_that_come_later(listener: socket.socket) -> None:
     link = open_link(f"tcp://127.0.0.1:{listener.getsockname()[1]}")
     peer, _ = listener.accept()
@@ -133,6 +139,7 @@ def test_reading_waits_for_bytes_that_come_later(listener: socket.socket) -> Non
     link.close()
 
 
+@pytest.mark.real
 def test_options_of_the_socket(listener: socket.socket) -> None:
     link = tcp.TcpLink(f"tcp://127.0.0.1:{listener.getsockname()[1]}")
     assert link._socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
@@ -140,6 +147,7 @@ def test_options_of_the_socket(listener: socket.socket) -> None:
     link.close()
 
 
+@pytest.mark.real
 @pytest.mark.parametrize("known", [True, False])
 def test_quick_acknowledges_are_asked_for_before_each_wait(listener: socket.socket, known: bool, monkeypatch: pytest.MonkeyPatch) -> None:  # fmt: skip
     link = tcp.TcpLink(f"tcp://127.0.0.1:{listener.getsockname()[1]}")
@@ -160,6 +168,7 @@ def test_quick_acknowledges_are_asked_for_before_each_wait(listener: socket.sock
     link.close()
 
 
+@pytest.mark.real
 def test_who_may_be_in_the_way_is_said() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         link = open_link(f"tcp://127.0.0.1:{server.getsockname()[1]}")
@@ -184,6 +193,7 @@ def test_an_address_that_does_not_answer_is_given_up_after_3_s(monkeypatch: pyte
     assert (error.exit_code, error.code, "3 s" in error.text) == (3, "connect-timeout", True)
 
 
+@pytest.mark.real
 def test_a_host_with_several_addresses(listener: socket.socket, monkeypatch: pytest.MonkeyPatch) -> None:
     """The first that takes a connection is taken; where none does, the last says why."""
     number = listener.getsockname()[1]

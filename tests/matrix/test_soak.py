@@ -314,6 +314,7 @@ def check_slow(name: str, seconds: float) -> str:
     return f"{told['samples']} samples, {told['rate_hz']} of {told['asked_hz']} Hz, {told['late']} late, none lost"
 
 
+@pytest.mark.real
 def test_a_slow_reader_loses_no_row() -> None:
     undisturbed(lambda: check_slow("exo watch", 1.0))
 

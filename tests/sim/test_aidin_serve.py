@@ -60,6 +60,7 @@ class Client:
         return dict(json.loads(self.line()))
 
 
+@pytest.mark.real
 def test_stream_and_a_move(start: Start) -> None:
     """In real time; homing takes its 3 s on virtual time in test_aidin.py."""
     address, lines = start("--set", "start=open", "--set", "rate=50"), 1
@@ -86,6 +87,7 @@ def test_stream_and_a_move(start: Start) -> None:
     client.socket.close()
 
 
+@pytest.mark.real
 def test_polling_is_quick_and_nagle_is_slow(start: Start) -> None:
     def polled(least: float, most: float, *options: str) -> None:
         client = Client(start("--set", "exchange=poll", *options))
@@ -101,6 +103,7 @@ def test_polling_is_quick_and_nagle_is_slow(start: Start) -> None:
     polled(0.035, PATIENCE, "--set", "chunk=400", "--set", "nagle=1")
 
 
+@pytest.mark.real
 def test_a_second_client_waits_for_the_first_to_leave(start: Start) -> None:
     address = start()
     first, second = Client(address), Client(address)
@@ -113,6 +116,7 @@ def test_a_second_client_waits_for_the_first_to_leave(start: Start) -> None:
     assert next(iter(json.loads(second.line()))) == "motor_pos"  # begins with a whole object
 
 
+@pytest.mark.real
 def test_disconnect_in_the_middle_and_a_client_after_it(start: Start) -> None:
     address = start("--fault", "disconnect", "--after", "3", "--every", "100")
     client = Client(address)
@@ -125,6 +129,7 @@ def test_disconnect_in_the_middle_and_a_client_after_it(start: Start) -> None:
     assert json.loads(again.line())["motor_pos"][0] == 70110
 
 
+@pytest.mark.real
 def test_silence(start: Start) -> None:
     client = Client(start("--fault", "silent"))
     client.socket.sendall(b"{}")
@@ -133,6 +138,7 @@ def test_silence(start: Start) -> None:
         client.line()
 
 
+@pytest.mark.real
 def test_control_and_garbage_in(start: Start, tmp_path: Path) -> None:
     panel = str(tmp_path / "panel")
     client = Client(start("--control", panel, "--set", "exchange=poll"))
@@ -162,6 +168,7 @@ def test_there_is_no_serial_wire() -> None:
     assert "No place to serve at. Give --tcp HOST:PORT" in CliRunner().invoke(cli, ["aidin"]).output
 
 
+@pytest.mark.real
 def test_half_an_object_of_a_client_that_left_does_not_swallow_what_the_next_one_sends(start: Start) -> None:
     address = start("--set", "exchange=command")
     with socket.create_connection(address) as killed:
@@ -187,6 +194,7 @@ def test_a_client_that_reads_again_after_a_long_pause_gets_whole_objects(start: 
     assert all(len(json.loads(row)) == 5 for row in rows)
 
 
+@pytest.mark.real
 def test_a_control_command_may_have_negative_numbers(start: Start, tmp_path: Path) -> None:
     panel = str(tmp_path / "panel")
     start("--control", panel)

@@ -397,6 +397,7 @@ def test_options_are_checked(options: dict[str, str]) -> None:
         create("aidin", options)
 
 
+@pytest.mark.real
 def test_no_clock_and_no_json_before_a_device_is_made() -> None:
     import subprocess
     import sys

@@ -73,6 +73,7 @@ def ask(port: serial.Serial, command: str) -> bytes:
     return port.read_until(b"=> ")
 
 
+@pytest.mark.real
 def test_pty(start: Start) -> None:
     server = start("--pty")
     with server.port() as port:
@@ -83,6 +84,7 @@ def test_pty(start: Start) -> None:
     assert server.stop() == (0, "", "")
 
 
+@pytest.mark.real
 def test_movement_takes_its_time_and_an_abort_stops_it(start: Start, tmp_path: Path) -> None:
     panel = tmp_path / "panel"
     server = start("--pty", "--set", "initialized=1", "--control", str(panel))
@@ -106,6 +108,7 @@ def test_movement_takes_its_time_and_an_abort_stops_it(start: Start, tmp_path: P
         assert 1000 < place < 17000
 
 
+@pytest.mark.real
 def test_tcp(start: Start) -> None:
     server = start("--tcp", "127.0.0.1:0")
     host, port = server.link.removeprefix("tcp://").rsplit(":", 1)
@@ -118,6 +121,7 @@ def test_tcp(start: Start) -> None:
     assert server.stop(signal.SIGINT) == (0, "", "")
 
 
+@pytest.mark.real
 def test_speed_change_on_a_pty(start: Start) -> None:
     """§5.4.1: 13 echo bytes at 9600, then garbage, then silence or garbage at 9600 and the prompt at 38400."""
     server = start("--pty")
@@ -139,6 +143,7 @@ def test_speed_change_on_a_pty(start: Start) -> None:
         assert port.read_until(b"=> ") == b"\n\rBarrettHand Firmware\n\rVersion 4.33" + PROMPT
 
 
+@pytest.mark.real
 def test_saved_speed_is_that_of_the_pty(start: Start) -> None:
     server = start("--pty", "--set", "baud=1200")
     with server.port(1200) as port:
@@ -148,6 +153,7 @@ def test_saved_speed_is_that_of_the_pty(start: Start) -> None:
         assert b"=> " not in port.read(20)
 
 
+@pytest.mark.real
 def test_wire_at_the_speed_of_the_hand(start: Start) -> None:
     """43 characters at 9600 bit/s: 44.8 ms."""
     server = start("--pty", "--wire", "auto")
@@ -163,6 +169,7 @@ def test_wire_at_the_speed_of_the_hand(start: Start) -> None:
         in_time(asked, floor - 0.002, floor + 0.020, tries=50)
 
 
+@pytest.mark.real
 def test_control_and_power(start: Start) -> None:
     server = start("--pty", "--set", "initialized=1", "--set", "boot=0.2")
     with server.port() as port:
@@ -176,6 +183,7 @@ def test_control_and_power(start: Start) -> None:
         assert ask(port, "GC") == b"GC\n\rERR 4" + PROMPT
 
 
+@pytest.mark.real
 def test_state_survives_a_kill(start: Start, tmp_path: Path) -> None:
     state = str(tmp_path / "hand.json")
     server = start("--pty", "--state", state)
@@ -191,6 +199,7 @@ def test_state_survives_a_kill(start: Start, tmp_path: Path) -> None:
         assert ask(port, "1FGET DP") == b"1FGET DP\n\r42" + PROMPT
 
 
+@pytest.mark.real
 def test_realtime(start: Start) -> None:
     """§6.4 on a pty: 20 blocks at 38400, at most half again as long as they last on the wire, but for a busy machine."""
     server = start("--pty", "--wire", "auto", "--set", "baud=38400", "--set", "initialized=1")
@@ -215,6 +224,7 @@ def test_realtime(start: Start) -> None:
         assert port.read_until(b"=> ") == PROMPT
 
 
+@pytest.mark.real
 def test_download_and_a_kill_in_the_middle_of_another(start: Start, tmp_path: Path) -> None:
     state = str(tmp_path / "hand.json")
     server = start("--pty", "--state", state, "--set", "boot=0.3", "--set", "download-version=4.34")
@@ -246,6 +256,7 @@ def test_download_and_a_kill_in_the_middle_of_another(start: Start, tmp_path: Pa
         assert port.read_until(b"\r:").startswith(b":\n\rNo firmware")
 
 
+@pytest.mark.real
 def test_flood_is_survived(start: Start) -> None:
     server = start("--tcp", "127.0.0.1:0", "--seed", "5")
     host, port = server.link.removeprefix("tcp://").rsplit(":", 1)

@@ -135,6 +135,7 @@ def start(tmp_path: Path) -> Iterator[Start]:
         one.stop()
 
 
+@pytest.mark.real
 @pytest.mark.parametrize(
     ("wire", "place", "devices", "words"),
     [("rs485", "--pty", HANDS, ["exo", "get", "id", "--id", "3"]),
@@ -172,6 +173,7 @@ FAULTS = {
 """Of [line]: what a client is told, by the exit code and the code of its message."""
 
 
+@pytest.mark.real
 @pytest.mark.parametrize("fault", FAULTS)
 def test_a_fault_of_the_adapters_from_the_file_and_by_hand(start: Start, fault: str) -> None:
     simulator, control = start(WRISTS, "--slcan-pty", wire="can", fault=fault)

@@ -77,6 +77,7 @@ def receive(client: socket.socket, count: int) -> bytes:
     return data
 
 
+@pytest.mark.real
 def test_a_pty_and_two_clients_on_tcp_share_the_line(start: Start) -> None:
     server = start(text("half-duplex", TWO), "--pty", "--tcp", "127.0.0.1:0")
     assert len(server.links) == 2 and server.link == server.links[0]
@@ -99,6 +100,7 @@ def test_a_pty_and_two_clients_on_tcp_share_the_line(start: Start) -> None:
     assert server.stop() == (0, "")
 
 
+@pytest.mark.real
 def test_a_pty_has_a_speed(start: Start) -> None:
     server = start(text("half-duplex", TWO), "--pty")
     assert server.links == [server.link]
@@ -108,6 +110,7 @@ def test_a_pty_has_a_speed(start: Start) -> None:
             assert (port.read(9) == ID_IS_3) is answer
 
 
+@pytest.mark.real
 def test_python_can_talks_to_two_devices_on_one_bus(start: Start) -> None:
     devices = [{"kind": "wrist", "id": 1}, {"kind": "wrist", "id": 2}]
     masters = [{"ask": "10FF0002#02", "every_ms": 20}]
@@ -122,6 +125,7 @@ def test_python_can_talks_to_two_devices_on_one_bus(start: Start) -> None:
     assert server.stop() == (0, "")
 
 
+@pytest.mark.real
 def test_control_reaches_each_device(start: Start, tmp_path: Path) -> None:
     control = str(tmp_path / "control")
     server = start(text("half-duplex", TWO), "--tcp", "127.0.0.1:0", "--control", control)
@@ -166,6 +170,7 @@ def test_no_file_and_a_port_in_use(tmp_path: Path) -> None:
     assert done.exit_code == 3 and "in use" in done.output
 
 
+@pytest.mark.real
 def test_the_help_names_every_key_and_its_example_runs(start: Start) -> None:
     text_of = CliRunner().invoke(cli, ["bus", "-h"]).output
     for word in ("wire", "first_byte_lost", "every_ms", "bluetooth", "kind", "slcan-tcp"):

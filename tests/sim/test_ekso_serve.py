@@ -30,6 +30,8 @@ from tests.sim.ekso_bench import (
 )
 from tests.support.cli import PATIENCE, briefly
 
+pytestmark = pytest.mark.real
+
 
 class Server:
     """A running simulator: its process, its link, its control socket."""

@@ -81,6 +81,7 @@ def taking(place: str) -> list[int]:
     return taken
 
 
+@pytest.mark.real
 def test_the_name_stays_and_the_terminal_is_another(tmp_path: Path) -> None:
     name, control = tmp_path / "usb-if00", str(tmp_path / "control")
     name.symlink_to(tmp_path / "of one that was killed")
@@ -106,6 +107,7 @@ def test_the_name_stays_and_the_terminal_is_another(tmp_path: Path) -> None:
     assert not name.is_symlink()
 
 
+@pytest.mark.real
 def test_a_file_is_never_taken_for_a_name(tmp_path: Path) -> None:
     name = tmp_path / "mine"
     name.write_text("kept")

@@ -104,6 +104,7 @@ def receive(client: socket.socket, count: int) -> bytes:
 # -- pty ------------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.real
 def test_pty_answers_a_serial_client(start: Start) -> None:
     server = start("--pty")
     assert server.link.startswith("/dev/")
@@ -114,6 +115,7 @@ def test_pty_answers_a_serial_client(start: Start) -> None:
     assert server.stop() == (0, "", "")
 
 
+@pytest.mark.real
 def test_device_goes_on_while_clients_come_and_go(start: Start) -> None:
     server = start("--pty")
     with server.port() as port:
@@ -122,6 +124,7 @@ def test_device_goes_on_while_clients_come_and_go(start: Start) -> None:
         assert ask(port, bytes.fromhex("EB 90 01 04 11 D4 05 02 F1"), 10)[7:9] == bytes([0x2C, 0x01])
 
 
+@pytest.mark.real
 def test_client_that_sets_no_speed(start: Start) -> None:
     """Such as a shell redirection: the pty starts at the speed of the device."""
     server = start("--pty", "--set", "baud=57600")
@@ -134,6 +137,7 @@ def test_client_that_sets_no_speed(start: Start) -> None:
         os.close(descriptor)
 
 
+@pytest.mark.real
 def test_wrong_speed_is_silent_and_the_right_one_works(start: Start) -> None:
     server = start("--pty")
     with server.port(57600) as port:
@@ -146,6 +150,7 @@ def test_wrong_speed_is_silent_and_the_right_one_works(start: Start) -> None:
             assert ask(port, READ_ID, 9) == b""
 
 
+@pytest.mark.real
 def test_wrong_speed_can_be_garbage(start: Start) -> None:
     server = start("--pty", "--fault", "garble")
     with server.port(19200) as port:
@@ -156,6 +161,7 @@ def test_wrong_speed_can_be_garbage(start: Start) -> None:
         assert heard != ID_IS_1
 
 
+@pytest.mark.real
 def test_speed_change_needs_save_and_power_cycle(start: Start) -> None:
     server = start("--pty")
     with server.port() as port:
@@ -173,6 +179,7 @@ def test_speed_change_needs_save_and_power_cycle(start: Start) -> None:
             wait_until(lambda: ask(port, READ_ID, 9) == ID_IS_1)
 
 
+@pytest.mark.real
 def test_wire_time_is_real(start: Start) -> None:
     """The dump in 2 reads is 195 bytes, 16.93 ms at 115200."""
     server = start("--pty", "--wire", "115200")
@@ -186,6 +193,7 @@ def test_wire_time_is_real(start: Start) -> None:
     assert 16.92 <= min(times) < 20.0, times
 
 
+@pytest.mark.real
 def test_client_that_does_not_read(start: Start) -> None:
     server = start("--pty")
     with server.port() as port:
@@ -201,6 +209,7 @@ def test_client_that_does_not_read(start: Start) -> None:
         assert ask(port, READ_ID, 9) == ID_IS_1
 
 
+@pytest.mark.real
 def test_disconnect_ends_the_pty(start: Start) -> None:
     server = start("--pty", "--fault", "disconnect", "--after", "1")
     with server.port() as port:
@@ -219,6 +228,7 @@ def test_disconnect_ends_the_pty(start: Start) -> None:
 # -- TCP --------------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.real
 def test_tcp_serves_one_client_after_the_other(start: Start) -> None:
     server = start("--tcp", "127.0.0.1:0")
     assert server.link.startswith("tcp://127.0.0.1:")
@@ -238,6 +248,7 @@ def test_tcp_serves_one_client_after_the_other(start: Start) -> None:
     assert server.stop(signal.SIGINT) == (0, "", "")
 
 
+@pytest.mark.real
 def test_tcp_disconnect_keeps_listening(start: Start) -> None:
     server = start("--tcp", "127.0.0.1:0", "--fault", "disconnect", "--every", "2")
     for _ in range(3):
@@ -248,6 +259,7 @@ def test_tcp_disconnect_keeps_listening(start: Start) -> None:
             assert receive(client, 10) == VOLTAGE[:5]
 
 
+@pytest.mark.real
 def test_tcp_answer_comes_in_one_piece(start: Start) -> None:
     server = start("--tcp", "127.0.0.1:0")
     with server.connect() as client:
@@ -256,6 +268,7 @@ def test_tcp_answer_comes_in_one_piece(start: Start) -> None:
             assert len(client.recv(4096)) == 159
 
 
+@pytest.mark.real
 def test_tcp_client_that_leaves_without_reading(start: Start) -> None:
     server = start("--tcp", "127.0.0.1:0", "--set", "turnaround=0.05")
     with server.connect() as client:
@@ -275,6 +288,7 @@ def test_tcp_port_in_use(start: Start) -> None:
 # -- control, state, end ------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.real
 def test_control_socket(start: Start, tmp_path: Path) -> None:
     path = tmp_path / "control"
     server = start("--pty", "--control", str(path))
@@ -304,6 +318,7 @@ def test_control_socket(start: Start, tmp_path: Path) -> None:
     assert str(path) in gone.output
 
 
+@pytest.mark.real
 def test_control_path_that_is_taken(start: Start, tmp_path: Path) -> None:
     path = tmp_path / "control"
     path.write_text("not a socket")
@@ -317,6 +332,7 @@ def test_control_path_that_is_taken(start: Start, tmp_path: Path) -> None:
     assert "another simulator" in done.output
 
 
+@pytest.mark.real
 def test_control_socket_of_a_killed_server_is_replaced(start: Start, tmp_path: Path) -> None:
     path = tmp_path / "control"
     killed = start("--pty", "--control", str(path))
@@ -326,6 +342,7 @@ def test_control_socket_of_a_killed_server_is_replaced(start: Start, tmp_path: P
     assert CliRunner().invoke(cli, ["control", str(path), "requests"]).output == "requests 0\n"
 
 
+@pytest.mark.real
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_state_is_saved_at_the_end(start: Start, tmp_path: Path, number: int) -> None:
     state = tmp_path / "hand.json"
@@ -335,6 +352,7 @@ def test_state_is_saved_at_the_end(start: Start, tmp_path: Path, number: int) ->
     assert json.loads(state.read_text())["kind"] == "exo"
 
 
+@pytest.mark.real
 def test_state_goes_from_server_to_server(start: Start, tmp_path: Path) -> None:
     state = tmp_path / "hand.json"
     server = start("--tcp", "127.0.0.1:0", "--state", str(state))
@@ -348,6 +366,7 @@ def test_state_goes_from_server_to_server(start: Start, tmp_path: Path) -> None:
         assert receive(client, 10)[7:9] == bytes([0x2C, 0x01])
 
 
+@pytest.mark.real
 def test_duration() -> None:
     took = []
     while not took or (took[-1] >= 1.0 and len(took) < 10):  # a busy machine is late, never early
@@ -388,6 +407,7 @@ def test_help_lists_faults_and_options() -> None:
         assert word in done.output
 
 
+@pytest.mark.real
 def test_faults_from_several_options(start: Start) -> None:
     server = start("--tcp", "127.0.0.1:0", "--fault", "echo", "--fault", "duplicate,bad-checksum")
     with server.connect() as client:
@@ -399,6 +419,7 @@ def test_faults_from_several_options(start: Start) -> None:
 # -- a foreign client -----------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.real
 def test_foreign_driver_reads_and_moves_the_hand(start: Start) -> None:
     """pyrh56 is an independent client of the sibling hand; what it reads beyond the exo's registers is 0 here."""
     server = start("--pty", "--wire", "115200")
@@ -420,6 +441,7 @@ def test_foreign_driver_reads_and_moves_the_hand(start: Start) -> None:
         hand.save_parameters()
 
 
+@pytest.mark.real
 def test_foreign_driver_clears_errors(start: Start) -> None:
     server = start("--pty", "--fault", "locked-rotor")
     with RH56Driver(server.link, timeout=PATIENCE) as hand:
@@ -428,6 +450,7 @@ def test_foreign_driver_clears_errors(start: Start) -> None:
         assert hand.read_error() == [0, 0, 0, 0, 0, 0]
 
 
+@pytest.mark.real
 @pytest.mark.parametrize("fault", ["split", "dribble", "echo", "slow"])
 def test_foreign_driver_stands_line_faults(start: Start, fault: str) -> None:
     server = start("--pty", "--fault", fault)
@@ -435,6 +458,7 @@ def test_foreign_driver_stands_line_faults(start: Start, fault: str) -> None:
         assert hand.read_angle() == [110, 220, 330, 440, 550, 660]
 
 
+@pytest.mark.real
 @pytest.mark.parametrize("verb", ["ping", "state"])
 def test_foreign_command_line(start: Start, verb: str) -> None:
     server = start("--pty")
@@ -497,6 +521,7 @@ def test_an_empty_path_is_refused(option: str) -> None:
     assert refused.exit_code == 2 and "it is empty" in refused.output
 
 
+@pytest.mark.real
 def test_a_state_that_cannot_be_written_is_named(tmp_path: Path) -> None:
     folder = tmp_path / "gone"
     folder.mkdir()

@@ -402,6 +402,7 @@ def exchange(bus: can.BusABC, identifier: int, *data: int) -> bytes:
     return bytes(message.data)
 
 
+@pytest.mark.real
 @pytest.mark.parametrize("place", PLACES)
 def test_python_can_reads_and_moves_the_wrist(start: Start, place: list[str]) -> None:
     server = start(*place)
@@ -418,6 +419,7 @@ def test_python_can_reads_and_moves_the_wrist(start: Start, place: list[str]) ->
     assert server.stop() == (0, "", "")
 
 
+@pytest.mark.real
 @pytest.mark.parametrize("place", PLACES)
 def test_client_after_client(start: Start, place: list[str]) -> None:
     server = start(*place)
@@ -428,6 +430,7 @@ def test_client_after_client(start: Start, place: list[str]) -> None:
             assert exchange(bus, 0x11040001, 2) == bytes([turn, 0])
 
 
+@pytest.mark.real
 @pytest.mark.parametrize("place", PLACES)
 def test_wrong_bitrate_and_foreign_frames_get_no_reply(start: Start, place: list[str]) -> None:
     server = start(*place)
@@ -442,6 +445,7 @@ def test_wrong_bitrate_and_foreign_frames_get_no_reply(start: Start, place: list
         assert exchange(bus, 0x10FF0001, 2) == b"\xa7\xfe"
 
 
+@pytest.mark.real
 def test_several_clients_are_on_one_bus(start: Start) -> None:
     server = start("--slcan-tcp", "127.0.0.1:0")
     with server.bus() as one, server.bus() as two, server.bus(500000) as other:
@@ -461,6 +465,7 @@ def test_several_clients_are_on_one_bus(start: Start) -> None:
         assert exchange(three, 0x10FF0001, 2) == b"\xa7\xfe"
 
 
+@pytest.mark.real
 def test_clients_acknowledge_each_other(start: Start, tmp_path: Path) -> None:
     control = tmp_path / "control"
     server = start("--slcan-tcp", "127.0.0.1:0", "--control", str(control))
@@ -482,6 +487,7 @@ def receive(client: socket.socket, count: int) -> bytes:
     return data
 
 
+@pytest.mark.real
 def test_python_can_filters_foreign_traffic(start: Start) -> None:
     server = start("--slcan-tcp", "127.0.0.1:0", "--fault", "noise", "--seed", "3")
     with server.bus() as bus:
@@ -497,6 +503,7 @@ def tool(name: str, server: Server, *arguments: str) -> subprocess.Popen[str]:
     return subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
 
 
+@pytest.mark.real
 @pytest.mark.parametrize("place", PLACES)
 def test_can_logger_hears_the_bus(start: Start, place: list[str]) -> None:
     logger = tool("logger", start(*place, "--set", "traffic=200"))
@@ -510,6 +517,7 @@ def test_can_logger_hears_the_bus(start: Start, place: list[str]) -> None:
     assert all(" X Rx " in row for row in heard), heard
 
 
+@pytest.mark.real
 def test_can_player_plays_to_the_wrist(start: Start, tmp_path: Path) -> None:
     control, log = tmp_path / "control", tmp_path / "move.log"
     log.write_text("(0.000000) can0 15048001#6400\n(0.010000) can0 15038001#E80318FC\n")
@@ -520,6 +528,7 @@ def test_can_player_plays_to_the_wrist(start: Start, tmp_path: Path) -> None:
     assert done.output == "E8 03 18 FC 64 00\n"
 
 
+@pytest.mark.real
 def test_serial_port_of_the_adapter_may_have_any_speed(start: Start) -> None:
     server = start("--slcan-pty")
     for speed in (115200, 9600, 2000000):
@@ -531,6 +540,7 @@ def test_serial_port_of_the_adapter_may_have_any_speed(start: Start) -> None:
             assert answer.replace(b"Z\r", b"") == b"\r\r" + DUMP_REPLY
 
 
+@pytest.mark.real
 def test_answer_comes_in_one_piece_without_delay(start: Start) -> None:
     server = start("--slcan-tcp", "127.0.0.1:0")
     with server.connect() as client:
@@ -544,6 +554,7 @@ def test_answer_comes_in_one_piece_without_delay(start: Start) -> None:
         in_time(asked, 0.0, 0.005, tries=500)
 
 
+@pytest.mark.real
 def test_dump_over_the_emulated_bus_takes_its_time(start: Start) -> None:
     """0.618 ms on the bus for three frames each way, one after the other."""
     server = start("--slcan-tcp", "127.0.0.1:0", "--wire", "1")
@@ -563,6 +574,7 @@ def test_dump_over_the_emulated_bus_takes_its_time(start: Start) -> None:
         in_time(dumped, 0.000617, 0.010, tries=500)
 
 
+@pytest.mark.real
 def test_tcp_client_that_leaves_in_the_middle(start: Start) -> None:
     server = start("--slcan-tcp", "127.0.0.1:0")
     with server.connect() as client:
@@ -575,6 +587,7 @@ def test_tcp_client_that_leaves_in_the_middle(start: Start) -> None:
         assert client.recv(100) == b"Z\r" + PROBE_REPLY
 
 
+@pytest.mark.real
 def test_disconnect_closes_the_adapter(start: Start) -> None:
     server = start("--slcan-tcp", "127.0.0.1:0", "--fault", "disconnect", "--every", "2")
     for _ in range(2):
@@ -598,6 +611,7 @@ def test_disconnect_closes_the_adapter(start: Start) -> None:
     assert "disconnect" in err
 
 
+@pytest.mark.real
 def test_control_and_state_go_across_wires(start: Start, tmp_path: Path) -> None:
     state, control = tmp_path / "wrist.json", tmp_path / "control"
     server = start("--slcan-pty", "--state", str(state), "--control", str(control))
@@ -617,6 +631,7 @@ def test_control_and_state_go_across_wires(start: Start, tmp_path: Path) -> None
         assert port.read(10) == bytes.fromhex("90 EB 01 05 30 FC 03 00 00 35")
 
 
+@pytest.mark.real
 def test_serial_wrist_on_a_pty(start: Start) -> None:
     server = start("--pty", "--wire", "115200")
     assert server.link.startswith("/dev/")
@@ -639,6 +654,7 @@ def test_serial_wrist_on_a_pty(start: Start) -> None:
     assert server.stop() == (0, "", "")
 
 
+@pytest.mark.real
 def test_pty_of_the_adapter_for_a_client_that_sets_nothing(start: Start) -> None:
     server = start("--slcan-pty")
     descriptor = os.open(server.channel, os.O_RDWR | os.O_NOCTTY)
@@ -753,6 +769,7 @@ def test_frames_at_another_bitrate_are_bus_errors_to_who_listens() -> None:
     assert adapter.take() == b""
 
 
+@pytest.mark.real
 def test_faults_of_the_adapter_are_options_and_commands(start: Start, tmp_path: Path) -> None:
     control = tmp_path / "control"
     server = start("--slcan-tcp", "127.0.0.1:0", "--fault", "queue,no-ack", "--control", str(control))

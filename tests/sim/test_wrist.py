@@ -1463,6 +1463,7 @@ def test_bad_options(options: dict[str, str], message: str) -> None:
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.real
 @pytest.mark.parametrize("options", [{}, {"bus": "can"}])
 def test_it_starts_light(options: dict[str, str]) -> None:
     """Nothing that costs start-up time, and no model of another device."""

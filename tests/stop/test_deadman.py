@@ -347,6 +347,7 @@ def first_of(drive: Drive, heard: list[tuple[float, bytes]]) -> float | None:
     return None
 
 
+@pytest.mark.real
 def test_a_killed_batch_stops_the_device(bench_of: Callable[[str], Bench], tmp_path: Path) -> None:
     """Killed in the middle of a line that moves: the stop is that of the line."""
     drive = DRIVEN["exo position"]
@@ -364,6 +365,7 @@ CELLS = [*((name, drive, False) for name, drive in {**DRIVEN, **FURTHER}.items()
          *((name, DRIVEN[name], True) for name in ("aidin currents", "barrett realtime"))]  # fmt: skip
 
 
+@pytest.mark.real
 @pytest.mark.parametrize(
     ("name", "drive", "group"), CELLS, ids=[f"{name}{' (group)' if group else ''}" for name, _, group in CELLS]
 )
@@ -388,6 +390,7 @@ def test_a_killed_command_stops_the_device(
     assert first - moment < PATIENCE, f"{name}: {first - moment:.3f} s"
 
 
+@pytest.mark.real
 def test_the_next_command_finds_the_device_free(bench_of: Callable[[str], Bench]) -> None:
     """It waits for the stop of the one that was killed, and then has lock and port."""
     bench, drive = bench_of("barrett"), DRIVEN["barrett realtime"]
@@ -395,6 +398,7 @@ def test_the_next_command_finds_the_device_free(bench_of: Callable[[str], Bench]
     bench.do("status")
 
 
+@pytest.mark.real
 def test_who_only_reads_has_no_child(bench_of: Callable[[str], Bench]) -> None:
     bench = bench_of("aidin")
     begun = len(bench.heard())

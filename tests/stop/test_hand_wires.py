@@ -12,6 +12,8 @@ from handctl.sim.engine.serve import send_control
 from tests.support.cli import Simulator, clean_environment, run, wait_until
 from tests.support.forks import start
 
+pytestmark = pytest.mark.real
+
 PLACES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "EB90 on a pty": (("--pty",), ()),
     "EB90 over TCP": (("--tcp", "127.0.0.1:0"), ()),

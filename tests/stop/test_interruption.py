@@ -386,6 +386,7 @@ def cell(bench: Bench, case: Case, number: int, source: random.Random) -> None:
         path.unlink()
 
 
+@pytest.mark.real
 @pytest.mark.parametrize(("name", "number"), SHORT, ids=[f"{name} {number.name}" for name, number in SHORT])
 def test_interrupted_and_repeated(bench_of: Get, name: str, number: int) -> None:
     case = BY_NAME[name]
@@ -482,6 +483,7 @@ def test_an_interrupted_download_and_a_good_one(tmp_path: Path, number: int) -> 
         simulator.stop()
 
 
+@pytest.mark.real
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
 def test_the_configuration_file(tmp_path: Path, number: int) -> None:
     """`devices add` interrupted anywhere: the file is the old one or the new one, and the next edit works."""

@@ -11,6 +11,8 @@ from tests.support.cli import Simulator
 from tests.support.stop import Stand
 from tests.support.terminal import Terminal
 
+pytestmark = pytest.mark.real
+
 
 @pytest.mark.parametrize("family", FAMILIES)
 def test_the_key_stops_the_device(family: str, tmp_path: Path) -> None:

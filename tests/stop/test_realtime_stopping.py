@@ -47,6 +47,7 @@ def stops(pieces: list[bytes]) -> bool:
     return [piece for piece in pieces[start:] if piece in STOP] == STOP
 
 
+@pytest.mark.real
 def test_a_reader_that_sleeps_does_not_keep_a_motor_running(tmp_path: Path) -> None:
     trace = tmp_path / "t.txt"
     process = started("--json", trace=trace)
@@ -55,6 +56,7 @@ def test_a_reader_that_sleeps_does_not_keep_a_motor_running(tmp_path: Path) -> N
     assert stops(sent(trace))
 
 
+@pytest.mark.real
 def test_ctrl_backslash_stops_as_ctrl_c_does(tmp_path: Path) -> None:
     trace = tmp_path / "t.txt"
     process = started("--csv", "-o", str(tmp_path / "o.csv"), trace=trace)
@@ -100,6 +102,7 @@ def test_a_trace_that_cannot_be_written_keeps_nothing_from_the_wire(monkeypatch:
     assert stops(fed) and full.lines == 21
 
 
+@pytest.mark.real
 def test_two_signals_at_once_are_one_wish(tmp_path: Path) -> None:
     """A closing terminal sends a hang-up, its service manager a SIGTERM behind it: the stop goes out all the same."""
     trace = tmp_path / "t.txt"

@@ -84,6 +84,7 @@ def test_a_stop_that_nobody_answers_ends_and_claims_nothing(family: str, speed: 
         assert step.moves and step.meaning
 
 
+@pytest.mark.real
 @pytest.mark.parametrize("family", FAMILIES)
 def test_a_stopper_is_light(family: str) -> None:
     """It may be imported in the middle of anything: nothing beside its codec."""
@@ -95,6 +96,7 @@ def test_a_stopper_is_light(family: str) -> None:
 # -- from here, and through who holds it -------------------------------------------------------------------------------
 
 
+@pytest.mark.real
 @pytest.mark.parametrize("family", FAMILIES)
 def test_stop_with_and_without_a_holder_and_past_one_that_sleeps(family: str, stand: MakeStand) -> None:
     """The bytes are at the device about as soon as without a holder, by its own clock."""
@@ -135,6 +137,7 @@ def test_stop_with_and_without_a_holder_and_past_one_that_sleeps(family: str, st
 DRIVES = [(family, words, first) for family, how in HOW.items() for words, first in how.drives]
 
 
+@pytest.mark.real
 @pytest.mark.parametrize(("family", "words", "first"), DRIVES, ids=[f"{f}-{w[0]}" for f, w, _ in DRIVES])
 def test_stop_goes_ahead_of_what_drives(family: str, words: tuple[str, ...], first: bytes, stand: MakeStand) -> None:
     """What drives ends with 130, and sends nothing but stops behind the stop."""
@@ -158,6 +161,7 @@ def test_stop_goes_ahead_of_what_drives(family: str, words: tuple[str, ...], fir
     assert place.heard() == [], "nothing behind it"
 
 
+@pytest.mark.real
 def test_currents_of_a_command_that_sleeps_end_at_the_hand(stand: MakeStand) -> None:
     """Seen by the hand itself: it was driven by current, and stands without power."""
     place = stand("aidin")
@@ -190,6 +194,7 @@ GUARDED = """
 """Has the device, is asleep, and leaves a last stop of its own, behind which its child stays on the port for some seconds."""
 
 
+@pytest.mark.real
 def test_the_last_stop_of_a_holder_that_was_ended_comes_first(stand: MakeStand) -> None:
     """Two on one port would take each other's answers, and destroy each other's frames on two wires."""
     place = stand("wrist")
@@ -211,6 +216,7 @@ def test_the_last_stop_of_a_holder_that_was_ended_comes_first(stand: MakeStand) 
     assert frame == bytes.fromhex(last) and second - first >= seconds, heard
 
 
+@pytest.mark.real
 def test_two_stops_at_once(stand: MakeStand) -> None:
     place = stand("exo")
     holder = place.hold()
@@ -223,6 +229,7 @@ def test_two_stops_at_once(stand: MakeStand) -> None:
     assert (first.returncode, result.code, holder.wait(PATIENCE)) == (0, 0, 130), result
 
 
+@pytest.mark.real
 def test_a_holder_whose_reader_sleeps_is_stopped(stand: MakeStand) -> None:
     """It is blocked in writing its rows: the wish reaches it all the same."""
     place = stand("aidin")
@@ -257,6 +264,7 @@ def test_a_holder_whose_reader_sleeps_is_stopped(stand: MakeStand) -> None:
 # -- a wrist is no exoskeleton hand ------------------------------------------------------------------------------------
 
 
+@pytest.mark.real
 @pytest.mark.parametrize(("typed", "there"), [("exo", "wrist"), ("wrist", "exo")])
 def test_the_one_that_is_there_is_stopped(typed: str, there: str, stand: MakeStand) -> None:
     """A force frame would be a write to a wrist: it gets the stop of a wrist, and the other way round."""
@@ -351,6 +359,7 @@ def test_an_echo_or_other_bytes_are_not_silence(typed: str) -> None:
     assert "only our own bytes came back" in echo.text and "3D 3E 20" in other.text, (echo, other)
 
 
+@pytest.mark.real
 def test_a_hand_that_does_not_answer_is_sent_its_stop(stand: MakeStand) -> None:
     place = stand("exo", "--fault", "silent")
     place.how = place.how._replace(stop=(HOW["exo"].stop[0],))
@@ -370,6 +379,7 @@ def full_disk() -> None:
     resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
 
 
+@pytest.mark.real
 @pytest.mark.parametrize("family", FAMILIES)
 def test_neither_disk_nor_lock_hold_up_a_stop(family: str, stand: MakeStand) -> None:
     """A full disk, a stdout that takes nothing, a folder of locks that somebody else made before."""
@@ -391,6 +401,7 @@ def test_neither_disk_nor_lock_hold_up_a_stop(family: str, stand: MakeStand) -> 
 BROKEN = {"broken": "port = [", "unknown key": "colour = 1\n", "not utf-8": "\udcff"}
 
 
+@pytest.mark.real
 @pytest.mark.parametrize("content", [*BROKEN.values(), None])
 def test_the_configuration_does_not_hold_up_a_stop(content: str | None, stand: MakeStand) -> None:
     place = stand("exo")
@@ -407,6 +418,7 @@ def test_the_configuration_does_not_hold_up_a_stop(content: str | None, stand: M
     assert other.code == 2, "what reads says so before it begins"
 
 
+@pytest.mark.real
 def test_neither_trace_nor_output_hold_up_a_stop(stand: MakeStand) -> None:
     place = stand("exo")
     result, _ = place.stop("exo", "stop", "--json", "--trace", "/dev/null/t.txt")
@@ -418,6 +430,7 @@ def test_neither_trace_nor_output_hold_up_a_stop(stand: MakeStand) -> None:
 # -- handctl stop ------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.real
 def test_the_lock_tells_the_family(stand: MakeStand) -> None:
     place = stand("aidin")
     result, _ = place.stop("aidin", "stop", "--json")
@@ -434,6 +447,7 @@ def test_the_lock_tells_the_family(stand: MakeStand) -> None:
     assert result.code == 0, "who had it was killed, and its lock still tells"
 
 
+@pytest.mark.real
 def test_a_name_tells_the_family(stand: MakeStand) -> None:
     place = stand("barrett")
     path = place.folder / "config.toml"

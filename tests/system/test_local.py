@@ -19,6 +19,7 @@ def loopback(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(local, "connected", local._over_loopback)
 
 
+@pytest.mark.real
 @pytest.mark.usefixtures("loopback")
 def test_who_knows_the_token_is_let_in(tmp_path: Path) -> None:
     path = str(tmp_path / "control")
@@ -35,6 +36,7 @@ def test_who_knows_the_token_is_let_in(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.real
 @pytest.mark.usefixtures("loopback")
 def test_who_does_not_know_it_is_not(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Any program of the machine can open a port of the loopback."""

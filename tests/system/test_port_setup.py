@@ -10,6 +10,8 @@ from handctl.link import ByteLink, open_link
 from handctl.link.serial import SLICE_SECONDS
 from tests.support.cli import PATIENCE, in_time
 
+pytestmark = pytest.mark.real
+
 
 @pytest.fixture
 def link() -> Any:

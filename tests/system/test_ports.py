@@ -57,6 +57,7 @@ def test_the_two_names_of_a_port_of_macos_are_one_place() -> None:
     assert ports.one_of_two("/dev/ttyUSB0") == "/dev/ttyUSB0"
 
 
+@pytest.mark.real
 def test_who_has_a_port_of_macos_is_asked_of_lsof(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     port = tmp_path / "port"
     port.touch()

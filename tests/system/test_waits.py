@@ -18,6 +18,8 @@ from handctl.system import waits
 from handctl.system.clock import SLICE
 from tests.support.cli import PATIENCE
 
+pytestmark = pytest.mark.real
+
 
 @pytest.fixture
 def windows(monkeypatch: pytest.MonkeyPatch) -> ModuleType:

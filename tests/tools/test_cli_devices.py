@@ -350,6 +350,7 @@ def test_a_file_that_is_named_must_be_there(place: Place, tmp_path: Path) -> Non
 PROBE = "import sys; from handctl.cli import main; main(sys.argv[1:]); print(sorted(sys.modules), file=sys.stderr)"
 
 
+@pytest.mark.real
 def test_without_a_file_nothing_is_loaded_for_it(place: Place) -> None:
     place.write("not TOML at all")
     here = {**clean_environment(place.env)}
@@ -397,6 +398,7 @@ def test_the_second_is_told_who_holds_it(runtime: Path) -> None:
     assert {path.parent.name for path in runtime.glob("*/lock-*")} == {"handctl"}
 
 
+@pytest.mark.real
 def test_a_holder_that_is_gone_is_not_named(runtime: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(lock, "LAST_STOP_SECONDS", 0.02)
     first = lock.hold("tcp://h:1", "x")
@@ -410,6 +412,7 @@ def test_a_holder_that_is_gone_is_not_named(runtime: Path, monkeypatch: pytest.M
     first.release()
 
 
+@pytest.mark.real
 def test_all_names_of_a_place_are_one(terminal: str, tmp_path: Path) -> None:
     by_id = tmp_path / "usb-Some_Adapter"
     by_id.symlink_to(terminal)
@@ -461,6 +464,7 @@ def test_where_the_lock_lies(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     assert caught.value.code == "no-lock"
 
 
+@pytest.mark.real
 def test_two_processes_do_not_mix(place: Place, tmp_path: Path) -> None:
     """A stream holds the hand; a second process is turned away until the first is gone, even when it is killed."""
     out = tmp_path / "rows"

@@ -309,6 +309,7 @@ def test_users_of_this_computer_stay_out(tmp_path: Path) -> None:
 # -- light ----------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.real
 def test_nothing_of_it_is_loaded_before_it_is_used() -> None:
     program = (
         "import sys; from handctl.cli import main; codes = [main(['exo', 'report', '-h']), main(['exo', 'dump', '--fake'])];"

@@ -13,6 +13,7 @@ from tests.support.loading import heavy, loaded
 TOOLS = ("ports", "scan", "doctor")
 
 
+@pytest.mark.real
 @pytest.mark.parametrize("tool", TOOLS)
 def test_help_loads_no_family_and_no_back_end(tool: str) -> None:
     code, modules = loaded(tool, "-h")
@@ -21,6 +22,7 @@ def test_help_loads_no_family_and_no_back_end(tool: str) -> None:
     assert not any(name.startswith(("handctl.devices.", "handctl.sim", "handctl.link.serial")) for name in modules)
 
 
+@pytest.mark.real
 @pytest.mark.parametrize("args", [("ports", "--json"), ("doctor", "--json")])
 def test_looking_at_the_machine_loads_no_family_and_on_linux_no_pyserial(args: tuple[str, ...]) -> None:
     code, modules = loaded(*args)
@@ -29,6 +31,7 @@ def test_looking_at_the_machine_loads_no_family_and_on_linux_no_pyserial(args: t
     assert not any(name.startswith(("handctl.devices.", "handctl.sim")) for name in modules)
 
 
+@pytest.mark.real
 def test_a_scan_for_one_family_loads_that_one() -> None:
     code, modules = loaded("scan", "-p", "fake://ekso?clock=virtual", "--family", "ekso", "--json")
     assert code == 0
@@ -41,6 +44,7 @@ def test_a_dry_run_of_what_only_reads_is_refused(tool: str) -> None:
     assert run(tool, "-n").code == 2
 
 
+@pytest.mark.real
 def test_stdout_holds_data_only() -> None:
     answer = run_program("scan", "-p", "fake://ekso?clock=virtual", "--format", "plain", "-v")
     assert (answer.code, answer.lines) == (0, [answer.out.rstrip("\n")])
@@ -48,6 +52,7 @@ def test_stdout_holds_data_only() -> None:
     assert "> 96 00 00 01" in answer.err
 
 
+@pytest.mark.real
 @pytest.mark.parametrize("end", [">/dev/full", ">&-"])
 @pytest.mark.parametrize("words", [
     ("doctor",), ("exo", "status", "--fake"), ("exo", "describe", "--json"), ("exo", "watch", "--count", "2", "--fake"),
@@ -63,6 +68,7 @@ def test_a_stdout_that_takes_nothing_is_one_line_and_no_success(words: tuple[str
     assert "cannot be written" in line and "Traceback" not in done.stderr
 
 
+@pytest.mark.real
 @pytest.mark.parametrize(("end", "code"), [("<&- >&- 2>&-", 1), (">&-", 1), ("2>&-", 0), ("<&-", 0)])
 def test_closed_streams_are_not_taken_by_a_link(tmp_path: Path, end: str, code: int) -> None:
     """Else the port would be descriptor 1 or 2, and what is meant for a person would go to the device."""

@@ -83,6 +83,7 @@ def options_of(command: click.Command, ctx: click.Context) -> list[click.Option]
 # -- bash, the whole tree -----------------------------------------------------------------------------------------
 
 
+@pytest.mark.real
 def test_bash_offers_every_command_and_every_option_of_the_tree() -> None:
     lines = [" ".join(("handctl", *path)) for path, _, _ in TREE]
     below = offered([f"{line} " for line in lines])
@@ -94,6 +95,7 @@ def test_bash_offers_every_command_and_every_option_of_the_tree() -> None:
         assert sorted(options) == sorted(names), path
 
 
+@pytest.mark.real
 def test_bash_offers_every_fixed_choice() -> None:
     wanted = {
         " ".join(("handctl", *path, option.opts[-1], "")): [str(choice) for choice in option.type.choices]
@@ -107,6 +109,7 @@ def test_bash_offers_every_fixed_choice() -> None:
     assert offer("handctl completion ") == list(SHELLS)
 
 
+@pytest.mark.real
 @pytest.mark.parametrize("family", FAMILIES)
 def test_names_and_elements_are_those_of_the_map(family: str) -> None:
     book = map_of(family)
@@ -151,6 +154,7 @@ LINES = {
 }  # fmt: skip
 
 
+@pytest.mark.real
 def test_bash_line_by_line() -> None:
     assert dict(zip(LINES, [words for words, _ in offered(list(LINES))], strict=True)) == LINES
 
@@ -169,6 +173,7 @@ FILES = {
 }
 
 
+@pytest.mark.real
 def test_bash_leaves_files_to_readline_where_a_file_is_due() -> None:
     hints = [hint for _, hint in offered(list(FILES))]
     assert hints == ["default" if hint else "" for hint in FILES.values()]
@@ -184,6 +189,7 @@ port = "/dev/ttyUSB0"
 """
 
 
+@pytest.mark.real
 def test_named_devices_come_from_the_configuration_file(tmp_path: Path) -> None:
     script = tmp_path / "handctl"
     script.write_text(SCRIPTS["bash"].read_text().replace("-p --port", "-d --device").replace("-p=link", "-d=device"))
@@ -199,6 +205,7 @@ def test_named_devices_come_from_the_configuration_file(tmp_path: Path) -> None:
     assert offer("handctl -d ", script=script, HOME=str(tmp_path / "nowhere")) == []
 
 
+@pytest.mark.real
 def test_ports_are_those_of_the_machine(tmp_path: Path) -> None:
     devices = ("serial/by-id/usb-FTDI_X-if00-port0", "ttyUSB0", "ttyACM3", "rfcomm0")
     for name in (*devices, "tty1", "null"):
@@ -241,6 +248,7 @@ PRESSED = {
 }
 
 
+@pytest.mark.real
 @pytest.mark.parametrize("shell", PRESENT)
 def test_tab_in_a_real_shell(shell: str, tmp_path: Path) -> None:
     work = tmp_path / "work"
@@ -270,6 +278,7 @@ def test_tab_in_a_real_shell(shell: str, tmp_path: Path) -> None:
         terminal.close()
 
 
+@pytest.mark.real
 @pytest.mark.parametrize("shell", PRESENT)
 def test_tab_completes_a_named_device(shell: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     script = tmp_path / "script"
@@ -300,6 +309,7 @@ NODE = {
 }
 
 
+@pytest.mark.real
 @pytest.mark.parametrize("shell", [shell for shell in PRESENT if shell != "bash"] or ["text"])
 def test_zsh_and_fish_have_what_bash_has(shell: str) -> None:
     lines = [" ".join(("handctl", *path)) for path, _, _ in TREE]
@@ -358,6 +368,7 @@ def test_powershell_has_what_bash_has() -> None:
     assert all(f"fake://{family}" in text for family in FAMILIES) and "GetPortNames" in text
 
 
+@pytest.mark.real
 def test_the_bash_of_macos_has_no_compopt(tmp_path: Path) -> None:
     """Bash 3.2: a word is followed by a space of ours, files are readline's where nothing is offered."""
     program = 'enable -n compopt; source "$1"; COMP_LINE="handctl exo du"; COMP_POINT=14; COMP_WORDS=(handctl exo du); COMP_CWORD=2; '

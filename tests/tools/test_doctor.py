@@ -479,6 +479,7 @@ def test_a_stream_has_no_round_trip(system: System) -> None:
     assert rows["round_trip"][1].startswith("feedback arrives unasked, interval: median 10.0 ms")
 
 
+@pytest.mark.real
 def test_the_plateau_of_a_served_hand(system: System) -> None:
     """A server that writes in pieces without TCP_NODELAY, as the manual's hand may be."""
     options = ("--set", "exchange=poll", "--set", "chunk=200", "--set", "nagle=1")

@@ -78,6 +78,7 @@ def examined(*arguments: str) -> tuple[Result, dict[str, tuple[str, str, str | N
     return answer, rows_of(answer)
 
 
+@pytest.mark.real
 def test_one_hand_at_an_address(system: System) -> None:
     answer, found = examined()
     assert found["same_address"][:2] == ("ok", "4 connections read the same: one device has this address")
@@ -85,6 +86,7 @@ def test_one_hand_at_an_address(system: System) -> None:
     assert answer.code == 0, answer
 
 
+@pytest.mark.real
 def test_two_hands_with_one_address(system: System) -> None:
     answer, found = examined("--fault", "twin-ip")
     status, evidence, remedy = found["same_address"]
@@ -95,6 +97,7 @@ def test_two_hands_with_one_address(system: System) -> None:
     assert remedy is not None and "`handctl hand network` or `handctl hand pair`" in remedy
 
 
+@pytest.mark.real
 def test_a_hand_that_serves_one_client_only(system: System) -> None:
     _, found = examined("--fault", "two-clients-drop")
     assert found["same_address"][0] == "ok"

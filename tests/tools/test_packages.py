@@ -53,6 +53,7 @@ def test_it_asks_for_the_python_of_the_project() -> None:
     assert f"Description: {project['description'].partition(' from ')[0].lower()}\n" in control
 
 
+@pytest.mark.real
 @pytest.mark.parametrize(("user", "reason"), [("1000", "a chroot needs root"), ("0", "debootstrap is not installed")])
 def test_without_its_tools_it_says_so(user: str, reason: str, tmp_path: Path) -> None:
     for name in ("bash", "dirname"):

@@ -264,6 +264,7 @@ def test_no_port_is_opened(system: System, monkeypatch: pytest.MonkeyPatch) -> N
     assert not [name for name in opened if name.startswith("dev/")]
 
 
+@pytest.mark.real
 def test_this_machine_and_its_ip_tool_answer_in_time() -> None:
     answer = run("ports", "--json")
     assert answer.code == 0

@@ -483,6 +483,7 @@ def test_no_free_port_is_a_link_error(tmp_path: Path) -> None:
     assert caught.value.code == "no-port"
 
 
+@pytest.mark.real
 def test_several_links() -> None:
     links: Sequence[str] = ("fake://exo?clock=virtual", "fake://ekso?clock=virtual", "tcp://127.0.0.1:1")
     answer = run("scan", "--json", *(word for link in links for word in ("-p", link)))
@@ -491,12 +492,14 @@ def test_several_links() -> None:
     assert answer.json["scan"]["links"] == list(links)
 
 
+@pytest.mark.real
 def test_several_links_without_any_device() -> None:
     answer = run("scan", "--json", "-p", "tcp://127.0.0.1:1", "-p", "fake://exo?fault=silent&clock=virtual")
     assert answer.code == 4
     assert answer.error["text"].startswith("No device on 2 links")
 
 
+@pytest.mark.real
 def test_all_simulators_at_once() -> None:
     answer = run("scan", "--fake", "--family", "ekso", "--family", "aidin", "--json")
     assert found(answer) == [("ekso", 115200, None), ("aidin", None, None)]
@@ -511,6 +514,7 @@ def test_the_port_may_stand_before_the_verb_or_in_the_environment() -> None:
 # -- served, as in the field ------------------------------------------------------------------------------------------
 
 
+@pytest.mark.real
 @pytest.mark.parametrize(
     ("kind", "place", "baud"),
     [

@@ -53,6 +53,7 @@ def start(pyz: Path, *args: str, cwd: Path | None = None) -> Result:
 # -- the single file ----------------------------------------------------------------------------------------------
 
 
+@pytest.mark.real
 def test_it_runs_without_any_installed_package(pyz: Path, tmp_path: Path) -> None:
     without = subprocess.run([*BARE, "-c", "import click"], capture_output=True, check=False)
     assert without.returncode == 1
@@ -62,6 +63,7 @@ def test_it_runs_without_any_installed_package(pyz: Path, tmp_path: Path) -> Non
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.real
 def test_the_guides_are_in_it(pyz: Path) -> None:
     with zipfile.ZipFile(pyz) as archive:
         inside = {name for name in archive.namelist() if name.endswith(".md")}
@@ -71,6 +73,7 @@ def test_the_guides_are_in_it(pyz: Path) -> None:
     assert (done.returncode, done.stdout.split()) == (0, list(guides.names())), done
 
 
+@pytest.mark.real
 def test_an_old_python_says_in_one_sentence_which_version_is_needed(pyz: Path) -> None:
     """Its grammar is that of any Python: the question stands before everything that is newer."""
     ast.parse(zipfile.ZipFile(pyz).read("__main__.py"), feature_version=(3, 4))
@@ -108,6 +111,7 @@ def test_without_what_old_pythons_need_it_asks_for_a_newer_one(
     )
 
 
+@pytest.mark.real
 def test_python_can_and_every_tool_are_inside(pyz: Path) -> None:
     silent = start(pyz, "wrist", "get", "pitch_actual", "-p", "can:virtual:x", "--timeout", "0.05", "--json")
     assert (silent.code, silent.error["code"]) == (4, "no-answer")
@@ -115,6 +119,7 @@ def test_python_can_and_every_tool_are_inside(pyz: Path) -> None:
     assert start(pyz, "exo", "dump", "-p", "/dev/no-such-port").code == 3
 
 
+@pytest.mark.real
 def test_a_terminal_gets_its_table(pyz: Path) -> None:
     child = pexpect.spawn(
         BARE[0], [*BARE[1:], str(pyz), "exo", "status", "-p", "fake://exo?clock=virtual"], encoding="utf-8",
@@ -125,6 +130,7 @@ def test_a_terminal_gets_its_table(pyz: Path) -> None:
     assert child.exitstatus == 0 and "Finger" in child.before and "─" in child.before
 
 
+@pytest.mark.real
 def test_every_module_loads_from_the_file(pyz: Path) -> None:
     own = sorted(
         name[:-3].replace("/", ".").removesuffix(".__init__")

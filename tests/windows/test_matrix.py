@@ -85,6 +85,7 @@ def test_without_its_parts_one_line_says_so(
     assert not (tmp_path / "parts").exists()
 
 
+@pytest.mark.real
 def test_a_helper_that_keeps_the_pipes_is_not_waited_for() -> None:
     """As wine's desktop, which the first program with a window starts."""
     words = (
@@ -101,6 +102,7 @@ def test_a_helper_that_keeps_the_pipes_is_not_waited_for() -> None:
         end(process)
 
 
+@pytest.mark.real
 def test_what_does_not_end_is_not_waited_for() -> None:
     process = subprocess.Popen(["sleep", "60"], stdout=subprocess.PIPE, start_new_session=True)
     with pytest.raises(subprocess.TimeoutExpired):

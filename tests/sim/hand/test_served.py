@@ -102,6 +102,7 @@ def until(get: Callable[[], object], wanted: object, seconds: float = PATIENCE) 
 # -- pymodbus: one hand, two wires ------------------------------------------------------------------------------------
 
 
+@pytest.mark.real
 def test_pymodbus_reads_and_moves_over_rtu_and_tcp(start: Start) -> None:
     server = start("--model", "tp", "--modbus-pty", "--modbus-tcp", ANYWHERE)
     network, pair = over_tcp(server.port_of(0)), over_rtu(server.links[1])
@@ -124,6 +125,7 @@ def test_pymodbus_reads_and_moves_over_rtu_and_tcp(start: Start) -> None:
     assert server.stop() == (0, "")
 
 
+@pytest.mark.real
 def test_pymodbus_reads_and_moves_an_f1_by_its_words(start: Start) -> None:
     server = start("--model", "f1", "--modbus-pty")
     with over_rtu(server.links[0]) as client:
@@ -134,6 +136,7 @@ def test_pymodbus_reads_and_moves_an_f1_by_its_words(start: Start) -> None:
         until(lambda: read(client, 1064, 6), [*before[:3], 1500, *before[4:]], 20.0)
 
 
+@pytest.mark.real
 def test_pymodbus_meets_another_id_and_a_bad_sum_with_silence(start: Start) -> None:
     from pymodbus import ModbusException
 
@@ -146,6 +149,7 @@ def test_pymodbus_meets_another_id_and_a_bad_sum_with_silence(start: Start) -> N
             client.read_holding_registers(1546, count=6)
 
 
+@pytest.mark.real
 def test_several_clients_of_one_hand(start: Start, tmp_path: Path) -> None:
     from pymodbus import ModbusException
 
@@ -172,6 +176,7 @@ def test_several_clients_of_one_hand(start: Start, tmp_path: Path) -> None:
 # -- other people's drivers of the hand -----------------------------------------------------------------------------------
 
 
+@pytest.mark.real
 def test_inspire_rh56dftp_reads_and_moves_a_tp(start: Start) -> None:
     from inspire_rh56dftp.client import InspireHand
     from inspire_rh56dftp.registers import TACTILE_REGIONS
@@ -190,6 +195,7 @@ def test_inspire_rh56dftp_reads_and_moves_a_tp(start: Start) -> None:
     hand.close()
 
 
+@pytest.mark.real
 def test_pyrh56_reads_and_moves_a_df(start: Start) -> None:
     server = start("--model", "df", "--pty", "--set", "speed=1000", "--wire", "115200")
     with RH56Driver(server.links[0]) as hand:
@@ -206,6 +212,7 @@ def test_pyrh56_reads_and_moves_a_df(start: Start) -> None:
 # -- bytes and frames -------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.real
 def test_bytes_over_tcp_and_both_protocols_on_them(start: Start) -> None:
     server = start("--model", "df", "--tcp", ANYWHERE)
     assert server.links[0].startswith("socket://")
@@ -217,6 +224,7 @@ def test_bytes_over_tcp_and_both_protocols_on_them(start: Start) -> None:
         assert port.read(7).hex(" ").upper() == "01 03 02 00 01 79 84"
 
 
+@pytest.mark.real
 def test_slcan_beside_modbus_tcp(start: Start) -> None:
     server = start("--model", "tp", "--slcan-tcp", ANYWHERE, "--modbus-tcp", ANYWHERE)
     assert server.links[1].startswith("can:slcan:")
@@ -231,6 +239,7 @@ def test_slcan_beside_modbus_tcp(start: Start) -> None:
         assert read(client, 1612, 3) == [0x0102, 0x0302, 0x0002]
 
 
+@pytest.mark.real
 def test_921600_is_another_speed_than_115200(start: Start) -> None:
     server = start("--model", "tp", "--pty", "--set", "baud=921600")
     for speed, answered in ((115200, False), (921600, True)):
@@ -239,6 +248,7 @@ def test_921600_is_another_speed_than_115200(start: Start) -> None:
             assert bool(port.read(9)) == answered
 
 
+@pytest.mark.real
 def test_a_client_that_leaves_in_the_middle(start: Start) -> None:
     server = start("--modbus-tcp", ANYWHERE)
     for _ in range(3):
@@ -248,6 +258,7 @@ def test_a_client_that_leaves_in_the_middle(start: Start) -> None:
         assert read(client, 1546, 6) == ANGLES
 
 
+@pytest.mark.real
 def test_the_server_moves_with_the_ip_address_of_the_hand(start: Start, tmp_path: Path) -> None:
     control = str(tmp_path / "control")
     server = start("--modbus-tcp", ANYWHERE, "--set", "ip=127.0.0.1", "--control", control)
@@ -274,6 +285,7 @@ def test_the_server_moves_with_the_ip_address_of_the_hand(start: Start, tmp_path
     assert server.stop() == (0, "")
 
 
+@pytest.mark.real
 def test_two_hands_with_one_ip_address(start: Start) -> None:
     server = start("--modbus-tcp", ANYWHERE, "--fault", "twin-ip")
     seen = []

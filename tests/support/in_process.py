@@ -1,0 +1,80 @@
+"""Keep an ordinary test in this process and on virtual time: what starts a process, opens a terminal, connects or sleeps raises.
+
+A test that needs the real world says so with `pytest.mark.real`. What was tried is remembered too, because the code under test may
+take the error for one of its own.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+from unittest import mock
+
+from handctl.system import clock
+
+REFUSED = {
+    "os.exec": "starts a program",
+    "os.fork": "forks",
+    "os.forkpty": "forks",
+    "os.posix_spawn": "starts a process",
+    "os.spawn": "starts a process",
+    "os.system": "starts a shell",
+    "pty.spawn": "starts a process",
+    "socket.connect": "connects",
+    "subprocess.Popen": "starts a process",
+}
+"""Audit events of the interpreter that an ordinary test must not cause."""
+
+
+class OutsideWorld(AssertionError):
+    """An ordinary test reached for a process, a terminal, a connection or real time."""
+
+
+class _Watch:
+    """What the running test tried; None while a test may do all of it."""
+
+    def __init__(self) -> None:
+        self.tried: list[str] | None = None
+
+    def refuse(self, what: str) -> None:
+        if self.tried is not None:
+            self.tried.append(what)
+            raise OutsideWorld(f"a test that is not marked `real` {what}")
+
+    def audit(self, event: str, _args: tuple[Any, ...]) -> None:
+        if self.tried is not None and event in REFUSED:
+            self.refuse(REFUSED[event])
+
+
+_WATCH = _Watch()
+sys.addaudithook(_WATCH.audit)
+
+
+def _no_sleep(seconds: float) -> None:
+    _WATCH.refuse(f"sleeps for {seconds} s")
+
+
+def _no_terminal() -> tuple[int, int]:
+    _WATCH.refuse("opens a pseudo-terminal")
+    raise OutsideWorld
+
+
+@contextmanager
+def in_process() -> Iterator[None]:
+    """Refuse the outside world for one test. Raises OutsideWorld at the end, too, where something was tried and swallowed."""
+    _WATCH.tried = tried = []
+    try:
+        with (
+            mock.patch.object(time, "sleep", _no_sleep),
+            mock.patch.object(clock, "sleep", _no_sleep),
+            mock.patch.object(os, "openpty", _no_terminal),
+        ):
+            yield
+    finally:
+        _WATCH.tried = None
+    if tried:
+        raise OutsideWorld(f"a test that is not marked `real` {tried[0]}")
