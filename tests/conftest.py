@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import os
 import zlib
 from collections.abc import Iterator
@@ -23,6 +22,7 @@ from tests.matrix.report import (
     pytest_runtest_makereport,
     pytest_terminal_summary,
 )
+from tests.support import own_state as state
 from tests.support.collecting import Collecting
 from tests.support.in_process import in_process
 
@@ -37,18 +37,14 @@ __all__ = [
     "pytest_terminal_summary",
 ]
 
-NUMBERS = itertools.count()
-
 
 @pytest.fixture(autouse=True)
 def own_state(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> None:
     """What this machine keeps for a user between commands is kept for each test apart, and never in a home."""
-    own = tmp_path_factory.getbasetemp() / f"state{next(NUMBERS)}"
-    runtime = own / "run"
-    runtime.mkdir(0o700, parents=True)
-    monkeypatch.setenv("XDG_STATE_HOME", str(own))
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(runtime))
-    monkeypatch.setenv("TMPDIR", str(own))  # the second place for what a user's --fake keeps
+    for name in ("XDG_STATE_HOME", "XDG_RUNTIME_DIR", "TMPDIR"):
+        monkeypatch.setenv(name, "")  # undone behind the test
+    state.BELOW[:] = [tmp_path_factory.getbasetemp()]
+    state.begin()
 
 
 @pytest.fixture(autouse=True)

@@ -10,6 +10,7 @@ from handctl.errors import HandctlError, LinkError, NoAnswer, ProtocolError
 from handctl.link import Deadline
 from handctl.model.param import elements_of
 from tests.aidin.support import Streamer, feedback, hand_on, line, poller, streamer
+from tests.support.each_row import each_row
 from tests.support.scripted import Babble, ScriptedLink
 
 POLL = b"{}\n"
@@ -149,8 +150,8 @@ BAD = {
 ONE_ODD = [BAD["text"][0]["motor_pos"], BAD["nan"][0]["joint_pos"]]
 
 
-@pytest.mark.parametrize("polled", [False, True], ids=["stream", "poll"])
-@pytest.mark.parametrize(("changes", "key", "code"), BAD.values(), ids=BAD)
+@each_row("polled", [False, True], ids=["stream", "poll"])
+@each_row(("changes", "key", "code"), BAD.values(), ids=BAD)
 def test_a_bad_key_is_refused_by_itself(changes: dict[str, object], key: str, code: str, polled: bool) -> None:
     content = {k: v for k, v in feedback(**changes).items() if v is not None}
     table = hand_on(poller(content) if polled else streamer(content)).dump()

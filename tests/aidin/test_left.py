@@ -21,6 +21,7 @@ from handctl.model.guide import Guide
 from handctl.model.result import Table
 from tests.aidin.support import AT_ORIGIN, Streamer, feedback, hand_on, line, simulated, stopped, streamer
 from tests.support.cli import Simulator, clean_environment, program, wait_until
+from tests.support.each_row import each_row
 from tests.support.scripted import ScriptedLink
 
 STOP = b'{"hand_mode":3}\n'
@@ -117,8 +118,8 @@ def test_homing_that_was_not_begun_stops_nobody() -> None:
         assert link.sent == []
 
 
-@pytest.mark.parametrize("instead", [b"null\n", b"[1,2,3]\n", b'{"error":"motor fault"}\n', b'{"motor_pos":[0,0'])
-@pytest.mark.parametrize("act", [initial, move, max_torque, adjust.bias])
+@each_row("instead", [b"null\n", b"[1,2,3]\n", b'{"error":"motor fault"}\n', b'{"motor_pos":[0,0'])
+@each_row("act", [initial, move, max_torque, adjust.bias])
 def test_what_comes_instead_of_feedback_is_no_silence(act: Act, instead: bytes) -> None:
     end = 0.45 if act is adjust.bias else 0.1
     link = Streamer(lambda t: line(CLOSED) if t < end else instead)
@@ -299,9 +300,9 @@ def _turning(exchange: str, key: str, how: str) -> ScriptedLink:
     return link
 
 
-@pytest.mark.parametrize("how", ["nan", "short", "text", "null", "missing", "silent"])
-@pytest.mark.parametrize("exchange", ["stream", "poll"])
-@pytest.mark.parametrize("name", DRIVES)
+@each_row("how", ["nan", "short", "text", "null", "missing", "silent"])
+@each_row("exchange", ["stream", "poll"])
+@each_row("name", DRIVES)
 def test_a_hand_that_goes_blind_is_not_driven_on(name: str, exchange: str, how: str) -> None:
     """Soon no command follows, and the error says what the hand does now; the same whoever speaks first."""
     act, key, told = DRIVES[name]

@@ -13,6 +13,7 @@ import pytest
 
 from handctl.devices.aidin.map import AIDIN, FEEDBACK, FINGERS, MODES, AidinParam, Mode
 from handctl.sim import create
+from tests.support.each_row import each_row
 
 TARGETS = [pytest.param(AIDIN[name], mode, told, id=name) for name, mode, told in (
     ("hand_tp_cmd", 10, "motor_pos"), ("hand_joint_cmd", 22, "joint_pos"), ("hand_taskspace_cmd", 32, "task_space_pos"),
@@ -55,8 +56,8 @@ def test_both_have_the_same_feedback() -> None:
         assert all(isinstance(value, int) == (param.int_range is not None) for value in told[param.key]), param.key
 
 
-@pytest.mark.parametrize("finger", range(5), ids=FINGERS)
-@pytest.mark.parametrize(("param", "mode", "told"), TARGETS)
+@each_row("finger", range(5), ids=FINGERS)
+@each_row(("param", "mode", "told"), TARGETS)
 def test_both_count_the_elements_of_a_finger_alike(param: AidinParam, mode: int, told: str, finger: int) -> None:
     """What is commanded at an index of one finger arrives at that index, and nowhere else."""
     hand = Simulated()
@@ -86,7 +87,7 @@ def edges() -> list[object]:
     return found
 
 
-@pytest.mark.parametrize(("param", "mode", "index", "end"), edges())
+@each_row(("param", "mode", "index", "end"), edges())
 def test_both_have_the_same_limits(param: AidinParam, mode: int, index: int, end: int) -> None:
     """At the limit the hand takes the object, beyond it ignores it; the host would not send the latter."""
     limit = param.limit(index)

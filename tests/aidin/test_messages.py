@@ -19,6 +19,7 @@ from handctl.devices.aidin.messages import (
     numbers,
 )
 from handctl.errors import ProtocolError, UsageError
+from tests.support.each_row import each_row
 
 # -- out --------------------------------------------------------------------------------------------------------------
 
@@ -95,8 +96,8 @@ STREAMS = {
 }
 
 
-@pytest.mark.parametrize("data", STREAMS.values(), ids=STREAMS)
-@pytest.mark.parametrize("size", [1, 2, 3, 7, 1000])
+@each_row("data", STREAMS.values(), ids=STREAMS)
+@each_row("size", [1, 2, 3, 7, 1000])
 def test_any_pieces(data: bytes, size: int) -> None:
     assert fed(*(data[at : at + size] for at in range(0, len(data), size))) == [A, B]
 
@@ -126,8 +127,8 @@ def test_junk_between_objects_is_dropped_and_told(junk: bytes) -> None:
         assert dropped.translate(None, b" \r\n\t\0") == (junk + junk).translate(None, b" \r\n\t\0")
 
 
-@pytest.mark.parametrize("cut", range(1, len(RAW_A)))
-@pytest.mark.parametrize("end", [b"\n", b""])
+@each_row("cut", range(1, len(RAW_A)))
+@each_row("end", [b"\n", b""])
 def test_a_truncated_object_costs_no_whole_one(cut: int, end: bytes) -> None:
     """With the next object at once, or, cut where a brace may stand, when the one after it comes."""
     data = RAW_A[:cut] + end + RAW_A + end + RAW_B + end + RAW_B + end
@@ -205,7 +206,7 @@ def test_numbers() -> None:
     assert all(isinstance(number, int) for number in taken)
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("value", "int_range", "code"),
     [
         (None, None, "bad-type"), ("1,2,3", None, "bad-type"), ({"a": 1}, None, "bad-type"), (7, None, "bad-type"),

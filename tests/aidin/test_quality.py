@@ -15,6 +15,7 @@ from handctl.link import ByteLink
 from handctl.model.param import elements_of
 from tests.aidin.support import Content, Streamer, feedback, hand_on, line, poller, streamer
 from tests.support.cli import run
+from tests.support.each_row import each_row
 from tests.support.scripted import ScriptedLink
 
 POLL = b"{}\n"
@@ -29,9 +30,9 @@ def with_odd(key: str, place: int, odd: object) -> Content:
     return {**content, key: array}
 
 
-@pytest.mark.parametrize("odd", ODD, ids=lambda odd: repr(odd)[:8])
-@pytest.mark.parametrize("param", FEEDBACK, ids=lambda param: param.key)
-@pytest.mark.parametrize("polled", [False, True])
+@each_row("odd", ODD, ids=lambda odd: repr(odd)[:8])
+@each_row("param", FEEDBACK, ids=lambda param: param.key)
+@each_row("polled", [False, True])
 def test_one_bad_number_is_its_own_error(param: object, odd: object, polled: bool) -> None:
     """Each other number of the array is shown; the bad one is named as `get` takes it."""
     for place in (0, param.count // 2, param.count - 1):  # type: ignore[attr-defined]
@@ -98,8 +99,8 @@ def test_what_was_bad_now_and_then_is_counted_key_by_key() -> None:
         assert found["skipped"] >= number - 20 - found["bad"] - found["missing"] - 12
 
 
-@pytest.mark.parametrize("hertz", [1, 2, 3, 5])
-@pytest.mark.parametrize("phase", [0.0, 0.31, 0.55, 0.85])
+@each_row("hertz", [1, 2, 3, 5])
+@each_row("phase", [0.0, 0.31, 0.55, 0.85])
 def test_a_slow_stream_is_read_and_known_for_one(hertz: int, phase: float) -> None:
     """Whatever an empty object seems to have been answered with: what comes unasked is a stream."""
     link = Streamer(lambda _t: line(feedback()), 1 / hertz)

@@ -7,6 +7,7 @@ import pytest
 from handctl.devices.aidin.map import ANGLES, CURRENTS, ENCODERS, TIPS
 from handctl.devices.aidin.targets import missed, parse, ramp
 from handctl.errors import CheckFailed, UsageError
+from tests.support.each_row import each_row
 
 FIFTEEN = ["10", "5", "118", "-4", "5", "165", "0", "5", "165", "4", "5", "165", "8", "5", "165"]
 OPEN = [-13.0, 0.0, 154.0, 154.0] + [-45.0, 0.0, 175.0, 175.0] * 4
@@ -103,7 +104,7 @@ WRONG = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("target", "texts", "what"), WRONG)
+@each_row(("target", "texts", "what"), WRONG)
 def test_refused(target: object, texts: list[str], what: str) -> None:
     with pytest.raises(UsageError) as caught:
         parse(target, texts)  # type: ignore[arg-type]

@@ -14,6 +14,7 @@ from handctl.link.tap import Entry, parse
 from handctl.sim import create
 from tests.aidin.support import hand_on
 from tests.support.cli import run
+from tests.support.each_row import each_row
 from tests.support.scripted import ScriptedLink
 from tests.support.transcripts import FOLDER, Case, read_cases
 
@@ -73,8 +74,8 @@ def last_numbers(case: Case) -> list[tuple[str, float]]:
     return [(key, float(number)) for key, number in zip(words[::2], words[1::2], strict=True)]
 
 
-@pytest.mark.parametrize("size", [1, 7, 1448, 10**6])
-@pytest.mark.parametrize("case", named(FEEDBACK))
+@each_row("size", [1, 7, 1448, 10**6])
+@each_row("case", named(FEEDBACK))
 def test_the_host_takes_it_in_any_pieces(case: Case, size: int) -> None:
     decoder, found = Decoder(), []
     for data in received(case):

@@ -12,6 +12,7 @@ from handctl.errors import NoAnswer, UsageError
 from handctl.frame.options import Settings
 from tests.aidin.support import feedback, hand_on, poller, simulated, stopped, streamer
 from tests.support.cli import run, sent
+from tests.support.each_row import each_row
 from tests.support.scripted import ScriptedLink
 
 
@@ -22,7 +23,7 @@ def test_the_default_finds_out() -> None:
     ) == Way(ExchangeMode.POLL, b'{"a":[1,2.5,"\\u00e4"]}', b"\0")
 
 
-@pytest.mark.parametrize("text", [
+@each_row("text", [
     '{"hand_mode":3}', '{"HAND_MODE":3}', '{"get":1,"hand_mode":1}', '{"a":[{"hand_mode":3}]}', '{"a":{"hand_mode":3}}',
     '{"hand\\u005fmode":3}', '{" hand_mode ":3}', '{"hand_mode\\u0000":3}', '{"maxtorque":0}', '{"hand_TP_cmd":[0]}', '{"hand_joint_cmd":[]}',
     '{"hand_taskspace_cmd":[]}', '{"hand_TT_cmd":[500]}',
@@ -33,7 +34,7 @@ def test_a_poll_object_never_commands(text: str) -> None:
     assert caught.value.code == "commanding-poll"
 
 
-@pytest.mark.parametrize("text", [
+@each_row("text", [
     "", "{", "[1]", "1", "null", '{"a":NaN}', '{"a":Infinity}', '{"a":1e999}', "{'a':1}", '{"a":1}{"hand_mode":3}', "[" * 5000,
     '{"a":' * 20 + "1" + "}" * 20, '{"a":"' + "x" * 2040 + '"}',
 ])  # fmt: skip

@@ -29,6 +29,7 @@ from tests.barrett.commands import (
     written_lines,
 )
 from tests.support.cli import ENVELOPE_KEYS, Result, check_schema, run
+from tests.support.each_row import each_row
 
 CLEAN = {"sent": 0, "received": 0, "retries": 0, "bad_frames": 0, "stray_bytes": 0}
 
@@ -94,8 +95,8 @@ def test_reading(scratch: Path, command: Command) -> None:
     assert written_lines(trace) == [] and sent_lines(trace)
 
 
-@pytest.mark.parametrize("firmware", ["4.33", "4.34", "4.4"])
-@pytest.mark.parametrize("more", [{}, {"prompt": "bare"}, {"line_end": "crlf"}, {"texts": "prose"}, {"baud": 1200}])
+@each_row("firmware", ["4.33", "4.34", "4.4"])
+@each_row("more", [{}, {"prompt": "bare"}, {"line_end": "crlf"}, {"texts": "prose"}, {"baud": 1200}])
 def test_every_kind_of_hand(firmware: str, more: dict[str, object]) -> None:
     port = fake(firmware=firmware, **more)
     got = values_of(do("dump", port=port))

@@ -10,6 +10,7 @@ import pytest
 
 from tests.barrett.commands import fake, sent_lines, written_lines
 from tests.support.cli import Result, run
+from tests.support.each_row import each_row
 
 STATUSES = {"ok", "warning", "fail", "skipped"}
 
@@ -55,7 +56,7 @@ def test_reading_writes_nothing(tmp_path: Path, args: tuple[str, ...]) -> None:
     assert sent_lines(trace) and written_lines(trace) == []
 
 
-@pytest.mark.parametrize(
+@each_row(
     "args",
     [
         ("maintenance", "-n"),

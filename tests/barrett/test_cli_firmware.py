@@ -12,6 +12,7 @@ import pytest
 from tests.barrett.commands import fake
 from tests.barrett.srecords import BROKEN, END, EXAMPLE, GOOD, HEADER, record
 from tests.support.cli import Result, run, spying
+from tests.support.each_row import each_row
 
 DATA = bytes((number * 5 + 1) & 255 for number in range(150))
 LINES = (HEADER, *(record(0x2C00 + place, DATA[place : place + 32]) for place in range(0, 150, 32)), END)
@@ -62,7 +63,7 @@ def test_a_good_file(tmp_path: Path) -> None:
     assert table.code == 0 and "2000-2027" in table.out and facts["sha256"] in table.out
 
 
-@pytest.mark.parametrize("name", BROKEN)
+@each_row("name", BROKEN)
 def test_broken_files(tmp_path: Path, name: str) -> None:
     """Exit 7, the row of the check is bad, the message names file and reason, every bad row says what to do."""
     lines, which, status, words = BROKEN[name]

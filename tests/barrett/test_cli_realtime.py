@@ -14,6 +14,7 @@ import pytest
 from handctl.frame.console import TerminalGuide
 from tests.barrett.commands import fake
 from tests.support.cli import Result, run, spying
+from tests.support.each_row import each_row
 
 LINE = {"wire": "auto"}
 EXAMPLE = (
@@ -174,7 +175,7 @@ def test_an_init_that_fails_ends_it(tmp_path: Path) -> None:
 # -- what is refused --------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("args", "word"),
     [
         (("--motors", ""), "--motors"),

@@ -30,6 +30,7 @@ from tests.barrett.commands import (
     written_lines,
 )
 from tests.support.cli import Result, run, spying
+from tests.support.each_row import each_row
 
 CLEAN = {"sent": 0, "received": 0, "retries": 0, "bad_frames": 0, "stray_bytes": 0}
 
@@ -57,7 +58,7 @@ def do(*args: str | Path, port: str | None = None, **more: Any) -> Result:
 # -- writing ----------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("command", WRITING, ids=ids)
+@each_row("command", WRITING, ids=ids)
 def test_dry_run_prints_the_bytes_and_sends_nothing(scratch: Path, command: Command) -> None:
     """Needs no device; asks nothing."""
     if command.name == "restore":
@@ -89,7 +90,7 @@ def test_restore_dry_run(scratch: Path) -> None:
     assert "\n".join(lines).count("BAUD") == 1
 
 
-@pytest.mark.parametrize("command", WRITING, ids=ids)
+@each_row("command", WRITING, ids=ids)
 def test_writing(scratch: Path, command: Command) -> None:
     trace = scratch / "t.txt"
     yes = ["--yes"] if command.asks else []
@@ -111,7 +112,7 @@ def test_confirmation(scratch: Path, command: Command) -> None:
     assert not trace.exists() or written_lines(trace) == []
 
 
-@pytest.mark.parametrize(
+@each_row(
     "texts",
     [
         ("MCV=15",), ("MCV=4081",), ("DP=65536",), ("DP=-1",), ("HSG=257",), ("EN=2",), ("LCVC=0",), ("LFVC=0",),

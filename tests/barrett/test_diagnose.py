@@ -15,6 +15,7 @@ from handctl.devices.barrett.map import BARRETT, MOTORS, GclParam
 from handctl.errors import CheckFailed, Interrupted, LinkError, UsageError
 from handctl.model.guide import Guide
 from tests.barrett.support import Simulated, hand_on, scripted, simulated
+from tests.support.each_row import each_row
 from tests.support.scripted import ScriptedLink
 
 # the 17 symptoms of §8 in the manual's order
@@ -79,7 +80,7 @@ def test_unknown_symptoms() -> None:
 # -- checks -----------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("check", "changed", "bad"),
     [
         (checks.status, {}, {}),
@@ -131,8 +132,8 @@ def test_the_forecast_of_heat_names_both_temperatures_in_degrees() -> None:
 SETTINGS = [param for param in BARRETT if param.writable and not param.is_global and not param.since]
 
 
-@pytest.mark.parametrize("param", SETTINGS, ids=lambda param: param.mnemonic)
-@pytest.mark.parametrize("end", ["low", "high"])
+@each_row("param", SETTINGS, ids=lambda param: param.mnemonic)
+@each_row("end", ["low", "high"])
 def test_the_forecast_of_every_setting_at_its_ends_comes_true(param: GclParam, end: str) -> None:
     """Whatever one setting is: a finger that is said to move moves, to close and to open."""
     body = patient()
@@ -300,7 +301,7 @@ def test_table() -> None:
 HEALTHY = "initialized=1"
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("trial", "query", "bad"),
     [
         ("initialize", "initialized=0", {}),

@@ -14,6 +14,7 @@ from handctl.model.guide import Guide
 from tests.barrett.download import DATA, SIZE, Operated, Operator, Run, firmware, sha
 from tests.barrett.srecords import END, record
 from tests.barrett.support import Simulated, codes, hand_on
+from tests.support.each_row import each_row
 
 
 def stream(file: Firmware) -> bytes:
@@ -25,10 +26,8 @@ def stream(file: Firmware) -> bytes:
 # -- the whole procedure ----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("window", [1, 2, 4])
-@pytest.mark.parametrize(
-    "query", ["", "echo-triggers=1", "wire=auto", "image=blank", "download-end=power", "firmware=4.4"]
-)
+@each_row("window", [1, 2, 4])
+@each_row("query", ["", "echo-triggers=1", "wire=auto", "image=blank", "download-end=power", "firmware=4.4"])
 def test_the_image_is_that_of_the_file(window: int, query: str) -> None:
     run = Run(query, window=window)
     assert run.error is None
@@ -235,8 +234,8 @@ PLACES = {
 }
 
 
-@pytest.mark.parametrize("place", PLACES)
-@pytest.mark.parametrize("fault", FAULTS)
+@each_row("place", PLACES)
+@each_row("fault", FAULTS)
 def test_a_fault_at_every_kind_of_place(fault: str, place: str) -> None:
     """It stops at once and names the address; the hand is not called loaded."""
     run = Run(f"fault={fault}&download-at={place}&image-records=7")

@@ -10,6 +10,7 @@ from handctl.devices.barrett.gcl import passthrough
 from handctl.devices.barrett.gcl.commands import COMMANDS, SECONDS, split
 from handctl.errors import DeviceRefused, Interrupted, NoAnswer, UsageError
 from tests.barrett.support import ABORT, scripted, simulated
+from tests.support.each_row import each_row
 from tests.support.terminal import Terminal
 
 NAMES = [
@@ -82,7 +83,7 @@ def test_every_command_of_the_manual() -> None:
     assert not any(name.startswith(tuple("1234GS")) for name in NAMES), "so a prefix is never ambiguous"
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("text", "prefix", "name", "arguments"),
     [
         ("12M 5000", "12", "M", ["5000"]), ("SGHOME", "SG", "HOME", []), ("gc", "G", "C", []), ("STC", "S", "TC", []),
@@ -116,7 +117,7 @@ def test_what_is_carried(text: str) -> None:
     passthrough.refuse(text)
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("text", "words"),
     [
         ("PSET OTEMP 60", ["OTEMP = 60 (6.0 °C)"]), ("1FSET IVEL 900", ["IVEL = 900"]), ("FSET TSTOP 10000 DP 5", ["TSTOP = 10000"]),

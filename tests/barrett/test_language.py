@@ -10,6 +10,7 @@ from handctl.devices.barrett.gcl import language
 from handctl.devices.barrett.gcl.language import Answer, Decoder, batches, encode, motor_prefix, motors_of, values
 from handctl.errors import ProtocolError, UsageError
 from tests.barrett.support import gcl
+from tests.support.each_row import each_row
 
 STATUS = [
     # code, the manual's words (barrett §5.1.3, Table 3)
@@ -52,7 +53,7 @@ def test_only_printable_ascii_leaves(text: str) -> None:
 # -- motors -----------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("text", "digits"),
     [
         ("1", "1"), ("4", "4"), ("S", "4"), ("s", "4"), ("G", "123"), ("g", "123"), ("12S", "124"), ("S123", "1234"),
@@ -66,7 +67,7 @@ def test_motor_prefix(text: str, digits: str) -> None:
     assert motor_prefix(text) == digits
 
 
-@pytest.mark.parametrize("text", ["", " ", ",", "5", "0", "12X", "F5", "thumb", "1-3", "-1", "F", "C", "1C", "１"])
+@each_row("text", ["", " ", ",", "5", "0", "12X", "F5", "thumb", "1-3", "-1", "F", "C", "1C", "１"])
 def test_no_motor_prefix(text: str) -> None:
     with pytest.raises(UsageError):
         motor_prefix(text)
@@ -81,7 +82,7 @@ def test_motors_of_a_prefix() -> None:
 # -- status sums ------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("code", "words"), STATUS)
+@each_row(("code", "words"), STATUS)
 def test_status_codes(code: int, words: str) -> None:
     text = language.explain_status(code)
     assert f"({code})" in text
@@ -145,8 +146,8 @@ SHAPES = [
 ]
 
 
-@pytest.mark.parametrize("pieces", [0, 1, 3])
-@pytest.mark.parametrize(("data", "lines", "status"), SHAPES)
+@each_row("pieces", [0, 1, 3])
+@each_row(("data", "lines", "status"), SHAPES)
 def test_answers(data: bytes, lines: tuple[str, ...], status: int, pieces: int) -> None:
     answer = decode("FGET P", data, pieces)
     assert answer is not None

@@ -19,6 +19,7 @@ from tests.barrett.support import (
     scripted,
     simulated,
 )
+from tests.support.each_row import each_row
 from tests.support.scripted import Babble, ScriptedLink
 
 SPEEDS = [9600, 38400, 19200, 4800, 2400, 1200, 600]
@@ -199,7 +200,7 @@ def test_ten_aborts_are_the_most() -> None:
 # -- commands ---------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("command", "seconds"),
     [
         ("FGET P", 3), ("PGET TEMP", 3), ("VERS", 3), ("FSET DP 1", 3), ("PLOAD", 3), ("FSAVE", 15), ("PSAVE", 15),

@@ -18,6 +18,7 @@ from handctl.model.guide import Guide
 from handctl.model.result import Sample
 from tests.barrett.realtime import TWENTY, Names, Run, assert_left, example
 from tests.barrett.support import ABORT, CR, Simulated, codes, scripted
+from tests.support.each_row import each_row
 from tests.support.scripted import hexed
 
 # -- the manual's example ---------------------------------------------------------------------------------------------
@@ -269,7 +270,7 @@ def test_ctrl_c() -> None:
     assert_left(run)
 
 
-@pytest.mark.parametrize("after", [0.0, *(0.02 + 0.03 * number for number in range(14))])
+@each_row("after", [0.0, *(0.02 + 0.03 * number for number in range(14))])
 def test_ctrl_c_at_any_time(after: float) -> None:
     """Also while flags are set and LOOP is entered: flags come back, nothing moves."""
     run = Run("wire=auto", controls=example())

@@ -8,6 +8,7 @@ import pytest
 
 from handctl.devices.barrett.map import BARRETT, GclParam, standard
 from handctl.sim import create
+from tests.support.each_row import each_row
 
 
 class Gcl:
@@ -43,7 +44,7 @@ def test_both_books_have_the_same_names(firmware: str) -> None:
     assert usual - later == {param.mnemonic for param in standard() if not param.advanced}
 
 
-@pytest.mark.parametrize("param", gcl_named(standard()))
+@each_row("param", gcl_named(standard()))
 def test_both_books_have_the_same_factory_values(param: GclParam) -> None:
     ((line,), status) = Gcl().ask(f"{'PGET' if param.is_global else 'FGET'} {param.mnemonic}")
     assert status == 0
@@ -59,7 +60,7 @@ STRICTER = {"LCVC", "LFVC", "LFDPC", "ACCEL"}
 """0 is documented and would stop or divide by zero: the host refuses it (dossier 3.1), the hand takes it."""
 
 
-@pytest.mark.parametrize("param", gcl_named(list(BARRETT)))
+@each_row("param", gcl_named(list(BARRETT)))
 def test_both_books_allow_the_same_writes(param: GclParam) -> None:
     """256 for what can only be read (§5.1.3), 128 outside the range, for every motor by itself."""
     for prefix in [""] if param.is_global else ["", "1", "2", "3", "4"]:
@@ -74,9 +75,7 @@ def test_both_books_allow_the_same_writes(param: GclParam) -> None:
             assert Gcl(firmware="4.4").ask(f"{verb} {param.mnemonic} {value}") == ([], wanted), value
 
 
-@pytest.mark.parametrize(
-    "param", gcl_named([param for param in BARRETT if param.writable and param.mnemonic != "BAUD"])
-)
+@each_row("param", gcl_named([param for param in BARRETT if param.writable and param.mnemonic != "BAUD"]))
 def test_what_is_set_can_be_got(param: GclParam) -> None:
     hand, value = Gcl(firmware="4.4"), int(param.low or 0) + 1
     if param.is_global:

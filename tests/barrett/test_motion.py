@@ -11,6 +11,7 @@ from handctl.devices.barrett import motion
 from handctl.errors import DeviceRefused, Interrupted, ProtocolError, UsageError
 from handctl.model.guide import Guide
 from tests.barrett.support import ABORT, BARRETT, ScriptedHand, Simulated, codes, hand_on, scripted, simulated
+from tests.support.each_row import each_row
 from tests.support.scripted import NotedGuide
 
 
@@ -244,7 +245,7 @@ def test_a_slow_movement_is_waited_for() -> None:
 OFF = {"HSG": 256, "LSG": 256, "MPE": 50, "S": 0, "SG": 120}
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("name", "now", "goal", "status", "words"),
     [
         ("M", {"P": 1000}, 1000, 0, "reached"), ("M", {"P": 1050}, 1000, 0, "reached"),

@@ -10,6 +10,7 @@ from handctl.errors import UsageError
 from handctl.frame.stored import kept_of
 from handctl.model.param import Element
 from tests.barrett.support import changes, elements, simulated
+from tests.support.each_row import each_row
 
 BIG = 65535
 MOTOR = [
@@ -81,7 +82,7 @@ def test_the_map_holds_the_manuals_names_and_no_other() -> None:
     assert {param.mnemonic: param.access for param in BARRETT if param.since} == LATER
 
 
-@pytest.mark.parametrize("row", MOTOR, ids=lambda row: row[0])
+@each_row("row", MOTOR, ids=lambda row: row[0])
 def test_motor_parameters(row: tuple[str, str, int, int, int, int, str, str]) -> None:
     mnemonic, name, low, high, finger, spread, kind, section = row
     param = BARRETT.by_mnemonic(mnemonic)
@@ -117,7 +118,7 @@ def test_defaults_are_allowed_and_no_careful_values() -> None:
                 assert param.mnemonic == "OTEMP" or param.objection(index, default) is None, param.mnemonic
 
 
-@pytest.mark.parametrize("row", [*MOTOR, *GLOBAL], ids=lambda row: row[0])
+@each_row("row", [*MOTOR, *GLOBAL], ids=lambda row: row[0])
 def test_ranges_are_hard(row: tuple[object, ...]) -> None:
     param = BARRETT.by_mnemonic(str(row[0]))
     if not param.writable or param.choices:
@@ -190,7 +191,7 @@ def test_one_value_goes_to_all_motors() -> None:
     assert [value for _, value in changes("EN=1,0,1,0")] == [1, 0, 1, 0]
 
 
-@pytest.mark.parametrize(
+@each_row(
     "text",
     [
         "P=1", "TEMP=1", "OD.F1=0", "SN=1", "MCV=15", "MCV=4081", "HSG=257", "DP=65536", "DP=-1", "EN=2", "BAUD=100",
@@ -244,7 +245,7 @@ CAREFUL = [
 ]
 
 
-@pytest.mark.parametrize(("fine", "careful", "reason"), CAREFUL)
+@each_row(("fine", "careful", "reason"), CAREFUL)
 def test_careful_values_need_force(fine: str, careful: str, reason: str) -> None:
     """Dossier 3.1, 3.2: refused without --force, told with it."""
     assert check_careful(changes(fine), False) == []

@@ -20,6 +20,7 @@ from handctl.devices.barrett.realtime.schedule import (
     read,
 )
 from handctl.errors import UsageError
+from tests.support.each_row import each_row
 
 F1, F2, F3, SPREAD = range(4)
 BOTH = [F1, F2]
@@ -73,7 +74,7 @@ def test_constant(text: str, motors: list[int], expected: dict[int, int]) -> Non
     assert constant(text, "velocity", motors) == {(index, "velocity"): value for index, value in expected.items()}
 
 
-@pytest.mark.parametrize(
+@each_row(
     "text",
     ["", "x", "1.5", "1,2,3", "F1=", "F1=1,5", "F3=1", "G=1", "128", "-128", "1_0", "0x10", "²", "1e2", "--5", "F1=1,F9=2",
      "9" * 5000],
@@ -171,9 +172,7 @@ BAD = [
 ]
 
 
-@pytest.mark.parametrize(
-    ("text", "word"), [(text, word) for text, word in BAD if word], ids=lambda text: repr(text)[:30]
-)
+@each_row(("text", "word"), [(text, word) for text, word in BAD if word], ids=lambda text: repr(text)[:30])
 def test_rows_that_are_refused_before_the_hand_is_touched(text: str, word: str) -> None:
     with pytest.raises(UsageError) as caught:
         rows(text)

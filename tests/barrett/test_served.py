@@ -247,6 +247,7 @@ def test_a_server_that_is_killed(start: Start, tmp_path: Path, place: str) -> No
 # -- foreign clients --------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.real
 def test_pyserial_client_and_handctl_take_turns(start: Start) -> None:
     """A half-typed line and an answer that nobody fetched belong to nobody."""
     link = start("pty", *READY).link

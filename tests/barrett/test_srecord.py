@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from handctl.devices.barrett.firmware.srecord import Firmware, parse
 from tests.barrett.srecords import BROKEN, END, EXAMPLE, GOOD, HEADER, record
+from tests.support.each_row import each_row
 
 DATA = bytes.fromhex("11 22 33 44 55 66 FF 00")
 
@@ -123,7 +124,7 @@ def test_up_to_the_last_address() -> None:
 # -- broken ones ------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", BROKEN)
+@each_row("name", BROKEN)
 def test_broken_files_have_clear_verdicts(name: str) -> None:
     lines, check, status, words = BROKEN[name]
     firmware = load(*lines)

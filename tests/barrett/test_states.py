@@ -33,6 +33,7 @@ from tests.barrett.sweep import LOADS, TOOLS, WINDOWS, Row, begin, files, leaves
 from tests.barrett.sweep import sweep as commands_begun
 from tests.fuzz.support import long_seconds
 from tests.support.cli import run
+from tests.support.each_row import each_row
 from tests.support.scripted import ScriptedLink
 
 SPEEDS = (9600, 38400, 19200, 4800, 2400, 1200, 600)
@@ -307,8 +308,8 @@ def test_a_device_that_talks_json_is_named() -> None:
     assert (named.exit_code, "monitor" in named.text, "`handctl aidin`" in named.hint) == (6, False, True)
 
 
-@pytest.mark.parametrize("missing", range(1, 9))
-@pytest.mark.parametrize("baud", [9600, 38400])
+@each_row("missing", range(1, 9))
+@each_row("baud", [9600, 38400])
 def test_a_control_block_that_was_cut_off_is_ended(missing: int, baud: int) -> None:
     """Whatever is missing of it: 0 is sent for it, RealTime is left, and no motor has begun to move."""
     link = Simulated(f"found=loop&initialized=1&wire=auto&baud={baud}", baud=baud)

@@ -13,6 +13,7 @@ from handctl.frame.options import Settings
 from handctl.sim.barrett.uart import RECEIVERS, resample
 from handctl.stop.talk import Aim, unheard
 from tests.support.cli import Result, Spy, run, spying
+from tests.support.each_row import each_row
 
 WAITS, SLOW = 2.0, 6.0
 """Seconds that somebody may wait for the stop of a hand whose speed nobody knows; where slow speeds are heard first."""
@@ -33,9 +34,9 @@ def text(result: Result) -> str:
     return " ".join(message["text"] for message in result.json["messages"])
 
 
-@pytest.mark.parametrize("found", ["moving", "loop-moving"])
-@pytest.mark.parametrize("remembered", [None, 38400, 600])
-@pytest.mark.parametrize("speed", SPEEDS)
+@each_row("found", ["moving", "loop-moving"])
+@each_row("remembered", [None, 38400, 600])
+@each_row("speed", SPEEDS)
 def test_a_hand_at_any_speed_is_stopped(
     speed: int, remembered: int | None, found: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -88,8 +89,8 @@ def test_firmware_is_not_harmed(found: str, uart: str, remembered: int | None, m
         assert spy.lines[-1].command("image").startswith(wanted), spy.lines[-1].command("image")
 
 
-@pytest.mark.parametrize("receiver", RECEIVERS)
-@pytest.mark.parametrize("speed", SPEEDS)
+@each_row("receiver", RECEIVERS)
+@each_row("speed", SPEEDS)
 def test_nothing_that_goes_out_unheard_is_a_trigger(speed: int, receiver: str) -> None:
     """Each write alone; what an adapter sends without a pause, up to all repetitions of ^C, together."""
     for prefix in PREFIXES:

@@ -15,6 +15,7 @@ from handctl.frame.verbs import select
 from handctl.link.tap import parse
 from handctl.sim import create
 from tests.barrett.support import ABORT, CR, MET, PROMPT, QUESTION, hand_on
+from tests.support.each_row import each_row
 from tests.support.scripted import Reply, ScriptedLink, hexed
 from tests.support.transcripts import FOLDER, Case, read_cases
 
@@ -121,8 +122,8 @@ def act(hand: BarrettHand, link: ScriptedLink, text: str) -> str:
     return " ".join(str(reading.value) for reading in readings)
 
 
-@pytest.mark.parametrize("feed", FEEDS)
-@pytest.mark.parametrize("case", named(CASES))
+@each_row("feed", FEEDS)
+@each_row("case", named(CASES))
 def test_host_sends_and_takes(case: Case, feed: str) -> None:
     player = Player(case, feed)
     link = ScriptedLink(player, 9600)
@@ -136,8 +137,8 @@ def test_host_sends_and_takes(case: Case, feed: str) -> None:
 # -- the simulator ----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("feed", ["whole", "byte by byte"])
-@pytest.mark.parametrize("case", named([case for case in CASES if "sim" in case.says]))
+@each_row("feed", ["whole", "byte by byte"])
+@each_row("case", named([case for case in CASES if "sim" in case.says]))
 def test_simulator_answers(case: Case, feed: str) -> None:
     text = case.says["sim"]
     line = create("barrett", dict(item.split("=") for item in text.split("&")) if text != "healthy" else {})

@@ -22,6 +22,7 @@ from handctl.devices.barrett.realtime.blocks import (
     Selection,
 )
 from handctl.sim import create
+from tests.support.each_row import each_row
 from tests.support.scripted import hexed
 from tests.support.transcripts import FOLDER, Case, Exchange, read_cases
 
@@ -96,8 +97,8 @@ def told(layout: Layout, header: str, data: bytes, pieces: bool) -> str:
     raise AssertionError("no answer")
 
 
-@pytest.mark.parametrize("pieces", [False, True], ids=["whole", "byte by byte"])
-@pytest.mark.parametrize("case", named(BLOCKS))
+@each_row("pieces", [False, True], ids=["whole", "byte by byte"])
+@each_row("case", named(BLOCKS))
 def test_host_makes_and_takes_blocks(case: Case, pieces: bool) -> None:
     word, *blocks = [part.split() for part in case.says["host"].split("|")]
     layout, divisor = layout_of(word[1:])

@@ -15,6 +15,7 @@ from handctl.frame.family import load
 from tests.contract.cell import go, judge
 from tests.contract.commands import scratch_of, writing_commands
 from tests.contract.facts import facts_of
+from tests.support.each_row import each_row
 
 FAULTS = [f"{fault}&after={after}" for fault in ("silent", "disconnect") for after in (0, 2, 4, 6)]
 
@@ -42,9 +43,9 @@ def scratch(tmp_path: Path) -> Path:
 # -- the cells --------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("family", "command"), COMMANDS)
-def test_on_a_healthy_device(family: str, command: str, scratch: Path) -> None:
-    result, writes, transcript = go(family, command, scratch)
+@each_row(("family", "command"), COMMANDS)
+def test_on_a_healthy_device(family: str, command: str, tmp_path: Path) -> None:
+    result, writes, transcript = go(family, command, scratch_of(tmp_path))
     judge(family, command, writes, transcript)
     assert writes, result
     assert [step["meaning"] for step in writes if not step["meaning"]] == []
@@ -70,7 +71,7 @@ def test_on_a_line_that_fails(family: str, command: str, fault: str, scratch: Pa
         assert set(rest) <= {"not-sent"}, "went on behind a write that nothing confirmed"
 
 
-@pytest.mark.parametrize(("family", "command"), COMMANDS)
+@each_row(("family", "command"), COMMANDS)
 def test_a_dry_run_has_every_step_as_not_sent(family: str, command: str, scratch: Path) -> None:
     result, writes, transcript = go(family, command, scratch, "", "-n")
     assert result.code == 0, result

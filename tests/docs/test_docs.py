@@ -29,6 +29,7 @@ from handctl.frame import clikit
 from handctl.frame.clikit import root
 from handctl.frame.options import SharedOption
 from tests.support.cli import run
+from tests.support.each_row import each_row
 from tests.support.places import PROJECT
 
 GENERATED = generate()
@@ -78,7 +79,7 @@ def top(name: str) -> click.Command:
 # -- committed ----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", GENERATED)
+@each_row("name", GENERATED)
 def test_regenerated_is_committed(name: str) -> None:
     assert (PROJECT / name).read_text(encoding="utf-8") == GENERATED[name], "run `python -m handctl.docgen`"
 
@@ -124,7 +125,7 @@ def test_there_is_a_page_for_every_command() -> None:
         assert f"{name}(7)" in plain(section(PAGES["handctl"], "GUIDES"))
 
 
-@pytest.mark.parametrize("name", PAGES)
+@each_row("name", PAGES)
 def test_every_page_has_its_sections_in_order(name: str) -> None:
     titles = re.findall(r"^\.SH (.*)$", PAGES[name], re.MULTILINE)
     assert [title for title in titles if title in SECTIONS] == list(SECTIONS)
@@ -136,7 +137,7 @@ def test_every_page_has_its_sections_in_order(name: str) -> None:
     assert others == ", ".join(f"{other}({number})" for other, number in SECTION_OF.items() if other != name)
 
 
-@pytest.mark.parametrize("name", GUIDES)
+@each_row("name", GUIDES)
 def test_every_guide_is_a_page_of_section_7(name: str) -> None:
     """With all of its source's words, in order."""
     page = GUIDES[name]
@@ -164,7 +165,7 @@ def test_every_guide_is_a_page_of_section_7(name: str) -> None:
             assert f".SH {escape(block.text.upper())}\n" in page or f".SS {escape(block.text)}\n" in page
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+@each_row("name", COMMANDS)
 def test_every_command_option_and_help_text_is_in_its_page(name: str) -> None:
     page = PAGES[f"handctl-{name}"]
     words, synopsis = plain(page), plain(section(page, "SYNOPSIS"))
@@ -188,7 +189,7 @@ def test_every_quantity_is_in_its_page(name: str) -> None:
         assert param.range_text in text, param.name
 
 
-@pytest.mark.parametrize("name", PAGES)
+@each_row("name", PAGES)
 def test_exit_status_is_that_of_the_error_tree(name: str) -> None:
     text = section(PAGES[name], "EXIT STATUS")
     kinds = [kind for kind in vars(errors).values() if isinstance(kind, type) and issubclass(kind, errors.HandctlError)]
@@ -220,7 +221,7 @@ def test_every_shared_option_has_its_variable() -> None:
 # -- lint ---------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", SECTION_OF)
+@each_row("name", SECTION_OF)
 def test_the_roff_is_sound(name: str) -> None:
     """What mandoc and groff would complain of, also where neither is installed."""
     page = {**PAGES, **GUIDES}[name]
@@ -285,13 +286,13 @@ def lines_of(page: str) -> list[str]:
 EXAMPLES = list(dict.fromkeys(line for page in PAGES.values() for line in lines_of(page)))
 
 
-@pytest.mark.parametrize("name", PAGES)
+@each_row("name", PAGES)
 def test_every_page_has_examples_of_its_own(name: str) -> None:
     lines = lines_of(PAGES[name])
     assert lines and all(f"{line} ".startswith(name.replace("-", " ", 1) + " ") for line in lines)
 
 
-@pytest.mark.parametrize("line", EXAMPLES)
+@each_row("line", EXAMPLES)
 def test_every_example_is_a_line_that_handctl_takes(line: str) -> None:
     reached: list[click.Context] = []
 

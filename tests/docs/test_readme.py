@@ -246,6 +246,7 @@ def test_every_guide_that_is_named_is_there() -> None:
     assert named == pages
 
 
+@pytest.mark.real
 def test_the_examples_are_really_tried() -> None:
     assert list(commands_in("v=$(handctl exo get x --format plain)  # handctl no")) == [
         ["exo", "get", "x", "--format", "plain"]

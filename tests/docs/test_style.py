@@ -12,6 +12,7 @@ import pytest
 from handctl import guides
 from handctl.docgen.tree import read_tree
 from handctl.families import COMMANDS
+from tests.support.each_row import each_row
 from tests.support.forks import ROOT
 from tests.support.places import TEXTS
 
@@ -137,7 +138,7 @@ def test_every_error_has_a_next_step(room: str) -> None:
     assert not found, "\n".join(found)
 
 
-@pytest.mark.parametrize("top", COMMANDS)
+@each_row("top", COMMANDS)
 def test_help(top: str) -> None:
     """Each help begins with a capital, ends with a full stop, has a first sentence of one line, and keeps to the rules."""
     found = []
@@ -169,7 +170,7 @@ def spoken(text: str) -> Iterator[str]:
             yield block.text
 
 
-@pytest.mark.parametrize("name", TEXTS)
+@each_row("name", TEXTS)
 def test_readme_and_guides(name: str) -> None:
     pieces = list(spoken(TEXTS[name].read_text(encoding="utf-8")))
     assert len(pieces) > 10

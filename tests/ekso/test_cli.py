@@ -12,6 +12,7 @@ import pytest
 
 from handctl.frame import console
 from tests.support.cli import Result, clean_environment, program, run, sent, wait_until
+from tests.support.each_row import each_row
 
 ME = ("--yes", "--operator", "me")
 KEYS = ["name", "word", "id", "value", "raw", "unit", "label", "path"]
@@ -208,7 +209,7 @@ def test_what_is_there_already_is_not_written(tmp_path: Path) -> None:
     assert audit(tmp_path) == []
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("args", "code", "word"),
     [
         (("swing_complete=1", *ME), 2, "read-only"), (("pilot_id=1", *ME), 2, "read-only"), (("state=1", *ME), 2, "read-only"),
@@ -264,8 +265,9 @@ FAULTS = {  # fault -> (exit code, code of the error, how many SetValue went out
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("fault", FAULTS)
-def test_set_under_every_fault_sends_at_most_one(fault: str, tmp_path: Path) -> None:
+@each_row("fault", FAULTS)
+def test_set_under_every_fault_sends_at_most_one(fault: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     trace = tmp_path / "t.txt"
     code, word, count = FAULTS[fault]
     wanted = "step_length=14" if "clinic" in fault else "step_length=16"

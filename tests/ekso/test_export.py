@@ -20,6 +20,7 @@ from handctl.devices.ekso.log.recording import Recording
 from handctl.devices.ekso.map import DATA
 from handctl.errors import UsageError
 from tests.ekso.recordings import STANDING, Answer, Device, words_at
+from tests.support.each_row import each_row
 
 
 def make(
@@ -197,7 +198,7 @@ def refusal(path: Path) -> UsageError:
     return found.value
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("line", "old", "new", "what"),
     [
         (1, b"boot_ms", b"boot_s", "column 3 is 'boot_s', a log has 'boot_ms' there"),

@@ -20,6 +20,7 @@ from handctl.devices.ekso.map import (
     state_text,
 )
 from handctl.errors import UsageError
+from tests.support.each_row import each_row
 
 # The manual's tables (ekso §6), typed apart from the code: name, scale.
 MANUAL = {
@@ -98,7 +99,7 @@ def test_every_typed_value_goes_out_as_its_raw_integer(param: Word) -> None:
         assert param.to_raw(param.parse(f"{Decimal(raw) / 100}")) == raw
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("name", "text", "raw"),
     [
         ("swing_time", "0.29", 29), ("step_length", "1.15", 115), ("step_length", "15.5", 1550), ("202", "15.50", 1550),
@@ -121,7 +122,7 @@ def test_typed_values(name: str, text: str, raw: int | None) -> None:
     assert (element.param.name, param.to_raw(value)) == (param.name, raw)
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("text", "code", "says"),
     [
         ("swing_time=0.295", "not-exact", "0.29 or 0.30"), ("forward_shift=-0.755", "not-exact", "-0.76 or -0.75"),

@@ -23,6 +23,7 @@ from handctl.devices.ekso.frames import (
 )
 from handctl.errors import ProtocolError, UsageError
 from tests.ekso.support import DATA, SET, TIME, frame, in_pieces
+from tests.support.each_row import each_row
 from tests.support.scripted import unhex
 
 GET_DATA = unhex(
@@ -115,7 +116,7 @@ def test_crc_is_that_of_the_standard_library(data: bytes) -> None:
     assert crc(data + crc(data).to_bytes(2, "big")) == 0
 
 
-@pytest.mark.parametrize(("command", "msg_id", "body", "mode", "data"), spelled(REQUESTS))
+@each_row(("command", "msg_id", "body", "mode", "data"), spelled(REQUESTS))
 def test_requests_byte_for_byte(command: int, msg_id: int, body: bytes, mode: str, data: bytes) -> None:
     assert encode(Command(command), msg_id, body, mode) == data
 
@@ -158,8 +159,8 @@ def test_words_and_status() -> None:
 # -- the decoder ------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("how", ["whole", "bytes", "threes"])
-@pytest.mark.parametrize(("command", "msg_id", "body", "mode", "data"), spelled(ANSWERS))
+@each_row("how", ["whole", "bytes", "threes"])
+@each_row(("command", "msg_id", "body", "mode", "data"), spelled(ANSWERS))
 def test_answers_in_every_convention(command: int, msg_id: int, body: bytes, mode: str, data: bytes, how: str) -> None:
     decoder = expecting(data)
     found: list[Frame | str] = []
@@ -170,9 +171,9 @@ def test_answers_in_every_convention(command: int, msg_id: int, body: bytes, mod
     assert (decoder.pending, decoder.skipped, decoder.mode) == (0, 0, mode)
 
 
-@pytest.mark.parametrize("how", ["whole", "bytes", "threes"])
-@pytest.mark.parametrize("before", ["00 FF 12", "99", "99 36 00", "99 36 00 CA 01", "A0 02 00"])
-@pytest.mark.parametrize("after", ["", "00", "99 36", "00 00 00 00"])
+@each_row("how", ["whole", "bytes", "threes"])
+@each_row("before", ["00 FF 12", "99", "99 36 00", "99 36 00 CA 01", "A0 02 00"])
+@each_row("after", ["", "00", "99 36", "00 00 00 00"])
 def test_garbage_around(before: str, after: str, how: str) -> None:
     decoder = expecting(GET_DATA)
     found: list[Frame | str] = []
@@ -211,7 +212,7 @@ def test_our_own_request_comes_back() -> None:
             assert [entry.data for entry in found if isinstance(entry, Frame)] == [request]
 
 
-@pytest.mark.parametrize("place", range(4, 60))
+@each_row("place", range(4, 60))
 def test_a_damaged_answer_is_refused_and_the_next_one_taken(place: int) -> None:
     broken = bytearray(GET_DATA)
     broken[place] ^= 0x10

@@ -18,6 +18,7 @@ from handctl.devices.ekso.memory import WINDOW
 from handctl.frame import console
 from tests.ekso.commands import ME
 from tests.support.cli import Result, run, sent
+from tests.support.each_row import each_row
 
 SET = 155
 STEP = ("step_length=16", *ME)
@@ -79,7 +80,7 @@ def refused_by(result: Result, name: str) -> bool:
     return (result.code, result.error["code"]) == (gate.error.exit_code, code)
 
 
-@pytest.mark.parametrize("name", REFUSED)
+@each_row("name", REFUSED)
 def test_each_gate_refuses(name: str, tmp_path: Path) -> None:
     args, unit, text = REFUSED[name]
     trace = tmp_path / "t.txt"

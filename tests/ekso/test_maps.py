@@ -12,6 +12,7 @@ from handctl.sim import create
 from handctl.sim.ekso import tables
 from handctl.sim.ekso.wire import crc
 from tests.ekso.commands import DATA_WORDS, FEEDBACK_WORDS, SETTING_WORDS
+from tests.support.each_row import each_row
 
 
 class Unit:
@@ -69,7 +70,7 @@ def test_both_books_have_the_same_values_at_power_on(
     assert [param.name for param in words[len(expected) :]] in ([], ["boot_time_high", "boot_time_low"])
 
 
-@pytest.mark.parametrize("param", named(WRITABLE))
+@each_row("param", named(WRITABLE))
 def test_what_is_set_by_id_is_read_in_its_word(param: Word) -> None:
     """The ParameterID of the map changes the word of the map, and no other."""
     unit = Unit()

@@ -23,6 +23,7 @@ from handctl.devices.ekso.map import DATA, SETTINGS
 from handctl.errors import HandctlError, Interrupted, LinkError, NoAnswer, OutputError, ProtocolError, UsageError
 from handctl.model.guide import Guide
 from tests.ekso.recordings import STANDING, Answer, Device, recorded, steady, words_at
+from tests.support.each_row import each_row
 
 # Section 7 of the dossier, literally.
 COLUMNS = """
@@ -85,7 +86,7 @@ def test_every_word_of_every_type_comes_back_from_its_text(param: Any) -> None:
     assert len(seen) == 0x10000
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("name", "text"),
     [
         ("torso_pitch", t)

@@ -44,6 +44,7 @@ from tests.ekso.support import (
     frame,
     pack,
 )
+from tests.support.each_row import each_row
 from tests.support.scripted import Reply
 
 
@@ -66,7 +67,7 @@ def test_a_setting_is_written_once_and_everything_read_back(bench: Bench) -> Non
     assert looks[3] - looks[2] >= 0.1
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("text", "body"),
     [
         ("upper_leg_length=17.5", "00 C8 06 D6"), ("lower_leg_length=15.5", "00 C9 06 0E"), ("step_height=2.5", "00 CB 00 FA"),
@@ -78,7 +79,8 @@ def test_a_setting_is_written_once_and_everything_read_back(bench: Bench) -> Non
         ("right_swing_assist=code:21", "00 DA 00 15"), ("right_stance_support=Flex", "00 DB 00 04"),
     ],
 )  # fmt: skip
-def test_every_setting_has_its_own_parameter_id_and_word(bench: Bench, text: str, body: str) -> None:
+def test_every_setting_has_its_own_parameter_id_and_word(tmp_path: Path, text: str, body: str) -> None:
+    bench = Bench(tmp_path)
     bench.unit.data[18] = SITTING
     bench.set(text)
     assert bench.unit.written() == [bytes.fromhex(body)]
@@ -340,8 +342,10 @@ def test_refused_and_yet_taken(bench: Bench) -> None:
     assert "the new value reads back" in bench.failing(CheckFailed, "step_length=16").text
 
 
-@pytest.mark.parametrize("word", [word for word in range(22) if word != 2])
-def test_any_other_word_that_changes_is_noticed(bench: Bench, word: int) -> None:
+@each_row("word", [word for word in range(22) if word != 2])
+def test_any_other_word_that_changes_is_noticed(tmp_path: Path, word: int) -> None:
+    bench = Bench(tmp_path)
+
     def meddle(msg_id: int, body: bytes) -> list[Reply]:
         bench.unit.settings[word] += 1
         return [(0.001, frame(SET, msg_id, take(bench, body, 0)))]

@@ -14,6 +14,7 @@ from handctl.errors import HandctlError
 from handctl.link.tap import parse
 from handctl.model.result import Journal
 from tests.ekso.support import in_pieces
+from tests.support.each_row import each_row
 from tests.support.places import TRANSCRIPTS
 from tests.support.scripted import Reply, ScriptedLink
 
@@ -67,8 +68,8 @@ def ask(port: DataPort, host: str) -> str:
     return str(port.exchange(Command.SET_VALUE, set_value_body(param.id, param.to_raw(value))).words[0] & 0xFFFF)
 
 
-@pytest.mark.parametrize("how", ["whole", "bytes", "threes", "noise"])
-@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+@each_row("how", ["whole", "bytes", "threes", "noise"])
+@each_row("case", CASES, ids=lambda case: case.name)
 def test_the_host_and_the_transcripts(case: Case, how: str) -> None:
     entries = parse(case.lines, case.name)
     replies = b"".join(entry.data for entry in entries if entry.mark == "<")

@@ -13,6 +13,7 @@ import pytest
 from tests.fuzz.support import SEED, long_seconds, mutated, run_episodes
 from tests.fuzz.texts import CONFIG, CONFIG_TOKENS, checksum, damaged
 from tests.support.cli import Result, run
+from tests.support.each_row import each_row
 
 FAMILIES = {"exo": (), "wrist": (), "barrett": (), "ekso": ("--operator", "me")}
 Change = Callable[[dict[str, Any], random.Random], None]
@@ -109,7 +110,7 @@ def restore(family: str, path: Path, trace: Path) -> Result:
     return run(family, "restore", path, "--yes", *FAMILIES[family], "--json", "--trace", trace, "-p", f"fake://{family}?clock=virtual")  # fmt: skip
 
 
-@pytest.mark.parametrize("name", SIGNED)
+@each_row("name", SIGNED)
 def test_a_snapshot_that_says_something_else(good: dict[str, bytes], tmp_path: Path, name: str) -> None:
     source = random.Random(f"{SEED} {name}")
     family = source.choice(sorted(FAMILIES))
@@ -130,7 +131,7 @@ def test_a_snapshot_that_says_something_else(good: dict[str, bytes], tmp_path: P
     )  # whether a value fits the device is not asked there
 
 
-@pytest.mark.parametrize("name", RAW)
+@each_row("name", RAW)
 def test_a_snapshot_that_is_damaged(good: dict[str, bytes], tmp_path: Path, name: str) -> None:
     family = random.Random(f"{SEED} {name}").choice(sorted(FAMILIES))
     path, trace = tmp_path / "bad.json", tmp_path / "trace.txt"

@@ -16,6 +16,7 @@ from handctl.devices.inspire import eb90, modbus
 from handctl.errors import ProtocolError
 from tests.inspire.scanning import scan_on
 from tests.support.cli import run
+from tests.support.each_row import each_row
 from tests.support.scripted import Babble, calls_of
 
 PIECES = 120
@@ -44,10 +45,8 @@ def fed(decoder: Decoder, piece: bytes, count: int) -> None:
 ALL_IDS = [eb90.read_reply_prefix(i, 1000, 2) for i in range(1, 255)]
 
 
-@pytest.mark.parametrize(
-    "piece", [b"\x55" * 64, b"\x90\xeb" * 8, b"\x90\xeb\x01\xff", b"\x90\xeb\x01\x00" * 8, ALL_IDS[0]], ids=repr
-)
-@pytest.mark.parametrize("prefixes", [ALL_IDS, [], [eb90.DEVICE]], ids=["all ids", "any", "device"])
+@each_row("piece", [b"\x55" * 64, b"\x90\xeb" * 8, b"\x90\xeb\x01\xff", b"\x90\xeb\x01\x00" * 8, ALL_IDS[0]], ids=repr)
+@each_row("prefixes", [ALL_IDS, [], [eb90.DEVICE]], ids=["all ids", "any", "device"])
 def test_frames_of_the_inspire_family(piece: bytes, prefixes: list[bytes]) -> None:
     assert growth(lambda count: fed(eb90.Decoder(prefixes), piece, count)) < 2.5
 
@@ -79,8 +78,8 @@ def test_a_scan_of_a_line_that_floods() -> None:
     assert calls_of(lambda: scan_on(link, ids=[1, 2])) < 50 * link._reads
 
 
-@pytest.mark.parametrize("command", ["", "P", "FGET P"])
-@pytest.mark.parametrize("piece", [b"\x55", b"P", b" ", b"=>", b"x=> P\n", b"\n\rP\n\r", b"\0P\n=>"], ids=repr)
+@each_row("command", ["", "P", "FGET P"])
+@each_row("piece", [b"\x55", b"P", b" ", b"=>", b"x=> P\n", b"\n\rP\n\r", b"\0P\n=>"], ids=repr)
 def test_answers_of_the_barretthand(command: str, piece: bytes) -> None:
     assert growth(lambda count: fed(language.Decoder(command), piece, count)) < 2.5
 
@@ -103,7 +102,7 @@ EQUAL = {
 """Family -> the first line of a transcript, and lines of which the rest is made."""
 
 
-@pytest.mark.parametrize(("family", "line"), [(family, line) for family, (_, lines) in EQUAL.items() for line in lines])
+@each_row(("family", "line"), [(family, line) for family, (_, lines) in EQUAL.items() for line in lines])
 def test_transcripts_of_equal_lines_are_compared(family: str, line: str, tmp_path: Path) -> None:
     def compared(count: int) -> None:
         path = tmp_path / f"{count}.txt"

@@ -10,6 +10,7 @@ from handctl.devices.inspire.quiet import question
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError, UsageError
 from handctl.model.result import Journal
 from handctl.sim.engine import line
+from tests.support.each_row import each_row
 from tests.support.scripted import Babble, Reply, ScriptedLink, changing, fake_hand, hand_on, hexed, script, unhex
 
 READ_VOLTAGE = "EB 90 01 04 11 C0 05 02 DD"
@@ -241,8 +242,8 @@ def test_a_command_goes_out_once_whatever_comes_back(fault: str) -> None:
 LINE_FAULTS = sorted(line.LINE_FAULTS)
 
 
-@pytest.mark.parametrize("fault", LINE_FAULTS)
-@pytest.mark.parametrize("seed", [0, 1])
+@each_row("fault", LINE_FAULTS)
+@each_row("seed", [0, 1])
 def test_under_every_fault_of_the_simulator_a_write_goes_out_once(fault: str, seed: int) -> None:
     hand, link = fake_hand(f"fault={fault}&seed={seed}", retries=3)
     try:
@@ -252,8 +253,8 @@ def test_under_every_fault_of_the_simulator_a_write_goes_out_once(fault: str, se
     assert [hexed(request) for request in link.sent] == [WRITE_INDEX]
 
 
-@pytest.mark.parametrize("fault", ["noise", "dribble", "split", "echo", "duplicate", "stale", "slow"])
-@pytest.mark.parametrize("seed", range(5))
+@each_row("fault", ["noise", "dribble", "split", "echo", "duplicate", "stale", "slow"])
+@each_row("seed", range(5))
 def test_these_faults_do_not_hide_the_answer(fault: str, seed: int) -> None:
     hand, link = fake_hand(f"fault={fault}&seed={seed}")
     for _ in range(4):
@@ -357,7 +358,7 @@ def test_a_babbling_line_ends_too(what: str) -> None:
 # -- explaining -------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("received", "code"),
     [
         pytest.param(READ_VOLTAGE, "echo", id="own bytes"),

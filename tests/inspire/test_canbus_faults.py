@@ -6,11 +6,12 @@ import pytest
 
 from handctl.errors import HandctlError
 from tests.inspire.wrist_support import fake_wrist, writes_of
+from tests.support.each_row import each_row
 from tests.support.scripted import hexed, unhex
 
 
-@pytest.mark.parametrize("fault", ["noise", "late", "slow", "duplicate", "stale", "echo"])
-@pytest.mark.parametrize("seed", range(4))
+@each_row("fault", ["noise", "late", "slow", "duplicate", "stale", "echo"])
+@each_row("seed", range(4))
 def test_what_can_be_passed_over(fault: str, seed: int) -> None:
     wrist, _ = fake_wrist("can", f"fault={fault}&seed={seed}", timeout=1.0)
     for _ in range(3):

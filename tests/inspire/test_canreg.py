@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from handctl.devices.inspire import canreg
 from handctl.devices.inspire.canreg import Access, parse_identifier, read_request, write_request
 from handctl.errors import HandctlError, UsageError
+from tests.support.each_row import each_row
 from tests.support.scripted import hexed, unhex
 
 IDENTIFIERS = [
@@ -31,7 +32,7 @@ IDENTIFIERS = [
 ]
 
 
-@pytest.mark.parametrize(("identifier", "flag", "address", "hand_id"), IDENTIFIERS)
+@each_row(("identifier", "flag", "address", "hand_id"), IDENTIFIERS)
 def test_identifiers_both_ways(identifier: int, flag: int, address: int, hand_id: int) -> None:
     assert parse_identifier(identifier) == (flag, address, hand_id)
     assert Access(flag, address, hand_id).identifier == identifier

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.eb90 import Decoder, Frame
 from handctl.errors import ProtocolError, UsageError
+from tests.support.each_row import each_row
 from tests.support.scripted import hexed, unhex
 
 VOLTAGE = "90 EB 01 05 11 C0 05 2E 02 0C"
@@ -43,7 +44,7 @@ def run(decoder: Decoder, data: bytes) -> list[Frame | str]:
 # -- encoding ---------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("made", "expected"),
     [
         pytest.param(eb90.read_request(1, 1000, 1), "EB 90 01 04 11 E8 03 01 02", id="read id 2.2.3"),
@@ -84,7 +85,7 @@ def test_longest_write_has_length_byte_ff() -> None:
     assert frame[-1] == (0x01 + 0xFF + 0x12 + 0xE8 + 0x03) % 256
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("call", "says"),
     [
         pytest.param(lambda: eb90.read_request(1, 1000, 253), "253 bytes do not fit", id="count 253"),

@@ -11,6 +11,7 @@ from handctl.frame.verbs import select
 from handctl.model.param import Reading, elements_of
 from handctl.model.result import Cell
 from handctl.sim.engine import line
+from tests.support.each_row import each_row
 from tests.support.scripted import (
     Reply,
     ScriptedLink,
@@ -154,11 +155,11 @@ def test_a_lost_write_is_not_sent_again() -> None:
     assert changing(link.sent) == [WRITE_EXAMPLE]
 
 
-@pytest.mark.parametrize(
+@each_row(
     "fault",
     [*sorted(line.LINE_FAULTS), "strict"],
 )
-@pytest.mark.parametrize("seed", [0, 3])
+@each_row("seed", [0, 3])
 def test_whatever_happens_each_write_goes_out_once(fault: str, seed: int) -> None:
     hand, link = fake_hand(f"fault={fault}&seed={seed}&every=2")
     try:
@@ -264,7 +265,7 @@ def test_without_check_findings_are_messages_only() -> None:
     assert codes(hand) == ["unhealthy"] * 5
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("name", "raw", "found"),
     [
         ("system_voltage", 0, True), ("system_voltage", 1, False), ("position_actual.index", 1000, False),

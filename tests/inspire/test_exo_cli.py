@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from tests.support.cli import fake, run, writes
+from tests.support.each_row import each_row
 
 
 @pytest.mark.parametrize("value", ["1001", "-1", "-2"])
@@ -111,8 +112,8 @@ def test_an_address_may_be_hexadecimal(address: str) -> None:
     assert row["bytes"] == "EB 90 01 05 12 CE 05 0A 00 F5"
 
 
-@pytest.mark.parametrize("address", ["65536", "0x10000", "1_0", "5CE", "0x", "", "1.5", "x"])
-@pytest.mark.parametrize(
+@each_row("address", ["65536", "0x10000", "1_0", "5CE", "0x", "", "1.5", "x"])
+@each_row(
     "command", ["exo read {} 1", "exo write {} 00", "wrist read {} 1", "wrist write {} 0000", "wrist hand-read {} 1",
                 "wrist hand-write {} 00"],
 )  # fmt: skip

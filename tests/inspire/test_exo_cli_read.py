@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from tests.support.cli import FINGERS, fake, flash, memory, pairs, run, s16, sent, spying, writes
+from tests.support.each_row import each_row
 
 
 def test_get_reads_once_what_lies_together(tmp_path: Path) -> None:
@@ -168,8 +169,8 @@ def test_a_taken_id_is_refused_before_anything_is_written(tmp_path: Path) -> Non
 # -- scan -------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("window", [1, 8, 254])
-@pytest.mark.parametrize(("number", "speed"), [(1, 115200), (1, 19200), (7, 57600), (100, 115200), (144, 19200),
+@each_row("window", [1, 8, 254])
+@each_row(("number", "speed"), [(1, 115200), (1, 19200), (7, 57600), (100, 115200), (144, 19200),
                                                 (235, 115200), (254, 19200)])  # fmt: skip
 def test_scan_finds_the_hand(window: int, number: int, speed: int) -> None:
     link = fake(id=number, baud=speed, wire="auto")

@@ -9,6 +9,7 @@ import pytest
 
 from tests.inspire.exo_commands import SAVE, SET, WRITING, Command, prepare
 from tests.support.cli import fake, flash, frame, memory, pairs, run, s16, sent, spying, writes
+from tests.support.each_row import each_row
 
 RESTORE_ALL = (
     "EB 90 01 0D 12 CE 05 97 00 FC 00 61 01 2C 01 2B 02 42",
@@ -32,8 +33,8 @@ def ids(command: Command) -> str:
 # -- dry run ----------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("command", WRITING, ids=ids)
-@pytest.mark.parametrize("link", [(), ("--fake",)], ids=["no-device", "fake"])
+@each_row("command", WRITING, ids=ids)
+@each_row("link", [(), ("--fake",)], ids=["no-device", "fake"])
 def test_dry_run_prints_the_exact_bytes_and_sends_nothing(scratch: Path, command: Command, link: Sequence[str]) -> None:
     before = sorted(path.name for path in scratch.iterdir())
     expected = RESTORE_ALL if command.name == "restore" else command.frames
@@ -84,7 +85,7 @@ def test_settings_of_several_groups_never_share_a_frame() -> None:
 # -- confirmation -----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("command", [c for c in WRITING if c.asks], ids=ids)
+@each_row("command", [c for c in WRITING if c.asks], ids=ids)
 def test_without_yes_on_a_pipe_nothing_is_written(scratch: Path, command: Command) -> None:
     state, trace = scratch / "state.json", scratch / "trace.txt"
     assert run("exo", "get", "id", "-p", fake(state=state)).code == 0
@@ -152,7 +153,7 @@ REFUSED = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize("text", REFUSED)
+@each_row("text", REFUSED)
 def test_impossible_requests_are_refused_before_anything_is_sent(text: str, tmp_path: Path) -> None:
     import shlex
 
@@ -183,7 +184,7 @@ def test_documented_limits_are_accepted() -> None:
 # -- what happens -----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("command", WRITING, ids=ids)
+@each_row("command", WRITING, ids=ids)
 def test_the_bytes_on_the_wire_are_those_of_the_plan(scratch: Path, command: Command) -> None:
     trace = scratch / "trace.txt"
     result = run("exo", *command.words(scratch), "-y", "-p", fake(), "--trace", trace, "--json")

@@ -7,6 +7,7 @@ import pytest
 from handctl.devices.inspire import flash as procedures
 from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer
 from handctl.model.guide import Guide
+from tests.support.each_row import each_row
 from tests.support.scripted import (
     Reply,
     ScriptedLink,
@@ -120,7 +121,7 @@ def test_save_without_a_result_is_a_note() -> None:
     assert [hexed(request) for request in link.sent] == [SAVE]
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("replies", "result"),
     [
         pytest.param([(0.0, SAVE_ACK), (1.0, SAVED)], "saved", id="as documented"),

@@ -11,6 +11,7 @@ from handctl.devices.inspire.exo import raw
 from handctl.devices.inspire.map import EXO
 from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer
 from handctl.model.guide import Guide
+from tests.support.each_row import each_row
 from tests.support.scripted import (
     NotedGuide,
     RecordedLink,
@@ -70,8 +71,8 @@ def calibrating(*replies: tuple[float, str]) -> ScriptedLink:
     return ScriptedLink(answer)
 
 
-@pytest.mark.parametrize("moment", [0.01, 0.249, 0.2499, 0.25, 0.2501, 5.0, 9.75, 29.9])
-@pytest.mark.parametrize("cut", [1, 2, 4, 8])
+@each_row("moment", [0.01, 0.249, 0.2499, 0.25, 0.2501, 5.0, 9.75, 29.9])
+@each_row("cut", [1, 2, 4, 8])
 def test_end_of_calibration_in_two_pieces(moment: float, cut: int) -> None:
     """Bluetooth and USB adapters split frames anywhere (dossier 1.1); no moment may lose one."""
     data = CALIBRATED.split()

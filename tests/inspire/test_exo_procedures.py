@@ -11,6 +11,7 @@ from handctl.devices.inspire.exo import motion
 from handctl.devices.inspire.exo.device import ExoHand
 from handctl.errors import CheckFailed, DeviceRefused, HandctlError, NoAnswer, ProtocolError
 from handctl.model.guide import Guide
+from tests.support.each_row import each_row
 from tests.support.scripted import (
     NotedGuide,
     RecordedLink,
@@ -218,8 +219,8 @@ def test_id_change_on_a_line_with_echo() -> None:
     assert changing(link.sent) == [ID_2]
 
 
-@pytest.mark.parametrize("new", [144, 180, 235, 254])
-@pytest.mark.parametrize("fault", ["", "fault=echo", "fault=noise", "fault=dribble"])
+@each_row("new", [144, 180, 235, 254])
+@each_row("fault", ["", "fault=echo", "fault=noise", "fault=dribble"])
 def test_awkward_ids(new: int, fault: str) -> None:
     hand, _ = fake_hand(fault)
     assert values(procedures.change_id(hand, new)) == [new]
@@ -340,8 +341,8 @@ FAULTS = [
 ]
 
 
-@pytest.mark.parametrize("fault", FAULTS)
-@pytest.mark.parametrize("name", PROCEDURES)
+@each_row("fault", FAULTS)
+@each_row("name", PROCEDURES)
 def test_no_procedure_repeats_a_write_or_hangs(name: str, fault: str) -> None:
     for after in range(3):
         hand, link = fake_hand(f"fault={fault}&after={after}&seed={after}", retries=2)

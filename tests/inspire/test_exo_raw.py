@@ -9,6 +9,7 @@ import pytest
 from handctl.cli import main
 from handctl.devices.inspire.exo import raw as exo_raw
 from handctl.errors import HandctlError, NoAnswer, UsageError
+from tests.support.each_row import each_row
 from tests.support.scripted import (
     Reply,
     ScriptedLink,
@@ -118,7 +119,7 @@ def test_legal_writes_are_planned(address: int, data: str, frame: str, meaning: 
     assert step.moves or step.strands
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("address", "data"),
     [
         pytest.param(1492, "E9 03", id="1001 is out of range, exo §2.3.7"),

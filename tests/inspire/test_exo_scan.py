@@ -9,6 +9,7 @@ from handctl.devices.inspire.scanner import Findings
 from handctl.errors import NoAnswer, ProtocolError, UsageError
 from handctl.model.result import Table
 from tests.inspire.scanning import ALL_IDS, scan_hand, scan_on
+from tests.support.each_row import each_row
 from tests.support.scripted import (
     Babble,
     Reply,
@@ -371,7 +372,7 @@ def test_ids(text: str, ids: list[int]) -> None:
     assert parse_ids(text) == ids
 
 
-@pytest.mark.parametrize(
+@each_row(
     "text",
     ["", "0", "255", "0-5", "250-255", "x", "1-", "-5", "1,,2", "1-2-3", "5-3", "1,5-3", "1.5", "99999999999999999999",
      "1-99999999999999999999", "1-10000000000000000000"],

@@ -64,6 +64,7 @@ def control(path: Path, *words: str) -> str:
 # -- serving ----------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.real
 def test_the_ready_line_and_the_orderly_end(start: Start) -> None:
     on_pty, on_tcp = start("--pty"), start("--tcp", "127.0.0.1:0")
     assert re.fullmatch(r"/dev/\S+", on_pty.link)
@@ -72,6 +73,7 @@ def test_the_ready_line_and_the_orderly_end(start: Start) -> None:
     assert on_tcp.stop(signal.SIGINT) == (0, "", "")
 
 
+@pytest.mark.real
 def test_duration_bounds_it() -> None:
     def served() -> None:
         done = run_program("sim", "exo", "--pty", "--duration", "0.3")
@@ -81,6 +83,7 @@ def test_duration_bounds_it() -> None:
     in_time(served, 0.3, 5.0)
 
 
+@pytest.mark.real
 @pytest.mark.parametrize("args", [("--pty", "--tcp", "127.0.0.1:0"), (), ("--tcp", "nowhere"), ("--pty", "--fault", "nosuch"),
                                   ("--pty", "--set", "nosuch=1"), ("--pty", "--seed", "x")])  # fmt: skip
 def test_impossible_servers_are_usage_errors(args: tuple[str, ...]) -> None:
@@ -92,6 +95,7 @@ def test_impossible_servers_are_usage_errors(args: tuple[str, ...]) -> None:
 # -- handctl as the client --------------------------------------------------------------------------------------------
 
 
+@pytest.mark.real
 def test_dump_on_a_pty_is_the_same_as_in_process(pty: str) -> None:
     served = run_program("exo", "dump", "-p", pty, "--json")
     assert served.code == 0
@@ -134,6 +138,7 @@ def test_every_verb_works_on_a_served_hand(start: Start, tmp_path: Path, where: 
     assert (hit["id"], hit["baud"], hit["link"]) == (9, 115200 if where == "pty" else None, link)
 
 
+@pytest.mark.real
 @pytest.mark.parametrize("speed", [57600, 19200])
 @pytest.mark.parametrize("fault", ["healthy", "garble"])
 def test_a_wrong_speed_is_found_and_named(start: Start, speed: int, fault: str) -> None:
@@ -146,12 +151,14 @@ def test_a_wrong_speed_is_found_and_named(start: Start, speed: int, fault: str) 
     assert run("exo", "scan", "-p", link, "--json").rows[0]["baud"] == speed
 
 
+@pytest.mark.real
 def test_an_explicit_wrong_speed_stays_a_plain_silence(start: Start) -> None:
     result = run("exo", "get", "id", "-p", start("--pty").link, "--baud", "19200", "--json")
     assert result.code in (4, 5)
     assert "19200" in result.error["text"]
 
 
+@pytest.mark.real
 def test_the_second_opener_is_told_that_the_port_is_busy(start: Start) -> None:
     link = start("--pty").link
     first = forks.start(
@@ -216,6 +223,7 @@ def test_pyserial_urls_reach_the_server(start: Start, tmp_path: Path) -> None:
     assert "EB 90 01 04 11 E8 03 01" in log.read_text()
 
 
+@pytest.mark.real
 def test_speed_change_save_power_cycle(start: Start, tmp_path: Path) -> None:
     """Through the control socket: the hand speaks the new speed only after save and a power cycle."""
     panel = tmp_path / "panel"
@@ -231,6 +239,7 @@ def test_speed_change_save_power_cycle(start: Start, tmp_path: Path) -> None:
     assert (hit["baud"], hit["id"]) == (19200, 1)
 
 
+@pytest.mark.real
 def test_verify_waits_for_the_operator(start: Start, tmp_path: Path) -> None:
     panel = tmp_path / "panel"
     link = start("--pty", "--control", panel).link
@@ -252,6 +261,7 @@ def test_verify_waits_for_the_operator(start: Start, tmp_path: Path) -> None:
     assert (result.code, result.rows[-1]["value"]) == (0, 57600)
 
 
+@pytest.mark.real
 def test_power_off_and_faults_from_the_panel(start: Start, tmp_path: Path) -> None:
     panel = tmp_path / "panel"
     link = start("--pty", "--control", panel).link
@@ -270,6 +280,7 @@ def test_power_off_and_faults_from_the_panel(start: Start, tmp_path: Path) -> No
     assert run("exo", "get", "id", "-p", link).code == 0
 
 
+@pytest.mark.real
 def test_wire_time_of_a_dump(start: Start, tmp_path: Path) -> None:
     """Two transactions of 195 bytes take 16.93 ms at 115200 (dossier §6); the host adds little."""
     link, trace = start("--pty", "--wire", "115200").link, tmp_path / "t.txt"

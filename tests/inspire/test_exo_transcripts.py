@@ -20,6 +20,7 @@ from handctl.link.tap import Entry, parse
 from handctl.model.guide import Guide
 from handctl.model.result import Table
 from handctl.sim import create
+from tests.support.each_row import each_row
 from tests.support.scripted import Reply, ScriptedLink, codes, hand_on, hexed, unhex
 from tests.support.transcripts import AFTER, BEFORE, EXIT_CODES, FOLDER, KINDS, Case, read_cases
 
@@ -149,8 +150,8 @@ def said(result: Table | str) -> str:
     return " ".join(str(row["value"]) for row in result.rows)
 
 
-@pytest.mark.parametrize("feed", ["whole", "byte by byte", "with garbage around"])
-@pytest.mark.parametrize("case", HOST_CASES)
+@each_row("feed", ["whole", "byte by byte", "with garbage around"])
+@each_row("case", HOST_CASES)
 def test_host_sends_and_takes(case: Case, feed: str) -> None:
     player = Player(case, feed)
     hand = hand_on(ScriptedLink(player), case.device_id)
@@ -194,8 +195,8 @@ def test_position_command_with_minus_one_is_refused_by_name() -> None:
 # -- the simulator ----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("feed", ["whole", "byte by byte"])
-@pytest.mark.parametrize("case", SIM_CASES)
+@each_row("feed", ["whole", "byte by byte"])
+@each_row("case", SIM_CASES)
 def test_simulator_answers(case: Case, feed: str) -> None:
     text = case.says["sim"]
     options = dict(item.split("=") for item in text.split("&")) if text != "healthy" else {}

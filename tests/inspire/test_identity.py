@@ -1,6 +1,7 @@
 """Before any write: who is there? Every writing command of exo and wrist against devices that are something else.
 
 The commands are those of the command tree: one that is new and not in the tables here fails. The strangers are written
+from tests.support.each_row import each_row
 from the dossiers (`foreign_devices`); what reached them is judged by their own memory and by the bytes on the line.
 """
 
@@ -23,6 +24,7 @@ from handctl.devices.inspire.wrist.cli import cli as wrist_cli
 from handctl.link import CanFrame, open_link
 from tests.inspire import exo_commands, wrist_commands
 from tests.support.cli import Result, fake, run, sent, spying, writes
+from tests.support.each_row import each_row
 from tests.support.foreign_devices import DF, SPACES, STRANGERS, CanLine, Line, Memory, reply, requests
 from tests.support.scripted import RecordedLink
 
@@ -133,7 +135,7 @@ def test_no_writing_frame_reaches_a_stranger(scratch: Path, family: str, device:
         assert result.code in ({6} if device in (*WRISTS, *HANDS) else {4, 5, 6}), (name, result)
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("device", "family", "code", "words", "command"),
     [
         *((name, "exo", 6, "a wrist module", "handctl wrist") for name in WRISTS),
@@ -157,8 +159,8 @@ def test_a_stranger_is_named_with_the_command_that_fits(
     assert command in result.error["hint"], result
 
 
-@pytest.mark.parametrize("name", COMMANDS_OF["wrist"])
-@pytest.mark.parametrize("device", ["rh56", "rh56-opening", "rh56-silent-gaps"])
+@each_row("name", COMMANDS_OF["wrist"])
+@each_row("device", ["rh56", "rh56-opening", "rh56-silent-gaps"])
 def test_on_can_no_writing_frame_reaches_a_hand_without_a_wrist(scratch: Path, name: str, device: str) -> None:
     link = CanLine(device)
     words = WORDS[name]
@@ -455,7 +457,7 @@ FOREIGN = {"barrett": ["exo", "json", "echo", "silence", "garbage"], "ekso": ["e
            "aidin": ["exo", "prompt", "echo", "silence", "garbage"]}  # fmt: skip
 
 
-@pytest.mark.parametrize(("family", "device"), [(family, one) for family, found in FOREIGN.items() for one in found])
+@each_row(("family", "device"), [(family, one) for family, found in FOREIGN.items() for one in found])
 def test_the_other_families_write_to_nobody_they_do_not_know(tmp_path: Path, family: str, device: str) -> None:
     for verb, words in OTHERS[family].items():
         link = STRANGERS["rh56" if device == "exo" else device]()

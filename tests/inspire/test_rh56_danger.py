@@ -18,6 +18,7 @@ from tests.contract.facts import facts_of, passed
 from tests.contract.facts.hand import rh56
 from tests.harm.cell import share
 from tests.support.cli import Spy, run, spying
+from tests.support.each_row import each_row
 
 DANGERS = {
     "EB90": ("EB 90 01 04 12 EE 03 01 09", "EB 90 01 04 12 12 09 01 33", "EB 90 01 04 12 ED 03 01 08", "EB 90 01 04 12 EC 03 01 07"),
@@ -59,8 +60,8 @@ def unharmed(spy: Spy) -> bool:
     return all(not any(line.device.hand.acts[name] for name in ACTS) for line in spy.lines)
 
 
-@pytest.mark.parametrize(("device", "typed", "wire"), cases())
-@pytest.mark.parametrize("name", writing_commands("hand"))
+@each_row(("device", "typed", "wire"), cases())
+@each_row("name", writing_commands("hand"))
 def test_no_hand_of_unproven_or_other_generation_is_written_to(
     name: str, device: str, typed: str, wire: str, tmp_path: Path, request: pytest.FixtureRequest
 ) -> None:
@@ -79,10 +80,10 @@ def test_no_hand_of_unproven_or_other_generation_is_written_to(
     assert done.code in ((2, 4, 5, 6) if name == "raw" else (2, 5, 6)), done  # raw speaks the one protocol of its bytes
 
 
-@pytest.mark.parametrize("model", ["f1", "dg2"])
-@pytest.mark.parametrize("wire", SERIAL)
-@pytest.mark.parametrize("assumed", [False, True])
-@pytest.mark.parametrize("frame", FRAMES, ids=lambda frame: frame.hex(" "))
+@each_row("model", ["f1", "dg2"])
+@each_row("wire", SERIAL)
+@each_row("assumed", [False, True])
+@each_row("frame", FRAMES, ids=lambda frame: frame.hex(" "))
 def test_a_frame_that_is_typed_does_not_reach_one_either(
     frame: bytes, assumed: bool, wire: str, model: str, tmp_path: Path
 ) -> None:

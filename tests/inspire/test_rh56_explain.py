@@ -9,6 +9,7 @@ import pytest
 from handctl.devices.inspire.hand.explain import explainer
 from handctl.model.piece import DEVICE, HOST, Piece
 from tests.support.cli import run
+from tests.support.each_row import each_row
 
 FRAMES = [
     pytest.param("EB 90 01 04 11 0A 06 0C 32", "read angle_actual: 12 bytes at 1546, id 1", id="v1"),
@@ -27,7 +28,7 @@ FRAMES = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("frame", "meaning"), FRAMES)
+@each_row(("frame", "meaning"), FRAMES)
 def test_a_frame_in_words(frame: str, meaning: str) -> None:
     (piece,) = explainer().decode(bytes.fromhex(frame))
     assert piece.meaning == meaning

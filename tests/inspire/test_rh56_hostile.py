@@ -24,6 +24,7 @@ from handctl.model.guide import Guide
 from handctl.model.param import elements_of
 from handctl.model.result import Journal
 from tests.inspire.wrist_support import ScriptedFrames
+from tests.support.each_row import each_row
 from tests.support.odd_hands import (
     CAN,
     DELAY,
@@ -108,8 +109,8 @@ def test_without_hostility_every_wire_shows_the_golden_hand(model: str, wire: st
 # -- late answers -------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("wire", WIRES)
-@pytest.mark.parametrize("late", [0.31, 0.35, 0.45, 0.51, 0.7, 1.2])
+@each_row("wire", WIRES)
+@each_row("late", [0.31, 0.35, 0.45, 0.51, 0.7, 1.2])
 def test_a_hand_that_is_always_late_never_answers_the_question_before(wire: str, late: float) -> None:
     """Groups of the same size, asked one behind the other: the answer to one must not pass for the next."""
     hand = host(Odd(wire, golden("tp"), lambda _r, answer: [(late, answer)] if answer else []))
@@ -119,8 +120,8 @@ def test_a_hand_that_is_always_late_never_answers_the_question_before(wire: str,
             assert found in (right, "exit 4", "exit 5", ["exit 4"] * 6, ["exit 5"] * 6), (name, found)
 
 
-@pytest.mark.parametrize("wire", WIRES)
-@pytest.mark.parametrize("which", range(1, 9))
+@each_row("wire", WIRES)
+@each_row("which", range(1, 9))
 def test_one_late_answer_spoils_nothing(wire: str, which: int) -> None:
     odd = Odd(wire, golden("tp"))
     odd.change = lambda _r, answer: [(0.62 if odd.asked == which else DELAY, answer)] if answer else []
@@ -129,8 +130,8 @@ def test_one_late_answer_spoils_nothing(wire: str, which: int) -> None:
         assert values(hand, name) == right, name
 
 
-@pytest.mark.parametrize("wire", WIRES)
-@pytest.mark.parametrize("which", range(1, 9))
+@each_row("wire", WIRES)
+@each_row("which", range(1, 9))
 def test_an_answer_that_comes_late_again_and_again(wire: str, which: int) -> None:
     """A gateway with a queue: each answer comes behind the next question, from one of them on."""
     odd = Odd(wire, golden("tp"))
@@ -246,8 +247,8 @@ def exception(wire: str, code: int) -> Change:
     return refuse
 
 
-@pytest.mark.parametrize("wire", MODBUS)
-@pytest.mark.parametrize(
+@each_row("wire", MODBUS)
+@each_row(
     ("code", "kind"),
     [(1, DeviceRefused), (2, DeviceRefused), (3, DeviceRefused), (4, DeviceRefused), (6, DeviceRefused), (0x0A, LinkError), (0x0B, NoAnswer), (0x63, DeviceRefused)],
 )  # fmt: skip
@@ -311,8 +312,8 @@ def test_a_hand_that_refuses_undocumented_addresses_is_read_and_known(wire: str)
 # -- half answers, echoes, noise ------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("wire", [EB90, RTU, TCP])
-@pytest.mark.parametrize("kept", range(1, 17))
+@each_row("wire", [EB90, RTU, TCP])
+@each_row("kept", range(1, 17))
 def test_half_an_answer_is_called_that(wire: str, kept: int) -> None:
     hand = host(Odd(wire, golden("tp"), lambda _r, a: [(DELAY, a[:kept])]))
     with pytest.raises(ProtocolError) as caught:
@@ -366,8 +367,8 @@ def test_the_echo_of_a_write_is_not_its_acknowledgement() -> None:
     assert caught.value.code == "echo"
 
 
-@pytest.mark.parametrize("wire", [EB90, RTU, TCP])
-@pytest.mark.parametrize(
+@each_row("wire", [EB90, RTU, TCP])
+@each_row(
     "junk",
     [b"\x00", b"\xff", b"\x01", b"\x01\x03", b"\x90", b"\x90\xeb", b"\xeb\x90\x01\x04\x11", bytes(9), b"\x01\x83"],
 )
@@ -379,8 +380,8 @@ def test_junk_before_an_answer_costs_no_value(wire: str, junk: bytes) -> None:
         assert wire != RTU or found == right
 
 
-@pytest.mark.parametrize("wire", [EB90, RTU])
-@pytest.mark.parametrize("place", range(17))
+@each_row("wire", [EB90, RTU])
+@each_row("place", range(17))
 def test_one_flipped_bit_is_never_a_value(wire: str, place: int) -> None:
     for bit in range(8):
 
@@ -516,8 +517,8 @@ def test_zeros_ones_and_counting_bytes_are_no_hand(wire: str, memory: bytearray)
 # -- a hand that restarts ---------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("wire", WIRES)
-@pytest.mark.parametrize("which", range(1, 14))
+@each_row("wire", WIRES)
+@each_row("which", range(1, 14))
 def test_a_hand_that_restarts_in_a_movement_ends_honestly(wire: str, which: int) -> None:
     """It is gone for two seconds and comes back with its set-points forgotten. Nothing is written twice."""
     odd = Odd(wire, golden("tp"))

@@ -12,6 +12,7 @@ from handctl.frame.options import Settings
 from handctl.link import CanFrame
 from handctl.stop.talk import Aim, Sent, Stopped, Talk, drive
 from tests.inspire.wrist_support import ScriptedFrames
+from tests.support.each_row import each_row
 from tests.support.odd_hands import (
     CAN,
     DELAY,
@@ -55,8 +56,8 @@ def test_every_finger_has_speed_0(wire: str) -> None:
     assert odd.memory[SPEEDS] == bytes(12)
 
 
-@pytest.mark.parametrize("wire", WIRES)
-@pytest.mark.parametrize("late", [0.04, 0.06, 0.2, 0.28])
+@each_row("wire", WIRES)
+@each_row("late", [0.04, 0.06, 0.2, 0.28])
 def test_a_late_hand_is_stopped_and_known(wire: str, late: float) -> None:
     """The check has 50 ms. Who answers later is written to all the same, and asked again."""
     odd = Odd(wire, golden("tp"), lambda _r, answer: [(late, answer)] if answer else [])

@@ -25,6 +25,7 @@ from tests.inspire.wrist_support import (
     writes_of,
 )
 from tests.support.cli import run
+from tests.support.each_row import each_row
 from tests.support.scripted import ScriptedLink, hexed, script, unhex
 
 POWER_ON = {
@@ -54,7 +55,7 @@ def test_addresses_are_those_of_the_manual() -> None:
     assert WRIST["move_time"].signed is False
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("name", "text", "raw", "value"),
     [
         ("pitch_set", "22.12", "A4 08", 22.12), ("pitch_set", "-22.66", "26 F7", -22.66),
@@ -72,7 +73,7 @@ def test_values_and_their_bytes(name: str, text: str, raw: str, value: float) ->
     assert register.decode(unhex(raw)) == value
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("name", "text", "code"),
     [
         ("pitch_set", "22.13", "out-of-range"), ("pitch_set", "-22.67", "out-of-range"), ("pitch_set", "30", "out-of-range"),
@@ -205,8 +206,8 @@ CAN_PLANS = {
 }
 
 
-@pytest.mark.parametrize("subset", SUBSETS, ids="+".join)
-@pytest.mark.parametrize("wire", WIRES)
+@each_row("subset", SUBSETS, ids="+".join)
+@each_row("wire", WIRES)
 def test_time_goes_with_or_before_the_angles(wire: str, subset: tuple[str, ...]) -> None:
     """dossier 4.16; the plan is what is sent, and a dry run prints it."""
     texts = [f"{name}={SETTINGS[name]}" for name in subset]

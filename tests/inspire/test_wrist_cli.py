@@ -23,6 +23,7 @@ from tests.inspire.wrist_commands import (
     written_frames,
 )
 from tests.support.cli import ENVELOPE_KEYS, run, s16, spying
+from tests.support.each_row import each_row
 
 CLEAN = {"sent": 0, "received": 0, "retries": 0, "bad_frames": 0, "stray_bytes": 0}
 
@@ -176,8 +177,8 @@ def test_watch_is_a_stream(wire: str) -> None:
 
 
 @both
-@pytest.mark.parametrize("command", [*WRITING, *(c for c in READING if c.name == "raw-read")], ids=ids)
-@pytest.mark.parametrize("source", [(), ("--fake",)], ids=["no-device", "fake"])
+@each_row("command", [*WRITING, *(c for c in READING if c.name == "raw-read")], ids=ids)
+@each_row("source", [(), ("--fake",)], ids=["no-device", "fake"])
 def test_dry_run_prints_the_exact_bytes_and_sends_nothing(
     scratch: Path, command: Command, wire: str, source: tuple[str, ...]
 ) -> None:
@@ -252,7 +253,7 @@ def test_a_misprinted_write_asks_and_warns() -> None:
 
 
 @both
-@pytest.mark.parametrize("command", WRITING, ids=ids)
+@each_row("command", WRITING, ids=ids)
 def test_moves_ask_nothing_the_rest_asks(scratch: Path, command: Command, wire: str) -> None:
     """A wrist moves on its own bench; the hand behind it, a restore and raw frames do not go without --yes."""
     trace = scratch / "t.txt"
@@ -267,7 +268,7 @@ def test_moves_ask_nothing_the_rest_asks(scratch: Path, command: Command, wire: 
 
 
 @both
-@pytest.mark.parametrize("command", WRITING, ids=ids)
+@each_row("command", WRITING, ids=ids)
 def test_the_frames_on_the_wire_are_those_of_the_plan(scratch: Path, command: Command, wire: str) -> None:
     trace = scratch / "t.txt"
     with spying() as spy:

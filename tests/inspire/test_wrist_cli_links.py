@@ -21,6 +21,7 @@ from tests.inspire.wrist_commands import (
     written_frames,
 )
 from tests.support.cli import check_schema, run, spying
+from tests.support.each_row import each_row
 
 
 @pytest.fixture
@@ -72,7 +73,7 @@ REFUSED_ON = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize(("wire", "text"), [(wire, text) for wire in WIRES for text in REFUSED + REFUSED_ON[wire]])
+@each_row(("wire", "text"), [(wire, text) for wire in WIRES for text in REFUSED + REFUSED_ON[wire]])
 def test_impossible_requests_are_refused_before_anything_is_sent(wire: str, text: str, tmp_path: Path) -> None:
     trace = tmp_path / "t.txt"
     with spying() as spy:
@@ -229,7 +230,7 @@ def test_a_snapshot_of_another_kind_or_out_of_range_is_refused(scratch: Path) ->
 
 
 @both
-@pytest.mark.parametrize("command", COMMANDS, ids=ids)
+@each_row("command", COMMANDS, ids=ids)
 def test_a_trace_plays_the_wrist(scratch: Path, command: Command, wire: str) -> None:
     """The same command on the recording shows the same rows on the recorded wire, and is not called simulated."""
     trace = scratch / "t.txt"

@@ -13,6 +13,7 @@ from handctl.model.guide import Guide
 from handctl.model.result import Table
 from tests.inspire.wrist_support import WIRES, RecordedFrames, Wrist, can, fake_port, fake_wrist, writes_of
 from tests.support.cli import Result, run, spying
+from tests.support.each_row import each_row
 from tests.support.scripted import NotedGuide, RecordedLink
 
 SIX = {
@@ -125,7 +126,7 @@ def test_within_half_a_degree_counts_as_arrived() -> None:
 # -- what is refused --------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("args", "words"),
     [
         (("--pitch", "30"), ("-22.66..22.12", "wrist §1", "30")),
@@ -139,7 +140,7 @@ def test_within_half_a_degree_counts_as_arrived() -> None:
         (("--time", "500"), ("--pitch",)),
     ],
 )
-@pytest.mark.parametrize("wire", WIRES)
+@each_row("wire", WIRES)
 def test_impossible_moves_send_nothing(wire: str, args: tuple[str, ...], words: tuple[str, ...]) -> None:
     result = run("wrist", "move", *args, "-p", fake_port(wire), "--json")
     assert result.code == 2

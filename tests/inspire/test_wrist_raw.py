@@ -21,6 +21,7 @@ from tests.inspire.wrist_support import (
     writes_of,
 )
 from tests.support.cli import run
+from tests.support.each_row import each_row
 from tests.support.scripted import ScriptedLink, hexed, script, unhex
 
 PRINTED_READ = "EB 90 01 04 30 FC 03 02 36"
@@ -260,7 +261,7 @@ def test_write_by_address(address: int, data: str, wire: str) -> None:
     assert " ".join(row["raw"] for row in rows) == data
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("address", "data", "words"),
     [
         (1038, "E8", "1 byte is"), (1038, "E8 03 18", "3 bytes"), (1036, "00 " * 8, "8 bytes"), (1038, "00 " * 8, "8 bytes"),
@@ -303,14 +304,14 @@ def test_hand_space_is_read_over_more_than_one_frame(wire: str) -> None:
     assert row["raw"] == "99 03 A5 03 B1 03 C9 03 BD 03 D5 03"
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("address", "data", "guarded"),
     [
         (1020, "00", True), (1043, "00", True), (1019, "00 00", True), (1018, "00 " * 8, True), (1038, "18 FC", True),
         (1019, "00", False), (1018, "00 00", False), (1044, "00", False), (1486, "F4 01", False),
     ],
 )  # fmt: skip
-@pytest.mark.parametrize("wire", WIRES)
+@each_row("wire", WIRES)
 def test_the_hand_is_guarded_where_the_wrist_lies(wire: str, address: int, data: str, guarded: bool) -> None:
     wrist, link = fake_wrist(wire)
     if guarded:
@@ -441,8 +442,8 @@ def test_no_wrist_on_this_hand(wire: str) -> None:
     assert hand.hand_read(wrist, 1472, 2).rows[0]["raw"] == "32 02"
 
 
-@pytest.mark.parametrize("data", [b"", b"\x00", bytes(8)])
-@pytest.mark.parametrize("flag", range(8))
+@each_row("data", [b"", b"\x00", bytes(8)])
+@each_row("flag", range(8))
 def test_every_can_frame_has_a_meaning_or_a_refusal(flag: int, data: bytes) -> None:
     for address in (0, 1019, 1020, 1038, 1043, 1044, 4095):
         try:

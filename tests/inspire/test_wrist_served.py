@@ -84,6 +84,7 @@ def test_the_ready_line_is_the_link_to_use(start: Start) -> None:
 # -- handctl as the client --------------------------------------------------------------------------------------------
 
 
+@pytest.mark.real
 @places
 def test_dump_is_the_same_as_in_process(links: dict[str, str], place: str) -> None:
     served = run_program("wrist", "dump", "-p", links[place], "--json")
@@ -157,6 +158,7 @@ def test_a_wrong_bitrate_is_named(links: dict[str, str], start: Start) -> None:
     assert run("wrist", "get", "pitch_actual", "-p", links["slcan-pty"]).code == 0
 
 
+@pytest.mark.real
 def test_a_wrong_serial_speed(start: Start) -> None:
     link = start("pty", "--set", "baud=57600").link
     result = run("wrist", "get", "pitch_actual", "-p", link, "--json", "--timeout", "0.1")

@@ -21,6 +21,7 @@ from handctl.link.tap import Entry, parse
 from handctl.model.result import Table
 from handctl.sim import create
 from tests.inspire.wrist_support import Arrival, ScriptedFrames, can, fake_port, wrist_on
+from tests.support.each_row import each_row
 from tests.support.scripted import ScriptedLink, hexed, unhex
 from tests.support.transcripts import AFTER, BEFORE, EXIT_CODES, FOLDER, KINDS, Case, read_cases
 
@@ -196,7 +197,7 @@ def raw_of(table: Table) -> str:
     return str(row["raw"])
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("case", "feed"),
     [
         *(
@@ -263,8 +264,8 @@ def options_of(case: Case) -> dict[str, str]:
     return dict(item.split("=") for item in text.split("&")) if text != "healthy" else {}
 
 
-@pytest.mark.parametrize("feed", ["whole", "byte by byte"])
-@pytest.mark.parametrize("case", named([case for case in SIM_CASES if not on_can(case)]))
+@each_row("feed", ["whole", "byte by byte"])
+@each_row("case", named([case for case in SIM_CASES if not on_can(case)]))
 def test_simulator_answers_on_the_serial_line(case: Case, feed: str) -> None:
     line = create("wrist", options_of(case))
     now = 0.0
@@ -284,7 +285,7 @@ def test_simulator_answers_on_the_serial_line(case: Case, feed: str) -> None:
         assert hexed(heard + line.take()) == hexed(wanted)
 
 
-@pytest.mark.parametrize("case", named([case for case in SIM_CASES if on_can(case)]))
+@each_row("case", named([case for case in SIM_CASES if on_can(case)]))
 def test_simulator_answers_on_can(case: Case) -> None:
     line = create("wrist", {"bus": "can", **options_of(case)})
     now = 0.0

@@ -6,9 +6,8 @@ import json
 from pathlib import Path
 from typing import Any
 
-import pytest
-
 from tests.support.cli import Result, check_schema, fake, run, spying
+from tests.support.each_row import each_row
 
 GET = "exo get system_voltage"
 
@@ -65,7 +64,7 @@ def test_the_first_failure_ends_it_and_is_its_exit_code() -> None:
     assert on.code == 4 and ends(on)[-1]["end"]["failed"] == 2
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("line", "code", "told"),
     [
         ("exo get nonsense", 2, "line 2 (exo get): exo has no quantity"),

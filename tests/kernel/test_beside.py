@@ -55,6 +55,7 @@ def test_what_goes_wrong_at_the_second_link_is_the_end_of_the_command() -> None:
     assert "no CAN wire" in result.error["text"]
 
 
+@pytest.mark.real
 def test_two_ports_are_held_and_let_go_of() -> None:
     """Each has its lock while the command lasts; afterwards both can be opened again."""
     with Simulator("--pty") as one, Simulator("--pty", "--set", "id=2") as two:
@@ -65,6 +66,7 @@ def test_two_ports_are_held_and_let_go_of() -> None:
         assert (result.code, result.error["code"]) == (3, "busy")
 
 
+@pytest.mark.real
 def test_commands_of_a_batch_share_the_links_that_one_of_them_opened_twice(tmp_path: Path) -> None:
     script = tmp_path / "script"
     with Simulator("--pty") as one, Simulator("--pty", "--set", "id=2") as two:

@@ -10,6 +10,7 @@ import pytest
 
 import handctl
 from tests.support.cli import Result, check_schema, fake, run, run_program, sent, spying
+from tests.support.each_row import each_row
 
 BUS_2 = "EB 90 02 04 11 E8 03 01 03"
 """Read the id of the hand with id 2."""
@@ -210,7 +211,7 @@ USAGE_ERRORS = [
 ]
 
 
-@pytest.mark.parametrize("args", USAGE_ERRORS, ids=" ".join)
+@each_row("args", USAGE_ERRORS, ids=" ".join)
 def test_usage_error(args: Sequence[str]) -> None:
     """Exit 2, one message with the next step on stderr, nothing on stdout; with --json the envelope."""
     given = () if "-p" in args else ("--fake",)
@@ -374,7 +375,7 @@ def test_an_id_for_another_family_in_the_environment_is_none_here() -> None:
     assert (result.code, result.json["device"]["id"]) == (0, None)
 
 
-@pytest.mark.parametrize(
+@each_row(
     "words",
     [
         ("exo", "watch", "--rate", "nan", "--fake"),

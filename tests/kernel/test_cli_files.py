@@ -13,6 +13,7 @@ import handctl
 from handctl.sim.engine.serve import send_control
 from tests.inspire.exo_commands import COMMANDS, STORED, Command, prepare
 from tests.support.cli import Simulator, fake, memory, pairs, run, s16, sent, spying, writes
+from tests.support.each_row import each_row
 from tests.support.snapshots import signed, snapshot_of
 
 SETTINGS = pairs(["id", "baud_code", "position_set", "force_set"])
@@ -170,7 +171,7 @@ def test_restore_interrupted_anywhere_can_be_run_again(tmp_path: Path, fault: st
     assert (third.code, third.rows, third.json["writes"]) == (0, [], [])
 
 
-@pytest.mark.parametrize("requests", range(24))
+@each_row("requests", range(24))
 def test_restore_reports_success_only_when_all_is_written(tmp_path: Path, requests: int) -> None:
     state = tmp_path / "state.json"
     path = snapshot_of(tmp_path, id=7, **{k.replace(".", "__"): v for k, v in STORED.items()})
@@ -248,7 +249,7 @@ SPOILED = ["value changed", "cut off", "empty", "not JSON", "binary", "a list", 
            "fraction as value", "huge value", "values missing", "a directory", "missing"]  # fmt: skip
 
 
-@pytest.mark.parametrize("how", SPOILED)
+@each_row("how", SPOILED)
 def test_a_spoiled_snapshot_is_refused_before_anything_is_sent(tmp_path: Path, how: str) -> None:
     path = snapshot_of(tmp_path)
     spoil(path, how)
@@ -335,7 +336,7 @@ def replayable(command: Command) -> bool:
     return command.name not in ("watch", "scan", "snapshot", "raw-read", "raw-write", "factory-reset")
 
 
-@pytest.mark.parametrize("command", [c for c in COMMANDS if replayable(c)], ids=lambda command: command.name)
+@each_row("command", [c for c in COMMANDS if replayable(c)], ids=lambda command: command.name)
 def test_a_trace_plays_the_hand(tmp_path: Path, command: Command) -> None:
     """The same command on the recording shows the same rows, and is not called simulated."""
     prepare(tmp_path)

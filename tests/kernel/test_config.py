@@ -16,6 +16,7 @@ from handctl.families import WIRES
 from handctl.frame.config import Config, from_toml, is_name, lines_of, load, parse, statements
 from handctl.frame.devicefile import change, drop, put, put_all, verified
 from handctl.frame.options import checks, config_path, own_options, shared_options
+from tests.support.each_row import each_row
 
 CHECKS = checks()
 FULL = (
@@ -97,7 +98,7 @@ def test_every_shared_option_has_a_key() -> None:
         assert read(f"{name} = {value}").values[str(name)].value == from_toml(f"v = {value}")["v"]
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("line", "words"),
     [
         ("prot = '/dev/ttyUSB0'", "prot"), ("retries = '3'", "whole number"), ("retries = 3.0", "whole number"),

@@ -11,6 +11,7 @@ import pytest
 
 from handctl.errors import OutputError
 from handctl.frame.console import TerminalGuide, confirms
+from tests.support.each_row import each_row
 
 
 class Screen(io.StringIO):
@@ -91,7 +92,7 @@ def test_the_alarm_of_impatience_is_off_afterwards() -> None:
         time.sleep(5)
 
 
-@pytest.mark.parametrize(("typed", "word", "yes"), [
+@each_row(("typed", "word", "yes"), [
     ("15.50", "15.50", True), ("15.5", "15.50", True), ("15", "15.00", True), ("15.500", "15.5", True),
     ("15.05", "15.50", False), ("155.0", "15.50", False), ("16", "15.50", False), ("-15.5", "15.50", False),
     ("", "15.50", False), ("015.5", "15.50", False), ("1.55e1", "15.50", False), ("02", "2", False), ("2.0", "2", False),

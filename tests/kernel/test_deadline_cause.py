@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.support.cli import Result, run, spying
+from tests.support.each_row import each_row
 
 COMMANDS = {
     "exo": ("dump", "get position_actual"), "wrist": ("dump", "get pitch_actual"), "barrett": ("status", "get DP"),
@@ -31,8 +32,8 @@ def cause(family: str, command: str, fault: str) -> str:
     return str(result.error["code"]) if result.code == 5 else ""
 
 
-@pytest.mark.parametrize("fault", FAULTS)
-@pytest.mark.parametrize("family", COMMANDS)
+@each_row("fault", FAULTS)
+@each_row("family", COMMANDS)
 def test_the_cause_stays(family: str, fault: str, tmp_path: Path) -> None:
     for command in COMMANDS[family]:
         if not cause(family, command, fault):

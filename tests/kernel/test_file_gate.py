@@ -10,11 +10,11 @@ import os
 from pathlib import Path
 
 import click
-import pytest
 
 from handctl.frame.clikit import root
 from handctl.frame.filetypes import InFile, OutFile
 from tests.support.cli import Result, run
+from tests.support.each_row import each_row
 from tests.support.leaves import LEAVES, Leaf, command_line, leaves, own
 
 EVERYWHERE = {"--output": ("-o",), "--trace": ("--trace",)}
@@ -63,8 +63,8 @@ def test_the_tree_has_files() -> None:
             assert not named or isinstance(param.type, InFile | OutFile), (leaf.words, param)
 
 
-@pytest.mark.parametrize("how", ["same", "symlink", "hardlink"])
-@pytest.mark.parametrize("leaf", LEAVES, ids=lambda leaf: "-".join(leaf.words))
+@each_row("how", ["same", "symlink", "hardlink"])
+@each_row("leaf", LEAVES, ids=lambda leaf: "-".join(leaf.words))
 def test_no_output_is_an_input_or_another_output(leaf: Leaf, how: str, tmp_path: Path) -> None:
     files = own(leaf, InFile) + own(leaf, OutFile)
     outputs = {**EVERYWHERE, **{p.name or "": p for p in own(leaf, OutFile)}}
@@ -128,9 +128,7 @@ def refused(leaf: Leaf, param: click.Parameter, path: str, tmp_path: Path) -> Re
     return done
 
 
-@pytest.mark.parametrize(
-    ("leaf", "param"), READERS, ids=lambda one: "-".join(one.words) if isinstance(one, Leaf) else one.name
-)
+@each_row(("leaf", "param"), READERS, ids=lambda one: "-".join(one.words) if isinstance(one, Leaf) else one.name)
 def test_only_a_file_of_bounded_size_is_read(leaf: Leaf, param: click.Parameter, tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
     (tmp_path / "folder").mkdir()

@@ -22,6 +22,7 @@ from handctl.screen.filter import no_formula, shown, text_shown, value_shown
 from handctl.screen.render import show, stream
 from handctl.screen.sink import Sink
 from tests.support.cli import PATIENCE, clean_environment, program, run, run_program
+from tests.support.each_row import each_row
 
 HOSTILE = {
     "clipboard": "\x1b]52;c;cm0gLXJm\x07", "title": "\x1b]0;owned\x1b\\", "clear": "\x1b[2J\x1b[H", "C1": "\x9b31m",
@@ -36,7 +37,7 @@ def harmless(text: str, keep: str = "\n") -> bool:
     return all(letter.isprintable() or letter in keep for letter in COLOUR.sub("", text))
 
 
-@pytest.mark.parametrize("text", HOSTILE.values(), ids=HOSTILE)
+@each_row("text", HOSTILE.values(), ids=HOSTILE)
 def test_each_is_spelled_out_and_nothing_is_lost(text: str) -> None:
     told = shown(text)
     assert told.isprintable()
@@ -84,9 +85,9 @@ def told(
 COLUMNS = (Column("name", "Name"), Column("value", "Value"), Column("label", "What"))
 
 
-@pytest.mark.parametrize("text", HOSTILE.values(), ids=HOSTILE)
-@pytest.mark.parametrize("color", ["auto", "always"])
-@pytest.mark.parametrize("how", ["table", "plain", "csv"])
+@each_row("text", HOSTILE.values(), ids=HOSTILE)
+@each_row("color", ["auto", "always"])
+@each_row("how", ["table", "plain", "csv"])
 def test_no_way_out_lets_it_pass(monkeypatch: pytest.MonkeyPatch, how: str, color: str, text: str) -> None:
     rows = [{"name": text, "value": text, "label": None}, {"name": "b", "error": text}]
     grid = Grid((text, "b"), ((text, Cell(text, "bad")),), text, notes=(text,))
@@ -103,7 +104,7 @@ def test_no_way_out_lets_it_pass(monkeypatch: pytest.MonkeyPatch, how: str, colo
     assert harmless(out, "\n\r\t" if how == "plain" else "\n\r"), repr(out)
 
 
-@pytest.mark.parametrize("text", HOSTILE.values(), ids=HOSTILE)
+@each_row("text", HOSTILE.values(), ids=HOSTILE)
 def test_json_is_utf8_and_lossless(monkeypatch: pytest.MonkeyPatch, text: str) -> None:
     table = Table(rows=[{"name": text}], columns=COLUMNS)
     out = told(monkeypatch, "json", "auto", lambda sink, around: show(table, None, sink, around))

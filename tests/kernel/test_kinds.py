@@ -32,6 +32,7 @@ from handctl.model.param import (
 )
 from handctl.model.result import Journal
 from tests.support.cli import fake, memory, pairs, run, s16, spying, writes
+from tests.support.each_row import each_row
 from tests.support.places import GUIDES
 from tests.support.snapshots import signed, snapshot_of
 
@@ -39,7 +40,7 @@ MAPS = {kind: found for kind in FAMILIES if (found := map_of(kind)) is not None}
 QUANTITIES = [pytest.param(kind, param, id=f"{kind}-{param.name}") for kind, params in MAPS.items() for param in params]
 
 
-@pytest.mark.parametrize(("kind", "param"), QUANTITIES)
+@each_row(("kind", "param"), QUANTITIES)
 def test_every_writable_quantity_has_a_kind(kind: str, param: Param) -> None:
     assert param.kind in KINDS
     assert (param.kind == MEASURED) == ("w" not in param.access)
@@ -120,7 +121,7 @@ SETTABLE = [
 ]
 
 
-@pytest.mark.parametrize(("kind", "param"), SETTABLE)
+@each_row(("kind", "param"), SETTABLE)
 def test_what_moves_or_pushes_once_written_is_a_command_and_nothing_else_is(kind: str, param: Param) -> None:
     changed = set()
     for value in values_of(param):

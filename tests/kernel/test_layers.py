@@ -21,6 +21,7 @@ import pytest
 import handctl
 from handctl.families import COMMANDS, FAMILIES
 from handctl.sim import kinds
+from tests.support.each_row import each_row
 from tests.support.loading import back_ends, heavy, loaded, ours
 
 ROOT = Path(handctl.__file__).parent
@@ -318,7 +319,7 @@ def names_of_families(module: str) -> set[str]:
     return {node.value for node in ast.walk(tree_of(module)) if isinstance(node, ast.Constant)} & set(FAMILIES)
 
 
-@pytest.mark.parametrize("module", [name for name in MODULES if not name.startswith("devices.") and name != "families"])
+@each_row("module", [name for name in MODULES if not name.startswith("devices.") and name != "families"])
 def test_a_family_is_named_by_its_row_its_folder_and_its_simulator_only(module: str) -> None:
     """One more needs no change in what finds, names, opens, stops, simulates, documents and tells devices."""
     parts = module.split(".")
@@ -326,7 +327,7 @@ def test_a_family_is_named_by_its_row_its_folder_and_its_simulator_only(module: 
     assert names_of_families(module) <= own
 
 
-@pytest.mark.parametrize("module", [name for name in MODULES if name.startswith("devices.")])
+@each_row("module", [name for name in MODULES if name.startswith("devices.")])
 def test_a_family_names_no_other(module: str) -> None:
     """What two devices of one maker share may name both."""
     folder = f"handctl.{family_of(module)}."
@@ -396,7 +397,7 @@ WORLD = {
 SANS_IO = [module for module in MODULES if sans_io(module)] + ["model.param", "model.result", "errors"]
 
 
-@pytest.mark.parametrize("module", SANS_IO)
+@each_row("module", SANS_IO)
 def test_codecs_and_maps_do_no_io(module: str) -> None:
     assert {found.target.split(".")[0] for found in imports_of(module)} & WORLD == set()
     assert calls_of(module, {"open", "print", "input", "exec", "eval", "__import__"}) == []

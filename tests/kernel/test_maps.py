@@ -13,6 +13,7 @@ from handctl.devices.inspire import map as books
 from handctl.devices.inspire.map import EXO, WRIST, Register
 from handctl.model.param import ParamMap
 from handctl.sim import create, kinds
+from tests.support.each_row import each_row
 
 MAPS: list[ParamMap[Register]] = [book for book in vars(books).values() if isinstance(book, ParamMap)]
 SOURCE = r"(exo §2\.[23]|wrist §[12]|RH56 §2)(\.\d+)*\b"
@@ -122,7 +123,7 @@ def test_both_books_document_the_same_bytes() -> None:
     assert answered == {address for register in EXO for address in register.span}
 
 
-@pytest.mark.parametrize("register", named(list(EXO)))
+@each_row("register", named(list(EXO)))
 def test_both_books_have_the_same_extent(register: Register) -> None:
     memory = Memory(fault="block-silent")
     data = memory.read(register.address, len(register.span))
@@ -168,7 +169,7 @@ def test_power_on_values(name: str, values: list[int]) -> None:
     assert [register.decode(data[start : start + size]) for start in range(0, len(data), size)] == values
 
 
-@pytest.mark.parametrize("register", named([register for register in EXO if register.name != "id"]))
+@each_row("register", named([register for register in EXO if register.name != "id"]))
 def test_both_books_allow_the_same_writes(register: Register) -> None:
     """A strict hand is silent to what cannot be written or is out of range. (Writing the id is tested by itself.)"""
     bits = 8 * register.size
@@ -271,7 +272,7 @@ def test_both_books_of_the_wrist_document_the_same_bytes(wire: str) -> None:
 
 
 @both_wires
-@pytest.mark.parametrize("register", named(list(WRIST)))
+@each_row("register", named(list(WRIST)))
 def test_power_on_values_of_the_wrist(wire: str, register: Register) -> None:
     data = WristMemory(wire).read(register.address, register.size)
     assert data is not None
@@ -284,7 +285,7 @@ def test_power_on_values_of_the_wrist_are_all_different() -> None:
 
 
 @both_wires
-@pytest.mark.parametrize("register", named([register for register in WRIST if register.name != "move_time"]))
+@each_row("register", named([register for register in WRIST if register.name != "move_time"]))
 def test_both_books_of_the_wrist_allow_the_same_writes(wire: str, register: Register) -> None:
     """A strict wrist is silent to what cannot be written or is out of range (wrist §1, §2.1)."""
     edges = [register.to_raw(value) for value in (register.low, register.high) if value is not None]

@@ -21,6 +21,7 @@ from handctl.model.units import BASES, scale_of
 from handctl.screen.metrics import exposition
 from tests.contract.facts import facts_of
 from tests.support.cli import fake, run
+from tests.support.each_row import each_row
 
 FACTORS = {
     "°C": 1, "°": 1, "deg": 1, "s": 1, "ms": 1e-3, "A": 1, "mA": 1e-3, "mm": 1e-3, "in": 0.0254, "cts": 1, "raw counts": 1,
@@ -61,8 +62,8 @@ def told(family: str, *words: str, fault: str = "") -> str:
     return out[out[: -len("# EOF\n")].rfind("# EOF\n") + 1 :].removeprefix(" EOF\n") if "watch" in words else out
 
 
-@pytest.mark.parametrize("verb", ["status", "dump", "watch"])
-@pytest.mark.parametrize("family", FAMILIES)
+@each_row("verb", ["status", "dump", "watch"])
+@each_row("family", FAMILIES)
 def test_every_number_is_there_in_its_base_unit(family: str, verb: str) -> None:
     params = map_of(family)
     assert params is not None
@@ -112,8 +113,8 @@ def test_the_table_of_units_is_complete(family: str) -> None:
         assert math.isclose(base.of(1), FACTORS[scale.unit if scale is not None else unit])
 
 
-@pytest.mark.parametrize("fault", ["noise", "truncate", "over-temperature", "locked-rotor", "bad-checksum&after=2"])
-@pytest.mark.parametrize("family", FAMILIES)
+@each_row("fault", ["noise", "truncate", "over-temperature", "locked-rotor", "bad-checksum&after=2"])
+@each_row("family", FAMILIES)
 def test_it_is_valid_whatever_the_device_says(family: str, fault: str) -> None:
     text = told(family, "dump", fault=f"fault={fault}")
     assert not text or both(text)  # a simulator may not have this fault
@@ -173,7 +174,7 @@ def context_of(command: str = "exo dump") -> Any:
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("value", [None, True, math.nan, math.inf, -math.inf, 10**30, -0.0, 1e-30, *ODD], ids=repr)
+@each_row("value", [None, True, math.nan, math.inf, -math.inf, 10**30, -0.0, 1e-30, *ODD], ids=repr)
 def test_odd_values_are_valid(value: Any) -> None:
     rows = [
         {"name": "n", "path": "n", "unit": "°C", "value": value},

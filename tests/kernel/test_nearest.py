@@ -11,6 +11,7 @@ import pytest
 from handctl.families import FAMILIES
 from handctl.frame.family import load
 from tests.support.cli import run
+from tests.support.each_row import each_row
 
 MEANT = [
     ("exo stats", "Did you mean 'status'?"),
@@ -34,7 +35,7 @@ MEANT = [
 ]
 
 
-@pytest.mark.parametrize(("line", "said"), MEANT)
+@each_row(("line", "said"), MEANT)
 def test_a_wrong_word_is_answered_with_what_was_meant(line: str, said: str) -> None:
     done = run(*line.split())
     assert (done.code, done.out) == (2, "")

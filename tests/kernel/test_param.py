@@ -7,6 +7,7 @@ import pytest
 from handctl.errors import UsageError
 from handctl.model.param import Param, ParamMap, elements_of
 from handctl.model.units import bit_names, exact_decimal
+from tests.support.each_row import each_row
 
 POSITION = Param(
     name="position", doc="d", source="x §1", low=0, high=1000, special={-1: "not commanded"}, access="rw",
@@ -29,7 +30,7 @@ MAP = ParamMap("toy", [POSITION, SPEED, ANGLE, ERROR, START, VOLTAGE, RESET])
 # -- ranges -----------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("param", "value", "allowed"),
     [
         (POSITION, 0, True), (POSITION, 1000, True), (POSITION, -1, True), (POSITION, -2, False),
@@ -82,7 +83,7 @@ def test_values_that_are_understood(param: Param, text: str, value: float) -> No
     assert param.parse(text) == value
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("param", "text"),
     [
         (POSITION, ""), (POSITION, "x"), (POSITION, "1.5"), (POSITION, "1e2"), (POSITION, "0x"), (POSITION, "--1"),
@@ -196,7 +197,7 @@ def test_assignments_come_in_wire_order() -> None:
     assert pairs("speed=57600 baud") == [("speed", 1)]
 
 
-@pytest.mark.parametrize(
+@each_row(
     "texts",
     [
         ["position"], ["position=1"], ["position=1,2"], ["position=1,2,3,4"], ["position.ring=1,2"], ["position=1,,3"],

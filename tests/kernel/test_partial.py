@@ -8,6 +8,7 @@ from handctl.families import FAMILIES
 from handctl.sim import folder_of
 from tests.contract.facts import facts_of
 from tests.support.cli import run
+from tests.support.each_row import each_row
 
 CASES = [
     pytest.param(family, more, id=" ".join((family, *more)))
@@ -17,8 +18,8 @@ CASES = [
 ENDS = {"disconnect": 3, "silent": 4, "truncate": 5}
 
 
-@pytest.mark.parametrize("fault", ENDS)
-@pytest.mark.parametrize(("family", "more"), CASES)
+@each_row("fault", ENDS)
+@each_row(("family", "more"), CASES)
 def test_what_was_read_is_there(family: str, more: tuple[str, ...], fault: str) -> None:
     link, before = facts_of(family).link(family, "dump", *more), facts_of(family).broken_from
     whole = run(family, "dump", "-p", link, "--json")

@@ -17,6 +17,7 @@ import pytest
 from handctl.docgen.tree import map_of
 from handctl.model.param import Element, Param, elements_of
 from tests.support.cli import run
+from tests.support.each_row import each_row
 from tests.support.snapshots import signed
 
 MORE = {
@@ -165,7 +166,7 @@ EEPROM_ROUTES = (
 )
 
 
-@pytest.mark.parametrize("args", [*SPEED_ROUTES, *EEPROM_ROUTES], ids=" ".join)
+@each_row("args", [*SPEED_ROUTES, *EEPROM_ROUTES], ids=" ".join)
 def test_whatever_may_change_the_speed_or_wear_the_eeprom_asks(tmp_path: Path, args: tuple[str, ...]) -> None:
     route = Route("x", args, {"baud_rate": 192} if "{}" in args else None)
     trace = tmp_path / "t.txt"
@@ -218,8 +219,8 @@ def moving() -> Iterator[tuple[str, ...]]:
     yield ("ekso", "set", "step_length=15.5", "--operator", "me")
 
 
-@pytest.mark.parametrize("args", list(moving()), ids=lambda args: " ".join(args[:2]))
-@pytest.mark.parametrize("by", ["variable", "file"])
+@each_row("args", list(moving()), ids=lambda args: " ".join(args[:2]))
+@each_row("by", ["variable", "file"])
 def test_a_worn_device_never_moves_without_a_word(tmp_path: Path, args: tuple[str, ...], by: str) -> None:
     """HANDCTL_YES=1, or `yes = true` with `quiet = true` in the file: one line on stderr, also with -q and --json."""
     route = Route("x", args[1:], {"force_set.index": 5} if "{}" in args else None)

@@ -13,6 +13,7 @@ from jsonschema import Draft202012Validator
 
 from tests.inspire.exo_commands import COMMANDS, Command, prepare
 from tests.support.cli import ENVELOPE_KEYS, FINGERS, POWER_ON, check_schema, elements, fake, run, schema
+from tests.support.each_row import each_row
 
 UNITS = {"current": "mA", "temperature": "°C"}
 
@@ -37,7 +38,7 @@ def test_the_schema_is_in_the_package_and_names_itself() -> None:
     assert set(ENVELOPE_KEYS) - {"rows"} <= set(content["required"])
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("path", "value"),
     [
         ("schema", "handctl/2"), ("version", 1), ("ok", "yes"), ("exit_code", 9), ("exit_code", 4), ("ok", False),
@@ -93,8 +94,8 @@ def test_dump_keeps_the_gap_bytes() -> None:
     assert blocks[1]["raw"].endswith("1F 20 21 22 23")
 
 
-@pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command.name)
-@pytest.mark.parametrize("fault", ["healthy", "noise", "faults", "silent", "bad-checksum", "disconnect", "refuse"])
+@each_row("command", COMMANDS, ids=lambda command: command.name)
+@each_row("fault", ["healthy", "noise", "faults", "silent", "bad-checksum", "disconnect", "refuse"])
 def test_every_command_is_valid(scratch: Path, command: Command, fault: str) -> None:
     """json: one object with rows; ndjson: rows, then the envelope without them. Success and failure alike."""
     for form in ("json", "ndjson"):

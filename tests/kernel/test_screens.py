@@ -17,6 +17,7 @@ from handctl.model.result import Sample, Table
 from handctl.screen import live
 from tests.contract.facts import facts_of
 from tests.support.cli import run
+from tests.support.each_row import each_row
 from tests.support.screen import Screen, screen
 
 WIDTHS = (40, 80, 200)
@@ -42,7 +43,7 @@ def words(text: str) -> Counter[str]:
     return Counter(word.rstrip(":") for word in BOXES.sub(" ", text).split())
 
 
-@pytest.mark.parametrize(("kind", "verb"), [*SCREENS, *OFFLINE, *FAULTY])
+@each_row(("kind", "verb"), [*SCREENS, *OFFLINE, *FAULTY])
 def test_a_screen_at_any_width(kind: str, verb: str) -> None:
     """No line is wider than the window, and a narrow window says all that the widest says."""
     wide, keys = words(shown(kind, verb, 200).text), key_headings(shown(kind, verb, 200).text)
@@ -74,7 +75,7 @@ def key_headings(text: str) -> Counter[str]:
     return left_out
 
 
-@pytest.mark.parametrize(("kind", "verb"), [*SCREENS, *OFFLINE, *FAULTY])
+@each_row(("kind", "verb"), [*SCREENS, *OFFLINE, *FAULTY])
 def test_the_same_on_a_pipe(kind: str, verb: str) -> None:
     """No boxes, no colour, nothing cut, and the width of a window it does not have is of no interest."""
     narrow, wide = (shown(kind, verb, columns, terminal=False) for columns in (40, 200))
@@ -159,8 +160,8 @@ def test_the_longest_name_is_never_broken() -> None:
 # -- the live view ------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("columns", "rows"), [(40, 24), (40, 70), (80, 24), (200, 50), (30, 8)])
-@pytest.mark.parametrize("kind", LINKS)
+@each_row(("columns", "rows"), [(40, 24), (40, 70), (80, 24), (200, 50), (30, 8)])
+@each_row("kind", LINKS)
 def test_live_view_at_any_size(kind: str, columns: int, rows: int) -> None:
     """Head and counters stay in the window, every value is there whole, or the view says what has no room."""
     seen = screen(kind, "watch", "--count", "2", "-p", LINKS[kind], columns=columns, rows=rows)
@@ -288,13 +289,13 @@ def test_a_failed_read_is_seen() -> None:
 # -- colour -------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("terminal", "env", "more", "coloured"), [
+@each_row(("terminal", "env", "more", "coloured"), [
     (True, {}, (), True), (True, {"NO_COLOR": "1"}, (), False), (True, {}, ("--color", "never"), False),
     (True, {"NO_COLOR": "1"}, ("--color", "always"), True), (False, {}, (), False),
     (False, {}, ("--color", "always"), True), (False, {}, ("--color", "never"), False),
     (False, {"NO_COLOR": "1"}, ("--color", "always"), True), (True, {"HANDCTL_COLOR": "never"}, (), False),
 ])  # fmt: skip
-@pytest.mark.parametrize("kind", ["exo", "wrist", "barrett"])
+@each_row("kind", ["exo", "wrist", "barrett"])
 def test_colour(kind: str, terminal: bool, env: dict[str, str], more: tuple[str, ...], coloured: bool) -> None:
     link = LINKS[kind] + ("&initialized=1" if kind == "barrett" else "")
     seen = screen(kind, "status", "-p", link, *more, env=env, terminal=terminal)

@@ -6,6 +6,7 @@ import pytest
 
 from handctl.sentence import sentence
 from tests.support.cli import run
+from tests.support.each_row import each_row
 
 
 @pytest.mark.parametrize(
@@ -24,7 +25,7 @@ def test_an_ordinary_text(text: str, said: str) -> None:
     assert sentence(text) == said == sentence(said)
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("text", "said"),
     [
         ("/dev/ttyUSB9: no such port", "/dev/ttyUSB9: no such port."), ("id 5 is taken", "id 5 is taken."),

@@ -18,6 +18,7 @@ from handctl.link import open_link, serial
 from handctl.link.lock import canonical
 from handctl.link.owners import group_remedy
 from tests.support.cli import PATIENCE, run
+from tests.support.each_row import each_row
 
 HERE = [
     *("127.0.0.1", "127.1", "0x7f.1", "2130706433", "0", "0.0.0.0", "localhost", "LOCALHOST", "LocalHost."),  # noqa: S104
@@ -57,8 +58,8 @@ CONFIGS = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", CONFIGS)
-@pytest.mark.parametrize("place", [".canrc", "can.conf", ".can", "CAN_CONFIG"])
+@each_row("name", CONFIGS)
+@each_row("place", [".canrc", "can.conf", ".can", "CAN_CONFIG"])
 def test_the_link_alone_says_how_a_bus_is_opened(
     name: str, place: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

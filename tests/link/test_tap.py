@@ -13,6 +13,7 @@ from handctl.link import ByteLink, CanFrame, Deadline, FrameLink, open_link
 from handctl.link.fake import split_url
 from handctl.link.tap import Entry, Tap, parse
 from tests.support.cli import PATIENCE, in_time, run
+from tests.support.each_row import each_row
 from tests.support.scripted import ScriptedLink, hand_on, hexed, unhex
 
 READ_ID, ID_IS_1 = "EB 90 01 04 11 E8 03 01 02", "90 EB 01 04 11 E8 03 01 02"
@@ -49,7 +50,7 @@ def test_comments_and_empty_lines_are_left_out_but_counted() -> None:
     assert [(entry.mark, entry.line) for entry in entries] == [(">", 4), ("<", 6)]
 
 
-@pytest.mark.parametrize(
+@each_row(
     "line",
     [
         "hello", "> XY", "> 9", "> 999", "> 90EB", "90 EB 01", "0.1", "0.1 0.2 > 90", "0.1 90 EB", "abc > 90", "? 90",

@@ -11,6 +11,7 @@ import pytest
 from handctl.errors import HandctlError, LinkError, UsageError
 from handctl.link import ByteLink, open_link, tcp
 from tests.support.cli import PATIENCE
+from tests.support.each_row import each_row
 from tests.support.scripted import unhex
 
 READ_ID, ID_IS_1 = unhex("EB 90 01 04 11 E8 03 01 02"), unhex("90 EB 01 04 11 E8 03 01 02")
@@ -106,7 +107,7 @@ def test_tcp_over_ipv6() -> None:
         link.close()
 
 
-@pytest.mark.parametrize(
+@each_row(
     "link",
     ["tcp://", "tcp://host", "tcp://host:", "tcp://:80", "tcp://host:0", "tcp://host:65536", "tcp://host:x",
      "tcp://host:1:2", "tcp://[::1]", "tcp://[::1", "tcp://::1:80", "tcp://host:-1", "tcp://[::1]80"],

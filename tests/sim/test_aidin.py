@@ -11,6 +11,7 @@ import pytest
 
 from handctl.sim import create
 from handctl.sim.engine.line import Line
+from tests.support.each_row import each_row
 
 NEUTRAL = "{}"
 HOMING = '{"hand_mode":1}'
@@ -139,8 +140,8 @@ def test_fingertip_command() -> None:
     assert tips == pytest.approx([0, 80, 90, *[0, 50, 120] * 4], abs=0.002)
 
 
-@pytest.mark.parametrize("exchange", ["stream", "poll", "command", "mute"])
-@pytest.mark.parametrize(
+@each_row("exchange", ["stream", "poll", "command", "mute"])
+@each_row(
     ("text", "mode"),
     [(INITIAL, 2), (STOP, 3), (BIAS, 4), (MAXTORQUE_800, 5), (ENCODERS, 10), (JOINTS, 22), (FINGERTIPS, 32),
      (CURRENTS, 41), (HOMING, 1), (MAXTORQUE_1000, 5)],
@@ -303,7 +304,7 @@ def test_position_modes_before_homing() -> None:
 # -- modes and data ---------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each_row(
     "text",
     [
         '{"hand_mode":0}', '{"hand_mode":6}', '{"hand_mode":11}', '{"hand_mode":-1}', '{"hand_mode":2.5}',

@@ -12,6 +12,7 @@ import pytest
 
 from handctl.sim import create, model_class
 from handctl.sim.engine.line import LINE_FAULTS, Line
+from tests.support.each_row import each_row
 
 STOP = '{"hand_mode":3}'
 TORQUE = '{"hand_mode":5,"maxtorque":700}'
@@ -48,7 +49,7 @@ def state(line: Line) -> str:
 # -- objects in -------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("data", "expected"),
     [
         pytest.param(TORQUE, "700 dropped 0", id="no terminator"),
@@ -326,7 +327,7 @@ def test_stale_and_late() -> None:
     assert drain(line) == [(pytest.approx(0.6), ask(make()))]
 
 
-@pytest.mark.parametrize("seed", range(20))
+@each_row("seed", range(20))
 def test_noise_leaves_the_object_whole(seed: int) -> None:
     heard = ask(make(fault="noise", seed=seed, between="none"))
     whole = ask(make(between="none"))
@@ -369,8 +370,8 @@ def test_faults_that_mean_nothing_without_id_and_speed(fault: str) -> None:
     assert ask(make(fault=fault)) == ask(make())
 
 
-@pytest.mark.parametrize("exchange", ["poll", "stream"])
-@pytest.mark.parametrize("fault", [*LINE_FAULTS, *model_class("aidin").FAULTS])
+@each_row("exchange", ["poll", "stream"])
+@each_row("fault", [*LINE_FAULTS, *model_class("aidin").FAULTS])
 def test_every_fault_runs_and_ends(fault: str, exchange: str) -> None:
     line = make(fault=fault, exchange=exchange)
     ask(line, STOP)

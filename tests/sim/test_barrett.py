@@ -6,6 +6,7 @@ import pytest
 
 from handctl.sim import create, kinds
 from tests.sim.barrett_bench import GLOBALS, MOTOR_33, PROMPT, Bench, ready
+from tests.support.each_row import each_row
 
 # -- the dossier's transcripts --------------------------------------------------------------------------------------------
 
@@ -56,8 +57,8 @@ VECTORS = {
 }
 
 
-@pytest.mark.parametrize("name", VECTORS)
-@pytest.mark.parametrize("bytewise", [False, True])
+@each_row("name", VECTORS)
+@each_row("bytewise", [False, True])
 def test_transcript(name: str, bytewise: bool) -> None:
     preparations, request, reply = VECTORS[name]
     bench = ready()
@@ -222,13 +223,13 @@ def test_all_34_commands_are_tested() -> None:
     assert sorted(listed) == sorted([*COMMANDS, "FSET", "FGET", "PSET", "PGET"])
 
 
-@pytest.mark.parametrize("command", COMMANDS)
+@each_row("command", COMMANDS)
 def test_too_many_arguments(command: str) -> None:
     _, most = COMMANDS[command]
     assert ready().ask(f"{command} {'1 ' * (most + 1)}") == ["ERR 1024"]
 
 
-@pytest.mark.parametrize("command", [*sorted(set(COMMANDS) - {"LOOP"}), "PSET BAUD 96", "PGET SN", "?HI"])
+@each_row("command", [*sorted(set(COMMANDS) - {"LOOP"}), "PSET BAUD 96", "PGET SN", "?HI"])
 def test_prefix_where_none_is_taken(command: str) -> None:
     """§5.2.2 to §5.2.5; 4096 or not."""
     takes = COMMANDS.get(command, (False, 0))[0]
@@ -251,8 +252,8 @@ def test_not_initialized(command: str) -> None:
     assert bench.get("P", "13S") == ["1021 3063 404"]
 
 
-@pytest.mark.parametrize("argument", ["20001", "-1", "+1", "x", "1.5", "99999999999999999999", "0x10", "²"])
-@pytest.mark.parametrize("command", ["M", "IC", "IO"])
+@each_row("argument", ["20001", "-1", "+1", "x", "1.5", "99999999999999999999", "0x10", "²"])
+@each_row("command", ["M", "IC", "IO"])
 def test_movement_arguments_out_of_range(command: str, argument: str) -> None:
     """0 to 20000 (§5.2.1)."""
     bench = ready()
@@ -260,7 +261,7 @@ def test_movement_arguments_out_of_range(command: str, argument: str) -> None:
     assert bench.get("P") == ["0 0 0 0"]
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("command", "code"),
     [
         ("GET", 32),

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.sim.barrett_bench import PROMPT, Bench, ready
+from tests.support.each_row import each_row
 
 EXAMPLE = (  # §6.4
     "12FSET LCV 1 LCVC 1 LCPG 0 LFV 0 LFS 1 LFAP 0 LFDP 1 LFDPC 1",
@@ -78,7 +79,7 @@ def test_wrong_header() -> None:
     assert bench.ask("VERS") == ["4.33"]
 
 
-@pytest.mark.parametrize("header", [0x00, 0x02, 0x04, 0x0D, 0x2A, 0x40, 0x42, 0x44, 0x60, 0x62, 0x64, 0xC3, 0xFF])
+@each_row("header", [0x00, 0x02, 0x04, 0x0D, 0x2A, 0x40, 0x42, 0x44, 0x60, 0x62, 0x64, 0xC3, 0xFF])
 def test_other_headers(header: int) -> None:
     assert say(example(), f"{header:02X}") == "0A 0D 45 52 52 20 32 30 34 38 0A 0D 3D 3E 20"
 
@@ -494,7 +495,7 @@ def test_answer_begins_at_the_end_of_the_header() -> None:
 SOUND = "2A 70 00 77 00 00 01 9C"
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("options", "answer"),
     [
         ({"fault": "healthy"}, SOUND),

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.sim.barrett_bench import PROMPT, Bench, ready
+from tests.support.each_row import each_row
 
 BANNER = "\n\rBarrettHand Firmware\n\rVersion 4.33\n\r=> "
 TEXT = "\n\rNo firmware: please download\n\r:"
@@ -438,8 +439,8 @@ PLACES = {
 }
 
 
-@pytest.mark.parametrize("number", PLACES)
-@pytest.mark.parametrize("fault", ["wrong-echo", "missing-echo", "extra-byte", "monitor-hang"])
+@each_row("number", PLACES)
+@each_row("fault", ["wrong-echo", "missing-echo", "extra-byte", "monitor-hang"])
 def test_download_faults_at_every_place(fault: str, number: int) -> None:
     data = {1: (0x2000, b"\xa5\x02"), 2: (0x2002, b"\x03\x04")}
     sent = [0x00, 0x20, 0x02, 0xA5, 0x02, 0x02, 0x20, 0x02, 0x03, 0x04][number - 1]
@@ -489,7 +490,7 @@ def test_fault_at_an_address() -> None:
     assert send_record(bench, 0x2002, b"\x03\x04") == "head 0: 42"
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("fault", "echo"),
     [
         ("healthy", "A5"),

@@ -9,6 +9,7 @@ from __future__ import annotations
 import pytest
 
 from tests.sim.barrett_bench import Bench, ready
+from tests.support.each_row import each_row
 
 
 def positions(bench: Bench) -> list[int]:
@@ -22,7 +23,7 @@ def motors(bench: Bench) -> list[str]:
 # -- time -----------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("preparations", "command", "seconds"),
     [
         ([], "GM 17500", 3200 * 256e-6),
@@ -540,9 +541,7 @@ def test_over_temperature_stops_every_motor_command() -> None:
         assert bench.ask("FGET P") == (answer or ["10 10 10 0"])
 
 
-@pytest.mark.parametrize(
-    "command", ["C", "HI", "HOME", "IC", "IO", "M", "O", "T", "TC", "TO", "LOOP", "FGET P", "FSET DP 1", "FLOAD"]
-)
+@each_row("command", ["C", "HI", "HOME", "IC", "IO", "M", "O", "T", "TC", "TO", "LOOP", "FGET P", "FSET DP 1", "FLOAD"])
 def test_which_commands_heat_stops(command: str) -> None:
     movement = command not in ("FGET P", "FSET DP 1", "FLOAD")
     assert ready(fault="over-temperature").ask(command) == ["ERR 8192"]

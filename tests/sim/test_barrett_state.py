@@ -9,6 +9,7 @@ import pytest
 
 from handctl.sim.barrett.uart import resample
 from tests.sim.barrett_bench import GLOBALS, MOTOR_33, PROMPT, Bench, ready
+from tests.support.each_row import each_row
 
 # Another reading of §5.3: mnemonic: (lowest, highest, default of a finger, default of the spread).
 MOTOR = {
@@ -44,7 +45,7 @@ def test_the_tables_are_whole() -> None:
     assert sorted([*GLOBAL, "BAUD", "TEMP", "PTEMP", "UPSECS", "SN"]) == sorted(GLOBALS)
 
 
-@pytest.mark.parametrize("name", ALL)
+@each_row("name", ALL)
 def test_motor_parameter(name: str) -> None:
     """Default, both ends of the range, beyond them, and each motor on its own."""
     low, high, finger, spread = ALL[name]
@@ -516,7 +517,7 @@ def test_damaged_state_file(tmp_path: Path, place: tuple[str | int, ...], value:
 GOOD = "FGET DP\n\r8500 8500 8500 1575\n\r=> "
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("fault", "answer"),
     [
         ("healthy", GOOD),

@@ -13,6 +13,7 @@ from handctl.sim.bus.file import read
 from handctl.sim.bus.line import Bus
 from handctl.sim.bus.models import MODELS, text
 from handctl.sim.bus.pair import Ear, Pair
+from tests.support.each_row import each_row
 
 EXO, WRIST = {"kind": "exo"}, {"kind": "wrist"}
 ASK_3 = bytes.fromhex("EB 90 03 04 11 E8 03 01 04")  # id of the hand with id 3
@@ -254,7 +255,7 @@ def test_power_and_control(tmp_path: Path) -> None:
 # -- the file --------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("content", "complaint"),
     [
         ("", "[line] wire is missing: one of rs485, rs232, can"),

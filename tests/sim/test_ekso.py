@@ -30,6 +30,7 @@ from tests.sim.ekso_bench import (
     Bench,
     message,
 )
+from tests.support.each_row import each_row
 
 TIME_3 = "96 03 00 C8 0E 05 25 A4 DD"
 DATE_3 = "97 03 00 C9 1A 0B 14 F0 D6"
@@ -137,8 +138,8 @@ LENGTHS = {  # request head without its length and its body; per convention requ
 }
 
 
-@pytest.mark.parametrize("place", [0, 1, 2], ids=["n-4", "n-2", "frame"])
-@pytest.mark.parametrize("name", LENGTHS)
+@each_row("place", [0, 1, 2], ids=["n-4", "n-2", "frame"])
+@each_row("name", LENGTHS)
 def test_other_length_conventions(name: str, place: int) -> None:
     command, ident, body, answer, *conventions = LENGTHS[name]
     length, check, answer_length, answer_check = conventions[place].split()
@@ -247,7 +248,7 @@ def test_power_on_values() -> None:
     assert data[25:] == feedback[15:] == [116, 7654321 - 116 * 65536]
 
 
-@pytest.mark.parametrize(("parameter", "word"), WORD_OF_ID.items())
+@each_row(("parameter", "word"), WORD_OF_ID.items())
 def test_each_id_changes_its_word_only(parameter: int, word: int) -> None:
     bench = Bench(posture="sitting")
     raw = {200: 1700, 201: 1650, 202: 1500}.get(parameter, 100 if parameter <= 209 else 1 if POWER_ON[word] != 1 else 0)
@@ -265,7 +266,7 @@ def test_unknown_ids(parameter: int) -> None:
     assert bench.words(152) == POWER_ON
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("parameter", "low", "high", "code"),
     [
         *((number, 1000, 2500, 2) for number in (200, 201)),

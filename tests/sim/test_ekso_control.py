@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.sim.ekso_bench import GET_DATA, GET_TIME, POWER_ON, TIME_4, Bench, message
+from tests.support.each_row import each_row
 
 # -- clocks -------------------------------------------------------------------------------------------------------------
 
@@ -187,7 +188,7 @@ def test_control_commands() -> None:
     assert "reboot" in tell("help")
 
 
-@pytest.mark.parametrize(
+@each_row(
     "text",
     [
         *("dance", "set 199 1", "set step_length", "set step_length 65536", "set step_length x", "posture flying"),

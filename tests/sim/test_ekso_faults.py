@@ -22,11 +22,12 @@ from tests.sim.ekso_bench import (
     Bench,
     message,
 )
+from tests.support.each_row import each_row
 
 # -- faults of the line ------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("fault", "reply"),
     [
         ("silent", ""),

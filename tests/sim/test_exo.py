@@ -10,6 +10,7 @@ import pytest
 
 from handctl.sim import create
 from handctl.sim.engine.line import Line
+from tests.support.each_row import each_row
 
 READ_ID = "EB 90 01 04 11 E8 03 01 02"
 ID_IS_1 = "90 EB 01 04 11 E8 03 01 02"
@@ -70,7 +71,7 @@ class Bench:
 # -- the bytes of a healthy hand --------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("request_", "reply"),
     [
         pytest.param(READ_ID, ID_IS_1, id="id 2.2.3/2.3.1"),
@@ -742,7 +743,7 @@ def test_damaged_state_file(tmp_path: Path, text: str) -> None:
     assert state.read_text(encoding="latin-1") == text
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("key", "value"),
     [
         ("flash", {"id": 0, "speed_code": 0}),
@@ -808,7 +809,7 @@ def test_limit_option() -> None:
     assert bench.ask(READ_ERRORS) == "90 EB 01 08 11 46 06 00 02 00 00 00 68"
 
 
-@pytest.mark.parametrize(
+@each_row(
     "text",
     [
         "set",

@@ -9,6 +9,7 @@ import pytest
 from handctl.sim import create, kinds
 from handctl.sim.engine.line import LINE_FAULTS, Line
 from handctl.sim.engine.model import Random
+from tests.support.each_row import each_row
 
 READ_ID = bytes.fromhex("EB 90 01 04 11 E8 03 01 02")
 ID_IS_1 = bytes.fromhex("90 EB 01 04 11 E8 03 01 02")
@@ -348,8 +349,8 @@ def test_faults_reach_the_late_frame_of_their_request() -> None:
     assert run(healthy) == [(1.0, SAVED)]
 
 
-@pytest.mark.parametrize("fault", sorted(LINE_FAULTS))
-@pytest.mark.parametrize("wire", [None, 115200])
+@each_row("fault", sorted(LINE_FAULTS))
+@each_row("wire", [None, 115200])
 def test_every_fault_ends_and_repeats_with_its_seed(fault: str, wire: int | None) -> None:
     rows = []
     for _ in range(2):
@@ -470,7 +471,7 @@ def test_client_that_writes_without_end_does_not_make_it_grow() -> None:
     assert sum(len(segment.data) for segment in line._rx) <= 65536
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("options", "message"),
     [
         ({"falt": "noise"}, "unknown option 'falt'.*Known: .*fault"),

@@ -22,6 +22,7 @@ from handctl.sim import create
 from handctl.sim.cli import cli
 from handctl.sim.engine.slcan import Adapter, link
 from tests.support.cli import PATIENCE, briefly, in_time, wait_until
+from tests.support.each_row import each_row
 
 PROBE = b"T10FF0001102\r"  # 2 bytes at 1020
 PROBE_REPLY = b"T10FF00012A7FE\r"
@@ -132,7 +133,7 @@ CASES = [
 ]
 
 
-@pytest.mark.parametrize(("setup", "command", "answer"), CASES)
+@each_row(("setup", "command", "answer"), CASES)
 def test_command(setup: bytes, command: bytes, answer: bytes) -> None:
     assert ask(adapter_of(setup), command) == answer
     bytewise = adapter_of(setup)
@@ -170,7 +171,7 @@ def test_wrong_bitrate_shows_in_the_status() -> None:
     assert ask(adapter_of(b"O\r", bitrate=500000), PROBE) == b"\a"
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("setup", "bitrate"),
     [
         (b"S0", 10000),

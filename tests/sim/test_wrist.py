@@ -17,6 +17,7 @@ import handctl
 from handctl.sim import create, kinds, model_class
 from handctl.sim.engine.canline import CAN_FAULTS, CanLine
 from handctl.sim.engine.line import LINE_FAULTS, Line
+from tests.support.each_row import each_row
 
 DUMP = "EB 90 01 04 30 FC 03 18 4C"
 DUMP_REPLY = "90 EB 01 1B 30 FC 03 A7 FE 65 04 6F 00 DE 00 00 00 00 00 1F 22 00 00 00 00 4C 04 D4 FE BC 02 C7"
@@ -153,7 +154,7 @@ def test_it_is_known() -> None:
 # -- serial: the bytes of a healthy wrist ------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("request_", "reply"),
     [
         pytest.param(DUMP, DUMP_REPLY, id="dump 2.1/2.2"),
@@ -311,7 +312,7 @@ def test_padded_write_does_harm() -> None:
     assert bench.line.command("get 1038 8") == "E8 03 18 FC FF FF 00 00"
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("identifier", "data", "extended", "remote"),
     [
         pytest.param(0x10FF0002, "02", True, False, id="another id"),
@@ -925,7 +926,7 @@ def test_dump_takes_its_41_bytes() -> None:
     assert end * 1000 == pytest.approx(3.56, abs=0.005)
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("fault", "heard"),
     [
         ("healthy", PROBE_REPLY),
@@ -1056,7 +1057,7 @@ def test_probes_without_replies() -> None:
     assert bench.line.requests == 0
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("fault", "heard"),
     [
         ("healthy", [CAN_PROBE_REPLY]),
@@ -1264,8 +1265,8 @@ def test_time_never_goes_back_and_may_start_anywhere() -> None:
     assert fresh.take_frames() == [(0x10FF0001, b"\xa7\xfe")]
 
 
-@pytest.mark.parametrize("fault", sorted(CAN_FAULTS))
-@pytest.mark.parametrize("wire", [0, 1])
+@each_row("fault", sorted(CAN_FAULTS))
+@each_row("wire", [0, 1])
 def test_every_bus_fault_ends_and_repeats_with_its_seed(fault: str, wire: int) -> None:
     rows = []
     for _ in range(2):
@@ -1280,8 +1281,8 @@ def test_every_bus_fault_ends_and_repeats_with_its_seed(fault: str, wire: int) -
     assert rows[0] == rows[1]
 
 
-@pytest.mark.parametrize("fault", sorted(LINE_FAULTS))
-@pytest.mark.parametrize("wire", [{}, {"wire": 115200}])
+@each_row("fault", sorted(LINE_FAULTS))
+@each_row("wire", [{}, {"wire": 115200}])
 def test_every_line_fault_ends_and_repeats_with_its_seed(fault: str, wire: dict[str, object]) -> None:
     rows = []
     for _ in range(2):
@@ -1353,7 +1354,7 @@ def test_flash_heat_and_errors_are_kept(tmp_path: Path) -> None:
     assert second.errors() == [2, 2]
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("key", "value"),
     [
         ("flash", {"id": 0, "speed_code": 0, "kept": ""}),
@@ -1415,7 +1416,7 @@ def test_poke_and_peek() -> None:
     assert "release pitch|yaw" in bench.line.command("help")
 
 
-@pytest.mark.parametrize(
+@each_row(
     "text",
     [
         "set",

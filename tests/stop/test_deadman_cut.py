@@ -23,6 +23,7 @@ from handctl.sim.engine.slcan import Adapter
 from tests.barrett.realtime import Run
 from tests.barrett.support import Simulated
 from tests.inspire.wrist_support import fake_wrist
+from tests.support.each_row import each_row
 from tests.support.scripted import fake_hand, unhex
 
 POSITION = unhex("EB 90 01 0B 32 F4 01 90 01 2C 01 C8 00 64 00 1D")
@@ -92,7 +93,7 @@ def test_a_control_block_that_was_cut_off(monkeypatch: pytest.MonkeyPatch, cut: 
     assert run.hand.line.ask("1T").status == 0, "it is at its prompt"
 
 
-@pytest.mark.parametrize("cut", range(len(POSITION) + 1))
+@each_row("cut", range(len(POSITION) + 1))
 def test_a_command_of_the_exoskeleton_hand_that_was_cut_off(cut: int) -> None:
     hand, link = fake_hand()
     hand.command("position", [1000] * 5)
@@ -106,7 +107,7 @@ def test_a_command_of_the_exoskeleton_hand_that_was_cut_off(cut: int) -> None:
     assert memory[1486:1496] == b"".join(place.to_bytes(2, "little") for place in (321, 322, 323, 324, 325))
 
 
-@pytest.mark.parametrize("cut", range(len(MOVE) + 1))
+@each_row("cut", range(len(MOVE) + 1))
 def test_a_movement_of_the_wrist_that_was_cut_off(cut: int) -> None:
     wrist, link = fake_wrist("serial")
     shots = wrist._last_shots(wrist.read(angles(wrist)))
@@ -116,7 +117,7 @@ def test_a_movement_of_the_wrist_that_was_cut_off(cut: int) -> None:
     assert memory[1038:1042] == yaw.to_bytes(2, "little", signed=True) + pitch.to_bytes(2, "little", signed=True)
 
 
-@pytest.mark.parametrize("cut", range(28))
+@each_row("cut", range(28))
 def test_a_line_of_the_can_adapter_that_was_cut_off(cut: int) -> None:
     """The CR before a frame ends that line: the first of the three is heard already."""
     wrist, _ = fake_wrist("can")

@@ -28,6 +28,7 @@ from handctl.sim.engine.serve import send_control
 from handctl.stop.talk import Aim, Sent, drive, talk_of, unheard
 from handctl.system import processes
 from tests.support.cli import PATIENCE, run, wait_until
+from tests.support.each_row import each_row
 from tests.support.scripted import ScriptedLink
 from tests.support.stop import HOW, RELEASE, Stand
 
@@ -63,8 +64,8 @@ def test_every_family_has_a_stop() -> None:
     assert set(FAMILIES) == set(HOW)
 
 
-@pytest.mark.parametrize("speed", [None, 9600, 600])
-@pytest.mark.parametrize("family", FAMILIES)
+@each_row("speed", [None, 9600, 600])
+@each_row("family", FAMILIES)
 def test_a_stop_that_nobody_answers_ends_and_claims_nothing(family: str, speed: int | None) -> None:
     """Before who asked a holder for it gives up."""
     talk = talk_of(family, Aim(Settings(), speed=speed))
@@ -297,8 +298,8 @@ def late_wrist(latency: float, acknowledges: bool = True) -> ScriptedLink:
     return ScriptedLink(answer)
 
 
-@pytest.mark.parametrize("latency", [0.03, 0.062, 0.12, 0.2, 0.3, 0.4, 0.5])
-@pytest.mark.parametrize("typed", ["exo", "wrist"])
+@each_row("latency", [0.03, 0.062, 0.12, 0.2, 0.3, 0.4, 0.5])
+@each_row("typed", ["exo", "wrist"])
 def test_a_late_wrist_gets_its_stop_as_well(typed: str, latency: float) -> None:
     """To `exo stop` a hand that is silent for 50 ms is a hand; who then answers as a wrist is stopped as one."""
     link = late_wrist(latency)

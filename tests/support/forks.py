@@ -27,6 +27,8 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import IO, Any
 
+from tests.support import in_process
+
 ROOT = Path(__file__).parents[2]
 LEFT_OUT = ("handctl.docgen", "handctl.build_zipapp")
 MOST = 1 << 20
@@ -51,6 +53,7 @@ class Forked:
         self, args: Sequence[str], env: Mapping[str, str], *, stdin: Any = subprocess.DEVNULL, stdout: Any = None,
         stderr: Any = None, cwd: str | Path | None = None, preexec_fn: Callable[[], object] | None = None,
     ) -> None:  # fmt: skip
+        in_process.refuse("starts a process")
         assert stdin == subprocess.DEVNULL
         self.args, self.returncode = list(args), None
         with contextlib.ExitStack() as theirs:

@@ -51,6 +51,8 @@ class _Watch:
 
 
 _WATCH = _Watch()
+refuse = _WATCH.refuse
+"""For helpers of the tests whose process was started by an earlier test."""
 sys.addaudithook(_WATCH.audit)
 
 

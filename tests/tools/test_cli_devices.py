@@ -16,6 +16,7 @@ from handctl.frame import portname
 from handctl.frame.options import Settings
 from handctl.link import lock
 from tests.support.cli import Result, Simulator, clean_environment, fake, program, run, spying, wait_until
+from tests.support.each_row import each_row
 
 EXO = '[devices.left]\nkind = "exo"\nport = "fake://exo?clock=virtual&id=2"\nid = 2\n'
 
@@ -109,7 +110,7 @@ def test_a_dry_run_writes_nothing(place: Place) -> None:
     assert place.file.read_text() == EXO
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("args", "words"),
     [
         (("a b", "exo", "-p", "/dev/x"), "a b"), (("a", "toaster", "-p", "/dev/x"), "toaster"),

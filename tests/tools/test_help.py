@@ -13,6 +13,7 @@ from handctl.docgen.plain import plain
 from handctl.families import COMMANDS
 from handctl.frame.clikit import root
 from tests.support.cli import run
+from tests.support.each_row import each_row
 
 TOPICS = run("help", "--format", "plain").lines
 
@@ -23,7 +24,7 @@ def test_the_list_has_every_command_and_every_guide() -> None:
     assert all(re.search(r"\S  +\S", line) for line in run("help").lines)
 
 
-@pytest.mark.parametrize("topic", TOPICS)
+@each_row("topic", TOPICS)
 def test_a_topic_is_plain_text(topic: str) -> None:
     done = run("help", topic)
     assert (done.code, done.err) == (0, "")

@@ -16,6 +16,7 @@ from handctl.model.piece import DEVICE, HOST, Piece
 from handctl.tools import trace_diff
 from handctl.tools.trace_bytes import Given, parse_given
 from handctl.tools.trace_read import Teller, Told, chosen, explainer_of, family_in, lines_of
+from tests.support.each_row import each_row
 from tests.support.places import TRANSCRIPTS
 
 
@@ -89,9 +90,7 @@ FRAMES = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("family", "text", "direction", "meaning"), FRAMES, ids=[f"{f[0]}-{f[1][:24]}" for f in FRAMES]
-)
+@each_row(("family", "text", "direction", "meaning"), FRAMES, ids=[f"{f[0]}-{f[1][:24]}" for f in FRAMES])
 def test_a_frame_in_words(family: str, text: str, direction: str, meaning: str) -> None:
     piece = decoded(family, text)
     assert (piece.direction, piece.meaning, piece.frame) == (direction, meaning, True)
@@ -366,7 +365,7 @@ ALIKE = {"hand-can.txt": "wrist", "hand-eb90.txt": "exo", "hand-words.txt": "exo
 """Frames that an older family has as well: only a recorded command line, or --family, says that they are another's."""
 
 
-@pytest.mark.parametrize("path", RECORDED, ids=lambda path: path.name)
+@each_row("path", RECORDED, ids=lambda path: path.name)
 def test_the_family_is_known_by_the_bytes(path: Path) -> None:
     own = path.name.partition("-")[0]
     with path.open(encoding="utf-8") as file:

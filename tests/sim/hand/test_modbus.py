@@ -9,6 +9,7 @@ import pytest
 
 from handctl.sim.engine.wires import Each, Wires
 from tests.sim.hand.bench import Bench
+from tests.support.each_row import each_row
 
 ANGLES = "01 03 06 0A 00 06 E5 42"
 ANGLES_ARE = "01 03 0C 00 6E 00 DC 01 4A 01 B8 02 26 02 94 FA 22"
@@ -55,7 +56,7 @@ WIRES = pytest.mark.parametrize("wire", ["rtu", "tcp"])
 
 
 @WIRES
-@pytest.mark.parametrize(
+@each_row(
     ("request_", "answer"),
     [
         pytest.param("03 06 0A 00 06", "03 0C 00 6E 00 DC 01 4A 01 B8 02 26 02 94", id="angles"),
@@ -212,8 +213,8 @@ ASK = {
 }
 
 
-@pytest.mark.parametrize("name", ASK)
-@pytest.mark.parametrize(
+@each_row("name", ASK)
+@each_row(
     "fault",
     [
         "silent",

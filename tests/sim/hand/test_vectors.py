@@ -10,6 +10,7 @@ import pytest
 
 from handctl.sim import create
 from tests.sim.hand.bench import TRANSCRIPTS, Bench
+from tests.support.each_row import each_row
 
 GROUPS = 54
 
@@ -55,8 +56,8 @@ def test_every_group_is_there() -> None:
     assert {case.name.split("-")[0] for case in CASES} >= {f"v{number}" for number in range(1, GROUPS + 1)}
 
 
-@pytest.mark.parametrize("piece", [4096, 1])
-@pytest.mark.parametrize("case", [case for case in SHOWN if "bus=can" not in str(case.sim)], ids=lambda case: case.name)
+@each_row("piece", [4096, 1])
+@each_row("case", [case for case in SHOWN if "bus=can" not in str(case.sim)], ids=lambda case: case.name)
 def test_answers_on_a_byte_line(case: Case, piece: int) -> None:
     line, now = made(case), 0.0
     for time, mark, text in case.lines:
@@ -96,7 +97,7 @@ RESET, RUN = NEVER["v24-never"]
 SAVE, CLEAR = NEVER["v30-never"]
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("model", "frame", "acts"),
     [
         ("df", RESET, {"factory-reset": 1}),
