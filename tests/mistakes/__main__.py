@@ -34,7 +34,7 @@ def seeded(one: Mistake, files: Sequence[str]) -> Told:
         seed(one.patches)
     except Stale as exc:
         return {"broken": [f"no longer fits: {exc}"]}
-    verdict = run(files or one.tests, bool(files))
+    verdict = run(files or one.tests)
     return {
         "broken": verdict.broken,
         "missed": [] if files else [name for name in one.tests if name not in verdict.failed],
@@ -97,10 +97,10 @@ def table(some: Sequence[Mistake], missed: Counter[str]) -> None:
 
 def find(some: Sequence[Mistake], files: Sequence[str], jobs: int, folder: Path) -> None:
     """Which tests of these files, or below these folders, find each mistake, the quickest first."""
-    paths = [TOP / name for name in files]
-    modules = [found for path in paths for found in ([path] if path.is_file() else sorted(path.rglob("test_*.py")))]
-    names = [str(path.relative_to(TOP)) for path in modules]
-    for name, result in together([(one.name, partial(seeded, one, names)) for one in some], jobs, folder):
+    below = {name: sorted((TOP / name).rglob("test_*.py")) for name in files}
+    names = [str(path.relative_to(TOP)) for found in below.values() for path in found]
+    names += [name for name, found in below.items() if not found]
+    for name, result in together([(one.name, partial(seeded, one, names)) for one in some], jobs, folder, 600.0):
         print(
             f"{name}: {len(result.get('failed', ()))} tests find it{''.join('; ' + text for text in result['broken'])}"
         )

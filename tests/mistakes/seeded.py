@@ -24,7 +24,7 @@ import pytest
 from tests.mistakes.table import TOP, Patch
 
 QUICK = (
-    "-q", "-m", "", "--tb=line", "--no-header", "--no-summary", "--assert=plain", "--capture=fd", f"--rootdir={TOP}",
+    "-q", "--tb=line", "--no-header", "--no-summary", "--assert=plain", "--capture=fd", f"--rootdir={TOP}",
     *(word for name in ("cacheprovider", "xdist", "hypothesispytest", "stepwise", "junitxml", "doctest", "unittest", "pastebin",
       "nose", "faulthandler", "logging", "anyio", "cov") for word in ("-p", f"no:{name}")),
 )  # fmt: skip
@@ -87,11 +87,13 @@ def _opened_instead(texts: dict[str, str]) -> None:
 
 
 class Verdict:
-    """A plugin: of the modules it is given it runs the tests asked for, and of each only until it has failed once."""
+    """A plugin: of the modules it is given it runs the tests asked for, each only until it has failed once.
 
-    def __init__(self, wanted: Iterable[str], whole: bool = False) -> None:
+    Where a whole file is asked for, all its tests are.
+    """
+
+    def __init__(self, wanted: Iterable[str]) -> None:
         self.wanted = tuple(wanted)
-        self.whole = whole
         self.failed: dict[str, str] = {}
         self.passed: dict[str, float] = {}
         self.broken: list[str] = []
@@ -100,15 +102,15 @@ class Verdict:
         """Which of the tests asked for this item belongs to."""
         for one in self.wanted:
             if nodeid == one or nodeid.startswith((one + "[", one + "::")):
-                return one
-        return nodeid.partition("[")[0] if self.whole else None
+                return one if "::" in one else nodeid.partition("[")[0]
+        return None
 
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
         items[:] = [item for item in items if self.of(item.nodeid)]
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_runtest_protocol(self, item: pytest.Item) -> bool | None:
-        return True if not self.whole and self.of(item.nodeid) in self.failed else None
+        return True if self.of(item.nodeid) in self.failed else None
 
     def pytest_collectreport(self, report: pytest.CollectReport) -> None:
         if report.failed:
@@ -124,11 +126,10 @@ class Verdict:
         self.passed[name] = self.passed.get(name, 0.0) + report.duration
 
 
-def run(tests: Iterable[str], whole: bool = False) -> Verdict:
-    """Run these tests here; `whole` runs all that their modules hold, to find out which of them fail."""
-    wanted = tuple(tests)
-    verdict = Verdict(() if whole else wanted, whole)
-    files = sorted({one.partition("::")[0] for one in wanted})
+def run(tests: Iterable[str]) -> Verdict:
+    """Run these tests here."""
+    verdict = Verdict(tests)
+    files = sorted({one.partition("::")[0] for one in verdict.wanted})
     gc.freeze()
     place = f"--basetemp={tempfile.mkdtemp()}/tests"
     pytest.main([*QUICK, place, *(str(TOP / file) for file in files)], plugins=[verdict])

@@ -19,7 +19,9 @@ Told = dict[str, Any]
 Job = Callable[[], Told]
 
 
-def together(jobs: Sequence[tuple[str, Job]], most: int, folder: Path) -> Iterator[tuple[str, Told]]:
+def together(
+    jobs: Sequence[tuple[str, Job]], most: int, folder: Path, patience: float = PATIENCE
+) -> Iterator[tuple[str, Told]]:
     """The result of each job, at most so many running at once, in the order in which they end."""
     left, running = list(reversed(jobs)), dict[int, tuple[str, float]]()
     try:
@@ -29,7 +31,7 @@ def together(jobs: Sequence[tuple[str, Job]], most: int, folder: Path) -> Iterat
                 running[_forked(job, folder / name)] = (name, time.monotonic())
             pid, status = os.waitpid(-1, os.WNOHANG)
             if pid == 0:
-                _end_late(running)
+                _end_late(running, patience)
                 time.sleep(0.002)
                 continue
             name, began = running.pop(pid)
@@ -43,9 +45,9 @@ def together(jobs: Sequence[tuple[str, Job]], most: int, folder: Path) -> Iterat
             os.kill(pid, signal.SIGKILL)
 
 
-def _end_late(running: dict[int, tuple[str, float]]) -> None:
+def _end_late(running: dict[int, tuple[str, float]], patience: float) -> None:
     for pid, (_, began) in running.items():
-        if time.monotonic() - began > PATIENCE:
+        if time.monotonic() - began > patience:
             os.kill(pid, signal.SIGKILL)
 
 

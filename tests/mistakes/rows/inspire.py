@@ -4,6 +4,7 @@ from tests.mistakes.table import mistake
 
 EB90 = "handctl.devices.inspire.eb90"
 BUS = "handctl.devices.inspire.bus"
+MODBUS = "handctl.devices.inspire.modbus"
 
 ROWS = (
     mistake(
@@ -113,5 +114,84 @@ ROWS = (
         'stale, self._rest = self._rest, b""',
         'return b""',
         "tests/inspire/test_bus.py::test_what_lay_in_the_input_before_the_request_is_dropped",
+    ),
+    mistake(
+        "modbus-any-register-acknowledges",
+        "wrong id accepted",
+        MODBUS,
+        "answers",
+        "return pdu in (request[:5], zero)",
+        "return len(pdu) == 5",
+        "tests/inspire/test_modbus.py::test_an_acknowledgement_of_another_write_before_its_own_is_passed_over",
+        "tests/inspire/test_rh56_hostile.py::test_an_acknowledgement_of_another_quantity_is_none",
+    ),
+    mistake(
+        "modbus-any-unit-answers",
+        "wrong id accepted",
+        MODBUS,
+        "RtuDecoder._size",
+        "if buffer[0] != self._unit:",
+        "if buffer[0] == 0:",
+        "tests/inspire/test_rh56_hostile.py::test_the_answer_of_another_id_is_not_taken",
+        "tests/inspire/test_modbus.py::test_a_write_is_acknowledged_by_its_own_unit_and_register_only",
+    ),
+    mistake(
+        "modbus-crc-not-checked",
+        "checksum not checked",
+        MODBUS,
+        "RtuDecoder.next",
+        "if frame[-2:] == expected and answers(frame[1:-2], self._request):",
+        "if answers(frame[1:-2], self._request):",
+        "tests/inspire/test_modbus.py::test_a_write_is_acknowledged_by_its_own_unit_and_register_only",
+        "tests/inspire/test_rh56_hostile.py::test_one_flipped_bit_is_never_a_value",
+    ),
+    mistake(
+        "modbus-crc-high-byte-first",
+        "byte order",
+        MODBUS,
+        "crc",
+        'return _crc()(body).to_bytes(2, "little")',
+        'return _crc()(body).to_bytes(2, "big")',
+        "tests/inspire/test_rh56_hostile.py::test_the_echo_of_a_write_is_not_its_acknowledgement",
+        "tests/inspire/test_rh56_host.py::test_the_host_makes_every_frame_of_the_vectors_and_takes_every_answer",
+    ),
+    mistake(
+        "modbus-address-from-one",
+        "address off by one",
+        MODBUS,
+        "read_request",
+        'return bytes([READ]) + address.to_bytes(2, "big") + words.to_bytes(2, "big")',
+        'return bytes([READ]) + (address - 1).to_bytes(2, "big") + words.to_bytes(2, "big")',
+        "tests/inspire/test_rh56_host.py::test_the_host_makes_every_frame_of_the_vectors_and_takes_every_answer",
+        "tests/inspire/test_rh56_hostile.py::test_a_hand_that_refuses_undocumented_addresses_is_read_and_known",
+    ),
+    mistake(
+        "modbus-halves-not-swapped",
+        "byte order",
+        MODBUS,
+        "to_memory",
+        "swapped[0::2], swapped[1::2] = data[1::2], data[0::2]",
+        "swapped[:] = data",
+        "tests/inspire/test_rh56_hostile.py::test_the_echo_of_a_write_is_not_its_acknowledgement",
+        "tests/inspire/test_rh56_host.py::test_bytes_that_come_one_to_a_register_are_taken_so",
+    ),
+    mistake(
+        "modbus-late-answer-passes",
+        "stale input believed",
+        "handctl.devices.inspire.modbusbus",
+        "ModbusBus.exchange",
+        "first = None if self._state.counts else self._owed.between(pdu)",
+        "first = None",
+        "tests/inspire/test_rh56_hostile.py::test_an_answer_that_comes_late_again_and_again",
+    ),
+    mistake(
+        "modbus-neighbour-of-a-trigger-written",
+        "address off by one",
+        "handctl.devices.inspire.modbusbus",
+        "ModbusBus.write_pdu",
+        "or address in (1003, 1007)",
+        "or address in (1004,)",
+        "tests/inspire/test_rh56_hostile.py::test_the_echo_of_a_write_is_not_its_acknowledgement",
+        "tests/inspire/test_rh56_host.py::test_what_lies_beside_a_trigger_is_never_set_off_over_modbus",
     ),
 )
