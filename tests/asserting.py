@@ -44,7 +44,9 @@ def main(words: list[str]) -> int:
     # The hook is compiled into the tests, so their usual bytecode is of no use.
     with tempfile.TemporaryDirectory() as folder:
         sys.pycache_prefix = folder
-        code = pytest.main(["-q", "-p", "no:xdist", "-o", "enable_assertion_pass_hook=true", *words], plugins=[counting])
+        code = pytest.main(
+            ["-q", "-p", "no:xdist", "-o", "enable_assertion_pass_hook=true", *words], plugins=[counting]
+        )
     print(*counting.empty, f"{len(counting.empty)} tests assert nothing", sep="\n")
     return int(code) or bool(counting.empty)
 

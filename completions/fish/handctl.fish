@@ -619,7 +619,7 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set opts '-h	Show this help.' '--help	Show this help.'
             set args 'choice:exo,wrist,barrett,ekso,aidin,hand'
         case 'batch'
-            set opts '--keep-going	Continue after a line that failed.' '-h	Show this help.' '--help	Show this help.'
+            set opts '--keep-going	Continue after a line that failed. The exit code is still that of the first one.' '-h	Show this help.' '--help	Show this help.'
             set args 'file'
         case 'devices'
             set cmds 'list	List the named devices.' 'add	Give a device a name in the configuration file.' 'remove	Delete a name from the configuration file. Everything else in the file stays.' 'show	Show every setting that -d NAME gives, and where each comes from.'

@@ -5,11 +5,18 @@ from __future__ import annotations
 import json
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
+import pytest
+
+from handctl.frame import simulated
 from tests.support.cli import Result, check_schema, fake, run, spying
 from tests.support.each_row import each_row
+from tests.support.scripted import ScriptedLink
 
 GET = "exo get system_voltage"
+ID = bytes.fromhex("90EB010411E8030102")
+"""The answer to `get id`."""
 
 
 def batch(*lines: str, more: tuple[str | Path, ...] = (), link: str = "") -> Result:
@@ -62,6 +69,33 @@ def test_the_first_failure_ends_it_and_is_its_exit_code() -> None:
     assert "line 2 (exo get): " in stopped.err.casefold() and "1 of 2 lines failed" in stopped.err
     on = batch(GET, GET, GET, more=("--json", "--timeout", "0.1", "--keep-going"), link=link)
     assert on.code == 4 and ends(on)[-1]["end"]["failed"] == 2
+
+
+@pytest.mark.parametrize("more", [(), ("--json",), ("--format", "csv")])
+def test_with_keep_going_the_exit_code_is_that_of_the_first_line_that_failed(more: tuple[str, ...]) -> None:
+    """As it is without: what ran on behind it changes nothing of that."""
+    silent, damaged = (f"{GET} -p {fake(fault=fault)} --timeout 0.1" for fault in ("silent", "bad-checksum"))
+    for lines, code, first in (([GET, silent, GET, damaged], 4, 2), ([damaged, silent, GET], 5, 1)):
+        result = batch(*lines, more=("--keep-going", *more))
+        assert result.code == code, result
+        assert f"2 of {len(lines)} lines failed, the first is line {first} (exo get)" in result.err
+        if "--json" in more:
+            whole = ends(result)[-1]["end"]
+            assert (whole["exit_code"], whole["failed"]) == (code, 2) and len(ends(result)) == len(lines) + 1
+
+
+RELEASED, HELD = "90EB010D3184038E039803A203AC03F40156", "90EB010B32000000000000000000003E"
+"""What a hand answers to the two commands of a stop: forces 0, then hold (exo §2.2.1, §2.2.2)."""
+
+
+def test_what_came_between_two_lines_belongs_to_neither() -> None:
+    """Answers of an earlier stop, late on the line: believed, they would make a success of a stop that nobody heard."""
+    stale = [(0.0, bytes.fromhex(text)) for text in (RELEASED, HELD)]
+    link = ScriptedLink(lambda request: [(0.0, ID), *stale] if request[4:7] == b"\x11\xe8\x03" else [])
+    with mock.patch.object(simulated, "opened", lambda *_: link):
+        result = batch("exo get id", "exo stop", more=("--json",))
+    assert [end["end"]["exit_code"] for end in ends(result)] == [0, 4, 4], result
+    assert "commanded to 0, but no answer arrived" in result.err
 
 
 @each_row(

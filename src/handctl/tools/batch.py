@@ -12,7 +12,11 @@ from handctl.model.result import Table
 
 @click.command("batch", cls=Command, writes=True, streams=True)
 @click.argument("file", type=InFile(), default="-", metavar="[FILE]")
-@click.option("--keep-going", is_flag=True, help="Continue after a line that failed.")
+@click.option(
+    "--keep-going",
+    is_flag=True,
+    help="Continue after a line that failed. The exit code is still that of the first one.",
+)
 @click.pass_context
 def cli(context: click.Context, file: str, keep_going: bool) -> Table | None:
     """Run many commands on one open link, from FILE or stdin.

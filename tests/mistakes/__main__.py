@@ -1,0 +1,142 @@
+"""python -m tests.mistakes [NAME…] [--list] [--find FILE…] [--jobs N]: every seeded mistake must be found by its tests.
+
+First the tests run without any mistake, where each must pass. Then each mistake gets a process of its own, in which each test
+named with it must fail. Exit code 1 if one was missed, if its line is gone from its function, or if a test is not there.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from functools import partial
+from pathlib import Path
+
+from tests.mistakes.seeded import prepare, run, seed
+from tests.mistakes.table import TOP, Mistake, Stale, mistakes
+from tests.mistakes.together import Told, together
+
+
+def healthy(tests: Sequence[str]) -> Told:
+    """The tests without a mistake."""
+    verdict = run(tests)
+    wrong = {name: f"fails without a mistake: {text}" for name, text in verdict.failed.items()}
+    wrong.update({name: "is not there, or was skipped" for name in tests if name not in verdict.passed})
+    return {"broken": verdict.broken, "wrong": wrong, "took": verdict.passed}
+
+
+def seeded(one: Mistake, files: Sequence[str]) -> Told:
+    """The tests of one mistake, or whole files, with the mistake."""
+    try:
+        seed(one.patches)
+    except Stale as exc:
+        return {"broken": [f"no longer fits: {exc}"]}
+    verdict = run(files or one.tests)
+    return {
+        "broken": verdict.broken,
+        "missed": [] if files else [name for name in one.tests if name not in verdict.failed],
+        "failed": verdict.failed,
+        "took": verdict.passed,
+    }
+
+
+def chosen(names: Sequence[str]) -> list[Mistake]:
+    """Those of these names, rooms or kinds; all without any."""
+    known = mistakes()
+    if unknown := [name for name in names if not any(name in (one.name, one.room, one.kind) for one in known)]:
+        raise Stale(f"there is no mistake, room or kind {', '.join(unknown)}")
+    return [one for one in known if not names or {one.name, one.room, one.kind} & set(names)]
+
+
+def told(name: str, problems: Iterable[str]) -> None:
+    """A mistake that was missed, and the command that says so again."""
+    print(f"MISSED {name}\n  " + "\n  ".join(problems) + f"\n  python -m tests.mistakes {name}")
+
+
+def check(some: Sequence[Mistake], jobs: int, folder: Path) -> int:
+    """Run all of it; how many were missed."""
+    tests = sorted({test for one in some for test in one.tests})
+    by_file = sorted({test.partition("::")[0] for test in tests})
+    shares = [[test for test in tests if by_file.index(test.partition("::")[0]) % jobs == part] for part in range(jobs)]
+    wrong: dict[str, str] = {}
+    broken: list[str] = []
+    missed: Counter[str] = Counter()
+    clean = [(f"without a mistake {part}", partial(healthy, share)) for part, share in enumerate(shares) if share]
+    for _, result in together(clean, jobs, folder):
+        wrong.update(result.get("wrong", {}))
+        broken += result["broken"]
+    for text in broken:
+        print(f"MISSED without a mistake: {text}")
+    todo = [(one.name, partial(seeded, one, ())) for one in some]
+    by_name = {one.name: one for one in some}
+    for name, result in together(todo, jobs, folder):
+        one = by_name[name]
+        problems = [*result["broken"], *(f"{test} passes" for test in result.get("missed", ()))]
+        problems += [f"{test} {wrong[test]}" for test in one.tests if test in wrong]
+        if not one.tests:
+            problems.append("no test is named with it")
+        if problems:
+            missed[name] += 1
+            told(name, problems)
+    table(some, missed)
+    return len(missed) + len(broken)
+
+
+def table(some: Sequence[Mistake], missed: Counter[str]) -> None:
+    """How many there are of each kind and in each room."""
+    for title, of in (("kind", lambda one: one.kind), ("room", lambda one: one.room)):
+        print(f"\n{title:<36} seeded  found")
+        for name, count in sorted(Counter(of(one) for one in some).items()):
+            lost = sum(1 for one in some if of(one) == name and one.name in missed)
+            print(f"{name:<36} {count:6} {count - lost:6}")
+    print(f"\n{len(some)} mistakes, {len(some) - len(missed)} found")
+
+
+def find(some: Sequence[Mistake], files: Sequence[str], jobs: int, folder: Path) -> None:
+    """Which tests of these files, or below these folders, find each mistake, the quickest first."""
+    below = {name: sorted((TOP / name).rglob("test_*.py")) for name in files}
+    names = [str(path.relative_to(TOP)) for found in below.values() for path in found]
+    names += [name for name, found in below.items() if not found]
+    for name, result in together([(one.name, partial(seeded, one, names)) for one in some], jobs, folder, 600.0):
+        print(
+            f"{name}: {len(result.get('failed', ()))} tests find it{''.join('; ' + text for text in result['broken'])}"
+        )
+        failed, took = result.get("failed", {}), result.get("took", {})
+        for test in sorted(failed, key=lambda test: took.get(test, 0.0))[:12]:
+            print(f"  {took.get(test, 0.0):6.3f} s  {test}  {failed[test]}")
+
+
+def main() -> int:
+    """The command."""
+    parser = argparse.ArgumentParser(prog="python -m tests.mistakes", description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("names", nargs="*", metavar="NAME", help="of mistakes, rooms or kinds; all without any")
+    parser.add_argument("--list", action="store_true", help="name them, with the tests that must find each")
+    parser.add_argument("--find", nargs="+", metavar="FILE", help="say which tests of these files or folders find them")
+    parser.add_argument("--jobs", type=int, default=2, metavar="N", help="processes at once (2)")
+    args = parser.parse_args()
+    began = time.monotonic()
+    try:
+        some = chosen(args.names)
+    except Stale as exc:
+        parser.error(str(exc))
+    if args.list:
+        for one in some:
+            print(f"{one.room:<10} {one.kind:<28} {one.name}")
+            print("".join(f"{'':<11}{test}\n" for test in one.tests), end="")
+        return 0
+    prepare()
+    with tempfile.TemporaryDirectory() as folder:
+        tempfile.tempdir = folder  # of the children, too: what they leave goes with it
+        if args.find:
+            find(some, args.find, args.jobs, Path(folder))
+            return 0
+        lost = check(some, args.jobs, Path(folder))
+    print(f"{time.monotonic() - began:.1f} s")
+    return 1 if lost else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,1 @@
+"""The seeded mistakes, a module for each room of the source; each has ROWS."""

@@ -1,0 +1,61 @@
+"""What carries a command: batch and shell, options, configuration, links of several commands."""
+
+from tests.mistakes.table import mistake
+
+BATCH = "handctl.frame.batch"
+SESSION = "handctl.frame.session"
+
+ROWS = (
+    mistake(
+        "batch-ends-as-the-last-failed-line",
+        "wrong exit code",
+        BATCH,
+        "_failure",
+        "one, first = failed[0]",
+        "one, first = failed[-1]",
+        "tests/kernel/test_batch.py::test_with_keep_going_the_exit_code_is_that_of_the_first_line_that_failed",
+    ),
+    mistake(
+        "session-keeps-stale-input",
+        "stale input believed",
+        SESSION,
+        "Session.connection",
+        "_discard(known.link)",
+        "pass",
+        "tests/kernel/test_batch.py::test_what_came_between_two_lines_belongs_to_neither",
+    ),
+    mistake(
+        "batch-goes-on-behind-a-failure",
+        "swallowed error",
+        BATCH,
+        "_run",
+        "if error is not None and not (keep_going and error.exit_code != Interrupted.exit_code):",
+        "if error is not None and error.exit_code == Interrupted.exit_code:",
+        "tests/kernel/test_batch.py::test_the_first_failure_ends_it_and_is_its_exit_code",
+    ),
+    mistake(
+        "batch-asks-nothing",
+        "missing question",
+        BATCH,
+        "_confirmed",
+        "if plan.question and not one.settings.yes and not one.settings.dry_run",
+        "if plan.question and one.settings.yes and not one.settings.dry_run",
+        "tests/kernel/test_batch.py::test_a_yes_runs_what_asks_and_the_next_line_sees_it",
+    ),
+    mistake(
+        "session-one-link-for-two-ids",
+        "two locks",
+        SESSION,
+        "Session.connection",
+        "for other in [other for other in self._open if other.link == key.link]:",
+        "for other in ():",
+    ),
+    mistake(
+        "session-keeps-a-lost-link",
+        "stale input believed",
+        SESSION,
+        "Session.keeps",
+        "if lost or stopped:",
+        "if stopped:",
+    ),
+)
