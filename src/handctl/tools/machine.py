@@ -95,7 +95,7 @@ class Machine:
     user: Callable[[], str] = user_name
     access: Callable[[Path], bool] = lambda path: os.access(path, os.R_OK | os.W_OK)
     run_ip: Callable[[], str] = _run_ip
-    source: Callable[[str], str] = network.source
+    source: Callable[[str], str] = lambda address: network.source(address)  # noqa: PLW0108 - looked up when it is called
     listing: Callable[[], list[Any]] = _list_ports
     driver: Callable[[str], Driver] = drivers.of
     without_driver: Callable[[], list[tuple[str, str]]] = drivers.without

@@ -1,0 +1,226 @@
+"""Where the golden wire takes hold of handctl: whatever it patches or imports of the source's inside is named here.
+
+A simulated link is spoken to and listened to at four methods. Behind a frame, where the program listens or sleeps next, a
+`Place` acts: Ctrl-C, or the wish of another handctl. `mortal` makes a simulated link one that could outlive this process,
+and takes what its child would be told.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
+from typing import Any
+from unittest import mock
+
+from handctl import report
+from handctl.link.base import Outlet
+from handctl.link.fake import FakeFrames, FakeLink
+from handctl.stop.holding import Hold
+from handctl.system import child, network
+from handctl.tools import doctor
+
+SPEAKS = ((FakeLink, "write"), (FakeFrames, "send"))
+LISTENS = ((FakeLink, "read"), (FakeFrames, "receive"))
+WAITS = (*LISTENS, (FakeLink, "sleep"), (FakeFrames, "sleep"))
+THIS_MACHINE = ((doctor, "machine_checks", list), (report, "environment", list), (network, "source", str))
+"""What tells of the machine: says nothing here."""
+EVENTS = ((FakeLink, "set_baud"), (FakeLink, "reopen"), (FakeLink, "power_cycle"), (FakeFrames, "power_cycle"))
+
+
+@dataclass(frozen=True)
+class Passed:
+    """What passed on a link: ">" out, "<" in, "!" an event, "+" an order to the child. `link` counts from 0."""
+
+    mark: str
+    data: bytes
+    can_id: int | None = None
+    at: float = 0.0
+    text: str = ""
+    link: int = 0
+
+
+@dataclass
+class Wire:
+    """What passed on the links of one run, in order; `place` is called where the program listens or sleeps."""
+
+    place: Callable[[Wire], None] | None = None
+    passed: list[Passed] = field(default_factory=list)
+    links: list[Any] = field(default_factory=list)
+    hold: Hold | None = None
+
+    def frames(self) -> list[Passed]:
+        """What was sent."""
+        return [one for one in self.passed if one.mark == ">"]
+
+    def number(self, link: Any) -> int:
+        """A link by its first use."""
+        for number, known in enumerate(self.links):
+            if known is link:
+                return number
+        self.links.append(link)
+        return len(self.links) - 1
+
+    def note(self, mark: str, link: Any, data: Any, text: str = "") -> None:
+        at = round(link.now(), 3)
+        raw, can_id = getattr(data, "data", data), getattr(data, "can_id", None)
+        self.passed.append(Passed(mark, bytes(raw), can_id, at, text, self.number(link)))
+
+    # -- in place of the methods of a link --
+
+    def speaking(self, speak: Any) -> Any:
+        def spoken(link: Any, data: Any, *args: Any) -> Any:
+            self.note(">", link, data)  # also of a link that is lost: that is what it tried
+            return speak(link, data, *args)
+
+        return spoken
+
+    def listening(self, listen: Any) -> Any:
+        def listened(link: Any, *args: Any, **more: Any) -> Any:
+            if data := listen(link, *args, **more):
+                self.note("<", link, data)
+            return data
+
+        return listened
+
+    def waiting(self, wait: Any) -> Any:
+        def waited(link: Any, *args: Any, **more: Any) -> Any:
+            if self.place is not None:
+                self.place(self)
+            return wait(link, *args, **more)
+
+        return waited
+
+    def telling(self, name: str, do: Any) -> Any:
+        def done(link: Any, *args: Any) -> Any:
+            self.note("!", link, b"", " ".join([name.replace("_", "-"), *map(str, args)]))
+            return do(link, *args)
+
+        return done
+
+    def keeping(self, around: Any) -> Any:
+        def kept(hold: Hold, link: Any) -> Any:
+            self.hold = hold
+            return around(hold, link)
+
+        return kept
+
+
+@contextmanager
+def watched(wire: Wire) -> Iterator[None]:
+    """All simulated links of the block are those of `wire`."""
+    with ExitStack() as stack:
+
+        def patch(owner: Any, name: str, made: Callable[[Any], Any]) -> None:
+            stack.enter_context(mock.patch.object(owner, name, made(getattr(owner, name))))
+
+        for owner, name in SPEAKS:
+            patch(owner, name, wire.speaking)
+        for owner, name in LISTENS:
+            patch(owner, name, wire.listening)
+        for owner, name in WAITS:
+            patch(owner, name, wire.waiting)
+        for owner, name in EVENTS:
+            patch(owner, name, lambda do, name=name: wire.telling(name, do))
+        patch(Hold, "around", wire.keeping)
+        for owner, name, nothing in THIS_MACHINE:
+            patch(owner, name, lambda _own, nothing=nothing: lambda *_args: nothing())
+        yield
+
+
+def ctrl_c(_wire: Wire) -> None:
+    """As pressed on a terminal."""
+    signal.raise_signal(signal.SIGINT)
+
+
+def other_handctl(wire: Wire) -> None:
+    """As `handctl stop` of another process has it done by who holds the device."""
+    assert wire.hold is not None, "nothing holds the link"
+    wire.hold.stop("stopped, as another handctl asked for it")
+    wire.hold.end(sys._getframe())
+
+
+class Place:
+    """Does something once, at the first wait behind the n-th frame; of a command that sends none, behind the n-th that came."""
+
+    def __init__(self, behind: int, mark: str, do: Callable[[Wire], None]) -> None:
+        self.behind, self.mark, self.do = behind, mark, do
+        self.done = False
+
+    def __call__(self, wire: Wire) -> None:
+        if not self.done and sum(one.mark == self.mark for one in wire.passed) >= self.behind:
+            self.done = True
+            self.do(wire)
+
+
+# -- the death of the process ---------------------------------------------------------------------------------------------
+
+
+class Child:
+    """In place of the process that stops a device when this one dies: no process, but what it is told, in order."""
+
+    def __init__(self, wire: Wire) -> None:
+        self.wire = wire
+        self._unpack: Any = None
+        self._reads = -1
+
+    def started(self, _link: int, _held: Any, first: Any, unpack: Any, _bound: float) -> tuple[int, int]:
+        self._unpack = unpack
+        self._reads, writes = os.pipe()
+        os.set_blocking(self._reads, False)
+        self._note("is ready", first)
+        return 1, writes
+
+    def ended(self, _pid: int, pipe: int) -> None:
+        self.hear()
+        os.close(pipe)
+        os.close(self._reads)
+        self._reads = -1
+        self._note("has ended", (b"", ()))
+
+    def hear(self) -> None:
+        """Take what it was told meanwhile."""
+        if self._reads < 0:
+            return
+        try:
+            rest = os.read(self._reads, 1 << 16)
+        except BlockingIOError:
+            return
+        while rest:
+            size = 2 + int.from_bytes(rest[:2], "big")
+            self._note("is told", self._unpack(rest[2:size]))
+            rest = rest[size:]
+
+    def _note(self, what: str, orders: Any) -> None:
+        owed, shots = orders
+        sends = [*([f"the rest {owed.hex(' ').upper()}"] if owed else [])]
+        sends += [f"{data.hex(' ').upper()} ({pause:g} s)" for data, pause in shots]
+        self.wire.passed.append(Passed("+", b"", text=f"the child {what}: {', '.join(sends)}".rstrip(": ")))
+
+    def hearing(self, speak: Any) -> Any:
+        def spoken(*args: Any) -> Any:
+            self.hear()  # it was told before this frame went out
+            return speak(*args)
+
+        return spoken
+
+
+def _encoded(data: bytes, can_id: int | None) -> bytes:
+    return data if can_id is None else can_id.to_bytes(4, "big") + data
+
+
+@contextmanager
+def mortal(wire: Wire) -> Iterator[None]:
+    """Simulated links are taken for real ones, and whoever guards one is heard. To be entered behind `watched`."""
+    heir = Child(wire)
+    with ExitStack() as stack:
+        for owner, speak in SPEAKS:
+            stack.enter_context(mock.patch.object(owner, "fake", False))
+            stack.enter_context(mock.patch.object(owner, "outlet", lambda _link: Outlet(-1, _encoded)))
+            stack.enter_context(mock.patch.object(owner, speak, heir.hearing(getattr(owner, speak))))
+        for name, made in (("can_be", lambda: True), ("started", heir.started), ("ended", heir.ended)):
+            stack.enter_context(mock.patch.object(child, name, made))
+        yield
