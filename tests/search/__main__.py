@@ -146,6 +146,7 @@ class Tally:
 def search(args: argparse.Namespace) -> int:
     """Walk until the time is over or all cells are tried. 1 where something was found."""
     for suite in chosen(args.only):
+        suite.seed = args.seed
         next(iter(suite.groups()), None)  # what is imported now is imported in every worker
     end, tally = time.monotonic() + 60 * args.minutes, Tally()
     workers = {worker.pipe: worker for worker in (Worker(args, part, end) for part in range(args.jobs))}

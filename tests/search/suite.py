@@ -13,11 +13,12 @@ import signal
 import threading
 import time
 import traceback
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from types import FrameType
+from typing import Any
 from unittest import mock
 
 import tests.search
@@ -47,6 +48,8 @@ class Suite:
     """
 
     name = ""
+    seed = 0
+    """Where cells without an end begin."""
 
     def cells(self) -> Iterator[str]:
         """All of them, in a fixed order; there may be no end."""
@@ -76,8 +79,39 @@ class Suite:
         return parts(cell)[1]
 
     def stale(self, cell: str) -> str:
-        """Why a pin can no longer be run, and what to do; "" where it can."""
+        """Why a pin can no longer be run; "" where it can."""
         return ""
+
+    def followed(self, cell: str, folder: Path) -> tuple[str, Iterable[object]] | None:
+        """How a cell ended and what it ran, where coverage cannot follow it; None where it can."""
+        return None
+
+
+class Listed(Suite):
+    """A suite whose cells are the rows of a table."""
+
+    def rows(self) -> Iterator[tuple[tuple[object, ...], Any]]:
+        """What a cell is named by, behind the name of the suite, and what `tried` is given for it."""
+        raise NotImplementedError
+
+    def tried(self, row: Any, folder: Path) -> str:
+        """`run` of a row."""
+        raise NotImplementedError
+
+    @cached_property
+    def table(self) -> dict[str, Any]:
+        """The rows by their keys."""
+        return {key(self.name, *names): row for names, row in self.rows()}
+
+    def cells(self) -> Iterator[str]:
+        return iter(self.table)
+
+    def run(self, cell: str, folder: Path) -> str:
+        assert cell in self.table, self.stale(cell)
+        return self.tried(self.table[cell], folder)
+
+    def stale(self, cell: str) -> str:
+        return "" if cell in self.table else "there is no such cell any more"
 
 
 @cache
@@ -102,13 +136,23 @@ def suite_of(cell: str) -> Suite:
 
 
 def run(cell: str, folder: Path) -> str:
-    """Run a cell in a place of its own: nothing of this user, nothing of another cell. `folder` is made anew."""
+    """Run a cell in a place of its own."""
+    return apart(suite_of(cell).run, cell, folder)
+
+
+def apart(what: Callable[[str, Path], Any], cell: str, folder: Path) -> Any:
+    """Call it with a cell and a folder where nothing of this user is, and nothing of another cell."""
     own = folder / "own"
     (own / "run").mkdir(0o700, parents=True)
     (folder / "cell").mkdir()
     places = {"XDG_STATE_HOME": str(own), "XDG_RUNTIME_DIR": str(own / "run"), "TMPDIR": str(own)}
-    with mock.patch.dict(os.environ, places), bounded(SECONDS):
-        return suite_of(cell).run(cell, folder / "cell")
+    here = os.getcwd()
+    os.chdir(folder / "cell")
+    try:
+        with mock.patch.dict(os.environ, places), bounded(SECONDS):
+            return what(cell, folder / "cell")
+    finally:
+        os.chdir(here)
 
 
 def command(cell: str) -> str:
