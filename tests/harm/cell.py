@@ -15,15 +15,13 @@ from types import MethodType
 from typing import Any
 from unittest import mock
 
-import pytest
-
 import handctl.sim
 from handctl.link import fake, tcp
 from handctl.sim.barrett.uart import resample
 from tests.harm.excuses import EXCUSES
 from tests.harm.lines import Line as CommandLine
 from tests.harm.states import State
-from tests.matrix.report import bounded
+from tests.search.suite import bounded
 from tests.support.cli import run
 
 SETTLE = 0.3
@@ -274,13 +272,3 @@ def judge(
 
 def _told(changed: list[str]) -> str:
     return "; ".join(changed[:4]) + (f" and {len(changed) - 4} more" if len(changed) > 4 else "")
-
-
-SHARE = 48
-"""An ordinary run of the whole suite takes one cell in 36."""
-
-
-def share(config: pytest.Config) -> int:
-    """Each how manieth cell is tried."""
-    whole_suite = not config.option.file_or_dir or config.option.file_or_dir == ["tests"]
-    return SHARE if whole_suite and "harm" not in config.option.markexpr.replace("not harm", "") else 1

@@ -17,8 +17,6 @@ from handctl.model.gate import Gate
 from tests.harm import lines, states
 from tests.harm.cell import Cell, cells, try_cell
 
-pytestmark = pytest.mark.harm
-
 CLEAR_ERRORS = bytes.fromhex("EB 90 01 04 12 EC 03 01 07")
 
 

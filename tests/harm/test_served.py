@@ -11,7 +11,7 @@ import pytest
 from tests.harm import lines
 from tests.support.cli import Simulator, run
 
-pytestmark = [pytest.mark.harm, pytest.mark.long]  # half a minute: `-m harm` runs it, the ordinary suite does not
+pytestmark = pytest.mark.real
 
 DEVICES = ("exo", "wrist", "barrett", "ekso")
 COMMANDS = {
