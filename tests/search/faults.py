@@ -1,6 +1,6 @@
 """Every fault of every simulator, on each of its wires, in every command of its family: what must hold of each cell.
 
-What is read, written and done on a healthy line is the measure: three healthy runs at different speeds of the device say which
+What is read, written and done on a healthy line is the measure: two healthy runs at different speeds of the device say which
 values hold still and what the command changes in it. A line that fails may cost time or an exit code, and never leads to another
 value, a second write, or a success that is none. The exit codes, and what a fault of the device changes, are written by hand
 in `tests/contract/facts/outcomes`.
@@ -28,8 +28,8 @@ from tests.support.cli import Result, Spy, run, spying
 
 SECONDS = 30.0
 """Of real time: a command that takes longer hangs."""
-TURNAROUNDS = ("0", "0.02", "0.11")
-"""How long the device takes to answer in the three healthy runs."""
+TURNAROUNDS = ("0", "0.11")
+"""How long the device takes to answer in the healthy runs."""
 SETTLE = 5.0
 """Virtual seconds after which what a command set going has arrived."""
 WARM = ("temperature", "heat", "odometer", "counts", "acts[", "feedback[")
@@ -126,7 +126,7 @@ def _spelled(entry: Passed, wire: str) -> bytes:
 
 
 class Usual(NamedTuple):
-    """What is the same in three healthy runs.
+    """What is the same in the healthy runs.
 
     code     exit code
     values   by path

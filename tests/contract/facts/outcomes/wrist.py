@@ -30,7 +30,7 @@ CAN: dict[str, Codes] = {
 }  # fmt: skip
 MOVES: dict[str, Codes] = {command.name: {7} for command in WRITING if command.kind == "move"}
 DEVICE: dict[str, dict[str, Codes]] = {
-    "strict": {}, "no-late-frames": {}, "block-silent": {"read": {4}}, "save-fails": {},
+    "strict": {}, "block-silent": {"read": {4}}, "save-fails": {},
     "blocked": MOVES,
     "foreign": {**UNHEALTHY, **MOVES},
     # a hand without a wrist is read in its own space only; what is to be written meets the look at who is there
@@ -51,7 +51,7 @@ def rarer(wire: str, fault: str, row: Any) -> Codes:
 
 OUTCOMES = Outcomes(
     rows=COMMANDS,
-    wires={"serial": Wire(SERIAL, DEVICE), "can": Wire(CAN, DEVICE, "bus=can")},
+    wires={"serial": Wire(SERIAL, {**DEVICE, "no-late-frames": {}}), "can": Wire(CAN, DEVICE, "bus=can")},
     variants={
         "after-1": Variant("after=1"),
         "every-2": Variant("every=2"),
