@@ -95,10 +95,10 @@ class Place:
             *baud,
         )
 
-    def calm(self) -> bool:
-        """The fault ends; False where its process has gone with the line."""
+    def tell(self, command: str) -> bool:
+        """One control command; False where the process has gone with the line."""
         with suppress(ServeError, OSError):
-            return send_control(str(self.panel), "fault none").startswith("ok")
+            return send_control(str(self.panel), command).startswith("ok")
         return False
 
 
@@ -155,7 +155,7 @@ def check(family: str, served: str, name: str, fault: str, folder: Path) -> Serv
                 if tries == TRIES or not (BUSY & met or cell.late >= 0):
                     raise
                 continue
-            if fault != "hang" and place.calm():  # that lasts until a power cycle
+            if fault != "hang" and place.tell("fault none"):  # that lasts until a power cycle
                 after = run(
                     family, *rows["get"].args, *outcomes_of(family).wires[wire].words, *place.words(""), "--json"
                 )
