@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import count
 from pathlib import Path
+from typing import Any
 
 from hypothesis import Phase, seed, settings
 from hypothesis.stateful import run_state_machine_as_test
 
+from tests.ekso import test_cli_log
 from tests.fuzz import test_files, test_fuzz, test_machines
 from tests.fuzz.support import Episode, run_episodes
-from tests.search.suite import Suite, key, parts
+from tests.search.suite import Listed, Suite, key, parts
+from tests.sim import test_kept
 
 SLOWEST = 5.0
 """Processor seconds that one episode may take: what is quadratic shows in its floods."""
@@ -67,4 +70,30 @@ class Machines(Seeded):
         return "right"
 
 
-SUITES = (Fuzz(), Machines())
+class Unplugs(Seeded):
+    """Ten times the cable is pulled, in one log of an EksoNR."""
+
+    name = "unplugs"
+    names = ("rate 0", "rate 50")
+
+    def run(self, cell: str, folder: Path) -> str:
+        _, rate, number = parts(cell)
+        test_cli_log.unplugged(folder, int(rate.split()[1]), int(number.split()[1]))
+        return "whole"
+
+
+class Kept(Listed):
+    """The state of a simulator in which one value is spoiled, each in turn."""
+
+    name = "kept"
+
+    def rows(self) -> Iterator[tuple[tuple[object, ...], Any]]:
+        for family in test_kept.WRITES:
+            yield (family,), family
+
+    def tried(self, row: Any, folder: Path) -> str:
+        test_kept.spoiled(row, 1)
+        return "told"
+
+
+SUITES = (Fuzz(), Machines(), Unplugs(), Kept())
