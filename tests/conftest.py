@@ -16,12 +16,6 @@ pytest.register_assert_rewrite(*(f"tests.{path.name}" for path in Path(__file__)
 
 from tests.harm.table import Table
 from tests.hostile.table import table as hostile_table
-from tests.matrix.report import (
-    pytest_runtest_call,
-    pytest_runtest_logreport,
-    pytest_runtest_makereport,
-    pytest_terminal_summary,
-)
 from tests.support import own_state as state
 from tests.support.collecting import Collecting
 from tests.support.in_process import in_process
@@ -31,10 +25,6 @@ __all__ = [
     "own_state",
     "pytest_collection_modifyitems",
     "pytest_configure",
-    "pytest_runtest_call",
-    "pytest_runtest_logreport",
-    "pytest_runtest_makereport",
-    "pytest_terminal_summary",
 ]
 
 

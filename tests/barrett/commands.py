@@ -6,13 +6,10 @@ nothing is computed by handctl.
 
 from __future__ import annotations
 
-import zlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-
-import pytest
 
 from handctl.frame import snapshot
 from tests.support.cli import Result, Spy
@@ -196,15 +193,6 @@ COMMANDS = (*READING, *WRITING)
 FIRMWARE = "S1132C40000102030405060708090A0B0C0D0E0F08\nS9032C4090\n"
 """A small S-record file: 16 bytes at 2C40, and the end record."""
 QUERIES = ("FGET", "PGET", "VERS", "?", "A?", "ERR", "FLIST", "PLIST")
-
-
-def taken(config: pytest.Config, names: Sequence[str], each: int) -> list[str]:
-    """The cells of a fault matrix: one in `each` in an ordinary run of the whole suite, always the same ones; all of them
-    with `-m faults`, and for whoever names the file.
-    """
-    given = config.option
-    whole = given.file_or_dir in ([], ["tests"]) and "faults" not in given.markexpr
-    return [name for name in names if not whole or zlib.crc32(name.encode()) % each == 0]
 
 
 def fake(**options: object) -> str:

@@ -1,9 +1,7 @@
-"""Every fault of the simulator times every barrett command: the right value, or the right exit code.
+"""What the messages of `handctl barrett` say at single faults of the simulator, and what comes of faults in a movement and a stream.
 
-Never a wrong value where the protocol can tell, a repeated write, a traceback or a hang. Runs the real `main()` against
-the simulator in virtual time. GCL has no checksum: a flipped bit that leaves the echo, the number of lines and the
-number of numbers intact cannot be noticed, so that under `erratic` no value is judged. The simulator's `bad-checksum`
-flips bit 7, which no ASCII character has, and must be noticed.
+Every fault in every command is `tests/search/faults.py`; its exit codes are in `tests/contract/facts/outcomes/barrett.py`. GCL has
+no checksum: a flipped bit that leaves the echo, the number of lines and the number of numbers intact cannot be noticed.
 """
 
 from __future__ import annotations
@@ -12,73 +10,11 @@ from pathlib import Path
 
 import pytest
 
-from tests.barrett.commands import (
-    COMMANDS,
-    READING,
-    Command,
-    fake,
-    prepare,
-    sent_lines,
-    taken,
-    written_lines,
-)
-from tests.barrett.faults import DEVICE_FAULTS, FAULTS, LINE_FAULTS, SEED, Cell, allowed
+from tests.barrett.commands import fake, written_lines
+from tests.contract.facts.outcomes.barrett import OUTCOMES
 from tests.support.cli import run
 
-pytestmark = pytest.mark.faults
-
-
-VARIANTS: dict[str, dict[str, int]] = {"always": {}, "after-2": {"after": 2}, "every-3": {"every": 3}}
-ALIKE = ("status", "status-check", "get", "get-hand", "baud-show", "baud-save", "version", "set-all", "defaults", "diff",
-         "step-open", "step-close", "home", "torque-open", "open", "move-default", "gcl-move", "gcl-save")  # fmt: skip
-"""Commands that exchange what another one does: faults that befall only some requests are not tried again."""
-HARMLESS = ("healthy", "garble", "dribble", "split", "slow", "wrong-id", "twin-id")
-"""Faults that touch no byte of an answer: nothing else can come of them when they are rarer."""
-
-
-# -- one cell ---------------------------------------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def scratch(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A directory with the input files of the commands, and the journal of saves."""
-    path = tmp_path_factory.mktemp("faults")
-    prepare(path)
-    return path
-
-
-def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    """The cells of the matrix; the ordinary suite takes a share."""
-    if metafunc.function is test_fault:
-        cells = {f"{fault}-{command.name}": (fault, command) for fault in FAULTS for command in COMMANDS}
-        names = taken(metafunc.config, list(cells), 4)
-        metafunc.parametrize(("fault", "command"), [cells[name] for name in names], ids=names)
-
-
-def test_fault(scratch: Path, fault: str, command: Command) -> None:
-    """States of the device do not count requests: they are there always."""
-    for variant, options in VARIANTS.items():
-        if variant == "always" or (fault in LINE_FAULTS and fault not in HARMLESS and command.name not in ALIKE):
-            Cell(scratch, command, fault, "--timeout", "1", **options).holds(allowed(fault, command, variant))
-
-
-@pytest.mark.parametrize("fault", LINE_FAULTS)
-def test_deadline_bounds_the_whole_command(scratch: Path, fault: str) -> None:
-    """--deadline counts for everything a command does: the search for the speed, retries, the wait for a movement."""
-    for name in ("dump", "status", "watch", "restore", "close", "baud", "reset", "gcl-read"):
-        (command,) = [command for command in COMMANDS if command.name == name]
-        cell = Cell(scratch, command, fault, "--deadline", "0.4", "--timeout", "1")
-        cell.sound()
-        assert cell.spy.now <= 0.4 + 1.6, (cell.spy.now, cell)  # and the ^C that stops what moves, to its prompt
-        assert cell.result.code in allowed(fault, command, "after-2") | {4, 5, 7}, cell
-
-
-@pytest.mark.parametrize("command", READING, ids=lambda command: command.name)
-def test_reading_never_writes(scratch: Path, command: Command) -> None:
-    cell = Cell(scratch, command, "healthy")
-    assert cell.result.code == 0
-    assert written_lines(cell.trace) == []
-    assert sent_lines(cell.trace), cell
+SEED = 1
 
 
 # -- what the message says --------------------------------------------------------------------------------------------
@@ -89,26 +25,25 @@ KINDS = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("fault", "code", "exit_code"), KINDS)
 @pytest.mark.parametrize("args", [("get", "P"), ("dump",), ("close",), ("gcl", "VERS"), ("watch", "--count", "2")])
-def test_error_names_the_kind(fault: str, code: str, exit_code: int, args: tuple[str, ...]) -> None:
-    result = run("barrett", *args, "-p", fake(fault=fault, seed=SEED), "--json")
-    assert result.code == exit_code
-    envelope = result.stream[1] if args[0] == "watch" else result.json
-    (message,) = [m for m in envelope["messages"] if m["level"] == "error"]
-    assert code in (message["code"], "")
-    assert message["hint"]
-    assert "fake://barrett" in message["text"]
-    for speed in ("600", "38400") if exit_code == 4 else ():
-        assert speed in message["text"], message  # what was tried
-    if exit_code == 4:
-        assert "power" in message["hint"] and "cable" in message["hint"]
-    if exit_code == 5:
-        assert any(len(word) == 2 and set(word) <= set("0123456789ABCDEF") for word in message["text"].split()), message
+def test_error_names_the_kind(args: tuple[str, ...]) -> None:
+    for fault, code, exit_code in KINDS:
+        result = run("barrett", *args, "-p", fake(fault=fault, seed=SEED), "--json")
+        envelope = result.stream[1] if args[0] == "watch" else result.json
+        (message,) = [m for m in envelope["messages"] if m["level"] == "error"]
+        assert result.code == exit_code and code in (message["code"], ""), (fault, result)
+        assert message["hint"] and "fake://barrett" in message["text"], message
+        if exit_code == 4:
+            assert "600" in message["text"] and "38400" in message["text"], message  # what was tried
+            assert "power" in message["hint"] and "cable" in message["hint"], message
+        if exit_code == 5:
+            words = message["text"].split()
+            assert any(len(word) == 2 and set(word) <= set("0123456789ABCDEF") for word in words), message
 
 
 def test_hints_name_commands_of_this_device() -> None:
-    for fault in (*LINE_FAULTS, *DEVICE_FAULTS):
+    (wire,) = OUTCOMES.wires.values()
+    for fault in {*wire.line, *wire.device} - {"hang", "erratic"}:
         for args in (("get", "P"), ("set", "DP=1"), ("close",), ("status", "--check")):
             for message in run("barrett", *args, "-p", fake(fault=fault, seed=SEED), "--json").json["messages"]:
                 text = message["text"] + message["hint"]

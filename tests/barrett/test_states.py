@@ -27,11 +27,9 @@ from handctl.link import Deadline
 from handctl.model.foreign import renamed
 from handctl.sim.barrett.found import STATES
 from handctl.sim.barrett.uart import RECEIVERS, resample
-from tests.barrett.commands import taken
 from tests.barrett.support import Simulated, codes, hand_on
-from tests.barrett.sweep import LOADS, TOOLS, WINDOWS, Row, begin, files, leaves, lines, outcome, reads, words
+from tests.barrett.sweep import Row, begin, files, leaves, lines, outcome, reads, starts, words
 from tests.barrett.sweep import sweep as commands_begun
-from tests.fuzz.support import long_seconds
 from tests.support.cli import run
 from tests.support.each_row import each_row
 from tests.support.scripted import ScriptedLink
@@ -51,39 +49,35 @@ def image(state: Path) -> str:
     return "whole" if found["firmware"] and not (found["partial"] or found["spoiled"]) else "gone"
 
 
-def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    """Every state with an image x every command but the download; the ordinary suite takes one in 3."""
-    if metafunc.function is test_no_command_harms_the_image:
-        states = [state for state in STATES if state not in ("monitor", "record")]
-        cells = {
-            f"{state}-{leaf}": (state, leaf) for state in states for leaf in [*leaves(), *TOOLS] if leaf not in LOADS
-        }
-        names = taken(metafunc.config, list(cells), 3)
-        metafunc.parametrize(("state", "leaf"), [cells[name] for name in names], ids=names)
-
-
-@pytest.mark.faults
-def test_no_command_harms_the_image(state: str, leaf: str, scratch: Path) -> None:
-    kept = scratch / "kept.json"
-    link = f"fake://barrett?clock=virtual&found={state}&state={kept}&initialized=1"
-    result = begin(leaf, scratch, link)
-    assert result.code != 1, result
-    if kept.exists():
-        assert image(kept) == "whole", result
-
-
-@pytest.mark.faults
-@pytest.mark.parametrize("leaf", [leaf for leaf in leaves() if reads(leaf)])
-@pytest.mark.parametrize("state", ["moving", "loop-moving"])
-def test_no_reading_command_ends_a_movement(state: str, leaf: str, scratch: Path) -> None:
+def test_no_reading_command_ends_a_movement(scratch: Path) -> None:
     """No ^C goes out; a movement goes on to its end, and RealTime is left by a question that no block takes for ^C."""
     trace = scratch / "trace.txt"
-    link = f"fake://barrett?clock=virtual&found={state}&initialized=1"
-    run("barrett", *words(leaf, scratch), "-p", link, "--json", "--deadline", "60", "--trace", str(trace))
-    if not trace.exists():
-        return
-    sent = [line.split()[2:] for line in trace.read_text().splitlines() if " > " in line]
-    assert not [data for data in sent if "03" in data], sent
+    for state in ("moving", "loop-moving"):
+        for leaf in (leaf for leaf in leaves() if reads(leaf)):
+            trace.unlink(missing_ok=True)
+            link = f"fake://barrett?clock=virtual&found={state}&initialized=1"
+            run("barrett", *words(leaf, scratch), "-p", link, "--json", "--deadline", "60", "--trace", str(trace))
+            sent = (
+                [line.split()[2:] for line in trace.read_text().splitlines() if " > " in line] if trace.exists() else []
+            )
+            assert not [data for data in sent if "03" in data], (state, leaf, sent)
+
+
+@pytest.mark.parametrize("state", [state for state in STATES if state not in ("monitor", "record")])
+def test_no_command_harms_the_image(state: str, scratch: Path) -> None:
+    """A share of the commands; the suite `boot` of `tests/search` tries all, at every 20 ms of a boot window too."""
+    for leaf in ("get", "set", "stop", "scan", "firmware check", "realtime", "reset"):
+        unharmed(state, leaf, scratch)
+
+
+def unharmed(state: str, leaf: str, scratch: Path) -> int:
+    """One command on a hand in this state; its exit code. Raises AssertionError where its image does not start any more."""
+    kept = scratch / "kept.json"
+    kept.unlink(missing_ok=True)
+    result = begin(leaf, scratch, f"fake://barrett?clock=virtual&found={state}&state={kept}&initialized=1")
+    assert result.code != 1, (leaf, result)
+    assert not kept.exists() or image(kept) == "whole", (leaf, result)
+    return result.code
 
 
 # -- the boot window ---------------------------------------------------------------------------------------------------
@@ -113,30 +107,22 @@ class Trial:
         return str(line.command("image")).partition(",")[0]
 
 
-def sweep(windows: list[float], step: float) -> list[str]:
-    """What was harmed, or not found again."""
-    wrong = []
-    for window in windows:
-        for receiver in RECEIVERS:
-            for baud, remembered, interrupt in (
-                (9600, 9600, False), (9600, 38400, False), (38400, 38400, True), (9600, 19200, True), (38400, 9600, False),
-            ):  # fmt: skip
-                at = 0.0
-                while at < window + 0.1:
-                    trial = Trial(window, at, receiver, baud, remembered, interrupt)
-                    told = (
-                        f"window {window} at {at:.2f} {receiver} {baud} remembered {remembered} interrupt {interrupt}"
-                    )
-                    if trial.image != "image valid":
-                        wrong.append(f"{told}: {trial.image}")
-                    elif trial.error is not None:
-                        wrong.append(f"{told}: {trial.error.text}")
-                    at = round(at + step, 3)
-    return wrong
+WAYS = ((9600, 9600, False), (9600, 38400, False), (38400, 38400, True), (9600, 19200, True), (38400, 9600, False))
+"""Speed of the hand, speed that was remembered, whether ^C may be sent."""
 
 
 def test_a_share_of_the_boot_window() -> None:
-    assert sweep([0.1, 1.0], 0.22) == []
+    for window in (0.1, 1.0):
+        for receiver in RECEIVERS:
+            for way in WAYS:
+                for at in starts(window, 0.22):
+                    connected(window, receiver, way, at)
+
+
+def connected(window: float, receiver: str, way: tuple[int, int, bool], at: float) -> None:
+    """Connect once. Raises AssertionError where an image was harmed, or the hand was not found again."""
+    trial = Trial(window, at, receiver, *way)
+    assert trial.image == "image valid" and trial.error is None, (window, receiver, way, at, trial.image, trial.error)
 
 
 def harmed(found: Iterable[Row]) -> list[Row]:
@@ -156,14 +142,6 @@ def test_a_scan_asks_nothing_again_that_a_boot_monitor_could_take_for_firmware(s
     assert outcome("boot", "scan", scratch, at, boot=5.0, window=5.0, uart="sci").whole
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("window", WINDOWS)
-def test_every_command_at_every_20_ms_of_the_boot_window(window: float, scratch: Path) -> None:
-    """The table of it: `python -m tests.barrett.sweep --step 0.02`."""
-    commands = [leaf for leaf in [*leaves(), *TOOLS] if leaf not in LOADS]
-    assert harmed(commands_begun([window], 0.02, scratch, commands, long_seconds())) == []
-
-
 def test_the_table_tells_what_was_sent_and_changed(scratch: Path) -> None:
     shared = [("loop", leaf, outcome("loop", leaf, scratch)) for leaf in ("get", "status", "set")]
     assert list(lines(shared)) == [
@@ -172,12 +150,6 @@ def test_the_table_tells_what_was_sent_and_changed(scratch: Path) -> None:
         "    sent: ^C, !, commands; changed: mode, parameters; exit 0", "        set",
     ]  # fmt: skip
     assert next(lines([("boot", "get", shared[0][2]._replace(whole=False))])) == "boot: 1 starts, 1 images harmed"
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("window", WINDOWS)
-def test_every_20_ms_of_the_boot_window(window: float) -> None:
-    assert sweep([window], 0.02) == []
 
 
 # -- bits ------------------------------------------------------------------------------------------------------------------

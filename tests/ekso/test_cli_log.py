@@ -137,8 +137,12 @@ def pulls(seed: int, count: int = 10) -> list[tuple[float, float]]:
 
 
 @pytest.mark.parametrize("rate", [0, 50])
-@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.long) for seed in range(1, 6))])
-def test_ten_unplugs_at_random_in_one_log(tmp_path: Path, seed: int, rate: int) -> None:
+def test_ten_unplugs_at_random_in_one_log(tmp_path: Path, rate: int) -> None:
+    unplugged(tmp_path, rate, 0)
+
+
+def unplugged(tmp_path: Path, rate: int, seed: int) -> None:
+    """Pull the cable ten times at places of this seed: one whole log, and each hole is told."""
     path = tmp_path / "a.csv"
     plan = pulls(seed)
     length = plan[-1][0] + plan[-1][1] + 2

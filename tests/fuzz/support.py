@@ -5,7 +5,6 @@ Knows no protocol. Everything comes from one seeded `random.Random`, so a failur
 
 from __future__ import annotations
 
-import os
 import random
 import time
 from collections.abc import Callable, Sequence
@@ -71,20 +70,12 @@ class Chunks:
         return source.choice(self._floods)
 
 
-def run_episodes(episode: Episode, count: int, seconds: float, seed: int = SEED, least: int = 0) -> tuple[int, float]:
-    """Run episodes until `count` chunks are through, or `seconds` are over and `least` are; (chunks, processor seconds of the
-    slowest)."""
+def run_episodes(episode: Episode, count: int, seed: int = SEED) -> tuple[int, float]:
+    """Run episodes until `count` chunks are through; (chunks, processor seconds of the slowest)."""
     source = random.Random(seed)
-    end = time.monotonic() + seconds
     done, slowest = 0, 0.0
-    while done < count and (done < least or time.monotonic() < end):
+    while done < count:
         begin = time.process_time()
         done += episode(source)
         slowest = max(slowest, time.process_time() - begin)
     return done, slowest
-
-
-def long_seconds(shares: int = 1) -> float:
-    """This share of HANDCTL_LONG_SECONDS; without the variable there is no bound."""
-    bound = os.environ.get("HANDCTL_LONG_SECONDS")
-    return float(bound) / shares if bound else float("inf")

@@ -1,8 +1,4 @@
-"""Every decoder under random, mutated and adversarial streams. A few thousand chunks here, 10^6 each with marker `long`.
-
-What holds for each is in fuzz_decoders.py (frames), fuzz_texts.py (files and texts) and fuzz_devices.py (simulators).
-HANDCTL_LONG_SECONDS bounds the long run of all decoders together; each has an equal share.
-"""
+"""Every decoder under random, mutated and adversarial streams, of one seed each. Any number of seeds: `tests/search/fuzz.py`."""
 
 from __future__ import annotations
 
@@ -17,13 +13,11 @@ from tests.fuzz import decoders, texts
 from tests.fuzz.decoders import Aidin, Eb90, Ekso, Slcan
 from tests.fuzz.devices import Explain, Simulated, SlcanAdapter
 from tests.fuzz.modbus import TAKEN, WRITE, Rtu, Tcp
-from tests.fuzz.support import Episode, long_seconds, run_episodes
+from tests.fuzz.support import Episode, run_episodes
 
-SHORT, LONG = 2_000, 1_000_000
+SHORT = 2_000
 FILES = {"configuration": 150, "snapshot": 150, "ekso log": 900, "sim aidin": 500, "sim hand": 1_000}
-"""Where a chunk costs more, there are fewer of them in the default run."""
-SLOWEST = 5.0
-"""Processor seconds that one episode may take in the long run: what is quadratic shows in its floods."""
+"""Where a chunk costs more, there are fewer of them."""
 DECODERS = {
     "eb90 sniffing": lambda folder: Eb90(),
     "eb90 replies": lambda folder: Eb90(b"\x90\xeb"),
@@ -58,17 +52,7 @@ def episode_of(name: str, folder: Path) -> Episode:
 @pytest.mark.parametrize("name", DECODERS)
 def test_fuzz(name: str, tmp_path: Path) -> None:
     count = FILES.get(name, SHORT)
-    run_episodes(episode_of(name, tmp_path), count, float("inf"))
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("name", DECODERS)
-def test_fuzz_long(name: str, tmp_path: Path) -> None:
-    seconds = long_seconds(len(DECODERS))
-    least = min(LONG, FILES.get(name, SHORT))
-    done, slowest = run_episodes(episode_of(name, tmp_path), LONG, seconds, seed=2, least=least)
-    assert done >= (LONG if seconds == float("inf") else least)
-    assert slowest < SLOWEST
+    run_episodes(episode_of(name, tmp_path), count)
 
 
 TORN = [b"T1234567\r", b"T12345678\xff\r", b"Tzzzzzzzz0\r", b"T\r", b"D00000001\r"]

@@ -1,18 +1,17 @@
 """One state machine per device: random valid commands against the simulator and a small model of the manual.
 
 The models are written from the manuals here and know neither handctl's maps nor the simulators: what is read must
-always be what the model says. Virtual time; a few examples here, many with marker `long`.
+always be what the model says. Virtual time; the same examples in each run, any number of others in `tests/search/fuzz.py`.
 """
 
 from __future__ import annotations
 
 import tempfile
-import time
 from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import HealthCheck, Phase, seed, settings
+from hypothesis import HealthCheck, Phase, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import (
     RuleBasedStateMachine,
@@ -38,7 +37,6 @@ from handctl.model.param import Element
 from tests.aidin import support as aidin_support
 from tests.barrett import support as barrett_support
 from tests.fuzz.hand_machine import HandMachine
-from tests.fuzz.support import long_seconds
 from tests.inspire.wrist_support import WIRES, fake_wrist, wrist_on
 from tests.support.cli import POWER_ON, run
 from tests.support.scripted import fake_link, hand_on
@@ -446,24 +444,3 @@ def test_machine(name: str) -> None:
             suppress_health_check=QUIET, phases=[Phase.generate],
         ),
     )  # fmt: skip
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("name", MACHINES)
-def test_machine_long(name: str) -> None:
-    """Rounds of examples of thirty steps, for this machine's share of the time; twenty rounds when it has no bound.
-
-    The same seeds in every run: what CI judges is the change. A failing example is not made smaller, which took minutes.
-    """
-    machine, examples, _ = MACHINES[name]
-    bound = long_seconds(len(MACHINES))
-    end = time.monotonic() + bound
-    rounds = 0
-    while rounds == 0 or (time.monotonic() < end if bound < float("inf") else rounds < 20):
-        rounds += 1
-        bounded = settings(
-            max_examples=examples, stateful_step_count=30, deadline=None, database=None, derandomize=False,
-            suppress_health_check=QUIET, print_blob=True, phases=[Phase.generate],
-        )  # fmt: skip
-        seed(rounds)(machine)
-        run_state_machine_as_test(machine, settings=bounded)  # type: ignore[no-untyped-call]

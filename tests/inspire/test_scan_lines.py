@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import time
 from itertools import product
 from pathlib import Path
-from random import Random
 from typing import NamedTuple
 
 import pytest
@@ -18,7 +16,6 @@ from handctl.link import open_link
 from handctl.model.guide import Progress
 from handctl.model.result import Table
 from handctl.sim.bus.models import text
-from tests.fuzz.support import long_seconds
 from tests.inspire.scanning import scan_hand
 from tests.support.cli import Result, run
 from tests.support.scripted import changing, codes, fake_hand, hand_on, message
@@ -78,31 +75,6 @@ def right(line: Line, table: Table) -> bool:
 def test_the_right_hand_at_the_right_speed(line: Line, tmp_path: Path) -> None:
     table, _ = found(line, tmp_path)
     assert right(line, table), (table.rows, table.failure)
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("kind", KINDS)
-def test_the_whole_grid(kind: str, tmp_path: Path) -> None:
-    """Prints seconds of virtual time, least and most, by latency and spread; no row may be wrong.
-
-    With HANDCTL_LONG_SECONDS the part of it that can be run in this test's share, the same lines first each time.
-    """
-    wrong, missed = [], []
-    seconds: dict[tuple[int, int], list[float]] = {}
-    lines = [line for line in GRID if line.kind == kind]
-    Random(1).shuffle(lines)
-    end = time.monotonic() + long_seconds(len(KINDS))
-    for line in lines:
-        if time.monotonic() > end:
-            break
-        table, took = found(line, tmp_path)
-        seconds.setdefault((line.latency, line.spread), []).append(took)
-        if not right(line, table):
-            (wrong if table.rows else missed).append(line)
-    for (latency, spread), took in sorted(seconds.items()):
-        print(f"{kind:12} latency {latency:3} ms, spread {spread:2} ms: {min(took):6.2f} to {max(took):6.2f} s")
-    assert wrong == []
-    assert missed == []
 
 
 def test_late_answers_are_no_silence() -> None:
@@ -316,21 +288,3 @@ FEW = [
 def test_a_late_device_is_found_by_the_scan_of_every_family(cell: Cell, tmp_path: Path) -> None:
     answer = cell.asked(tmp_path)
     assert cell.right(answer), answer
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("kind", ["clean", "half-duplex", "bluetooth"])
-def test_late_devices_are_found_on_the_whole_grid(kind: str, tmp_path: Path) -> None:
-    """66 cells a line, some 50 ms of processor time each; HANDCTL_LONG_SECONDS takes the same ones first each time."""
-    cells = [cell for cell in CELLS if cell.kind == kind]
-    Random(2).shuffle(cells)
-    end = time.monotonic() + long_seconds(3)
-    wrong, looked = [], 0
-    for cell in cells:
-        if looked and time.monotonic() > end:
-            break
-        looked += 1
-        if not cell.right(answer := cell.asked(tmp_path)):
-            wrong.append((cell, answer.code, answer.codes()))
-    print(f"{kind}: {looked} of {len(cells)} cells")
-    assert wrong == []

@@ -1,102 +1,17 @@
-"""Every fault of the simulator times every wrist command on both wires: the right value or the right exit code.
+"""What the messages of `handctl wrist` say at single faults of the simulator, on both wires, and what comes of them in a stream.
 
-Never a wrong value, a repeated write, a traceback or a hang. Runs the real `main()` against the simulator in virtual
-time. The tables below are the contract's (exit codes by fault); what a command may show is in `wrist_commands`.
+Every fault in every command is `tests/search/faults.py`; its exit codes are in `tests/contract/facts/outcomes/wrist.py`.
 """
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
-from tests.inspire.wrist_commands import (
-    COMMANDS,
-    READING,
-    WIRES,
-    WRITING,
-    Command,
-    link,
-    power_on_truth,
-    prepare,
-    sent_frames,
-    written_frames,
-)
-from tests.inspire.wrist_faults import DEVICE_FAULTS, LINE_FAULTS, RIGHT, SEED, Cell, allowed
+from tests.contract.facts.outcomes.wrist import OUTCOMES
+from tests.inspire.wrist_commands import WIRES, link, power_on_truth
 from tests.support.cli import run
 
-pytestmark = pytest.mark.faults
-
-VARIANTS: dict[str, dict[str, int]] = {"always": {}, "after-1": {"after": 1}, "every-2": {"every": 2}}
-ONE_EXCHANGE = {
-    "serial": {"status", "status-check", "dump", "get", "get-set", "read", "snapshot", "diff", "hand-read", "raw-read",
-               "raw-write"},
-    "can": {"get-set", "snapshot", "diff", "hand-read", "raw-read", "raw-write"},
-}  # fmt: skip
-"""Commands whose only exchange comes before any fault that leaves the first one alone: nothing to try there."""
-ALIKE = ("status-check", "set-one")
-"""Commands that exchange the same frames as another one: tried with the faults that are there always."""
-LONG = ("dump", "watch", "scan", "set-apart", "restore", "move", "raw-read", "hand-write")
-"""Commands of more than one exchange, or with a wait of their own."""
-
-
-# -- one cell ---------------------------------------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def scratch(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A directory with the input files of the commands."""
-    path = tmp_path_factory.mktemp("faults")
-    prepare(path)
-    return path
-
-
-CELLS = [(wire, fault) for wire in WIRES for fault in [*LINE_FAULTS[wire], *DEVICE_FAULTS]]
-
-
-@pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command.name)
-@pytest.mark.parametrize(("wire", "fault"), CELLS)
-def test_fault(scratch: Path, wire: str, fault: str, command: Command) -> None:
-    """States of the device do not count requests: they are there always."""
-    for variant, options in VARIANTS.items():
-        if variant == "always" or fault in LINE_FAULTS[wire]:
-            cell = Cell(scratch, wire, command, fault, "--timeout", "1", **options)
-            cell.holds(allowed(wire, fault, command, variant))
-
-
-@pytest.mark.parametrize(("wire", "fault"), [(wire, fault) for wire in WIRES for fault in LINE_FAULTS[wire]])
-def test_deadline_bounds_the_whole_command(scratch: Path, wire: str, fault: str) -> None:
-    """--deadline counts for everything a command does: retries, fallbacks, the wait for the arrival."""
-    for command in (command for command in COMMANDS if command.name in LONG):
-        cell = Cell(scratch, wire, command, fault, "--deadline", "0.25", "--timeout", "1")
-        cell.sound()
-        assert cell.spy.now <= 0.26, (cell.spy.now, cell)
-        assert cell.result.code in allowed(wire, fault, command, "after-1") | {4, 5, 7}, cell
-
-
-@pytest.mark.parametrize("wire", WIRES)
-@pytest.mark.parametrize("command", READING, ids=lambda command: command.name)
-def test_reading_never_writes(scratch: Path, command: Command, wire: str) -> None:
-    cell = Cell(scratch, wire, command, "healthy")
-    assert cell.result.code == 0
-    assert (cell.spy.requests == 1) is (command.name in ONE_EXCHANGE[wire])
-    assert written_frames(cell.trace) == []
-    assert sent_frames(cell.trace), cell
-
-
-@pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command.name)
-def test_rs485_echo_is_tolerated_together_with_junk_and_pieces(scratch: Path, command: Command) -> None:
-    """Half duplex without echo suppression; the id whose requests hold the device's own header is the worst."""
-    Cell(scratch, "serial", command, "echo,noise,split", "--timeout", "1").holds(RIGHT)
-
-
-@pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command.name)
-def test_a_busy_bus(scratch: Path, command: Command) -> None:
-    """Frames of others, many of them with the same flag and address, beside every answer, and 500 a second besides."""
-    cell = Cell(scratch, "can", command, "noise,echo", "--timeout", "1", traffic=500)
-    cell.holds(RIGHT)
-    envelope = cell.result.stream[1] if command.kind == "stream" else cell.result.json
-    assert envelope["counters"]["foreign_frames"] > 0
+SEED = 1
 
 
 @pytest.mark.parametrize("verb", ["dump", "status"])
@@ -110,18 +25,6 @@ def test_a_module_that_does_not_answer_across_gaps(verb: str) -> None:
     assert [row["name"] for row in result.rows if "error" in row] == list(errors)
 
 
-# -- refusals, acknowledgements ---------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("command", WRITING, ids=lambda command: command.name)
-def test_an_acknowledgement_with_the_number_of_bytes(scratch: Path, command: Command) -> None:
-    """Seen on the sibling: DLC 1, the number of bytes written; 0 bytes is a refusal (dossier W11)."""
-    Cell(scratch, "can", command, "healthy", ack_dlc=1).holds(RIGHT)
-    cell = Cell(scratch, "can", command, "refuse", ack_dlc=1)
-    cell.sound()
-    assert cell.result.code == 6, cell
-
-
 # -- what the message says --------------------------------------------------------------------------------------------
 
 KINDS = [
@@ -133,30 +36,27 @@ KINDS = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("wire", "fault", "code", "exit_code"), KINDS)
 @pytest.mark.parametrize(
     "args", [("get", "pitch_actual"), ("dump",), ("watch", "--count", "2"), ("scan", "--ids", "1-8")]
 )
-def test_error_names_the_kind(wire: str, fault: str, code: str, exit_code: int, args: tuple[str, ...]) -> None:
-    result = run("wrist", *args, "-p", link(wire, fault=fault, seed=SEED), "--json")
-    assert result.code == exit_code
-    envelope = result.stream[1] if args[0] == "watch" else result.json
-    (message,) = [m for m in envelope["messages"] if m["level"] == "error"]
-    assert message["code"] == code
-    assert message["hint"]
-    assert "fake://wrist" in message["text"]
-    if exit_code in (4, 5) and args[0] != "scan":
-        assert ("EB 90 01 04 30" if wire == "serial" else "10FF0001 [1] 0") in message["text"]  # what was sent
-    if fault == "wrong-id":
-        assert "id 2" in message["text"]
-    if wire == "can" and exit_code == 4:
-        assert "500000" in message["hint"] and "120" in message["hint"]  # dossier W14, §8
+def test_error_names_the_kind(args: tuple[str, ...]) -> None:
+    for wire, fault, code, exit_code in KINDS:
+        result = run("wrist", *args, "-p", link(wire, fault=fault, seed=SEED), "--json")
+        envelope = result.stream[1] if args[0] == "watch" else result.json
+        (message,) = [m for m in envelope["messages"] if m["level"] == "error"]
+        assert (result.code, message["code"]) == (exit_code, code), (wire, fault, result)
+        assert message["hint"] and "fake://wrist" in message["text"], message
+        if exit_code in (4, 5) and args[0] != "scan":
+            assert ("EB 90 01 04 30" if wire == "serial" else "10FF0001 [1] 0") in message["text"]  # what was sent
+        assert fault != "wrong-id" or "id 2" in message["text"], message
+        if wire == "can" and exit_code == 4:
+            assert "500000" in message["hint"] and "120" in message["hint"]  # dossier W14, §8
 
 
 @pytest.mark.parametrize("wire", WIRES)
 def test_hints_name_commands_of_this_device(wire: str) -> None:
     """A wrist's message never sends the technician to the commands or the power supply of the exoskeleton."""
-    for fault in LINE_FAULTS[wire]:
+    for fault in OUTCOMES.wires[wire].line:
         for args in (("get", "pitch_actual"), ("scan", "--ids", "1-8"), ("set", "yaw_set=1")):
             result = run("wrist", *args, "-p", link(wire, fault=fault, seed=SEED), "--json")
             for message in result.json["messages"]:

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 from handctl.frame.config import from_toml
 from handctl.sim.engine.serve import send_control
-from tests.support.cli import PATIENCE, Result, Simulator, clean_environment, run
+from tests.support.cli import PATIENCE, Result, Simulator, clean_environment, run, wait_until
 from tests.support.forks import start
 
 ENDS = (signal.SIGINT, signal.SIGKILL, signal.SIGTERM)
@@ -105,6 +105,10 @@ class Bench:
         """Where the interrupted command records its bytes."""
         return self.folder / "trace.txt"
 
+    def sent(self) -> int:
+        """Frames that the interrupted command has sent so far."""
+        return self.trace.read_text(encoding="utf-8").count(" > ") if self.trace.exists() else 0
+
     @property
     def files(self) -> list[Path]:
         """What commands keep in the folder; a socket is no file."""
@@ -159,6 +163,8 @@ class Case:
     before: tuple[str, ...] = ()
     still: str = ""
     again: tuple[int, ...] = (0,)
+    behind: int = 1
+    """Frame of the command behind which it is interrupted where no moment is drawn."""
     fresh: tuple[str, ...] = field(default=())
     """Files that are taken away first."""
     rests: float = 0.0
@@ -235,11 +241,13 @@ class Ending(NamedTuple):
     through: bool
 
 
-def interrupt(bench: Bench, case: Case, number: int, source: random.Random) -> Ending:
-    """Start the command, end it at a random moment."""
+def interrupt(bench: Bench, case: Case, number: int, source: random.Random | None) -> Ending:
+    """Start the command, end it at a random moment; without a source as soon as it has sent the last frame of `behind`."""
     bench.trace.unlink(missing_ok=True)
     process = bench.start(case.command)
-    if not bench.family:
+    if source is None:
+        wait_until(lambda: process.poll() is not None or bench.sent() >= case.behind)
+    elif not bench.family:
         time.sleep(source.random() * case.seconds)
     elif source.random() < 0.9:  # while it talks; else anywhere in its start-up
         end = time.monotonic() + PATIENCE

@@ -1,0 +1,377 @@
+"""Every fault of every simulator, on each of its wires, in every command of its family: what must hold of each cell.
+
+What is read, written and done on a healthy line is the measure: two healthy runs at different speeds of the device say which
+values hold still and what the command changes in it. A line that fails may cost time or an exit code, and never leads to another
+value, a second write, or a success that is none. The exit codes, and what a fault of the device changes, are written by hand
+in `tests/contract/facts/outcomes`.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from functools import cache, cached_property
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, NamedTuple
+
+from handctl.families import FAMILIES
+from tests.contract.cell import judge
+from tests.contract.facts import Passed, facts_of, passed
+from tests.contract.facts.outcomes import Outcomes, Variant, outcomes_of
+from tests.harm.cell import _same as same
+from tests.harm.cell import fingerprint
+from tests.search.causes import causes_of
+from tests.search.suite import Listed, bounded, parts
+from tests.support.cli import Result, Spy, run, spying
+
+SECONDS = 30.0
+"""Of real time: a command that takes longer hangs."""
+TURNAROUNDS = ("0", "0.11")
+"""How long the device takes to answer in the healthy runs."""
+SETTLE = 5.0
+"""Virtual seconds after which what a command set going has arrived."""
+WARM = ("temperature", "heat", "odometer", "counts", "acts[", "feedback[")
+"""Parts of a device that depend on how long everything took."""
+PASSING = ("file", "link", "port", "answer", "suspicion")
+"""Keys of a row that are of one run."""
+CODES = {0, 2, 3, 4, 5, 6, 7}
+
+
+class Cell:
+    """One command line against one fault."""
+
+    def __init__(
+        self, family: str, wire: str, row: Any, folder: Path, *options: str, words: tuple[str, ...] = ()
+    ) -> None:
+        self.family, self.wire, self.row, self.folder = family, wire, row, folder
+        self.facts, self.table = facts_of(family), outcomes_of(family)
+        own, trace = self.table.wires[wire], folder / "trace.txt"
+        kept = (self.table.state, own.options, *(f"posture={row.posture}" for _ in "1" if hasattr(row, "posture")))
+        self.link = f"fake://{family}?{'&'.join(filter(None, ['clock=virtual', *kept, *options]))}"
+        args = getattr(row, "on_can", ()) if "bus=can" in own.options else ()
+        typed = [word.replace("{dir}", str(folder)) for word in (args or row.args)]
+        asked = ["--yes"] if getattr(row, "asks", False) else ["--reply-window", "1000"] if row.kind == "scan" else []
+        more = ["--json", "--trace", str(trace), *own.words, *words, *asked]
+        with bounded(SECONDS, f"{family} {row.name}"), spying() as spy:
+            self.result: Result = run(
+                family, *typed, "-p", self.link, *more, env={"XDG_STATE_HOME": str(folder / "state")}
+            )
+        self.spy: Spy = spy
+        self.passed = passed(trace)
+
+    def __repr__(self) -> str:
+        return f"{self.family} {' '.join(self.row.args)} -p '{self.link}': {self.result!r}"
+
+    @cached_property
+    def answer(self) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+        """Rows and envelope, whatever the format; valid by the schema."""
+        if self.row.kind == "stream":
+            return self.result.stream
+        envelope = self.result.json
+        return envelope["rows"], envelope
+
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        return self.answer[0]
+
+    @property
+    def envelope(self) -> dict[str, Any]:
+        return self.answer[1]
+
+    @cached_property
+    def command(self) -> str:
+        """The words by which the tree knows the command."""
+        names = {*self.facts.writes, *self.facts.reads}
+        return next((name for size in (2, 1) if (name := " ".join(self.row.args[:size])) in names), self.row.args[0])
+
+    @cached_property
+    def written(self) -> list[bytes]:
+        """What went out that writes, by the rule of the family; a stop of its movement left out."""
+        writing = self.facts.rule(self.command)
+        said = [(entry, writing(entry)) for entry in self.passed]
+        return [
+            _spelled(entry, self.wire)
+            for entry, writes in said
+            if writes and entry.mark == ">" and entry.data != self.facts.idle
+        ]
+
+    @property
+    def values(self) -> dict[str, Any]:
+        return {row["path"]: row["value"] for row in self.rows if row.get("value") is not None and "path" in row}
+
+    @property
+    def held(self) -> dict[str, Any]:
+        """What the device holds behind it, field by field and byte by byte, once it has come to rest."""
+        if not self.spy.lines:
+            return {}
+        line = self.spy.lines[-1]
+        line.advance(line.device.now + SETTLE)
+        return bytewise(fingerprint(line))
+
+    @property
+    def errors(self) -> list[dict[str, Any]]:
+        return [message for message in self.envelope["messages"] if message["level"] == "error"]
+
+
+def _spelled(entry: Passed, wire: str) -> bytes:
+    """A frame by what it means: a transaction has another number each time."""
+    if entry.can_id is not None:
+        return entry.can_id.to_bytes(4, "big") + entry.data
+    return entry.data[2:] if wire == "tcp" else entry.data
+
+
+# -- the measure --------------------------------------------------------------------------------------------------------
+
+
+class Usual(NamedTuple):
+    """What is the same in the healthy runs.
+
+    code     exit code
+    values   by path
+    paths    that have a value
+    said     everything in its rows, by place and key
+    written  what it writes, in order
+    held     what it changes in the device
+    """
+
+    code: int
+    values: dict[str, Any]
+    paths: frozenset[str]
+    said: dict[str, Any]
+    written: list[bytes]
+    held: dict[str, Any]
+
+
+@cache
+def usual(family: str, wire: str, name: str) -> Usual:
+    """How the command ends on a healthy line."""
+    table = outcomes_of(family)
+    row = next(row for row in table.rows if row.name == name)
+    runs, befores = [], []
+    for turnaround in TURNAROUNDS:
+        with TemporaryDirectory() as folder:
+            prepare(family, Path(folder))
+            cell = Cell(family, wire, row, Path(folder), f"turnaround={turnaround}", "seed=1")
+            runs.append((cell, cell.held))
+            befores.append(at_rest(family, cell.link))
+    cells = [cell for cell, _ in runs]
+    assert len({cell.result.code for cell in cells}) == 1 and cells[0].result.code in (0, 7), cells
+    changed = [
+        {place: value for place, value in held.items() if before.get(place) != value}
+        for (_, held), before in zip(runs, befores, strict=True)
+    ]
+    return Usual(
+        cells[0].result.code,
+        _steady([cell.values for cell in cells]),
+        frozenset(cells[0].values),
+        _steady([said(cell) for cell in cells]),
+        cells[0].written,
+        _steady(changed),
+    )
+
+
+def at_rest(family: str, link: str) -> dict[str, Any]:
+    """The device of a link, to which nobody has talked."""
+    import handctl.sim
+
+    options = dict(item.split("=", 1) for item in link.partition("?")[2].split("&"))
+    line = handctl.sim.create(family, {name: text for name, text in options.items() if name not in ("clock", "seed")})
+    line.advance(SETTLE)
+    return bytewise(fingerprint(line))
+
+
+def bytewise(held: dict[str, Any]) -> dict[str, Any]:
+    """Memory by its bytes; without what goes its own way."""
+    found: dict[str, Any] = {}
+    for place, value in held.items():
+        if not any(word in place for word in WARM):
+            found |= (
+                {f"{place}[{at}]": byte for at, byte in enumerate(value)}
+                if isinstance(value, bytes)
+                else {place: value}
+            )
+    return found
+
+
+def _steady(found: list[dict[str, Any]]) -> dict[str, Any]:
+    first, *others = found
+    return {key: value for key, value in first.items() if all(key in other and other[key] == value for other in others)}
+
+
+def said(cell: Cell) -> dict[str, Any]:
+    """Its rows as one table, without what is only of this run."""
+    timed = cell.table.timed or ("\0",)
+    return {
+        f"{place}.{key}": value
+        for place, row in enumerate(cell.rows)
+        for key, value in row.items()
+        if key not in PASSING and not any(str(row.get(word)).startswith(timed) for word in ("path", "name"))
+    }
+
+
+@cache
+def before(family: str, wire: str) -> dict[str, Any]:
+    """What the device reads before any command, by path: of those that hold still."""
+    table = outcomes_of(family)
+    shown: dict[str, Any] = {}
+    for name in ("dump", "status", "get"):
+        if any(row.name == name for row in table.rows):
+            shown |= usual(family, wire, name).values
+    return shown
+
+
+def prepare(family: str, folder: Path) -> None:
+    """The files that its lines name."""
+    if module := facts_of(family).rows_in:
+        importlib.import_module(module).prepare(folder)
+
+
+# -- what must hold -----------------------------------------------------------------------------------------------------
+
+
+def holds(cell: Cell, fault: str, variant: str) -> None:
+    """Raise AssertionError with what is wrong."""
+    table, own = cell.table, cell.table.wires[cell.wire]
+    sound(cell, fault)
+    codes = table.codes(cell.wire, fault, cell.row, variant)
+    assert cell.result.code in codes, (sorted(codes), cell)
+    if not table.is_told(fault, cell.row.name):
+        return
+    truthful(cell, fault)
+    if variant == "always" and cell.result.code in (3, 4, 5):
+        (error,) = cell.errors
+        assert error["hint"] and cell.link.partition("?")[0] in error["text"], cell
+        causes = causes_of(fault, cell.family, cell.wire, cell.command)
+        assert not causes or error["code"] in causes, (error["code"], causes, cell)
+    if cell.result.code == 0 and not table.variants.get(variant, ALWAYS).bound:
+        complete(cell, fault, line=fault in own.line)
+
+
+def sound(cell: Cell, fault: str) -> None:
+    """No bug of ours, one error, an end in time, a true ledger, nothing written twice."""
+    assert cell.result.code in CODES and "Traceback" not in cell.result.err, cell
+    assert len([error for error in cell.errors if error["code"] != "leaving"]) == (cell.result.code != 0), cell
+    assert not cell.spy.lines or cell.spy.now < cell.table.seconds, (cell.spy.now, cell)
+    assert not [row for row in cell.rows if "error" in row and "value" in row], cell
+    if fault in cell.facts.confusing or fault in cell.table.erratic:
+        return
+    meant = usual(cell.family, cell.wire, cell.row.name).written
+    if not meant:
+        assert not cell.written, (cell.written, cell)
+        return
+    if cell.command in set(cell.facts.writes) - cell.facts.unproven:
+        judge(cell.family, cell.command, cell.envelope["writes"], cell.passed)
+    if cell.row.name not in cell.table.again:
+        twice = {data: count for data, count in Counter(cell.written).items() if count > meant.count(data) > 0}
+        assert not twice, (twice, cell)
+
+
+def truthful(cell: Cell, fault: str) -> None:
+    """No value that is not the device's: before or after what the command does; of what moves between both."""
+    first, after = before(cell.family, cell.wire), usual(cell.family, cell.wire, cell.row.name).values
+    changed = cell.table.changed.get(fault, {})
+    for row in cell.rows:
+        path = row.get("path")
+        unknown = row.get("value") is None or str(row["value"]).startswith("? (")
+        if (
+            unknown
+            or path is None
+            or str(row.get("name")).startswith(cell.table.timed or ("\0",))
+            or path.startswith(cell.table.timed or ("\0",))
+        ):
+            continue
+        good = [changed[path]] if path in changed else [values[path] for values in (first, after) if path in values]
+        if path in changed and path in after and after[path] != first.get(path):
+            good.append(after[path])  # what the command writes, it writes there as well
+        if (settle := cell.table.settles.get(cell.row.name)) is not None:
+            good += [settle(value) for value in good]
+        if row["value"] in good or not good:
+            continue
+        assert cell.row.kind in ("move", "command") and len(good) == 2, (row, good, cell)
+        assert min(good) <= row["value"] <= max(good), (row, good, cell)
+
+
+def complete(cell: Cell, fault: str, *, line: bool) -> None:
+    """Success: everything is there and right, and the device holds what was written."""
+    wanted = usual(cell.family, cell.wire, cell.row.name)
+    assert frozenset(cell.values) == wanted.paths, (frozenset(cell.values) ^ wanted.paths, cell)
+    if not line or cell.row.kind == "stream":
+        return
+    if cell.row.kind not in ("raw", "gcl", "reset"):  # these show whatever comes, an echo too
+        wrong = {key: value for key, value in wanted.said.items() if said(cell).get(key) != value}
+        assert not wrong, (wrong, cell)
+    if wanted.held and (held := cell.held):
+        differ = {
+            place: (value, held.get(place)) for place, value in wanted.held.items() if not same(held.get(place), value)
+        }
+        assert not differ, (differ, cell)
+    if cell.command not in cell.facts.adapts and cell.row.name not in cell.table.again:
+        assert [data for data in cell.written if data in wanted.written] == wanted.written, cell
+
+
+# -- the suite ----------------------------------------------------------------------------------------------------------
+
+
+ALWAYS = Variant()
+
+
+def cells_of(family: str) -> Iterator[tuple[str, str, str, str]]:
+    """(wire, command, fault, variant)."""
+    table = outcomes_of(family)
+    for wire, own in table.wires.items():
+        for row in table.rows:
+            for fault in (*own.line, *own.device):
+                yield wire, row.name, fault, "always"
+            for name, variant in table.variants.items():
+                for fault in own.line if variant.faults is None else variant.faults:
+                    if all(
+                        at in (chosen or [at]) for at, chosen in ((row.name, variant.commands), (wire, variant.wires))
+                    ):
+                        yield wire, row.name, fault, name
+
+
+class Faults(Listed):
+    """Family, wire, command, fault, when it comes."""
+
+    name = "faults"
+
+    def rows(self) -> Iterator[tuple[tuple[object, ...], Any]]:
+        for family in FAMILIES:
+            for cell in cells_of(family):
+                yield (family, *cell), (family, *cell)
+
+    def tried(self, row: Any, folder: Path) -> str:
+        """Its exit code, and the codes of its errors."""
+        done = try_cell(*row, folder)
+        return " ".join([f"exit {done.result.code}", *(error["code"] for error in done.errors)])
+
+    def wanted(self) -> Iterable[str]:
+        """Every command, every fault on every wire, every moment of every family."""
+        return dict.fromkeys(what for cell in self.cells() for what in self.shows(cell))
+
+    def shows(self, cell: str) -> Iterator[str]:
+        _, family, wire, command, fault, when = parts(cell)
+        yield f"command {family} {command}"
+        yield f"fault {family} {wire} {fault}" if when == "always" else f"when {family} {when}"
+
+
+def try_cell(family: str, wire: str, name: str, fault: str, when: str, folder: Path) -> Cell:
+    """Run one cell and judge it."""
+    table: Outcomes = outcomes_of(family)
+    row = next(row for row in table.rows if row.name == name)
+    variant = table.variants.get(when, ALWAYS)
+    prepare(family, folder)
+    options = variant.options.split("&") if variant.options else []
+    options += [f"fault={fault}"] * (not any(option.startswith("fault=") for option in options))
+    options += ["seed=1"] * (not any(option.startswith("seed=") for option in options))
+    cell = Cell(family, wire, row, folder, *options, words=table.words if variant.words is None else variant.words)
+    holds(cell, fault, when)
+    if variant.bound:
+        assert cell.spy.now <= variant.bound, (cell.spy.now, cell)
+    table.also(cell)
+    return cell
+
+
+SUITES = (Faults(),)
