@@ -16,11 +16,10 @@ import signal
 import stat
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-from tests.matrix.report import Hang, bounded
+from tests.search.suite import Hang, bounded
 from tests.support.cli import Result, check_schema, run
 
 SECONDS = 20.0
@@ -41,23 +40,13 @@ KEEP = {"csv": "\r\n", "plain": "\n\t", "any": "\r\n\t"}
 """Control characters that are part of a format; of the others a new line."""
 
 
-@dataclass(frozen=True)
-class Cell:
+class Tried(NamedTuple):
     """What one command line did in one place. `failure` is empty when all is well."""
 
-    family: str
-    kind: str
-    line: str
     code: int | None
-    failure: str = ""
-    seconds: float = 0.0
-    """Of this process: what a cell costs."""
-
-    def row(self) -> dict[str, Any]:
-        """As the table takes it."""
-        line = self.line.encode("ascii", "backslashreplace").decode("ascii")
-        return {"state": self.kind, "family": self.family, "line": line, "code": self.code, "harm": self.failure.encode("ascii", "backslashreplace").decode("ascii"),
-                "excused": "", "seconds": round(self.seconds, 3)}  # fmt: skip
+    failure: str
+    told: str = ""
+    """The codes of its messages, where it was asked for JSON."""
 
 
 # -- the place ----------------------------------------------------------------------------------------------------
@@ -238,7 +227,7 @@ def _elsewhere(words: Sequence[str], env: Mapping[str, str]) -> bool:
 def attempt(
     words: Sequence[str], how: str, folder: Folder, env: Mapping[str, str] | None = None, *, stdin: str = "",
     codes: Sequence[int] = DOCUMENTED,
-) -> tuple[int | None, str]:  # fmt: skip
+) -> Tried:  # fmt: skip
     """Run one command line; its exit code and what is wrong."""
     place = {
         "XDG_STATE_HOME": str(folder.path / "state"),
@@ -251,10 +240,10 @@ def attempt(
     except Hang as exc:
         signal.setitimer(signal.ITIMER_REAL, 0.0)  # an alarm of the command must not ring in the next one
         folder.tidy()
-        return None, str(exc)
+        return Tried(None, str(exc))
     except Exception as exc:  # noqa: BLE001 - that it got out of handctl is what is told
         folder.tidy()
-        return None, f"our own bug: {type(exc).__name__}: {exc}"
+        return Tried(None, f"our own bug: {type(exc).__name__}: {exc}")
     wrong, new = folder.tidy()
     failure = (
         judge(
@@ -273,4 +262,12 @@ def attempt(
     shutil.rmtree(folder.path / "state", ignore_errors=True)
     if not failure and grown[0] > MEMORY:
         failure = f"{grown[0] >> 20} MiB of memory"
-    return done.code, failure
+    return Tried(done.code, failure, _codes(done) if how == "json" and not failure else "")
+
+
+def _codes(done: Result) -> str:
+    """The codes of the messages of a command that gave JSON, each once."""
+    text = done.raw.decode("utf-8")
+    last = strict(text) if text.startswith("{\n") else strict(text.split("\n")[-2]) if text else {}
+    messages = last.get("end", last).get("messages", ())
+    return " ".join(sorted({message["code"] for message in messages if message["level"] != "info"}))

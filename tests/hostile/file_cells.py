@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import os
 import socket
+import threading
+import zlib
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
@@ -12,8 +15,9 @@ import click
 
 from handctl.families import FAMILIES
 from handctl.frame.filetypes import InFile, OutFile
-from tests.hostile.cell import DOCUMENTED, FORMATS, Cell, Folder, attempt
-from tests.hostile.devices import READY
+from tests.harm import lines
+from tests.hostile.cell import DOCUMENTED, FORMATS, Folder, Tried, attempt
+from tests.hostile.devices import KINDS, RAW, READY
 from tests.support.leaves import LEAVES, Leaf, command_line, own
 
 
@@ -176,7 +180,15 @@ def _short(place: Place, kind: str, code: int | None) -> str:
     return ""
 
 
-def try_cell(place: Place, kind: str, make: Callable[[Path], str], how: str, folder: Folder) -> Cell:
+HOWS = ("json", "table", "csv", "plain", "always")
+
+
+def how_of(place: Place, kind: str) -> str:
+    """The format of a cell."""
+    return HOWS[zlib.crc32(f"{place.name}{kind}".encode()) % len(HOWS)]
+
+
+def try_cell(place: Place, kind: str, make: Callable[[Path], str], how: str, folder: Folder) -> Tried:
     """One command with one such file in one place."""
     with folder.scratch() as path:
         (path / "other.json").write_text("{}", encoding="utf-8")
@@ -199,5 +211,95 @@ def try_cell(place: Place, kind: str, make: Callable[[Path], str], how: str, fol
         else:
             words += ["--yes", *FORMATS[how]]
         codes = DOCUMENTED if place.reads else (*DOCUMENTED, 1)  # "or the output could not be written"
-        code, failure = attempt(words, how, folder, env, codes=codes)
-        return Cell(place.family, f"file: {kind}", f"{place.name} --{how}", code, failure or _short(place, kind, code))
+        done = attempt(words, how, folder, env, codes=codes)
+        return done._replace(failure=done.failure or _short(place, kind, done.code))
+
+
+# -- what a command reads, spoiled as an answer is ----------------------------------------------------------------
+
+READING = [
+    line
+    for listed in lines.examples().values()
+    for line in listed
+    if any(word.startswith("{dir}/") for word in line.words)
+]
+
+
+def try_content(line: lines.Line, kind: str, how: str, folder: Folder) -> Tried | None:
+    """Snapshots, logs and images that were good, with escapes, bombs and other encodings in them; None without such a file."""
+    with folder.scratch() as path:
+        words, spoiled = [], False
+        for said in line.words:
+            word, good = said, folder.path / line.family / said.removeprefix("{dir}/")
+            if said.startswith("{dir}/") and good.is_file():
+                bad = path / good.name
+                bad.write_bytes(b"".join(piece for _, piece in KINDS[kind](b"").answer(good.read_bytes())))
+                word, spoiled = str(bad), True
+            words.append(word.replace("{dir}", str(path)))
+        if not spoiled:
+            return None
+        folder.keep()
+        asked = ("--yes",) if line.asks else ()
+        return attempt([*words, "-p", f"fake://{line.family}?clock=virtual", *asked, *FORMATS[how]], how, folder)
+
+
+# -- a pipe with somebody at its other end ------------------------------------------------------------------------
+
+ROW = b"t,velocity.F1,gain.F1\n0,0,0\n"
+LIVE = b"velocity.F1,gain.F1\n0,0\n"
+WRITERS: dict[str, tuple[bytes, bytes]] = {
+    "escapes": (RAW + b"\n", b""),
+    "escapes behind a header": (LIVE + RAW + b"\n", b""),
+    "one endless line": (b"", b"7" * 60_000),
+    "an endless line behind a header": (LIVE, b"7" * 60_000),
+    "NUL without end": (b"", bytes(60_000)),
+    "times without end": (ROW, b"1,0,0\n" * 10_000),
+    "rows without end": (LIVE, b"0,0\n" * 10_000),
+    "nesting": (b'{"velocity.F1": 0, "gain.F1": 0}\n{"velocity.F1": ' + b"[" * 50_000 + b"\n", b""),
+    "digits": (b'{"velocity.F1": ' + b"9" * 50_000 + b"}\n", b""),
+    "no number": (b'{"t": NaN, "velocity.F1": 0, "gain.F1": 0}\n', b""),
+    "past all bounds": (b"velocity.F1,gain.F1\n1e999,0\n", b""),
+    "UTF-16": ("velocity.F1,gain.F1\n0,0\n".encode("utf-16"), b""),
+    "a thousand columns": (b",".join([b"velocity.F1"] * 5_000) + b"\n0,0\n", b""),
+    "nothing": (b"", b""),
+}
+"""Kind -> what is written at once, and then again and again until nobody reads."""
+
+
+def pour(path: Path, begin: bytes, endless: bytes, over: threading.Event) -> None:
+    """The writer: a pipe that nobody opens is given up with `over`."""
+    descriptor = -1
+    while descriptor < 0 and not over.is_set():
+        try:
+            descriptor = os.open(path, os.O_WRONLY | os.O_NONBLOCK)
+        except OSError:  # nobody reads yet
+            over.wait(0.005)
+    try:
+        while descriptor >= 0 and (begin or endless) and not over.is_set():
+            begin = begin or endless
+            with suppress(BlockingIOError):
+                begin = begin[os.write(descriptor, begin) :]
+                continue
+            over.wait(0.001)
+    except BrokenPipeError:
+        pass
+    finally:
+        if descriptor >= 0:
+            os.close(descriptor)
+
+
+def try_pipe(kind: str, how: str, folder: Folder) -> Tried:
+    """The one pipe that is read, with a writer that means no good."""
+    with folder.scratch() as path:
+        pipe, over = path / "pipe", threading.Event()
+        os.mkfifo(pipe)
+        folder.keep()
+        writer = threading.Thread(target=pour, args=(pipe, *WRITERS[kind], over))
+        writer.start()
+        try:
+            link = "fake://barrett?clock=virtual&initialized=1"
+            words = ["barrett", "realtime", "--count", "3", "--control", str(pipe), "-p", link, "--yes"]
+            return attempt([*words, *FORMATS[how]], how, folder)
+        finally:
+            over.set()
+            writer.join()

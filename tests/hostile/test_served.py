@@ -13,14 +13,11 @@ import pytest
 
 from handctl.sim.engine import serve
 from tests.harm.cell import Port
-from tests.hostile.cell import FORMATS, Cell, Folder, attempt
+from tests.hostile.cell import FORMATS, Folder, attempt
 from tests.hostile.devices import Place
-from tests.hostile.table import Tried, note, share
 
-pytestmark = [pytest.mark.real, pytest.mark.hostile]
+pytestmark = pytest.mark.real
 
-EACH = 4
-"""An ordinary run takes one in so many: each costs a process."""
 PLACES = (
     (Place("exo", "escapes before", "tcp"), "tcp", ("exo", "dump")),
     (Place("exo", "a byte a second", "serial"), "pty", ("exo", "status")),
@@ -72,16 +69,8 @@ def served(place: Place, wire: str) -> Iterator[str]:
 
 
 @pytest.mark.parametrize(("place", "wire", "words"), PLACES, ids=str)
-def test_a_wire_that_means_no_good(
-    place: Place, wire: str, words: tuple[str, ...], tmp_path: Path, request: pytest.FixtureRequest
-) -> None:
-    tried = Tried(request)
-    if share(request.config, f"served|{place}|{words}", EACH):
-        with served(place, wire) as link:
-            for how in ("table", "json"):
-                more = ("-p", link, "--deadline", "2", *FORMATS[how])
-                code, failure = attempt([*words, *more], how, Folder(tmp_path))
-                tried.append(
-                    Cell(place.kind, f"{wire}: {place.hostility}", f"{' '.join(words)} --{how}", code, failure)
-                )
-    note(request, tried)
+def test_a_wire_that_means_no_good(place: Place, wire: str, words: tuple[str, ...], tmp_path: Path) -> None:
+    with served(place, wire) as link:
+        for how in ("table", "json"):
+            done = attempt([*words, "-p", link, "--deadline", "2", *FORMATS[how]], how, Folder(tmp_path))
+            assert not done.failure, f"--{how}, exit {done.code}: {done.failure}"

@@ -6,21 +6,16 @@ from __future__ import annotations
 import re
 import socket
 from collections.abc import Iterator
-from pathlib import Path
 from unittest import mock
 
 import click
-import pytest
 
 from handctl.families import FAMILIES
 from handctl.frame.options import SharedOption
 from tests.harm import lines as examples
-from tests.hostile.cell import Cell, Folder, attempt
+from tests.hostile.cell import Folder, Tried, attempt
 from tests.hostile.devices import READY
-from tests.hostile.table import Tried, note, share
 from tests.hostile.texts import LINK, TEXTS
-
-pytestmark = pytest.mark.hostile
 
 KINDS = ("digits", "digits of other scripts", "past all bounds", "no bound", "zero", "not UTF-8", "lines")
 LINKS = (
@@ -30,16 +25,6 @@ LINKS = (
 )  # fmt: skip
 NUMBER = re.compile(r"(?<![A-Za-z_.])\d+")
 SERVERS = ("--tcp localhost:{}", "--tcp {}", "--slcan-tcp localhost:{}", "--modbus-tcp localhost:{}")
-
-
-@pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Folder]:
-    """A folder to stand in, and no network: a number that is a port by accident leads nowhere."""
-    examples.prepare(tmp_path)
-    (tmp_path / "here").mkdir()
-    monkeypatch.chdir(tmp_path / "here")
-    with mock.patch.object(socket, "getaddrinfo", side_effect=socket.gaierror(-2, "not in this test")):
-        yield Folder(tmp_path)
 
 
 def spoiled(command: click.Command, text: str) -> Iterator[tuple[str, ...]]:
@@ -89,14 +74,17 @@ def links(name: str, text: str) -> Iterator[tuple[str, ...]]:
             yield "sim", name, *form.format(text).split(" ", 1)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("name", [*FAMILIES, ""])
-def test_a_value_of_nonsense(name: str, kind: str, folder: Folder, request: pytest.FixtureRequest) -> None:
-    tried = Tried(request)
-    for made in (*cells(name, TEXTS[kind]), *(links(name, TEXTS[kind]) if name else ())):
-        words = tuple(word.replace("{dir}", str(folder.path / (name or "exo"))) for word in made)
-        told = " ".join(words).replace(TEXTS[kind], "{}")
-        if share(request.config, f"{kind}|{told}"):
-            code, failure = attempt([*words, "--json"], "json" if words[0] != "sim" else "any", folder)
-            tried.append(Cell(name or "tools", f"value: {kind}", told, code, failure))
-    note(request, tried)
+def rows() -> Iterator[tuple[str, str, str, tuple[str, ...]]]:
+    """Family or "", kind, how the line is named, its words; {dir} is a scratch folder."""
+    for name in (*FAMILIES, ""):
+        for kind in KINDS:
+            text = TEXTS[kind]
+            for words in (*cells(name, text), *(links(name, text) if name else ())):
+                yield name, kind, " ".join(words).replace(text, "{}"), words
+
+
+def try_words(name: str, words: tuple[str, ...], folder: Folder) -> Tried:
+    """A command line with nonsense in it, and no network: a number that is a port by accident leads nowhere."""
+    typed = [word.replace("{dir}", str(folder.path / (name or "exo"))) for word in words]
+    with mock.patch.object(socket, "getaddrinfo", side_effect=socket.gaierror(-2, "not in this test")):
+        return attempt([*typed, "--json"], "json" if words[0] != "sim" else "any", folder)

@@ -13,7 +13,6 @@ from typing import Any
 from unittest import mock
 
 import click
-import pytest
 
 import handctl.link.can
 import handctl.link.serial
@@ -25,16 +24,12 @@ from handctl.frame.filetypes import InFile, OutFile
 from handctl.frame.options import SharedOption
 from tests.harm import lines as examples
 from tests.harm.lines import leaves
-from tests.hostile.cell import Cell, Folder, attempt
+from tests.hostile.cell import Folder, Tried, attempt
 from tests.hostile.devices import READY
-from tests.hostile.table import Tried, note, share
 from tests.hostile.texts import TEXTS
 
-pytestmark = pytest.mark.hostile
-
 LINES = 100
-"""Of one test."""
-TESTS = 40
+"""Of one seed."""
 SERVERS = ("sim",)
 """They serve until they are ended: only their command line is looked at."""
 WORDS = ("", "-", "--", "x", "=", "a=1", "a.b=c", "1", "0", "-1", "1e9", "0x10", "1,2,3", "*", ",", "left", "°", "EB 90", "P", "id",
@@ -165,37 +160,17 @@ class Lines:
         )
 
 
-@pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Folder:
-    """Where relative names end up; what is there may not change, apart from outputs that a line names."""
-    examples.prepare(tmp_path)
-    (tmp_path / "here").mkdir()
-    monkeypatch.chdir(tmp_path / "here")
-    return Folder(tmp_path)
+def rows(seed: int) -> Iterator[tuple[bool, list[str]]]:
+    """The lines of a seed, and whether JSON is asked for; {dir} is a scratch folder."""
+    source = Lines(seed, Path("{dir}"))
+    for number in range(LINES):
+        words = source.one()
+        # click puts an option that is typed twice where it stands first: --json --csv --json is CSV
+        json_wanted = not {"-h", "--", "--json"} & set(words) and number % 3 == 0
+        yield json_wanted, [*words, *(["--json"] if json_wanted else [])]
 
 
-@pytest.mark.parametrize("seed", range(TESTS))
-def test_random_lines(seed: int, folder: Folder, request: pytest.FixtureRequest) -> None:
-    source, tried = Lines(seed, folder.path), Tried(request)
+def try_line(words: Sequence[str], how: str, folder: Folder) -> Tried:
+    """Run one."""
     with no_devices():
-        for number in range(LINES):
-            words = source.one()
-            # click puts an option that is typed twice where it stands first: --json --csv --json is CSV
-            json_wanted = not {"-h", "--", "--json"} & set(words) and number % 3 == 0
-            if not share(request.config, f"{seed}|{number}"):
-                continue
-            more = ["--json"] if json_wanted else []
-            how = "json" if json_wanted else "any"
-            code, failure = attempt([*words, *more], how, folder)
-            name = next((word for word in words if word in FAMILIES), "tools")
-            tried.append(Cell(name, "random command lines", repr([*words, *more]), code, failure))
-    note(request, tried)
-
-
-def test_the_lines_reach_every_command(tmp_path: Path) -> None:
-    """They are thousands, of every command, and most of them are understood by the parser."""
-    source = Lines(0, tmp_path)
-    made = [source.one() for _ in range(10 * len(source.leaves))]
-    assert len({tuple(words) for words in made}) > 0.8 * len(made)
-    missed = [path for path, _ in leaves(root, ()) if not any(set(path) <= set(words) for words in made)]
-    assert not missed
+        return attempt([word.replace("{dir}", str(folder.path)) for word in words], how, folder)
