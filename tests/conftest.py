@@ -1,9 +1,7 @@
-"""Hooks of the whole test suite: the summary of the fault matrix, and its share of an ordinary run."""
+"""Hooks of the whole test suite: where a test keeps its state, and what an ordinary one must not do."""
 
 from __future__ import annotations
 
-import os
-import zlib
 from collections.abc import Iterator
 from contextlib import nullcontext
 from pathlib import Path
@@ -14,8 +12,6 @@ from hypothesis import HealthCheck, settings
 # What tests share asserts, too, and shows what differs when it fails; told before any of it is imported.
 pytest.register_assert_rewrite(*(f"tests.{path.name}" for path in Path(__file__).parent.iterdir() if path.is_dir()))
 
-from tests.harm.table import Table
-from tests.hostile.table import table as hostile_table
 from tests.support import own_state as state
 from tests.support.collecting import Collecting
 from tests.support.in_process import in_process
@@ -23,7 +19,6 @@ from tests.support.in_process import in_process
 __all__ = [
     "ordinary",
     "own_state",
-    "pytest_collection_modifyitems",
     "pytest_configure",
 ]
 
@@ -45,29 +40,12 @@ def ordinary(request: pytest.FixtureRequest, own_state: None) -> Iterator[None]:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """The tables of the harm matrix and of the hostile suite are plugins of their own, and so is a faster collecting."""
+    """Collecting in less time is a plugin of its own."""
     config.pluginmanager.register(Collecting())
-    config.pluginmanager.register(Table())
-    config.pluginmanager.register(hostile_table())
 
 
-# The same examples in each run: what a new one finds is a task for the long suites, not an end of an ordinary run by chance.
+# The same examples in each run: what a new one finds is a task for the search, not an end of an ordinary run by chance.
 settings.register_profile(
     "any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow], derandomize=True, database=None
 )
 settings.load_profile("any machine")
-
-SHARE = 24
-"""Of the cells of the fault matrices an ordinary run of the whole suite takes one in 24, always the same ones."""
-
-
-def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """`-m faults`, or naming a file, runs every cell, or those that HANDCTL_FAULTS_EACH=N leaves, as `.ci/run` does."""
-    whole_suite = not config.option.file_or_dir or config.option.file_or_dir == ["tests"]
-    asked = not whole_suite or "faults" in config.option.markexpr
-    share = int(os.environ.get("HANDCTL_FAULTS_EACH", "1")) if asked else SHARE
-    left = [item for item in items if item.get_closest_marker("faults") and zlib.crc32(item.nodeid.encode()) % share]
-    if left:
-        dropped = set(left)
-        items[:] = [item for item in items if item not in dropped]
-        config.hook.pytest_deselected(items=left)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -52,8 +51,3 @@ def scratch_of(folder: Path) -> Path:
             content = snapshot.make(kind, {"kind": kind}, dict(values), link="x", fake=True)
             snapshot.write(str(folder / f"{kind}.json"), content)
     return folder
-
-
-def chosen(cells: Iterator[str] | list[str], each: int, name: str) -> list[str]:
-    """The share of the cells of one product."""
-    return [cell for cell in cells if zlib.crc32(f"{name}|{cell}".encode()) % each == 0]

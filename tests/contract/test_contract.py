@@ -1,7 +1,7 @@
 """What every family must do, tried on the registry: nothing here names one. What differs between them are their facts.
 
-`pytest -m contract` tries every cell; the ordinary suite a share of the larger products, always the same. One family:
-`pytest -m contract tests/contract -k NAME`.
+The larger products, each command with each fault and each interruption, are suites of `tests/search`; the gate replays their
+pins. One family: `pytest tests/contract tests/pins -k NAME`.
 """
 
 from __future__ import annotations
@@ -27,18 +27,14 @@ from handctl.frame.clikit import HEADINGS, USUAL
 from handctl.frame.family import load
 from handctl.link.fake import FakeFrames, FakeLink
 from handctl.model.param import SETTING, Element, ParamMap, elements_of
-from handctl.sim import model_class
-from handctl.sim.engine.line import LINE_FAULTS
 from handctl.tools.trace_read import explainer_of
 from tests.contract.cell import CODES, judge, tried, wrote
-from tests.contract.commands import ELSEWHERE, SECONDS, chosen, commands, scratch_of, writing_commands
+from tests.contract.commands import ELSEWHERE, SECONDS, commands, scratch_of, writing_commands
 from tests.contract.facts import Passed, Rule, facts_of, passed
 from tests.fuzz.support import Chunks
-from tests.matrix.report import bounded
+from tests.search.suite import bounded
 from tests.support.cli import run, spying
 from tests.support.places import TESTS
-
-pytestmark = pytest.mark.contract
 
 VIRTUAL_SECONDS = 900.0
 ALL = [
@@ -99,58 +95,6 @@ def test_every_format(family: str, name: str) -> None:
 
 
 # -- faults -------------------------------------------------------------------------------------------------------------
-
-
-def settled(family: str) -> list[str]:
-    """Names whose value stays as it is: settings, as their map says."""
-    params = map_of(family)
-    return [param.name for param in params or () if param.kind == SETTING and param.readable and not param.optional]
-
-
-@pytest.mark.parametrize(("family", "name"), NAMED)
-def test_every_fault_in_every_command(family: str, name: str, scratch: Path, each: int) -> None:
-    """A documented exit code, an end, JSON by the schema, a ledger that is true, and no byte that writes from what reads."""
-    facts = facts_of(family)
-    faults = [*LINE_FAULTS, *model_class(family).FAULTS]
-    for fault in chosen([f"{fault}&after={after}" for fault in faults for after in (0, 3)], each, f"{family} {name}"):
-        with bounded(SECONDS, f"{family} {name}, {fault}"), spying() as spy:
-            result, rows, envelope, transcript = tried(family, name, scratch, options=(f"fault={fault}",))
-        assert result.code in CODES, (fault, result)
-        assert not spy.lines or spy.now < VIRTUAL_SECONDS, fault
-        errors = [message for message in envelope["messages"] if message["level"] == "error"]
-        ends = [
-            message for message in errors if message["code"] != "leaving"
-        ]  # a RealTime loop that cannot be left is told besides
-        assert len(ends) == (result.code != 0), (fault, result)
-        assert not [row for row in rows if "error" in row and "value" in row], (fault, rows)
-        if name in facts.writes and fault.partition("&")[0] not in facts.confusing:
-            judge(family, name, envelope["writes"], transcript)
-        elif name not in facts.writes:
-            assert not wrote(family, name, transcript), fault
-
-
-@pytest.mark.parametrize("family", [family for family in FAMILIES if settled(family)])
-def test_a_value_is_the_right_one_or_none(family: str, each: int) -> None:
-    """What holds still is read as it is, whatever the line does to it."""
-    names, link = settled(family), facts_of(family).link(family)
-    truth = run(family, "get", *names, "-p", link, "--format", "ndjson").stream[0]
-    for fault in chosen(list(LINE_FAULTS), each, family):
-        rows, _ = run(family, "get", *names, "-p", f"{link}&fault={fault}", "--format", "ndjson").stream
-        for row, right in zip(rows, truth, strict=len(rows) == len(truth)):
-            assert "error" in row or row["value"] == right["value"], (fault, row, right)
-
-
-@pytest.mark.parametrize("fault", ["silent", "loopback", "disconnect"])
-@pytest.mark.parametrize(("family", "name"), WRITING)
-def test_nothing_is_written_before_somebody_of_the_family_is_seen(
-    family: str, name: str, fault: str, scratch: Path, each: int
-) -> None:
-    if not chosen([fault], min(each, 8), f"{family} {name}"):
-        return
-    result, _, envelope, transcript = tried(family, name, scratch, options=(f"fault={fault}",))
-    assert result.code in (3, 4, 5, 6, 7), result
-    assert wrote(family, name, transcript) == []
-    assert {step["state"] for step in envelope["writes"]} <= {"not-sent"}
 
 
 @pytest.mark.parametrize("family", FAMILIES)
@@ -235,20 +179,6 @@ class Pressed:
                 return tried(family, name, folder)
         finally:
             signal.signal(signal.SIGINT, handler)
-
-
-@pytest.mark.parametrize(("family", "name"), WRITING)
-def test_ctrl_c_anywhere_leaves_a_true_ledger(family: str, name: str, scratch: Path, each: int) -> None:
-    parts = chosen([str(part) for part in range(12)], min(each, 12), f"{family} {name}")
-    if not parts:
-        return
-    counting = Pressed(0)
-    counting.run(family, name, scratch)
-    early_late = (1, 2, 3, *(counting.count * part // 7 for part in range(1, 7)), counting.count - 1, counting.count)
-    for place in sorted({early_late[int(part) % len(early_late)] for part in parts}):
-        result, _, envelope, transcript = Pressed(place).run(family, name, scratch)
-        assert result.code in (130, 0, 7), (place, result)
-        judge(family, name, envelope["writes"], transcript)
 
 
 HALTS = [(family, name) for family in FAMILIES for name in facts_of(family).halts or ()]

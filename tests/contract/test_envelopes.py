@@ -14,8 +14,6 @@ from tests.contract.facts import facts_of
 from tests.support.cli import check_schema, run
 from tests.support.places import TESTS
 
-pytestmark = pytest.mark.contract
-
 BEFORE = json.loads((TESTS / "contract" / "envelopes.json").read_text(encoding="utf-8"))
 """Envelopes that earlier states of handctl/1 wrote, as they were: with `rows`, or the end of a stream."""
 

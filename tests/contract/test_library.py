@@ -17,8 +17,6 @@ from tests.contract.cell import wrote
 from tests.contract.commands import ELSEWHERE, commands, scratch_of
 from tests.contract.facts import facts_of, passed
 
-pytestmark = pytest.mark.contract
-
 NAMED = [(family, name) for family in FAMILIES for name, _ in commands(family) if (family, name) not in ELSEWHERE]
 WRITING = [(family, name) for family, name in NAMED if name in facts_of(family).writes]
 

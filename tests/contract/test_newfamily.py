@@ -78,7 +78,7 @@ def test_a_name_that_cannot_be_is_refused_and_nothing_is_written(tree: Path, nam
     assert {path: path.stat().st_mtime_ns for path in tree.rglob("*")} == before
 
 
-@pytest.mark.long
+@pytest.mark.real
 def test_it_passes_the_contract(tree: Path) -> None:
     done = contract(tree)
     assert done.returncode == 0, done.stdout[-3000:]
@@ -98,7 +98,7 @@ MUTANTS = {
 """Mistake -> file, what stands there, what the mistake makes of it."""
 
 
-@pytest.mark.long
+@pytest.mark.real
 @pytest.mark.parametrize("mistake", MUTANTS)
 def test_the_contract_finds_a_mistake(tree: Path, mistake: str) -> None:
     file, right, wrong = MUTANTS[mistake]

@@ -12,8 +12,6 @@ from handctl.families import FAMILIES
 from tests.contract.facts import facts_of
 from tests.support.cli import run
 
-pytestmark = pytest.mark.contract
-
 SAID = ("name", "unit", "path", "scaled_unit")
 """Of two rows of one quantity the same, whatever moved meanwhile."""
 

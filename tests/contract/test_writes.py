@@ -5,7 +5,6 @@ The frames are taken from the transcript by rules of this file, written from the
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import pytest
@@ -51,24 +50,6 @@ def test_on_a_healthy_device(family: str, command: str, tmp_path: Path) -> None:
     assert [step["meaning"] for step in writes if not step["meaning"]] == []
     if command not in facts_of(family).unproven:
         assert {step["state"] for step in writes} == {"confirmed"}, writes
-
-
-@pytest.mark.faults
-@pytest.mark.parametrize(("family", "command"), COMMANDS)
-@pytest.mark.parametrize("fault", FAULTS)
-def test_on_a_line_that_fails(family: str, command: str, fault: str, scratch: Path) -> None:
-    result, writes, transcript = go(family, command, scratch, fault)
-    judge(family, command, writes, transcript)
-    said = result.out + result.err
-    envelope = json.loads(result.lines[-1])["end"]
-    if any(step["state"] != "not-sent" for step in writes):
-        assert "othing was sent" not in said and "othing was written" not in said, said
-    else:
-        assert not {"ack-lost", "answer-lost"} & {message["code"] for message in envelope["messages"]}, said
-    if command in facts_of(family).plans:
-        states = [step["state"] for step in writes if step["bytes"] != "03"]  # ^C stops what may be moving
-        rest = states[states.index("sent") + 1 :] if "sent" in states else []
-        assert set(rest) <= {"not-sent"}, "went on behind a write that nothing confirmed"
 
 
 @each_row(("family", "command"), COMMANDS)

@@ -19,7 +19,7 @@ OPTIONAL = ("pipx", "uv", "man")
 """Programs that this machine may lack."""
 
 
-@pytest.mark.long
+@pytest.mark.real
 def test_the_lines_of_install_work_as_printed(tmp_path: Path) -> None:
     copy = tmp_path / "handctl"
     unwanted = shutil.ignore_patterns("__pycache__", "*.egg-info", ".*cache", ".hypothesis", "tests")

@@ -68,7 +68,7 @@ handctl.connect("exo")
 """
 
 
-@pytest.mark.long
+@pytest.mark.real
 def test_a_strict_checker_takes_it_from_outside(tmp_path: Path) -> None:
     """Right programs pass, and each mistake is one error."""
     for name, text, errors in (("typed.py", TYPED, 0), ("wrong.py", WRONG, 4)):

@@ -178,7 +178,7 @@ def test_half_an_object_of_a_client_that_left_does_not_swallow_what_the_next_one
     assert "current_state" in client.ask('{"hand_mode":3}\n')
 
 
-@pytest.mark.long
+@pytest.mark.real
 def test_a_client_that_reads_again_after_a_long_pause_gets_whole_objects(start: Start) -> None:
     """3.5 MB in 5 s: more than the simulator keeps, and than the system does for so small a window."""
     address = start("--set", "rate=1000")

@@ -380,7 +380,7 @@ def test_the_bash_of_macos_has_no_compopt(tmp_path: Path) -> None:
     assert done.stdout == "<dump >complete -o default -o nospace -F _handctl handctl\n"
 
 
-@pytest.mark.long
+@pytest.mark.real
 def test_tab_takes_less_than_5_ms_in_bash(tmp_path: Path) -> None:
     terminal = Terminal("bash", tmp_path / "home")
     lines = {"handctl exo du": "mp ", "handctl exo get position_actual.in": "dex ", "handctl exo dump --dead": "line "}

@@ -196,7 +196,7 @@ def test_what_an_old_pip_installed_is_found(tmp_path: Path) -> None:
     assert found == ["old.py", "old-1.0-py3.10.egg-info/PKG-INFO"]
 
 
-@pytest.mark.long
+@pytest.mark.real
 def test_the_same_input_gives_the_same_file(pyz: Path, tmp_path: Path) -> None:
     build_zipapp.build(tmp_path / "again.pyz")
     assert (tmp_path / "again.pyz").read_bytes() == pyz.read_bytes()
@@ -255,14 +255,14 @@ def sources(top: Path) -> set[str]:
     }
 
 
-@pytest.mark.long
+@pytest.mark.real
 def test_the_source_distribution_holds_everything(built: Path) -> None:
     with tarfile.open(built / "dist" / f"handctl-{__version__}.tar.gz") as archive:
         names = {name.partition("/")[2] for name in archive.getnames() if not archive.getmember(name).isdir()}
     assert names - {"PKG-INFO"} == sources(built) | {"pyproject.toml", "README.md"}
 
 
-@pytest.mark.long
+@pytest.mark.real
 def test_the_wheel_brings_pages_and_completions(built: Path, tmp_path: Path) -> None:
     wheel = built / "dist" / f"handctl-{__version__}-py3-none-any.whl"
     names = zipfile.ZipFile(wheel).namelist()
