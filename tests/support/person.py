@@ -10,13 +10,15 @@ import io
 import os
 import signal
 import sys
-from collections.abc import Callable, Iterable, Mapping
-from contextlib import ExitStack
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from typing import Any
 from unittest import mock
 
 from handctl import cli, ending
 from handctl.frame import console
+from handctl.link import fake
 from tests.support.cli import clean_environment
 from tests.support.screen import ANSI, FakeTerminal, Screen
 
@@ -101,3 +103,20 @@ def once(fits: Callable[[str], object], number: int = signal.SIGINT) -> Press:
     """A key that is pressed once: as soon as what is seen fits."""
     left = [number]
     return lambda seen: left.pop() if left and fits(seen) else None
+
+
+@contextmanager
+def pressed_at(seconds: float, number: int = signal.SIGINT) -> Iterator[None]:
+    """A key that is pressed once, when a link on virtual time has been open for so long."""
+    left, sleep = [number], fake._Simulated._sleep_until
+
+    def until(link: Any, moment: float) -> None:
+        if left and link._virtual is not None and moment >= seconds:
+            sleep(link, seconds)
+            signal.raise_signal(left.pop())
+            return
+        sleep(link, moment)
+
+    with mock.patch.object(fake._Simulated, "_sleep_until", until):
+        yield
+    assert not left, f"it ended before {seconds} s"
