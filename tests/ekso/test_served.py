@@ -18,6 +18,7 @@ import serial
 from tests.ekso.commands import DATA_WORDS, ME, SETTING_WORDS
 from tests.support import forks
 from tests.support.cli import PATIENCE, Result, Simulator, clean_environment, run, run_program, unhurried, wait_until
+from tests.support.each_row import each_row
 
 pytestmark = pytest.mark.real
 
@@ -78,7 +79,7 @@ class Foreign:
         return [int.from_bytes(body[at : at + 2], "big") for at in range(0, len(body), 2)]
 
 
-@pytest.mark.parametrize("place", PLACES)
+@each_row("place", PLACES)
 def test_a_foreign_client_reads_and_writes(start: Start, place: str) -> None:
     link = start(place).link
     assert re.fullmatch({"pty": r"/dev/\S+", "tcp": r"tcp://127\.0\.0\.1:\d+"}[place], link)
@@ -104,8 +105,9 @@ def test_a_foreign_client_reads_and_writes(start: Start, place: str) -> None:
     assert do(link, "get", "step_length").rows[0]["raw"] == 1550
 
 
-@pytest.mark.parametrize("place", PLACES)
-def test_the_same_as_in_process(start: Start, place: str, tmp_path: Path) -> None:
+@each_row("place", PLACES)
+def test_the_same_as_in_process(start: Start, place: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     link = start(place).link
     result = run_program("ekso", "settings", "-p", link, "--json")
     assert (result.code, result.err) == (0, "")

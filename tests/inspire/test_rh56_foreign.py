@@ -20,6 +20,7 @@ from handctl.model.param import elements_of
 from handctl.model.result import Journal
 from tests.support import modbus_server
 from tests.support.cli import run
+from tests.support.each_row import each_row
 
 pytestmark = pytest.mark.real
 
@@ -58,7 +59,7 @@ def hand_on(model: str, wire: str) -> Iterator[Hand]:
             link.close()
 
 
-@pytest.mark.parametrize(("model", "wire"), SERVED)
+@each_row(("model", "wire"), SERVED)
 def test_a_public_server_shows_the_golden_hand(model: str, wire: str) -> None:
     with hand_on(model, wire) as hand:
         table = hand.dump()
@@ -80,7 +81,7 @@ def test_a_public_server_shows_the_golden_hand(model: str, wire: str) -> None:
     assert found == expected
 
 
-@pytest.mark.parametrize(("model", "wire"), [("df", "rtu"), ("tp", "tcp")])
+@each_row(("model", "wire"), [("df", "rtu"), ("tp", "tcp")])
 def test_a_public_server_takes_a_setting(model: str, wire: str) -> None:
     with hand_on(model, wire) as hand:
         speeds = elements_of(hand.map["default_speed"])
@@ -103,7 +104,7 @@ def test_a_public_server_shows_the_whole_skin_in_17_reads() -> None:
 # -- the command line ---------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("model", "wire"), SERVED)
+@each_row(("model", "wire"), SERVED)
 def test_the_commands_read_a_public_server(model: str, wire: str) -> None:
     serve = modbus_server.over_tcp if wire == "tcp" else modbus_server.over_rtu
     words = () if wire == "tcp" else ("--protocol", "modbus")
