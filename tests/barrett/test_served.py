@@ -253,12 +253,8 @@ def test_pyserial_client_and_handctl_take_turns(start: Start) -> None:
             port.write(b"FSET DP 1\r2FSET DP 99")
         result = do(link, "get", "DP")
         assert [row["value"] for row in result.rows] == [1] * 4
-
-
-@pytest.mark.real
-def test_pyserial_url_as_the_link(start: Start) -> None:
-    link = start("tcp", *READY).link.replace("tcp://", "socket://")
-    assert values_of(do(link, "get", "SN")) == {("SN", None): 1042}
+    url = start("tcp", *READY).link.replace("tcp://", "socket://")
+    assert values_of(do(url, "get", "SN")) == {("SN", None): 1042}
 
 
 @pytest.mark.real

@@ -13,7 +13,6 @@ import pytest
 
 from handctl.devices.inspire.hand.device import Hand
 from handctl.devices.inspire.hand.generation import ModelGate
-from handctl.devices.inspire.hand.tactile import ZONES, tactile
 from handctl.devices.inspire.modbusbus import ModbusBus
 from handctl.link import ByteLink, open_link
 from handctl.model.param import elements_of
@@ -90,15 +89,6 @@ def test_a_public_server_takes_a_setting(model: str, wire: str) -> None:
         assert [reading.value for reading in hand.read(elements_of(hand.map["default_force"]))] == GOLDEN[
             "default_force"
         ]
-
-
-def test_a_public_server_shows_the_whole_skin_in_17_reads() -> None:
-    with hand_on("tp", "tcp") as hand:
-        hand.know()
-        before = hand.journal.counters.sent
-        rows = tactile(hand, ZONES).rows
-        assert hand.journal.counters.sent - before <= 17
-        assert [row["value"] for row in rows] == list(range(1062))
 
 
 # -- the command line ---------------------------------------------------------------------------------------------------

@@ -280,15 +280,11 @@ def test_a_plain_python_can_bus(start: Start, place: str) -> None:
 
 
 @pytest.mark.real
-def test_pyserial_client(links: dict[str, str]) -> None:
+def test_pyserial_on_both_wires(links: dict[str, str]) -> None:
+    """On CAN `T` and 8 digits of the identifier, the form a person types at an slcan adapter."""
     with serial.Serial(links["pty"], 115200, timeout=PATIENCE) as port:
         port.write(frame("EB 90 01 04 30 00 04 04 3D"))
         assert port.read(12) == frame("90 EB 01 07 30 00 04 6F 00 DE 00 89")
-
-
-@pytest.mark.real
-def test_an_adapter_as_bytes_for_a_shell(links: dict[str, str]) -> None:
-    """`T` and 8 digits of the identifier, the form a person types at an slcan adapter."""
     with serial.Serial(links["slcan-pty"].removeprefix("can:slcan:"), 115200, timeout=PATIENCE) as port:
         port.write(b"\rC\rS8\rO\rT11000001104\r")
         data = b""
