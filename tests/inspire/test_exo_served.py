@@ -257,7 +257,7 @@ def test_power_off_and_faults_from_the_panel(start: Start, tmp_path: Path) -> No
     assert (result.values["error.little"], result.values["error.thumb"]) == (1, 2)
     assert result.values["temperature.thumb"] in (71, 72)  # it cools
     control(panel, "fault", "bad-checksum")
-    assert run("exo", "get", "id", "-p", link, "--json").error["code"] == "bad-checksum"
+    assert run("exo", "get", "id", "-p", link, "--baud", "115200", "--json").error["code"] == "bad-checksum"
     control(panel, "fault", "none")
     assert run("exo", "get", "id", "-p", link).code == 0
 
