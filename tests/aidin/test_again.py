@@ -23,6 +23,7 @@ from handctl.model.guide import Guide
 from handctl.stop.holding import Hold
 from tests.aidin.support import feedback, hand_on, line
 from tests.support.cli import PATIENCE, Result, run
+from tests.support.each_row import each_row
 
 pytestmark = [
     pytest.mark.real,
@@ -117,7 +118,7 @@ def drive(name: str, server: Server) -> Result:
     return run("aidin", *COMMANDS[name][1], "-p", server.name, "--exchange", "poll", "--json")
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+@each_row("name", COMMANDS)
 def test_a_lost_connection_is_opened_again_for_the_stop(name: str, serve: MakeServer) -> None:
     server = serve(COMMANDS[name][0], 4)
     result = drive(name, server)
@@ -145,7 +146,7 @@ def test_a_hand_that_says_nothing_then_has_not_confirmed_it(serve: MakeServer) -
     assert result.error["hint"].startswith(f"{LOST[0].upper()}{LOST[1:]}, the hand did not confirm it: watch it")
 
 
-@pytest.mark.parametrize("name", ["currents", "encoders"])
+@each_row("name", ["currents", "encoders"])
 def test_where_nobody_listens_any_more(name: str, serve: MakeServer) -> None:
     server = serve(COMMANDS[name][0], 4, listens=False)
     begin = time.monotonic()
@@ -195,7 +196,7 @@ class Pressed(TcpLink):
         return super().reconnect(seconds)
 
 
-@pytest.mark.parametrize("first", [LinkError, KeyboardInterrupt])
+@each_row("first", [LinkError, KeyboardInterrupt])
 def test_the_second_interrupt_ends_it_at_once(
     first: type[BaseException], serve: MakeServer, monkeypatch: pytest.MonkeyPatch
 ) -> None:

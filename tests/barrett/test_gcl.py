@@ -11,7 +11,7 @@ from handctl.devices.barrett.gcl.commands import COMMANDS, SECONDS, split
 from handctl.errors import DeviceRefused, Interrupted, NoAnswer, UsageError
 from tests.barrett.support import ABORT, scripted, simulated
 from tests.support.each_row import each_row
-from tests.support.terminal import Terminal
+from tests.support.person import person
 
 NAMES = [
     "C",
@@ -237,13 +237,11 @@ def test_help_texts() -> None:
     assert passthrough.explain_help("?NOTHING") == ""
 
 
-@pytest.mark.real
 @pytest.mark.parametrize("more", [("--json",), ("--csv",), ("-o", "data.txt")])
 def test_a_prompt_is_for_a_terminal(more: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """What was typed and answered is no JSON, CSV or file: refused before anything is sent (contract 4)."""
     monkeypatch.chdir(tmp_path)
-    with Terminal("barrett", "gcl", "--fake", *more) as terminal:
-        assert terminal.finish() == 2
-        assert "The prompt needs a terminal as its output" in terminal.text.replace("\n", " ")
-        assert "=> " not in terminal.text
+    shown = person("barrett", "gcl", "-p", "fake://barrett?clock=virtual", *more, answers=["VERS"])
+    assert shown.code == 2
+    assert "needs a terminal" in " ".join(shown.text.split()) and "=> " not in shown.text
     assert not (tmp_path / "data.txt").exists()

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import pytest
 
+from tests.support.each_row import each_row
 from tests.support.loading import back_ends, heavy, loaded
 
 pytestmark = pytest.mark.real
 
 
-@pytest.mark.parametrize("args", [("barrett", "-h"), ("barrett", "describe", "--json"), ("barrett", "open", "-n")])
+@each_row("args", [("barrett", "-h"), ("barrett", "describe", "--json"), ("barrett", "open", "-n")])
 def test_barrett_without_a_device_loads_no_simulator(args: tuple[str, ...]) -> None:
     code, modules = loaded(*args)
     assert code == 0

@@ -1,21 +1,23 @@
-"""What a person sees of a BarrettHand: tables, and the GCL prompt with its keys, on a real pseudo-terminal."""
+"""What a person sees of a BarrettHand: tables, and the GCL prompt with its keys, at a terminal; its keys on a real one."""
 
 from __future__ import annotations
 
 import re
 import time
 from collections.abc import Iterator
+from itertools import product
 from pathlib import Path
 
 import pytest
 
 from tests.barrett.commands import POWER_ON, SETTINGS, STATUS, sent_lines
-from tests.support.cli import Simulator, run
+from tests.support.cli import PATIENCE, Simulator, run, wait_until
+from tests.support.each_row import each_row
+from tests.support.person import person, pressed_at
+from tests.support.screen import Screen, screen
 from tests.support.terminal import Terminal
 
-pytestmark = pytest.mark.real
-
-READY = "fake://barrett?initialized=1"
+READY = "fake://barrett?initialized=1&clock=virtual"
 
 
 @pytest.fixture
@@ -31,13 +33,12 @@ STROKES = {104233: "5956", 98712: "5640", 110003: "6285", 20117: "6489"}
 """Odometer in 1000 counts -> strokes: / 17.5 for a finger, / 3.1 for the spread (barrett §7.3)."""
 
 
-@pytest.mark.parametrize("columns", [40, 80, 200])
-@pytest.mark.parametrize("verb", ["dump", "status"])
+@each_row("verb, columns", product(("dump", "status"), (40, 80, 200)))
 def test_tables_at_any_width(verb: str, columns: int) -> None:
     """No line is wider than the terminal, no value and no mnemonic is cut, folded or left out. From 80 on it is a table."""
-    with Terminal("barrett", verb, "-p", READY, columns=columns) as terminal:
-        assert terminal.finish() == 0
-        lines = terminal.text.split("\n")
+    shown = screen("barrett", verb, "-p", READY, columns=columns)
+    assert shown.code == 0
+    lines = shown.lines
     assert all(len(line) <= columns for line in lines), [line for line in lines if len(line) > columns]
     text = " ".join(lines)
     assert "…" not in text and "simulated" in text
@@ -67,50 +68,91 @@ def test_tables_at_any_width(verb: str, columns: int) -> None:
 
 
 def test_status_fits_80x24_and_is_in_words() -> None:
-    with Terminal("barrett", "status", "-p", "fake://barrett?fault=unknown-codes") as terminal:
-        assert terminal.finish() == 0
-        text, screen = terminal.text.rstrip("\n"), terminal.lines
-    assert len(text.split("\n")) <= 24 and text.split("\n")[0] == screen[0], "it scrolled"
+    shown = screen("barrett", "status", "-p", "fake://barrett?fault=unknown-codes&clock=virtual")
+    assert shown.code == 0
+    text = shown.text.rstrip("\n")
+    assert len(text.split("\n")) <= 24 and text.split("\n")[0].rstrip() == shown.display[0], "it scrolled"
     joined = " ".join(text.split())
     assert "41.2 °C" in joined and "1042" in joined and "4.33" in joined
     assert "Motor not initialized (4)" in joined and "(not used) (512)" in joined
 
 
 def test_dump_marks_what_is_not_the_factorys(tmp_path: Path) -> None:
-    port = f"fake://barrett?initialized=1&state={tmp_path / 's.json'}"
+    port = f"{READY}&state={tmp_path / 's.json'}"
     assert run("barrett", "set", "DP.F2=4321", "-p", port).code == 0
-    with Terminal("barrett", "dump", "-p", port, columns=100) as terminal:
-        assert terminal.finish() == 0
-        (line,) = [line for line in terminal.text.split("\n") if "default_position" in line]
+    (line,) = [line for line in screen("barrett", "dump", "-p", port, columns=100).lines if "default_position" in line]
     assert "4321*" in line and line.count("*") == 1 and "8500/1575" in line
     assert SETTINGS["DP"][2] == (8500, 8500, 8500, 1575)
 
 
-def test_an_interrupt_of_a_movement(sim: Simulator) -> None:
-    assert run("barrett", "set", "MCV=20", "--force", "-p", sim.link).code == 0
-    with Terminal("barrett", "close", "-p", sim.link) as terminal:
-        terminal.until("moving")
-        terminal.run_for(0.5)
-        terminal.send("\x03")
-        assert terminal.finish() == 130
-        text = " ".join(terminal.text.split())
+def moving(port: str) -> None:
+    """Slow motors: the fingers take seconds."""
+    assert run("barrett", "set", "MCV=20", "--force", "-p", port).code == 0
+
+
+def test_an_interrupt_of_a_movement(tmp_path: Path) -> None:
+    port = f"{READY}&state={tmp_path / 'state'}"
+    moving(port)
+    with pressed_at(1.0):
+        shown = person("barrett", "close", "-p", port)
+    text = " ".join(shown.text.split())
+    assert shown.code == 130, text
     told = re.findall(r"(?:F\d|SPREAD) (\d+)", text.partition("Positions")[2])
     assert len(told) == 4 and 300 < int(told[0]) < 15000, text
-    now = [row["value"] for row in run("barrett", "get", "P", "-p", sim.link, "--json").rows]
+    now = [row["value"] for row in run("barrett", "get", "P", "-p", port, "--json").rows]
     assert [abs(a - int(b)) <= 2 for a, b in zip(now, told, strict=True)] == [True] * 4
 
 
 # -- the prompt -------------------------------------------------------------------------------------------------------
 
 
-class Prompt(Terminal):
-    """`handctl barrett gcl` with a prompt; `ask` types a line and waits for the next prompt."""
+def prompt(*typed: str, port: str = READY, more: tuple[str | Path, ...] = ()) -> Screen:
+    """`handctl barrett gcl` with a prompt, and what a person types there; then Ctrl-D."""
+    shown = person("barrett", "gcl", "-p", port, *more, answers=typed)
+    assert "Traceback" not in shown.text
+    return shown
 
-    def __init__(self, tmp_path: Path, port: str = READY, *more: str) -> None:
-        super().__init__("barrett", "gcl", "-p", port, *more, env={"XDG_STATE_HOME": str(tmp_path)})
+
+def test_commands_and_their_answers() -> None:
+    shown = prompt("FGET P", "FOO", "12M 5000", "fget p", "1PGET TEMP", "?M")
+    assert shown.code == 0
+    _, asked, unknown, moved, where, prefix, explained, _ = shown.text.split("=> ")
+    assert asked.endswith("\n0 0 0 0\n")
+    assert unknown.endswith("\nERR 32: Unknown command (32)\n")
+    assert (moved + where).endswith("\n5000 5000 0 0\n")
+    assert "4096" in prefix and "prefix" in prefix
+    assert "M Move" in explained and "0..20000" in explained and "§5.2.1" in explained
+
+
+def test_what_it_does_not_carry(tmp_path: Path) -> None:
+    """The prompt stays; the message names the command to use."""
+    trace = tmp_path / "t.txt"
+    shown = prompt("PSET BAUD 384", "RESET", "FSAVE", "n", "PGET SN", more=("--trace", trace))
+    assert shown.code == 0
+    _, speed, reset, save, serial, _ = shown.text.split("=> ")
+    assert "handctl barrett baud" in " ".join(speed.split())
+    assert "handctl barrett reset" in " ".join(reset.split())
+    assert "[y/N] n\n" in save and serial.endswith("\n1042\n")
+    assert sent_lines(trace) == ["PGET SN"]
+
+
+def test_ctrl_c_in_the_middle_of_a_movement_keeps_the_prompt() -> None:
+    with pressed_at(1.0):
+        shown = prompt("FSET MCV 20", "GC", "FGET P")
+    assert shown.code == 0
+    _, _, moved, where, _ = shown.text.split("=> ")
+    assert "stopped" in moved and "16384" in moved, moved
+    (place,) = re.findall(r"\n(\d+) \d+ \d+ \d+\n", where)
+    assert 300 < int(place) < 15000
+
+
+class Prompt(Terminal):
+    """The prompt on a real terminal, with its keys; `ask` types a line and waits for the next prompt."""
+
+    def __init__(self, folder: Path, port: str, *more: str | Path) -> None:
+        super().__init__("barrett", "gcl", "-p", port, *more, env={"XDG_STATE_HOME": str(folder)})
         self.process.setecho(True)
         self.until("=> ")
-        self.run_for(0.1)
 
     def __enter__(self) -> Prompt:
         return self
@@ -119,7 +161,7 @@ class Prompt(Terminal):
         """What came after the keys, up to the next prompt at the start of a line."""
         before = len(self.text)
         self.send(keys)
-        end = time.monotonic() + 30
+        end = time.monotonic() + PATIENCE
         while True:
             came = self.text[before:].replace("\r", "")
             if came.endswith("\n=> "):
@@ -128,107 +170,31 @@ class Prompt(Terminal):
             assert time.monotonic() < end, self.text
 
 
-def test_a_command_and_its_answer(tmp_path: Path) -> None:
-    with Prompt(tmp_path) as prompt:
-        assert "\n0 0 0 0\n" in prompt.ask("FGET P\r")
-        assert "\nERR 32: Unknown command (32)\n" in prompt.ask("FOO\r")
-        assert "\n5000 5000 0 0\n" in prompt.ask("12M 5000\r") + prompt.ask("fget p\r")
-        answer = prompt.ask("1PGET TEMP\r")
-        assert "4096" in answer and "prefix" in answer
-        prompt.send("\x04")
-        assert prompt.finish() == 0
-        assert "Traceback" not in prompt.text
-
-
-def test_help_beside_the_manual(tmp_path: Path) -> None:
-    with Prompt(tmp_path) as prompt:
-        answer = prompt.ask("?M\r")
-        assert "M Move" in answer
-        assert "0..20000" in answer and "§5.2.1" in answer
-        prompt.send("\x04")
-        assert prompt.finish() == 0
-
-
-def test_what_it_does_not_carry(tmp_path: Path) -> None:
-    """The prompt stays; the message names the command to use."""
+@pytest.mark.real
+def test_keys_of_a_real_terminal_and_a_port_that_goes(tmp_path: Path) -> None:
+    """History, here and in the next session; TAB for a command, behind a prefix and for parameters; Ctrl-C drops the line."""
     trace = tmp_path / "t.txt"
-    with Prompt(tmp_path, READY, "--trace", str(trace)) as prompt:
-        assert "handctl barrett baud" in " ".join(prompt.ask("PSET BAUD 384\r").split())
-        assert "handctl barrett reset" in " ".join(prompt.ask("RESET\r").split())
-        prompt.send("FSAVE\r")
-        prompt.until("[y/N]")
-        prompt.ask("n\r")
-        assert "1042" in prompt.ask("PGET SN\r")
-        prompt.send("\x04")
-        assert prompt.finish() == 0
-    assert sent_lines(trace) == ["PGET SN"]
-
-
-def test_history_here_and_in_the_next_session(tmp_path: Path) -> None:
-    trace = tmp_path / "t.txt"
-    with Prompt(tmp_path, READY, "--trace", str(trace)) as prompt:
-        prompt.ask("PGET SN\r")
-        prompt.ask("VERS\r")
-        prompt.ask("\x1b[A\x1b[A\r")
-        prompt.send("\x04")
-        assert prompt.finish() == 0
-    assert sent_lines(trace) == ["PGET SN", "VERS", "PGET SN"]
-    with Prompt(tmp_path, READY, "--trace", str(trace)) as prompt:
-        prompt.ask("\x1b[A\r")
-        prompt.send("\x04")
-        assert prompt.finish() == 0
-    assert sent_lines(trace) == ["PGET SN"]
-
-
-@pytest.mark.parametrize(
-    ("keys", "sent"),
-    [
-        ("HO\t\r", "HOME"),  # a command
-        ("12HO\t\r", "12HOME"),  # behind a prefix
-        ("pg\t te\t\r", "PGET TEMP"),  # a parameter
-        ("FGET P LFAP\t\r", "FGET P LFAP"),
-    ],
-)
-def test_completion(tmp_path: Path, keys: str, sent: str) -> None:
-    trace = tmp_path / "t.txt"
-    with Prompt(tmp_path, READY, "--trace", str(trace)) as prompt:
-        prompt.ask(keys)
-        prompt.send("\x04")
-        assert prompt.finish() == 0
-    (line,) = sent_lines(trace)
-    assert " ".join(line.upper().split()) == sent
-
-
-def test_ctrl_c_in_the_middle_of_a_movement_keeps_the_prompt(tmp_path: Path, sim: Simulator) -> None:
-    with Prompt(tmp_path, sim.link) as prompt:
-        prompt.ask("FSET MCV 20\r")
-        prompt.send("GC\r")
-        prompt.run_for(0.5)
-        answer = prompt.ask("\x03")
-        assert "stopped" in answer and "16384" in answer, answer
-        (place,) = re.findall(r"\n(\d+) \d+ \d+ \d+\n", prompt.ask("FGET P\r"))
-        assert 300 < int(place) < 15000
-        prompt.send("\x04")
-        assert prompt.finish() == 0
-        assert "Traceback" not in prompt.text
-
-
-def test_ctrl_c_at_the_prompt_drops_the_line(tmp_path: Path) -> None:
-    trace = tmp_path / "t.txt"
-    with Prompt(tmp_path, READY, "--trace", str(trace)) as prompt:
-        prompt.send("FSET DP 1")
-        prompt.run_for(0.1)
-        prompt.ask("\x03")
-        prompt.ask("VERS\r")
-        prompt.send("\x04")
-        assert prompt.finish() == 0
-    assert sent_lines(trace) == ["VERS"]
-
-
-def test_a_hand_that_is_unplugged_ends_the_prompt(tmp_path: Path, sim: Simulator) -> None:
-    with Prompt(tmp_path, sim.link) as prompt:
-        prompt.ask("VERS\r")
-        sim.stop()
-        prompt.send("VERS\r")
-        assert prompt.finish() == 3
-        assert "Traceback" not in prompt.text
+    with Simulator("--pty", "--set", "initialized=1", kind="barrett") as sim:
+        with Prompt(tmp_path, sim.link, "--trace", trace) as prompt:
+            for keys in ("PGET SN\r", "VERS\r", "\x1b[A\x1b[A\r", "12HO\t\r", "pg\t te\t\r", "FGET P LFAP\t\r"):
+                prompt.ask(keys)
+            prompt.ask("FSET MCV 20\r")
+            prompt.send("GC\r")
+            wait_until(lambda: sent_lines(trace)[-1] == "GC")
+            assert "16384" in prompt.ask("\x03")
+            prompt.send("\x04")
+            assert prompt.finish() == 0
+            assert "Traceback" not in prompt.text
+        sent = [" ".join(line.upper().split()) for line in sent_lines(trace)]
+        keyed = ["PGET SN", "VERS", "PGET SN", "12HOME", "PGET TEMP", "FGET P LFAP", "FSET MCV 20", "GC"]
+        assert sent[: len(keyed)] == keyed
+        with Prompt(tmp_path, sim.link, "--trace", trace) as prompt:
+            prompt.ask("\x1b[A\x1b[A\r")
+            prompt.send("FSET DP 1")
+            prompt.until("FSET DP 1")
+            prompt.ask("\x03")
+            sim.stop()
+            prompt.send("VERS\r")
+            assert prompt.finish() == 3
+            assert "Traceback" not in prompt.text
+        assert sent_lines(trace)[0] == "FSET MCV 20" and "FSET DP 1" not in "".join(sent_lines(trace))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
 from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,7 @@ from typing import Any
 import pytest
 
 from handctl.frame import console
-from tests.support.cli import Result, clean_environment, program, run, sent, wait_until
+from tests.support.cli import Result, run, sent
 from tests.support.each_row import each_row
 
 ME = ("--yes", "--operator", "me")
@@ -225,22 +224,6 @@ def test_what_set_refuses(args: tuple[str, ...], code: int, word: str, tmp_path:
     result = do("set", *args, "--trace", trace)
     assert (result.code, result.error["code"]) == (code, word)
     assert not trace.exists() or 155 not in commands(trace)
-
-
-@pytest.mark.real
-def test_a_kill_while_the_answer_is_awaited_leaves_the_intent_in_the_log(tmp_path: Path) -> None:
-    """In real time: the program is killed without a chance to tidy up."""
-    args = ("ekso", "set", "step_length=16", *ME, "-p", "fake://ekso?preset=vectors&fault=set-unanswered")
-    environment = clean_environment({"XDG_STATE_HOME": str(tmp_path)})
-    with subprocess.Popen(
-        program(*args), env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-    ) as running:
-        log = tmp_path / "handctl" / "ekso-audit.jsonl"
-        wait_until(lambda: log.exists() and log.stat().st_size > 0, 20.0)
-        running.kill()
-    (intent,) = audit(tmp_path)
-    assert (intent["event"], intent["operator"], intent["new"]) == ("intent", "me", {"raw": 1600, "value": 16.0})
-    assert intent["frame"].startswith("9B 04 ")
 
 
 @pytest.mark.parametrize("posture", ["walking", "rising", "lowering"])

@@ -39,6 +39,7 @@ from tests.ekso.support import (
     frame,
     pack,
 )
+from tests.support.each_row import each_row
 from tests.support.loading import back_ends, heavy, loaded
 from tests.support.scripted import Reply
 
@@ -419,7 +420,7 @@ def test_lines_for_people() -> None:
 
 
 @pytest.mark.real
-@pytest.mark.parametrize("args", [("ekso", "-h"), ("ekso", "describe", "--json"), ("ekso", "status", "-h")])
+@each_row("args", [("ekso", "-h"), ("ekso", "describe", "--json"), ("ekso", "status", "-h")])
 def test_without_a_device_nothing_is_loaded(args: tuple[str, ...]) -> None:
     code, modules = loaded(*args)
     assert code == 0

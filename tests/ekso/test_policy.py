@@ -7,12 +7,12 @@ import os
 from pathlib import Path
 from typing import Any
 
-import pexpect
 import pytest
 
 from handctl.devices.ekso.audit import TAIL, AuditLog
 from tests.ekso.commands import ME, SCALES, unit
-from tests.support.cli import Result, clean_environment, program, run
+from tests.support.cli import Result, run
+from tests.support.person import person
 
 STEPS = {
     # dossier 6.3: largest change at once; legs have no override; assist codes count in percent
@@ -92,22 +92,14 @@ def test_an_unfinished_write_is_told(tmp_path: Path) -> None:
     assert "unfinished-write" not in set_("step_length=15.0").codes()
 
 
-@pytest.mark.real
 def test_an_unfinished_write_is_told_before_the_next_is_confirmed(tmp_path: Path) -> None:
     path = tmp_path / "handctl" / "ekso-audit.jsonl"
     assert set_("step_length=15.0").code == 0
     path.write_text(path.read_text(encoding="utf-8").splitlines(keepends=True)[0], encoding="utf-8")
-    command, *args = program("ekso", "set", "step_height=2", "-p", unit())
-    terminal = pexpect.spawn(
-        command, args, env=clean_environment({"XDG_STATE_HOME": str(tmp_path)}), encoding="utf-8", dimensions=(24, 200)
-    )
-    terminal.expect_exact("Type '2.00' to go on", timeout=20)
-    assert "has no result" in terminal.before
-    terminal.sendline("no")
-    terminal.expect(pexpect.EOF)
-    terminal.close()
-    assert terminal.exitstatus == 8
-    assert "has no result" not in terminal.before, "told once"
+    shown = person("ekso", "set", "step_height=2", "-p", unit(), columns=200, answers=["no"])
+    before, asked, after = shown.text.partition("Type '2.00' to go on")
+    assert (shown.code, bool(asked)) == (8, True), shown.text
+    assert "has no result" in before and "has no result" not in after, "told once"
 
 
 def test_what_the_log_ends_with(tmp_path: Path) -> None:

@@ -7,7 +7,6 @@ import json
 import re
 import signal
 import subprocess
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -18,6 +17,7 @@ import serial
 from tests.ekso.commands import DATA_WORDS, ME, SETTING_WORDS
 from tests.support import forks
 from tests.support.cli import PATIENCE, Result, Simulator, clean_environment, run, run_program, unhurried, wait_until
+from tests.support.each_row import each_row
 
 pytestmark = pytest.mark.real
 
@@ -78,7 +78,7 @@ class Foreign:
         return [int.from_bytes(body[at : at + 2], "big") for at in range(0, len(body), 2)]
 
 
-@pytest.mark.parametrize("place", PLACES)
+@each_row("place", PLACES)
 def test_a_foreign_client_reads_and_writes(start: Start, place: str) -> None:
     link = start(place).link
     assert re.fullmatch({"pty": r"/dev/\S+", "tcp": r"tcp://127\.0\.0\.1:\d+"}[place], link)
@@ -104,8 +104,9 @@ def test_a_foreign_client_reads_and_writes(start: Start, place: str) -> None:
     assert do(link, "get", "step_length").rows[0]["raw"] == 1550
 
 
-@pytest.mark.parametrize("place", PLACES)
-def test_the_same_as_in_process(start: Start, place: str, tmp_path: Path) -> None:
+@each_row("place", PLACES)
+def test_the_same_as_in_process(start: Start, place: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     link = start(place).link
     result = run_program("ekso", "settings", "-p", link, "--json")
     assert (result.code, result.err) == (0, "")
@@ -118,44 +119,6 @@ def test_the_same_as_in_process(start: Start, place: str, tmp_path: Path) -> Non
     ]  # fmt: skip
     samples, end = run("ekso", "watch", "state", "--count", "4", "--rate", "50", "-p", link, "--json").stream
     assert [row["value"] for row in samples] == [0x2040] * 4 and end["stream"]["samples"] == 4
-
-
-def test_a_log_killed_with_9_loses_at_most_a_second(start: Start, tmp_path: Path) -> None:
-    """As far as this machine lets it write in time: of some tries the best."""
-    link = start("pty").link
-    for number in range(10):
-        file = tmp_path / f"gait{number}.csv"
-        if logged_and_killed(link, file) < 1.0:
-            return
-    raise AssertionError("it always loses more")
-
-
-def logged_and_killed(link: str, file: Path) -> float:
-    """Seconds between the last row and the kill."""
-    process = forks.start(
-        ["ekso", "log", file, "-p", link, "--rate", "100", "--mark", "start"],
-        clean_environment(),
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-    )
-    wait_until(lambda: file.exists() and file.read_bytes().count(b"\n") > 40)
-    killed = time.time()
-    process.send_signal(signal.SIGKILL)
-    process.wait(timeout=PATIENCE)
-    header, *lines = file.read_text(encoding="utf-8").splitlines(keepends=True)
-    whole = [line.rstrip("\n").split(",") for line in lines if line.endswith("\n")]
-    names = header.rstrip("\n").split(",")
-    assert len(lines) - len(whole) <= 1 and {len(row) for row in whole} == {len(names)}
-    lost = killed - float(whole[-1][names.index("host_utc_s")])
-    assert lost >= 0
-    assert [int(row[names.index("seq")]) for row in whole] == list(range(1, len(whole) + 1))
-    sidecar = json.loads(Path(f"{file}.json").read_text(encoding="utf-8"))
-    assert sidecar["complete"] is False and sidecar["settings_before"]["step_length"]["raw"] == 1475
-    exported = run("ekso", "export", file, "--format", "csv", "--si")
-    assert exported.code == 0 and exported.out.count("\n") == len(whole) + 1
-    again = run("ekso", "log", file, "-p", link, "--count", "1", "--json")
-    assert (again.code, again.error["code"]) == (2, "file-exists"), "an old log is never touched"
-    return lost
 
 
 def test_the_audit_log_survives_kill_9_and_the_next_set_tells(start: Start, tmp_path: Path) -> None:

@@ -13,13 +13,13 @@ import pytest
 
 from handctl.devices.inspire.hand.device import Hand
 from handctl.devices.inspire.hand.generation import ModelGate
-from handctl.devices.inspire.hand.tactile import ZONES, tactile
 from handctl.devices.inspire.modbusbus import ModbusBus
 from handctl.link import ByteLink, open_link
 from handctl.model.param import elements_of
 from handctl.model.result import Journal
 from tests.support import modbus_server
 from tests.support.cli import run
+from tests.support.each_row import each_row
 
 pytestmark = pytest.mark.real
 
@@ -58,7 +58,7 @@ def hand_on(model: str, wire: str) -> Iterator[Hand]:
             link.close()
 
 
-@pytest.mark.parametrize(("model", "wire"), SERVED)
+@each_row(("model", "wire"), SERVED)
 def test_a_public_server_shows_the_golden_hand(model: str, wire: str) -> None:
     with hand_on(model, wire) as hand:
         table = hand.dump()
@@ -80,7 +80,7 @@ def test_a_public_server_shows_the_golden_hand(model: str, wire: str) -> None:
     assert found == expected
 
 
-@pytest.mark.parametrize(("model", "wire"), [("df", "rtu"), ("tp", "tcp")])
+@each_row(("model", "wire"), [("df", "rtu"), ("tp", "tcp")])
 def test_a_public_server_takes_a_setting(model: str, wire: str) -> None:
     with hand_on(model, wire) as hand:
         speeds = elements_of(hand.map["default_speed"])
@@ -91,19 +91,10 @@ def test_a_public_server_takes_a_setting(model: str, wire: str) -> None:
         ]
 
 
-def test_a_public_server_shows_the_whole_skin_in_17_reads() -> None:
-    with hand_on("tp", "tcp") as hand:
-        hand.know()
-        before = hand.journal.counters.sent
-        rows = tactile(hand, ZONES).rows
-        assert hand.journal.counters.sent - before <= 17
-        assert [row["value"] for row in rows] == list(range(1062))
-
-
 # -- the command line ---------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("model", "wire"), SERVED)
+@each_row(("model", "wire"), SERVED)
 def test_the_commands_read_a_public_server(model: str, wire: str) -> None:
     serve = modbus_server.over_tcp if wire == "tcp" else modbus_server.over_rtu
     words = () if wire == "tcp" else ("--protocol", "modbus")

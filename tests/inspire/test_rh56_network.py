@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tests.support.cli import run, spying
-from tests.support.terminal import Terminal
+from tests.support.person import person
 
 TP, DF = "fake://hand?model=tp&clock=virtual", "fake://hand?model=df&clock=virtual"
 OVER = {"eb90": (TP, "--protocol", "eb90"), "rtu": (TP, "--protocol", "modbus"), "tcp": (f"{TP}&bus=modbus-tcp",), "can": (f"{TP}&bus=can",)}  # fmt: skip
@@ -40,19 +40,13 @@ def test_a_new_address_is_written_read_back_and_saved(wire: str) -> None:
     assert states[0] == "confirmed" and len(states) == 2, states
 
 
-@pytest.mark.real
 def test_the_new_address_is_typed_to_confirm_it() -> None:
     for answer, code in (("192.168.11.211", 0), ("y", 8)):
-        with Terminal("hand", "network", "192.168.11.211", "-p", TP, columns=120) as terminal:
-            terminal.until("to go on:")
-            for said in (
-                "from 192.168.11.210 to 192.168.11.211",
-                "192.168.11.10",
-                "handctl hand network 192.168.11.210",
-            ):
-                assert said in " ".join(terminal.text.split()), terminal.text
-            terminal.send(f"{answer}\n")
-            assert terminal.finish() == code, terminal.text
+        shown = person("hand", "network", "192.168.11.211", "-p", TP, columns=120, answers=[answer])
+        assert shown.code == code, shown.text
+        asked, _, _ = " ".join(shown.text.split()).partition("to go on:")
+        for said in ("from 192.168.11.210 to 192.168.11.211", "192.168.11.10", "handctl hand network 192.168.11.210"):
+            assert said in asked, shown.text
 
 
 def test_without_an_answer_nothing_is_written() -> None:

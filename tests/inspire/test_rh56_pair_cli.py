@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 import socket
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,9 @@ from handctl.frame.run import Run
 from handctl.link import tcp
 from handctl.sim.engine.serve import send_control
 from tests.inspire.pairing_bench import Person
-from tests.support.cli import Simulator, clean_environment, run, wait_until
+from tests.support.cli import Simulator, Spy, run, spying, wait_until
+from tests.support.person import once, person
+from tests.support.screen import Screen
 from tests.support.terminal import Terminal
 
 ONE, TWO = "fake://hand?model=df&clock=virtual", "fake://hand?model=tp&clock=virtual"
@@ -123,89 +125,71 @@ def test_a_generation_that_is_not_moved_is_not_named(config: Path) -> None:
 # -- a person at a terminal ---------------------------------------------------------------------------------------------
 
 
-@pytest.fixture
-def two_ports(tmp_path: Path) -> Iterator[tuple[list[Simulator], list[Path]]]:
-    controls = [tmp_path / f"{name}.sock" for name in ("one", "two")]
-    with ExitStack() as stack:
-        yield (
-            [
-                stack.enter_context(Simulator("--pty", "--set", "model=df", "--control", each, kind="hand"))
-                for each in controls
-            ],
-            controls,
-        )
+def sit(config: Path, *words: str | Path, **more: Any) -> Screen:
+    return person("hand", "pair", *words, columns=200, rows=50, env={"HANDCTL_CONFIG": str(config)}, **more)
 
 
-def at_terminal(config: Path, *words: str) -> Terminal:
-    return Terminal(
-        "hand", "pair", *words, columns=200, rows=50, env=clean_environment({"HANDCTL_CONFIG": str(config)})
-    )
+def moved(spy: Spy) -> list[int]:
+    """How often each of the two models was made to move."""
+    hands = [line.device.hand for line in spy.lines]
+    return [sum(hand.acts["move"] for hand in hands if hand.generation.name == name) for name in ("df", "tp")]
 
 
-@pytest.mark.real
-def test_a_person_sees_which_hand_moves_and_types_it(config: Path, two_ports: Any) -> None:
-    (one, two), controls = two_ports
-    with at_terminal(config, one.link, two.link) as terminal:
-        terminal.until("[y/N]")
-        assert [moves(path) for path in controls] == [0, 0]
-        terminal.send("y\n")
-        terminal.until("Type left or right")
-        assert [moves(path) for path in controls] == [2, 0]
-        terminal.send("right\n")
-        wait_until(lambda: terminal.text.count("Type left or right") == 2 or terminal.run_for(0.05))
-        assert [moves(path) for path in controls] == [2, 2]
-        terminal.send("left\n")
-        assert terminal.finish() == 0, terminal.text
+def test_a_person_sees_which_hand_moves_and_types_it(config: Path) -> None:
+    with spying() as spy:
+        seen: list[list[int]] = []
+
+        def types(answer: str) -> Callable[[str], str]:
+            return lambda _shown: (seen.append(moved(spy)), answer)[1]
+
+        shown = sit(config, ONE, TWO, answers=[types("y"), types("right"), types("left")])
+    assert shown.code == 0, shown.text
+    assert seen == [[0, 0], [2, 0], [2, 2]]
     text = config.read_text()
-    assert f'[devices.right]\nkind = "hand"\nport = "{one.link}"' in text
-    assert f'[devices.left]\nkind = "hand"\nport = "{two.link}"' in text
+    assert f'[devices.right]\nkind = "hand"\nport = "{ONE}"' in text
+    assert f'[devices.left]\nkind = "hand"\nport = "{TWO}"' in text
 
 
-@pytest.mark.real
 @pytest.mark.parametrize(("answers", "code"), [(("n",), 8), (("y", "neither"), 8), (("y", "left", "left"), 7)])
-def test_another_answer_names_nobody(config: Path, two_ports: Any, answers: tuple[str, ...], code: int) -> None:
-    (one, two), controls = two_ports
-    with at_terminal(config, one.link, two.link) as terminal:
-        for number, answer in enumerate(answers):
-            terminal.until("[y/N]")
-            if number:
-                wait_until(
-                    lambda number=number: terminal.text.count("Type left or right") == number or terminal.run_for(0.05)  # type: ignore[misc]
-                )
-            terminal.send(f"{answer}\n")
-        assert terminal.finish() == code, terminal.text
-        assert "no hand is named" in terminal.text.casefold()
+def test_another_answer_names_nobody(config: Path, answers: tuple[str, ...], code: int) -> None:
+    with spying() as spy:
+        shown = sit(config, ONE, TWO, answers=answers)
+    assert shown.code == code, shown.text
+    assert "no hand is named" in shown.text.casefold()
     assert config.read_text() == "# of this bench\n"
     if answers == ("n",):
-        assert [moves(path) for path in controls] == [0, 0]
+        assert moved(spy) == [0, 0]
 
 
-@pytest.mark.real
-def test_ctrl_c_in_the_movement_holds_both_hands_and_names_nobody(config: Path, two_ports: Any) -> None:
-    (one, two), controls = two_ports
-    with at_terminal(config, one.link, two.link) as terminal:
-        terminal.until("[y/N]")
-        terminal.send("y\n")
-        terminal.until("Ctrl-C stops")
-        terminal.send("\x03")
-        assert terminal.finish() == 130, terminal.text
-        assert "all speeds are 0" in terminal.text.casefold()
-        assert "no hand is named" in terminal.text.casefold()
-    assert control(controls[0], "get 1522 12").split() == ["00"] * 12
-    assert moves(controls[1]) == 0
+def test_ctrl_c_in_the_movement_holds_both_hands_and_names_nobody(config: Path) -> None:
+    with spying() as spy:
+        shown = sit(config, ONE, TWO, answers=["y"], press=once(lambda seen: "Ctrl-C stops" in seen))
+    assert shown.code == 130, shown.text
+    assert "all speeds are 0" in shown.text.casefold()
+    assert "no hand is named" in shown.text.casefold()
+    (line,) = [line for line in spy.lines if line.device.hand.acts["move"]]
+    assert line.command("get 1522 12").split() == ["00"] * 12
+    assert moved(spy)[1] == 0
     assert config.read_text() == "# of this bench\n"
 
 
 @pytest.mark.real
-def test_a_pair_that_is_killed_in_the_movement_stops_the_hand(config: Path, two_ports: Any) -> None:
-    (one, two), controls = two_ports
-    with at_terminal(config, one.link, two.link) as terminal:
+def test_a_pair_that_is_killed_in_the_movement_stops_the_hand(config: Path, tmp_path: Path) -> None:
+    controls = [tmp_path / f"{name}.sock" for name in ("one", "two")]
+    with ExitStack() as stack:
+        one, two = (
+            stack.enter_context(Simulator("--pty", "--set", "model=df", "--control", each, kind="hand"))
+            for each in controls
+        )
+        terminal = stack.enter_context(
+            Terminal("hand", "pair", one.link, two.link, columns=200, env={"HANDCTL_CONFIG": str(config)})
+        )
         terminal.until("[y/N]")
         terminal.send("y\n")
         wait_until(lambda: moves(controls[0]) == 1)
         terminal.process.kill(signal.SIGKILL)
         wait_until(lambda: control(controls[0], "get 1522 12").split() == ["00"] * 12)
-    assert moves(controls[1]) == 0
+        assert moves(controls[1]) == 0
     assert config.read_text() == "# of this bench\n"
 
 

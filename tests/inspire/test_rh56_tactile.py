@@ -10,7 +10,7 @@ import pytest
 
 from handctl.devices.inspire.hand.tactile import ZONES
 from tests.support.cli import run
-from tests.support.terminal import Terminal
+from tests.support.screen import screen
 
 TP = "fake://hand?model=tp&clock=virtual"
 TCP = f"{TP}&bus=modbus-tcp"
@@ -98,13 +98,11 @@ def test_plain_csv_and_a_stream(tmp_path: Path) -> None:
     assert (result.code, result.json["counters"]["sent"]) == (2, 0)
 
 
-@pytest.mark.real
 @pytest.mark.parametrize("columns", [40, 80, 200])
 def test_a_picture_fits_the_window(columns: int) -> None:
-    with Terminal("hand", "tactile", "-p", TCP, columns=columns, rows=60) as terminal:
-        assert terminal.finish() == 0
-        text = terminal.text
-    lines = text.split("\n")
+    shown = screen("hand", "tactile", "-p", TCP, columns=columns, rows=60)
+    assert shown.code == 0
+    text, lines = shown.text, shown.lines
     assert all(len(line) <= columns for line in lines)
     assert "…" not in text and "simulated" in text
     shaded = "".join(line for line in lines if line and not set(line.replace(" ", "")) - set(".:-=+*#%@?"))
@@ -119,12 +117,10 @@ def test_a_picture_on_a_pipe_has_the_fingers_side_by_side() -> None:
     assert any(line.startswith("Each character is one value") for line in lines)
 
 
-@pytest.mark.real
 @pytest.mark.parametrize(("rows", "seen"), [(60, "palm"), (24, "little_tip")])
 def test_a_live_picture_and_a_line_a_zone_where_it_does_not_fit(rows: int, seen: str) -> None:
-    with Terminal("hand", "tactile", "--watch", "--rate", "20", "-p", "fake://hand?model=tp&bus=modbus-tcp", rows=rows) as terminal:  # fmt: skip
-        screen = terminal.until_screen(lambda lines: any(line.startswith(seen) for line in lines))
-        terminal.send("\x03")
-        assert terminal.finish() == 130
-    assert not any("enlarge the window" in line for line in screen)
-    assert sum("of 9 " in line for line in screen) == (0 if rows == 60 else 6)
+    shown = screen("hand", "tactile", "--watch", "--rate", "20", "--count", "2", "-p", TCP, rows=rows)
+    assert shown.code == 0
+    assert any(line.startswith(seen) for line in shown.display), shown.display
+    assert not any("enlarge the window" in line for line in shown.display)
+    assert sum("of 9 " in line for line in shown.display) == (0 if rows == 60 else 6)

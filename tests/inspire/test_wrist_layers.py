@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import pytest
 
+from tests.support.each_row import each_row
 from tests.support.loading import back_ends, heavy, loaded
 
 pytestmark = pytest.mark.real
 
 
-@pytest.mark.parametrize("wire", ["--serial", "--can"])
+@each_row("wire", ["--serial", "--can"])
 def test_a_wrist_from_the_simulator_loads_neither_python_can_nor_pyserial(wire: str) -> None:
     code, modules = loaded("wrist", "dump", "--fake", wire, "--json")
     assert code == 0

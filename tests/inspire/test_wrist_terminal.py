@@ -1,72 +1,63 @@
-"""What a person sees of a wrist: tables, the live view, a movement and Ctrl-C in its middle, on a real pseudo-terminal."""
+"""What a person sees of a wrist: tables, the live view, a movement and Ctrl-C in its middle."""
 
 from __future__ import annotations
 
+import itertools
 import re
 import signal
 import subprocess
-from collections.abc import Iterator
+from itertools import product
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from tests.inspire.wrist_commands import LIVE, ON, POWER_ON, WIRES, written_frames
+from handctl.sim.engine.canline import CanLine
+from tests.inspire.wrist_commands import LIVE, POWER_ON, WIRES, written_frames
+from tests.inspire.wrist_support import fake_port
 from tests.support import forks
 from tests.support.cli import Simulator, clean_environment, run, s16, wait_until
+from tests.support.each_row import each_row
+from tests.support.person import once, person
+from tests.support.screen import screen
 from tests.support.terminal import Terminal
-
-pytestmark = pytest.mark.real
 
 both = pytest.mark.parametrize("wire", WIRES)
 NUMBER = r"(-?\d+\.\d+)"
 
 
-@pytest.fixture(params=["pty", "slcan-pty"])
-def sim(request: pytest.FixtureRequest) -> Iterator[Simulator]:
-    with Simulator(f"--{request.param}", kind="wrist") as simulator:
-        yield simulator
-
-
 # -- tables -----------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("columns", [40, 80, 200])
-@pytest.mark.parametrize("verb", ["dump", "status"])
-@both
+@each_row("verb, columns, wire", product(("dump", "status"), (40, 80, 200), WIRES))
 def test_tables_at_any_width(verb: str, columns: int, wire: str) -> None:
     """No line is wider than the terminal, no number is cut, folded or left out."""
-    with Terminal("wrist", verb, "--fake", ON[wire], columns=columns) as terminal:
-        assert terminal.finish() == 0
-        lines = terminal.text.split("\n")
-    assert all(len(line) <= columns for line in lines), [line for line in lines if len(line) > columns]
-    words = " ".join(lines).replace("(", " ").split()
-    assert "…" not in " ".join(lines)
+    shown = screen("wrist", verb, "-p", fake_port(wire), columns=columns)
+    assert shown.code == 0
+    assert all(len(line) <= columns for line in shown.lines), [line for line in shown.lines if len(line) > columns]
+    words = shown.text.replace("(", " ").split()
+    assert "…" not in shown.text
     assert "simulated" in words
     for value in ("-3.45", "11.25", "111", "222", "31", "34", "11.00", "-3.00", "700"):
-        assert value in words, (value, lines)
+        assert value in words, (value, shown.lines)
 
 
-@pytest.mark.parametrize("verb", ["dump", "status"])
-@both
+@each_row("verb, wire", product(("dump", "status"), WIRES))
 def test_a_faulty_wrist_fits_80x24(verb: str, wire: str) -> None:
-    port = "fake://wrist?fault=faults" + ("&bus=can" if wire == "can" else "")
-    with Terminal("wrist", verb, "-p", port) as terminal:
-        assert terminal.finish() == 0
-        text, screen = terminal.text.rstrip("\n"), terminal.lines
+    shown = screen("wrist", verb, "-p", fake_port(wire, "fault=faults"))
+    assert shown.code == 0
+    text = shown.text.rstrip("\n")
     lines = text.split("\n")
-    assert len(lines) <= 24 and lines[0] == screen[0], "it scrolled"
+    assert len(lines) <= 24 and lines[0].rstrip() == shown.display[0], "it scrolled"
     assert all(len(line) <= 80 for line in lines)
-    joined = " ".join(text.split())
     for part in ("locked_rotor", "over_current", "bit names assumed from the hand",
                  "actuator #2 by the register table, #1 by the CAN example"):  # fmt: skip
         assert any(part in line for line in lines), (part, text)  # not broken in the middle
-    assert joined.count("locked_rotor") <= 2
+    assert text.count("locked_rotor") <= 2
 
 
 def test_status_names_the_axes() -> None:
-    with Terminal("wrist", "status", "--fake") as terminal:
-        assert terminal.finish() == 0
-        rows = [line.split() for line in terminal.lines]
+    rows = [line.split() for line in screen("wrist", "status", "-p", fake_port()).lines]
     assert ["pitch", "-3.45", "-3.00"] in rows  # measured, set
     assert ["yaw", "11.25", "11.00"] in rows
 
@@ -74,19 +65,15 @@ def test_status_names_the_axes() -> None:
 # -- the live view ----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("rows", [12, 24, 50])
-@both
+@each_row("rows, wire", product((12, 24, 50), WIRES))
 def test_live_view(rows: int, wire: str) -> None:
     """Head and counters are on the screen whatever its height; angles have two decimals; a bar grows from zero."""
-    at_rest = "fake://wrist" + ("?bus=can" if wire == "can" else "")
-    with Terminal("wrist", "watch", "-p", at_rest, "--rate", "20", rows=rows) as terminal:
-        lines = terminal.until_samples(8)
-        assert terminal.screen.cursor.hidden
-        terminal.send("\x03")
-        assert terminal.finish() == 130
-        assert not terminal.screen.cursor.hidden
-        assert "Traceback" not in terminal.text
-    assert "simulated" in lines[0] and "wrist watch" in lines[0] and "Hz" in lines[0]
+    shown = screen("wrist", "watch", "-p", fake_port(wire), "--rate", "20", "--count", "8", rows=rows)
+    assert shown.code == 0, shown.err
+    lines = shown.display
+    hidden, visible = (shown.data.rindex(code) for code in ("\x1b[?25l", "\x1b[?25h"))
+    assert hidden < visible, "the cursor is back"
+    assert "simulated" in lines[0] and "wrist watch" in lines[0] and "8 samples" in lines[0]
     (rate,) = re.findall(r"([0-9.]+) Hz", lines[0])
     assert 0 < float(rate) <= 21
     assert lines[-1].startswith("sent "), lines
@@ -105,19 +92,19 @@ def test_live_view(rows: int, wire: str) -> None:
         assert text in line
 
 
-def test_live_view_follows_a_motion(tmp_path: Path) -> None:
-    """Another program moves the wrist through the simulator's panel while the view looks on."""
-    panel = tmp_path / "panel"
-    with (
-        Simulator("--tcp", "127.0.0.1:0", "--control", panel, kind="wrist") as simulator,
-        Terminal("wrist", "watch", "pitch_actual", "-p", simulator.link, "--rate", "30") as terminal,
-    ):
-        terminal.until_samples(3)
-        assert run("sim", "control", panel, "set", "1020", s16(2000).hex()).code == 0
-        lines = terminal.until_screen(lambda lines: "-3.45..20.00" in "\n".join(lines))
-        terminal.send("\x03")
-        assert terminal.finish() == 130
-    assert "simulated" not in "\n".join(lines)
+def test_live_view_follows_a_motion(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The wrist is moved by somebody else at the fourth question of the view."""
+    asked, feed = itertools.count(1), CanLine.feed_frame
+
+    def moved(line: CanLine, *frame: Any) -> None:
+        if next(asked) == 4:
+            assert line.command(f"set 1020 {s16(2000).hex()}")
+        feed(line, *frame)
+
+    monkeypatch.setattr(CanLine, "feed_frame", moved)
+    shown = screen("wrist", "watch", "pitch_actual", "-p", fake_port("can"), "--rate", "30", "--count", "9")
+    assert shown.code == 0
+    assert "-3.45..20.00" in "\n".join(shown.display)
 
 
 # -- movement ---------------------------------------------------------------------------------------------------------
@@ -125,23 +112,17 @@ def test_live_view_follows_a_motion(tmp_path: Path) -> None:
 
 @both
 def test_move_on_a_terminal(wire: str) -> None:
-    link = "fake://wrist?bus=can" if ON[wire] == "--can" else "fake://wrist"
-    for milliseconds in (400, 2000, 10000):  # the longer it takes, the more a busy machine shows of it
-        args = ("--pitch", "-10", "--yaw", "10", "--time", str(milliseconds), "-p", link)
-        with Terminal("wrist", "move", *args) as terminal:
-            assert terminal.finish() == 0
-            text, lines = terminal.text, terminal.lines
-        shown = re.findall(rf"pitch {NUMBER}°, yaw {NUMBER}°", text)
-        if len(shown) >= 4:
-            break
-    assert len(shown) >= 4  # progress moves
-    assert all(len(number.partition(".")[2]) == 2 for pair in shown for number in pair), shown
-    pitches = [float(pitch) for pitch, _ in shown]
+    shown = person("wrist", "move", "--pitch", "-10", "--yaw", "10", "--time", "400", "-p", fake_port(wire))
+    assert shown.code == 0
+    told = re.findall(rf"pitch {NUMBER}°, yaw {NUMBER}°", shown.text)
+    assert len(told) >= 4  # progress moves
+    assert all(len(number.partition(".")[2]) == 2 for pair in told for number in pair), told
+    pitches = [float(pitch) for pitch, _ in told]
     assert pitches == sorted(pitches, reverse=True) and -10 <= pitches[-1] < pitches[0] <= -3.45
-    rows = [line.split() for line in lines]
+    rows = [line.split() for line in shown.display]
     assert ["pitch", "-10.00", "-10.00"] in rows and ["yaw", "10.00", "10.00"] in rows
-    assert "arrived" in text
-    assert "[y/N]" not in text
+    assert "arrived" in shown.text
+    assert "[y/N]" not in shown.text
 
 
 def held(trace: Path) -> tuple[float, float]:
@@ -153,63 +134,73 @@ def held(trace: Path) -> tuple[float, float]:
     return tuple(int.from_bytes(data[i : i + 2], "little", signed=True) / 100 for i in (0, 2))  # type: ignore[return-value]
 
 
-@pytest.mark.parametrize("key", ["\x03", "SIGTERM"])
-def test_ctrl_c_in_the_middle_holds_the_wrist(sim: Simulator, tmp_path: Path, key: str) -> None:
-    """The manual has no stop: the axes are commanded to where they are just then.
-
-    They take 15 s from -3.45 to 20 degrees, so that the key comes in the middle on a busy machine, too.
-    """
-    trace = tmp_path / "t.txt"
-    args = ("move", "--pitch", "20", "--time", "15000", "-p", sim.link, "--trace", trace)
-    with Terminal("wrist", *args) as terminal:
-        shown = terminal.until_number(rf"pitch {NUMBER}°", above=-3.0)
-        if key == "\x03":
-            terminal.send(key)
-        else:
-            terminal.process.kill(signal.SIGTERM)
-        assert terminal.finish() == 130
-        text = " ".join(terminal.text.split())
-    yaw, pitch = held(trace)
-    assert (yaw, shown <= pitch < 5.0) == (11.25, True), (yaw, shown, pitch)
-    assert f"stay at pitch {pitch:.2f}°, yaw 11.25°" in text
-    stands = run("wrist", "get", "pitch_actual", "yaw_actual", "-p", sim.link, "--json").values
-    assert abs(stands["pitch_actual"] - pitch) < 0.3 and stands["yaw_actual"] == 11.25
-    again = run("wrist", "get", "pitch_actual", "pitch_set", "-p", sim.link, "--json").values
-    assert again["pitch_set"] == pitch
+def stands(link: str, pitch: float) -> None:
+    """The wrist is told to stay at a pitch, and does."""
+    now = run("wrist", "get", "pitch_actual", "pitch_set", "yaw_actual", "-p", link, "--json").values
+    assert now["pitch_set"] == pitch and abs(now["pitch_actual"] - pitch) < 0.3
+    again = run("wrist", "get", "pitch_actual", "-p", link, "--json").values
     assert abs(again["pitch_actual"] - pitch) < 0.3
 
 
-def test_interrupt_without_a_terminal(sim: Simulator, tmp_path: Path) -> None:
+@each_row("wire, key", product(WIRES, (signal.SIGINT, signal.SIGTERM)))
+def test_ctrl_c_in_the_middle_holds_the_wrist(wire: str, key: signal.Signals, tmp_path: Path) -> None:
+    """The manual has no stop: the axes are commanded to where they are just then."""
+    trace, link = tmp_path / "t.txt", fake_port(wire, f"state={tmp_path / 'state'}")
+    args = ("move", "--pitch", "20", "--time", "15000", "-p", link, "--trace", trace)
+    shown = person("wrist", *args, press=once(lambda seen: re.search(r"pitch -2\.\d\d°", seen), key))
+    assert shown.code == 130
+    yaw, pitch = held(trace)
+    assert (yaw, -3.0 <= pitch < -2.0) == (11.25, True), (yaw, pitch)
+    assert f"stay at pitch {pitch:.2f}°, yaw 11.25°" in " ".join(shown.text.split())
+    stands(link, pitch)
+
+
+@pytest.mark.real
+def test_ctrl_c_on_a_real_terminal_and_port(tmp_path: Path) -> None:
+    """They take 15 s from -3.45 to 20 degrees, so that the key comes in the middle on a busy machine, too."""
+    trace = tmp_path / "t.txt"
+    with Simulator("--slcan-pty", kind="wrist") as sim:
+        args = ("move", "--pitch", "20", "--time", "15000", "-p", sim.link, "--trace", trace)
+        with Terminal("wrist", *args) as terminal:
+            terminal.until_number(rf"pitch {NUMBER}°", above=-3.0)
+            terminal.send("\x03")
+            assert terminal.finish() == 130
+        yaw, pitch = held(trace)
+        assert (yaw, -3.0 <= pitch < 20.0) == (11.25, True), (yaw, pitch)
+        stands(sim.link, pitch)
+
+
+@pytest.mark.real
+def test_interrupt_without_a_terminal(tmp_path: Path) -> None:
     """A script's background job is stopped the same way; JSON says so."""
     trace = tmp_path / "t.txt"
-    process = forks.start(
-        ["wrist", "center", "--time", "5000", "-p", sim.link, "--json", "--trace", trace],
-        clean_environment(),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-    )
-    wait_until(lambda: trace.exists() and len(trace.read_text().splitlines()) > 12)
-    process.send_signal(signal.SIGINT)
-    out, _ = process.communicate(timeout=30)
+    with Simulator("--pty", kind="wrist") as sim:
+        process = forks.start(
+            ["wrist", "center", "--time", "15000", "-p", sim.link, "--json", "--trace", trace],
+            clean_environment(),
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+        )
+        wait_until(lambda: trace.exists() and len(trace.read_text().splitlines()) > 12)
+        process.send_signal(signal.SIGINT)
+        out, _ = process.communicate(timeout=30)
     assert process.returncode == 130
     yaw, pitch = held(trace)
-    assert 0 < yaw < 11.25 and -3.45 < pitch < 0
+    assert 0 < yaw <= 11.25 and -3.45 <= pitch < 0
     assert f"pitch {pitch:.2f}°, yaw {yaw:.2f}°" in out.decode()
 
 
 @pytest.mark.parametrize("times", [1, 2])
 def test_ctrl_c_at_a_wrist_that_is_gone(times: int) -> None:
     """What could not be stopped is said, with what to do; also to who presses again before it has given up."""
-    port = "fake://wrist?fault=silent&after=6"
-    more = ("--timeout", "0.3", "--retries", "1" if times == 1 else "50")
-    with Terminal("wrist", "move", "--pitch", "20", "--time", "3000", "-p", port, *more) as terminal:
-        terminal.until("pitch")
-        terminal.run_for(0.3)
-        for _ in range(times):
-            terminal.send("\x03")
-            terminal.run_for(0.3)
-        assert terminal.finish() == 130
-        text = " ".join(terminal.text.split())
+    port = fake_port(query="fault=silent&after=6")
+    left = [signal.SIGINT] * times
+    shown = person(
+        "wrist", "move", "--pitch", "20", "--time", "3000", "-p", port, "--timeout", "0.3", "--retries", "1",
+        press=lambda seen: left.pop() if left and "°, yaw" in seen else None,
+    )  # fmt: skip
+    text = " ".join(shown.text.split())
+    assert (shown.code, left) == (130, [])
     assert "Traceback" not in text
     assert "could NOT be stopped" in text and "power" in text, text
 
@@ -217,16 +208,14 @@ def test_ctrl_c_at_a_wrist_that_is_gone(times: int) -> None:
 @both
 def test_restore_shows_the_plan_and_asks(tmp_path: Path, wire: str) -> None:
     snap, trace = tmp_path / "s.json", tmp_path / "t.txt"
-    assert run("wrist", "snapshot", snap, "--fake").code == 0
-    state = tmp_path / "state.json"
-    port = f"fake://wrist?state={state}" + ("&bus=can" if wire == "can" else "")
+    assert run("wrist", "snapshot", snap, "-p", fake_port()).code == 0
+    port = fake_port(wire, f"state={tmp_path / 'state.json'}")
     assert run("wrist", "set", "yaw_set=5", "-p", port).code == 0
     expected = "15038001 [2] 4C 04" if wire == "can" else "EB 90 01 05 31 0E 04 4C 04 99"
-    for answer, code in (("n\r", 8), ("y\r", 0)):
-        with Terminal("wrist", "restore", snap, "--setpoints", "-p", port, "--trace", trace) as terminal:
-            terminal.until("[y/N]")
-            assert expected in terminal.text and "MOVES" in terminal.text
-            terminal.send(answer)
-            assert terminal.finish() == code
+    for answer, code in (("n", 8), ("y", 0)):
+        shown = person("wrist", "restore", snap, "--setpoints", "-p", port, "--trace", trace, answers=[answer])
+        assert shown.code == code, shown.text
+        before, asked, _ = shown.text.partition("[y/N]")
+        assert asked and expected in before and "MOVES" in before
         assert written_frames(trace) == ([expected] if code == 0 else [])
     assert POWER_ON["yaw_set"][2] == "4C 04"
