@@ -13,6 +13,7 @@ ROWS = (
         "GclLine.abort_bytes",
         "return SAFE_ABORT if self.risky else ABORT",
         "return ABORT",
+        "tests/barrett/test_line.py::test_an_interrupt_is_no_trigger_to_a_boot_monitor_at_any_speed",
     ),
     mistake(
         "barrett-stop-is-a-boot-trigger",

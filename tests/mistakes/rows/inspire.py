@@ -194,4 +194,23 @@ ROWS = (
         "tests/inspire/test_rh56_hostile.py::test_the_echo_of_a_write_is_not_its_acknowledgement",
         "tests/inspire/test_rh56_host.py::test_what_lies_beside_a_trigger_is_never_set_off_over_modbus",
     ),
+    mistake(
+        "inspire-set-is-not-stopped-by-ctrl-c",
+        "stop not sent",
+        "handctl.devices.inspire.base",
+        "RegisterDevice.stopped_by_ctrl_c",
+        "left = Left(self.halt(moving) if moving else unsure, look)",
+        "left = Left(unsure, look)",
+        "tests/inspire/test_exo_motion.py::test_interrupted_set_is_stopped",
+        "tests/stop/test_set.py::test_ctrl_c_in_set_stops_what_it_has_set_going",
+    ),
+    mistake(
+        "inspire-read-back-skipped",
+        "read-back skipped",
+        "handctl.devices.inspire.base",
+        "RegisterDevice._written",
+        "self._write_run(run, last=number == len(runs))",
+        "self._write_run(run, last=False)",
+        "tests/inspire/test_exo.py::test_a_lost_ack_is_cleared_up_by_reading",
+    ),
 )
