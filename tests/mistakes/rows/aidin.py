@@ -94,14 +94,6 @@ ROWS = (
         "tests/aidin/test_currents.py::test_nothing_flows_unless_currents_are_told",
     ),
     mistake(
-        "aidin-lost-link-is-not-opened-for-the-stop",
-        "stop not sent",
-        "handctl.devices.aidin.stop",
-        "stopped_if_cut_short",
-        "if not driven or not (lost or exc.left.moving):",
-        "if not driven or not exc.left.moving:",
-    ),
-    mistake(
         "aidin-current-flows-and-none-is-told",
         "evidence believed",
         "handctl.devices.aidin.currents",
@@ -119,7 +111,7 @@ ROWS = (
     ),
     mistake(
         "aidin-cap-exceeded-by-what-is-kept",
-        "out of range",
+        "out of range clamped",
         "handctl.devices.aidin.currents",
         "_values",
         "if beyond:",
@@ -131,7 +123,7 @@ ROWS = (
         "aidin-moves-on-without-sight",
         "stale input believed",
         "handctl.devices.aidin.exchange",
-        "Talk._check_sight",
+        "Conversation._check_sight",
         "if missing or self.feedback.wrong.get(key, 0) >= CYCLES:",
         "if missing:",
     ),
