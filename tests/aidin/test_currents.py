@@ -142,3 +142,12 @@ def test_nothing_flows_unless_currents_are_told(content: Content | None) -> None
         currents(hand_on(link, way=COMMANDED), goal(*WHOLE), Guide(), seconds=0.3, cap=300)
     assert {data["hand_mode"] for data in objects(link.sent)} == {5, 3}
     assert link.sent[-3:] == [STOP] * 3
+
+
+def test_currents_that_still_flow_behind_the_stop_are_told() -> None:
+    """The hand is asked after the stop, not believed: what it says then is what is shown."""
+    flowing: Content = {**AT_ORIGIN, "current_state": [0] * 5 + [100] + [0] * 9}
+    hand = hand_on(Streamer(lambda _t: line(flowing)))
+    currents(hand, goal(*WHOLE), Guide(), seconds=0.2, cap=300)
+    told = {message.code: message.text for message in hand.journal.messages}
+    assert "currents up to 100 were reported after it" in told["not-stopped"] and "stopped" not in told, told

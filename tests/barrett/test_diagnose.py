@@ -96,6 +96,8 @@ def test_unknown_symptoms() -> None:
         (checks.can_move, {}, {}),
         (checks.can_move, {f"S_{motor}": 4 for motor in MOTORS}, {}),
         (checks.can_move, {"HSG_F1": 100, "LSG_F2": 200}, {"can_move.F1": FAIL, "can_move.F2": FAIL}),
+        (checks.can_move, {"HSG_F1": 112, "LSG_F2": 119}, {"can_move.F1": FAIL, "can_move.F2": FAIL}),  # at the limit
+        (checks.can_move, {"HSG_F1": 113, "LSG_F2": 118}, {}),
         (checks.can_move, {"HSG_SPREAD": 100}, {"can_move.SPREAD": FAIL}),
         (checks.can_move, {"EN_F3": 0, "FPG_F1": 0}, {"can_move.F3": WARNING, "can_move.F1": FAIL}),
         (checks.can_move, {"ACCEL_F1": 65535, "ACCEL_F2": 0}, {"can_move.F1": FAIL, "can_move.F2": FAIL}),

@@ -4,14 +4,20 @@ from __future__ import annotations
 
 import pytest
 
+from handctl.devices.barrett import writes
+from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.language import Answer
+from handctl.devices.barrett.gcl.line import GclLine
 from handctl.devices.barrett.map import BARRETT
 from handctl.devices.barrett.views import parameters_view, unhealthy
 from handctl.errors import CheckFailed, DeviceRefused, NoAnswer, ProtocolError
+from handctl.link.tap import observed
+from handctl.model.result import Journal
 from handctl.screen.terminal import fitting
 from tests.barrett.support import (
     CR,
     QUESTION,
+    ScriptedHand,
     changes,
     codes,
     elements,
@@ -341,3 +347,14 @@ def test_the_odometer_is_told_in_strokes() -> None:
     (grid,) = table.view(table.rows)
     assert grid.headings[3] == "Strokes"
     assert [line[3] for line in grid.lines] == ["5956", "5640", "6285", "6489"]
+
+
+def test_a_value_that_reads_back_otherwise_is_not_confirmed() -> None:
+    """Neither by its prompt nor by the other values that were written with it: the ledger says what is true."""
+    journal, link = Journal(), ScriptedHand({"FSET DP 5": "", "FGET DP": "5 5 8500 5"})
+    journal.ledger.words = writes.words()
+    hand = BarrettHand(GclLine(observed(link, journal.ledger), journal))  # type: ignore[arg-type]
+    with pytest.raises(CheckFailed):
+        hand.write(changes("DP=5"))
+    (row,) = journal.ledger.rows()
+    assert (row["state"], row["evidence"]) == ("sent", "reads back otherwise"), row

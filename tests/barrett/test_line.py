@@ -6,6 +6,7 @@ import pytest
 
 from handctl.devices.barrett.gcl.language import Answer
 from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer, ProtocolError
+from handctl.sim.barrett.uart import RECEIVERS, resample
 from tests.barrett.support import (
     ABORT,
     PROMPT,
@@ -40,6 +41,20 @@ def test_only_who_may_interrupt_sends_abort() -> None:
     link = ScriptedHand()
     hand_on(link, interrupt=True).line.connect()
     assert link.sent == [ABORT, QUESTION]
+
+
+@pytest.mark.parametrize("receiver", RECEIVERS)
+def test_an_interrupt_is_no_trigger_to_a_boot_monitor_at_any_speed(receiver: str) -> None:
+    """Somebody may have switched the hand off and on: its monitor hears 9600, and FF begins a download (dossier 7.2)."""
+    for speed in SPEEDS[:2]:
+        link = ScriptedLink(baud=speed)
+        line = hand_on(link, interrupt=True, speed=speed).line
+        assert line.leave_loop() == b""
+        with pytest.raises(NoAnswer):
+            line.connect()
+        assert len([data for data in link.sent if data[-1:] == ABORT]) > 1
+        for data in link.sent:
+            assert speed == 9600 or 0xFF not in resample(data, speed, 9600, receiver), (speed, data)
 
 
 def test_abort_has_150_ms_before_the_question() -> None:

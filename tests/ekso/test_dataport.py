@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 from handctl.devices.ekso.dataport import QUIET
 from handctl.devices.ekso.frames import Command
 from handctl.devices.ekso.lengthmode import find_mode
-from handctl.errors import HandctlError, LinkError, NoAnswer, ProtocolError
+from handctl.errors import HandctlError, LinkError, NoAnswer, NotIdentified, ProtocolError
 from handctl.link import Deadline
+from handctl.model.gate import Gate
 from tests.ekso.support import DATA, SET, SETTING_WORDS, SETTINGS, TIME, Unit, codes, frame, pack, port_on
 from tests.support.scripted import Babble, Reply, ScriptedLink
 
@@ -363,3 +364,14 @@ def test_what_was_asked_ahead_passes_before_another_request() -> None:
     port.read(Command.GET_TIME)
     assert unit.sent_at[2] - unit.sent_at[1] == pytest.approx(0.064, abs=0.001)
     assert port.counts.late == 0
+
+
+def test_nothing_is_written_to_a_line_on_which_no_eksonr_has_answered() -> None:
+    """What acts is sent behind an answer only; where the time has no answer, not a byte of it goes out."""
+    unit = Unit()
+    unit.on = {TIME: lambda _msg_id, _body: []}
+    port = port_on(unit)
+    port.gate = Gate()
+    with pytest.raises(NotIdentified):
+        port.exchange(Command.CANCEL_ACTION, b"\x01\x00")
+    assert unit.sent and {data[0] for data in unit.sent} == {TIME}

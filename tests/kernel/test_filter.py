@@ -18,6 +18,7 @@ import pytest
 
 from handctl.frame.options import Settings
 from handctl.model.result import Cell, Column, Counters, Grid, Sample, Table
+from handctl.screen import render
 from handctl.screen.filter import no_formula, shown, text_shown, value_shown
 from handctl.screen.render import show, stream
 from handctl.screen.sink import Sink
@@ -207,3 +208,10 @@ def test_json_of_a_path_that_is_not_utf8(tmp_path: Path) -> None:
     assert content["exit_code"] == done.returncode == 2
     assert "\udcff" in content["messages"][0]["text"]
     assert b"\\xff.json" in done.stderr
+
+
+def test_json_has_no_number_that_json_does_not_have() -> None:
+    """NaN and Infinity are no JSON: a reader other than Python's stops at them."""
+    for number in (float("nan"), float("inf")):
+        with pytest.raises(ValueError, match="JSON compliant"):
+            render._dumps({"value": [number]})

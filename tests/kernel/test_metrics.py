@@ -15,9 +15,11 @@ import pytest
 
 from handctl import files
 from handctl.docgen.tree import map_of
+from handctl.errors import HandctlError, Interrupted, NoAnswer, NotConfirmed, UsageError
 from handctl.families import FAMILIES
 from handctl.model.result import Journal
 from handctl.model.units import BASES, scale_of
+from handctl.screen import render
 from handctl.screen.metrics import exposition
 from tests.contract.facts import facts_of
 from tests.support.cli import fake, run
@@ -190,3 +192,11 @@ def test_odd_values_are_valid(value: Any) -> None:
 def test_odd_names_are_valid(name: str) -> None:
     rows = [{"name": name, "unit": unit, "value": 1.5, "finger": "ring"} for unit in ("°C", "ms", None, "no/such unit")]
     assert len(both(exposition([*rows, *rows, {"name": name, "error": "no", "unit": None}], context_of()))) >= 3
+
+
+def test_what_says_nothing_of_the_device_writes_nothing() -> None:
+    """Ctrl-C, a question without an answer, a mistake in the line: the last value stays, and is not called a failure."""
+    for error in (HandctlError("a bug"), UsageError("x"), NotConfirmed("x"), Interrupted("interrupted")):
+        assert not render.speaks("openmetrics", error), error
+        assert render.speaks("json", error)
+    assert render.speaks("openmetrics", NoAnswer("silence"))

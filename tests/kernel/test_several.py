@@ -134,3 +134,17 @@ def test_they_run_at_the_same_time(tmp_path: Path) -> None:
         assert run(*words, env={"HANDCTL_CONFIG": str(config)}).code == 4
 
     in_time(asked, 0.5, 8 * 0.5)
+
+
+def test_the_highest_exit_code_counts_wherever_it_stands(tmp_path: Path) -> None:
+    links = {"mute": "silent", "garbled": "bad-checksum"}
+    config = tmp_path / "config.toml"
+    config.write_text(
+        "".join(
+            f'[devices.{name}]\nkind = "exo"\nport = "fake://exo?clock=virtual&fault={fault}"\n'
+            for name, fault in links.items()
+        )
+    )
+    for names in ("mute,garbled", "garbled,mute"):
+        result = run("-d", names, "get", "id", "--timeout", "0.1", env={"HANDCTL_CONFIG": str(config)})
+        assert result.code == 5 and "2 of 2 devices" in result.err, result

@@ -9,7 +9,7 @@ import pytest
 
 from handctl.errors import LinkError
 from handctl.link import lock
-from handctl.link.lock import hold
+from handctl.link.lock import InUse, hold
 from handctl.system import processes
 
 LINK = "tcp://192.0.2.7:8000"
@@ -41,6 +41,39 @@ def test_the_first_place_is_the_runtime_folder(folders: tuple[Path, Path]) -> No
     assert file.read_text() == "", "nobody holds it, and the file stays"
     again = hold(LINK, "the next one")
     assert again is not None
+    again.release()
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        ("tcp://192.0.2.7:8000", "socket://192.0.2.7:08000/"),
+        ("tcp://Hand.local:8000", "rfc2217://hand.LOCAL:8000?logging=debug"),
+        ("tcp://127.1:8000", "tcp://localhost:8000"),
+        ("socket://192.0.2.7:8000", "can:slcan:socket://192.0.2.7:8000"),
+        ("{port}", "{alias}"),
+        ("{port}", "spy://{alias}?file=x"),
+        ("{port}", "can:slcan:{alias}"),
+        ("can:socketcan:can0", "can:socketcan:can0?bitrate=500000"),
+        ("usb:0403:6001:AB", "usb:0403:6001:ab"),
+    ],
+)
+def test_one_device_has_one_lock_by_whatever_name(
+    folders: tuple[Path, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, one: str, other: str
+) -> None:
+    """Who comes second is refused and told who has it."""
+    monkeypatch.setattr(lock, "LAST_STOP_SECONDS", 0.02)
+    alias = tmp_path / "by-id"
+    alias.symlink_to("/dev/null")  # a character device, as a port is
+    one, other = (name.format(port="/dev/null", alias=alias) for name in (one, other))
+    held = hold(one, "handctl exo watch")
+    assert held is not None
+    with pytest.raises(InUse) as caught:
+        hold(other, "handctl exo get", patience=0.0)
+    assert caught.value.path == held.path and "`handctl exo watch`" in caught.value.text
+    held.release()
+    again = hold(other, "handctl exo get", patience=0.0)
+    assert again is not None and again.path == held.path and len(files(folders[0])) == 1
     again.release()
 
 
