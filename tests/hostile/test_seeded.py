@@ -133,6 +133,7 @@ def endless(*_: Any) -> None:
     time.sleep(60)
 
 
+@pytest.mark.real
 def test_a_command_that_does_not_end_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Whatever it does to alarms, and if it catches what ends it."""
     monkeypatch.setattr(cell, "SECONDS", 0.05)
