@@ -592,5 +592,6 @@ def test_no_test_is_imported() -> None:
         for path in TESTS.rglob("*.py")
         for statement in imported.findall(path.read_text(encoding="utf-8"))
         if re.search(r"\btest_", statement)
+        and path.parent.name != "search"  # suites run the helpers of short tests without a bound
     }
     assert not taken

@@ -57,7 +57,10 @@ def told(name: str, problems: Iterable[str]) -> None:
 
 
 def check(some: Sequence[Mistake], jobs: int, folder: Path) -> int:
-    """Run all of it; how many were missed."""
+    """Run all of it; how many were missed. A mistake that names no test yet is listed and refuses nothing."""
+    waiting = [one.name for one in some if not one.tests]
+    some = [one for one in some if one.tests]
+    print(f"{len(waiting)} mistakes name no test yet: {', '.join(waiting)}" if waiting else "", flush=True)
     tests = sorted({test for one in some for test in one.tests})
     by_file = sorted({test.partition("::")[0] for test in tests})
     shares = [[test for test in tests if by_file.index(test.partition("::")[0]) % jobs == part] for part in range(jobs)]

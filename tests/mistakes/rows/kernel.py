@@ -290,7 +290,6 @@ ROWS = (
         "exit_code = 4",
         "exit_code = 5",
         "tests/kernel/test_deadline_cause.py::test_the_cause_stays",
-        "tests/kernel/test_kinds.py::test_every_writable_quantity_has_a_kind",
     ),
     mistake(
         "worst-of-several-is-the-first",

@@ -49,7 +49,6 @@ ROWS = (
         "_holder",
         'return holder if holder.start in ("", processes.began(holder.pid)) else None',
         "return holder",
-        "tests/link/test_lock.py::test_who_holds_it_is_named_when_it_is_known",
     ),
     mistake(
         "deadman-owed-bytes-forgotten",
