@@ -63,7 +63,7 @@ def try_variable(name: str, kind: str, words: tuple[str, ...], folder: Folder) -
     return attempt([*words, *FORMATS[how]], "json" if how == "json" else "any", folder, env)
 
 
-def keys() -> Iterator[tuple[str, str, str, tuple[str, ...]]]:
+def settings() -> Iterator[tuple[str, str, str, tuple[str, ...]]]:
     """Key, text, where it stands, command."""
     for name in (*NAMES, "devices", "unknown"):
         for kind in TOML:
