@@ -12,7 +12,7 @@ from handctl.frame.options import Settings
 from handctl.link import ByteLink, Deadline, open_link
 from handctl.model.guide import Guide
 from handctl.model.result import Journal
-from handctl.stop.talk import Aim, Stopped, drive, talk_of
+from handctl.model.stopping import Aim, Stopped, drive, talk_of
 from tests.support.scripted import RecordedLink, ScriptedLink
 
 FINGERS = ("thumb", "index", "middle", "ring", "little")

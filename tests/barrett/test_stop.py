@@ -10,8 +10,8 @@ from handctl.devices.barrett.gcl import lastspeed
 from handctl.devices.barrett.map import SPEEDS
 from handctl.devices.barrett.stopper import power_off
 from handctl.frame.options import Settings
+from handctl.model.stopping import Aim, unheard
 from handctl.sim.barrett.uart import RECEIVERS, resample
-from handctl.stop.talk import Aim, unheard
 from tests.support.cli import Result, Spy, run, spying
 from tests.support.each_row import each_row
 

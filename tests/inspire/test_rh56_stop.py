@@ -10,7 +10,7 @@ import pytest
 from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer, ProtocolError
 from handctl.frame.options import Settings
 from handctl.link import CanFrame
-from handctl.stop.talk import Aim, Sent, Stopped, Talk, drive
+from handctl.model.stopping import Aim, Sent, Stopped, Talk, drive
 from tests.inspire.wrist_support import ScriptedFrames
 from tests.support.each_row import each_row
 from tests.support.odd_hands import (

@@ -10,7 +10,7 @@ from handctl.errors import DeviceRefused, NoAnswer, ProtocolError
 from handctl.frame.options import Settings
 from handctl.link import Deadline
 from handctl.model.param import Step
-from handctl.stop.talk import Aim, Sent, drive, insisting, talk_of, unheard
+from handctl.model.stopping import Aim, Sent, drive, insisting, talk_of, unheard
 from tests.support.cli import run
 from tests.support.scripted import Reply, ScriptedLink
 from tests.support.stop import RELEASE

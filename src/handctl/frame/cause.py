@@ -38,10 +38,10 @@ def _renamed(run: Run, error: HandctlError) -> HandctlError:
     return pointed(error, port) if nobody and port and not port.startswith(("fake:", "replay:")) else error
 
 
-def interrupted(run: Run) -> Interrupted:
+def interrupted(run: Run) -> HandctlError:
     """Ctrl-C where nobody inside answers to it. What this command has set going, and watches no more, is stopped."""
-    halt = run.journal.still_moving()
-    return Interrupted("interrupted") if halt is None else stopped(halt, run.guide)
+    stop = run.journal.still_moving()
+    return Interrupted("interrupted") if stop is None else stopped(stop, run.guide)
 
 
 def judged(run: Run, error: HandctlError | None) -> HandctlError | None:

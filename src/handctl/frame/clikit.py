@@ -245,6 +245,10 @@ def streaming(rate: float) -> Callable[[Callable[..., Any]], Callable[..., Any]]
 
 
 stream_options = streaming(10.0)
+suspendable = click.option(
+    "--may-suspend", is_flag=True, help="Do not stop the motors when this command is suspended (SIGSTOP) for 0.5 s."
+)
+"""For what drives motors that do not stop by themselves."""
 
 
 class Root(Group):

@@ -92,6 +92,7 @@ class Run:
             own = {**self.settings.own, **(implied(self.family.kind) if self.writes else {})}
             settings = self.settings._replace(own=own)
             self.opened = self.family.open(self.open_link(), settings, self.journal)
+            self.opened.options = settings
         return self.opened
 
     def device_at(self, link: str, **settings: Any) -> Any:
@@ -138,7 +139,7 @@ class Run:
         return self.connection.hold
 
     @property
-    def stopped(self) -> Interrupted | None:
+    def stopped(self) -> HandctlError | None:
         """How a device of this command was stopped on the wish of another process; None where none was."""
         holds = (run.hold for run in (self, *self.others))
         return next((hold.stopped for hold in holds if hold is not None and hold.stopped is not None), None)

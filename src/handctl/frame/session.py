@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from handctl.errors import HandctlError, Interrupted, LinkError
+from handctl.errors import HandctlError, LinkError
 from handctl.frame.connection import Connection, Trace
 
 if TYPE_CHECKING:
@@ -80,7 +80,7 @@ class Session:
                 return True
         return False
 
-    def stopped(self, journal: Journal) -> Interrupted | None:
+    def stopped(self, journal: Journal) -> HandctlError | None:
         """How another process has stopped a device since the last command; its link is closed. None where none has."""
         for key, known in list(self._open.items()):
             if known.hold is not None and known.hold.stopped is not None:

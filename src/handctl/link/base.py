@@ -45,18 +45,34 @@ class CanFrame(NamedTuple):
         return f"{self.can_id:08X} [{len(self.data)}] {self.data.hex(' ').upper()}".rstrip()
 
 
+def nothing(_rest: bytes = b"") -> None:
+    """Nobody needs to know."""
+
+
 class Outlet:
-    """How bytes get out of a link without the link: what a process needs that outlives this one (deadman.py).
+    """How bytes get out of a link and into it without the link: what a process needs that outlives this one (deadman.py).
 
     descriptor  of the system
     encode      a frame (its data, and the identifier on a CAN bus) as this link writes it
+    decode      on a CAN bus: what was read -> the frames in it, and the rest; None where bytes are bytes
+    baud        speed of a port in bit/s, None where there is none
+    before      called before anything is written; replaced by who watches
     owes        told when a frame is half sent, with its rest, and with b"" once it is out; replaced by who listens
     """
 
-    def __init__(self, descriptor: int, encode: Callable[[bytes, int | None], bytes] | None = None) -> None:
+    def __init__(
+        self,
+        descriptor: int,
+        encode: Callable[[bytes, int | None], bytes] | None = None,
+        decode: Callable[[bytes], tuple[list[CanFrame], bytes]] | None = None,
+        baud: int | None = None,
+    ) -> None:
         self.descriptor = descriptor
         self.encode = encode or (lambda data, can_id: data)
-        self.owes: Callable[[bytes], None] = lambda rest: None
+        self.decode = decode
+        self.baud = baud
+        self.before: Callable[[], None] = nothing
+        self.owes: Callable[[bytes], None] = nothing
 
 
 class Link(ABC):

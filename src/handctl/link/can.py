@@ -104,6 +104,7 @@ class CanLink(FrameLink):
             self._unlock()
             raise
         self._slcan = self._bus if isinstance(self._bus, SlcanBus) else None
+        self._outlet: Outlet | None = None
         self._counted = 0  # errors of an adapter that are in error_frames
         self._left = False  # a controller of another interface is bus off
         self.bitrate = options["bitrate"]
@@ -144,16 +145,15 @@ class CanLink(FrameLink):
 
     def outlet(self) -> Outlet | None:
         """Of a Linux CAN socket, and of an slcan adapter; other back ends are inside a vendor's library."""
-        try:
-            if self._interface == "socketcan":
-                return Outlet(int(self._bus.fileno()), _socketcan_frame)
-            if self._interface == "slcan":
-                return Outlet(int(self._bus.fileno()), _slcan_frame)
-        except (can.CanError, OSError, NotImplementedError, ValueError):
-            pass
-        return None
+        codec = {"socketcan": (_socketcan_frame, _socketcan_frames), "slcan": (_slcan_frame, _slcan_frames)}
+        if self._outlet is None and self._interface in codec:
+            with contextlib.suppress(can.CanError, OSError, NotImplementedError, ValueError):
+                self._outlet = Outlet(int(self._bus.fileno()), *codec[self._interface])
+        return self._outlet
 
     def send(self, frame: CanFrame, deadline: Deadline) -> None:
+        if self._outlet is not None:
+            self._outlet.before()
         message = can.Message(arbitration_id=frame.can_id, data=frame.data, is_extended_id=True)
         try:
             self._bus.send(message, timeout=max(0.001, deadline.remaining))
@@ -320,6 +320,28 @@ def _slcan_frame(data: bytes, can_id: int | None) -> bytes:
 def _socketcan_frame(data: bytes, can_id: int | None) -> bytes:
     """struct can_frame of Linux: identifier with the flag of 29 bits, length, padding, 8 bytes of data."""
     return struct.pack("=IB3x8s", (can_id or 0) | 0x8000_0000, len(data), data)
+
+
+def _slcan_frames(data: bytes) -> tuple[list[CanFrame], bytes]:
+    """The extended data frames in lines of an adapter, and the line that has not ended; a damaged one is passed over."""
+    *lines, rest = data.replace(b"\a", b"\r").split(b"\r")
+    frames = []
+    for line in lines:
+        with contextlib.suppress(ValueError):
+            if line.startswith(b"T") and len(line) >= 10:
+                size = int(line[9:10], 16)
+                frames.append(CanFrame(int(line[1:9], 16), bytes.fromhex(line[10 : 10 + 2 * size].decode("ascii"))))
+    return frames, rest
+
+
+def _socketcan_frames(data: bytes) -> tuple[list[CanFrame], bytes]:
+    """The extended data frames among struct can_frame of Linux, and what is less than one."""
+    frames = []
+    for start in range(0, len(data) - len(data) % 16, 16):
+        number, size, content = struct.unpack("=IB3x8s", data[start : start + 16])
+        if number & 0xE000_0000 == 0x8000_0000:
+            frames.append(CanFrame(number & 0x1FFF_FFFF, content[:size]))
+    return frames, data[len(data) - len(data) % 16 :]
 
 
 def _possible(message: can.Message) -> bool:

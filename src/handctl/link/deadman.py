@@ -1,52 +1,59 @@
-"""A dead man's switch: a child process that holds the link, and sends the device's stop when this process dies.
+"""A dead man's switch: a child process that holds the link, and stops the device when this process dies.
 
-    with guarding(link, stop, journal.warn) as guard:     # one child, armed before the first command is sent
-        guard.update(stop)                                # where the stop depends on where the device is
+    with guarding(link, stop, journal.warn):      # one child, there before the first command is sent
 
 However this process dies (kill -9, out of memory, a crash, its whole process group), the system closes its end of a
-pipe. The child sees that, completes a frame that was half sent, and sends the stop. When the `with` ends, the child is
-ended before it can send a byte, and is waited for. A process that is suspended (SIGSTOP) is not dead: nothing is sent.
+pipe. The child sees that, completes a frame that was half sent, and calls `stop` with a link of its own to the same
+device: the plan that every other way of stopping runs, so it asks where the device is, and sends each step until it is
+acknowledged. When the `with` ends, the child is ended before it can send a byte, and is waited for.
+
+A process that is suspended (SIGSTOP) is not dead, and nothing is sent. But where the device does not end by itself what it
+was told, `beat` is how long its parent may be silent: then the child stops the device, and the parent, should it wake, ends
+as by Ctrl-C. A child that was killed is replaced before the next frame goes out.
 
 The child is a plain fork, without a new program in it. It is there when `guarding` returns, about 1 ms later, also
 where no interpreter can be found or no file be read, and it shares its memory with its parent. What makes a fork
-dangerous is avoided: only the forking thread lives on in the child, so the child takes no lock, imports nothing, and
-calls the system only (poll, read, write, close) until it ends by `_exit`. It keeps the link, its pipe, and the lock of
-the device: nobody is let in before the stop is out. It is in a session of its own, ignores every signal that can be
-ignored, and once it acts it has two seconds.
+dangerous is avoided: only the forking thread lives on in the child, so the child takes no lock, imports nothing and
+starts nothing until it ends by `_exit`. It keeps the link, its pipes, and the lock of the device: nobody is let in before
+the stop is out. It is in a session and under a name of its own, ignores every signal that can be ignored, and once it acts
+it has three seconds.
 
 It cannot help where everything of this user is killed at once: a service or a container that ends (its control group),
 the machine, its power. Where the system has no fork, or the link is inside a vendor's library, a warning says so.
-Knows no protocol: families give the bytes.
+Knows no protocol: families give the stop.
 """
 
 from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import NamedTuple
 
 from handctl.errors import LinkError
-from handctl.link.base import Link, Outlet
-from handctl.system import child
-from handctl.system.child import Orders, Wire
+from handctl.link.base import ByteLink, CanFrame, Deadline, FrameLink, Link, Outlet, nothing
+from handctl.system import child, clock
+from handctl.system.child import Heir, Job
+from handctl.system.waits import readable, writable
 
-BOUND_SECONDS = 2.0
+BOUND_SECONDS = 3.0
 """How long the child may take once it acts: a link that takes no bytes keeps it, and the lock, no longer."""
 LARGEST = 4096
 """A message of this size or less goes through a pipe whole or not at all (POSIX: at least 512, Linux 4096)."""
 
+Stop = Callable[[Link], object]
+Warn = Callable[[str, str, str], object]
+
 
 class Shot(NamedTuple):
-    """One write of the stop, and the seconds of silence behind it. With `can_id` it is the data of that CAN frame."""
+    """A write before the stop, and the seconds of silence behind it."""
 
     data: bytes
     pause: float = 0.0
-    can_id: int | None = None
 
 
 @contextmanager
-def guarding(link: Link, stop: Sequence[Shot], warn: Callable[[str, str, str], object]) -> Iterator[Guard]:
+def guarding(link: Link, stop: Stop, warn: Warn, *, beat: float = 0.0) -> Iterator[Guard]:
     """Around whatever drives a device and promises to stop it. `warn` is told where the link cannot be guarded.
 
     A simulator in this process and a transcript need no guard: nothing outlives this process. Raises LinkError when no
@@ -54,16 +61,15 @@ def guarding(link: Link, stop: Sequence[Shot], warn: Callable[[str, str, str], o
     """
     inside = link.fake or link.replayed
     outlet = None if inside or not child.can_be() else link.outlet()
-    guard = Guard(outlet, link.held)
-    if not inside and not (outlet and stop):
-        why = "no second process can hold this link" if stop else "where it is there is nothing to command"
+    if not inside and outlet is None:
         warn(
             "unguarded",
-            f"{link.name}: {why}: if handctl is killed, nothing stops the device",
+            f"{link.name}: no second process can hold this link: if handctl is killed, nothing stops the device",
             "keep its power switch within reach",
         )
+    guard = Guard(outlet, stop, warn, link.held, beat)
     try:
-        guard.arm(stop)
+        guard.arm()
         yield guard
     finally:
         guard.disarm()
@@ -72,78 +78,96 @@ def guarding(link: Link, stop: Sequence[Shot], warn: Callable[[str, str, str], o
 class Guard:
     """The child of one link; without an `outlet` nothing is guarded. `held` are descriptors that it keeps open, too."""
 
-    def __init__(self, outlet: Outlet | None, held: Sequence[int] = ()) -> None:
-        self._outlet = outlet
-        self._held = tuple(held)
-        self._pid = 0
-        self._pipe = -1
+    def __init__(
+        self, outlet: Outlet | None, stop: Stop, warn: Warn, held: Sequence[int] = (), beat: float = 0.0
+    ) -> None:
+        self._outlet, self._stop, self._warn, self._held, self._beat = outlet, stop, warn, tuple(held), beat
+        self._heir: Heir | None = None
         self._owed = b""
-        self._stop: Wire = ()
+        self._first: tuple[Shot, ...] = ()
+        self._told = 0.0
 
-    def arm(self, stop: Sequence[Shot]) -> None:
+    def arm(self) -> None:
         """Start the child. Raises LinkError."""
-        if self._outlet is None:
-            return
-        self._stop = self._wire(stop)
-        self._start()
-        self._outlet.owes = self.owes
+        if self._outlet is not None:
+            self._start()
+            self._outlet.owes, self._outlet.before = self.owes, self._watch
 
-    def update(self, stop: Sequence[Shot]) -> None:
-        """From now on this is the stop. Costs some microseconds when it is another one, otherwise none. Raises LinkError."""
-        if self._pid and (wire := self._wire(stop)) != self._stop:
-            self._stop = wire
-            self._tell()
+    def update(self, first: Sequence[Shot]) -> None:
+        """From now on these go out before the stop. Costs some microseconds when they are others. Raises LinkError."""
+        if self._heir is not None and tuple(first) != self._first:
+            self._first = tuple(first)
+            self._tell(_pack(self._owed, self._first))
 
     def owes(self, rest: bytes) -> None:
         """A frame is half sent: `rest` is missing, and goes before the stop; b"" once it is out."""
         rest = rest if len(rest) <= LARGEST // 2 else b""  # no frame that drives anything is so long
-        if self._pid and rest != self._owed:
+        if self._heir is not None and rest != self._owed:
             self._owed = rest
-            self._tell()
+            self._tell(_pack(self._owed, self._first))
 
     def disarm(self) -> None:
         """End the child before it sends anything, and wait for it. May be called twice."""
-        if not self._pid:
+        if self._heir is None:
             return
         if self._outlet is not None:
-            self._outlet.owes = nothing
+            self._outlet.owes = self._outlet.before = nothing
         with child.unsignalled():
             self._end()
 
-    def _wire(self, stop: Sequence[Shot]) -> Wire:
-        assert self._outlet is not None
-        return tuple((self._outlet.encode(shot.data, shot.can_id), shot.pause) for shot in stop)
+    def _watch(self) -> None:
+        """Before a frame: the child must be there, and hears that its parent is. Raises LinkError, KeyboardInterrupt."""
+        if self._heir is None:
+            return
+        state = child.state(self._heir)
+        if state == "acts":
+            heir, self._heir = self._heir, None
+            child.finished(heir, BOUND_SECONDS)
+            child.ended(heir)
+            text = f"this command stood still for more than {self._beat:g} s, and the device was stopped meanwhile"
+            self._warn("stood-still", text, "")
+            raise KeyboardInterrupt
+        if state == "gone":
+            self._replace()
+        elif self._beat and clock.now() - self._told > self._beat / 4:
+            self._tell(b"\0\0")
 
-    def _tell(self) -> None:
-        message = _pack(self._owed, self._stop)
+    def _tell(self, message: bytes) -> None:
+        self._told = clock.now()
         try:
-            os.write(self._pipe, message)
-        except OSError:  # it was killed, or it does not read: another one takes its place
-            with child.unsignalled():
-                self._end()
-            self._start()
+            assert self._heir is not None
+            os.write(self._heir.pipe, message)
+        except OSError:  # it was killed, or it does not read
+            self._replace()
+
+    def _replace(self) -> None:
+        with child.unsignalled():
+            self._end()
+        self._start()
 
     def _start(self) -> None:
         """Fork, and see that the child is ready. All at once for signals: nobody must lose sight of a child."""
-        assert self._outlet is not None
-        orders = (self._owed, self._stop)
+        outlet, stop, first = self._outlet, self._stop, _pack(self._owed, self._first)
+        assert outlet is not None
+
+        def act(message: bytes) -> None:
+            with suppress(Exception):
+                act_for(outlet, stop, message or first)
+            os.close(outlet.descriptor)  # before the lock: who gets that next must find the port free
+
+        self._told = clock.now()
         with child.unsignalled():
             try:
-                self._pid, self._pipe = child.started(
-                    self._outlet.descriptor, self._held, orders, _unpack, BOUND_SECONDS
-                )
+                self._heir = child.started(Job((outlet.descriptor, *self._held), act, BOUND_SECONDS, self._beat))
             except OSError as exc:
                 raise _cannot(exc.strerror or str(exc)) from exc
             except child.NotAlive as exc:
                 raise _cannot("the child ended at once") from exc
 
     def _end(self) -> None:
-        pid, self._pid = self._pid, 0
-        child.ended(pid, self._pipe)
-
-
-def nothing(rest: bytes) -> None:
-    """Nobody needs to know."""
+        heir, self._heir = self._heir, None
+        if heir is not None:
+            child.ended(heir)
 
 
 def _cannot(why: str) -> LinkError:
@@ -154,24 +178,116 @@ def _cannot(why: str) -> LinkError:
     )
 
 
+# -- what the child does -------------------------------------------------------------------------------------------------
+
+
+def act_for(outlet: Outlet, stop: Stop, message: bytes) -> None:
+    """Complete the frame, send what goes first, and stop; an error of one does not keep the next from being done."""
+    owed, shots = _unpack(message)
+    link = RawBytes(outlet) if outlet.decode is None else RawFrames(outlet)
+    for data, pause in (Shot(owed), *shots):
+        with suppress(LinkError):
+            link.put(data, link.deadline(BOUND_SECONDS))
+        with suppress(LinkError):
+            link.sleep_reading(pause)
+    stop(link)
+
+
+class _Raw(Link):
+    """A descriptor of the system, without the library that has opened it."""
+
+    def __init__(self, outlet: Outlet) -> None:
+        self._outlet = outlet
+
+    def put(self, data: bytes, deadline: Deadline) -> None:
+        """Bytes as they are. Raises LinkError."""
+        while data:
+            try:
+                data = data[os.write(self._outlet.descriptor, data) :]
+            except BlockingIOError:
+                if not writable(self._outlet.descriptor, deadline.remaining):
+                    raise LinkError("the link takes nothing", code="write-timeout") from None
+            except OSError as exc:
+                raise LinkError("the link is lost", code="lost") from exc
+
+    def got(self, deadline: Deadline) -> bytes:
+        """Bytes as they are; b"" for silence. Raises LinkError."""
+        try:
+            if not readable(self._outlet.descriptor, deadline.remaining):
+                return b""
+            data = os.read(self._outlet.descriptor, LARGEST)
+        except BlockingIOError:
+            return b""
+        except OSError as exc:
+            raise LinkError("the link is lost", code="lost") from exc
+        if not data:
+            raise LinkError("the link is lost", code="lost")
+        return data
+
+    def sleep_reading(self, seconds: float) -> None:
+        """Let time pass, and throw away what comes: a socket that is closed over unread bytes drops what it has to send."""
+        end = self.deadline(seconds)
+        while not end.expired:
+            self.got(end)
+
+    def close(self) -> None:
+        """The child closes it."""
+
+
+class RawBytes(_Raw, ByteLink):
+    """The link of a child: a port or a connection."""
+
+    def __init__(self, outlet: Outlet) -> None:
+        super().__init__(outlet)
+        self.baud, self.can_set_baud = outlet.baud, outlet.baud is not None
+
+    def write(self, data: bytes, deadline: Deadline) -> None:
+        self.put(self._outlet.encode(data, None), deadline)
+
+    def read(self, deadline: Deadline, size: int = 4096) -> bytes:
+        return self.got(deadline)
+
+
+class RawFrames(_Raw, FrameLink):
+    """The same on a CAN bus."""
+
+    def __init__(self, outlet: Outlet) -> None:
+        super().__init__(outlet)
+        self._rest = b""
+        self._frames: list[CanFrame] = []
+
+    def send(self, frame: CanFrame, deadline: Deadline) -> None:
+        self.put(self._outlet.encode(frame.data, frame.can_id), deadline)
+
+    def receive(self, deadline: Deadline) -> CanFrame | None:
+        assert self._outlet.decode is not None
+        while not self._frames:
+            data = self.got(deadline)
+            if not data:
+                return None
+            frames, self._rest = self._outlet.decode(self._rest + data)
+            self._frames += frames
+        return self._frames.pop(0)
+
+
 # -- messages to the child: 2 bytes of length, then the frame's rest and the shots ---------------------------------------
 
 
-def _pack(owed: bytes, stop: Wire) -> bytes:
+def _pack(owed: bytes, first: Sequence[Shot]) -> bytes:
     parts = [len(owed).to_bytes(2, "big"), owed]
-    for data, pause in stop:
+    for data, pause in first:
         parts += [len(data).to_bytes(2, "big"), round(pause * 1000).to_bytes(2, "big"), data]
     text = b"".join(parts)
     assert len(text) + 2 <= LARGEST
     return len(text).to_bytes(2, "big") + text
 
 
-def _unpack(text: bytes) -> Orders:
+def _unpack(text: bytes) -> tuple[bytes, list[Shot]]:
     size = int.from_bytes(text[:2], "big")
     owed, text = text[2 : 2 + size], text[2 + size :]
-    stop = []
+    first = []
     while text:
         size, pause = int.from_bytes(text[:2], "big"), int.from_bytes(text[2:4], "big")
-        stop.append((text[4 : 4 + size], pause / 1000))
+        first.append(Shot(text[4 : 4 + size], pause / 1000))
         text = text[4 + size :]
-    return owed, tuple(stop)
+    return owed, first

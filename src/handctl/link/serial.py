@@ -134,6 +134,8 @@ class SerialLink(ByteLink):
         self.can_set_baud = not device.startswith("socket://")
         self._fd = self._descriptor()
         self._outlet = outlet_of(self._port, device)
+        if self._outlet is not None and self.can_set_baud:
+            self._outlet.baud = baud
         if self._fd is not None and not device.startswith("/dev/pts/"):
             _low_latency(self._port)
 
@@ -154,6 +156,8 @@ class SerialLink(ByteLink):
         if self._fd == CLOSED:
             raise self._lost(None)
         try:
+            if self._outlet is not None:
+                self._outlet.before()
             if self._fd is None:
                 self._port.write(data)
             else:
@@ -218,6 +222,8 @@ class SerialLink(ByteLink):
                 code="baud",
             ) from exc
         self.baud = baud
+        if self._outlet is not None:
+            self._outlet.baud = baud
 
     def _stuck(self) -> LinkError:
         return LinkError(

@@ -104,6 +104,7 @@ class TcpLink(ByteLink):
         self._outlet = Outlet(self._socket.fileno())
 
     def write(self, data: bytes, deadline: Deadline) -> None:
+        self._outlet.before()
         view = memoryview(data)
         while view:
             try:

@@ -7,11 +7,10 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
-from handctl.errors import CheckFailed, DeviceRefused, HandctlError, NoAnswer, ProtocolError
-from handctl.link.deadman import Shot, guarding
+from handctl.errors import CheckFailed, DeviceRefused, NoAnswer, ProtocolError
 from handctl.model.device import Device, Line
 from handctl.model.frames import Decoder, frames_in
 from handctl.model.gate import Gate
@@ -176,19 +175,15 @@ class AskedDevice(Device):
         return found
 
     @contextmanager
-    def driving(self, stop: bytes, halt: Callable[[], object], guide: Guide) -> Iterator[None]:
-        """Around a movement. Whatever ends it early stops it by `halt`: Ctrl-C, the link, the time.
-
-        Where this process dies, the bytes `stop` go out, three times.
-        """
+    def driving(self, guide: Guide) -> Iterator[None]:
+        """Around a movement. Whatever ends it early stops it: Ctrl-C, an error, the time, the death of this process."""
         self.identify()
-        with guarding(self.link, [Shot(stop)] * 3, self.journal.warn):
+        with self.driven(guide):
             try:
                 yield
-            except BaseException:
-                with guide.undisturbed(), suppress(HandctlError):
-                    self.talk.bound = None  # no deadline cuts a stop off
-                    halt()
+            except Exception:
+                with guide.undisturbed():
+                    self.stop()
                 raise
 
     def wait_until(self, there: Callable[[], bool], seconds: float, what: str) -> None:

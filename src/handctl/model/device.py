@@ -8,17 +8,22 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
+from functools import partial
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Protocol, TypedDict, TypeVar
 
 from handctl.errors import CheckFailed, HandctlError, NoAnswer, ProtocolError, joined
+from handctl.model.leaving import stopped_by_ctrl_c
 from handctl.model.param import Element, Number, ParamMap, Reading, elements_of
 from handctl.model.result import Column, Grid, Row, Table
+from handctl.model.stopping import Aim, Known, Options, Stopped, Talk, aimed, carry_out, drive, talk_of
 from handctl.sentence import plural
 
 if TYPE_CHECKING:
     from handctl.link import Deadline, Link
+    from handctl.link.deadman import Guard
+    from handctl.model.guide import Guide
     from handctl.model.param import Step
     from handctl.model.result import Journal
 
@@ -154,6 +159,8 @@ class Device(ABC):
 
     def __init__(self, line: Line) -> None:
         self._line = line
+        self.options: Options = Known()
+        """What the user said of it."""
         self.about: dict[str, str] = {}
         """Model, firmware and serial number as far as they were read, whatever for."""
 
@@ -182,6 +189,40 @@ class Device(ABC):
     def further(self, identity: dict[str, object]) -> Collection[str]:
         """Names of `optional` settings that this very device has, by what it says of itself."""
         return ()
+
+    # -- stopping ------------------------------------------------------------------------------------------------
+
+    def aim(self) -> Aim:
+        """What its stopper may know of it: all that this program has found out."""
+        options = self.options
+        known = Known(getattr(self._line, "id", options.id), options.timeout, options.port, options.wire, options.own)
+        return aimed(self.link, known)._replace(fixed=True, proven=True)
+
+    def stop(self, *, powered: bool = False) -> Stopped:
+        """Stop it by its family's plan, after --deadline too; `powered` as in `Aim`. Never raises."""
+        ledger = self.journal.ledger
+        talk = talk_of(self.kind, self.aim()._replace(powered=powered))
+        return carry_out(self.link, talk, ledger=ledger if ledger.words is not None else None)
+
+    def guarded(self, *, beat: float = 0.0, talk: Callable[[Aim], Talk] | None = None) -> AbstractContextManager[Guard]:
+        """While it lasts the death of this process stops the device by the same plan, or `talk`. Raises LinkError.
+
+        `beat` as in `link.deadman`.
+        """
+        from handctl.link.deadman import guarding
+
+        said, aim = talk or partial(talk_of, self.kind), self.aim()
+        said(aim)  # so that the child finds it imported
+        return guarding(self.link, lambda link: drive(link, said(aim), []), self.journal.warn, beat=beat)
+
+    @contextmanager
+    def driven(self, guide: Guide, *, beat: float = 0.0, powered: bool = False, what: str = "") -> Iterator[Guard]:
+        """Around what moves it: Ctrl-C and the death of this process stop it. Raises Interrupted, with `what` before what came of it."""
+        with (
+            self.guarded(beat=beat) as guard,
+            stopped_by_ctrl_c(lambda: self.stop(powered=powered), guide, what),
+        ):
+            yield guard
 
     # -- reading -------------------------------------------------------------------------------------------------
 

@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from handctl.errors import HandctlError, Interrupted, Left, LinkError
+from handctl.model.stopping import Stopped, interrupted
 
 if TYPE_CHECKING:
     from handctl.model.guide import Guide
@@ -41,17 +42,19 @@ def leaving(
 
 
 @contextmanager
-def stopped_by_ctrl_c(stop: Callable[[], str | Left], guide: Guide) -> Iterator[None]:
-    """Around what moves: Ctrl-C stops it, undisturbed, and then tells what became of it. Raises Interrupted."""
+def stopped_by_ctrl_c(stop: Callable[[], Stopped], guide: Guide, what: str = "") -> Iterator[None]:
+    """Around what moves: Ctrl-C stops it, undisturbed, and then tells `what` became of it. Raises Interrupted.
+
+    Where the stop was not acknowledged, what speaks against it is raised instead.
+    """
     try:
         yield
     except KeyboardInterrupt as exc:
-        raise stopped(stop, guide) from exc
+        raise stopped(stop, guide, what) from exc
 
 
-def stopped(stop: Callable[[], str | Left], guide: Guide) -> Interrupted:
+def stopped(stop: Callable[[], Stopped], guide: Guide, what: str = "") -> HandctlError:
     """Stop what moves, undisturbed; the end of the command, with what became of it."""
     with guide.undisturbed():
         guide.done()
-        told = stop()
-    return Interrupted("interrupted", left=Left(told) if isinstance(told, str) else told)
+        return interrupted(stop(), what)

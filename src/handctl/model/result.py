@@ -13,7 +13,8 @@ from handctl.model.ledger import Ledger, honest
 from handctl.model.profile import Profile
 
 if TYPE_CHECKING:
-    from handctl.errors import HandctlError, Left
+    from handctl.errors import HandctlError
+    from handctl.model.stopping import Stopped
 
 SCHEMA = "handctl/1"
 
@@ -168,7 +169,7 @@ class Journal:
         self.messages: list[Message] = []
         self.kept: Table | None = None
         self._blamed: tuple[HandctlError, int] | None = None
-        self._moving: tuple[Callable[[], str | Left], int] | None = None
+        self._moving: tuple[Callable[[], Stopped], int] | None = None
         self._on_message = on_message
 
     def keep(self, table: Table) -> None:
@@ -176,14 +177,14 @@ class Journal:
         if self.kept is None or len(table.rows) >= len(self.kept.rows):
             self.kept = table
 
-    def moves(self, halt: Callable[[], str | Left]) -> None:
-        """What is written from now on moves the device, which goes on by itself. `halt` stops it and tells what came of that."""
-        self._moving = halt, self._moving[1] if self._moving is not None else self.ledger.mark
+    def moves(self, stop: Callable[[], Stopped]) -> None:
+        """What is written from now on moves the device, which goes on by itself. `stop` stops it and tells what came of that."""
+        self._moving = stop, self._moving[1] if self._moving is not None else self.ledger.mark
 
-    def still_moving(self) -> Callable[[], str | Left] | None:
+    def still_moving(self) -> Callable[[], Stopped] | None:
         """How what was set going is stopped; None where nothing that moves was written."""
-        halt, before = self._moving or (None, 0)
-        return halt if self.ledger.mark > before else None
+        stop, before = self._moving or (None, 0)
+        return stop if self.ledger.mark > before else None
 
     def blame(self, error: HandctlError) -> HandctlError:
         """Keep why an exchange failed although something came: the next valid frame clears it. Returns the error."""

@@ -15,13 +15,13 @@ from handctl.errors import DeviceRefused, HandctlError, LinkError
 from handctl.frame.options import PASSED_OVER
 from handctl.link.lock import LAST_STOP_SECONDS, Holder, InUse, Lock
 from handctl.model.result import Column, Table
-from handctl.stop.holding import Hold, carry_out, lock_for, report
+from handctl.stop.holding import Hold, lock_for, report, stopped_at
 from handctl.system import clock, processes
 
 if TYPE_CHECKING:
     from handctl.frame.run import Run
     from handctl.model.param import Step
-    from handctl.stop.talk import Aim, Sent, Talk
+    from handctl.model.stopping import Aim, Sent, Talk
 
 GONE_SECONDS = 0.2
 """A process that was ended has let go of the port by then."""
@@ -64,7 +64,7 @@ def stop(run: Run, talk: Callable[[Aim], Talk] | None = None, otherwise: Callabl
 def _plan(run: Run, talk: Callable[[Aim], Talk] | None) -> list[Step]:
     """What goes out where nothing answers."""
     from handctl.link import is_can
-    from handctl.stop.talk import Aim, talk_of, unheard
+    from handctl.model.stopping import Aim, talk_of, unheard
 
     assert run.family is not None
     port = run.settings.port
@@ -178,7 +178,7 @@ def _from_here(
             continue
         sent.clear()
         with run.guide.undisturbed():
-            stopped = carry_out(run, link, sent, talk)
+            stopped = stopped_at(run, link, sent, talk)
     silent = stopped.error is not None and issubclass(stopped.error, (errors.NoAnswer, errors.ProtocolError))
     if silent and otherwise is not None:
         try:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from handctl.link import Link
     from handctl.link.ear import Ear
     from handctl.link.lock import Lock
-    from handctl.stop.talk import Aim, Sent, Stopped, Talk
+    from handctl.model.stopping import Aim, Sent, Stopped, Talk
 
 MOST = 24
 """Bytes of an answer that are shown."""
@@ -65,7 +65,7 @@ class Hold:
 
     def __init__(self, run: Run, lock: Lock | None) -> None:
         """Others are heard from now on, but by a command that stops itself."""
-        self.stopped: Interrupted | None = None
+        self.stopped: HandctlError | None = None
         self.link: Link | None = None
         self._report = report(None, ())
         self._run = run
@@ -136,23 +136,24 @@ class Hold:
 
     def stop(self, who: str) -> dict[str, Any]:
         """Run the family's stopper now, and write nothing after it; what went out and came back. Never raises."""
-        from handctl.stop.talk import Stopped, shown
+        from handctl.model.stopping import NOT_STOPPED, Stopped, shown
 
         if self._run.guide.unstoppable:
             return report(Stopped(self._run.guide.unstoppable), (), refused=True)
         if self.link is None or self.stopped is not None:
             return self._report
         sent: list[Sent] = []
-        stopped = carry_out(self._run, self.link, sent)
+        stopped = stopped_at(self._run, self.link, sent)
         if stopped.error is LinkError:
             with contextlib.suppress(LinkError):
                 if self.link.reconnect(RECONNECT_SECONDS):
-                    stopped = carry_out(self._run, self.link, sent)
+                    stopped = stopped_at(self._run, self.link, sent)
                     stopped = stopped._replace(text=f"connected again after the connection was lost: {stopped.text}")
         self.link.fall_silent()
         wire = shown(sent)
         text = f"{who}. Sent {wire}: {stopped.text}" if 0 < len(wire) <= LONG else f"{who}: {stopped.text}"
-        self.stopped = Interrupted(text, hint=stopped.hint, code="stopped")
+        kind = stopped.error or Interrupted
+        self.stopped = kind(text, hint=stopped.hint, code=NOT_STOPPED if stopped.error else "stopped")
         self._report = report(stopped, sent)
         return self._report
 
@@ -167,20 +168,15 @@ class Hold:
             signals.interrupt(frame)
 
 
-def carry_out(run: Run, link: Link, sent: list[Sent], talk: Callable[[Aim], Talk] | None = None) -> Stopped:
-    """The stop of the run's family over `link`, or another `talk`. Never raises: a lost link is how it ended."""
-    from handctl.stop.talk import Stopped, aimed, drive, talk_of
+def stopped_at(run: Run, link: Link, sent: list[Sent], talk: Callable[[Aim], Talk] | None = None) -> Stopped:
+    """The stop of the run's family over `link`, or another `talk`. Never raises."""
+    from handctl.model.stopping import aimed, carry_out, talk_of
 
     assert run.family is not None
-    try:
-        aim = aimed(link, run.settings)
-        said = talk(aim) if talk is not None else talk_of(run.family.kind, aim)
-        stopped = drive(link, said, sent, lambda step: run.ledger.plan([step]) if run.writes else None)
-        if run.writes and stopped.evidence:
-            run.ledger.confirm(stopped.evidence, *(one.step for one in sent if not one.reads))
-        return stopped
-    except HandctlError as exc:
-        return Stopped(exc.text, exc.hint, type(exc))
+    met = run.opened is not None and run.journal.counters.writes > 0
+    aim = run.opened.aim() if met else aimed(link, run.settings)
+    said = talk(aim) if talk is not None else talk_of(run.family.kind, aim)
+    return carry_out(link, said, sent, run.ledger if run.writes else None)
 
 
 def report(stopped: Stopped | None, sent: Sequence[Sent], *, refused: bool = False) -> dict[str, Any]:

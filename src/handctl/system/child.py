@@ -6,18 +6,42 @@ import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-
-Wire = tuple[tuple[bytes, float], ...]
-"""What is written, each with the seconds of silence behind it."""
-Orders = tuple[bytes, Wire]
-"""The rest of what is half sent, and the wire."""
+from typing import NamedTuple
 
 FULL_SECONDS = 0.2
 """How long it waits for room in a link that is full, before it tries again."""
+NAME, LINE = b"deadman", b"deadman: stops the device when the command that drives it has died"
+"""What tools call the child: nothing of its parent's name, so that who kills that by name leaves it."""
 
 
 class NotAlive(Exception):
     """The child ended at once."""
+
+
+class Job(NamedTuple):
+    """What a child has to do.
+
+    keep   descriptors that stay open in it
+    act    what it does once its parent is dead, with the message that it was sent last; b"" = none
+    bound  seconds for that
+    beat   seconds without a message after which a parent that lives counts as dead, 0 = it may be silent
+    """
+
+    keep: Sequence[int]
+    act: Callable[[bytes], object]
+    bound: float
+    beat: float = 0.0
+
+
+class Heir(NamedTuple):
+    """A child as its parent knows it: its number, the pipe to it, and the one back."""
+
+    pid: int
+    pipe: int
+    back: int
+
+
+READY, ACTS = b"1", b"2"
 
 
 def can_be() -> bool:
@@ -42,28 +66,24 @@ def unsignalled() -> Iterator[None]:
 
 if sys.platform == "win32":
 
-    def started(
-        link: int, held: Sequence[int], first: Orders, unpack: Callable[[bytes], Orders], bound: float
-    ) -> tuple[int, int]:
+    def started(job: Job) -> Heir:
         raise OSError("no process can hold a link here")
 
-    def ended(pid: int, pipe: int) -> None: ...
+    def ended(heir: Heir) -> None: ...
+
+    def state(heir: Heir) -> str:
+        return "lives"
+
+    def finished(heir: Heir, seconds: float) -> None: ...
 
 else:
     import gc
     import select
     import signal
-    import time
     from typing import NoReturn
 
-    def started(
-        link: int, held: Sequence[int], first: Orders, unpack: Callable[[bytes], Orders], bound: float
-    ) -> tuple[int, int]:
-        """A child that is ready, and the pipe for its orders, each with its length in two bytes before it.
-
-        It keeps `link` and what is `held`. Once this process is dead it writes what it was told last, `first` if nothing,
-        within `bound` seconds. To be called `unsignalled`. Raises OSError, NotAlive.
-        """
+    def started(job: Job) -> Heir:
+        """A child that is ready. Once this process is dead it acts. To be called `unsignalled`. Raises OSError, NotAlive."""
         ends: list[int] = []
         try:
             ends += os.pipe()
@@ -73,50 +93,81 @@ else:
             for end in ends:
                 os.close(end)
             raise
-        orders, pipe, ready, told = ends
+        orders, pipe, back, told = ends
         if pid == 0:
-            _live(link, orders, told, {link, orders, told, *held}, parent, first, unpack, bound)
+            _live(job, orders, told, parent)
+        heir = Heir(pid, pipe, back)
         os.set_blocking(pipe, False)
         os.close(orders)
         os.close(told)
-        alive = os.read(ready, 1)
-        os.close(ready)
-        if not alive:
-            ended(pid, pipe)
+        if not os.read(back, 1):
+            ended(heir)
             raise NotAlive
-        return pid, pipe
+        os.set_blocking(back, False)
+        return heir
 
-    def ended(pid: int, pipe: int) -> None:
+    def ended(heir: Heir) -> None:
         """Kill first, close then: a closed pipe is the order to act."""
         with suppress(ProcessLookupError):
-            os.kill(pid, 9)
+            os.kill(heir.pid, 9)
         with suppress(ChildProcessError):
-            os.waitpid(pid, 0)
-        os.close(pipe)
+            os.waitpid(heir.pid, 0)
+        os.close(heir.pipe)
+        os.close(heir.back)
+
+    def state(heir: Heir) -> str:
+        """``lives``, ``acts`` where it took this process for dead, or ``gone``."""
+        try:
+            told = os.read(heir.back, 1)
+        except BlockingIOError:
+            return "lives"
+        return "acts" if told == ACTS else "gone"
+
+    def finished(heir: Heir, seconds: float) -> None:
+        """Wait until a child that acts has done so."""
+        select.select([heir.back], [], [], seconds)
 
     # -- the child -----------------------------------------------------------------------------------------------------
 
-    def _live(
-        link: int,
-        orders: int,
-        told: int,
-        keep: set[int],
-        parent: int,
-        last: Orders,
-        unpack: Callable[[bytes], Orders],
-        bound: float,
-    ) -> NoReturn:
+    def _live(job: Job, orders: int, told: int, parent: int) -> NoReturn:
         """The whole life of the child: ready, wait, act, end. Nothing of the parent may run in it again."""
         try:
             gc.disable()  # what the collector would finalize belongs to the parent
             os.setsid()
+            with suppress(OSError, ValueError, IndexError):
+                _rename()
             os.set_blocking(orders, False)
-            _close_all_but(keep)
-            os.write(told, b"1")
-            os.close(told)
-            _act(link, bound, *_last_orders(orders, parent, last, unpack))
+            _close_all_but({orders, told, *job.keep})
+            os.write(told, READY)
+            last = _last_message(orders, parent, job.beat)
+            with suppress(OSError):
+                os.write(told, ACTS)
+            signal.signal(signal.SIGALRM, signal.SIG_DFL)
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGALRM})
+            signal.setitimer(signal.ITIMER_REAL, job.bound)
+            job.act(last)
         finally:
             os._exit(0)
+
+    def _rename() -> None:
+        """Another name and another command line, where the system has them as files (Linux)."""
+        start, size = _arguments()
+        for name, text, place in (("comm", NAME, 0), ("mem", LINE[: size - 1].ljust(size, b"\0"), start)):
+            file = os.open(f"/proc/self/{name}", os.O_WRONLY)
+            try:
+                os.pwrite(file, text, place)
+            finally:
+                os.close(file)
+
+    def _arguments() -> tuple[int, int]:
+        """Where this process keeps its command line, and how many bytes that has (proc(5): arg_start, arg_end)."""
+        file = os.open("/proc/self/stat", os.O_RDONLY)
+        try:
+            fields = os.read(file, 4096).rpartition(b")")[2].split()
+        finally:
+            os.close(file)
+        start, end = int(fields[45]), int(fields[46])
+        return start, end - start
 
     def _close_all_but(keep: set[int]) -> None:
         """Pipes and files of the parent end with the parent, not with its child."""
@@ -125,8 +176,8 @@ else:
                 with suppress(OSError):
                     os.close(int(name))
 
-    def _last_orders(orders: int, parent: int, last: Orders, unpack: Callable[[bytes], Orders]) -> Orders:
-        """Wait until the parent is dead; what it said last.
+    def _last_message(orders: int, parent: int, beat: float) -> bytes:
+        """Wait until the parent is dead, or silent for longer than `beat`; the last message that was not empty.
 
         Its end of the pipe closes with it. Where a process that it forked holds that end too, the parent itself is watched.
         """
@@ -135,9 +186,10 @@ else:
         if hasattr(os, "pidfd_open"):
             with suppress(OSError):  # an old kernel, or not permitted: the pipe alone then
                 poll.register(os.pidfd_open(parent), select.POLLIN)
-        rest, dead = b"", False
+        last, rest, dead = b"", b"", False
         while not dead:
-            dead = any(descriptor != orders for descriptor, _ in poll.poll()) or os.getppid() != parent
+            ready = poll.poll(beat * 1000 if beat else None)
+            dead = not ready or any(descriptor != orders for descriptor, _ in ready) or os.getppid() != parent
             try:
                 chunk = os.read(orders, 1 << 16)
             except BlockingIOError:
@@ -145,32 +197,5 @@ else:
             dead = dead or not chunk
             rest += chunk
             while len(rest) >= 2 and len(rest) >= (size := 2 + int.from_bytes(rest[:2], "big")):
-                last, rest = unpack(rest[2:size]), rest[size:]
+                last, rest = rest[2:size] or last, rest[size:]
         return last
-
-    def _act(link: int, bound: float, owed: bytes, stop: Wire) -> None:
-        """Complete the frame, send the shots; an error of one does not keep the next from being sent."""
-        signal.signal(signal.SIGALRM, signal.SIG_DFL)
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGALRM})
-        signal.setitimer(signal.ITIMER_REAL, bound)
-        for data, pause in ((owed, 0.0), *stop):
-            with suppress(OSError, ValueError):
-                _write(link, data)
-            with suppress(OSError, ValueError):
-                _pass(link, pause)
-        os.close(link)  # before the lock: who gets that next must find the port free
-
-    def _write(link: int, data: bytes) -> None:
-        while data:
-            try:
-                data = data[os.write(link, data) :]
-            except BlockingIOError:
-                select.select([], [link], [], FULL_SECONDS)
-
-    def _pass(link: int, seconds: float) -> None:
-        """Let time pass, and throw away what comes: a socket that is closed over unread bytes drops what it has to send."""
-        end = time.monotonic() + seconds
-        open_ = True
-        while (left := end - time.monotonic()) > 0:
-            if select.select([link] if open_ else [], [], [], left)[0]:
-                open_ = bool(os.read(link, 4096))

@@ -4,7 +4,7 @@ from tests.mistakes.table import mistake
 
 RELEASE = "handctl.devices.inspire.exo.release"
 STAY = "handctl.devices.inspire.wrist.stay"
-TALK = "handctl.stop.talk"
+TALK = "handctl.model.stopping"
 
 ROWS = (
     mistake(

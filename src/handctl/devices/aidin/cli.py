@@ -13,7 +13,7 @@ from handctl.devices.aidin.map import AIDIN, ANGLES, CURRENTS, ENCODERS, TIPS, M
 from handctl.devices.aidin.way import way_of
 from handctl.errors import UsageError
 from handctl.frame import verbs
-from handctl.frame.clikit import Group, stream_options
+from handctl.frame.clikit import Group, stream_options, suspendable
 from handctl.frame.family import Family
 from handctl.frame.mapverbs import add_map_verbs
 from handctl.frame.numbers import FiniteRange
@@ -22,6 +22,7 @@ from handctl.model.device import limits_of
 from handctl.model.gate import Gate
 from handctl.model.param import Step
 from handctl.model.result import Table
+from handctl.model.stopping import BEAT
 
 if TYPE_CHECKING:
     from handctl.devices.aidin.targets import Goal
@@ -212,11 +213,15 @@ def fingertips(run: Run, values: tuple[str, ...], assume_homed: bool) -> Table:
     metavar="S",
     help="How long they flow once the ramp is over.",
 )
-def currents(run: Run, values: tuple[str, ...], cap: float, duration: float) -> Table:
+@click.option("--ramp-down", is_flag=True, help="Ctrl-C takes the currents back to 0 on the ramp before it stops.")
+@suspendable
+def currents(
+    run: Run, values: tuple[str, ...], cap: float, duration: float, ramp_down: bool, may_suspend: bool
+) -> Table:
     """Drive motors by current: NO POSITION LIMIT.
 
     All 15 (thumb, index, middle, ring, little, each m1 m2 m3), or pairs. The fingers push as far as they get.
-    Ctrl-C takes the currents back to 0 and stops. A second Ctrl-C stops at once. Asks first.
+    Ctrl-C stops at once: the fingers move freely then. With --ramp-down a second Ctrl-C does. Asks first.
     Sets the maximum torque to 1000 first, as the manual requires, and leaves it there.
     The ramp has 200 a second up, a hold, the same ramp back to 0, then stop.
     """
@@ -235,7 +240,9 @@ def currents(run: Run, values: tuple[str, ...], cap: float, duration: float) -> 
         "and the maximum torque stays at 1000",
         [first, last],
     )
-    return driving.currents(run.device(), goal, run.guide, seconds=duration, cap=cap)
+    return driving.currents(
+        run.device(), goal, run.guide, seconds=duration, cap=cap, ramp_down=ramp_down, beat=0.0 if may_suspend else BEAT
+    )
 
 
 for _name in ("max-torque", "encoders", "joints", "fingertips", "currents"):

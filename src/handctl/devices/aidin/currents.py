@@ -12,32 +12,43 @@ from handctl.devices.aidin.feedback import Wire
 from handctl.devices.aidin.homing import connect_or_command
 from handctl.devices.aidin.map import Mode
 from handctl.devices.aidin.motion import last_step, mark, measured, target_object
-from handctl.devices.aidin.stop import object_of, send_stop, stop_after, stopped_if_cut_short, told_currents
-from handctl.devices.aidin.stopper import flow
+from handctl.devices.aidin.stop import object_of, stop_after, stopped_if_cut_short
 from handctl.devices.aidin.targets import Goal, ramp
 from handctl.errors import CheckFailed, HandctlError, NoAnswer
 from handctl.model.guide import CTRL_C, Guide, Presses
 from handctl.model.param import elements_of
 from handctl.model.result import Table
+from handctl.model.stopping import BEAT, Stopped
 
 
-def currents(hand: AidinHand, goal: Goal, guide: Guide, *, seconds: float, cap: float) -> Table:
+def currents(
+    hand: AidinHand,
+    goal: Goal,
+    guide: Guide,
+    *,
+    seconds: float,
+    cap: float,
+    ramp_down: bool = False,
+    beat: float = BEAT,
+) -> Table:
     """Mode 41: maxtorque 1000 first, a ramp from 0, held for `seconds`, back to 0, stop; rows have `target` and `reached`.
 
-    Ctrl-C takes the currents back to 0 on the same ramp and stops, a second one stops at once; so does every error.
-    Raises CheckFailed when the currents were not there.
+    Ctrl-C stops at once; with `ramp_down` it takes the currents back to 0 on the same ramp first, and a second one stops
+    at once. Every error stops, and so does a `beat` of seconds in which this process stands still, 0 = it may. Raises CheckFailed when the currents were not there.
     """
     blind = connect_or_command(hand)
     values = _values(hand, goal, cap, blind=blind)
     drive = _Drive(hand, goal, guide)
     ledger = hand.journal.ledger
     ledger.plan([last_step(goal, values, hand.talk.way.end)])
-    with stopped_if_cut_short(hand, guide):
+    with stopped_if_cut_short(hand, guide, beat=beat):
         try:
             try:
                 table = drive.run(values, seconds, blind=blind)
                 drive.to(drive.zero, "Currents return to 0,")
             except KeyboardInterrupt:
+                if not ramp_down:
+                    raise
                 with guide.counting() as presses:
                     guide.say("Ctrl-C again stops at once. Interrupted: the currents return to 0.")
                     drive.to(drive.zero, "Currents return to 0,", presses)
@@ -49,25 +60,22 @@ def currents(hand: AidinHand, goal: Goal, guide: Guide, *, seconds: float, cap: 
             guide.done()
         if table.failure is None:
             ledger.confirm("the currents followed", since=drive.begun)
-        begun = ledger.mark
-        send_stop(hand)
+        stopped = hand.stop()
     hand.talk.check_bound()
-    _tell_stop(hand, begun, flowed=any(values))
+    _tell_stop(hand, stopped)
     return table
 
 
-def _tell_stop(hand: AidinHand, begun: int, *, flowed: bool) -> None:
-    """What feedback says of the currents after the stop."""
-    told = told_currents(hand.talk.feedback)
+def _tell_stop(hand: AidinHand, stopped: Stopped) -> None:
+    """What the hand has said behind the stop."""
     free = "Without power the fingers move freely. The maximum torque stays at 1000"
-    if flowed and told is not None and not flow(told):
-        hand.journal.ledger.confirm("no current flows", since=begun)
-        hand.journal.info("stopped", f"currents were taken back to 0 and stop was sent, no current flows. {free}")
-    elif told is not None and flow(told):
-        text = f"stop was sent, but currents up to {max(map(abs, told))} were reported after it"
-        hand.journal.warn("not-stopped", text, "watch the hand, and run `handctl aidin stop` or switch its power off")
+    if stopped.error is not None:
+        hand.journal.warn("not-stopped", stopped.text, stopped.hint)
+    elif stopped.evidence:
+        text = f"currents were taken back to 0 and stop was sent, no current flows. {free}"
+        hand.journal.info("stopped", text)
     else:
-        hand.journal.info("stopped", f"currents were taken back to 0 and stop was sent. {free}")
+        hand.journal.info("stopped", f"currents were taken back to 0. {stopped.text}. {free}")
 
 
 def _values(hand: AidinHand, goal: Goal, cap: float, *, blind: bool) -> list[float]:

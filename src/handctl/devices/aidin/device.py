@@ -10,12 +10,14 @@ from collections.abc import Sequence
 from handctl.devices.aidin.exchange import Conversation
 from handctl.devices.aidin.feedback import Wire
 from handctl.devices.aidin.map import AIDIN, FEEDBACK, FINGERS, AidinParam
+from handctl.devices.aidin.messages import TERMINATORS
 from handctl.devices.aidin.trouble import number_of
 from handctl.devices.aidin.way import ExchangeMode
 from handctl.errors import HandctlError, ProtocolError
 from handctl.model.device import Device
 from handctl.model.param import Element, Reading
 from handctl.model.result import Cell, Column, Grid, Row, Table
+from handctl.model.stopping import Aim, Known
 
 SLACK = 0.01
 """Share of a range by which a value may be outside: encoders and angles jitter at the stops."""
@@ -45,6 +47,12 @@ class AidinHand(Device):
     def __init__(self, talk: Conversation) -> None:
         super().__init__(talk)
         self.talk = talk
+
+    def aim(self) -> Aim:
+        """What ends an object is known."""
+        aim = super().aim()
+        end = next(name for name, data in TERMINATORS.items() if data == self.talk.way.end)
+        return aim._replace(settings=Known(timeout=aim.settings.timeout, own={"tx_terminator": end}))
 
     # -- reading -------------------------------------------------------------------------------------------------
 

@@ -12,7 +12,7 @@ from handctl.devices.aidin.messages import TERMINATORS, Decoder, encode, numbers
 from handctl.errors import CheckFailed, NoAnswer, ProtocolError
 from handctl.model.frames import frames_in
 from handctl.model.param import Step
-from handctl.stop.talk import Aim, Pieces, Say, Stopped, Talk
+from handctl.model.stopping import Aim, Pieces, Say, Stopped, Talk, silence, taken_over
 
 STOP = 3
 """hand_mode: motor power off, the fingers move freely."""
@@ -27,7 +27,10 @@ HINT = "watch the hand, and switch its power off if it still moves"
 
 
 def stop_talk(aim: Aim) -> Talk:
-    """The stop mode, three times, and again until the hand tells that no current flows."""
+    """The stop mode, three times, and again until the hand tells that no current flows; then what it tells behind a silence.
+
+    What it tells between two of our own objects shows nothing: somebody else may command currents 50 times a second.
+    """
     end = TERMINATORS[aim.settings.own.get("tx_terminator") or "newline"]
     data = encode({"hand_mode": STOP})
     say = Say(Step(f"motor power off: {data.decode()}", data + end, moves=True), PERIOD, lambda _pieces: False)
@@ -54,11 +57,17 @@ def stop_talk(aim: Aim) -> Talk:
         return Stopped(text, HINT, ProtocolError if heard else NoAnswer)
     if flow(told):
         return Stopped(f"stop was sent, but currents up to {max(map(abs, told))} flow", HINT, CheckFailed)
+    since_then = _currents(decoder, (yield from silence())) or _currents(decoder, (yield say))
+    if any(map(flow, since_then)):
+        peak = max(max(map(abs, one)) for one in since_then)
+        return taken_over(Stopped("stop was sent, and the currents went"), f"currents up to {peak} flow again")
     if not flowed:
         text = (
             "stop was sent. No current was seen to vanish, because none flowed when the hand was heard first: feedback "
         )
         return Stopped(f"{text}does not show that the motors are off", "if in doubt, switch the power off")
+    if not since_then:
+        return Stopped(f"stop was sent, and the currents went: {falls}. The hand has said nothing since", HINT)
     return Stopped(f"stop was sent, and the currents have gone: {falls}", evidence="the currents have gone")
 
 

@@ -9,9 +9,8 @@ from handctl.devices.barrett.conditions import NOT_HOMED
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.language import MOTORS, Answer, encode, explain_status
 from handctl.devices.barrett.map import BARRETT, GclParam
-from handctl.errors import HandctlError, Left, NoAnswer, ProtocolError, UsageError
+from handctl.errors import Left, NoAnswer, ProtocolError, UsageError
 from handctl.model.guide import CTRL_C, Guide
-from handctl.model.leaving import stopped_by_ctrl_c
 from handctl.model.param import Element, Step
 from handctl.model.result import Column, Row, Table
 
@@ -30,8 +29,6 @@ NEEDED = {
 """What is asked before a movement: for its goal, and for what would harm."""
 VELOCITIES = {"O": ("MOV",), "IO": ("MOV",), "TO": ("MOV",), "HOME": ("MOV",), "M": ("MOV", "MCV"), "HI": ("IVEL",)}
 """Which velocity a movement uses (barrett §5.2.1); the others close, with MCV."""
-ABORTED = 16384
-"""Status of what ^C has ended (barrett §5.1.3, T3)."""
 USUAL = {"finger": 17800, "spread": 3150}
 NO_GAUGE = 255
 """SG of a motor without a strain gauge: never a strain (barrett §5.3.2)."""
@@ -75,7 +72,7 @@ def move(
             )
     goals, seconds = _before(hand, name, argument, motors, force)
     guide.progress(f"{text}: moving. The hand sends nothing until it stands still.", CTRL_C)
-    with stopped_by_ctrl_c(lambda: halt(hand), guide):
+    with hand.driven(guide, powered=True):
         answer = hand.line.ask(text, at_least=3 * seconds)
     guide.done()
     try:
@@ -226,24 +223,6 @@ def power_off(hand: BarrettHand, prefix: str) -> str:
         hand.journal.ledger.confirm("ERR 4: its power is off anyway", Step("T", encode(f"{prefix}T")))
     status = f" (status {answer.status}: {explain_status(answer.status)})" if answer.status else ""
     return f"the hand was found and ^C was sent. {prefix}T was acknowledged{status}: motor power is off"
-
-
-def halt(hand: BarrettHand, *, tell_positions: bool = True) -> str:
-    """After Ctrl-C: ^C to the hand; what became of it, and where the motors are. A passthrough asks nothing of its own."""
-    try:
-        answer = hand.line.abort()
-        if answer is None:
-            return "the hand gave no prompt after ^C: switch its power off if it still moves"
-        readings = hand.read(_elements(["P"], [0, 1, 2, 3])) if tell_positions else []
-    except HandctlError as exc:
-        return f"^C was sent. {exc.text}: switch the power off if it still moves"
-    except KeyboardInterrupt:
-        return "interrupted again while waiting for the hand's answer to ^C: switch its power off if it still moves"
-    places = ", ".join(f"{reading.element.part} {reading.value}" for reading in readings)
-    status = f"status {answer.status}: {explain_status(answer.status)}"
-    ended = answer.status & ABORTED  # else it had ended before, or what ran was no movement
-    stopped = f"^C stopped the hand ({status})" if ended else f"the hand is at its prompt again after ^C ({status})"
-    return f"{stopped}. Positions: {places}" if places else stopped
 
 
 def _elements(names: list[str], motors: list[int]) -> list[Element]:

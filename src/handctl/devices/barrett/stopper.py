@@ -9,6 +9,7 @@ tried, since at a wrong speed the rest of that block would be made up.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Generator, Sequence
 from functools import partial
 from typing import NamedTuple
@@ -18,7 +19,7 @@ from handctl.devices.barrett.gcl.language import ABORT, Answer, Decoder, encode,
 from handctl.devices.barrett.map import SPEEDS
 from handctl.errors import DeviceRefused, NoAnswer, ProtocolError
 from handctl.model.param import Step
-from handctl.stop.talk import Aim, Pieces, Say, Stopped, Talk
+from handctl.model.stopping import Aim, Pieces, Say, Stopped, Talk, silence, taken_over
 
 FIRST, BETWEEN, LAST = 0.15, 0.02, 0.5
 """Seconds for the prompt behind the first ^C, behind the next ones, and behind the last: a movement needs time to end."""
@@ -46,12 +47,26 @@ def stop_talk(aim: Aim) -> Talk:
 
 
 def power_off(aim: Aim, prefix: str = "") -> Talk:
-    """^C, which stops all motors, then T for the motors of `prefix` ("" = all)."""
+    """^C, which stops all motors, then T for the motors of `prefix` ("" = all); what is said behind a silence tells of others.
+
+    Where the motors are to stay `powered`, T goes out only when ^C brings no prompt.
+    """
+    stopped = yield from _power_off(aim, prefix)
+    if stopped.error is None and (said := b"".join((yield from silence()))):
+        shown = said[:24].hex(" ").upper()
+        return taken_over(stopped, f"the hand says {shown}, which nobody here has asked for")
+    return stopped
+
+
+def _power_off(aim: Aim, prefix: str) -> Talk:
     command = f"{prefix}T"
     slow = aim.settings.timeout or 0.0
-    others = [speed for speed in SPEEDS if speed != aim.speed] if aim.speed is not None else []
+    others = [speed for speed in SPEEDS if speed != aim.speed] if aim.speed is not None and not aim.fixed else []
     last, brief = (BETWEEN, BRIEF) if others else (LAST, POWER_OFF)
-    turns = [(yield from _at(aim.speed, prefix, (FIRST, *[BETWEEN] * (SWALLOWED - 1), last), brief, slow))]
+    waits = (FIRST, *[BETWEEN] * (SWALLOWED - 1), last)
+    turns = [(yield from _at(aim.speed, prefix, waits, brief, slow, powered=aim.powered))]
+    if aim.powered and turns[0].ended:
+        return Stopped(f"^C was answered with a prompt{_status_in(turns[0].seen)}. The motors keep their power")
     for speed in others:
         if turns[-1].answer is None:
             turns.append((yield from _at(speed, prefix, (FIRST,), BRIEF, slow)))
@@ -61,7 +76,7 @@ def power_off(aim: Aim, prefix: str = "") -> Talk:
 
 
 def _at(
-    speed: int | None, prefix: str, waits: Sequence[float], power: float, slow: float
+    speed: int | None, prefix: str, waits: Sequence[float], power: float, slow: float, *, powered: bool = False
 ) -> Generator[Say, Pieces, Turn]:
     """One speed: ^C once for each of `waits`, the seconds for its prompt, then T. `slow` is what a slow line needs.
 
@@ -81,6 +96,8 @@ def _at(
     command = f"{prefix}T"
     risky = bool(prefix) and data == SAFE_ABORT  # three digits before T may be the trigger to a boot monitor
     if not ended and (risky or (len(waits) == 1 and not came)):
+        return Turn(speed, None, ended, b"".join(came), f"^C{where}")
+    if ended and powered:
         return Turn(speed, None, ended, b"".join(came), f"^C{where}")
     step = Step(f"{command}{where}: motor power off", encode(command), moves=True)
     seconds = slow or (POWER_OFF if ended else power)
@@ -114,6 +131,12 @@ def _unanswered(turns: list[Turn]) -> Stopped:
         return Stopped(f"{sent} went out. Nothing answered", OFF, NoAnswer)
     shown = seen[-24:].hex(" ").upper()
     return Stopped(f"{sent} went out. No prompt came, but {shown}", OFF, ProtocolError)
+
+
+def _status_in(seen: bytes) -> str:
+    """How the movement that ran ended, in words; "" where nothing ran."""
+    status = next((int(number) for number in re.findall(rb"ERR (\d{1,5})", seen)), 0)
+    return f" (status {status}: {explain_status(status)})" if status else ""
 
 
 def _prompt_in(before: tuple[bytes, ...], pieces: Pieces) -> bool:

@@ -6,12 +6,11 @@ from handctl.devices.ekso.frames import Command, Decoder, Frame, cancel_body, en
 from handctl.errors import DeviceRefused, NoAnswer, ProtocolError
 from handctl.model.frames import frames_in
 from handctl.model.param import Step
-from handctl.stop.talk import Aim, Pieces, Say, Stopped, Talk
+from handctl.model.stopping import Aim, Pieces, Stopped, Talk, insist
 
 MSG_ID = 0xF000
 """Far from those that count up from 1: a late answer to somebody's read is not taken for ours. And no frame with it holds a
 byte upon which another device acts (`families.FamilyRow.trigger`), whatever the length byte counts: a stop goes out to who is there."""
-PATIENCE = 0.5
 LIMIT = (
     "the DataPort has no stop: CancelAction cancels a running action, and which ones is not documented. It takes no power "
     "from the motors and does not hold the wearer"
@@ -20,12 +19,11 @@ HINT = "use the device's own controls, and stay with the wearer"
 
 
 def stop_talk(aim: Aim) -> Talk:
-    """CancelAction, once."""
+    """CancelAction, again until it is answered. Nothing tells what it cancelled, so nothing is looked at behind it."""
     mode = str(aim.settings.own.get("length_mode", "body"))
     request = encode(Command.CANCEL_ACTION, MSG_ID, cancel_body(), "body" if mode == "auto" else mode)
     step = Step("CancelAction: cancel the running action", request, moves=True)
-    pieces = yield Say(step, aim.settings.timeout or PATIENCE, lambda pieces: _answer(request, pieces))
-    frame = _answer(request, pieces)
+    frame, pieces = yield from insist(aim, step, lambda came: _answer(request, came))
     if frame is None:
         text = "CancelAction was sent and not answered" if not pieces else "CancelAction was sent. No valid answer came"
         return Stopped(f"{text}; {LIMIT}", HINT, ProtocolError if pieces else NoAnswer)

@@ -5,18 +5,18 @@ Everything is checked against the map before a byte is sent; a write is sent onc
 
 from __future__ import annotations
 
-from abc import abstractmethod
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 from handctl.devices.inspire.blocks import BlockReader, Memory
 from handctl.devices.inspire.map import Register, register_of
 from handctl.devices.inspire.registers import RegisterBus
-from handctl.errors import HandctlError, Interrupted, Left, NoAnswer
+from handctl.errors import HandctlError, Left, NoAnswer
 from handctl.model.device import Device
 from handctl.model.leaving import leaving
 from handctl.model.param import Element, Number, ParamMap, Reading, Step
 from handctl.model.result import Column, Row, Table, hex_bytes
+from handctl.model.stopping import Stopped, interrupted
 
 
 class RegisterDevice(Device):
@@ -41,8 +41,8 @@ class RegisterDevice(Device):
         self.bus = bus
         self._reader = BlockReader(bus)
         self.last_blocks: list[tuple[int, bytes]] = []
-        self._moving: set[str] = set()
-        """Registers that this command has set going: a stop is for all of them, whichever write it meets."""
+        self._moving = False
+        """Whether this command has set something going: a stop is for that, whichever write it meets."""
 
     def identity(self) -> dict[str, object]:
         """What tells this device from another. The manuals document no serial number, model or firmware register."""
@@ -111,31 +111,26 @@ class RegisterDevice(Device):
         """
         with self.stopped_by_ctrl_c(
             ", ".join(element.full_name for element, _ in changes),
-            {element.param.name for element, _ in changes if element.param.moves},
+            any(element.param.moves for element, _ in changes),
         ):
             return self._written(changes)
 
     @contextmanager
-    def stopped_by_ctrl_c(self, what: str, moving: Collection[str]) -> Iterator[None]:
-        """Ctrl-C while `what` is written stops what the registers `moving`, and those written before, set going. Raises Interrupted."""
-        moving = self._moving = {*self._moving, *moving}
+    def stopped_by_ctrl_c(self, what: str, moving: bool) -> Iterator[None]:
+        """Ctrl-C while `what` is written stops what that, or a write before, set going. Raises Interrupted."""
+        self._moving = bool(moving) or self._moving
         before, unsure = self.journal.counters.writes, f"it is not known whether {what} was written"
         look = f"check with `handctl {self.kind} get`"
-        left = Left(f"{unsure}, and the device may move" if moving else unsure, look, joint=". ")
-        if moving:
-            self.journal.moves(lambda: self.halt(moving))
+        left = Left(f"{unsure}, and the device may move" if self._moving else unsure, look, joint=". ")
+        if self._moving:
+            self.journal.moves(self.stop)
         try:
             with leaving(left, since=self.journal.counters, interrupt=False):
                 yield
         except KeyboardInterrupt as exc:
             if self.journal.counters.writes == before:
                 raise
-            left = Left(self.halt(moving) if moving else unsure, look)
-            raise Interrupted("interrupted", left=left) from exc
-
-    @abstractmethod
-    def halt(self, names: Collection[str]) -> str:
-        """Stop what was set going by writing `names`, by the manual's means; returns in words what became of it."""
+            raise interrupted(self.stop() if self._moving else Stopped(unsure, look)) from exc
 
     def _written(self, changes: Sequence[tuple[Element, Number]]) -> list[Reading]:
         written: list[str] = []

@@ -14,10 +14,11 @@ from handctl.devices.barrett.care import health
 from handctl.devices.barrett.care.checks import Patient
 from handctl.devices.barrett.care.health import FAIL, OK, SKIPPED, WARNING, Finding
 from handctl.devices.barrett.gcl.language import motors_of
-from handctl.errors import HandctlError, Interrupted
+from handctl.errors import HandctlError
 from handctl.model.guide import Guide
 from handctl.model.param import Step
 from handctl.model.result import Row
+from handctl.model.stopping import by_ctrl_c
 
 STEP_COUNTS, STEPS = 850, 20
 """The slow close of the strain curve: 20 steps of a twentieth of 17,000 counts."""
@@ -46,14 +47,12 @@ def _moved(patient: Patient, digits: str, name: str, argument: int | None, guide
     return table.rows
 
 
-def _timed(patient: Patient, text: str) -> float:
+def _timed(patient: Patient, text: str, guide: Guide) -> float:
     """Seconds from sending a movement to its prompt. Raises what the hand refuses, Interrupted after Ctrl-C."""
     link = patient.hand.link
     begin = link.now()
-    try:
+    with patient.hand.driven(guide, powered=True, what=f"in {text}: "):
         patient.hand.do(text)
-    except KeyboardInterrupt as exc:
-        raise Interrupted(f"interrupted in {text}: {motion.halt(patient.hand)}") from exc
     return link.now() - begin
 
 
@@ -138,7 +137,7 @@ def torque_speed(patient: Patient, digits: str, guide: Guide) -> list[Finding]:
     for digit, motor in zip(digits, motors_of(digits), strict=True):
         _moved(patient, digit, "O", None, guide)
         before = patient.read("P")["P", motor]
-        seconds = _timed(patient, f"{digit}TC")
+        seconds = _timed(patient, f"{digit}TC", guide)
         speeds[motor] = abs(patient.read("P")["P", motor] - before) / seconds
         _moved(patient, digit, "O", None, guide)
     evidence = ", ".join(f"{motor} {speed:.0f}" for motor, speed in speeds.items()) + " counts a second"
@@ -151,10 +150,10 @@ def torque_speed(patient: Patient, digits: str, guide: Guide) -> list[Finding]:
 def spread_time(patient: Patient, digits: str, guide: Guide) -> list[Finding]:
     """The spread over its whole way and back, fingers open, against the time its velocities ask for."""
     _moved(patient, "123", "O", None, guide)
-    _timed(patient, "4O")
+    _timed(patient, "4O", guide)
     found = []
     for text, velocity in (("4C", "MCV"), ("4O", "MOV")):
-        seconds = _timed(patient, text)
+        seconds = _timed(patient, text, guide)
         # 1/16 count a sample of 16 (SAMPLE + 1) / 2 MHz (dossier 13)
         sample = 16 * (patient.values["SAMPLE", "SPREAD"] + 1) / 2e6
         usual = motion.USUAL["spread"] * 16 / max(1, patient.values[velocity, "SPREAD"]) * sample
@@ -216,9 +215,9 @@ def run_all(patient: Patient, names: Sequence[str], digits: str, guide: Guide) -
     for place, name in enumerate(names):
         try:
             found += TRIALS[name].run(patient, digits, guide)
-        except Interrupted:
-            raise
         except HandctlError as exc:
+            if by_ctrl_c(exc):
+                raise
             found.append(Finding(name, FAIL, exc.text, exc.hint, "barrett §5.5"))
             return found + [Finding(rest, SKIPPED, f"{name} failed") for rest in names[place + 1 :]]
     return found

@@ -5,14 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING
 
-from handctl.devices.barrett import eeprom, motion
+from handctl.devices.barrett import eeprom
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.commands import COMMANDS, split
 from handctl.devices.barrett.gcl.language import Answer, encode, explain_status, motor_prefix, motors_of
 from handctl.devices.barrett.map import BARRETT, careful
-from handctl.errors import DeviceRefused, HandctlError, Interrupted, NoAnswer, ProtocolError, UsageError
+from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError, UsageError
 from handctl.model.param import Step
 from handctl.model.result import Column, Row, Table
+from handctl.model.stopping import interrupted
 
 if TYPE_CHECKING:
     from handctl.frame.run import Run
@@ -81,7 +82,7 @@ def run_all(hand: BarrettHand, commands: Iterable[str], *, keep_going: bool) -> 
         try:
             answer = ask(hand, text)
         except KeyboardInterrupt:
-            lost = Interrupted(f"interrupted in {text}: {motion.halt(hand, tell_positions=False)}")
+            lost = interrupted(hand.stop(powered=True), f"in {text}: ")
         except HandctlError as exc:
             lost = exc
         if lost is not None:
@@ -219,7 +220,7 @@ def _one(run: Run, hand: BarrettHand, text: str, before: Callable[[str], None]) 
         if text.startswith("?") or text.upper().startswith("A?"):
             run.out(explain_help(text))
     except KeyboardInterrupt:
-        run.guide.say(motion.halt(hand, tell_positions=False))
+        run.guide.say(hand.stop(powered=True).text)
     except DeviceRefused as exc:
         run.guide.say(exc.text)
     except HandctlError as exc:

@@ -12,7 +12,7 @@ import click
 
 from handctl.errors import UsageError
 from handctl.files import is_pipe, read_text
-from handctl.frame.clikit import Group, streaming
+from handctl.frame.clikit import Group, streaming, suspendable
 from handctl.frame.filetypes import InFile
 from handctl.frame.run import Run
 from handctl.model.result import Column, Table
@@ -91,6 +91,7 @@ def add_realtime(group: Group) -> None:
         "--init", "initialize", is_flag=True, help="Initialize the motors first (HI): the fingers open fully."
     )
     @click.option("--hold", is_flag=True, help="Leave the motors powered at the end.")
+    @suspendable
     @streaming(0.0)
     def realtime(
         run: Run,
@@ -107,6 +108,7 @@ def add_realtime(group: Group) -> None:
         delta_unit: int | None,
         initialize: bool,
         hold: bool,
+        may_suspend: bool,
         rate: float,
         count: int | None,
         duration: float | None,
@@ -138,7 +140,7 @@ def add_realtime(group: Group) -> None:
         received, temperature = _received(receive, indices)
         controls = _controls(send, velocity, gain, path, indices)
         off = set(GUARDS) if "all" in unguarded else {*unguarded, *(["opening"] if force else [])}
-        wish = Wish(tuple(indices), received, temperature, hold, frozenset(GUARDS) - off, delta_unit)
+        wish = Wish(tuple(indices), received, temperature, hold, frozenset(GUARDS) - off, delta_unit, not may_suspend)
         first = _initialization(wish) if initialize else []
         steps = _steps(run, wish, controls)
         if run.settings.dry_run:

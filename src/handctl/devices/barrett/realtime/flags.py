@@ -36,6 +36,7 @@ class Wish(NamedTuple):
     hold         leave the motors powered
     guards       names of GUARDS that are on
     delta_unit   LFDPC as the user wants it; None = as velocity and rate need it
+    watched      the motors are stopped where the command that drives them stands still
     """
 
     motors: tuple[int, ...]
@@ -44,6 +45,7 @@ class Wish(NamedTuple):
     hold: bool = False
     guards: frozenset[str] = frozenset(GUARDS)
     delta_unit: int | None = None
+    watched: bool = True
 
     @property
     def prefix(self) -> str:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator
+from functools import partial
 from typing import Any
 
 from handctl.devices.barrett.device import BarrettHand
@@ -30,6 +31,7 @@ from handctl.devices.barrett.realtime.guards import Guards
 from handctl.devices.barrett.realtime.rows import Intake, Sent, Taken
 from handctl.devices.barrett.realtime.schedule import Controls, Values
 from handctl.devices.barrett.realtime.session import Session, still
+from handctl.devices.barrett.stopper import power_off
 from handctl.errors import (
     CheckFailed,
     DeviceRefused,
@@ -41,10 +43,10 @@ from handctl.errors import (
     ProtocolError,
     UsageError,
 )
-from handctl.link.deadman import guarding
 from handctl.model.guide import Guide
 from handctl.model.param import Element
 from handctl.model.result import Sample
+from handctl.model.stopping import BEAT
 
 READER_SECONDS = 0.5
 PROOF_SECONDS = 0.025
@@ -98,7 +100,9 @@ class RealtimeLoop:
         if self.controls is None:
             yield from self._run(rate, count, duration)
             return
-        with guarding(self.hand.link, session.power_off_shots(), self.hand.journal.warn) as session.dead_man:
+        beat = max(BEAT, 3 / rate) if rate else BEAT
+        talk = partial(power_off, prefix=self.wish.prefix)
+        with self.hand.guarded(beat=beat if self.wish.watched else 0.0, talk=talk) as session.dead_man:
             yield from self._run(rate, count, duration)
 
     def _run(self, rate: float, count: int | None, duration: float | None) -> Iterator[Sample]:

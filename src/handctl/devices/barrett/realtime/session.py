@@ -6,10 +6,10 @@ the motors.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from handctl.devices.barrett.device import BarrettHand
-from handctl.devices.barrett.gcl.language import ABORT, encode
 from handctl.devices.barrett.realtime.blocks import Decoder, Layout, LoopError
 from handctl.devices.barrett.realtime.flags import Wish
 from handctl.devices.barrett.realtime.schedule import Values
@@ -51,7 +51,7 @@ class Session:
         self.last: Values = {}
         self.undo: list[tuple[Element, Number]] = []
         self.failure: HandctlError | None = None
-        self.dead_man = Guard(None)
+        self.dead_man: Guard | None = None
         self.mark = 0
         self._still = b""
 
@@ -70,7 +70,7 @@ class Session:
 
     def leave(self) -> None:
         """Never raises: what fails is told and sets `failure`."""
-        self.dead_man.update(self.power_off_shots())  # at the prompt a control block would be text, perhaps a command
+        self._tell_first(())  # at the prompt a control block would be text, perhaps a command
         self.hand.line.bound = None  # stopping has deadlines of its own
         moved = bool(self.last) or (self.asked and self.drives)
         stands = False
@@ -161,13 +161,11 @@ class Session:
         self._still = zero
         wire = self.hand.line.wire_seconds
         answered = ANSWER_SECONDS + wire(self.layout.control_size + self.layout.feedback_size)  # of the block before
-        stand = [Shot(b"", answered), Shot(zero, ANSWER_SECONDS + wire(len(zero) + 1))]
-        self.dead_man.update([*stand, *self.power_off_shots()])
+        self._tell_first([Shot(b"", answered), Shot(zero, ANSWER_SECONDS + wire(len(zero) + 1))])
 
-    def power_off_shots(self) -> list[Shot]:
-        """^C and T, three times: if a block was cut off, the first ^C may be data (dossier 1.2)."""
-        pause = ANSWER_SECONDS + self.hand.line.wire_seconds(16)
-        return [Shot(ABORT, pause), Shot(encode(f"{self.wish.prefix}T"), pause)] * 3
+    def _tell_first(self, shots: Sequence[Shot]) -> None:
+        if self.dead_man is not None:
+            self.dead_man.update(shots)
 
     def _blame(self, exc: Exception, hint: str) -> None:
         text = f"while leaving the loop: {exc.text if isinstance(exc, HandctlError) else repr(exc)}"

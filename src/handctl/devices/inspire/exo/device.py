@@ -6,7 +6,7 @@ Someone may be wearing it: everything is checked against the manual before a byt
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.base import RegisterDevice
@@ -64,12 +64,6 @@ class ExoHand(RegisterDevice):
                 readings += self.read([element])
         return readings
 
-    def halt(self, names: Collection[str]) -> str:
-        """Hold positions, release forces: the manual has no stop command."""
-        from handctl.devices.inspire.exo.motion import halt
-
-        return halt(self, names)
-
     def find_for_restore(self, values: dict[str, Number]) -> None:
         """Make `bus.id` the one that answers: after an interrupted restore that may be the snapshot's id already."""
         from handctl.devices.inspire.procedures import probe
@@ -85,7 +79,7 @@ class ExoHand(RegisterDevice):
         """Send a force or position command and show its reply: positions after force, forces after position."""
         replied = EXO["position_actual"] if which == "force" else EXO["force_actual"]
         before = self.journal.counters.writes
-        self.journal.moves(lambda: self.halt([f"{which}_set"]))
+        self.journal.moves(self.stop)
         try:
             numbers = self.bus.command(COMMAND_FLAGS[which], values)
         except (NoAnswer, ProtocolError):

@@ -5,7 +5,6 @@ Someone may be wearing the hand: what cannot be stopped is said before and after
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from typing import TYPE_CHECKING
 
 from handctl.devices.inspire import eb90
@@ -13,11 +12,9 @@ from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.flash import outcome
 from handctl.devices.inspire.map import EXO
 from handctl.devices.inspire.registers import may_still_move
-from handctl.errors import HandctlError
-from handctl.link.deadman import Guard, Shot, guarding
 from handctl.model.guide import CTRL_C, Guide
 from handctl.model.leaving import stopped_by_ctrl_c
-from handctl.model.param import Number, Reading, elements_of
+from handctl.model.param import Reading, elements_of
 from handctl.model.result import Column, Table
 
 if TYPE_CHECKING:
@@ -27,9 +24,6 @@ CALIBRATION_SECONDS = 30.0
 """How long to listen for the end frame; the documented waits add up to 9 s, movements come on top (exo §2.3.6)."""
 STILL_SECONDS, STILL_SAMPLES = 0.5, 3
 """Fingers stand still when so many readings in a row, over so long a time, are equal."""
-STOPS = 3
-ANSWER_SECONDS = 0.01
-"""What a hand needs to answer a frame before it gets the next, beside the time on the wire."""
 POWER_OFF = "Ctrl-C does not stop the hand. To stop it, switch its power off."
 """Safety words of a calibration: no command stops one (exo §2.3.6)."""
 
@@ -111,24 +105,19 @@ def _wait_with_clock(bus: Bus, prefixes: list[bytes], guide: Guide, started: flo
 
 def command(hand: ExoHand, which: str, values: list[int], guide: Guide) -> Table:
     """Send a force or position command and show its reply. Raises Interrupted on Ctrl-C, after the hand was stopped."""
-    with stopped_by_ctrl_c(lambda: halt(hand, [f"{which}_set"]), guide), may_still_move("the fingers"):
+    with stopped_by_ctrl_c(hand.stop, guide), may_still_move("the fingers"):
         return hand.command(which, values)
 
 
 def move(hand: ExoHand, values: list[int], guide: Guide, *, wait: float) -> Table:
     """Send a position command, then watch until the fingers stand still or `wait` seconds have passed.
 
-    Ctrl-C commands the fingers to the positions they have just then, where these are legal (the manual has no stop
-    command). Returns targets against reached positions; no verdict, since a worn finger may be held back.
+    Ctrl-C stops the hand. Returns targets against reached positions; no verdict, since a worn finger may be held back.
     """
     hand.bus.identify()
-    with (
-        guarding(hand.link, _last_shots(hand, []), hand.journal.warn) as guard,
-        stopped_by_ctrl_c(lambda: halt(hand, ["position_set"]), guide),
-        may_still_move("the fingers"),
-    ):
+    with hand.driven(guide), may_still_move("the fingers"):
         hand.command("position", values)
-        reached = _settle(hand, values, guide, wait, guard)
+        reached = _settle(hand, values, guide, wait)
     rows = []
     for reading in reached:
         target = values[reading.element.index] if reading.element.index < len(values) else None
@@ -136,22 +125,7 @@ def move(hand: ExoHand, values: list[int], guide: Guide, *, wait: float) -> Tabl
     return Table(rows=rows, columns=(*hand.columns[:4], Column("target", "Target", right=True), *hand.columns[4:]))
 
 
-def _last_shots(hand: ExoHand, places: list[Number | None]) -> list[Shot]:
-    """The stop of a movement that nobody watches any more: forces 0, each finger held where it was seen last.
-
-    One that is at no legal position is told not to move (-1, exo §2.3.7). Before the first reading, forces 0 alone.
-    """
-    bus = hand.bus
-    release = hand.command_step("force", [0] * 5).data
-    if not places:
-        return [Shot(release, ANSWER_SECONDS + 2 * bus.wire_seconds(len(release)))] * STOPS
-    held = [int(place) if place is not None and 0 <= place <= 1000 else -1 for place in places[:5]]
-    hold = bus.write_step(EXO["position_set"].address, eb90.pack_s16(held), "hold").data
-    pause = ANSWER_SECONDS + 2 * bus.wire_seconds(len(hold))
-    return [Shot(release, pause), Shot(hold, pause)] * STOPS
-
-
-def _settle(hand: ExoHand, values: list[int], guide: Guide, wait: float, guard: Guard) -> list[Reading]:
+def _settle(hand: ExoHand, values: list[int], guide: Guide, wait: float) -> list[Reading]:
     """Read positions until they are the targets, or are equal over STILL_SECONDS, or `wait` is over."""
     elements = elements_of(EXO["position_actual"])
     bus = hand.bus
@@ -160,7 +134,6 @@ def _settle(hand: ExoHand, values: list[int], guide: Guide, wait: float, guard: 
     still_since, equal = bus.link.now(), 1
     while True:
         here = [reading.value for reading in last]
-        guard.update(_last_shots(hand, here))
         guide.progress(
             f"positions {' '.join(str(value) for value in here)}, targets {' '.join(map(str, values))}", CTRL_C
         )
@@ -185,44 +158,3 @@ def _settle(hand: ExoHand, values: list[int], guide: Guide, wait: float, guard: 
         equal += 1
     guide.done()
     return last
-
-
-def halt(hand: ExoHand, names: Collection[str]) -> str:
-    """Stop what a write of `names` set going (the manual has no stop command); what became of it in words.
-
-    Positions are commanded to where the fingers are just then, forces to 0, both also after --deadline.
-    """
-    hand.bus.bound = None
-    done = [_release(hand)] if "force_set" in names else []
-    if "position_set" in names:
-        done.append(_hold(hand))
-    return ". ".join([*done[:1], *(text[:1].upper() + text[1:] for text in done[1:])])
-
-
-def _release(hand: ExoHand) -> str:
-    try:
-        hand.bus.command(eb90.FORCE_COMMAND, [0, 0, 0, 0, 0])
-    except HandctlError as exc:
-        return (
-            f"all forces were commanded to 0, but the hand did NOT answer ({exc.text}). "
-            "Switch its power off if it still pushes"
-        )
-    except KeyboardInterrupt:
-        return "the forces could NOT be released (interrupted again). Switch the power off if the hand still pushes"
-    return "all forces were commanded to 0"
-
-
-def _hold(hand: ExoHand) -> str:
-    try:
-        readings = hand.read(elements_of(EXO["position_actual"]))[:5]
-        values = [int(reading.value) for reading in readings if reading.value is not None]
-        if len(values) == 5 and all(0 <= value <= 1000 for value in values):
-            hand.bus.command(eb90.POSITION_COMMAND, values)
-            return f"the fingers were commanded to hold at {' '.join(map(str, values))}"
-    except HandctlError as exc:
-        return f"the fingers could NOT be stopped ({exc.text}). Switch the power off if they still move"
-    except KeyboardInterrupt:
-        return "the fingers could NOT be stopped (interrupted again). Switch the power off if they still move"
-    return (
-        "the positions are outside 0 to 1000, so nothing was commanded. Switch the power off if the fingers still move"
-    )

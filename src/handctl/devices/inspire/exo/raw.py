@@ -145,7 +145,7 @@ def _checked(hand: RegisterDevice, register: Register, address: int, data: bytes
 
 def write(hand: RegisterDevice, address: int, data: bytes) -> Table:
     """Write once, read back; a read-back that differs is the table's failure. Raises Interrupted, after a stop."""
-    moving = [register.name for register in hand.map if register.moves and _overlap(register, address, len(data))]
+    moving = any(register.moves and _overlap(register, address, len(data)) for register in hand.map)
     with hand.stopped_by_ctrl_c(f"{hex_bytes(data)} at {address}", moving):
         return _write(hand, address, data)
 

@@ -1,39 +1,75 @@
 """The stop of an EH55BF1: all forces to 0, then every finger is commanded to stay where it is. The manual has no stop command.
 
-The answer to the force command tells where the fingers are (exo §2.2.1), and that a hand is there at all. The same bytes
-would be a write to a wrist, so one quick read tells which of the two is there; without an answer the forces are released
-all the same, and that is all.
+The forces need no place. Their answer tells where the fingers are (exo §2.2.1), and that a hand is there at all: so a hold
+is always from a place just read. The same bytes would be a write to a wrist: one quick read looks for that first.
 """
 
 from __future__ import annotations
 
-from handctl.devices.inspire.exo import release
-from handctl.devices.inspire.wrist import stay
-from handctl.stop.talk import Aim, Pieces, Talk
+from handctl.devices.inspire import eb90
+from handctl.devices.inspire.stopping import QUICK, answer, asks, instead, seen_since, values
+from handctl.errors import DeviceRefused, NoAnswer, ProtocolError
+from handctl.model.param import Step
+from handctl.model.stopping import Aim, Pieces, Say, Stopped, Talk, taken_over
 
-LISTEN_ON = 0.3
-"""Seconds more for a wrist that is late, once the stop of a hand has gone out and nothing has answered it."""
+POSITION_SET, POSITION_ACTUAL = 1486, 1546
+"""exo §2.3.7, §2.3.9."""
+FINGERS, MEASURED = 5, 6
+STAY = -1
+"""In `position_set`: this finger is not moved (exo §2.3.7)."""
+STILL = 15
+"""Counts of 1000: what stands is read alike within so many."""
+POWER = "switch the power off if the hand still pushes or moves"
 
 
 def stop_talk(aim: Aim) -> Talk:
-    """The stop of what answers: the hand, or a wrist that was taken for one."""
-    number = aim.settings.id if aim.settings.id is not None else 1
-    heard: Pieces = []
-    if (yield from stay.answers(number, stay.QUICK, heard)):  # fmt: skip
-        stopped = yield from stay.stay(number, False, aim.settings.timeout)
-        return stopped._replace(text=f"a wrist answers here, not an exoskeleton hand: {stopped.text}")
-    stopped = yield from release.release(number, aim.settings.timeout, heard)
-    late = stay.told_of(number, heard)
-    if not late and stopped.error is not None:
-        released = stay.answer(heard, release.reply_prefix(number))
-        late = yield from stay.answers(number, LISTEN_ON, heard, b"" if released else release.reply_prefix(number))
-        told = stay.answer(heard, release.reply_prefix(number))
-        if told is not None and not released and not late:
-            return (yield from release.keep(number, told, stay.LATE, heard))
-        if told is None and not late:
-            stopped = release.unanswered(heard)
-    if not late:
-        return stopped
-    held = yield from stay.stay(number, False, aim.settings.timeout, late=True)
-    text = f"all forces were commanded to 0, then a wrist answered, later than {stay.QUICK:g} s"
-    return held._replace(text=f"{text}: {held.text}")
+    """Forces to 0 and a hold, both again and again until the hand has acknowledged them; then a second look."""
+    number, heard = aim.number, list[bytes]()
+    if not aim.proven:
+        step, wrist = asks(number, eb90.WRIST_READ)
+        heard += yield Say(step, QUICK, lambda pieces: answer(pieces, wrist), reads=True)
+        if answer(heard, wrist):
+            return Stopped("a wrist answers here, not an exoskeleton hand. Nothing was written", "run `handctl wrist stop`", DeviceRefused)  # fmt: skip
+    force = Step("all forces to 0", eb90.command_request(number, eb90.FORCE_COMMAND, [0] * FINGERS), moves=True)
+    told = eb90.command_reply_prefix(number, eb90.FORCE_COMMAND)
+    came: Pieces = []
+    meaning = ""
+    for count in range(aim.tries):
+        before = tuple(came)
+        came += yield Say(force, aim.each, lambda pieces, before=before: answer([*before, *pieces], told))  # type: ignore[misc]
+        heard += came
+        if (frame := answer(came, told)) is None:
+            continue
+        places = eb90.unpack_s16(frame.payload)[:FINGERS]
+        step, prefix, meaning = hold(number, places)
+        # a slow line: the first answer took this long, and this one may
+        came = yield Say(step, aim.each * (count + 1), lambda pieces, prefix=prefix: answer(pieces, prefix))  # type: ignore[misc]
+        if answer(came, prefix) is not None:
+            stopped = Stopped(
+                f"the hand answered two commands: all forces to 0, then {meaning}. The manual has no stop command"
+            )
+            held = [place if meaning.startswith("hold") else None for place in places]
+            against = yield from seen_since(
+                lambda: values(aim, POSITION_ACTUAL, MEASURED, eb90.READ),
+                lambda: values(aim, POSITION_SET, FINGERS, eb90.READ),
+                held,
+                STILL,
+            )
+            return taken_over(stopped, against) if against else stopped
+    if meaning:
+        text = f"the hand answered the command of all forces to 0, but not the next one: {meaning}"
+        return Stopped(text, POWER, NoAnswer)
+    seen = instead(heard)
+    text = f"all forces were commanded to 0, but {f'no valid answer arrived: {seen}' if seen else 'no answer arrived'}"
+    return Stopped(text, f"{POWER}. `handctl exo scan` looks for id and speed", ProtocolError if seen else NoAnswer)
+
+
+def hold(number: int, places: list[int]) -> tuple[Step, bytes, str]:
+    """Every finger stays where it is; how that is acknowledged, and in words. -1 moves none where a place is no target."""
+    if len(places) == FINGERS and all(0 <= place <= 1000 for place in places):
+        meaning = f"hold at {' '.join(map(str, places))}"
+        data, prefix = eb90.command_request(number, eb90.POSITION_COMMAND, places), eb90.command_reply_prefix(number, eb90.POSITION_COMMAND)  # fmt: skip
+    else:
+        meaning = f"move no finger (position_set {STAY})"
+        data, prefix = eb90.write_request(number, POSITION_SET, eb90.pack_s16([STAY] * FINGERS)), eb90.write_ack_prefix(number, POSITION_SET)  # fmt: skip
+    return Step(meaning, data, moves=True), prefix, meaning

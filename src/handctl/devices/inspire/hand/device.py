@@ -31,11 +31,12 @@ from handctl.devices.inspire.hand.map import (
     HandRegister,
 )
 from handctl.devices.inspire.identity import BYTE_HAND, UNHEARD, stranger
-from handctl.devices.inspire.modbusbus import BETWEEN_PROTOCOLS
+from handctl.devices.inspire.modbusbus import BETWEEN_PROTOCOLS, ModbusBus
 from handctl.devices.inspire.registers import RegisterBus
 from handctl.errors import HandctlError, NoAnswer, ProtocolError, UsageError
 from handctl.model.param import Element, Number, ParamMap, Reading, Step, elements_of
 from handctl.model.result import Cell, Grid, Row, Table
+from handctl.model.stopping import Aim, Known
 
 T = TypeVar("T")
 
@@ -264,11 +265,14 @@ class Hand(RegisterDevice):
         meaning = f"{meaning} (write 1 to address {register.place_of(0)})"
         return step._replace(meaning=meaning, moves=register.moves, strands=register.strands)
 
-    def halt(self, names: Collection[str]) -> str:
-        """Speed 0: the hand has no stop command (rh56 §6)."""
-        from handctl.devices.inspire.hand.motion import halt
-
-        return halt(self)
+    def aim(self) -> Aim:
+        """Its generation and protocol are known by now."""
+        aim = super().aim()
+        protocol = "modbus" if isinstance(self.bus, ModbusBus) else "eb90"
+        own = {**aim.settings.own, "protocol": protocol, **({"model": self._known} if self._known else {})}
+        return aim._replace(
+            settings=Known(self.bus.id, aim.settings.timeout, aim.settings.port, aim.settings.wire, own)
+        )
 
 
 # -- findings and views -------------------------------------------------------------------------------------------

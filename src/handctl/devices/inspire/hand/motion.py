@@ -9,14 +9,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
-from handctl.devices.inspire.base import encoded
-from handctl.devices.inspire.hand.map import BLOCKED, BYTE_MAP, FINGERS, HOT, UNMEASURED
+from handctl.devices.inspire.hand.map import BLOCKED, BYTE_MAP, HOT, UNMEASURED
 from handctl.devices.inspire.registers import may_still_move
 from handctl.errors import CheckFailed, DeviceRefused, HandctlError, Left
-from handctl.link.deadman import Guard, Shot, guarding
 from handctl.model.guide import CTRL_C, Guide
-from handctl.model.leaving import leaving, stopped_by_ctrl_c
-from handctl.model.param import Element, Number, Reading, Step, elements_of
+from handctl.model.leaving import leaving
+from handctl.model.param import Element, Number, Reading, elements_of
 from handctl.model.result import Column, Table
 
 if TYPE_CHECKING:
@@ -34,10 +32,6 @@ DEAD_SECONDS = 0.1
 """A movement begins 55 to 80 ms after its command (rh56 §5)."""
 MOVING = frozenset({0, 1})
 STILL_SAMPLES = 3
-STOPS, STOP_SECONDS = 3, 0.02
-"""How often, and how far apart, the stop is sent for a process that died."""
-POWER = "Speed 0 does not replace the power switch. Switch the power off if the hand still moves"
-GOES_ON = "With a new speed the fingers may go on to their last target"
 
 
 class Before(NamedTuple):
@@ -112,13 +106,9 @@ def move(hand: Hand, group: str, changes: Sequence[tuple[Element, Number]], guid
     finger; but a finger that reports that it is blocked is a failure.
     """
     hand.identify()
-    with (
-        guarding(hand.link, _last_shots(hand), hand.journal.warn) as guard,
-        stopped_by_ctrl_c(lambda: halt(hand), guide),
-        may_still_move("the fingers"),
-    ):
+    with hand.driven(guide), may_still_move("the fingers"):
         hand.write(changes)
-        reached = _settle(hand, group, {e.part or "": v for e, v in changes}, guide, wait, guard)
+        reached = _settle(hand, group, {e.part or "": v for e, v in changes}, guide, wait)
     targets = {element.part: value for element, value in changes if value != LEFT}
     rows = [{**hand.row(reading), "target": targets.get(reading.element.part)} for reading in reached]
     rows = [row for row in rows if row["name"] != MOVED[group] or row["target"] is not None]
@@ -134,9 +124,7 @@ def move(hand: Hand, group: str, changes: Sequence[tuple[Element, Number]], guid
     return table
 
 
-def _settle(
-    hand: Hand, group: str, targets: dict[str, Number], guide: Guide, wait: float, guard: Guard
-) -> list[Reading]:
+def _settle(hand: Hand, group: str, targets: dict[str, Number], guide: Guide, wait: float) -> list[Reading]:
     """Read until every commanded finger has ended its movement, or `wait` is over."""
     bus = hand.bus
     elements = [e for name in (MOVED[group], "status") for e in elements_of(hand.map[name]) if _wanted(e, targets)]
@@ -227,32 +215,3 @@ def nudge(hand: Hand, plan: Nudge, guide: Guide) -> None:
 
 def _wanted(element: Element, targets: dict[str, Number]) -> bool:
     return targets.get(element.part or "", LEFT) != LEFT
-
-
-def _last_shots(hand: Hand) -> list[Shot]:
-    """The stop of a movement that nobody watches any more: speed 0 for every finger."""
-    return [Shot(step.data, STOP_SECONDS, step.can_id) for step in _speed_zero(hand)] * STOPS
-
-
-def _speed_zero(hand: Hand) -> list[Step]:
-    """The frames that set every speed to 0."""
-    return hand.plan([(element, 0) for element in elements_of(hand.map["speed_set"])])
-
-
-def halt(hand: Hand) -> str:
-    """Set every speed to 0, also after --deadline; what became of it in words (rh56 §6)."""
-    hand.bus.bound = None
-    try:
-        for run in hand.runs([(element, 0) for element in elements_of(hand.map["speed_set"])]):
-            hand.bus.write(*encoded(run))
-        hand.bus.pause(DEAD_SECONDS)
-        readings = hand.read([*elements_of(hand.map["angle_actual"]), *elements_of(hand.map["speed_set"])])
-    except HandctlError as exc:
-        return f"the hand could NOT be stopped ({exc.text}). {POWER}"
-    except KeyboardInterrupt:
-        return f"the hand could NOT be stopped (interrupted again). {POWER}"
-    speeds = [reading.value for reading in readings if reading.element.param.name == "speed_set"]
-    if any(speeds):
-        return f"speed 0 was written, but the speeds read {' '.join(map(str, speeds))}. {POWER}"
-    here = " ".join(str(reading.value) for reading in readings[: len(FINGERS)])
-    return f"all speeds are 0 now, the angles were {here}. {GOES_ON}. {POWER}"

@@ -10,13 +10,16 @@ from __future__ import annotations
 from collections.abc import Callable, Generator
 
 from handctl.devices.inspire import canreg, eb90, modbus
+from handctl.devices.inspire.hand.map import HandRegister
 from handctl.devices.inspire.hand.typed import map_of, over_tcp
 from handctl.devices.inspire.identity import STATES, is_five_wide, is_six_wide, within
+from handctl.devices.inspire.stopping import QUICK, Read, answer, seen_since
 from handctl.errors import DeviceRefused, LinkError, NoAnswer, ProtocolError
 from handctl.model.param import Step
-from handctl.stop.talk import Aim, Pieces, Say, Stopped, Talk
+from handctl.model.stopping import Aim, Pieces, Say, Stopped, Talk, insist, taken_over
 
-QUICK, PATIENCE = 0.05, 0.3
+STILL = 15
+"""Counts of 1000: what stands is read alike within so many."""
 POWER = "Speed 0 does not replace the power switch. Switch the power off if the hand still moves"
 GOES_ON = "With a new speed the fingers may go on to their last target"
 LABEL = "add --model f1 or dg2 if the label says so. Switch the power off if it still moves"
@@ -53,30 +56,37 @@ def stop_talk(aim: Aim) -> Talk:
 
 
 def _stop(aim: Aim, wire: str) -> Generator[Say, Pieces, Stopped]:
-    number = aim.settings.id if aim.settings.id is not None else 1
-    register = map_of(aim.settings)["speed_set"]
-    asks = register.per == 1 and wire != CAN  # CAN ids are the hand's own, and eight bytes tell nothing
-    states = (yield from _states(wire, number, QUICK)) if asks else None
+    hand = map_of(aim.settings)
+    register = hand["speed_set"]
+    asks = (
+        register.per == 1 and wire != CAN and not aim.proven
+    )  # CAN ids are the hand's own, and eight bytes tell nothing
+    states = (yield from _states(aim, wire, once=QUICK)) if asks else None
     if states is not None and not _is_hand(states):
         return _other(states)
     zeros = b"".join(register.encode(0) for _ in range(register.count))
-    seconds = aim.settings.timeout or PATIENCE
     size = canreg.MAX_COUNT if wire == CAN else len(zeros)
     for start in range(0, len(zeros), size):
         data = zeros[start : start + size]
-        step, verdict = _writing(wire, number, (register.address + start) // register.per, data)
-        pieces = yield Say(step, seconds, lambda came, verdict=verdict: verdict(came) is not None)  # type: ignore[misc]
-        said = verdict(pieces)
+        step, verdict = _writing(wire, aim.number, (register.address + start) // register.per, data)
+        said, pieces = yield from insist(aim, step, verdict)
         if said is None:
             return Stopped("speed 0 was sent and not acknowledged", POWER, ProtocolError if pieces else NoAnswer)
         if said is not TAKEN:
             return said
     if asks and states is None:
-        states = yield from _states(wire, number, seconds)
+        states = yield from _states(aim, wire)
         if states is None or not _is_hand(states):
             text = "speed 0 was acknowledged, by a device that did not show itself as an RH56 hand of byte addresses"
             return Stopped(text, LABEL, ProtocolError)
-    return Stopped(f"the hand acknowledged speed 0 for every finger. {GOES_ON}. {POWER}")
+    stopped = Stopped(f"the hand acknowledged speed 0 for every finger. {GOES_ON}. {POWER}")
+    against = yield from seen_since(
+        lambda: _values(aim, wire, hand["angle_actual"]),
+        lambda: _values(aim, wire, register),
+        [0] * register.count,
+        STILL,
+    )
+    return taken_over(stopped, against) if against else stopped
 
 
 def _is_hand(states: bytes) -> bool:
@@ -92,24 +102,48 @@ def _other(states: bytes) -> Stopped:
     return Stopped(text, LABEL, DeviceRefused)
 
 
-def _states(wire: str, number: int, seconds: float) -> Generator[Say, Pieces, bytes | None]:
+def _values(aim: Aim, wire: str, register: HandRegister) -> Read:
+    """All elements of a register, None where they are not answered."""
+    size = register.size * register.count
+    span = canreg.MAX_COUNT if wire == CAN else size
+    data = b""
+    for start in range(0, size, span):
+        part = yield from _memory(aim, wire, (register.address + start) // register.per, min(span, size - start))
+        if part is None:
+            return None
+        data += part
+    return [int(register.decode(data[at : at + register.size])) for at in range(0, size, register.size)]
+
+
+def _states(aim: Aim, wire: str, once: float = 0.0) -> Generator[Say, Pieces, bytes | None]:
     """Errors, status codes and temperatures of six fingers, None where they are not answered."""
-    address, count = STATES
+    return (yield from _memory(aim, wire, *STATES, once))
+
+
+def _memory(aim: Aim, wire: str, address: int, count: int, once: float = 0.0) -> Generator[Say, Pieces, bytes | None]:
+    """So many bytes, asked again for a second, or `once` and so many seconds; None where they are not answered."""
+    number, can_id = aim.number, None
     pdu = modbus.read_request(address, count // 2)
-    data = eb90.read_request(number, address, count) if wire == EB90 else _modbus(wire, number, pdu)
+    if wire == CAN:
+        can_id, data = canreg.read_request(number, address, count, canreg.READ_HAND)
+    else:
+        data = eb90.read_request(number, address, count) if wire == EB90 else _modbus(wire, number, pdu)
 
     def answered(pieces: Pieces) -> bytes | None:
+        if wire == CAN:
+            return next((piece for piece in reversed(pieces) if len(piece) == count), None)
         if wire == EB90:
-            decoder = eb90.Decoder([eb90.read_reply_prefix(number, address, count)])
-            decoder.feed(b"".join(pieces))
-            frame = next(iter(decoder.finish()), None)
+            frame = answer(pieces, eb90.read_reply_prefix(number, address, count))
             return frame.data if frame is not None else None
-        answer = _answer(wire, number, pieces, pdu)
-        return modbus.to_memory(answer.data) if answer is not None and answer.exception is None else None
+        told = _answer(wire, number, pieces, pdu)
+        return modbus.to_memory(told.data) if told is not None and told.exception is None else None
 
-    step = Step("ask whether a hand is there", data)
-    pieces = yield Say(step, seconds, lambda came: answered(came) is not None, reads=True)
-    return answered(pieces)
+    step = Step(
+        "ask whether a hand is there" if (address, count) == STATES else "read where it is", data, can_id=can_id
+    )
+    if not once:
+        return (yield from insist(aim, step, answered, reads=True))[0]
+    return answered((yield Say(step, once, lambda came: answered(came) is not None, reads=True)))
 
 
 def _modbus(wire: str, number: int, pdu: bytes) -> bytes:
@@ -138,9 +172,7 @@ def _writing(wire: str, number: int, address: int, data: bytes) -> tuple[Step, V
         prefix = eb90.write_ack_prefix(number, address)
 
         def acknowledged(pieces: Pieces) -> Stopped | None:
-            decoder = eb90.Decoder([prefix])
-            decoder.feed(b"".join(pieces))
-            frame = next(iter(decoder.finish()), None)
+            frame = answer(pieces, prefix)
             if frame is None:
                 return None
             return TAKEN if frame.data == bytes([eb90.ACCEPTED]) else REFUSED

@@ -20,9 +20,10 @@ HERE = ("127.0.0.1", "localhost", "[::1]")
 if TYPE_CHECKING:
     from handctl.frame.options import Settings
     from handctl.link import ByteLink
+    from handctl.model.stopping import Options
 
 
-def typed_model(settings: Settings) -> str | None:
+def typed_model(settings: Options) -> str | None:
     """The generation that --model or the named device says. Raises UsageError for a label that is not known."""
     text = settings.own.get("model")
     if text is None:
@@ -54,13 +55,13 @@ def check(settings: Settings) -> None:
         )
 
 
-def map_of(settings: Settings) -> ParamMap[Any]:
+def map_of(settings: Options) -> ParamMap[Any]:
     """The map of the generation that was typed; without one, that of DF and TP."""
     model = typed_model(settings)
     return MAPS[model] if model is not None else BYTE_MAP
 
 
-def over_tcp(settings: Settings) -> bool:
+def over_tcp(settings: Options) -> bool:
     """Whether the LINK is Modbus TCP: tcp://, the simulator's --modbus-tcp, or a transcript of it."""
     if settings.port is None:
         return settings.wire == "modbus-tcp"

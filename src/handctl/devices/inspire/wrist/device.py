@@ -6,28 +6,20 @@ lie current limits and power-on speeds. On its bench it moves without asking.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
-from handctl.devices.inspire import eb90
 from handctl.devices.inspire.base import RegisterDevice
 from handctl.devices.inspire.map import WRIST, register_of
 from handctl.devices.inspire.registers import may_still_move
-from handctl.errors import CheckFailed, HandctlError, UsageError
+from handctl.errors import CheckFailed, UsageError
 from handctl.model.guide import CTRL_C, Guide
-from handctl.model.leaving import stopped_by_ctrl_c
-from handctl.model.param import Element, Number, Reading, Step
+from handctl.model.param import Element, Number, Reading
 from handctl.model.result import Cell, Column, Grid, Row, Table
-
-if TYPE_CHECKING:
-    from handctl.link.deadman import Guard, Shot
 
 SLOWEST_USUAL, FASTEST_USUAL = 5000, 100
 """Milliseconds outside which a movement time is worth a warning; the manual gives no range."""
 ARRIVED_DEGREES = 0.5
 STILL_SECONDS, STILL_SAMPLES = 0.3, 3
-STOPS, STOP_SECONDS = 3, 0.02
-"""How often, and how far apart, the stop is sent for a process that died; its answer must not meet the next on the wire."""
 ANGLES = tuple(Element(WRIST[name], 0) for name in ("pitch_actual", "yaw_actual"))
 SHORT = 40
 """Characters of a remark that fit beside a value."""
@@ -134,51 +126,26 @@ class Wrist(RegisterDevice):
     def move(self, changes: Sequence[tuple[Element, Number]], guide: Guide, *, wait: float | None) -> Table:
         """Write a movement and watch until both axes stand still; tells targets and what was reached.
 
-        `wait` bounds the watching, default the movement time half as long again and 2 s. Ctrl-C commands the axes to
-        stay where they are just then (the manual has no stop). Raises CheckFailed beyond 0.5 degree off the target.
+        `wait` bounds the watching, default the movement time half as long again and 2 s. Ctrl-C stops it. Raises CheckFailed beyond 0.5 degree off the target.
         """
-        from handctl.link.deadman import guarding
-
         self.bus.identify()
         targets = {element.param.name: float(value) for element, value in changes if element.param.moves}
         time = next((int(value) for element, value in changes if element.param.name == "move_time"), None)
         if time is None:
             time = int(self.read([Element(WRIST["move_time"], 0)])[0].value or 0)
         wait = wait if wait is not None else time * 1.5 / 1000 + 2
-        # Where it stands is asked for first: without that nothing could hold it there if this process dies.
-        with (
-            guarding(self.link, self._last_shots(self.read(ANGLES)), self.journal.warn) as guard,
-            stopped_by_ctrl_c(lambda: self.halt(targets), guide),
-            may_still_move("the wrist"),
-        ):
+        with self.driven(guide), may_still_move("the wrist"):
             self.write(changes)
-            readings = self._watch(targets, guide, wait, time / 1000, guard)
+            readings = self._watch(targets, guide, wait, time / 1000)
         return self._arrival(readings, targets)
 
-    def _last_shots(self, angles: Sequence[Reading]) -> list[Shot]:
-        """The stop of a movement that nobody watches any more: both axes held where they were seen last; nothing where that is not known, or outside the documented range."""
-        from handctl.link.deadman import Shot
-
-        pitch, yaw = (reading.value for reading in angles)
-        if pitch is None or yaw is None or not (WRIST["yaw_set"].allowed(yaw) and WRIST["pitch_set"].allowed(pitch)):
-            return []
-        return [Shot(step.data, STOP_SECONDS, step.can_id) for step in [self._hold_step(yaw, pitch)] * STOPS]
-
-    def _hold_step(self, yaw: Number, pitch: Number) -> Step:
-        data = eb90.pack_s16([round(yaw * 100), round(pitch * 100)])
-        return self.bus.write_step(WRIST["yaw_set"].address, data, "hold")
-
-    def _watch(
-        self, targets: dict[str, float], guide: Guide, wait: float, expected: float, guard: Guard
-    ) -> list[Reading]:
+    def _watch(self, targets: dict[str, float], guide: Guide, wait: float, expected: float) -> list[Reading]:
         bus = self.bus
         started, end = bus.link.now(), bus.link.deadline(wait)
         last: list[Number | None] = []
         still_since, equal = started, 0
         while True:
             readings = self.read(ANGLES)
-            if shots := self._last_shots(readings):
-                guard.update(shots)
             here = [reading.value for reading in readings]
             now = bus.link.now()
             if here != last:
@@ -217,21 +184,6 @@ class Wrist(RegisterDevice):
         else:
             self.journal.info("arrived", "the wrist has arrived")
         return table
-
-    def halt(self, names: Collection[str]) -> str:
-        """Command both axes to where they are just then, also after --deadline: the manual has no stop command."""
-        self.bus.bound = None
-        try:
-            readings = self.read([Element(WRIST[name], 0) for name in ("yaw_actual", "pitch_actual")])
-            yaw, pitch = (float(reading.value) for reading in readings if reading.value is not None)
-            if not (WRIST["yaw_set"].allowed(yaw) and WRIST["pitch_set"].allowed(pitch)):
-                return "its angles are outside the documented range, so nothing was commanded. Switch the power off if it still moves"
-            self.bus.write(WRIST["yaw_set"].address, eb90.pack_s16([round(yaw * 100), round(pitch * 100)]))
-        except (HandctlError, ValueError) as exc:
-            return f"the wrist could NOT be stopped ({exc}). Switch the power off if it still moves"
-        except KeyboardInterrupt:
-            return "the wrist could NOT be stopped (interrupted again). Switch the power off if it still moves"
-        return f"the wrist was commanded to stay at pitch {pitch:.2f}°, yaw {yaw:.2f}°"
 
 
 def _degrees(value: Number | None) -> str:

@@ -1,34 +1,61 @@
 """The stop of a wrist module: both axes are commanded to stay where they are, since its manual has no stop command.
 
-That needs their angles, so they are asked for first, on a serial line once its answer to flag 30 has told that it is a
-wrist (wrist §2.2).
+That needs their angles, and so they are read anew for every hold. On a serial line that nobody has met a wrist on, a question
+goes before that no other device acts upon. Whatever else may answer, only a wrist's own bytes go out.
 """
 
 from __future__ import annotations
 
-from handctl.devices.inspire.exo import release
-from handctl.devices.inspire.wrist.stay import ASKS, PATIENCE, POWER, QUICK, answers, instead, stay, told_of
-from handctl.errors import NoAnswer, ProtocolError
-from handctl.stop.talk import Aim, Pieces, Stopped, Talk
+from collections.abc import Generator
+
+from handctl.devices.inspire import canreg, eb90
+from handctl.devices.inspire.stopping import answer, asks, instead, seen_since, values
+from handctl.errors import CheckFailed, DeviceRefused, NoAnswer, ProtocolError
+from handctl.model.param import Step
+from handctl.model.stopping import Aim, Pieces, Say, Stopped, Talk, insist, taken_over
+
+ANGLES, ANGLES_SET = 1020, 1038
+"""pitch_actual with yaw_actual behind it; yaw_set with pitch_set behind it (wrist §2.1)."""
+PITCH, YAW = (-2266, 2212), (-2550, 2550)
+"""0.01 degrees (wrist §1)."""
+STILL = 20
+"""0.01 degrees: what stands is read alike within so many."""
+POWER = "switch the power off if it still moves"
 
 
 def stop_talk(aim: Aim) -> Talk:
-    """The stop of what answers: a wrist, or the exoskeleton hand that was taken for one.
-
-    A force frame is a write to a wrist, and the hand that carries one answers as an exoskeleton hand does: that is asked
-    for only when the wrist has been silent for long enough.
-    """
-    settings, can = aim.settings, aim.can
-    number = settings.id if settings.id is not None else 1
+    """Where is it, stay there: until it is acknowledged; then a second look."""
     heard: Pieces = []
-    for count in range(ASKS):
-        if can or (yield from answers(number, QUICK if count == 0 else settings.timeout or PATIENCE / 2, heard)):
-            return (yield from stay(number, can, settings.timeout, late=count > 0))
-    if (yield from release.answers(number, heard)):  # fmt: skip
-        stopped = yield from release.release(number, settings.timeout, heard)
-        return stopped._replace(text=f"an exoskeleton hand answers here, not a wrist: {stopped.text}")
-    if told_of(number, heard) or (yield from answers(number, PATIENCE, heard)):
-        return (yield from stay(number, can, settings.timeout, late=True))
+    if not (aim.can or aim.proven):
+        step, prefix = asks(aim.number, eb90.WRIST_READ)
+        there, heard = yield from insist(aim, step, lambda pieces: answer(pieces, prefix), reads=True)
+        if there is None:
+            return _unanswered(heard)
+    meaning = ""
+    for count in range(aim.tries):
+        if (angles := (yield from _read(aim, ANGLES, heard if not count else []))) is None:
+            return _unanswered(heard)
+        pitch, yaw = angles
+        at = f"pitch {pitch / 100:.2f}°, yaw {yaw / 100:.2f}°"
+        if not (PITCH[0] <= pitch <= PITCH[1] and YAW[0] <= yaw <= YAW[1]):
+            text = f"the angles ({at}) are outside the documented range, so nothing was commanded"
+            return Stopped(text, POWER, CheckFailed)
+        meaning = f"stay at {at}"
+        taken = yield from _hold(aim, meaning, [yaw, pitch], aim.each * (count + 1))
+        if taken is False:
+            return Stopped(f"the wrist did not take the command to {meaning}", POWER, DeviceRefused)
+        if taken:
+            stopped = Stopped(
+                f"the wrist was commanded to {meaning} and acknowledged it. The manual has no stop command"
+            )
+            against = yield from seen_since(
+                lambda: _read(aim, ANGLES, []), lambda: _read(aim, ANGLES_SET, []), [yaw, pitch], STILL
+            )
+            return taken_over(stopped, against) if against else stopped
+    return Stopped(f"the wrist was commanded to {meaning} but did not acknowledge it", POWER, NoAnswer)
+
+
+def _unanswered(heard: Pieces) -> Stopped:
     came = instead(heard)
     return Stopped(
         f"{f'no wrist answered: {came}' if came else 'the wrist did not answer'}. Without its angles nothing could be "
@@ -36,3 +63,35 @@ def stop_talk(aim: Aim) -> Talk:
         f"{POWER}. Check id, wire and power with `handctl wrist scan`",
         ProtocolError if came else NoAnswer,
     )
+
+
+def _read(aim: Aim, address: int, heard: Pieces) -> Generator[Say, Pieces, list[int] | None]:
+    """Two angles in 0.01 degrees, None without an answer."""
+    if not aim.can:
+        return (yield from values(aim, address, 2, eb90.WRIST_READ))
+    identifier, data = canreg.read_request(aim.number, address, 4)
+    step = Step("read the angles", data, can_id=identifier)
+    found, came = yield from insist(
+        aim, step, lambda pieces: next((one for one in reversed(pieces) if len(one) == 4), None), reads=True
+    )
+    heard += came
+    return eb90.unpack_s16(found) if found is not None else None
+
+
+def _hold(aim: Aim, meaning: str, angles: list[int], seconds: float) -> Generator[Say, Pieces, bool | None]:
+    """Command both axes to where they are; whether the wrist took it, None without an answer."""
+    data = eb90.pack_s16(angles)
+    if aim.can:
+        identifier, payload = canreg.write_request(aim.number, ANGLES_SET, data)
+        pieces = yield Say(Step(meaning, payload, moves=True, can_id=identifier), seconds, _short)
+        return None if not (short := _short(pieces)) else short[0] in (b"", bytes([len(data)]))
+    prefix = eb90.write_ack_prefix(aim.number, ANGLES_SET, eb90.WRIST_WRITE)
+    step = Step(meaning, eb90.write_request(aim.number, ANGLES_SET, data, eb90.WRIST_WRITE), moves=True)
+    pieces = yield Say(step, seconds, lambda came: answer(came, prefix))
+    frame = answer(pieces, prefix)
+    return None if frame is None else frame.data == bytes([eb90.ACCEPTED])
+
+
+def _short(pieces: Pieces) -> list[bytes]:
+    """What can be an acknowledgement: empty, or a number; longer is a late answer to a read."""
+    return [piece for piece in pieces if len(piece) < 2]

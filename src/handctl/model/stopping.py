@@ -1,0 +1,344 @@
+"""One stop for each family, and one way to carry it out, from wherever it comes. Knows no device and no link's inside.
+
+A family's `stopper` is a module with one function:
+
+    stop_talk(aim) -> Talk    yields `Say`s, is sent the pieces that came back, returns `Stopped`
+
+It does no input or output of its own, so whoever has the link runs it with `carry_out`: the command `stop`, a command that
+another process asks to stop, Ctrl-C inside a command, and the child that outlives a command that died.
+
+What every plan keeps to: a step goes out again until it is acknowledged or its second is over; what needs no place goes out
+first; a place is read anew for each hold; and a device that has acknowledged is looked at again after a silence, for it may
+have another master.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Generator, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeVar
+
+from handctl.errors import DeviceRefused, HandctlError, Left, LinkError, NoAnswer, ProtocolError
+from handctl.families import FAMILIES
+from handctl.model.param import Step
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from handctl.link import ByteLink, FrameLink, Link
+    from handctl.model.ledger import Ledger
+
+WRITE_SECONDS = 1.0
+EACH, WITHIN = 0.15, 1.0
+"""A step goes out again after so many seconds without an acknowledgement, for so many in all."""
+SILENCE = 0.3
+"""Seconds without a byte of ours before a stopped device is looked at again: by then another master has spoken."""
+BETWEEN = 0.1
+"""Seconds from one look at where it is to the next."""
+MOST = 65536
+"""Bytes listened to at the most for one answer: a line full of noise must not hold up what comes next."""
+
+Pieces = list[bytes]
+"""What came back: chunks of a byte stream, or the data of CAN frames that have the identifier of the request."""
+
+
+T = TypeVar("T")
+
+
+class Options(Protocol):
+    """The options that a stopper looks at: `options.Settings`."""
+
+    @property
+    def id(self) -> int | None: ...
+    @property
+    def timeout(self) -> float | None: ...
+    @property
+    def port(self) -> str | None: ...
+    @property
+    def wire(self) -> str | None: ...
+    @property
+    def own(self) -> Mapping[str, Any]: ...
+
+
+class Known(NamedTuple):
+    """The same, of a device that this program has open."""
+
+    id: int | None = None
+    timeout: float | None = None
+    port: str | None = None
+    wire: str | None = None
+    own: Mapping[str, Any] = {}
+
+
+class Aim(NamedTuple):
+    """What a stopper may know of the device: the options that were given, and the wire.
+
+    can     the link carries CAN frames
+    speed   the speed of the port in bit/s, None where the link has none that is ours
+    fixed   the port stays at its speed: who has the link cannot change it, or the device is known to be there
+    proven  this program has met the device: it is of this family, and has this address
+    powered what holds the device up is left on where its movement could be ended by itself
+    """
+
+    settings: Options
+    can: bool = False
+    speed: int | None = None
+    fixed: bool = False
+    proven: bool = False
+    powered: bool = False
+
+    @property
+    def number(self) -> int:
+        """The id of the device; 1 is that of all as shipped."""
+        return self.settings.id if self.settings.id is not None else 1
+
+    @property
+    def each(self) -> float:
+        """Seconds after which a step without an acknowledgement goes out again."""
+        return self.settings.timeout or EACH
+
+    @property
+    def tries(self) -> int:
+        """How often that is, before its second is over."""
+        return max(2, round(WITHIN / self.each))
+
+
+class Say(NamedTuple):
+    """One write of a stop, and the wait for what it brings back.
+
+    step     the exact bytes and what they do in words
+    seconds  how long to listen at most, beyond the time of the wire
+    enough   whether the pieces that came answer it
+    reads    it changes nothing: it asks who is there, or where the device stands
+    size     bytes of an answer, whose time on the wire is waited for as well
+    baud     the speed of the port at which it goes out, None as it is; where the port cannot have it, nothing goes out
+    """
+
+    step: Step
+    seconds: float
+    enough: Callable[[Pieces], object] = bool
+    reads: bool = False
+    baud: int | None = None
+    size: int = 32
+
+
+class Stopped(NamedTuple):
+    """How a stop ended, from what came back.
+
+    error     None where nothing speaks against it
+    evidence  what shows that the device did it, where that is more than the acknowledgement of each frame; "" = nothing
+    """
+
+    text: str
+    hint: str = ""
+    error: type[HandctlError] | None = None
+    evidence: str = ""
+
+
+Talk = Generator[Say, Pieces, Stopped]
+
+
+NOT_STOPPED = "not-stopped"
+"""Code of the error of a command that was interrupted, and whose stop was not acknowledged."""
+BEAT = 0.5
+"""Seconds for which a command may stand still that drives what does not end by itself, such as currents."""
+QUIET = Step("listen", b"")
+"""Nothing goes out."""
+
+
+def insist(
+    aim: Aim, step: Step, found: Callable[[Pieces], T | None], *, reads: bool = False
+) -> Generator[Say, Pieces, tuple[T | None, Pieces]]:
+    """The step, again until something is `found` in all that came since, or its second is over; that, and what came."""
+    came: Pieces = []
+    for _ in range(aim.tries):
+        before = tuple(came)
+        came += yield Say(step, aim.each, lambda pieces, before=before: found([*before, *pieces]) is not None, reads)  # type: ignore[misc]
+        if (what := found(came)) is not None:
+            return what, came
+    return None, came
+
+
+def insisting(step: Step, answer: bytes, done: str, aim: Aim) -> Talk:
+    """A stop that is one write, which is acknowledged by `answer`; what the device has `done` once that came."""
+    acknowledged, came = yield from insist(aim, step, lambda pieces: answer in b"".join(pieces) or None)
+    if acknowledged:
+        return Stopped(f"{done}, and acknowledged it")
+    error = ProtocolError if came else NoAnswer
+    return Stopped(
+        f"{step.meaning} was sent and not acknowledged", "switch the power off if the device still moves", error
+    )
+
+
+def silence(seconds: float = SILENCE) -> Generator[Say, Pieces, Pieces]:
+    """Say nothing for a while; what the device, or somebody else, says meanwhile."""
+    return (yield Say(QUIET, seconds, lambda _pieces: False, reads=True, size=0))
+
+
+def taken_over(stopped: Stopped, what: str) -> Stopped:
+    """The end of a stop that was acknowledged, and did not last."""
+    text = f"{stopped.text}. {SILENCE:g} s later {what}: somebody else commands this device"
+    return Stopped(text, FIND_WHO, DeviceRefused)
+
+
+FIND_WHO = (
+    "end the other program. `handctl ports` shows who has a port of this computer open; at a network address or on a bus "
+    "look at the other computers. Switch the power off if it must not move"
+)
+
+
+class Sent(NamedTuple):
+    """One write that was made, and the bytes that came back."""
+
+    step: Step
+    reads: bool
+    came: bytes
+
+
+def talk_of(kind: str, aim: Aim) -> Talk:
+    """The stop of a device of family `kind`."""
+    talk: Talk = importlib.import_module(FAMILIES[kind].module("stopper")).stop_talk(aim)
+    return talk
+
+
+def unheard(talk: Talk, *, reads: bool = False) -> list[Step]:
+    """What a stop writes when nothing ever comes back, each once: for who cannot listen.
+
+    Questions are left out but with `reads`: a stop that needs their answers, as a wrist's, is [] then.
+    """
+    steps: list[Step] = []
+    try:
+        say = next(talk)
+        while True:
+            if (reads or not say.reads) and say.step not in steps:
+                steps.append(say.step)
+            say = talk.send([])
+    except StopIteration:
+        return steps
+
+
+def carry_out(link: Link, talk: Talk, sent: list[Sent] | None = None, ledger: Ledger | None = None) -> Stopped:
+    """Run a plan over an open link. Never raises: a lost link, or one more Ctrl-C, is how it ended."""
+    sent = [] if sent is None else sent
+    try:
+        stopped = drive(
+            link, talk, sent, (lambda step: ledger.plan([step])) if ledger is not None else (lambda _step: None)
+        )
+    except HandctlError as exc:
+        return Stopped(exc.text, exc.hint, type(exc))
+    except KeyboardInterrupt:
+        return Stopped(
+            "interrupted again while it was being stopped", "switch the power off if the device still moves", NoAnswer
+        )
+    if ledger is not None and stopped.evidence:
+        ledger.confirm(stopped.evidence, *(one.step for one in sent if not one.reads))
+    return stopped
+
+
+def drive(link: Link, talk: Talk, sent: list[Sent], before: Callable[[Step], object] = lambda _step: None) -> Stopped:
+    """Hold the talk over an open link. What was sent is appended to `sent`, also when LinkError ends it.
+
+    `before` is told of each step that is not a question.
+    """
+    from handctl.link import FrameLink
+
+    exchange = _frames if isinstance(link, FrameLink) else _bytes
+    try:
+        say = next(talk)
+        while True:
+            pieces: Pieces = []
+            place = len(sent)
+            if not say.reads:
+                before(say.step)
+            try:
+                exchange(link, say, pieces, lambda say=say: sent.append(Sent(say.step, say.reads, b"")))  # type: ignore[arg-type, misc]
+            finally:
+                if len(sent) > place:
+                    sent[place] = sent[place]._replace(came=b"".join(pieces))
+            say = talk.send(pieces)
+    except StopIteration as end:
+        stopped: Stopped = end.value
+        return stopped
+
+
+def aimed(link: Link, settings: Options) -> Aim:
+    """What a stopper may know of the device behind an open link."""
+    from handctl.link import FrameLink
+
+    can = isinstance(link, FrameLink)
+    return Aim(settings, can, None if can or not link.can_set_baud else link.baud)  # type: ignore[attr-defined]
+
+
+def by_ctrl_c(error: HandctlError) -> bool:
+    """Whether this is the end of a command that was interrupted, however its stop ended."""
+    return error.exit_code == 130 or error.code == NOT_STOPPED
+
+
+def interrupted(stopped: Stopped, what: str = "") -> HandctlError:
+    """The end of a command that Ctrl-C has ended: exit code 130 only where the stop was acknowledged."""
+    from handctl.errors import Interrupted
+
+    text = f"{what}{stopped.text}"
+    if stopped.error is None:
+        return Interrupted("interrupted", left=Left(text, stopped.hint))
+    return stopped.error(f"interrupted, but the stop is not certain: {text}", hint=stopped.hint, code=NOT_STOPPED)
+
+
+def _bytes(link: ByteLink, say: Say, pieces: Pieces, went: Callable[[], None]) -> None:
+    if say.baud is not None and say.baud != link.baud:
+        try:
+            link.set_baud(say.baud)
+        except LinkError:
+            return
+    if say.step is not QUIET:
+        link.write(say.step.data, link.deadline(WRITE_SECONDS))
+        went()
+    wire = 10 / link.baud if link.baud else 0.0  # seconds of a byte, 10 bits
+    deadline = link.deadline(say.seconds + wire * (len(say.step.data) + say.size))
+    while not deadline.expired and sum(map(len, pieces)) < MOST:
+        chunk = link.read(deadline)
+        if not chunk:
+            return
+        pieces.append(chunk)
+        if say.enough(pieces):
+            return
+
+
+def _frames(link: FrameLink, say: Say, pieces: Pieces, went: Callable[[], None]) -> None:
+    from handctl.link import CanFrame
+
+    if say.step is QUIET:
+        deadline = link.deadline(say.seconds)
+        while not deadline.expired and (heard := link.receive(deadline)) is not None:
+            pieces.append(heard.data)
+        return
+    if say.step.can_id is None:
+        raise LinkError(
+            f"{link.name}: bytes of a serial wire cannot go out on CAN",
+            hint="give the LINK of the wire that the device has",
+        )
+    request = CanFrame(say.step.can_id, say.step.data)
+    link.send(request, link.deadline(WRITE_SECONDS))
+    went()
+    deadline = link.deadline(say.seconds)
+    while not deadline.expired:
+        frame = link.receive(deadline)
+        if frame is None:
+            return
+        if frame.can_id == request.can_id and frame != request:
+            pieces.append(frame.data)
+            if say.enough(pieces):
+                return
+
+
+def shown(sent: Sequence[Sent]) -> str:
+    """What went out, without what only asked: ``03, 54 0D``; the same step several times running is counted."""
+    runs: list[tuple[Step, int]] = []
+    for one in sent:
+        if one.reads:
+            continue
+        if runs and runs[-1][0] == one.step:
+            runs[-1] = (one.step, runs[-1][1] + 1)
+        else:
+            runs.append((one.step, 1))
+    return ", ".join(step.wire + (f" ({count} times)" if count > 1 else "") for step, count in runs)
