@@ -16,7 +16,8 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable, Generator, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeVar
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Generic, NamedTuple, Protocol, TypeVar
 
 from handctl.errors import DeviceRefused, HandctlError, Left, LinkError, NoAnswer, ProtocolError
 from handctl.families import FAMILIES
@@ -146,25 +147,41 @@ QUIET = Step("listen", b"")
 """Nothing goes out."""
 
 
+@dataclass(frozen=True)
+class Heard(Generic[T]):
+    """What came of a step that was repeated: what was found, None for nothing; all that came; and the seconds that it took at most."""
+
+    found: T | None
+    came: Pieces
+    seconds: float
+
+
 def insist(
     aim: Aim, step: Step, found: Callable[[Pieces], T | None], *, reads: bool = False
-) -> Generator[Say, Pieces, tuple[T | None, Pieces]]:
-    """The step, again until something is `found` in all that came since, or its second is over; that, and what came."""
+) -> Generator[Say, Pieces, Heard[T]]:
+    """The step, again until something is `found` in all that came since, or its second is over."""
     came: Pieces = []
-    for _ in range(aim.tries):
+    for count in range(aim.tries):
         before = tuple(came)
         came += yield Say(step, aim.each, lambda pieces, before=before: found([*before, *pieces]) is not None, reads)  # type: ignore[misc]
         if (what := found(came)) is not None:
-            return what, came
-    return None, came
+            return Heard(what, came, (count + 1) * aim.each)
+    return Heard(None, came, WITHIN)
+
+
+def settled(aim: Aim, heard: Heard[T]) -> Generator[Say, Pieces, T | None]:
+    """What was found, once the answers to the repetitions are here too: on a slow line the next question would get them."""
+    if heard.seconds > aim.each:
+        yield from silence(heard.seconds)
+    return heard.found
 
 
 def insisting(step: Step, answer: bytes, done: str, aim: Aim) -> Talk:
     """A stop that is one write, which is acknowledged by `answer`; what the device has `done` once that came."""
-    acknowledged, came = yield from insist(aim, step, lambda pieces: answer in b"".join(pieces) or None)
-    if acknowledged:
+    heard = yield from insist(aim, step, lambda pieces: answer in b"".join(pieces) or None)
+    if heard.found:
         return Stopped(f"{done}, and acknowledged it")
-    error = ProtocolError if came else NoAnswer
+    error = ProtocolError if heard.came else NoAnswer
     return Stopped(
         f"{step.meaning} was sent and not acknowledged", "switch the power off if the device still moves", error
     )

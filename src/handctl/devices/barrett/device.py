@@ -16,6 +16,7 @@ from handctl.errors import DeviceRefused, HandctlError, Left, NoAnswer, Protocol
 from handctl.model.device import Device
 from handctl.model.param import Element, Number, Reading, Step
 from handctl.model.result import Column, Row, Table
+from handctl.model.stopping import Stopped
 
 SPLITTABLE = 32 | 64 | 1024
 """Statuses that a long line may cause: it is asked again in halves (dossier 1.4)."""
@@ -44,6 +45,22 @@ class BarrettHand(Device):
     def __init__(self, line: GclLine) -> None:
         super().__init__(line)
         self.line = line
+
+    def abort(self) -> Stopped:
+        """^C; the motors keep their power. Never raises, and asks nothing."""
+        return super().stop(powered=True)
+
+    def stop(self, *, powered: bool = False) -> Stopped:
+        """See Device. Where the motors keep their power, it tells where they stand."""
+        stopped = super().stop(powered=powered)
+        if stopped.error is not None or not powered:
+            return stopped
+        try:
+            readings = self.read(all_elements([BARRETT.by_mnemonic("P")]))
+        except HandctlError as exc:
+            return stopped._replace(text=f"{stopped.text}. Where they stand could not be read: {exc.text}")
+        places = ", ".join(f"{reading.element.part} {reading.value}" for reading in readings)
+        return stopped._replace(text=f"{stopped.text}. Positions: {places}")
 
     def identity(self) -> dict[str, object]:
         """Serial number (0 on hands upgraded in the field) and firmware as the hand says it."""

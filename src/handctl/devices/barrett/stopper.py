@@ -26,7 +26,9 @@ FIRST, BETWEEN, LAST = 0.15, 0.02, 0.5
 SWALLOWED = 8
 POWER_OFF, BRIEF = 1.0, 0.3
 """Seconds for the answer to T: at the end, and before the other speeds are tried."""
-HARMLESS = 1 | 4 | 16384
+ABORTED = 16384
+"""Status of what ^C has ended (barrett §5.1.3, T3)."""
+HARMLESS = 1 | 4 | ABORTED
 """Statuses with which T works: a motor was never initialized (printed as 1 in §5.2.1), ^C was received."""
 OFF = "switch the supply off if the hand still moves"
 
@@ -52,7 +54,7 @@ def power_off(aim: Aim, prefix: str = "") -> Talk:
     Where the motors are to stay `powered`, T goes out only when ^C brings no prompt.
     """
     stopped = yield from _power_off(aim, prefix)
-    if stopped.error is None and (said := b"".join((yield from silence()))):
+    if stopped.error is None and (said := b"".join((yield from silence())).strip(b"=> \r\n")):  # late prompts are ours
         shown = said[:24].hex(" ").upper()
         return taken_over(stopped, f"the hand says {shown}, which nobody here has asked for")
     return stopped
@@ -66,7 +68,7 @@ def _power_off(aim: Aim, prefix: str) -> Talk:
     waits = (FIRST, *[BETWEEN] * (SWALLOWED - 1), last)
     turns = [(yield from _at(aim.speed, prefix, waits, brief, slow, powered=aim.powered))]
     if aim.powered and turns[0].ended:
-        return Stopped(f"^C was answered with a prompt{_status_in(turns[0].seen)}. The motors keep their power")
+        return Stopped(f"{_ended_by(turns[0].seen)}. The motors keep their power")
     for speed in others:
         if turns[-1].answer is None:
             turns.append((yield from _at(speed, prefix, (FIRST,), BRIEF, slow)))
@@ -133,10 +135,11 @@ def _unanswered(turns: list[Turn]) -> Stopped:
     return Stopped(f"{sent} went out. No prompt came, but {shown}", OFF, ProtocolError)
 
 
-def _status_in(seen: bytes) -> str:
-    """How the movement that ran ended, in words; "" where nothing ran."""
+def _ended_by(seen: bytes) -> str:
+    """How what ran has ended at ^C, in words: it may have ended before, or have been no movement."""
     status = next((int(number) for number in re.findall(rb"ERR (\d{1,5})", seen)), 0)
-    return f" (status {status}: {explain_status(status)})" if status else ""
+    told = f"(status {status}: {explain_status(status)})"
+    return f"^C stopped the hand {told}" if status & ABORTED else f"the hand is at its prompt again after ^C {told}"
 
 
 def _prompt_in(before: tuple[bytes, ...], pieces: Pieces) -> bool:

@@ -23,7 +23,8 @@ def stop_talk(aim: Aim) -> Talk:
     mode = str(aim.settings.own.get("length_mode", "body"))
     request = encode(Command.CANCEL_ACTION, MSG_ID, cancel_body(), "body" if mode == "auto" else mode)
     step = Step("CancelAction: cancel the running action", request, moves=True)
-    frame, pieces = yield from insist(aim, step, lambda came: _answer(request, came))
+    heard = yield from insist(aim, step, lambda came: _answer(request, came))
+    frame, pieces = heard.found, heard.came
     if frame is None:
         text = "CancelAction was sent and not answered" if not pieces else "CancelAction was sent. No valid answer came"
         return Stopped(f"{text}; {LIMIT}", HINT, ProtocolError if pieces else NoAnswer)

@@ -10,12 +10,14 @@ from collections.abc import Callable, Generator, Sequence
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.quiet import question
 from handctl.model.param import Step
-from handctl.model.stopping import BETWEEN, Aim, Pieces, Say, insist, silence
+from handctl.model.stopping import BETWEEN, Aim, Pieces, Say, insist, settled, silence
 
 QUICK = 0.05
 """Seconds for an answer that tells one of this maker's devices from another: it must not hold up a stop."""
 SHOWN = 16
 """Bytes of what came instead of an answer that a sentence holds."""
+
+READS = "read where it is, or is to be"
 
 Read = Generator[Say, Pieces, list[int] | None]
 
@@ -36,8 +38,8 @@ def asks(number: int, flag: int) -> tuple[Step, bytes]:
 def values(aim: Aim, address: int, count: int, flag: int) -> Read:
     """So many signed 16-bit registers in EB90, asked again for a second; None where nothing answers."""
     prefix = eb90.read_reply_prefix(aim.number, address, 2 * count, flag)
-    step = Step("read where it is", eb90.read_request(aim.number, address, 2 * count, flag))
-    frame, _ = yield from insist(aim, step, lambda pieces: answer(pieces, prefix), reads=True)
+    step = Step(READS, eb90.read_request(aim.number, address, 2 * count, flag))
+    frame = yield from settled(aim, (yield from insist(aim, step, lambda pieces: answer(pieces, prefix), reads=True)))
     return eb90.unpack_s16(frame.data) if frame is not None else None
 
 

@@ -82,7 +82,7 @@ def run_all(hand: BarrettHand, commands: Iterable[str], *, keep_going: bool) -> 
         try:
             answer = ask(hand, text)
         except KeyboardInterrupt:
-            lost = interrupted(hand.stop(powered=True), f"in {text}: ")
+            lost = interrupted(hand.abort(), f"in {text}: ")
         except HandctlError as exc:
             lost = exc
         if lost is not None:
@@ -220,7 +220,7 @@ def _one(run: Run, hand: BarrettHand, text: str, before: Callable[[str], None]) 
         if text.startswith("?") or text.upper().startswith("A?"):
             run.out(explain_help(text))
     except KeyboardInterrupt:
-        run.guide.say(hand.stop(powered=True).text)
+        run.guide.say(hand.abort().text)
     except DeviceRefused as exc:
         run.guide.say(exc.text)
     except HandctlError as exc:

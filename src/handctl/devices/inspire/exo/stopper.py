@@ -10,7 +10,7 @@ from handctl.devices.inspire import eb90
 from handctl.devices.inspire.stopping import QUICK, answer, asks, instead, seen_since, values
 from handctl.errors import DeviceRefused, NoAnswer, ProtocolError
 from handctl.model.param import Step
-from handctl.model.stopping import Aim, Pieces, Say, Stopped, Talk, taken_over
+from handctl.model.stopping import Aim, Say, Stopped, Talk, insist, taken_over
 
 POSITION_SET, POSITION_ACTUAL = 1486, 1546
 """exo §2.3.7, §2.3.9."""
@@ -19,47 +19,49 @@ STAY = -1
 """In `position_set`: this finger is not moved (exo §2.3.7)."""
 STILL = 15
 """Counts of 1000: what stands is read alike within so many."""
+OF_A_WRIST = "run `handctl wrist stop`"
 POWER = "switch the power off if the hand still pushes or moves"
 
 
 def stop_talk(aim: Aim) -> Talk:
     """Forces to 0 and a hold, both again and again until the hand has acknowledged them; then a second look."""
-    number, heard = aim.number, list[bytes]()
+    number, came = aim.number, list[bytes]()
+    step, wrist = asks(number, eb90.WRIST_READ)
     if not aim.proven:
-        step, wrist = asks(number, eb90.WRIST_READ)
-        heard += yield Say(step, QUICK, lambda pieces: answer(pieces, wrist), reads=True)
-        if answer(heard, wrist):
-            return Stopped("a wrist answers here, not an exoskeleton hand. Nothing was written", "run `handctl wrist stop`", DeviceRefused)  # fmt: skip
+        came += yield Say(step, QUICK, lambda pieces: answer(pieces, wrist), reads=True)
+        if answer(came, wrist):
+            return Stopped(
+                "a wrist answers here, not an exoskeleton hand. Nothing was written", OF_A_WRIST, DeviceRefused
+            )
     force = Step("all forces to 0", eb90.command_request(number, eb90.FORCE_COMMAND, [0] * FINGERS), moves=True)
     told = eb90.command_reply_prefix(number, eb90.FORCE_COMMAND)
-    came: Pieces = []
     meaning = ""
-    for count in range(aim.tries):
-        before = tuple(came)
-        came += yield Say(force, aim.each, lambda pieces, before=before: answer([*before, *pieces], told))  # type: ignore[misc]
-        heard += came
-        if (frame := answer(came, told)) is None:
+    for _ in range(aim.tries):
+        heard = yield from insist(aim, force, lambda pieces: answer(pieces, told))
+        came += heard.came
+        if heard.found is None:
+            break
+        places = eb90.unpack_s16(heard.found.payload)[:FINGERS]
+        step, taken, meaning = hold(number, places)
+        # on a slow line as long as the forces have taken
+        pieces = yield Say(step, max(aim.each, heard.seconds), lambda pieces, taken=taken: answer(pieces, taken))  # type: ignore[misc]
+        if answer(pieces, taken) is None:
             continue
-        places = eb90.unpack_s16(frame.payload)[:FINGERS]
-        step, prefix, meaning = hold(number, places)
-        # a slow line: the first answer took this long, and this one may
-        came = yield Say(step, aim.each * (count + 1), lambda pieces, prefix=prefix: answer(pieces, prefix))  # type: ignore[misc]
-        if answer(came, prefix) is not None:
-            stopped = Stopped(
-                f"the hand answered two commands: all forces to 0, then {meaning}. The manual has no stop command"
-            )
-            held = [place if meaning.startswith("hold") else None for place in places]
-            against = yield from seen_since(
-                lambda: values(aim, POSITION_ACTUAL, MEASURED, eb90.READ),
-                lambda: values(aim, POSITION_SET, FINGERS, eb90.READ),
-                held,
-                STILL,
-            )
-            return taken_over(stopped, against) if against else stopped
+        done = f"the hand answered two commands: all forces to 0, then {meaning}. The manual has no stop command"
+        against = yield from seen_since(
+            lambda: values(aim, POSITION_ACTUAL, MEASURED, eb90.READ),
+            lambda: values(aim, POSITION_SET, FINGERS, eb90.READ),
+            places if meaning.startswith("hold") else [None] * FINGERS,
+            STILL,
+        )
+        return taken_over(Stopped(done), against) if against else Stopped(done)
     if meaning:
         text = f"the hand answered the command of all forces to 0, but not the next one: {meaning}"
         return Stopped(text, POWER, NoAnswer)
-    seen = instead(heard)
+    if answer(came, wrist):
+        text = "all forces were commanded to 0, then a wrist answered, not an exoskeleton hand. It was not stopped"
+        return Stopped(text, OF_A_WRIST, DeviceRefused)
+    seen = instead(came)
     text = f"all forces were commanded to 0, but {f'no valid answer arrived: {seen}' if seen else 'no answer arrived'}"
     return Stopped(text, f"{POWER}. `handctl exo scan` looks for id and speed", ProtocolError if seen else NoAnswer)
 

@@ -13,10 +13,10 @@ from handctl.devices.inspire import canreg, eb90, modbus
 from handctl.devices.inspire.hand.map import HandRegister
 from handctl.devices.inspire.hand.typed import map_of, over_tcp
 from handctl.devices.inspire.identity import STATES, is_five_wide, is_six_wide, within
-from handctl.devices.inspire.stopping import QUICK, Read, answer, seen_since
+from handctl.devices.inspire.stopping import QUICK, READS, Read, answer, seen_since
 from handctl.errors import DeviceRefused, LinkError, NoAnswer, ProtocolError
 from handctl.model.param import Step
-from handctl.model.stopping import Aim, Pieces, Say, Stopped, Talk, insist, taken_over
+from handctl.model.stopping import Aim, Pieces, Say, Stopped, Talk, insist, settled, taken_over
 
 STILL = 15
 """Counts of 1000: what stands is read alike within so many."""
@@ -69,9 +69,9 @@ def _stop(aim: Aim, wire: str) -> Generator[Say, Pieces, Stopped]:
     for start in range(0, len(zeros), size):
         data = zeros[start : start + size]
         step, verdict = _writing(wire, aim.number, (register.address + start) // register.per, data)
-        said, pieces = yield from insist(aim, step, verdict)
-        if said is None:
-            return Stopped("speed 0 was sent and not acknowledged", POWER, ProtocolError if pieces else NoAnswer)
+        heard = yield from insist(aim, step, verdict)
+        if (said := (yield from settled(aim, heard))) is None:
+            return Stopped("speed 0 was sent and not acknowledged", POWER, ProtocolError if heard.came else NoAnswer)
         if said is not TAKEN:
             return said
     if asks and states is None:
@@ -138,11 +138,9 @@ def _memory(aim: Aim, wire: str, address: int, count: int, once: float = 0.0) ->
         told = _answer(wire, number, pieces, pdu)
         return modbus.to_memory(told.data) if told is not None and told.exception is None else None
 
-    step = Step(
-        "ask whether a hand is there" if (address, count) == STATES else "read where it is", data, can_id=can_id
-    )
+    step = Step("ask whether a hand is there" if (address, count) == STATES else READS, data, can_id=can_id)
     if not once:
-        return (yield from insist(aim, step, answered, reads=True))[0]
+        return (yield from settled(aim, (yield from insist(aim, step, answered, reads=True))))
     return answered((yield Say(step, once, lambda came: answered(came) is not None, reads=True)))
 
 

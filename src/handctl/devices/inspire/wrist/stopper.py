@@ -9,10 +9,10 @@ from __future__ import annotations
 from collections.abc import Generator
 
 from handctl.devices.inspire import canreg, eb90
-from handctl.devices.inspire.stopping import answer, asks, instead, seen_since, values
+from handctl.devices.inspire.stopping import READS, Read, answer, asks, instead, seen_since
 from handctl.errors import CheckFailed, DeviceRefused, NoAnswer, ProtocolError
 from handctl.model.param import Step
-from handctl.model.stopping import Aim, Pieces, Say, Stopped, Talk, insist, taken_over
+from handctl.model.stopping import Aim, Heard, Pieces, Say, Stopped, Talk, insist, settled, silence, taken_over
 
 ANGLES, ANGLES_SET = 1020, 1038
 """pitch_actual with yaw_actual behind it; yaw_set with pitch_set behind it (wrist §2.1)."""
@@ -25,33 +25,33 @@ POWER = "switch the power off if it still moves"
 
 def stop_talk(aim: Aim) -> Talk:
     """Where is it, stay there: until it is acknowledged; then a second look."""
-    heard: Pieces = []
     if not (aim.can or aim.proven):
         step, prefix = asks(aim.number, eb90.WRIST_READ)
-        there, heard = yield from insist(aim, step, lambda pieces: answer(pieces, prefix), reads=True)
-        if there is None:
-            return _unanswered(heard)
+        heard = yield from insist(aim, step, lambda pieces: answer(pieces, prefix), reads=True)
+        if heard.found is None:
+            return _unanswered(heard.came)
     meaning = ""
-    for count in range(aim.tries):
-        if (angles := (yield from _read(aim, ANGLES, heard if not count else []))) is None:
-            return _unanswered(heard)
-        pitch, yaw = angles
+    for _ in range(aim.tries):
+        told = yield from _asked(aim, ANGLES)
+        if told.found is None:
+            return _unanswered(told.came)
+        pitch, yaw = told.found
         at = f"pitch {pitch / 100:.2f}°, yaw {yaw / 100:.2f}°"
         if not (PITCH[0] <= pitch <= PITCH[1] and YAW[0] <= yaw <= YAW[1]):
             text = f"the angles ({at}) are outside the documented range, so nothing was commanded"
             return Stopped(text, POWER, CheckFailed)
         meaning = f"stay at {at}"
-        taken = yield from _hold(aim, meaning, [yaw, pitch], aim.each * (count + 1))
+        taken = yield from _hold(aim, meaning, [yaw, pitch], max(aim.each, told.seconds))
         if taken is False:
             return Stopped(f"the wrist did not take the command to {meaning}", POWER, DeviceRefused)
         if taken:
-            stopped = Stopped(
-                f"the wrist was commanded to {meaning} and acknowledged it. The manual has no stop command"
-            )
+            done = f"the wrist was commanded to {meaning} and acknowledged it. The manual has no stop command"
             against = yield from seen_since(
-                lambda: _read(aim, ANGLES, []), lambda: _read(aim, ANGLES_SET, []), [yaw, pitch], STILL
+                lambda: _read(aim, ANGLES), lambda: _read(aim, ANGLES_SET), [yaw, pitch], STILL
             )
-            return taken_over(stopped, against) if against else stopped
+            return taken_over(Stopped(done), against) if against else Stopped(done)
+        if told.seconds > aim.each:
+            yield from silence(told.seconds)  # answers to repetitions tell where it was
     return Stopped(f"the wrist was commanded to {meaning} but did not acknowledge it", POWER, NoAnswer)
 
 
@@ -65,17 +65,27 @@ def _unanswered(heard: Pieces) -> Stopped:
     )
 
 
-def _read(aim: Aim, address: int, heard: Pieces) -> Generator[Say, Pieces, list[int] | None]:
-    """Two angles in 0.01 degrees, None without an answer."""
-    if not aim.can:
-        return (yield from values(aim, address, 2, eb90.WRIST_READ))
-    identifier, data = canreg.read_request(aim.number, address, 4)
-    step = Step("read the angles", data, can_id=identifier)
-    found, came = yield from insist(
-        aim, step, lambda pieces: next((one for one in reversed(pieces) if len(one) == 4), None), reads=True
-    )
-    heard += came
-    return eb90.unpack_s16(found) if found is not None else None
+def _read(aim: Aim, address: int) -> Read:
+    return (yield from settled(aim, (yield from _asked(aim, address))))
+
+
+def _asked(aim: Aim, address: int) -> Generator[Say, Pieces, Heard[list[int]]]:
+    """Two angles in 0.01 degrees."""
+    if aim.can:
+        identifier, data = canreg.read_request(aim.number, address, 4)
+        step = Step(READS, data, can_id=identifier)
+    else:
+        step = Step(READS, eb90.read_request(aim.number, address, 4, eb90.WRIST_READ))
+
+    def found(pieces: Pieces) -> list[int] | None:
+        if aim.can:
+            data = next((one for one in reversed(pieces) if len(one) == 4), None)
+        else:
+            frame = answer(pieces, eb90.read_reply_prefix(aim.number, address, 4, eb90.WRIST_READ))
+            data = frame.data if frame is not None else None
+        return eb90.unpack_s16(data) if data is not None else None
+
+    return (yield from insist(aim, step, found, reads=True))
 
 
 def _hold(aim: Aim, meaning: str, angles: list[int], seconds: float) -> Generator[Say, Pieces, bool | None]:
