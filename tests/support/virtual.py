@@ -55,8 +55,8 @@ class Clock:
         with (
             mock.patch.object(clock, "now", self.now),
             mock.patch.object(clock, "wall", self.wall),
-            mock.patch.object(clock, "sleep", lambda seconds: self.sleep(seconds)),
-            mock.patch.object(time, "sleep", lambda seconds: self.sleep(seconds)),
+            mock.patch.object(clock, "sleep", self.sleep),
+            mock.patch.object(time, "sleep", self.sleep),
         ):
             yield
 
@@ -138,7 +138,9 @@ class _Door:
 class Client:
     """Somebody at a served port. It has of pyserial's `Serial` what python-can and handctl's links use."""
 
-    def __init__(self, loop: Loop, end: socket.socket, terminal: Terminal | None = None, timeout: float = PATIENCE) -> None:
+    def __init__(
+        self, loop: Loop, end: socket.socket, terminal: Terminal | None = None, timeout: float = PATIENCE
+    ) -> None:
         self._loop, self._end, self._terminal = loop, end, terminal
         self._came = bytearray()
         self.gone = False
@@ -291,11 +293,14 @@ class Loop(Clock):
     # -- the test's side ----------------------------------------------------------------------------------------------
 
     def __enter__(self) -> Loop:
+        def listen(door: Any, host: str, port: int) -> None:
+            door._listener = self._listener(host, port)
+
         enter = self._patches.enter_context
         enter(self.installed())
         stand_in = SimpleNamespace(opened=self._opened, name=self._name, speed_of=self._speed_of, unread=pseudo.unread)
         enter(mock.patch.object(ports, "pseudo", stand_in))
-        enter(mock.patch.object(ports.TcpDoor, "_open", lambda door, *place: self._listen(door, *place)))
+        enter(mock.patch.object(ports.TcpDoor, "_open", listen))
         enter(mock.patch.object(serve, "Signals", lambda: self.signals))
         enter(mock.patch.object(serve, "select", SimpleNamespace(select=self._select)))
         enter(mock.patch.object(serve, "print", self._print, create=True))
@@ -306,7 +311,7 @@ class Loop(Clock):
         assert self._ours.acquire(timeout=PATIENCE), "the loop does not wait for anything"
         if self._ended:
             self.__exit__()
-            raise AssertionError(f"the simulator did not start: {self.complained}")
+            raise AssertionError(f"the simulator did not start: {self.complained}") from self._failed
         ready = json.loads(self.told.pop(0))
         assert ready["ready"] is True
         self.link: str = ready["link"]
@@ -396,8 +401,6 @@ class Loop(Clock):
     # -- what stands for the system ---------------------------------------------------------------------------------------
 
     def _for_url(self, url: str, **options: Any) -> Client:
-        if url in ("loop://",):
-            raise AssertionError("not here")
         try:
             client = self.open(link=url)
         except ConnectionRefusedError as exc:
@@ -420,11 +423,12 @@ class Loop(Clock):
     def _speed_of(self, master: int) -> int:
         return self._by_master[master].speed
 
-    def _listen(self, door: Any, host: str, port: int) -> None:
+    def _listener(self, host: str, port: int) -> _Door:
         if not host.startswith("127."):
             raise ports.ServeError(f"cannot listen on {host}:{port}: the machine does not have it")
         address = (host, port or 40000 + len(self._doors))
-        door._listener = self._doors[address] = _Door(address)
+        self._doors[address] = _Door(address)
+        return self._doors[address]
 
     def _control(self, _path: str) -> Any:
         door = self._doors["control"] = _Door("control")
