@@ -19,7 +19,7 @@ from handctl.link.slcan import said_flags
 from handctl.sim.engine.serve import send_control
 from tests.support.cli import PATIENCE, Simulator, run
 from tests.support.each_row import each_row
-from tests.support.virtual import Clock, Loop, virtual_time
+from tests.support.virtual import Answering, Clock, Loop, virtual_time
 
 PROBE = CanFrame(0x10FF0001, b"\x02")
 TCP = ("--slcan-tcp", "127.0.0.1:0")
@@ -65,34 +65,6 @@ def test_an_old_adapter_without_version_is_one_all_the_same() -> None:
         link.close()
 
 
-class Stranger:
-    """A port with somebody behind it that is no adapter: what it answers to bytes, and what it heard."""
-
-    def __init__(self, answer: Callable[[bytes], bytes]) -> None:
-        self.answer, self.heard, self.came = answer, b"", b""
-        self.is_open, self.write_timeout = True, None
-
-    def write(self, data: bytes) -> None:
-        self.heard += data
-        self.came += self.answer(data)
-
-    def read(self, count: int) -> bytes:
-        data, self.came = self.came[:count], self.came[count:]
-        return data
-
-    def reset_input_buffer(self) -> None:
-        self.came = b""
-
-    def flush(self) -> None:
-        """Written is sent."""
-
-    def fileno(self) -> int:
-        raise OSError
-
-    def close(self) -> None:
-        self.is_open = False
-
-
 @each_row(
     ("answer", "words"),
     [
@@ -107,7 +79,7 @@ def test_a_port_that_is_no_adapter_is_named_and_gets_no_command(
     time_jumps: Clock, monkeypatch: pytest.MonkeyPatch, answer: Callable[[bytes], bytes], words: str
 ) -> None:
     """C would close a BarrettHand, and S, O are commands of others as well: only version and number are asked for."""
-    port = Stranger(answer)
+    port = Answering(answer)
     monkeypatch.setattr("serial.serial_for_url", lambda *_, **__: port)
     with pytest.raises(LinkError) as caught:
         open_link("can:slcan:socket://192.0.2.7:1")

@@ -69,6 +69,35 @@ def virtual_time() -> Iterator[Clock]:
         yield found
 
 
+class Answering:
+    """A port of pyserial's with somebody behind it who answers at once: what to which bytes, and what was heard."""
+
+    def __init__(self, answer: Callable[[bytes], bytes]) -> None:
+        self.answer, self.heard, self.came = answer, b"", b""
+        self.is_open = True
+        self.write_timeout: float | None = None
+
+    def write(self, data: bytes) -> None:
+        self.heard += data
+        self.came += self.answer(data)
+
+    def read(self, count: int) -> bytes:
+        data, self.came = self.came[:count], self.came[count:]
+        return data
+
+    def reset_input_buffer(self) -> None:
+        self.came = b""
+
+    def flush(self) -> None:
+        """Written is sent."""
+
+    def fileno(self) -> int:
+        raise OSError
+
+    def close(self) -> None:
+        self.is_open = False
+
+
 class Signals:
     """What a served simulator hears beside its clients."""
 
