@@ -253,9 +253,16 @@ def test_a_port_that_takes_nothing_ends_at_the_deadline(opened: list[Port], monk
     link = open_link("/dev/ttyUSB7")
     waits: list[float] = []
     monkeypatch.setattr(serial_module, "writable", lambda _port, seconds: bool(waits.append(seconds)))
+    owed: list[bytes] = []
+    assert isinstance(link, ByteLink)
+    link.outlet().owes = owed.append  # type: ignore[union-attr]
+    link.write(b"whole", link.deadline(PATIENCE))
+    assert owed == [b""]
+    frame = bytes(range(251)) * 40000
     with pytest.raises(LinkError) as caught:
-        link.write(bytes(1_000_000), Deadline(lambda: 10.0, 12.5))
+        link.write(frame, Deadline(lambda: 10.0, 12.5))
     assert caught.value.code == "write-timeout" and waits == [2.5]
+    assert owed[-1] and frame.endswith(owed[-1]) and owed[-1] != frame, "the rest of a frame that is half sent"
     link.close()
 
 
