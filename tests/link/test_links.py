@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import pty
 import socket
 import subprocess
 import sys
+import termios
 import threading
 import tty
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 import serial
@@ -21,7 +24,7 @@ from handctl.errors import HandctlError, LinkError
 from handctl.link import ByteLink, Deadline, NoLink, open_link
 from handctl.link import serial as serial_module
 from handctl.link.owners import Process
-from tests.support.cli import PATIENCE, in_time, run
+from tests.support.cli import PATIENCE, run
 from tests.support.scripted import unhex
 
 READ_ID, ID_IS_1 = unhex("EB 90 01 04 11 E8 03 01 02"), unhex("90 EB 01 04 11 E8 03 01 02")
@@ -38,10 +41,32 @@ def terminal() -> Iterator[tuple[int, str]]:
     os.close(ours)
 
 
+class Port:
+    """A port of pyserial's with a descriptor: one end of a pair, of which `peer` is the other."""
+
+    def __init__(self, *_: object, baudrate: int, **options: object) -> None:
+        self._end, self.peer = socket.socketpair()
+        self._end.setblocking(False)
+        self.baudrate, self.options = baudrate, options
+
+    def fileno(self) -> int:
+        return self._end.fileno()
+
+    def close(self) -> None:
+        self._end.close()
+
+
 @pytest.fixture
-def listener() -> Iterator[socket.socket]:
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        yield server
+def opened(monkeypatch: pytest.MonkeyPatch) -> list[Port]:
+    """Every port that is opened, as this process's own."""
+    ports: list[Port] = []
+
+    def open_one(name: str, **options: Any) -> Port:
+        ports.append(Port(name, **options))
+        return ports[-1]
+
+    monkeypatch.setattr(serial, "serial_for_url", open_one)
+    return ports
 
 
 def opening(link: str, **options: object) -> HandctlError:
@@ -133,67 +158,26 @@ def test_devices_and_directories_are_not_ports(path: str) -> None:
 
 
 @pytest.mark.real
-def test_a_port_carries_bytes_both_ways(terminal: tuple[int, str]) -> None:
+def test_a_port_of_the_system(terminal: tuple[int, str]) -> None:
+    """Every byte passes unchanged: XON, XOFF, CR, LF, ^C, ^D and FF too. A second opening is busy."""
     ours, name = terminal
     link = open_link(name, baud=57600)
     try:
         assert (link.name, link.baud, link.can_set_baud, link.fake) == (name, 57600, True, False)
-        link.write(READ_ID, link.deadline(PATIENCE))
-        assert os.read(ours, 100) == READ_ID
-        os.write(ours, ID_IS_1)
-        assert all_of(link, 9) == ID_IS_1
-        os.write(ours, b"abcdef")
-        assert link.read(link.deadline(PATIENCE), 2) == b"ab"
-        assert all_of(link, 4) == b"cdef"
-
-        def silence() -> None:
-            assert link.read(link.deadline(0.05)) == b""
-
-        in_time(silence, 0.04, 0.5)
-    finally:
-        link.close()
-        link.close()
-
-
-@pytest.mark.real
-def test_the_speed_of_a_port_is_set(terminal: tuple[int, str]) -> None:
-    import termios
-
-    ours, name = terminal
-    link = open_link(name, baud=115200)
-    try:
-        assert termios.tcgetattr(ours)[4] == termios.B115200
-        link.set_baud(19200)
-        assert (termios.tcgetattr(ours)[4], link.baud) == (termios.B19200, 19200)
-    finally:
-        link.close()
-
-
-@pytest.mark.real
-def test_every_byte_passes_unchanged(terminal: tuple[int, str]) -> None:
-    """XON, XOFF, CR, LF, ^C, ^D and FF too."""
-    ours, name = terminal
-    link = open_link(name)
-    data = bytes(range(256))
-    try:
+        assert termios.tcgetattr(ours)[4] == termios.B57600
+        data = bytes(range(256))
         link.write(data, link.deadline(PATIENCE))
         assert os.read(ours, 4096) == data
         os.write(ours, data)
         assert all_of(link, 256) == data
-    finally:
-        link.close()
-
-
-@pytest.mark.real
-def test_second_opening_in_this_process_is_busy(terminal: tuple[int, str]) -> None:
-    _, name = terminal
-    link = open_link(name)
-    try:
+        link.set_baud(19200)
+        assert (termios.tcgetattr(ours)[4], link.baud) == (termios.B19200, 19200)
         error = opening(name)
         assert (error.exit_code, error.code) == (3, "busy")
         assert "in use by" in error.text
         assert "close" in error.hint
     finally:
+        link.close()
         link.close()
     open_link(name).close()
 
@@ -229,49 +213,56 @@ def test_a_port_that_goes_away_is_lost() -> None:
     link.close()
 
 
-@pytest.mark.real
-def test_an_adapter_that_was_unplugged_reads_as_nothing_and_is_lost(
-    terminal: tuple[int, str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_port_is_read_in_pieces_until_the_deadline(opened: list[Port], monkeypatch: pytest.MonkeyPatch) -> None:
+    link = open_link("/dev/ttyUSB7", baud=57600)
+    assert opened[0].baudrate == 57600 and opened[0].options["timeout"] == 0.0
+    opened[0].peer.sendall(b"abcdef")
+    assert link.read(link.deadline(PATIENCE), 2) == b"ab"
+    assert all_of(link, 4) == b"cdef"
+    waits: list[float] = []
+    monkeypatch.setattr(serial_module, "readable", lambda _port, seconds: bool(waits.append(seconds)))
+    assert link.read(Deadline(lambda: 10.0, 12.5)) == b""
+    assert waits == [2.5]
+    link.close()
+
+
+def test_an_adapter_that_was_unplugged_reads_as_nothing_and_is_lost(opened: list[Port]) -> None:
     """Ready, and no byte: that is the end of a hung-up line, never silence that could be waited for again."""
-    ours, name = terminal
-    link = open_link(name)
-    assert isinstance(link, ByteLink)
-    os.write(ours, b"x")
-    monkeypatch.setattr(os, "read", lambda _file, _size: b"")
+    link = open_link("/dev/ttyUSB7")
+    opened[0].peer.close()
     with pytest.raises(LinkError) as caught:
         link.read(link.deadline(PATIENCE))
     assert caught.value.code == "lost"
     link.close()
 
 
-@pytest.mark.real
-def test_a_real_port_that_another_program_has_open_is_refused(
-    terminal: tuple[int, str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_port_that_another_program_has_open_is_refused(opened: list[Port], monkeypatch: pytest.MonkeyPatch) -> None:
     """Two readers would each get half of the bytes; the exclusive opening does not see one that opened it before."""
-    name, real = terminal[1], os.path.realpath
-    monkeypatch.setattr(os.path, "realpath", lambda path: "/dev/ttyUSB0" if path == name else real(path))
+    name = "/dev/ttyUSB7"
     holding = [Process(4711, "minicom")]
     monkeypatch.setattr(serial_module, "holders", lambda device: holding if device == name else [])
     with pytest.raises(LinkError, match=r"in use by minicom \(pid 4711\)") as caught:
         open_link(name)
-    assert caught.value.code == "busy"
+    assert caught.value.code == "busy" and not opened
     holding.clear()
     open_link(name).close()
+    assert len(opened) == 1
 
 
-@pytest.mark.real
-def test_a_port_that_takes_nothing_ends_at_the_deadline(terminal: tuple[int, str]) -> None:
-    _, name = terminal
-    link = open_link(name)
-
-    def written() -> None:
-        with pytest.raises(LinkError) as caught:
-            link.write(bytes(1_000_000), link.deadline(0.1))
-        assert caught.value.code == "write-timeout"
-
-    in_time(written, 0.1, 2.0)
+def test_a_port_that_takes_nothing_ends_at_the_deadline(opened: list[Port], monkeypatch: pytest.MonkeyPatch) -> None:
+    link = open_link("/dev/ttyUSB7")
+    waits: list[float] = []
+    monkeypatch.setattr(serial_module, "writable", lambda _port, seconds: bool(waits.append(seconds)))
+    owed: list[bytes] = []
+    assert isinstance(link, ByteLink)
+    link.outlet().owes = owed.append  # type: ignore[union-attr]
+    link.write(b"whole", link.deadline(PATIENCE))
+    assert owed == [b""]
+    frame = bytes(range(251)) * 40000
+    with pytest.raises(LinkError) as caught:
+        link.write(frame, Deadline(lambda: 10.0, 12.5))
+    assert caught.value.code == "write-timeout" and waits == [2.5]
+    assert owed[-1] and frame.endswith(owed[-1]) and owed[-1] != frame, "the rest of a frame that is half sent"
     link.close()
 
 
@@ -286,10 +277,6 @@ def test_a_port_that_takes_nothing_ends_at_the_deadline(terminal: tuple[int, str
     ],
 )
 def test_causes_of_a_failed_opening(monkeypatch: pytest.MonkeyPatch, number: str, code: str) -> None:
-    import errno
-
-    import serial
-
     def refuse(*args: object, **more: object) -> None:
         raise serial.SerialException(getattr(errno, number), "could not open port")
 
@@ -298,21 +285,13 @@ def test_causes_of_a_failed_opening(monkeypatch: pytest.MonkeyPatch, number: str
     assert (error.exit_code, error.code) == (3, code)
 
 
-@pytest.mark.real
-def test_permission_names_the_group(monkeypatch: pytest.MonkeyPatch, terminal: tuple[int, str]) -> None:
-    import errno
-
-    import serial
-
+def test_permission_names_the_group(monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(*args: object, **more: object) -> None:
         raise serial.SerialException(errno.EACCES, "could not open port")
 
     monkeypatch.setattr(serial, "serial_for_url", refuse)
-    monkeypatch.setattr(
-        "handctl.link.serial.group_of", lambda _path: (20, "dialout")
-    )  # a port of root: test_link_places
-    error = opening(terminal[1])
-    assert "usermod -aG dialout" in error.hint
+    monkeypatch.setattr(serial_module, "group_of", lambda _path: (20, "dialout"))  # a port of root: test_places
+    assert "usermod -aG dialout" in opening("/dev/ttyUSB7").hint
 
 
 # -- usb: -------------------------------------------------------------------------------------------------------------
@@ -379,13 +358,12 @@ def test_usb_link_that_is_none(monkeypatch: pytest.MonkeyPatch, link: str) -> No
     assert opening(link).exit_code == 2
 
 
-@pytest.mark.real
-def test_usb_link_opens_the_port_it_found(monkeypatch: pytest.MonkeyPatch, terminal: tuple[int, str]) -> None:
-    plug(monkeypatch, port(terminal[1], 0x0403, 0x6001, "A1"))
+def test_usb_link_opens_the_port_it_found(monkeypatch: pytest.MonkeyPatch, opened: list[Port]) -> None:
+    plug(monkeypatch, FTDI_A)
     link = open_link("usb:0403:6001:A1")
     assert link.name == "usb:0403:6001:A1"
     link.write(READ_ID, link.deadline(PATIENCE))
-    assert os.read(terminal[0], 100) == READ_ID
+    assert opened[0].peer.recv(100) == READ_ID
     link.close()
 
 
@@ -393,10 +371,9 @@ def socketed(device: str, location: str | None) -> SimpleNamespace:
     return SimpleNamespace(device=device, vid=0x1A86, pid=0x7523, serial_number=None, location=location)
 
 
-@pytest.mark.real
-def test_a_lost_usb_port_comes_back_as_itself_only(monkeypatch: pytest.MonkeyPatch, terminal: tuple[int, str]) -> None:
+def test_a_lost_usb_port_comes_back_as_itself_only(monkeypatch: pytest.MonkeyPatch, opened: list[Port]) -> None:
     """A kind without a serial number: not the port of another adapter of that kind, whatever its path is by then."""
-    name = terminal[1]
+    name = "/dev/ttyUSB7"
     for own, other in (
         (port(name, 0x1A86, 0x7523, "A1"), port(name, 0x1A86, 0x7523, "B2")),
         (socketed(name, "1-2"), socketed(name, "1-3")),
@@ -429,25 +406,29 @@ def test_loop_url_echoes() -> None:
 
 
 @pytest.mark.real
-def test_socket_url_carries_bytes(listener: socket.socket) -> None:
-    link = open_link(f"socket://127.0.0.1:{listener.getsockname()[1]}")
-    peer, _ = listener.accept()
-    with peer:
-        assert link.can_set_baud is False
-        link.write(READ_ID, link.deadline(PATIENCE))
-        assert peer.recv(100) == READ_ID
-        peer.sendall(ID_IS_1)
-        assert all_of(link, 9) == ID_IS_1
-        assert link.read(link.deadline(0.02)) == b""
-    with pytest.raises(LinkError) as caught:
-        link.read(link.deadline(PATIENCE))
-    assert caught.value.code == "lost"
-    link.close()
+def test_urls_that_lead_to_a_listener_or_to_nothing() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        link = open_link(f"socket://127.0.0.1:{listener.getsockname()[1]}")
+        peer, _ = listener.accept()
+        with peer:
+            assert link.can_set_baud is False
+            link.write(READ_ID, link.deadline(PATIENCE))
+            assert peer.recv(100) == READ_ID
+            peer.sendall(ID_IS_1)
+            assert all_of(link, 9) == ID_IS_1
+            assert link.read(link.deadline(0.02)) == b""
+        with pytest.raises(LinkError) as caught:
+            link.read(link.deadline(PATIENCE))
+        assert caught.value.code == "lost"
+        link.close()
+    for name in ("nothing://x", "socket://", "socket://127.0.0.1:0", "socket://127.0.0.1:1"):
+        assert opening(name).exit_code in (2, 3), name
 
 
 @contextmanager
-def device_server(baud: int = 115200) -> Iterator[tuple[str, serial.Serial]]:
-    """An RFC 2217 server (pyserial's own) whose port echoes what it gets: its LINK, and the port."""
+def device_server(baud: int = 115200) -> Iterator[tuple[str, serial.Serial, bytearray]]:
+    """An RFC 2217 server (pyserial's own) whose port echoes what it gets: its LINK, the port, and what it heard."""
+    heard = bytearray()
     port = serial.serial_for_url("loop://", baudrate=baud)
     port.timeout = 0.02
     with socket.create_server(("127.0.0.1", 0)) as listener:
@@ -462,6 +443,7 @@ def device_server(baud: int = 115200) -> Iterator[tuple[str, serial.Serial]]:
                         data = client.recv(1024)
                         if not data:
                             return
+                        heard.extend(data)
                         port.write(b"".join(manager.filter(data)))
                     if port.in_waiting:
                         client.sendall(b"".join(manager.escape(port.read(port.in_waiting))))
@@ -469,7 +451,7 @@ def device_server(baud: int = 115200) -> Iterator[tuple[str, serial.Serial]]:
         thread = threading.Thread(target=serve)
         thread.start()
         try:
-            yield f"rfc2217://127.0.0.1:{listener.getsockname()[1]}", port
+            yield f"rfc2217://127.0.0.1:{listener.getsockname()[1]}", port, heard
         finally:
             port.close()
             thread.join(PATIENCE)
@@ -477,17 +459,15 @@ def device_server(baud: int = 115200) -> Iterator[tuple[str, serial.Serial]]:
 
 @pytest.mark.real
 def test_an_rfc2217_server_carries_bytes_and_sets_the_speed() -> None:
-    with device_server() as (name, port):
+    with device_server() as (name, port, heard):
         link = open_link(name, baud=57600)
         assert port.baudrate == 57600
-
-        def exchanged() -> None:
-            for _ in range(5):
-                link.write(READ_ID + b"\xff", link.deadline(PATIENCE))
-                assert all_of(link, 10) == READ_ID + b"\xff"
-            assert link.read(link.deadline(0.03)) == b""
-
-        in_time(exchanged, 0.03, 4.0)  # longer: it negotiates with the server at each wait
+        heard.clear()
+        for _ in range(5):
+            link.write(READ_ID + b"\xff", link.deadline(PATIENCE))
+            assert all_of(link, 10) == READ_ID + b"\xff"
+        assert link.read(link.deadline(0.03)) == b""
+        assert heard == (READ_ID + b"\xff\xff") * 5, "a wait negotiates nothing"
         link.set_baud(19200)
         assert port.baudrate == 19200
         port.close()
@@ -497,16 +477,6 @@ def test_an_rfc2217_server_carries_bytes_and_sets_the_speed() -> None:
                 link.read(link.deadline(PATIENCE))
         assert caught.value.code == "lost"
         link.close()
-
-
-@pytest.mark.real
-def test_a_command_over_an_rfc2217_server_that_echoes() -> None:
-    with device_server() as (name, _):
+    with device_server() as (name, _, _):
         result = run("exo", "get", "id", "-p", name, "--timeout", "0.2", "--json")
         assert (result.code, result.error["code"]) == (5, "echo")
-
-
-@pytest.mark.real
-@pytest.mark.parametrize("link", ["nothing://x", "socket://", "socket://127.0.0.1:0", "socket://127.0.0.1:1"])
-def test_urls_that_cannot_be_opened(link: str) -> None:
-    assert opening(link).exit_code in (2, 3)

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import os
-import pty
-import select
-import threading
-import tty
 from pathlib import Path
 from typing import Any
 
 import can as python_can
 import pytest
+import serial as pyserial
 
 from handctl.errors import LinkError
 from handctl.link import open_link, serial
@@ -19,6 +15,7 @@ from handctl.link.lock import canonical
 from handctl.link.owners import group_remedy
 from tests.support.cli import PATIENCE, run
 from tests.support.each_row import each_row
+from tests.support.virtual import Answering, virtual_time
 
 HERE = [
     *("127.0.0.1", "127.1", "0x7f.1", "2130706433", "0", "0.0.0.0", "localhost", "LOCALHOST", "LocalHost."),  # noqa: S104
@@ -92,40 +89,22 @@ def test_the_link_alone_says_how_a_bus_is_opened(
 DAMAGED = [b"T\r", b"T1\r", b"TZZZZZZZZ2AABB\r", b"T000000012A\r", b"T00000001\xff1AA\r", b"t12\r", b"x1234567890\r", b"T000000019AA\r", b"R0000\r", b"B000000011\r"]  # fmt: skip
 
 
-@pytest.mark.real
 def test_a_damaged_line_of_an_adapter_is_dropped_and_counted() -> None:
     """What follows it is read."""
-    server, port = pty.openpty()
-    link = open_link(f"can:slcan:{os.ttyname(port)}", exclusive=False)  # it does not say who it is
-    try:
+    with virtual_time():
+        link: Any = open_link("can:slcan:loop://", exclusive=False)  # it does not say who it is
+        port = link._bus.serialPortOrig
+        port.reset_input_buffer()
         for number, line in enumerate(DAMAGED, 1):
-            os.write(server, line + b"T10FF000120102\r")
-            frame = link.receive(link.deadline(PATIENCE))  # type: ignore[attr-defined]
+            port.write(line + b"T10FF000120102\r")
+            frame = link.receive(link.deadline(PATIENCE))
             assert frame is not None and (frame.can_id, frame.data) == (0x10FF0001, b"\1\2"), line
-            assert (link.damaged, link.error_frames) == (number, 0), line  # type: ignore[attr-defined]
-    finally:
+            assert (link.damaged, link.error_frames) == (number, 0), line
         link.close()
-        os.close(server)
-        os.close(port)
-    with pytest.raises(LinkError):
-        open_link("can:slcan:/dev/nothing-there")
+        with pytest.raises(LinkError):
+            open_link("can:slcan:/dev/nothing-there")
 
 
-def answering(server: int, answer: bytes, until: float) -> None:
-    """An adapter that says who it is, and `answer` to each frame that it is to send, until the other end has gone."""
-    while select.select([server], [], [], until)[0]:
-        try:
-            came = os.read(server, 4096)
-        except OSError:
-            return
-        for line in came.split(b"\r"):
-            if line in (b"V", b"N"):
-                os.write(server, line + b"1013\r")
-            if line.startswith(b"T"):
-                os.write(server, answer.replace(b"?", line[1:9]))
-
-
-@pytest.mark.real
 @pytest.mark.parametrize(
     ("answer", "code", "words"),
     [
@@ -134,19 +113,29 @@ def answering(server: int, answer: bytes, until: float) -> None:
         (b"T?2A7\rT?2A7FE\r", 0, ""),
     ],
 )
-def test_damaged_lines_stand_in_the_counters_and_in_the_cause(answer: bytes, code: int, words: str) -> None:
+def test_damaged_lines_stand_in_the_counters_and_in_the_cause(
+    monkeypatch: pytest.MonkeyPatch, answer: bytes, code: int, words: str
+) -> None:
     """Silence is not blamed on the bus where the adapter's own cable is damaged."""
-    server, port = pty.openpty()
-    tty.setraw(port)
-    peer = threading.Thread(target=answering, args=(server, answer, 10))
-    peer.start()
-    link = f"can:slcan:{os.ttyname(port)}"
-    try:
-        done = run("wrist", "get", "pitch_actual", "-p", link, "--timeout", "0.2", "--retries", "1", "--json")
-    finally:
-        os.close(port)
-        peer.join()
-        os.close(server)
+
+    def answering(came: bytes) -> bytes:
+        told = [line + b"1013\r" for line in came.split(b"\r") if line in (b"V", b"N")]
+        return b"".join([*told, *(answer.replace(b"?", line[1:9]) for line in came.split(b"\r") if line[:1] == b"T")])
+
+    monkeypatch.setattr(pyserial, "serial_for_url", lambda *_, **__: Answering(answering))
+    words_of = (
+        "wrist",
+        "get",
+        "pitch_actual",
+        "-p",
+        "can:slcan:socket://192.0.2.7:1",
+        "--timeout",
+        "0.2",
+        "--retries",
+        "1",
+    )
+    with virtual_time():
+        done = run(*words_of, "--json")
     assert done.code == code, done
     if code:
         assert done.error["code"] == "damaged" and words in done.error["text"], done.error

@@ -5,14 +5,6 @@ from __future__ import annotations
 
 import json
 import os
-import pty
-import select
-import subprocess
-import sys
-import termios
-import threading
-import time
-import tty
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -24,28 +16,20 @@ from handctl.errors import HandctlError, LinkError, UsageError
 from handctl.link import CanFrame, open_link
 from handctl.link.can import CanLink
 from handctl.link.slcan import said_flags
-from tests.support.cli import PATIENCE, run
+from handctl.sim.engine.serve import send_control
+from tests.support.cli import PATIENCE, Simulator, run
+from tests.support.each_row import each_row
+from tests.support.virtual import Answering, Clock, Loop, virtual_time
 
 PROBE = CanFrame(0x10FF0001, b"\x02")
-Serve = Callable[..., str]
+TCP = ("--slcan-tcp", "127.0.0.1:0")
 
 
 @pytest.fixture
-def serve() -> Iterator[Serve]:
-    """A simulated wrist behind an slcan adapter; gives its LINK."""
-    processes: list[subprocess.Popen[str]] = []
-
-    def start(*options: str, place: str = "--slcan-pty") -> str:
-        command = [sys.executable, "-m", "handctl", "sim", "wrist", *place.split(), *options]
-        process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
-        processes.append(process)
-        assert process.stdout is not None
-        return str(json.loads(process.stdout.readline())["link"])
-
-    yield start
-    for process in processes:
-        process.terminate()
-        process.wait()
+def time_jumps() -> Iterator[Clock]:
+    """Nobody waits in earnest."""
+    with virtual_time() as clock:
+        yield clock
 
 
 def opened(name: str) -> CanLink:
@@ -57,95 +41,84 @@ def opened(name: str) -> CanLink:
 # -- who is there ---------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.real
-@pytest.mark.parametrize("place", ["--slcan-pty", "--slcan-tcp 127.0.0.1:0"])
-def test_the_adapter_says_who_it_is(serve: Serve, place: str) -> None:
-    link = opened(serve(place=place))
-    assert link.adapter == "hardware 1.0, firmware 1.3, serial number SIM1"
+def probed(link: CanLink) -> str:
+    """What comes back from the wrist."""
     link.send(PROBE, link.deadline(PATIENCE))
-    assert str(link.receive(link.deadline(PATIENCE))) == "10FF0001 [2] A7 FE"
-    trouble = link.trouble()
-    assert trouble is not None and (trouble.code, link.error_frames, link.damaged) == ("", 0, 0)
-    link.close()
+    return str(link.receive(link.deadline(PATIENCE)))
 
 
-@pytest.mark.real
-def test_an_old_adapter_without_version_is_one_all_the_same(serve: Serve) -> None:
-    link = opened(serve("--fault", "no-status"))
-    assert link.adapter == ""
-    link.send(PROBE, link.deadline(PATIENCE))
-    assert str(link.receive(link.deadline(PATIENCE))) == "10FF0001 [2] A7 FE"
-    assert link.trouble() is None
-    link.close()
+@each_row("place", [("--slcan-pty",), TCP])
+def test_the_adapter_says_who_it_is(place: tuple[str, ...]) -> None:
+    with Loop("wrist", *place) as loop:
+        link = opened(loop.link)
+        assert link.adapter == "hardware 1.0, firmware 1.3, serial number SIM1"
+        assert probed(link) == "10FF0001 [2] A7 FE"
+        trouble = link.trouble()
+        assert trouble is not None and (trouble.code, link.error_frames, link.damaged) == ("", 0, 0)
+        link.close()
 
 
-class Port:
-    """A port with somebody behind it that is no adapter: what it answers to bytes, and what it heard."""
-
-    def __init__(self, answer: Callable[[bytes], bytes]) -> None:
-        self._far, near = pty.openpty()
-        tty.setraw(near, termios.TCSANOW)
-        self.name = os.ttyname(near)
-        self._near = near
-        self.heard = b""
-        self._answer = answer
-        self._end, self._ended = os.pipe()
-        self._thread = threading.Thread(target=self._serve, daemon=True)
-        self._thread.start()
-
-    def _serve(self) -> None:
-        while self._end not in select.select([self._far, self._end], [], [])[0]:
-            data = os.read(self._far, 1000)
-            self.heard += data
-            os.write(self._far, self._answer(data))
-
-    def close(self) -> None:
-        os.close(self._ended)
-        self._thread.join(PATIENCE)  # before the number that it reads from is another file's
-        for descriptor in (self._end, self._near, self._far):
-            os.close(descriptor)
+def test_an_old_adapter_without_version_is_one_all_the_same() -> None:
+    with Loop("wrist", *TCP, "--fault", "no-status") as loop:
+        link = opened(loop.link)
+        assert link.adapter == "" and probed(link) == "10FF0001 [2] A7 FE" and link.trouble() is None
+        link.close()
 
 
-@pytest.mark.real
-@pytest.mark.parametrize(
+@each_row(
     ("answer", "words"),
     [
-        (lambda data: b"", "silent"),
+        (lambda _data: b"", "silent"),
         (lambda data: data, "only our own bytes"),
-        (lambda data: b"\x90\xeb\x01\x04\x30\xfc\x03\x00\xff", "90 EB 01 04"),
-        (lambda data: b"\r\n=> ", "0D 0A 3D 3E 20"),
-        (lambda data: b"ERROR\r\n", "45 52 52 4F 52"),
+        (lambda _data: b"\x90\xeb\x01\x04\x30\xfc\x03\x00\xff", "90 EB 01 04"),
+        (lambda _data: b"\r\n=> ", "0D 0A 3D 3E 20"),
+        (lambda _data: b"ERROR\r\n", "45 52 52 4F 52"),
     ],
 )
-def test_a_port_that_is_no_adapter_is_named_and_gets_no_command(answer: Callable[[bytes], bytes], words: str) -> None:
+def test_a_port_that_is_no_adapter_is_named_and_gets_no_command(
+    time_jumps: Clock, monkeypatch: pytest.MonkeyPatch, answer: Callable[[bytes], bytes], words: str
+) -> None:
     """C would close a BarrettHand, and S, O are commands of others as well: only version and number are asked for."""
-    port = Port(answer)
+    port = Answering(answer)
+    monkeypatch.setattr("serial.serial_for_url", lambda *_, **__: port)
     with pytest.raises(LinkError) as caught:
-        open_link(f"can:slcan:{port.name}")
-    time.sleep(0.05)
+        open_link("can:slcan:socket://192.0.2.7:1")
     assert (caught.value.code, caught.value.exit_code) == ("not-slcan", 3)
-    assert words in caught.value.text
-    assert port.name in caught.value.text
+    assert words in caught.value.text and "socket://192.0.2.7:1" in caught.value.text
     assert port.heard == b"\r\rV\rN\r"
-    open_now = [os.readlink(one) for one in Path("/proc/self/fd").iterdir() if one.is_symlink()]
-    assert open_now.count(port.name) == 1, "it is ours alone, while the error is still at hand"
-    with pytest.raises(LinkError, match="does not answer as an slcan adapter"):  # nobody has it locked
-        open_link(f"can:slcan:{port.name}")
-    port.close()
+    assert not port.is_open, "while the error is still at hand"
 
 
 @pytest.mark.real
-def test_who_only_stops_asks_nothing(serve: Serve) -> None:
+def test_a_terminal_that_is_no_adapter_is_locked_no_more() -> None:
+    """And an adapter is found on a terminal and over TCP of the system."""
+    with Simulator("--pty", kind="wrist") as port:
+        for _ in range(2):
+            with pytest.raises(LinkError, match="does not answer as an slcan adapter") as caught:
+                open_link(f"can:slcan:{port.link}")
+            assert caught.value.code == "not-slcan"  # the second time, too: not "busy"
+            open_now = [os.path.realpath(f"/proc/self/fd/{one}") for one in os.listdir("/proc/self/fd")]
+            assert port.link not in open_now
+    for place in (("--slcan-pty",), TCP):
+        with Simulator(*place, kind="wrist") as adapter:
+            link = opened(adapter.link)
+            assert probed(link) == "10FF0001 [2] A7 FE"
+            if place != TCP:
+                with pytest.raises(LinkError, match="in use"):
+                    open_link(adapter.link)
+            link.close()
+
+
+def test_who_only_stops_asks_nothing() -> None:
     """Another handctl has the port open then, and gets the answers."""
-    link = open_link(serve("--fault", "no-adapter"), exclusive=False)
-    link.close()
+    with Loop("wrist", *TCP, "--fault", "no-adapter", "--control", "control") as loop:
+        open_link(loop.link, exclusive=False).close()
+        assert b"V".hex() not in loop.tell("heard")
 
 
-@pytest.mark.real
-def test_a_bitrate_that_an_adapter_has_not(serve: Serve) -> None:
-    with pytest.raises(UsageError) as caught:
-        open_link(serve() + "?bitrate=12345")
-    assert "1000000" in caught.value.text
+def test_a_bitrate_that_an_adapter_has_not() -> None:
+    with Loop("wrist", *TCP) as loop, pytest.raises(UsageError, match="1000000"):
+        open_link(loop.link + "?bitrate=12345")
 
 
 # -- lines ------------------------------------------------------------------------------------------------------------------
@@ -160,8 +133,7 @@ def told(*lines: bytes) -> Any:
     return link
 
 
-@pytest.mark.real
-@pytest.mark.parametrize(
+@each_row(
     ("line", "damaged", "errors"),
     [
         (b"\r", 0, 0), (b"z\r", 0, 0), (b"Z\r", 0, 0), (b"F24\r", 0, 0), (b"\x07", 0, 1),
@@ -171,20 +143,18 @@ def told(*lines: bytes) -> Any:
         (b"T10FF0001 2A7FE\r", 1, 0), (b"T10FF00012A7F\xff\r", 1, 0), (b"XYZ\r", 1, 0), (b"sb\r", 1, 0), (b"FXX\r", 1, 0),
     ],
 )  # fmt: skip
-def test_what_a_line_means(line: bytes, damaged: int, errors: int) -> None:
+def test_what_a_line_means(time_jumps: Clock, line: bytes, damaged: int, errors: int) -> None:
     link = told(line, b"T10FF00012A7FE\r")
     assert str(link.receive(link.deadline(0.1))) == "10FF0001 [2] A7 FE"
     assert (link.damaged, link.error_frames) == (damaged, errors)
 
 
-@pytest.mark.real
-def test_a_frame_with_a_time_stamp() -> None:
+def test_a_frame_with_a_time_stamp(time_jumps: Clock) -> None:
     link = told(b"T10FF00012A7FE1234\r")
     assert str(link.receive(link.deadline(0.1))) == "10FF0001 [2] A7 FE"
 
 
-@pytest.mark.real
-def test_a_line_without_end_is_bounded() -> None:
+def test_a_line_without_end_is_bounded(time_jumps: Clock) -> None:
     link = told(b"\rT10FF00012A7FE\r")
     link._bus._buffer.extend(b"T" * 6000)
     assert str(link.receive(link.deadline(0.1))) == "10FF0001 [2] A7 FE"
@@ -202,8 +172,7 @@ def test_flags_in_words(flags: int, text: str) -> None:
 # -- what the controller reports -----------------------------------------------------------------------------------------
 
 
-@pytest.mark.real
-@pytest.mark.parametrize(
+@each_row(
     ("fault", "code"),
     [
         ("no-ack", "no-ack"), ("no-ack,queue", "no-ack"), ("no-ack,no-status", "bel"), ("no-ack,reports,no-status", "no-ack"),
@@ -211,22 +180,19 @@ def test_flags_in_words(flags: int, text: str) -> None:
         ("twin-id", "bus-errors"), ("silent", ""),
     ],
 )  # fmt: skip
-def test_conditions_of_the_bus(serve: Serve, fault: str, code: str) -> None:
-    name, found = serve("--fault", fault), list[str | None]()
-    while code not in found and len(found) < 10:  # on a busy machine the adapter may say it too late
-        link = opened(name)
+def test_conditions_of_the_bus(fault: str, code: str) -> None:
+    with Loop("wrist", *TCP, "--fault", fault) as loop:
+        link = opened(loop.link)
         link.send(PROBE, link.deadline(PATIENCE))
         assert link.receive(link.deadline(0.1)) is None
         trouble = link.trouble()
-        found.append(None if trouble is None else trouble.code)
+        assert trouble is not None and trouble.code == code
         link.close()
-    assert code in found, found
 
 
-@pytest.mark.real
-def test_bus_off_ends_with_the_next_opening(serve: Serve) -> None:
-    link = serve("--fault", "bus-off", "--every", "2")
-    codes = [run("wrist", "get", "yaw_actual", "-p", link, "--json").code for _ in range(3)]
+def test_bus_off_ends_with_the_next_opening() -> None:
+    with Loop("wrist", *TCP, "--fault", "bus-off", "--every", "2") as loop:
+        codes = [run("wrist", "get", "yaw_actual", "-p", loop.link, "--json").code for _ in range(3)]
     assert codes == [0, 3, 0]
 
 
@@ -267,29 +233,28 @@ def test_bus_off_in_error_frames_of_linux(monkeypatch: pytest.MonkeyPatch) -> No
 # -- bitrates, listening only ------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.real
-def test_the_bitrate_is_heard_without_sending(serve: Serve, tmp_path: Path) -> None:
-    control = tmp_path / "control"
-    link = serve("--set", "bitrate=500000", "--set", "traffic=200", "--control", str(control))
-    result = run("doctor", "--family", "wrist", "-p", link, "--json", "--count", "2")
-    rows = {row["check"]: row for row in result.json["rows"]}
-    assert result.code == 7
-    assert rows["adapter"]["status"] == "ok"
-    assert rows["bitrate"]["status"] == "fail"
-    assert "500000" in rows["bitrate"]["evidence"] and "?bitrate=500000" in rows["bitrate"]["remedy"]
-    heard = run("sim", "control", control, "heard").out.strip()
-    sent = b"".join(bytes.fromhex(text) for _, text in json.loads(heard))
-    opening, *listening = sent.split(b"C\r")[1:]
-    assert opening.startswith(b"S8\rO\r")
-    assert [part[:5] for part in listening[:2]] == [b"S8\rL\r", b"S6\rL\r"]
-    assert not any(b"T" in part for part in listening)
-    found = run("doctor", "--family", "wrist", "-p", link + "?bitrate=500000", "--json", "--count", "2")
-    assert {row["check"]: row["status"] for row in found.json["rows"]}["bus"] == "ok"
+def test_the_bitrate_is_heard_without_sending() -> None:
+    words = ("doctor", "--family", "wrist", "--json", "--count", "2", "-p")
+    options = ("--set", "bitrate=500000", "--set", "traffic=200", "--control", "control")
+    with Loop("wrist", *TCP, *options) as loop:
+        result = run(*words, loop.link)
+        rows = {row["check"]: row for row in result.json["rows"]}
+        assert result.code == 7
+        assert rows["adapter"]["status"] == "ok"
+        assert rows["bitrate"]["status"] == "fail"
+        assert "500000" in rows["bitrate"]["evidence"] and "?bitrate=500000" in rows["bitrate"]["remedy"]
+        sent = b"".join(bytes.fromhex(text) for _, text in json.loads(loop.tell("heard").removeprefix("ok ")))
+        opening, *listening = sent.split(b"C\r")[1:]
+        assert opening.startswith(b"S8\rO\r")
+        assert [part[:5] for part in listening[:2]] == [b"S8\rL\r", b"S6\rL\r"]
+        assert not any(b"T" in part for part in listening)
+        found = run(*words, loop.link + "?bitrate=500000")
+        assert {row["check"]: row["status"] for row in found.json["rows"]}["bus"] == "ok"
 
 
-@pytest.mark.real
-def test_a_quiet_bus_has_no_bitrate_to_hear(serve: Serve) -> None:
-    result = run("doctor", "--family", "wrist", "-p", serve("--fault", "no-ack"), "--json", "--count", "2")
+def test_a_quiet_bus_has_no_bitrate_to_hear() -> None:
+    with Loop("wrist", *TCP, "--fault", "no-ack") as loop:
+        result = run("doctor", "--family", "wrist", "-p", loop.link, "--json", "--count", "2")
     rows = {row["check"]: row for row in result.json["rows"]}
     assert (rows["bus"]["status"], rows["bitrate"]["status"]) == ("fail", "skipped")
     assert "acknowledge" in rows["bus"]["evidence"]
@@ -306,17 +271,18 @@ def test_other_interfaces_cannot_be_asked() -> None:
 
 
 @pytest.mark.real
-@pytest.mark.parametrize(("fault", "flags"), [("silent", b"F00\r"), ("no-ack", b"FA4\r"), ("no-ack,queue", b"FA4\r")])
-def test_python_can_finds_the_same_adapter(serve: Serve, fault: str, flags: bytes) -> None:
-    channel = serve("--fault", fault).removeprefix("can:slcan:")
-    with can.Bus(interface="slcan", channel=channel, bitrate=1000000, sleep_after_open=0) as bus:
-        assert bus.get_version(PATIENCE) == (10, 13)  # type: ignore[attr-defined]
-        assert bus.get_serial_number(PATIENCE) == "SIM1"  # type: ignore[attr-defined]
-        bus.send(can.Message(arbitration_id=0x10FF0001, data=[2]))
-        while bus.recv(0.05):
-            pass
-        port = bus.serialPortOrig  # type: ignore[attr-defined]
-        port.timeout = PATIENCE
-        port.reset_input_buffer()
-        port.write(b"F\r")
-        assert port.read(4) == flags
+def test_python_can_finds_the_same_adapter(tmp_path: Path) -> None:
+    control = str(tmp_path / "control")
+    with Simulator("--slcan-pty", "--control", control, kind="wrist") as server:
+        for fault, flags in (("silent", b"F00\r"), ("no-ack", b"FA4\r"), ("no-ack,queue", b"FA4\r")):
+            assert send_control(control, f"fault {fault}") == f"ok fault {fault}"
+            channel = server.link.removeprefix("can:slcan:")
+            with can.Bus(interface="slcan", channel=channel, bitrate=1000000, sleep_after_open=0) as bus:
+                assert bus.get_version(PATIENCE) == (10, 13)  # type: ignore[attr-defined]
+                assert bus.get_serial_number(PATIENCE) == "SIM1"  # type: ignore[attr-defined]
+                bus.send(can.Message(arbitration_id=0x10FF0001, data=[2]))
+                port = bus.serialPortOrig  # type: ignore[attr-defined]
+                port.timeout = PATIENCE
+                port.read(1 if fault == "no-ack" else 2)  # BEL, or Z: it has taken the frame
+                port.write(b"F\r")
+                assert port.read(4) == flags, fault

@@ -12,9 +12,10 @@ from handctl.errors import HandctlError, LinkError, UsageError
 from handctl.link import ByteLink, CanFrame, Deadline, FrameLink, open_link
 from handctl.link.fake import split_url
 from handctl.link.tap import Entry, Tap, parse
-from tests.support.cli import PATIENCE, in_time, run
+from tests.support.cli import PATIENCE, run
 from tests.support.each_row import each_row
 from tests.support.scripted import ScriptedLink, hand_on, hexed, unhex
+from tests.support.virtual import virtual_time
 
 READ_ID, ID_IS_1 = "EB 90 01 04 11 E8 03 01 02", "90 EB 01 04 11 E8 03 01 02"
 READ_VOLTAGE, VOLTAGE = "EB 90 01 04 11 C0 05 02 DD", "90 EB 01 05 11 C0 05 2E 02 0C"
@@ -334,16 +335,14 @@ def test_virtual_time_jumps_to_what_happens_next() -> None:
     assert time.monotonic() - before < PATIENCE
 
 
-@pytest.mark.real
-def test_real_time_is_real() -> None:
-    link = open_link("fake://exo?turnaround=0.05")
-
-    def asked() -> None:
+def test_real_time_is_that_of_the_machine() -> None:
+    with virtual_time() as clock:
+        link = open_link("fake://exo?turnaround=0.05")
+        began = clock.now()
         link.write(unhex(READ_ID), link.deadline(PATIENCE))
         assert hexed(link.read(link.deadline(PATIENCE))) == ID_IS_1
-
-    in_time(asked, 0.04, 0.5)
-    link.close()
+        assert clock.now() - began == pytest.approx(0.05, abs=0.001)
+        link.close()
 
 
 def test_wire_time_of_a_dump() -> None:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import socket
+import struct
 import threading
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
 
@@ -15,6 +17,25 @@ from tests.support.each_row import each_row
 from tests.support.scripted import unhex
 
 READ_ID, ID_IS_1 = unhex("EB 90 01 04 11 E8 03 01 02"), unhex("90 EB 01 04 11 E8 03 01 02")
+
+
+@pytest.fixture
+def pair(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[tcp.TcpLink, socket.socket]]:
+    """A link, and the other end of its connection."""
+    ours, theirs = (Connection(fileno=end.detach()) for end in socket.socketpair())
+    ours.setblocking(False)
+    monkeypatch.setattr(tcp, "_connected", lambda _host, _port: ours)
+    link = tcp.TcpLink("tcp://192.0.2.7:8000")
+    yield link, theirs
+    link.close()
+    theirs.close()
+
+
+class Connection(socket.socket):
+    """It has no options of TCP, and remembers which were set."""
+
+    def setsockopt(self, *option: Any) -> None:
+        self.__dict__.setdefault("options", []).append(option)
 
 
 @pytest.fixture
@@ -38,56 +59,112 @@ def all_of(link: ByteLink, count: int) -> bytes:
     return data
 
 
-@pytest.mark.real
-def test_tcp_carries_bytes(listener: socket.socket) -> None:
-    link = open_link(f"tcp://127.0.0.1:{listener.getsockname()[1]}")
-    peer, _ = listener.accept()
-    with peer:
-        assert (link.baud, link.can_set_baud, link.fake) == (None, False, False)
-        link.write(READ_ID, link.deadline(PATIENCE))
-        assert peer.recv(100) == READ_ID
-        peer.sendall(b"abcdef")
-        assert link.read(link.deadline(PATIENCE), 2) == b"ab"
-        assert all_of(link, 4) == b"cdef"
-        assert link.read(link.deadline(0.02)) == b""
+def test_bytes_pass_until_the_other_end_closes(pair: tuple[tcp.TcpLink, socket.socket]) -> None:
+    link, peer = pair
+    assert (link.baud, link.can_set_baud, link.fake) == (None, False, False)
+    link.write(READ_ID, link.deadline(PATIENCE))
+    assert peer.recv(100) == READ_ID
+    peer.sendall(b"abcdef")
+    assert link.read(link.deadline(PATIENCE), 2) == b"ab"
+    assert all_of(link, 4) == b"cdef"
+    assert link.read(link.deadline(0.0)) == b""
+    peer.close()
     with pytest.raises(LinkError) as caught:
         link.read(link.deadline(PATIENCE))
     assert (caught.value.exit_code, caught.value.code) == (3, "lost")
-    link.close()
+    assert "Another program may hold the device: many serve one client only" in caught.value.hint
+
+
+def test_a_peer_that_takes_nothing_is_waited_for_until_the_deadline(
+    pair: tuple[tcp.TcpLink, socket.socket], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is left of a frame is owed; that it takes more later is enough."""
+    link, peer = pair
+    waits: list[float] = []
+    took: list[bytes] = []
+
+    def writable(_socket: object, seconds: float) -> bool:
+        waits.append(seconds)
+        took.append(peer.recv(1 << 20) if len(waits) < 3 else b"")
+        return bool(took[-1])
+
+    monkeypatch.setattr(tcp, "writable", writable)
+    owed: list[bytes] = []
+    link.outlet().owes = owed.append
+    data = bytes(range(250)) * 100_000
+    with pytest.raises(LinkError) as caught:
+        link.write(data, link.deadline(PATIENCE))
+    assert caught.value.code == "write-timeout" and len(waits) == 3 and max(waits) <= PATIENCE
+    assert data.endswith(owed[-1]) and len(owed[0]) > len(owed[1]) > len(owed[2]) > 0
+    link.write(b"", link.deadline(PATIENCE))
+    assert owed[-1] == b""
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_options_of_the_socket(
+    pair: tuple[tcp.TcpLink, socket.socket], known: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """No delay from the start; where the system has quick acknowledges they are asked for before each wait."""
+    link, _ = pair
+    options = link._socket.__dict__["options"]
+    assert (socket.IPPROTO_TCP, socket.TCP_NODELAY, 1) in options and (
+        socket.SOL_SOCKET,
+        socket.SO_KEEPALIVE,
+        1,
+    ) in options
+    options.clear()
+    monkeypatch.setattr(tcp, "QUICKACK", 12 if known else None)
+    for _ in range(2):
+        assert link.read(link.deadline(0)) == b""
+    assert options == [(socket.IPPROTO_TCP, 12, 1)] * (2 if known else 0)
 
 
 @pytest.mark.real
-def test_tcp_reset_is_a_lost_link(listener: socket.socket) -> None:
-    import struct
-
-    link = open_link(f"tcp://127.0.0.1:{listener.getsockname()[1]}")
+def test_connections_of_the_system(listener: socket.socket, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Bytes, a read that waits for what comes later, a reset, a port that refuses, and the first address that takes one."""
+    number = listener.getsockname()[1]
+    link = open_link(f"tcp://127.0.0.1:{number}")
     peer, _ = listener.accept()
+    assert link._socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)  # type: ignore[attr-defined]
+    assert link._socket.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE)  # type: ignore[attr-defined]
+    link.write(READ_ID, link.deadline(PATIENCE))
+    assert peer.recv(100) == READ_ID
+
+    waited, readable = threading.Event(), tcp.readable
+
+    def waits(found: socket.socket, seconds: float) -> bool:
+        waited.set()
+        return readable(found, seconds)
+
+    def answer() -> None:
+        if waited.wait(PATIENCE):
+            peer.sendall(ID_IS_1)
+
+    monkeypatch.setattr(tcp, "readable", waits)
+    thread = threading.Thread(target=answer)
+    thread.start()
+    assert link.read(link.deadline(PATIENCE)) == ID_IS_1
+    thread.join(PATIENCE)
     peer.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
     peer.close()
     with pytest.raises(LinkError) as caught:
-        for _ in range(100):
-            link.write(READ_ID, link.deadline(PATIENCE))
-            link.read(link.deadline(0.1))
+        link.read(link.deadline(PATIENCE))
     assert caught.value.code == "lost"
     link.close()
 
+    def lookup(*_: object) -> list[tuple[object, ...]]:
+        return [(socket.AF_INET, socket.SOCK_STREAM, 0, "", (host, number)) for host in hosts]
 
-@pytest.mark.real
-def test_tcp_peer_that_takes_nothing(listener: socket.socket) -> None:
-    link = open_link(f"tcp://127.0.0.1:{listener.getsockname()[1]}")
-    peer, _ = listener.accept()
-    with peer, pytest.raises(LinkError) as caught:
-        link.write(bytes(50_000_000), link.deadline(0.1))
-    assert caught.value.code == "write-timeout"
-    link.close()
-
-
-@pytest.mark.real
-def test_tcp_refused() -> None:
-    with socket.socket() as server:
-        server.bind(("127.0.0.1", 0))  # nobody else's meanwhile, and no one listens
-        error = opening(f"tcp://127.0.0.1:{server.getsockname()[1]}")
+    with monkeypatch.context() as patched:
+        patched.setattr(socket, "getaddrinfo", lookup)
+        hosts = ["127.0.0.9", "127.0.0.1"]
+        link = open_link(f"tcp://hand:{number}")
+        assert link._socket.getpeername() == ("127.0.0.1", number)  # type: ignore[attr-defined]
+        link.close()
+        hosts = ["127.0.0.8", "127.0.0.9"]
+        error = opening(f"tcp://hand:{number}")
     assert (error.exit_code, error.code) == (3, "refused")
+    assert "Another program may hold the device: many serve one client only" in error.hint
 
 
 @pytest.mark.real
@@ -128,62 +205,6 @@ def test_tcp_addresses() -> None:
     assert split_address("tcp://[::1]", 8000) == ("::1", 8000)
 
 
-@pytest.mark.real
-def test_reading_waits_for_bytes_that_come_later(listener: socket.socket) -> None:
-    link = open_link(f"tcp://127.0.0.1:{listener.getsockname()[1]}")
-    peer, _ = listener.accept()
-    timer = threading.Timer(0.05, lambda: peer.sendall(ID_IS_1))
-    timer.start()
-    assert link.read(link.deadline(PATIENCE)) == ID_IS_1
-    timer.join()
-    peer.close()
-    link.close()
-
-
-@pytest.mark.real
-def test_options_of_the_socket(listener: socket.socket) -> None:
-    link = tcp.TcpLink(f"tcp://127.0.0.1:{listener.getsockname()[1]}")
-    assert link._socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
-    assert link._socket.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE)
-    link.close()
-
-
-@pytest.mark.real
-@pytest.mark.parametrize("known", [True, False])
-def test_quick_acknowledges_are_asked_for_before_each_wait(listener: socket.socket, known: bool, monkeypatch: pytest.MonkeyPatch) -> None:  # fmt: skip
-    link = tcp.TcpLink(f"tcp://127.0.0.1:{listener.getsockname()[1]}")
-    asked: list[tuple[int, int, int]] = []
-
-    class Noted:
-        def __getattr__(self, name: str) -> object:
-            return getattr(inner, name)
-
-        def setsockopt(self, *option: int) -> None:
-            asked.append(option)  # type: ignore[arg-type]
-
-    inner, link._socket = link._socket, Noted()  # type: ignore[assignment]
-    monkeypatch.setattr(tcp, "QUICKACK", 12 if known else None)
-    for _ in range(2):
-        assert link.read(link.deadline(0)) == b""
-    assert asked == [(socket.IPPROTO_TCP, 12, 1)] * (2 if known else 0)
-    link.close()
-
-
-@pytest.mark.real
-def test_who_may_be_in_the_way_is_said() -> None:
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        link = open_link(f"tcp://127.0.0.1:{server.getsockname()[1]}")
-        server.accept()[0].close()
-        with pytest.raises(LinkError) as caught:
-            link.read(link.deadline(PATIENCE))
-    link.close()
-    refused = opening(link.name)
-    assert all(
-        "Another program may hold the device: many serve one client only" in error.hint
-        for error in (caught.value, refused)
-    )
-
-
 def test_an_address_that_does_not_answer_is_given_up_after_3_s(monkeypatch: pytest.MonkeyPatch) -> None:
     def connect(_socket: socket.socket, _address: tuple[str, int], seconds: float) -> None:
         assert seconds == 3
@@ -192,23 +213,6 @@ def test_an_address_that_does_not_answer_is_given_up_after_3_s(monkeypatch: pyte
     monkeypatch.setattr(tcp, "connect", connect)
     error = opening("tcp://192.0.2.7:8000")
     assert (error.exit_code, error.code, "3 s" in error.text) == (3, "connect-timeout", True)
-
-
-@pytest.mark.real
-def test_a_host_with_several_addresses(listener: socket.socket, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The first that takes a connection is taken; where none does, the last says why."""
-    number = listener.getsockname()[1]
-
-    def lookup(*_: object) -> list[tuple[object, ...]]:
-        return [(socket.AF_INET, socket.SOCK_STREAM, 0, "", (host, number)) for host in hosts]
-
-    monkeypatch.setattr(socket, "getaddrinfo", lookup)
-    hosts = ["127.0.0.9", "127.0.0.1"]
-    link = open_link(f"tcp://hand:{number}")
-    assert link._socket.getpeername() == ("127.0.0.1", number)  # type: ignore[attr-defined]
-    link.close()
-    hosts = ["127.0.0.8", "127.0.0.9"]
-    assert opening(f"tcp://hand:{number}").code == "refused"
 
 
 def test_a_wish_to_end_while_it_connects_ends_it(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -15,6 +15,7 @@ from tests.fuzz import test_files, test_fuzz, test_machines
 from tests.fuzz.support import Episode, run_episodes
 from tests.search.suite import Listed, Suite, key, parts
 from tests.sim import test_kept
+from tests.support.virtual import virtual_time
 
 SLOWEST = 5.0
 """Processor seconds that one episode may take: what is quadratic shows in its floods."""
@@ -92,7 +93,8 @@ class Kept(Listed):
             yield (family,), family
 
     def tried(self, row: Any, folder: Path) -> str:
-        test_kept.spoiled(row, 1)
+        with virtual_time():
+            test_kept.spoiled(row, 1)
         return "told"
 
 

@@ -6,6 +6,8 @@ import json
 import os
 import signal
 import subprocess
+from collections.abc import Iterator
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +15,9 @@ import pytest
 
 from handctl.families import FAMILIES
 from handctl.link import lock
-from tests.support.cli import Result, clean_environment, run, unhurried, wait_until
+from tests.support.cli import Result, clean_environment, run, wait_until
 from tests.support.forks import start
+from tests.support.virtual import virtual_time
 
 WRITES = {  # a change that needs no homing, and where it is read
     "exo": (("set", "position_set.index=300"), ("get", "position_set.index"), "300"),
@@ -24,6 +27,13 @@ WRITES = {  # a change that needs no homing, and where it is read
     "ekso": (("set", "step_length=15.50", "--operator", "test"), ("get", "step_length"), "15.5"),
     "aidin": (("bias",), ("get", "sensor_state.index.fx"), "0.0"),
 }
+
+
+@pytest.fixture(autouse=True)
+def time_jumps(request: pytest.FixtureRequest) -> Iterator[None]:
+    """--fake lives by the machine's clock: here nobody waits for it."""
+    with nullcontext() if request.node.get_closest_marker("real") else virtual_time():
+        yield
 
 
 def folder() -> Path:
@@ -46,10 +56,9 @@ def get(family: str, *words: str) -> str:
 
 def written(family: str) -> Result:
     """What changes the simulated device of --fake."""
-    return unhurried(lambda: run(family, *WRITES[family][0], "--fake", "--yes"))
+    return run(family, *WRITES[family][0], "--fake", "--yes")
 
 
-@pytest.mark.real
 @pytest.mark.parametrize("family", WRITES)
 def test_a_command_finds_what_the_one_before_left(family: str) -> None:
     _, read, value = WRITES[family]
@@ -66,7 +75,6 @@ def test_a_command_finds_what_the_one_before_left(family: str) -> None:
     assert fresh.codes() == [] and str(fresh.rows[0]["value"]) == before
 
 
-@pytest.mark.real
 def test_a_barretthand_that_was_initialized_closes() -> None:
     assert run("barrett", "close", "--fake").code == 6
     assert run("barrett", "init", "--fake").code == 0
@@ -75,7 +83,6 @@ def test_a_barretthand_that_was_initialized_closes() -> None:
     assert get("barrett", "get", "P.F1") == "17000"
 
 
-@pytest.mark.real
 def test_an_aidin_hand_that_was_homed_moves() -> None:
     assert run("aidin", "home", "--fake", "--yes").code == 0
     moved = run("aidin", "joints", "index.q3=160", "thumb.q1=10", "--fake", "--yes")
@@ -83,19 +90,16 @@ def test_an_aidin_hand_that_was_homed_moves() -> None:
     assert round(float(get("aidin", "get", "joint_pos.index.q3")), 1) == 160.0
 
 
-@pytest.mark.real
 def test_a_movement_under_way_has_ended() -> None:
     assert run("exo", "set", "position_set.index=1000", "--fake", "--yes").code == 0
     assert get("exo", "get", "position_actual.index") == "1000"
 
 
-@pytest.mark.real
 def test_the_environment_says_fake_as_well() -> None:
     assert run("exo", "set", "position_set.index=300", "--yes", env={"HANDCTL_FAKE": "1"}).code == 0
     assert get("exo", "get", "position_set.index") == "300"
 
 
-@pytest.mark.real
 def test_who_reads_plans_or_names_a_link_keeps_nothing() -> None:
     for words in (
         ("exo", "dump", "--fake"),
@@ -109,7 +113,6 @@ def test_who_reads_plans_or_names_a_link_keeps_nothing() -> None:
         assert not folder().exists() or [one.name for one in folder().iterdir()] == []
 
 
-@pytest.mark.real
 def test_each_wire_is_kept_by_itself() -> None:
     assert run("wrist", "move", "--pitch", "-10", "--time", "50", "--fake", "--can", "--yes").code == 0
     assert kept("wrist-can") is not None and kept("wrist") is None
@@ -117,7 +120,6 @@ def test_each_wire_is_kept_by_itself() -> None:
     assert kept("wrist-can") is None
 
 
-@pytest.mark.real
 @pytest.mark.parametrize("family", FAMILIES)
 def test_watch_shows_it_in_use_and_changes_nothing(family: str) -> None:
     assert written(family).code == 0
@@ -135,7 +137,6 @@ def test_watch_shows_it_in_use_and_changes_nothing(family: str) -> None:
     assert kept(family) == before
 
 
-@pytest.mark.real
 def test_a_report_shows_it_in_use_and_changes_nothing(tmp_path: Path) -> None:
     assert run("exo", "set", "position_set.index=300", "--fake", "--yes").code == 0
     before = kept()
@@ -153,7 +154,6 @@ def test_use_is_the_same_each_time(family: str) -> None:
     assert run(*words).out == first.out
 
 
-@pytest.mark.real
 @pytest.mark.parametrize(
     "content",
     [
@@ -182,7 +182,6 @@ def test_a_damaged_or_foreign_file_begins_afresh_and_says_so(content: bytes) -> 
 SPOILED: tuple[Any, ...] = (None, "x", -1, 1e308, [], {}, [None] * 5, [1e308] * 15)
 
 
-@pytest.mark.real
 @pytest.mark.parametrize("family", WRITES)
 def test_no_part_of_a_file_makes_a_traceback(family: str) -> None:
     """Here each fourth spoiled file; the suite `kept` of `tests/search` takes all."""
@@ -202,7 +201,6 @@ def spoiled(family: str, each: int) -> None:
             assert "Traceback" not in result.err
 
 
-@pytest.mark.real
 def test_forget_may_be_said_twice() -> None:
     assert run("exo", "set", "position_set.index=300", "--fake", "--yes").code == 0
     (folder() / "sim-exo.json.4711.tmp").write_text("{")  # what a killed command leaves
@@ -214,7 +212,6 @@ def test_forget_may_be_said_twice() -> None:
     assert get("exo", "get", "position_set.index") == "454"
 
 
-@pytest.mark.real
 def test_one_command_at_a_time_acts_on_it() -> None:
     held = lock.hold("fake://exo", "handctl exo set", family="exo", writes=True, kept=True)
     assert held is not None
@@ -243,7 +240,6 @@ def test_a_killed_command_leaves_a_whole_file() -> None:
     assert found.code in (0, 7) and "as it was left" in found.err
 
 
-@pytest.mark.real
 def test_without_a_folder_nothing_is_kept(tmp_path: Path) -> None:
     nowhere = {"XDG_RUNTIME_DIR": str(tmp_path / "none" / "run"), "TMPDIR": str(tmp_path / "none" / "tmp")}
     done = run("exo", "set", "position_set.index=300", "--fake", "--yes", env=nowhere)

@@ -1,28 +1,24 @@
-"""The simulated slcan adapter: command by command on virtual time, then served on a pty and on TCP to foreign clients."""
+"""The simulated slcan adapter: command by command then its event loop, both on virtual time; and foreign clients."""
 
 from __future__ import annotations
 
-import json
-import os
 import signal
-import socket
 import subprocess
 import sys
-import time
-from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import can
 import pytest
-import serial
 from can.interfaces.slcan import slcanBus
 from click.testing import CliRunner
 
 from handctl.sim import create
 from handctl.sim.cli import cli
+from handctl.sim.engine.serve import send_control
 from handctl.sim.engine.slcan import Adapter, link
-from tests.support.cli import PATIENCE, briefly, in_time, wait_until
+from tests.support.cli import PATIENCE, Simulator, wait_until
 from tests.support.each_row import each_row
+from tests.support.virtual import Loop
 
 PROBE = b"T10FF0001102\r"  # 2 bytes at 1020
 PROBE_REPLY = b"T10FF00012A7FE\r"
@@ -321,352 +317,213 @@ def test_link() -> None:
     assert link("tcp://127.0.0.1:41234") == "can:slcan:socket://127.0.0.1:41234"
 
 
-# -- served -----------------------------------------------------------------------------------------------------------------------
+# -- served -----------------------------------------------------------------------------------------------------------
+
+TCP = ("--slcan-tcp", "127.0.0.1:0")
+CHANNEL = b"\r\r"
 
 
-class Server:
-    """A running simulator: its process and the link it announced."""
-
-    def __init__(self, *arguments: str) -> None:
-        self.process = subprocess.Popen(
-            [sys.executable, "-m", "handctl.sim", "wrist", *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE
-        )
-        assert self.process.stdout is not None
-        first = self.process.stdout.readline()
-        if not first:
-            raise AssertionError(f"no ready line: {self.stop()}")
-        ready = json.loads(first)
-        assert ready["ready"] is True
-        self.link: str = ready["link"]
-
-    @property
-    def channel(self) -> str:
-        """What python-can calls it."""
-        assert self.link.startswith("can:slcan:")
-        return self.link.removeprefix("can:slcan:")
-
-    def bus(self, bitrate: int = 1000000) -> slcanBus:
-        bus = can.Bus(interface="slcan", channel=self.channel, bitrate=bitrate, sleep_after_open=0)
-        assert isinstance(bus, slcanBus)
-        return bus
-
-    def connect(self) -> socket.socket:
-        host, port = self.channel.removeprefix("socket://").rsplit(":", 1)
-        client = socket.create_connection((host, int(port)), timeout=PATIENCE)
-        client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        return client
-
-    def stop(self, number: int = signal.SIGTERM) -> tuple[int, str, str]:
-        """Exit code, what stdout said after the ready line, stderr."""
-        if self.process.poll() is None:
-            self.process.send_signal(number)
-        out, err = self.process.communicate(timeout=30)
-        return self.process.returncode, out.decode(), err.decode()
+@each_row(("place", "form"), [(["--slcan-pty"], "can:slcan:/dev/"), (TCP, "can:slcan:socket://127.0.0.1:")])
+def test_client_after_client(place: list[str], form: str) -> None:
+    """At any speed of the port, or where the client sets none; each finds a closed channel."""
+    with Loop("wrist", *place) as loop:
+        assert loop.link.startswith(form)
+        for turn, speed in enumerate((None, 115200, 9600, 2000000, -1)):
+            with loop.open(speed if "pty" in place[0] else None) as one:
+                one.reset_input_buffer()
+                one.write(b"C\r")
+                assert one.read(1) in b"\r\a"
+                assert one.ask(b"V\r", 6) == b"V1013\r"
+                assert one.ask(OPEN + b"T150400012%02X00\r" % turn, 15) == CHANNEL + b"Z\rT150400010\r"
+                one.write(b"T10FF00")  # and leaves in the middle
+            with loop.open() as other:
+                if "pty" in place[0]:
+                    other.write(b"\rC\r")  # nobody tells a terminal that its client has gone
+                    other.reset_input_buffer()
+                assert other.ask(OPEN + b"T11040001102\r", 19) == CHANNEL + b"Z\rT110400012%02X00\r" % turn
+        assert loop.stop() == (0, [], [])
 
 
-Start = Callable[..., Server]
-PLACES = [["--slcan-pty"], ["--slcan-tcp", "127.0.0.1:0"]]
+def test_a_wrong_bitrate_and_foreign_frames_get_no_reply() -> None:
+    with Loop("wrist", *TCP) as loop:
+        with loop.open() as client:
+            assert client.ask(b"S6\rO\r" + PROBE, 100, 1.0) == CHANNEL + b"\a"
+        with loop.open() as client:
+            foreign = b"T10FF0002102\rt1231" + b"02\rR10FF00012\r"
+            assert client.ask(OPEN + foreign, 100, 1.0) == CHANNEL + b"Z\rz\rZ\r"
+            assert client.ask(PROBE, 100, 1.0) == b"Z\r" + PROBE_REPLY
 
 
-@pytest.fixture
-def start() -> Iterator[Start]:
-    servers: list[Server] = []
-
-    def starter(*arguments: str) -> Server:
-        servers.append(Server(*arguments))
-        return servers[-1]
-
-    yield starter
-    for server in servers:
-        server.stop()
-
-
-def frame(identifier: int, *data: int, extended: bool = True) -> can.Message:
-    return can.Message(arbitration_id=identifier, data=data, is_extended_id=extended)
+def test_several_clients_are_on_one_bus() -> None:
+    with Loop("wrist", *TCP) as loop:
+        one, two, other = loop.open(), loop.open(), loop.open()
+        assert one.ask(OPEN, 2) == two.ask(OPEN, 2) == other.ask(b"S6\rO\r", 2) == CHANNEL
+        assert one.ask(PROBE, 100, 0.1) == b"Z\r" + PROBE_REPLY
+        assert two.read(100, 0.1) == PROBE + PROBE_REPLY, "what the other one sent, and the reply"
+        assert two.ask(PROBE, 100, 0.1) == b"Z\r" + PROBE_REPLY
+        assert other.read(100, 0.1) == b"", "at another bitrate"
+        one.close()
+        assert two.ask(PROBE, 100, 0.1) == b"Z\r" + PROBE_REPLY
+        two.close()
+        assert loop.open().ask(OPEN + PROBE, 100, 0.1) == CHANNEL + b"Z\r" + PROBE_REPLY
 
 
-def next_frame(bus: can.BusABC, seconds: float = PATIENCE) -> can.Message | None:
-    """Answers to sent frames show up as empty reads: poll until a frame or the deadline."""
-    deadline = time.monotonic() + seconds
-    while time.monotonic() < deadline:
-        message = bus.recv(0.01)
-        if message is not None:
-            return message
-    return None
+def test_clients_acknowledge_each_other() -> None:
+    with Loop("wrist", *TCP, "--control", "control") as loop:
+        assert loop.tell("power off").startswith("ok ")
+        one, two = loop.open(), loop.open()
+        assert one.ask(OPEN + PROBE, 100, 0.1) == CHANNEL + b"\a", "nobody is there"
+        assert two.ask(OPEN, 2) == CHANNEL
+        assert one.ask(PROBE, 100, 0.1) == b"Z\r"
+        assert two.read(100, 0.1) == PROBE
+
+
+def test_an_answer_comes_in_one_piece_without_delay() -> None:
+    with Loop("wrist", *TCP) as loop, loop.open() as client:
+        assert client.ask(OPEN, 2) == CHANNEL
+        for _ in range(20):
+            began = loop.moment
+            client.write(PROBE)
+            assert client.some() == b"Z\r" + PROBE_REPLY and loop.moment - began < 0.0005
+
+
+def test_a_dump_over_the_emulated_bus_takes_its_time() -> None:
+    """0.618 ms on the bus for three frames each way, one after the other."""
+    with Loop("wrist", *TCP, "--wire", "1") as loop, loop.open() as client:
+        assert client.ask(OPEN, 2) == CHANNEL
+        began = loop.moment
+        for request, reply in zip(DUMP.split(b"\r"), DUMP_REPLY.split(b"\r")[:3], strict=False):
+            client.write(request + b"\r")
+            assert client.read_until(reply + b"\r").endswith(reply + b"\r")
+        assert loop.moment - began == pytest.approx(0.000618, abs=0.0001)
+
+
+def test_a_serial_wrist_at_its_speed() -> None:
+    with Loop("wrist", "--pty", "--wire", "115200") as loop, loop.open() as port:
+        assert loop.link.startswith("/dev/")
+        began = loop.moment
+        assert port.ask(bytes.fromhex("EB 90 01 04 30 FC 03 18 4C"), 32)[7:31] == DUMP_DATA
+        assert loop.moment - began == pytest.approx(0.003558, abs=0.0001)
+        port.baudrate = 57600
+        assert port.ask(SERIAL_PROBE, 10, 1.0) == b""
+        port.baudrate = 115200
+        assert port.ask(SERIAL_PROBE, 10) == SERIAL_PROBE_REPLY
+
+
+def test_disconnect_closes_the_adapter() -> None:
+    with Loop("wrist", *TCP, "--fault", "disconnect", "--every", "2") as loop:
+        for _ in range(2):
+            with loop.open() as client:
+                assert client.ask(b"O\r" + PROBE, 100, 0.1) == b"\rZ\r" + PROBE_REPLY
+                assert client.ask(PROBE, 100, 0.1) == b"Z\r"
+                with pytest.raises(EOFError):
+                    client.read()
+    with Loop("wrist", "--slcan-pty", "--fault", "disconnect") as loop, loop.open() as port:
+        assert port.ask(b"O\r" + PROBE, 100, 1.0) == b"\rZ\r" and port.gone
+        code, _, (complaint,) = loop.stop()
+        assert code == 0 and "disconnect" in complaint
+
+
+def test_control_and_state_go_across_wires(tmp_path: Path) -> None:
+    state = tmp_path / "wrist.json"
+    with Loop("wrist", "--slcan-pty", "--state", state, "--control", "control") as loop:
+        with loop.open() as port:
+            assert port.ask(OPEN + b"T150380016000000000000\r", 17) == CHANNEL + b"Z\r" + MOVE_REPLY
+            assert loop.tell("set 1024 0102") == "ok set 1024 01 02"
+            assert port.ask(b"T11000001102\r", 17) == b"Z\rT1100000120102\r"
+            loop.signals.power_cycles += 1
+            assert port.ask(b"T11000001102\r", 17) == b"Z\rT1100000126F00\r"
+        assert loop.stop() == (0, [], [])
+    with Loop("wrist", "--tcp", "127.0.0.1:0", "--state", state) as loop:
+        assert loop.link.startswith("tcp://127.0.0.1:")
+        assert loop.open().ask(SERIAL_PROBE, 10) == bytes.fromhex("90 EB 01 05 30 FC 03 00 00 35")
+
+
+def test_faults_of_the_adapter_are_options_and_commands() -> None:
+    with Loop("wrist", *TCP, "--fault", "queue,no-ack", "--control", "control") as loop, loop.open() as client:
+        assert client.ask(b"O\r" + PROBE, 100, 0.1) == b"\rZ\r"
+        assert loop.tell("fault bel") == "ok fault bel"
+        assert client.ask(PROBE, 100, 0.1) == b"\a"
+        assert loop.open().ask(b"O\r" + PROBE, 100, 0.1) == b"\r\a", "of who comes later, too"
+
+
+# -- python-can -------------------------------------------------------------------------------------------------------
+
+
+def bus_at(server: Simulator, bitrate: int = 1000000) -> slcanBus:
+    channel = server.link.removeprefix("can:slcan:")
+    bus = can.Bus(interface="slcan", channel=channel, bitrate=bitrate, sleep_after_open=0)
+    assert isinstance(bus, slcanBus)
+    return bus
+
+
+def frame(identifier: int, *data: int) -> can.Message:
+    return can.Message(arbitration_id=identifier, data=data, is_extended_id=True)
 
 
 def exchange(bus: can.BusABC, identifier: int, *data: int) -> bytes:
+    """Answers to sent frames show up as empty reads: read until a frame comes."""
     bus.send(frame(identifier, *data))
-    message = next_frame(bus)
-    assert message is not None
+    came: list[can.Message] = []
+    wait_until(lambda: came.extend(filter(None, [bus.recv(0.01)])) or came)
+    (message,) = came
     assert (message.arbitration_id, message.is_extended_id, message.is_remote_frame) == (identifier, True, False)
     return bytes(message.data)
 
 
 @pytest.mark.real
-@pytest.mark.parametrize("place", PLACES)
-def test_python_can_reads_and_moves_the_wrist(start: Start, place: list[str]) -> None:
-    server = start(*place)
-    form = "can:slcan:/dev/" if place == PLACES[0] else "can:slcan:socket://127.0.0.1:"
-    assert server.link.startswith(form)
-    with server.bus() as bus:
-        assert exchange(bus, 0x10FF0001, 2) == b"\xa7\xfe"
-        assert b"".join(exchange(bus, identifier, 8) for identifier in DUMP_IDS) == DUMP_DATA
-        assert exchange(bus, 0x15048001, 100, 0) == b""
-        assert exchange(bus, 0x15038001, 0xE8, 0x03, 0x18, 0xFC) == b""
-        wait_until(lambda: exchange(bus, 0x10FF0001, 4) == b"\x18\xfc\xe8\x03")
-        assert bus.get_version(1.0) == (10, 13)
-        assert bus.get_serial_number(1.0) == "SIM1"
-    assert server.stop() == (0, "", "")
-
-
-@pytest.mark.real
-@pytest.mark.parametrize("place", PLACES)
-def test_client_after_client(start: Start, place: list[str]) -> None:
-    server = start(*place)
-    for turn in range(3):
-        with server.bus() as bus:
-            assert exchange(bus, 0x15040001, turn, 0) == b""
-        with server.bus() as bus:
-            assert exchange(bus, 0x11040001, 2) == bytes([turn, 0])
-
-
-@pytest.mark.real
-@pytest.mark.parametrize("place", PLACES)
-def test_wrong_bitrate_and_foreign_frames_get_no_reply(start: Start, place: list[str]) -> None:
-    server = start(*place)
-    with server.bus(500000) as bus:
-        bus.send(frame(0x10FF0001, 2))
-        assert next_frame(bus, 0.15) is None
-    with server.bus() as bus:
-        bus.send(frame(0x10FF0002, 2))
-        bus.send(frame(0x123, 2, extended=False))
-        bus.send(can.Message(arbitration_id=0x10FF0001, is_remote_frame=True, dlc=2))
-        assert next_frame(bus, 0.15) is None
-        assert exchange(bus, 0x10FF0001, 2) == b"\xa7\xfe"
-
-
-@pytest.mark.real
-def test_several_clients_are_on_one_bus(start: Start) -> None:
-    server = start("--slcan-tcp", "127.0.0.1:0")
-    with server.bus() as one, server.bus() as two, server.bus(500000) as other:
-        while next_frame(two, 0.1) is None:  # until the other channel is open
-            assert exchange(one, 0x11000001, 2) == b"\x6f\x00"
-        while next_frame(two, 0.2):
-            pass
-        assert exchange(one, 0x10FF0001, 2) == b"\xa7\xfe"
-        heard = [next_frame(two), next_frame(two)]  # what the other one sent, and the reply
-        assert [(row.arbitration_id, bytes(row.data)) for row in heard if row] == [
-            (0x10FF0001, b"\x02"),
-            (0x10FF0001, b"\xa7\xfe"),
-        ]
-        assert exchange(two, 0x11000001, 2) == b"\x6f\x00"
-        assert next_frame(other, 0.1) is None  # at another bitrate
-    with server.bus() as three:
-        assert exchange(three, 0x10FF0001, 2) == b"\xa7\xfe"
-
-
-@pytest.mark.real
-def test_clients_acknowledge_each_other(start: Start, tmp_path: Path) -> None:
-    control = tmp_path / "control"
-    server = start("--slcan-tcp", "127.0.0.1:0", "--control", str(control))
-    assert CliRunner().invoke(cli, ["control", str(control), "power", "off"]).exit_code == 0
-    with server.connect() as one, server.connect() as two:
-        one.sendall(b"S8\rO\r" + PROBE)
-        assert receive(one, 3) == b"\r\r\a"  # nobody is there
-        two.sendall(b"S8\rO\r")
-        assert receive(two, 2) == b"\r\r"
-        one.sendall(PROBE)
-        assert receive(one, 2) == b"Z\r"
-        assert receive(two, len(PROBE)) == PROBE
-
-
-def receive(client: socket.socket, count: int) -> bytes:
-    data = b""
-    while len(data) < count and (piece := client.recv(count - len(data))):
-        data += piece
-    return data
-
-
-@pytest.mark.real
-def test_python_can_filters_foreign_traffic(start: Start) -> None:
-    server = start("--slcan-tcp", "127.0.0.1:0", "--fault", "noise", "--seed", "3")
-    with server.bus() as bus:
-        bus.set_filters([{"can_id": 0x10FF0001, "can_mask": 0x1FFFFFFF, "extended": True}])
-        for _ in range(10):
+@each_row("place", [["--slcan-pty"], TCP])
+def test_python_can_reads_and_moves_the_wrist(place: list[str]) -> None:
+    with Simulator(*place, kind="wrist") as server:
+        with bus_at(server) as bus:
             assert exchange(bus, 0x10FF0001, 2) == b"\xa7\xfe"
-
-
-def tool(name: str, server: Server, *arguments: str) -> subprocess.Popen[str]:
-    """A tool of python-can at this adapter."""
-    where = ["--bus-kwargs", "sleep_after_open=0", "-i", "slcan", "-c", server.channel]
-    words = [sys.executable, "-u", "-m", f"can.{name}", *where, *arguments]
-    return subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
-
-
-@pytest.mark.real
-@pytest.mark.parametrize("place", PLACES)
-def test_can_logger_hears_the_bus(start: Start, place: list[str]) -> None:
-    logger = tool("logger", start(*place, "--set", "traffic=200"))
-    assert logger.stdout is not None
-    try:
-        heard = [row for row in (logger.stdout.readline() for _ in range(50)) if "ID:" in row]
-    finally:
-        logger.send_signal(signal.SIGINT)
-        logger.communicate(timeout=30)
-    assert len(heard) > 40
-    assert all(" X Rx " in row for row in heard), heard
+            assert b"".join(exchange(bus, identifier, 8) for identifier in DUMP_IDS) == DUMP_DATA
+            assert exchange(bus, 0x15048001, 100, 0) == b""
+            assert exchange(bus, 0x15038001, 0xE8, 0x03, 0x18, 0xFC) == b""
+            wait_until(lambda: exchange(bus, 0x10FF0001, 4) == b"\x18\xfc\xe8\x03")
+            assert bus.get_version(PATIENCE) == (10, 13) and bus.get_serial_number(PATIENCE) == "SIM1"
+        with bus_at(server) as bus:
+            assert exchange(bus, 0x10FF0001, 4) == b"\x18\xfc\xe8\x03"
+        assert server.stop() == (0, "", "")
 
 
 @pytest.mark.real
-def test_can_player_plays_to_the_wrist(start: Start, tmp_path: Path) -> None:
+def test_the_tools_of_python_can_hear_and_play(tmp_path: Path) -> None:
+    """Its filters too; and a terminal that hangs up is an error there."""
     control, log = tmp_path / "control", tmp_path / "move.log"
     log.write_text("(0.000000) can0 15048001#6400\n(0.010000) can0 15038001#E80318FC\n")
-    player = tool("player", start("--slcan-tcp", "127.0.0.1:0", "--control", str(control)), str(log))
-    assert player.wait(timeout=PATIENCE) == 0
-    player.communicate()
-    done = CliRunner().invoke(cli, ["control", str(control), "get", "1038", "6"])
-    assert done.output == "E8 03 18 FC 64 00\n"
+
+    def tool(name: str, *arguments: str) -> subprocess.Popen[str]:
+        where = ["--bus-kwargs", "sleep_after_open=0", "-i", "slcan", "-c", server.link.removeprefix("can:slcan:")]
+        words = [sys.executable, "-u", "-m", f"can.{name}", *where, *arguments]
+        return subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
+
+    with Simulator(*TCP, "--control", control, "--fault", "noise", "--set", "traffic=200", kind="wrist") as server:
+        with bus_at(server) as bus:
+            bus.set_filters([{"can_id": 0x10FF0001, "can_mask": 0x1FFFFFFF, "extended": True}])
+            assert exchange(bus, 0x10FF0001, 2) == b"\xa7\xfe"
+        player = tool("player", str(log))
+        player.communicate(timeout=PATIENCE)
+        assert player.returncode == 0
+        assert send_control(str(control), "get 1038 6") == "ok E8 03 18 FC 64 00"
+        logger = tool("logger")
+        assert logger.stdout is not None
+        try:
+            heard = [row for row in (logger.stdout.readline() for _ in range(50)) if "ID:" in row]
+        finally:
+            logger.send_signal(signal.SIGINT)
+            logger.communicate(timeout=PATIENCE)
+        assert len(heard) > 40 and all(" X Rx " in row for row in heard), heard
+    with Simulator("--slcan-pty", "--fault", "disconnect", kind="wrist") as server:
+        with pytest.raises(can.CanOperationError), bus_at(server) as bus:
+            bus.send(frame(0x10FF0001, 2))
+            wait_until(lambda: bus.recv(0.01))
+        server.process.wait(timeout=PATIENCE)
+        code, out, err = server.stop()
+        assert (code, out) == (0, "") and "disconnect" in err
 
 
-@pytest.mark.real
-def test_serial_port_of_the_adapter_may_have_any_speed(start: Start) -> None:
-    server = start("--slcan-pty")
-    for speed in (115200, 9600, 2000000):
-        with serial.Serial(server.channel, speed, timeout=PATIENCE) as port:
-            port.write(b"C\r")
-            assert port.read(1) in (b"\r", b"\a")
-            port.write(b"S8\rO\r" + DUMP)
-            answer = port.read(2 + 6 + len(DUMP_REPLY))
-            assert answer.replace(b"Z\r", b"") == b"\r\r" + DUMP_REPLY
-
-
-@pytest.mark.real
-def test_answer_comes_in_one_piece_without_delay(start: Start) -> None:
-    server = start("--slcan-tcp", "127.0.0.1:0")
-    with server.connect() as client:
-        client.sendall(b"S8\rO\r")
-        assert client.recv(100) == b"\r\r"
-
-        def asked() -> None:
-            client.sendall(PROBE)
-            assert client.recv(4096) == b"Z\r" + PROBE_REPLY
-
-        in_time(asked, 0.0, 0.005, tries=500)
-
-
-@pytest.mark.real
-def test_dump_over_the_emulated_bus_takes_its_time(start: Start) -> None:
-    """0.618 ms on the bus for three frames each way, one after the other."""
-    server = start("--slcan-tcp", "127.0.0.1:0", "--wire", "1")
-    with server.connect() as client:
-        client.sendall(b"S8\rO\r")
-        assert client.recv(100) == b"\r\r"
-
-        def dumped() -> None:
-            for request, reply in zip(DUMP.split(b"\r"), DUMP_REPLY.split(b"\r")[:3], strict=False):
-                client.sendall(request + b"\r")
-                heard = b""
-                while not heard.endswith(reply + b"\r"):
-                    heard += client.recv(4096)
-
-        for _ in range(20):
-            in_time(dumped, 0.000617, PATIENCE)
-        in_time(dumped, 0.000617, 0.010, tries=500)
-
-
-@pytest.mark.real
-def test_tcp_client_that_leaves_in_the_middle(start: Start) -> None:
-    server = start("--slcan-tcp", "127.0.0.1:0")
-    with server.connect() as client:
-        client.sendall(b"S6\rO\rT10FF00")
-        assert client.recv(100) == b"\r\r"
-    with server.connect() as client:
-        client.sendall(b"O\r")
-        assert client.recv(100) == b"\r"
-        client.sendall(PROBE)
-        assert client.recv(100) == b"Z\r" + PROBE_REPLY
-
-
-@pytest.mark.real
-def test_disconnect_closes_the_adapter(start: Start) -> None:
-    server = start("--slcan-tcp", "127.0.0.1:0", "--fault", "disconnect", "--every", "2")
-    for _ in range(2):
-        with server.connect() as client:
-            client.sendall(b"O\r" + PROBE)
-            heard = b""
-            while not heard.endswith(PROBE_REPLY):
-                heard += client.recv(100)
-            client.sendall(PROBE)
-            while data := client.recv(100):
-                heard += data
-            assert heard == b"\rZ\r" + PROBE_REPLY + b"Z\r"
-    pty = start("--slcan-pty", "--fault", "disconnect")
-    with pytest.raises(can.CanOperationError), pty.bus() as bus:
-        bus.send(frame(0x10FF0001, 2))
-        for _ in range(200):
-            bus.recv(0.01)
-    pty.process.wait(timeout=PATIENCE)
-    code, out, err = pty.stop()
-    assert (code, out) == (0, "")
-    assert "disconnect" in err
-
-
-@pytest.mark.real
-def test_control_and_state_go_across_wires(start: Start, tmp_path: Path) -> None:
-    state, control = tmp_path / "wrist.json", tmp_path / "control"
-    server = start("--slcan-pty", "--state", str(state), "--control", str(control))
-    with server.bus() as bus:
-        assert exchange(bus, 0x15038001, 0, 0, 0, 0, 0, 0) == b""
-        done = CliRunner().invoke(cli, ["control", str(control), "set", "1024", "0102"])
-        assert (done.exit_code, done.output) == (0, "set 1024 01 02\n")
-        assert exchange(bus, 0x11000001, 2) == b"\x01\x02"
-    server.process.send_signal(signal.SIGUSR1)
-    with server.bus() as bus:
-        assert exchange(bus, 0x11000001, 2) == b"\x6f\x00"
-    assert server.stop() == (0, "", "")
-    again = start("--tcp", "127.0.0.1:0", "--state", str(state))
-    assert again.link.startswith("tcp://127.0.0.1:")
-    with serial.serial_for_url(again.link.replace("tcp", "socket"), timeout=PATIENCE) as port:
-        port.write(SERIAL_PROBE)
-        assert port.read(10) == bytes.fromhex("90 EB 01 05 30 FC 03 00 00 35")
-
-
-@pytest.mark.real
-def test_serial_wrist_on_a_pty(start: Start) -> None:
-    server = start("--pty", "--wire", "115200")
-    assert server.link.startswith("/dev/")
-    with serial.Serial(server.link, 115200, timeout=PATIENCE) as port:
-
-        def dumped() -> None:
-            port.write(bytes.fromhex("EB 90 01 04 30 FC 03 18 4C"))
-            assert port.read(32)[7:31] == DUMP_DATA
-
-        for _ in range(20):
-            in_time(dumped, 0.003558, PATIENCE)
-        in_time(dumped, 0.003558, 0.006, tries=500)
-        port.baudrate = 57600
-        with briefly(port):
-            port.write(SERIAL_PROBE)
-            assert port.read(10) == b""
-        port.baudrate = 115200
-        port.write(SERIAL_PROBE)
-        assert port.read(10) == SERIAL_PROBE_REPLY
-    assert server.stop() == (0, "", "")
-
-
-@pytest.mark.real
-def test_pty_of_the_adapter_for_a_client_that_sets_nothing(start: Start) -> None:
-    server = start("--slcan-pty")
-    descriptor = os.open(server.channel, os.O_RDWR | os.O_NOCTTY)
-    try:
-        os.write(descriptor, b"V\r")
-        heard = b""
-        while not heard.endswith(b"\r"):
-            heard += os.read(descriptor, 100)
-        assert heard == b"V1013\r"
-    finally:
-        os.close(descriptor)
+# -- options ----------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -699,6 +556,7 @@ def test_help_lists_both_wires() -> None:
         "--slcan-tcp",
         "bad-checksum",
         "no-ack",
+        "bel",
         "bus-off",
         "ack-dlc",
         "result-flag",
@@ -768,20 +626,3 @@ def test_frames_at_another_bitrate_are_bus_errors_to_who_listens() -> None:
     adapter.advance(0.1)
     assert ask(adapter, b"F\r").endswith(b"F00\r")
     assert adapter.take() == b""
-
-
-@pytest.mark.real
-def test_faults_of_the_adapter_are_options_and_commands(start: Start, tmp_path: Path) -> None:
-    control = tmp_path / "control"
-    server = start("--slcan-tcp", "127.0.0.1:0", "--fault", "queue,no-ack", "--control", str(control))
-    with server.connect() as client:
-        client.sendall(b"O\r" + PROBE)
-        heard = b""
-        while len(heard) < 3:
-            heard += client.recv(100)
-        assert heard == b"\rZ\r"
-        done = CliRunner().invoke(cli, ["control", str(control), "fault", "bel"])
-        assert (done.exit_code, done.output) == (0, "fault bel\n")
-        client.sendall(PROBE)
-        assert client.recv(100) == b"\a"
-    assert "bel" in CliRunner().invoke(cli, ["wrist", "--help"]).output
