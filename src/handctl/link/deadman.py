@@ -147,13 +147,14 @@ class Guard:
 
     def _start(self) -> None:
         """Fork, and see that the child is ready. All at once for signals: nobody must lose sight of a child."""
-        outlet, stop, first = self._outlet, self._stop, _pack(self._owed, self._first)
+        outlet, stop, first = self._outlet, self._stop, _pack(self._owed, self._first)[2:]
         assert outlet is not None
 
         def act(message: bytes) -> None:
             with suppress(Exception):
                 act_for(outlet, stop, message or first)
-            os.close(outlet.descriptor)  # before the lock: who gets that next must find the port free
+            with suppress(OSError):
+                os.close(outlet.descriptor)  # before the lock: who gets that next must find the port free
 
         self._told = clock.now()
         with child.unsignalled():

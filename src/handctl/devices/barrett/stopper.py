@@ -24,7 +24,7 @@ from handctl.model.stopping import Aim, Pieces, Say, Stopped, Talk, silence, tak
 FIRST, BETWEEN, LAST = 0.15, 0.02, 0.5
 """Seconds for the prompt behind the first ^C, behind the next ones, and behind the last: a movement needs time to end."""
 SWALLOWED = 8
-POWER_OFF, BRIEF = 1.0, 0.3
+POWER_OFF, BRIEF, TRIES = 1.0, 0.3, 3
 """Seconds for the answer to T: at the end, and before the other speeds are tried."""
 ABORTED = 16384
 """Status of what ^C has ended (barrett §5.1.3, T3)."""
@@ -102,8 +102,13 @@ def _at(
     if ended and powered:
         return Turn(speed, None, ended, b"".join(came), f"^C{where}")
     step = Step(f"{command}{where}: motor power off", encode(command), moves=True)
-    seconds = slow or (POWER_OFF if ended else power)
-    pieces = yield Say(step, seconds, lambda pieces: _answer(command, pieces), baud=speed)
+    tries = TRIES if ended else 1  # it is there: T goes out again until it is answered
+    seconds = slow or (POWER_OFF if ended else power) / tries
+    pieces: Pieces = []
+    for _ in range(tries):
+        pieces += yield Say(step, seconds, partial(_answered, command, tuple(pieces)), baud=speed)
+        if _answer(command, pieces) is not None:
+            break
     return Turn(speed, _answer(command, pieces), ended, b"".join([*came, *pieces]), f"^C and {command}{where}")
 
 
@@ -144,6 +149,10 @@ def _ended_by(seen: bytes) -> str:
 
 def _prompt_in(before: tuple[bytes, ...], pieces: Pieces) -> bool:
     return has_prompt(b"".join([*before, *pieces]))
+
+
+def _answered(command: str, before: tuple[bytes, ...], pieces: Pieces) -> Answer | None:
+    return _answer(command, [*before, *pieces])
 
 
 def _answer(command: str, pieces: Pieces) -> Answer | None:

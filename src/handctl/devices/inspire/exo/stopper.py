@@ -53,6 +53,7 @@ def stop_talk(aim: Aim) -> Talk:
             lambda: values(aim, POSITION_SET, FINGERS, eb90.READ),
             places if meaning.startswith("hold") else [None] * FINGERS,
             STILL,
+            places,
         )
         return taken_over(Stopped(done), against) if against else Stopped(done)
     if meaning:
