@@ -205,14 +205,23 @@ class Child:
 class Way(Outlet):
     """Out of a simulated link, for a child of the same process."""
 
-    def __init__(self, link: Any) -> None:
-        super().__init__(-1, decode=(lambda _data: ([], b"")) if isinstance(link, FakeFrames) else None)
-        self.link = link
+    link: Any
+
+    @classmethod
+    def of(cls, link: Any) -> Way:
+        way = cls(-1, decode=(lambda _data: ([], b"")) if isinstance(link, FakeFrames) else None)
+        way.link = link
+        return way
 
 
-def raw(outlet: Way) -> Any:
+def outlet(link: Any) -> Way:
+    """In place of the method of a simulated link."""
+    return Way.of(link)
+
+
+def raw(way: Way) -> Any:
     """The link of the child: the simulated one itself."""
-    link = outlet.link
+    link = way.link
     link.put = lambda data, deadline: link.write(data, deadline) if data else None
     link.sleep_reading = link.sleep
     return link
@@ -224,7 +233,7 @@ def mortal(wire: Wire, heir: Child) -> Iterator[None]:
     with ExitStack() as stack:
         for owner, _ in SPEAKS:
             stack.enter_context(mock.patch.object(owner, "fake", False))
-            stack.enter_context(mock.patch.object(owner, "outlet", lambda link: Way(link)))
+            stack.enter_context(mock.patch.object(owner, "outlet", outlet))
         for name, made in (("can_be", lambda: True), ("started", heir.started), ("ended", heir.ended)):
             stack.enter_context(mock.patch.object(child, name, made))
         for name in ("RawBytes", "RawFrames"):
