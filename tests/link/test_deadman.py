@@ -148,7 +148,11 @@ def parents() -> Iterator[list[subprocess.Popen[bytes]]]:
 
 def armed(place: Place, body: str = "pass", beat: float = 0.0, **more: Any) -> subprocess.Popen[bytes]:
     """A process of its own, with a guard."""
-    program = textwrap.dedent(PROGRAM).replace("{body}", body).replace("{stop}", inspect.getsource(stop).replace("Any", "object"))
+    program = (
+        textwrap.dedent(PROGRAM)
+        .replace("{body}", body)
+        .replace("{stop}", inspect.getsource(stop).replace("Any", "object"))
+    )
     command = [sys.executable, "-c", program, place.link, str(beat)]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, **more)
     assert process.stdout is not None
