@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable, Generator, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Generic, NamedTuple, Protocol, TypeVar
 
@@ -239,10 +240,14 @@ def unheard(talk: Talk, *, reads: bool = False) -> list[Step]:
 def carry_out(link: Link, talk: Talk, sent: list[Sent] | None = None, ledger: Ledger | None = None) -> Stopped:
     """Run a plan over an open link. Never raises: a lost link, or one more Ctrl-C, is how it ended."""
     sent = [] if sent is None else sent
+
+    def plan(step: Step) -> None:
+        if ledger is not None:
+            ledger.plan([step])
+
     try:
-        stopped = drive(
-            link, talk, sent, (lambda step: ledger.plan([step])) if ledger is not None else (lambda _step: None)
-        )
+        with ledger.repeating() if ledger is not None else nullcontext():
+            stopped = drive(link, talk, sent, plan)
     except HandctlError as exc:
         return Stopped(exc.text, exc.hint, type(exc))
     except KeyboardInterrupt:
