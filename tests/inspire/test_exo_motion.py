@@ -182,7 +182,7 @@ def moving_at(positions: list[int], interrupt_after: float) -> ScriptedLink:
         if request[4] == HOLD_FLAG:
             return [(0.0, unhex("90 EB 01 0B 32 00 00 00 00 00 00 00 00 00 00 3E"))]
         if request[4] == RELEASE_FLAG:
-            body = b"\x01\x0b\x31" + data[:10]
+            body = b"\x01\x0d\x31" + data
             return [(0.0, b"\x90\xeb" + body + bytes([sum(body) % 256]))]
         if request[4] == WRITE_FLAG:
             return [(0.0, unhex("90 EB 01 04 12 CE 05 01 EB"))]
