@@ -6,7 +6,7 @@ import itertools
 
 import pytest
 
-from handctl.devices.aidin import adjust, homing, motion, stop
+from handctl.devices.aidin import adjust, homing, motion
 from handctl.devices.aidin.map import ANGLES, ENCODERS, TIPS
 from handctl.devices.aidin.targets import parse
 from handctl.errors import CheckFailed, Interrupted, LinkError, NoAnswer, ProtocolError

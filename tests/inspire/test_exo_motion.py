@@ -32,6 +32,7 @@ from tests.support.scripted import (
 CALIBRATE, CALIBRATE_ACK = "EB 90 01 04 12 F1 03 01 0C", "90 EB 01 04 12 F1 03 01 0C"
 CALIBRATED = "90 EB 01 04 11 02 00 00 18"
 WRITE_FLAG, RELEASE_FLAG, HOLD_FLAG = 0x12, 0x31, 0x32
+FORCE_SET = b"\xda\x05"
 RELEASE = "EB 90 01 0B 31 00 00 00 00 00 00 00 00 00 00 3D"
 HELD = "EB 90 01 0B 32 6E 00 DC 00 4A 01 B8 01 26 02 B4"
 UNMOVED = "EB 90 01 0D 12 CE 05 FF FF FF FF FF FF FF FF FF FF E9"
@@ -186,7 +187,7 @@ def moving_at(positions: list[int], interrupt_after: float) -> ScriptedLink:
             return [(0.0, b"\x90\xeb" + body + bytes([sum(body) % 256]))]
         if request[4] == WRITE_FLAG:
             return [(0.0, unhex("90 EB 01 04 12 CE 05 01 EB"))]
-        return [(0.0, reply_to(request, data[: request[7]]))]
+        return [(0.0, reply_to(request, data[: request[7]] if request[5:7] != FORCE_SET else bytes(10)))]
 
     link = ScriptedLink(answer)
     link.interrupt_at = interrupt_after
