@@ -15,10 +15,21 @@ from handctl.devices.aidin.targets import parse
 from handctl.errors import CheckFailed, Interrupted, NoAnswer, ProtocolError, UsageError
 from handctl.link import Deadline
 from handctl.model.guide import Guide, Presses
-from tests.aidin.support import Streamer, feedback, hand_on, line, objects, poller, simulated, stopped, streamer
+from tests.aidin.support import (
+    STOP,
+    Streamer,
+    feedback,
+    hand_on,
+    line,
+    objects,
+    poller,
+    simulated,
+    stopped,
+    stopped_behind,
+    streamer,
+)
 from tests.support.scripted import ScriptedLink
 
-STOP = b'{"hand_mode":3}\n'
 DAMAGED = b'{"motor_pos":[nope]}\n'
 
 
@@ -91,7 +102,7 @@ def test_a_bug_of_ours_while_something_moves_stops_the_hand() -> None:
     link = streamer()
     with pytest.raises(ZeroDivisionError), stop.stopped_if_cut_short(hand_on(link), Guide()):
         raise ZeroDivisionError
-    assert link.sent == [STOP] * 3
+    assert len(link.sent) > 3 and set(link.sent) == {STOP}
 
 
 def test_currents_told_before_the_stop_do_not_confirm_it() -> None:
@@ -128,7 +139,7 @@ def test_a_second_ctrl_c_waits_until_stop_is_sent() -> None:
     link.write = note  # type: ignore[method-assign]
     with pytest.raises(Interrupted), stop.stopped_if_cut_short(hand_on(link), guide):
         raise KeyboardInterrupt
-    assert waited == [True] * 3
+    assert len(waited) > 3 and all(waited)
 
 
 # -- what counts as arrived -------------------------------------------------------------------------------------------
@@ -204,8 +215,8 @@ def test_a_second_ctrl_c_does_not_wait_for_the_way_back_to_0() -> None:
 
     hand, link = simulated(start="homed")
     link.interrupt_at = link.now() + 0.9
-    with pytest.raises(Interrupted, match="stop was sent 3 times"):
-        currents(hand, parse(CURRENTS, ["index.m3=100"]), Pressed(), seconds=1.0, cap=300)
+    with pytest.raises(Interrupted):
+        currents(hand, parse(CURRENTS, ["index.m3=100"]), Pressed(), seconds=1.0, cap=300, ramp_down=True)
     told = [data["hand_TT_cmd"][5] for data in objects(link.sent) if data["hand_mode"] == 41]  # type: ignore[index]
     assert told[-1] == max(told) > 40
-    assert link.sent[-3:] == [STOP] * 3
+    stopped_behind(link.sent)

@@ -190,9 +190,9 @@ def test_a_hand_with_errors_is_not_moved() -> None:
 
 
 @pytest.mark.parametrize("wire", [EB90, RTU, TCP, CAN])
-def test_halt_sets_every_speed_to_zero(wire: str) -> None:
+def test_a_stop_sets_every_speed_to_zero(wire: str) -> None:
     hand = hand_on(TP, wire)
-    assert motion.halt(hand).startswith("all speeds are 0 now")
+    assert hand.stop().error is None
     assert {reading.value for reading in hand.read(elements_of(hand.map["speed_set"]))} == {0}
 
 

@@ -180,7 +180,9 @@ def test_ctrl_c_stops_what_is_driven_and_is_raised_again(tmp_path: Path) -> None
     ):
         with pytest.raises(KeyboardInterrupt):
             hand.position(100, 200, 300, 400, 500, wait=2, confirm=True)
-        assert hand.envelope["exit_code"] == 130 and len(hand.envelope["writes"]) == 2
+        assert hand.envelope["exit_code"] == 130
+        _, release, hold = [(row["bytes"][12:14], row["state"]) for row in hand.envelope["writes"]]
+        assert (release, hold) == (("31", "confirmed"), ("32", "confirmed"))
         assert hand.get("id")
     assert trace.read_text(encoding="utf-8").count(" > EB 90 01 0B 32") == 2
 

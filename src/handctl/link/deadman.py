@@ -194,6 +194,11 @@ def act_for(outlet: Outlet, stop: Stop, message: bytes) -> None:
     stop(link)
 
 
+def _unread(text: str, code: str) -> LinkError:
+    """An error in the child, which nobody reads: there is no next step in it."""
+    return LinkError(text, code=code)
+
+
 class _Raw(Link):
     """A descriptor of the system, without the library that has opened it."""
 
@@ -207,9 +212,9 @@ class _Raw(Link):
                 data = data[os.write(self._outlet.descriptor, data) :]
             except BlockingIOError:
                 if not writable(self._outlet.descriptor, deadline.remaining):
-                    raise LinkError("the link takes nothing", code="write-timeout") from None
+                    raise _unread("the link takes nothing", "write-timeout") from None
             except OSError as exc:
-                raise LinkError("the link is lost", code="lost") from exc
+                raise _unread("the link is lost", "lost") from exc
 
     def got(self, deadline: Deadline) -> bytes:
         """Bytes as they are; b"" for silence. Raises LinkError."""
@@ -220,9 +225,9 @@ class _Raw(Link):
         except BlockingIOError:
             return b""
         except OSError as exc:
-            raise LinkError("the link is lost", code="lost") from exc
+            raise _unread("the link is lost", "lost") from exc
         if not data:
-            raise LinkError("the link is lost", code="lost")
+            raise _unread("the link is lost", "lost")
         return data
 
     def sleep_reading(self, seconds: float) -> None:

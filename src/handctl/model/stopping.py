@@ -202,7 +202,7 @@ def taken_over(stopped: Stopped, what: str) -> Stopped:
 
 
 FIND_WHO = (
-    "end the other program. `handctl ports` shows who has a port of this computer open; at a network address or on a bus "
+    "end the other program. `handctl ports` shows who has a port of this computer open. At a network address or on a bus "
     "look at the other computers. Switch the power off if it must not move"
 )
 

@@ -56,7 +56,7 @@ def power_off(aim: Aim, prefix: str = "") -> Talk:
     stopped = yield from _power_off(aim, prefix)
     if stopped.error is None and (said := b"".join((yield from silence())).strip(b"=> \r\n")):  # late prompts are ours
         shown = said[:24].hex(" ").upper()
-        return taken_over(stopped, f"the hand says {shown}, which nobody here has asked for")
+        return taken_over(stopped, f"the hand says {shown}, which was not asked for here")
     return stopped
 
 
