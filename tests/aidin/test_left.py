@@ -213,20 +213,15 @@ def test_a_ramp_begins_far_outside_only_when_that_is_wanted() -> None:
 
 @pytest.mark.real
 def test_a_second_interrupt_cuts_the_way_back_of_currents_short(tmp_path: Path) -> None:
-    """The hand confirms the stop within what handctl waits for it, but for a busy machine."""
-    tries = (interrupted_twice(tmp_path / f"trace{number}") for number in range(10))
-    assert any(b"stop was sent 3 times, no current flows" in err for err in tries)
-
-
-def interrupted_twice(trace: Path) -> bytes:
-    """What it says at the end."""
+    """Whether the hand confirms the stop in time is a matter of virtual time: test_again.py."""
+    trace = tmp_path / "trace"
     with Simulator("--tcp", "127.0.0.1:0", "--set", "start=homed", kind="aidin") as simulator:
         process = subprocess.Popen(
             program("aidin", "currents", "index.m3=300", "-y", "-p", simulator.link, "--trace", trace),
             stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=clean_environment(),
         )  # fmt: skip
         assert process.stderr is not None
-        wait_until(lambda: trace.exists() and _largest(trace) >= 150)
+        wait_until(lambda: trace.exists() and _largest(trace) == 300)
         process.send_signal(signal.SIGINT)
         assert b"Ctrl-C again stops at once" in process.stderr.readline()
         process.send_signal(signal.SIGINT)
@@ -235,8 +230,7 @@ def interrupted_twice(trace: Path) -> bytes:
     assert b"stop was sent 3 times" in err
     sent = _sent(trace)
     assert [content["hand_mode"] for content in sent[-4:]] == [41, 3, 3, 3]
-    assert max(sent[-4]["hand_TT_cmd"]) > 50, "300 to 0 takes 1.5 s: it was not waited for"
-    return err
+    assert max(sent[-4]["hand_TT_cmd"]) > 0, "300 to 0 takes 1.5 s: it was not waited for"
 
 
 def _sent(trace: Path) -> list[dict[str, object]]:
