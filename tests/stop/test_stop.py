@@ -204,7 +204,7 @@ GUARDED = """
 def test_the_last_stop_of_a_holder_that_was_ended_comes_first(stand: MakeStand) -> None:
     """Two on one port would take each other's answers, and destroy each other's frames on two wires."""
     place = stand("wrist")
-    last, seconds = "EB 90 01 07 31 0E 04 00 00 00 00 4B", 0.6
+    last, seconds = "EB 90 01 07 31 0E 04 00 00 00 00 4B", 1.2
     holder = subprocess.Popen(
         [sys.executable, "-c", textwrap.dedent(GUARDED), place.link, last, str(seconds)],
         env={**os.environ, **place.environment}, stdout=subprocess.PIPE,
@@ -214,11 +214,16 @@ def test_the_last_stop_of_a_holder_that_was_ended_comes_first(stand: MakeStand) 
     place.heard()
     heard = []
     place.reached = lambda begun: heard.extend(place.heard()) or begun  # type: ignore[method-assign, func-returns-value]
-    result, _ = place.stop()
+    result, begun = place.stop()
     assert (result.code, holder.wait(PATIENCE)) == (0, -signal.SIGKILL), result
     assert "ended" in result.codes() and "confirmed" in {row["state"] for row in result.json["writes"]}, result
     holder.stdout.close()
-    assert heard[0][1] == bytes.fromhex(last), heard
+    frame = bytes.fromhex(last)
+    assert b"".join(data for _, data in heard).startswith(frame), heard
+    behind = next(
+        at for number, (at, _) in enumerate(heard, 1) if sum(len(one) for _, one in heard[:number]) > len(frame)
+    )
+    assert behind - begun >= seconds, "the last stop goes out behind the start of the command, and its silence is kept"
 
 
 @pytest.mark.real
