@@ -201,6 +201,18 @@ def test_a_stream_that_stops_is_told() -> None:
     assert link.clock - began <= 1.01
 
 
+def test_nothing_is_driven_on_by_a_key_that_is_wrong_three_times() -> None:
+    made = iter([feedback()] + [feedback(motor_pos=[1])] * 9)
+    hand = hand_on(poller(lambda _: next(made)))
+    hand.talk.connect()
+    for _ in range(2):
+        hand.talk.tick(POLL, by=AIDIN["motor_pos"])
+    with pytest.raises(ProtocolError) as caught:
+        hand.talk.tick(POLL, by=AIDIN["motor_pos"])
+    assert caught.value.code == "bad-length"
+    assert hand.link.now() < 1.0  # the bound for a key that is missing
+
+
 def test_a_poll_is_repeated_and_only_one_is_under_way() -> None:
     lost = iter([False, True, True, False])
 

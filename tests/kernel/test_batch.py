@@ -9,7 +9,9 @@ from unittest import mock
 
 import pytest
 
+from handctl.errors import LinkError
 from handctl.frame import simulated
+from handctl.link.fake import FakeLink
 from tests.support.cli import Result, check_schema, fake, run, spying
 from tests.support.each_row import each_row
 from tests.support.scripted import ScriptedLink
@@ -152,6 +154,38 @@ def test_a_lost_link_is_opened_again() -> None:
         result = batch(GET, GET, GET, more=("--json", "--keep-going"), link=fake(fault="disconnect", after=1))
     assert [end["end"]["exit_code"] for end in ends(result)[:-1]] == [0, 3, 0], result
     assert len(spy.lines) == 2
+
+
+def test_a_link_that_failed_once_is_opened_again_though_it_reads_on() -> None:
+    read, failures = FakeLink.read, iter([LinkError("fake: hung up", code="lost")])
+
+    def failing(link: FakeLink, *args: Any) -> bytes:
+        for failure in failures:
+            raise failure
+        return read(link, *args)
+
+    with spying() as spy, mock.patch.object(FakeLink, "read", failing):
+        result = batch(GET, GET, more=("--json", "--keep-going"))
+    assert [end["end"]["exit_code"] for end in ends(result)[:-1]] == [3, 0], result
+    assert len(spy.lines) == 2
+
+
+def test_one_place_is_open_once() -> None:
+    """At another speed it is another link: the first one is closed before."""
+    open_now: list[int] = []
+    begin, close = FakeLink.__init__, FakeLink.close
+
+    def begun(link: FakeLink, *args: Any, **more: Any) -> None:
+        begin(link, *args, **more)
+        open_now.append(1)
+
+    def closed(link: FakeLink) -> None:
+        close(link)
+        open_now.append(-1)
+
+    with mock.patch.object(FakeLink, "__init__", begun), mock.patch.object(FakeLink, "close", closed):
+        assert batch(GET, f"{GET} --baud 57600", more=("--keep-going",)).code in (0, 4, 5)
+    assert open_now == [1, -1, 1, -1]
 
 
 def test_a_trace_holds_all_lines(tmp_path: Path) -> None:

@@ -220,6 +220,7 @@ ROWS = (
         "Access.identifier",
         "return self.flag << 26 | self.address << 14 | self.hand_id",
         "return self.flag << 26 | self.address << 13 | self.hand_id",
+        "tests/inspire/test_canbus.py::test_a_step_holds_the_exact_frame",
     ),
     mistake(
         "can-echo-taken-for-an-acknowledgement",
@@ -228,6 +229,7 @@ ROWS = (
         "_answers",
         'return len(frame.data) <= 1 and (frame != request or frame.data == b"\\x01")',
         "return len(frame.data) <= 1",
+        "tests/inspire/test_canbus.py::test_the_echo_of_one_byte_is_no_acknowledgement",
     ),
     mistake(
         "can-part-of-a-write-is-enough",
@@ -236,6 +238,7 @@ ROWS = (
         "CanBus.write",
         "if reply and reply[0] != len(data):",
         "if reply and not reply[0]:",
+        "tests/inspire/test_canbus.py::test_another_count_is_a_refusal",
     ),
     mistake(
         "can-answer-of-another-id",
@@ -244,6 +247,7 @@ ROWS = (
         "CanBus._exchange",
         "if frame.can_id == request.can_id and _answers(frame, request, count):",
         "if frame.can_id >> 14 == request.can_id >> 14 and _answers(frame, request, count):",
+        "tests/inspire/test_canbus.py::test_foreign_frames_are_passed_over_and_counted",
     ),
     mistake(
         "can-second-half-at-the-same-address",

@@ -49,6 +49,7 @@ ROWS = (
         "_holder",
         'return holder if holder.start in ("", processes.began(holder.pid)) else None',
         "return holder",
+        "tests/link/test_holder.py::test_another_program_with_the_number_of_the_holder_is_not_named",
     ),
     mistake(
         "deadman-owed-bytes-forgotten",
@@ -57,6 +58,7 @@ ROWS = (
         "_pack",
         'parts = [len(owed).to_bytes(2, "big"), owed]',
         'parts = [(0).to_bytes(2, "big")]',
+        "tests/link/test_deadman.py::test_messages_come_back_as_they_went",
     ),
     mistake(
         "deadman-pause-in-seconds",
@@ -65,6 +67,7 @@ ROWS = (
         "_pack",
         'parts += [len(data).to_bytes(2, "big"), round(pause * 1000).to_bytes(2, "big"), data]',
         'parts += [len(data).to_bytes(2, "big"), round(pause).to_bytes(2, "big"), data]',
+        "tests/link/test_deadman.py::test_messages_come_back_as_they_went",
     ),
     mistake(
         "replay-answers-what-was-never-asked",
@@ -73,6 +76,7 @@ ROWS = (
         "_Replayed._ask",
         "if found is None or index is None:",
         "if found is None and not len(self._recording):",
+        "tests/link/test_tap.py::test_a_request_that_was_never_recorded",
     ),
     mistake(
         "replay-comes-before-its-time",
@@ -81,22 +85,25 @@ ROWS = (
         "_Replayed._next",
         "if first is not None and first[0] <= max(self._clock, deadline.at):",
         "if first is not None:",
+        "tests/link/test_tap.py::test_what_came_unasked_comes_again_at_its_time",
     ),
     mistake(
         "slcan-frame-of-the-wrong-length",
         "checksum not checked",
         "handctl.link.slcan",
-        "Adapter._message",
+        "SlcanBus._message",
         "if len(body) in (2 * size, 2 * size + 4) and identifier < 1 << 29:  # with Z1 a time stands behind",
         "if len(body) >= 2 * size and identifier < 1 << 29:",
+        "tests/link/test_slcan_lines.py::test_a_frame_has_exactly_the_bytes_that_it_announces",
     ),
     mistake(
         "slcan-bus-off-forgotten",
         "swallowed error",
         "handctl.link.slcan",
-        "Adapter._note",
+        "SlcanBus._note",
         'self.left = report[1] == b"b" or (self.left and report[1] is None)',
         "self.left = False",
+        "tests/link/test_slcan_lines.py::test_bus_off_stays_until_the_adapter_says_another_state",
     ),
     mistake(
         "scan-monitor-hears-ff",
@@ -105,6 +112,7 @@ ROWS = (
         "plan",
         "if guard is not None:",
         "if guard is not None and port:",
+        "tests/tools/test_scan.py::test_a_silent_port_gets_reads_only_in_the_documented_order",
     ),
     mistake(
         "trace-diff-answers-not-compared",
@@ -113,6 +121,7 @@ ROWS = (
         "Exchange.same",
         "return self.request == other.request and self.answer == other.answer",
         "return self.request == other.request",
+        "tests/tools/test_trace.py::test_changed_and_missing_exchanges",
     ),
     mistake(
         "trace-can-frame-of-nine-bytes",
@@ -121,5 +130,6 @@ ROWS = (
         "_can_frame",
         "if can_id >= 1 << 29 or len(data) > 8 or announced != len(data):",
         "if can_id >= 1 << 29 or len(data) > 9 or announced != len(data):",
+        "tests/tools/test_trace.py::test_what_is_no_bytes_is_refused",
     ),
 )
