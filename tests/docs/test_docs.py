@@ -11,8 +11,6 @@ import shutil
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
-from unittest import mock
 
 import click
 import pytest
@@ -25,7 +23,6 @@ from handctl.docgen import generate
 from handctl.docgen.roff import Page, escape, marked
 from handctl.docgen.tree import map_of
 from handctl.families import COMMANDS, FAMILIES, WIRES
-from handctl.frame import clikit
 from handctl.frame.clikit import root
 from handctl.frame.options import SharedOption
 from tests.support.cli import run

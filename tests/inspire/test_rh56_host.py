@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from itertools import pairwise
 from pathlib import Path
+from unittest import mock
 
 import pytest
 
 from handctl.devices.inspire import modbus
+from handctl.devices.inspire.base import encoded
 from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.hand import motion
 from handctl.devices.inspire.hand.generation import look
@@ -194,6 +196,23 @@ def test_halt_sets_every_speed_to_zero(wire: str) -> None:
     hand = hand_on(TP, wire)
     assert motion.halt(hand).startswith("all speeds are 0 now")
     assert {reading.value for reading in hand.read(elements_of(hand.map["speed_set"]))} == {0}
+
+
+def test_whoever_outlives_the_command_sets_every_speed_to_zero() -> None:
+    data = bytes.fromhex("EB 90 01 0F 12 F2 05") + bytes(12) + b"\x19"
+    assert {shot.data for shot in motion._last_shots(hand_on(DF, EB90))} == {data}
+
+
+def test_one_speed_that_does_not_stay_zero_is_told() -> None:
+    hand = hand_on(TP, EB90)
+    (index,) = hand.map.find("speed_set.index")[1]
+
+    def pause(_seconds: float) -> None:
+        for run in hand.runs([(index, 300)]):
+            hand.bus.write(*encoded(run))
+
+    with mock.patch.object(hand.bus, "pause", pause):
+        assert "0 0 0 300 0 0" in motion.halt(hand)
 
 
 # -- touch ------------------------------------------------------------------------------------------------------------
