@@ -208,8 +208,8 @@ def test_one_speed_that_does_not_stay_zero_is_told() -> None:
     (index,) = hand.map.find("speed_set.index")[1]
 
     def pause(_seconds: float) -> None:
-        for run in hand.runs([(index, 300)]):
-            hand.bus.write(*encoded(run))
+        for part in hand.runs([(index, 300)]):
+            hand.bus.write(*encoded(part))
 
     with mock.patch.object(hand.bus, "pause", pause):
         assert "0 0 0 300 0 0" in motion.halt(hand)
