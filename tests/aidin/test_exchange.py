@@ -11,6 +11,7 @@ from handctl.link import Deadline
 from handctl.model.param import elements_of
 from tests.aidin.support import Streamer, feedback, hand_on, line, poller, streamer
 from tests.support.each_row import each_row
+from tests.support.refused import refused
 from tests.support.scripted import Babble, ScriptedLink
 
 POLL = b"{}\n"
@@ -173,7 +174,7 @@ def test_one_bad_object_is_passed_over() -> None:
 
 
 def test_three_damaged_objects_in_a_row() -> None:
-    with pytest.raises(ProtocolError, match="3 objects in a row") as caught:
+    with refused(ProtocolError, "bad-json", "3 objects") as caught:
         hand_on(Streamer(lambda _: b'{"motor_pos":[1,2\n')).dump()
     assert caught.value.code == "bad-json"
 

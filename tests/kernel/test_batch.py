@@ -68,7 +68,11 @@ def test_the_first_failure_ends_it_and_is_its_exit_code() -> None:
     stopped = batch(GET, GET, GET, more=("--json", "--timeout", "0.1"), link=link)
     assert stopped.code == 4
     assert [end["end"]["exit_code"] for end in ends(stopped)] == [0, 4, 4]
-    assert "line 2 (exo get): " in stopped.err.casefold() and "1 of 2 lines failed" in stopped.err
+    assert (
+        "line 2 (exo get): " in stopped.err.casefold()
+        and "line-failed" in stopped.said
+        and "1 of 2 lines" in stopped.err
+    )
     on = batch(GET, GET, GET, more=("--json", "--timeout", "0.1", "--keep-going"), link=link)
     assert on.code == 4 and ends(on)[-1]["end"]["failed"] == 2
 
