@@ -51,7 +51,7 @@ def test_a_stream_that_stops_while_something_moves_is_told_after_the_timeout(tim
     link = Streamer(lambda t: line(feedback()) if t <= 1.0 else b"")
     talk = hand_on(link, timeout=timeout).talk
     talk.connect()
-    with pytest.raises(NoAnswer, match="stopped sending feedback"):
+    with refused(NoAnswer, "no-answer"):
         for _ in range(200):
             talk.tick(STOP.strip())
     assert link.clock - 1.0 == pytest.approx(timeout or 1.0, abs=0.05)
@@ -82,7 +82,7 @@ def test_a_polled_hand_that_falls_silent_gets_one_object_more_than_retries(retri
     link = poller(lambda request: None if request == STOP else feedback())
     talk = hand_on(link, retries=retries).talk
     talk.connect()
-    with pytest.raises(NoAnswer, match="stopped sending feedback"):
+    with refused(NoAnswer, "no-answer"):
         for _ in range(20):
             talk.tick(STOP.strip())
     assert link.sent.count(STOP) == 1 + retries
@@ -150,7 +150,7 @@ def after_command(after: Sequence[bytes]) -> Streamer:
 def test_what_was_told_before_the_end_of_the_ramp_is_no_arrival() -> None:
     link = after_command([b""])
     hand = hand_on(link)
-    with pytest.raises(NoAnswer, match="stopped sending feedback") as caught:
+    with refused(NoAnswer, "no-answer") as caught:
         motion.move(hand, parse(ENCODERS, ["index.m2=5000"]), Guide(), assume_homed=True)
     assert "no stop was sent" in caught.value.hint
     assert "reached" not in [message.code for message in hand.journal.messages]

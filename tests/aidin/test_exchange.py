@@ -42,7 +42,7 @@ def test_a_silent_hand_is_asked_with_the_neutral_object_after_300_ms() -> None:
 
 def test_a_mute_hand_is_asked_twice_and_never_commanded() -> None:
     link = ScriptedLink()
-    with pytest.raises(NoAnswer, match="sends nothing unasked"):
+    with refused(NoAnswer, "no-answer"):
         hand_on(link).dump()
     assert link.sent == [POLL, POLL]
     assert link.clock == pytest.approx(0.3 + 2 * 0.5)
@@ -197,7 +197,7 @@ def test_a_stream_that_stops_is_told() -> None:
     hand.talk.connect()
     link._next = float("inf")
     began = link.clock
-    with pytest.raises(NoAnswer, match="stopped sending"):
+    with refused(NoAnswer, "no-answer"):
         hand.dump()
     assert link.clock - began <= 1.01
 

@@ -137,7 +137,7 @@ def test_encoders_out_of_their_range_were_not_homed() -> None:
         lambda hand: homing.initial(hand, Guide(), assume_homed=False),
         lambda hand: motion.move(hand, parse(ENCODERS, ["index.m1=5"]), Guide(), assume_homed=False),
     ):
-        with pytest.raises(CheckFailed, match="not homed since power-on"):
+        with refused(CheckFailed, "not-homed"):
             call(hand_on(link))
     assert link.sent == []
     with refused(CheckFailed, "not-reached"):
@@ -290,7 +290,7 @@ def test_a_second_interrupt_and_a_lost_link_are_told() -> None:
 def test_feedback_that_stops_ends_a_movement() -> None:
     good = line(AT_ORIGIN)
     link = Streamer(lambda t: good if t < 0.4 else b"\n")
-    with pytest.raises(NoAnswer, match="stopped sending"):
+    with refused(NoAnswer, "no-answer"):
         motion.move(hand_on(link), parse(ENCODERS, ["index.m3=170000"]), Guide(), assume_homed=False)
     assert link.clock < 2
     assert STOP not in link.sent  # the last small step of the ramp is held

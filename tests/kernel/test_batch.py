@@ -143,7 +143,7 @@ def test_a_dry_run_shows_what_is_written_and_sends_nothing(tmp_path: Path) -> No
     result = batch(GET, "exo save", more=("-n", "--format", "plain", "--trace", tmp_path / "t.txt"))
     assert (result.code, result.lines) == (0, ["EB 90 01 04 12 ED 03 01 08"]), result
     assert not (tmp_path / "t.txt").exists()
-    assert "only reads: left out of a dry run" in result.err
+    assert "left-out" in result.said
 
 
 def test_a_stop_takes_the_open_link() -> None:
