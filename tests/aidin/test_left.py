@@ -33,6 +33,7 @@ from tests.aidin.support import (
 )
 from tests.support.cli import Simulator, clean_environment, program, wait_until
 from tests.support.each_row import each_row
+from tests.support.refused import refused
 from tests.support.scripted import ScriptedLink
 
 Act = Callable[[AidinHand], object]
@@ -152,7 +153,7 @@ def test_a_deadline_says_what_the_hand_has_got(act: Act, bound: float) -> None:
 )
 def test_a_target_that_is_not_reached_is_still_driven_at(act: Act, told: str) -> None:
     link = streamer(CLOSED)
-    with pytest.raises(CheckFailed, match="not reached") as caught:
+    with refused(CheckFailed, "not-reached") as caught:
         table = act(hand_on(link))
         assert isinstance(table, Table) and table.failure is not None
         raise table.failure
@@ -207,7 +208,7 @@ def test_a_ramp_begins_far_outside_only_when_that_is_wanted() -> None:
     angles = [0.1, 0.2, 2.1, 2.1, *[0.1, -0.1, 2.5, 2.5] * 4]
     angles[4] = -1.1  # -63 of -45 deg; a jump to -45 would be the first step
     link = streamer(feedback(joint_pos=angles))
-    with pytest.raises(CheckFailed, match=r"far out of range: index\.q1 -63\.0") as caught:
+    with refused(CheckFailed, "start-out-of-range", "index.q1 -63.0") as caught:
         motion.move(hand_on(link), parse(ANGLES, ALL), Guide(), assume_homed=False)
     assert "--assume-homed begins at the limit" in caught.value.hint and link.sent == []
     assert motion.move(hand_on(link), parse(ANGLES, ALL), Guide(), assume_homed=True).failure is not None

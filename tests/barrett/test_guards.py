@@ -164,7 +164,7 @@ def test_a_position_that_cannot_be_ends_the_loop() -> None:
     with pytest.raises(CheckFailed) as caught:
         for sample in stream:
             rows += sample.rows
-    assert caught.value.code == "guard-window" and "is impossible" in caught.value.text
+    assert caught.value.code == "guard-window"
     doubted = [row for row in rows if row["name"] == "position" and row["doubt"]]
     assert [row["value"] > 18000 for row in doubted] == [True]
 

@@ -173,7 +173,7 @@ def test_closed_on_something_is_a_success() -> None:
 def test_a_move_that_is_stopped_is_an_error() -> None:
     rows, _, failure = moved("initialized=1&fault=obstacle", "1", "M", 12000)
     assert isinstance(failure, DeviceRefused)
-    assert "Couldn't reach position (16)" in failure.text
+    assert failure.code == "err-16"
     assert rows["F1"]["ended"] == "stalled short of the target"
 
 

@@ -12,6 +12,7 @@ from handctl.families import FAMILIES
 from tests.contract.facts import facts_of
 from tests.support.cli import run
 
+MANY = "a case for each family and verb: a new family is tried without being added to a list"
 SAID = ("name", "unit", "path", "scaled_unit")
 """Of two rows of one quantity the same, whatever moved meanwhile."""
 

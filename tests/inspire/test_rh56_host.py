@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from itertools import pairwise
 from pathlib import Path
+from unittest import mock
 
 import pytest
 
 from handctl.devices.inspire import modbus
+from handctl.devices.inspire.base import encoded
 from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.hand import motion
 from handctl.devices.inspire.hand.generation import look
@@ -21,6 +23,7 @@ from handctl.model.result import Journal
 from handctl.sim.hand.books import GENERATIONS
 from tests.inspire.rh56_support import CAN, EB90, RTU, TCP, hand_on
 from tests.support.cli import run
+from tests.support.refused import refused
 
 SPOKEN = [
     (DF, EB90),
@@ -185,7 +188,7 @@ def test_a_finger_moves_to_its_angle_and_only_that(model: str, wire: str) -> Non
 
 
 def test_a_hand_with_errors_is_not_moved() -> None:
-    with pytest.raises(CheckFailed, match="not moved"):
+    with refused(CheckFailed, "not-fit"):
         motion.fit_to_move(hand_on(DF, fault="faults"))
 
 
@@ -194,6 +197,23 @@ def test_a_stop_sets_every_speed_to_zero(wire: str) -> None:
     hand = hand_on(TP, wire)
     assert hand.stop().error is None
     assert {reading.value for reading in hand.read(elements_of(hand.map["speed_set"]))} == {0}
+
+
+def test_whoever_outlives_the_command_sets_every_speed_to_zero() -> None:
+    data = bytes.fromhex("EB 90 01 0F 12 F2 05") + bytes(12) + b"\x19"
+    assert {shot.data for shot in motion._last_shots(hand_on(DF, EB90))} == {data}
+
+
+def test_one_speed_that_does_not_stay_zero_is_told() -> None:
+    hand = hand_on(TP, EB90)
+    (index,) = hand.map.find("speed_set.index")[1]
+
+    def pause(_seconds: float) -> None:
+        for part in hand.runs([(index, 300)]):
+            hand.bus.write(*encoded(part))
+
+    with mock.patch.object(hand.bus, "pause", pause):
+        assert "0 0 0 300 0 0" in motion.halt(hand)
 
 
 # -- touch ------------------------------------------------------------------------------------------------------------

@@ -100,6 +100,7 @@ ROWS = (
         "_tell_stop",
         "elif told is not None and flow(told):",
         "elif told is not None and not flow(told):",
+        "tests/aidin/test_currents.py::test_currents_that_still_flow_behind_the_stop_are_told",
     ),
     mistake(
         "aidin-ledger-confirms-without-evidence",
@@ -108,6 +109,7 @@ ROWS = (
         "_tell_stop",
         "if flowed and told is not None and not flow(told):",
         "if flowed:",
+        "tests/aidin/test_currents.py::test_currents_that_still_flow_behind_the_stop_are_told",
     ),
     mistake(
         "aidin-cap-exceeded-by-what-is-kept",
@@ -126,5 +128,6 @@ ROWS = (
         "Conversation._check_sight",
         "if missing or self.feedback.wrong.get(key, 0) >= CYCLES:",
         "if missing:",
+        "tests/aidin/test_exchange.py::test_nothing_is_driven_on_by_a_key_that_is_wrong_three_times",
     ),
 )

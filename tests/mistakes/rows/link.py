@@ -49,7 +49,7 @@ ROWS = (
         "_holder",
         'return holder if holder.start in ("", processes.began(holder.pid)) else None',
         "return holder",
-        "tests/link/test_lock.py::test_who_holds_it_is_named_when_it_is_known",
+        "tests/link/test_holder.py::test_another_program_with_the_number_of_the_holder_is_not_named",
     ),
     mistake(
         "deadman-owed-bytes-forgotten",
@@ -76,6 +76,7 @@ ROWS = (
         "_Replayed._ask",
         "if found is None or index is None:",
         "if found is None and not len(self._recording):",
+        "tests/link/test_tap.py::test_a_request_that_was_never_recorded",
     ),
     mistake(
         "replay-comes-before-its-time",
@@ -84,6 +85,7 @@ ROWS = (
         "_Replayed._next",
         "if first is not None and first[0] <= max(self._clock, deadline.at):",
         "if first is not None:",
+        "tests/link/test_tap.py::test_what_came_unasked_comes_again_at_its_time",
     ),
     mistake(
         "slcan-frame-of-the-wrong-length",
@@ -92,7 +94,7 @@ ROWS = (
         "SlcanBus._message",
         "if len(body) in (2 * size, 2 * size + 4) and identifier < 1 << 29:  # with Z1 a time stands behind",
         "if len(body) >= 2 * size and identifier < 1 << 29:",
-        "tests/link/test_slcan.py::test_what_a_line_means",
+        "tests/link/test_slcan_lines.py::test_a_frame_has_exactly_the_bytes_that_it_announces",
     ),
     mistake(
         "slcan-bus-off-forgotten",
@@ -101,7 +103,7 @@ ROWS = (
         "SlcanBus._note",
         'self.left = report[1] == b"b" or (self.left and report[1] is None)',
         "self.left = False",
-        "tests/link/test_slcan.py::test_conditions_of_the_bus",
+        "tests/link/test_slcan_lines.py::test_bus_off_stays_until_the_adapter_says_another_state",
     ),
     mistake(
         "scan-monitor-hears-ff",
@@ -110,6 +112,7 @@ ROWS = (
         "plan",
         "if guard is not None:",
         "if guard is not None and port:",
+        "tests/tools/test_scan.py::test_a_silent_port_gets_reads_only_in_the_documented_order",
     ),
     mistake(
         "trace-diff-answers-not-compared",
@@ -118,6 +121,7 @@ ROWS = (
         "Exchange.same",
         "return self.request == other.request and self.answer == other.answer",
         "return self.request == other.request",
+        "tests/tools/test_trace.py::test_changed_and_missing_exchanges",
     ),
     mistake(
         "trace-can-frame-of-nine-bytes",
@@ -126,6 +130,7 @@ ROWS = (
         "_can_frame",
         "if can_id >= 1 << 29 or len(data) > 8 or announced != len(data):",
         "if can_id >= 1 << 29 or len(data) > 9 or announced != len(data):",
+        "tests/tools/test_trace.py::test_what_is_no_bytes_is_refused",
     ),
     mistake(
         "tcp-end-of-the-stream-read-as-silence",

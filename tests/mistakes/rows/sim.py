@@ -17,6 +17,7 @@ ROWS = (
         "checksum",
         "return sum(body) & 0xFF",
         "return sum(body) + 1 & 0xFF",
+        "tests/inspire/test_eb90.py::test_longest_write_has_length_byte_ff",
         also=(Patch(SIM_FRAMES, "_sum", "return total % 256", "return (total + 1) % 256"),),
     ),
     mistake(
@@ -26,6 +27,7 @@ ROWS = (
         "_crc_function",
         'function: Callable[[bytes], int] = crcmod.predefined.mkPredefinedCrcFun("crc-ccitt-false")',
         'function: Callable[[bytes], int] = crcmod.predefined.mkPredefinedCrcFun("xmodem")',
+        "tests/ekso/test_frames.py::test_the_check_value_of_the_manual",
         also=(Patch("handctl.sim.ekso.wire", "crc", "register = 65535", "register = 0"),),
     ),
     mistake(
@@ -35,6 +37,7 @@ ROWS = (
         "",
         '_s16(1582, "force_actual", "measured force, positive when the user closes the hand, negative when opening it", "exo §2.3.10", low=-1000, high=1000, **_FIVE),',
         '_s16(1584, "force_actual", "measured force, positive when the user closes the hand, negative when opening it", "exo §2.3.10", low=-1000, high=1000, **_FIVE),',
+        "tests/inspire/test_registers.py::test_the_map_is_the_manuals_table",
         also=(
             Patch(EXO, "", '(1582, 2, 5, "r", -1000, 1000),  # forces', '(1584, 2, 5, "r", -1000, 1000),  # forces'),
         ),
@@ -46,6 +49,7 @@ ROWS = (
         "",
         '_angle(1038, "yaw_set", "commanded yaw", _RANGE, YAW_RANGE, **_GO),\n_angle(1040, "pitch_set", "commanded pitch", _RANGE, PITCH_RANGE, **_GO),',
         '_angle(1038, "pitch_set", "commanded pitch", _RANGE, PITCH_RANGE, **_GO),\n_angle(1040, "yaw_set", "commanded yaw", _RANGE, YAW_RANGE, **_GO),',
+        "tests/inspire/test_wrist.py::test_addresses_are_those_of_the_manual",
     ),
     mistake(
         "map-address-off-by-one",
@@ -54,6 +58,7 @@ ROWS = (
         "Register.address_of",
         "return self.address + self.size * index",
         "return self.address + self.size * index + 1",
+        "tests/inspire/test_registers.py::test_addresses_of_elements",
     ),
     mistake(
         "map-register-off-by-one",
@@ -62,6 +67,7 @@ ROWS = (
         "",
         '_u8(1606, "error", "actuator error bits", "exo §2.3.12", bits=ERROR_BITS, **_FIVE),',
         '_u8(1607, "error", "actuator error bits", "exo §2.3.12", bits=ERROR_BITS, **_FIVE),',
+        "tests/inspire/test_registers.py::test_the_map_is_the_manuals_table",
     ),
     mistake(
         "map-error-bits-in-another-order",
@@ -70,6 +76,7 @@ ROWS = (
         "",
         'ERROR_BITS = ("locked_rotor", "over_temperature", "over_current", "motor_abnormal", "communication")',
         'ERROR_BITS = ("locked_rotor", "over_current", "over_temperature", "motor_abnormal", "communication")',
+        "tests/inspire/test_registers.py::test_error_bits",
     ),
     mistake(
         "sim-exo-finger-off-by-one",
@@ -78,6 +85,7 @@ ROWS = (
         "Device._store",
         "self.hand.fingers[(place - 1486) // 2].target = None if value == -1 else value",
         "self.hand.fingers[(place - 1488) // 2].target = None if value == -1 else value",
+        "tests/sim/test_exo.py::test_blocked_finger_stops_draws_current_and_sets_bit_0",
     ),
     mistake(
         "sim-exo-writes-what-is-out-of-range",
@@ -86,6 +94,7 @@ ROWS = (
         "Device._write",
         "if low <= value <= high:",
         "if value <= 2 * high:",
+        "tests/sim/test_exo.py::test_impossible_write_changes_nothing",
     ),
     mistake(
         "sim-exo-answers-any-id",
@@ -94,6 +103,7 @@ ROWS = (
         "find",
         "if head[0:1] and head[0] != device_id:",
         "if head[0:1] and head[0] == 255:",
+        "tests/sim/test_exo.py::test_silence",
     ),
     mistake(
         "sim-exo-takes-a-damaged-request",
@@ -102,6 +112,7 @@ ROWS = (
         "find",
         "if buffer[start + size - 1] == _sum(buffer[start + 2 : start + size - 1]):",
         "if size:",
+        "tests/sim/test_exo.py::test_request_behind_garbage",
     ),
     mistake(
         "sim-gcl-wrong-pair-takes-the-rest-along",
@@ -110,6 +121,7 @@ ROWS = (
         "_pairs",
         "if code:",
         "if code and at:",
+        "tests/barrett/test_hand.py::test_a_line_refused_in_its_middle_may_be_half_set",
     ),
     mistake(
         "sim-line-late-answer-in-time",
@@ -118,6 +130,7 @@ ROWS = (
         "Line._transmit",
         "due += self._late",
         "due += 0.0",
+        "tests/sim/test_line.py::test_late",
     ),
     mistake(
         "sim-line-answers-before-the-last-bit",
