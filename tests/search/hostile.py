@@ -136,7 +136,7 @@ class Keys(Hostile):
     needed = (2, 3)
 
     def rows(self) -> Iterator[tuple[tuple[object, ...], Any]]:
-        for name, kind, where, words in setting_cells.settings():  # noqa: SIM118 - a function of the module
+        for name, kind, where, words in setting_cells.settings():
             yield (words[0], name, kind, where, " ".join(words)), (name, kind, where, words)
 
     def tried(self, row: Any, folder: Path) -> str:
