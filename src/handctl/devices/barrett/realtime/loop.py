@@ -98,6 +98,7 @@ class RealtimeLoop:
         if self.controls is None:
             yield from self._run(rate, count, duration)
             return
+        self.hand.line.connect()  # the last bytes depend on the speed of the port
         with guarding(self.hand.link, session.power_off_shots(), self.hand.journal.warn) as session.dead_man:
             yield from self._run(rate, count, duration)
 

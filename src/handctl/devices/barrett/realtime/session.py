@@ -9,7 +9,8 @@ from __future__ import annotations
 from typing import Any
 
 from handctl.devices.barrett.device import BarrettHand
-from handctl.devices.barrett.gcl.language import ABORT, encode
+from handctl.devices.barrett.gcl.connecting import ends_alone
+from handctl.devices.barrett.gcl.language import encode
 from handctl.devices.barrett.realtime.blocks import Decoder, Layout, LoopError
 from handctl.devices.barrett.realtime.flags import Wish
 from handctl.devices.barrett.realtime.schedule import Values
@@ -159,15 +160,23 @@ class Session:
         if zero is None or zero == self._still:
             return
         self._still = zero
-        wire = self.hand.line.wire_seconds
+        line = self.hand.line
+        wire = line.wire_seconds
+        if line.risky and ends_alone(len(zero), line.link.baud):
+            zero += line.abort_bytes
         answered = ANSWER_SECONDS + wire(self.layout.control_size + self.layout.feedback_size)  # of the block before
         stand = [Shot(b"", answered), Shot(zero, ANSWER_SECONDS + wire(len(zero) + 1))]
         self.dead_man.update([*stand, *self.power_off_shots()])
 
     def power_off_shots(self) -> list[Shot]:
-        """^C and T, three times: if a block was cut off, the first ^C may be data (dossier 1.2)."""
-        pause = ANSWER_SECONDS + self.hand.line.wire_seconds(16)
-        return [Shot(ABORT, pause), Shot(encode(f"{self.wish.prefix}T"), pause)] * 3
+        """^C and T, three times: if a block was cut off, the first ^C may be data (dossier 1.2).
+
+        Where a boot monitor may hear it, T is for all motors: some digits before it may be its trigger.
+        """
+        line = self.hand.line
+        pause = ANSWER_SECONDS + line.wire_seconds(16)
+        power_off = encode("T" if line.risky else f"{self.wish.prefix}T")
+        return [Shot(line.abort_bytes, pause), Shot(power_off, pause)] * 3
 
     def _blame(self, exc: Exception, hint: str) -> None:
         text = f"while leaving the loop: {exc.text if isinstance(exc, HandctlError) else repr(exc)}"
