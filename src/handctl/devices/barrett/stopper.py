@@ -14,8 +14,8 @@ from collections.abc import Generator, Sequence
 from functools import partial
 from typing import NamedTuple
 
-from handctl.devices.barrett.gcl.connecting import MONITOR_SPEED, SAFE_ABORT
-from handctl.devices.barrett.gcl.language import ABORT, Answer, Decoder, encode, explain_status, has_prompt
+from handctl.devices.barrett.gcl.connecting import SAFE_ABORT, abort_at
+from handctl.devices.barrett.gcl.language import Answer, Decoder, encode, explain_status, has_prompt
 from handctl.devices.barrett.map import SPEEDS
 from handctl.errors import DeviceRefused, NoAnswer, ProtocolError
 from handctl.model.param import Step
@@ -85,7 +85,7 @@ def _at(
     Where ^C went out once and nothing came, T goes out neither: nobody is there.
     """
     where = f" at {speed} bit/s" if speed is not None else ""
-    data = SAFE_ABORT if speed is not None and speed > MONITOR_SPEED else ABORT
+    data = abort_at(speed)
     abort = Step(f"^C{where}: end the movement or the RealTime loop", data, moves=True)
     came: Pieces = []
     for count, seconds in enumerate(waits):
