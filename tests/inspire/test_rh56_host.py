@@ -16,7 +16,7 @@ from handctl.devices.inspire.hand.generation import look
 from handctl.devices.inspire.hand.map import BYTE_MAP, DF, DG2, F1, MAPS, TP
 from handctl.devices.inspire.hand.tactile import ZONES, chosen, tactile
 from handctl.errors import CheckFailed, DeviceRefused, HandctlError, NoAnswer, UsageError
-from handctl.link import ByteLink, open_link
+from handctl.link import ByteLink, Deadline, open_link
 from handctl.model.guide import Guide
 from handctl.model.param import elements_of
 from handctl.model.result import Journal
@@ -199,21 +199,20 @@ def test_a_stop_sets_every_speed_to_zero(wire: str) -> None:
     assert {reading.value for reading in hand.read(elements_of(hand.map["speed_set"]))} == {0}
 
 
-def test_whoever_outlives_the_command_sets_every_speed_to_zero() -> None:
-    data = bytes.fromhex("EB 90 01 0F 12 F2 05") + bytes(12) + b"\x19"
-    assert {shot.data for shot in motion._last_shots(hand_on(DF, EB90))} == {data}
-
-
 def test_one_speed_that_does_not_stay_zero_is_told() -> None:
     hand = hand_on(TP, EB90)
     (index,) = hand.map.find("speed_set.index")[1]
+    write = hand.link.write
 
-    def pause(_seconds: float) -> None:
-        for part in hand.runs([(index, 300)]):
-            hand.bus.write(*encoded(part))
+    def written(data: bytes, deadline: Deadline) -> None:
+        write(data, deadline)
+        if data[4] == 0x12:  # behind the stop somebody else commands
+            for part in hand.runs([(index, 300)]):
+                write(hand.bus.write_step(*encoded(part), "").data, deadline)
 
-    with mock.patch.object(hand.bus, "pause", pause):
-        assert "0 0 0 300 0 0" in motion.halt(hand)
+    with mock.patch.object(hand.link, "write", written):
+        stopped = hand.stop()
+    assert stopped.error is DeviceRefused and "0 0 0 300 0 0" in stopped.text, stopped
 
 
 # -- touch ------------------------------------------------------------------------------------------------------------

@@ -26,6 +26,7 @@ from handctl.errors import LinkError
 from handctl.link import CanFrame, NoLink, Outlet, open_link
 from handctl.link.deadman import LARGEST, Shot, _pack, _unpack, act_for, guarding
 from handctl.link.lock import InUse, hold
+from handctl.system import child
 from tests.support.cli import PATIENCE, wait_until
 from tests.support.each_row import each_row
 
@@ -365,6 +366,21 @@ def test_a_guard_that_was_killed_is_replaced(place: Place) -> None:
     link.close()
 
 
+def test_a_guard_that_has_gone_or_acted_is_seen_before_the_next_frame(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One that has gone is replaced; one that has acted ends the command as by Ctrl-C."""
+    states, started, told = ["lives", "gone", "lives", "acts"], list[child.Job](), list[str]()
+    monkeypatch.setattr(child, "started", lambda job: started.append(job) or child.Heir(1, -1, -1))
+    monkeypatch.setattr(child, "state", lambda _heir: states.pop(0))
+    monkeypatch.setattr(child, "ended", lambda _heir: None)
+    monkeypatch.setattr(child, "finished", lambda _heir, _seconds: None)
+    link = WayOut(-1)
+    with pytest.raises(KeyboardInterrupt), guarding(link, stop, lambda code, *_: told.append(code)):
+        for count in (1, 1, 2, 2):
+            assert len(started) == count
+            link.way.before()
+    assert (len(started), told, states) == (2, ["stood-still"], [])
+
+
 # -- where there is none ---------------------------------------------------------------------------------------------------
 
 
@@ -389,10 +405,10 @@ class WayOut(NoLink):
     """A link of which a child could write to this descriptor."""
 
     def __init__(self, descriptor: int) -> None:
-        self._descriptor = descriptor
+        self.way = Outlet(descriptor)
 
     def outlet(self) -> Outlet:
-        return Outlet(self._descriptor)
+        return self.way
 
 
 def test_without_fork_it_is_told_of(monkeypatch: pytest.MonkeyPatch) -> None:
