@@ -96,10 +96,10 @@ ROWS = (
     mistake(
         "aidin-current-flows-and-none-is-told",
         "evidence believed",
-        "handctl.devices.aidin.stopper",
-        "stop_talk",
-        "if flow(told):",
-        "if not told:",
+        "handctl.devices.aidin.currents",
+        "_tell_stop",
+        "if stopped.error is not None:",
+        "if not stopped.text:",
         "tests/aidin/test_currents.py::test_currents_that_still_flow_behind_the_stop_are_told",
     ),
     mistake(
@@ -109,6 +109,7 @@ ROWS = (
         "stop_talk",
         "if not flowed:",
         "if flowed and not told:",
+        "tests/aidin/test_edges.py::test_currents_that_never_flowed_confirm_nothing",
     ),
     mistake(
         "aidin-cap-exceeded-by-what-is-kept",
