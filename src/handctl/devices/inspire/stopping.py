@@ -55,9 +55,11 @@ def seen_since(
     if told is not None and any(one not in (None, now) for one, now in zip(wanted, told, strict=False)):
         return f"it is commanded to {' '.join(map(str, told))}"
     before = yield from places()
+    if before is None:
+        return ""
     yield from silence(BETWEEN)
     now = yield from places()
-    if before is None or now is None:
+    if now is None:
         return ""
     moved = [abs(one - other) for one, other in zip(before, now, strict=True)]
     return f"it moves: {' '.join(map(str, before))}, then {' '.join(map(str, now))}" if max(moved) > still else ""
