@@ -114,6 +114,11 @@ def test_currents_told_before_the_stop_do_not_confirm_it() -> None:
     assert set(link.sent) == {STOP} and len(link.sent) > 3, "and it was sent on"
 
 
+def test_currents_that_never_flowed_confirm_nothing() -> None:
+    told = stopped(streamer(feedback(current_state=[0] * 15)))
+    assert told.error is None and told.evidence == ""
+
+
 class Watched(Guide):
     """Knows whether Ctrl-C waits at the moment."""
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import pytest
 
@@ -12,9 +13,9 @@ from handctl.devices.inspire.exo import motion as exo_motion
 from handctl.devices.inspire.hand import motion as hand_motion
 from handctl.devices.inspire.hand.device import Hand
 from handctl.devices.inspire.hand.generation import ModelGate
-from handctl.devices.inspire.map import EXO, WRIST
+from handctl.devices.inspire.map import EXO
 from handctl.errors import DeviceRefused, HandctlError
-from handctl.link import Deadline, open_link
+from handctl.link import ByteLink, Deadline, open_link
 from handctl.model.guide import Guide
 from handctl.model.param import Number, elements_of
 from handctl.model.result import Journal
@@ -50,54 +51,43 @@ class Losing(RecordedLink):
         super().write(data, deadline)
 
 
-Moving = Callable[[Losing], tuple[Callable[[], object], Callable[[], list[Number | None]]]]
-"""What moves a device behind a link, and where it stands."""
-
-
-def exo(link: Losing) -> tuple[Callable[[], object], Callable[[], list[Number | None]]]:
-    hand = hand_on(link)
-    return (
-        lambda: exo_motion.move(hand, [1000] * 5, Guide(), wait=5.0),
-        lambda: [reading.value for reading in hand.read(elements_of(EXO["position_actual"]))],
-    )
-
-
-def wrist(link: Losing) -> tuple[Callable[[], object], Callable[[], list[Number | None]]]:
-    wrist = wrist_on(link, 1)
-    angles = [element for name in ("pitch_actual", "yaw_actual") for element in elements_of(WRIST[name])]
-    return (
-        lambda: wrist.move(wrist.targets(20.0, -20.0, 2000), Guide(), wait=None),
-        lambda: [reading.value for reading in wrist.read(angles)],
-    )
-
-
-def hand(link: Losing) -> tuple[Callable[[], object], Callable[[], list[Number | None]]]:
+def rh56(link: ByteLink) -> Hand:
     bus, gate = Bus(link, 1, Journal()), ModelGate(None, False)
     bus.gate = gate  # type: ignore[assignment]
-    hand = Hand(bus, gate, None)
-    changes = [(element, 1000) for element in elements_of(hand.map["angle_set"])][:4]
-    return (
-        lambda: hand_motion.move(hand, "angle_set", changes, Guide(), wait=5.0),
-        lambda: [reading.value for reading in hand.read(elements_of(hand.map["angle_actual"]))],
-    )
+    return Hand(bus, gate, None)
 
 
-DEVICES: dict[str, tuple[str, Moving]] = {
-    "exo": ("exo?", exo),
-    "wrist": ("wrist?", wrist),
-    "hand": ("hand?model=df&", hand),
-}
+def turn(hand: Hand) -> object:
+    changes = [(element, 1000) for element in elements_of(hand.map["angle_set"])[:4]]
+    return hand_motion.move(hand, "angle_set", changes, Guide(), wait=5.0)
+
+
+Kind = tuple[str, Callable[[ByteLink], Any], Callable[[Any], object], tuple[str, ...]]
+DEVICES: dict[str, Kind] = {
+    "exo": ("exo?", hand_on, lambda exo: exo_motion.move(exo, [1000] * 5, Guide(), wait=5.0), ("position_actual",)),
+    "wrist": (
+        "wrist?", wrist_on, lambda wrist: wrist.move(wrist.targets(20.0, -20.0, 2000), Guide(), wait=None),
+        ("pitch_actual", "yaw_actual"),
+    ),
+    "hand": ("hand?model=df&", rh56, turn, ("angle_actual",)),
+}  # fmt: skip
+"""The simulator, the device before it, a movement, and what tells where it stands."""
 
 
 @each_row("nth", [1, 2, 3, 4])
 @each_row("name", DEVICES)
 def test_with_one_frame_lost_it_stands_all_the_same(name: str, nth: int) -> None:
-    query, moving = DEVICES[name]
+    query, device_on, move, where = DEVICES[name]
     link = Losing(query, range(nth, nth + 1), 0.1)
-    drive, places = moving(link)
+    device = device_on(link)
+
+    def places() -> list[Number | None]:
+        elements = [element for one in where for element in elements_of(device.map[one])]
+        return [reading.value for reading in device.read(elements)]
+
     before = places()
     with pytest.raises(HandctlError) as caught:
-        drive()
+        move(device)
     assert link.since is not None and len(link.since) >= nth
     assert caught.value.exit_code == 130, caught.value.text
     link.sleep(1.0)
@@ -108,11 +98,10 @@ def test_with_one_frame_lost_it_stands_all_the_same(name: str, nth: int) -> None
 
 @each_row("name", DEVICES)
 def test_a_stop_that_nobody_acknowledged_is_not_130(name: str) -> None:
-    query, moving = DEVICES[name]
-    link = Losing(query, NOBODY, 0.1)
-    drive, _ = moving(link)
+    query, device_on, move, _ = DEVICES[name]
+    device = device_on(Losing(query, NOBODY, 0.1))
     with pytest.raises(HandctlError) as caught:
-        drive()
+        move(device)
     assert (caught.value.exit_code, caught.value.code) == (4, NOT_STOPPED)
     assert "power off" in caught.value.hint
 
@@ -135,17 +124,26 @@ def test_the_late_answer_of_a_force_is_not_that_of_the_release() -> None:
     assert [frame[12:14] for frame in changing(link.sent)] == ["31", "32", "31", "32"]
 
 
-def test_who_commands_forces_behind_the_stop_is_seen() -> None:
-    """Nothing moves, and no other place is commanded: the forces tell."""
-    link = Losing("exo?", range(0), float("inf"))
-    hand, write, looks = hand_on(link), link.write, [b"\xce\x05", *[b""] * 9]
+TARGETS = b"\x11\xce\x05"
+"""A read of position_set, which is asked for 0.3 s behind the hold."""
+SPEEDS = b"\x11\xf2\x05"
+"""Of speed_set, the same behind speed 0."""
+FORCED = eb90.command_request(1, eb90.FORCE_COMMAND, FORCES)
+FASTER = eb90.write_request(1, 1522, eb90.pack_s16([100] * 6))
+
+
+@each_row(("name", "look", "command"), [("exo", TARGETS, FORCED), ("hand", SPEEDS, FASTER)])
+def test_who_commands_behind_the_stop_is_seen(name: str, look: bytes, command: bytes) -> None:
+    """Nothing moves, and no other place is commanded: forces and speeds tell."""
+    link = Losing(DEVICES[name][0], range(0), float("inf"))
+    device, write, once = DEVICES[name][1](link), link.write, [command]
 
     def another(data: bytes, deadline: Deadline) -> None:
-        if data[4] == eb90.READ and data[5:7] == looks[0]:  # position_set is asked for 0.3 s behind the hold
-            looks.pop(0)
-            link.inner.write(eb90.command_request(1, eb90.FORCE_COMMAND, FORCES), deadline)
+        if data[4:].startswith(look) and once:
+            link.inner.write(once.pop(), deadline)
+            link.inner.read(deadline)
         write(data, deadline)
 
     link.write = another  # type: ignore[method-assign]
-    stopped = hand.stop()
-    assert stopped.error is DeviceRefused and "100 100 100 100 100" in stopped.text, stopped
+    stopped = device.stop()
+    assert not once and stopped.error is DeviceRefused and " 100 100 100 100 100" in stopped.text, stopped

@@ -319,7 +319,7 @@ ROWS = (
         "_stop",
         'zeros = b"".join(register.encode(0) for _ in range(register.count))',
         "zeros = register.encode(0)",
-        "tests/inspire/test_rh56_stop.py::test_every_finger_has_speed_0",
+        "tests/inspire/test_rh56_host.py::test_a_stop_sets_every_speed_to_zero",
     ),
     mistake(
         "hand-stop-that-reads-otherwise",
@@ -328,7 +328,16 @@ ROWS = (
         "_stop",
         "return taken_over(stopped, against) if against else stopped",
         "return stopped",
-        "tests/inspire/test_rh56_host.py::test_one_speed_that_does_not_stay_zero_is_told",
+        "tests/inspire/test_ctrl_c_lost.py::test_who_commands_behind_the_stop_is_seen",
+    ),
+    mistake(
+        "exo-late-answer-taken-for-that-of-the-release",
+        "evidence believed",
+        "handctl.devices.inspire.exo.stopper",
+        "stop_talk",
+        "if now is not None and not _alike(wanted, now):",
+        "if now is None:",
+        "tests/inspire/test_ctrl_c_lost.py::test_the_late_answer_of_a_force_is_not_that_of_the_release",
     ),
     mistake(
         "hand-stop-is-refused-and-told-as-taken",

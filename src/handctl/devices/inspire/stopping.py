@@ -61,9 +61,11 @@ def seen_since(
     if told is not None and any(one not in (None, now) for one, now in zip(wanted, told, strict=False)):
         return f"it is commanded to {' '.join(map(str, told))}"
     before = yield from places()
+    if before is None:
+        return ""
     yield from silence(BETWEEN)
     now = yield from places()
-    if before is None or now is None:
+    if now is None:
         return ""
     back = [abs(there - place) < abs(here - place) for here, there, place in zip(before, now, held, strict=False)]
     moved = [abs(there - here) > still for here, there in zip(before, now, strict=True)]

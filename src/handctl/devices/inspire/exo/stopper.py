@@ -47,17 +47,16 @@ def stop_talk(aim: Aim) -> Talk:
         pieces = yield Say(step, max(aim.each, heard.seconds), lambda pieces, taken=taken: answer(pieces, taken))  # type: ignore[misc]
         if answer(pieces, taken) is None:
             continue
-        forces = yield from values(aim, FORCE_SET, FINGERS, eb90.READ)
-        if forces is not None and any(forces) and not late:
-            late = True  # the answer was that of a force that was commanded before: it begins alike
-            continue
+        wanted: list[int | None] = [*(places if meaning.startswith("hold") else [None] * FINGERS), *[0] * FINGERS]
+        now = yield from _targets(aim)
+        if now is not None and not _alike(wanted, now):
+            if not late:
+                late = True  # the answer was that of a force that was commanded before: it begins alike
+                continue
+            wanted = [None] * len(wanted)  # this hand does not show its commands there (the manual does not say)
         done = f"the hand answered two commands: all forces to 0, then {meaning}. The manual has no stop command"
         against = yield from seen_since(
-            lambda: values(aim, POSITION_ACTUAL, MEASURED, eb90.READ),
-            lambda: _targets(aim),
-            (places if meaning.startswith("hold") else [None] * FINGERS) + [0] * FINGERS,
-            STILL,
-            places,
+            lambda: values(aim, POSITION_ACTUAL, MEASURED, eb90.READ), lambda: _targets(aim), wanted, STILL, places
         )
         return taken_over(Stopped(done), against) if against else Stopped(done)
     if meaning:
@@ -69,6 +68,10 @@ def stop_talk(aim: Aim) -> Talk:
     seen = instead(came)
     text = f"all forces were commanded to 0, but {f'no valid answer arrived: {seen}' if seen else 'no answer arrived'}"
     return Stopped(text, f"{POWER}. `handctl exo scan` looks for id and speed", ProtocolError if seen else NoAnswer)
+
+
+def _alike(wanted: list[int | None], now: list[int]) -> bool:
+    return all(one in (None, other) for one, other in zip(wanted, now, strict=True))
 
 
 def _targets(aim: Aim) -> Read:
