@@ -132,14 +132,16 @@ FORCED = eb90.command_request(1, eb90.FORCE_COMMAND, FORCES)
 FASTER = eb90.write_request(1, 1522, eb90.pack_s16([100] * 6))
 
 
-@each_row(("name", "look", "command"), [("exo", TARGETS, FORCED), ("hand", SPEEDS, FASTER)])
-def test_who_commands_behind_the_stop_is_seen(name: str, look: bytes, command: bytes) -> None:
-    """Nothing moves, and no other place is commanded: forces and speeds tell."""
+@each_row(("name", "looks", "command"), [("exo", [TARGETS] * 2, FORCED), ("hand", [SPEEDS], FASTER)])
+def test_who_commands_behind_the_stop_is_seen(name: str, looks: list[bytes], command: bytes) -> None:
+    """Nothing moves, and no other place is commanded: forces and speeds tell. A hand is looked at behind its hold, too."""
     link = Losing(DEVICES[name][0], range(0), float("inf"))
-    device, write, once = DEVICES[name][1](link), link.write, [command]
+    device, write, once, left = DEVICES[name][1](link), link.write, [command], list(looks)
 
     def another(data: bytes, deadline: Deadline) -> None:
-        if data[4:].startswith(look) and once:
+        if left and data[4:].startswith(left[0]):
+            left.pop()
+        if once and not left:
             link.inner.write(once.pop(), deadline)
             link.inner.read(deadline)
         write(data, deadline)
