@@ -142,8 +142,7 @@ def parents() -> Iterator[list[subprocess.Popen[bytes]]]:
     started: list[subprocess.Popen[bytes]] = []
     yield started
     for process in started:
-        with suppress(ProcessLookupError):
-            os.kill(process.pid, signal.SIGKILL)
+        process.kill()  # not by its number: that of one that was waited for may be another program's by now
         process.communicate()
 
 
