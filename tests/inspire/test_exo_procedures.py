@@ -298,6 +298,7 @@ def test_waiting_for_a_real_power_cycle_asks_for_it_and_is_bounded() -> None:
 
 def test_hand_that_comes_back_late_is_found() -> None:
     def answer(request: bytes) -> list[Reply]:
+        request = request.lstrip(b"\0")
         return [(0.0, reply_to(request, bytes(request[7])))] if link.now() > 20.0 else [(0.0, b"\xf8\x00")]
 
     link = ScriptedLink(answer, baud=115200)

@@ -75,7 +75,7 @@ def harmless(sent_bytes: Any) -> bool:
     if isinstance(sent_bytes, CanFrame):
         return sent_bytes.can_id >> 26 in (0, 4) and len(sent_bytes.data) == 1
     found = list(requests(sent_bytes))
-    return sum(len(body) + 6 for _, _, body in found) == len(sent_bytes) and all(
+    return sum(len(body) + 6 for _, _, body in found) == len(sent_bytes.lstrip(b"\0")) and all(
         flag in (0x11, 0x30) and len(body) == 3 for _, flag, body in found
     )
 

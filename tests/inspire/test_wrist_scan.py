@@ -56,10 +56,9 @@ class Line:
         self.asked: list[int] = []
 
     def answer(self, data: bytes) -> list[Reply]:
-        assert len(data) % 9 == 0
+        found = [b"\xeb\x90" + rest[:7] for rest in data.split(b"\xeb\x90")[1:]]
         replies: list[Reply] = [(0.0, data)] if self.echo else []
-        for number in range(len(data) // 9):
-            request = data[9 * number : 9 * number + 9]
+        for number, request in enumerate(found):
             assert request[:2] == b"\xeb\x90"
             assert request[4] == 0x30, "31 and 32 move an exo"
             address = request[5] + 256 * request[6]

@@ -196,7 +196,7 @@ def fake_hand(query: str = "", device_id: int = 1, **options: object) -> tuple[E
 
 def changing(requests: Iterable[bytes]) -> list[str]:
     """The requests that write or move: all but reads (flag 11, and 30 for the wrist's registers)."""
-    return [hexed(request) for request in requests if request[4] not in (0x11, 0x30)]
+    return [hexed(request) for request in requests if request.lstrip(b"\0")[4] not in (0x11, 0x30)]
 
 
 def codes(hand: ExoHand) -> list[str]:

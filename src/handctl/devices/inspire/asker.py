@@ -10,7 +10,7 @@ from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.eb90 import Decoder, Frame
 from handctl.devices.inspire.identity import Kind
 from handctl.devices.inspire.mishaps import beheaded, foreign_in
-from handctl.devices.inspire.quiet import FRESH, READS, Span, question
+from handctl.devices.inspire.quiet import FRESH, READS, Span, ahead, apart, question
 from handctl.errors import ProtocolError
 from handctl.model.frames import frames_in
 from handctl.model.profile import Profile
@@ -71,8 +71,12 @@ class Asker:
 
     def _group(self, group: Sequence[int], answered: dict[int, int]) -> bool:
         """Probe `group` in one window, each id by its first question. False when bytes came that belong to no valid reply."""
-        flag = self._bus.read_flag
-        probes = b"".join(eb90.read_request(i, *question(i, flag), flag) for i in group)
+        flag, link = self._bus.read_flag, self._bus.link
+        baud = link.baud if link.can_set_baud else None
+        asked = [eb90.read_request(i, *question(i, flag), flag) for i in group]
+        probes = apart(baud).join(ahead(baud) + one for one in asked)
+        if link.replayed and not link.recorded_next(probes):
+            probes = b"".join(asked)  # an older recording
         wire = self._send(probes, len(group))
         return self._collect(answered, wire + self._wait, probes, alone=len(group) == 1)
 

@@ -11,7 +11,7 @@ from typing import ClassVar
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.eb90 import Decoder, Frame
 from handctl.devices.inspire.mishaps import hint_for, mishap, others_speak, shorten, silence_hint_for
-from handctl.devices.inspire.quiet import FRESH, question
+from handctl.devices.inspire.quiet import FRESH, ahead, question
 from handctl.devices.inspire.registers import RegisterBus
 from handctl.errors import DeviceRefused, HandctlError, ProtocolError
 from handctl.link import ByteLink, CanFrame, Deadline
@@ -130,6 +130,7 @@ class Bus(RegisterBus):
         started = self.link.now()
         deadline = self._reply_deadline(len(request), reply_size)
         last = self.deadline(self.wire_seconds(len(request) + reply_size) + PATIENCE * self.timeout)
+        first = self._ahead(request)
         self.send(request, deadline)
         decoder = Decoder(prefixes)
         received, pieces = bytearray(), list[int]()
@@ -141,13 +142,14 @@ class Bus(RegisterBus):
                 self._rest = decoder.rest()
                 self._disturbed = False
                 self.round_trip = self.link.now() - started
-                self._learn(request, bytes(received), decoder.skipped, pieces)
+                self._learn(request, bytes(received).removeprefix(first), decoder.skipped, pieces)
                 return frame
             chunk = b"" if received and deadline.expired else self.link.read(deadline)
             if not chunk:
                 self.journal.counters.stray_bytes += decoder.skipped + decoder.pending
-                self._disturbed = _begins_request(bytes(received).removeprefix(request))
-                raise self._failure(request, bytes(received), started)
+                came = bytes(received).removeprefix(first)
+                self._disturbed = _begins_request(came.removeprefix(request))
+                raise self._failure(request, came, started)
             received += chunk
             pieces.append(len(chunk))
             decoder.feed(chunk)
@@ -178,7 +180,16 @@ class Bus(RegisterBus):
         """Write one or more request frames, or whatever bytes."""
         self.pass_gate(request)
         self.count(request)
-        self.link.write(request, deadline or self._reply_deadline(len(request), 0))
+        data = self._ahead(request) + request
+        self.link.write(data, deadline or self._reply_deadline(len(data), 0))
+
+    def _ahead(self, request: bytes) -> bytes:
+        """What goes ahead of a question as long as nobody has answered: a stranger may hear it at another speed."""
+        link = self.link
+        if self._met or not link.can_set_baud or not eb90.only_reads(request):
+            return b""
+        first = ahead(link.baud)
+        return first if not link.replayed or link.recorded_next(first + request) else b""
 
     def pace(self, seconds: float) -> float | None:
         """Seconds until the answer to a question that was not asked lately: no late answer to another one passes for it.

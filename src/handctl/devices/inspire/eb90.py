@@ -108,9 +108,15 @@ def read_request(device_id: int, address: int, count: int, flag: int = READ) -> 
 
 @lru_cache(256)
 def only_reads(data: bytes) -> bool:
-    """Whether `data` is nothing but whole read requests, which change no device of this maker. Asked for each frame again."""
-    requests = [data[start : start + READ_SIZE] for start in range(0, len(data), READ_SIZE)]
-    return bool(data) and all(
+    """Whether `data` is nothing but whole read requests, which change no device of this maker. Asked for each frame again.
+
+    What goes ahead of them and between them (`quiet`) begins no frame.
+    """
+    requests = []
+    while data := data.lstrip(b"\0\xff"):
+        requests.append(data[:READ_SIZE])
+        data = data[READ_SIZE:]
+    return bool(requests) and all(
         len(one) == READ_SIZE
         and one[:2] == HOST
         and one[3] == 4

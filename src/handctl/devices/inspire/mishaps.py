@@ -17,7 +17,7 @@ SILENCE_HINT = (
 SILENCE_HINTS = {
     "hand": "check in this order: --id 1 at 115200 bit/s, `handctl hand scan`, power (24 V), A and B of RS-485. "
     "An RH56DFTP may answer on its network only: `handctl hand status -p tcp://192.168.11.210`. "
-    "At 38400 bit/s and less Modbus RTU is asked only with --protocol modbus",
+    "At other speeds than 115200 bit/s Modbus RTU is asked only with --protocol modbus",
 }
 """Of families that are not as the EH55BF1 is (rh56 §1, §2.5)."""
 HINTS = {

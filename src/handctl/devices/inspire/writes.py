@@ -46,6 +46,8 @@ class InspireWrites:
                 return ()
             self._can = can_id, data
             return (Frame(data, can_id, (can_id, data), can_id=can_id),)
+        if eb90.only_reads(data):
+            return ()
         return [self._frame(single) for single in _frames(data) if not _reads(single)]
 
     def came(self, data: bytes, can_id: int | None) -> Iterable[tuple[Hashable, bool]]:

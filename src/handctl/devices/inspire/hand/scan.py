@@ -13,6 +13,7 @@ from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.canbus import CanBus
 from handctl.devices.inspire.hand.generation import Found, look
 from handctl.devices.inspire.hand.probe import ANGLES, wires_of
+from handctl.devices.inspire.hand.typed import RTU_SPEED
 from handctl.devices.inspire.identity import DAMAGED
 from handctl.devices.inspire.modbusbus import BETWEEN_PROTOCOLS, ModbusBus
 from handctl.errors import HandctlError, NoAnswer, ProtocolError
@@ -74,7 +75,7 @@ def scan(
             link.set_baud(was)
     seconds = link.now() - started
     summary = f"{asked} question{'s' * (asked != 1)}, of ids {ids[0]} to {ids[-1]}, {seconds:.2f} s"
-    hand.journal.info("scanned", summary)
+    hand.journal.info("scanned", summary, hint=_left_out(hand, speeds, protocol))
     table = Table(rows=rows, columns=COLUMNS)
     if not rows:
         table.failure = met or NoAnswer(
@@ -85,6 +86,15 @@ def scan(
     elif not find_all:
         hand.journal.info("first", "the scan ended at the first device", hint="add --all to look for more")
     return table
+
+
+def _left_out(hand: Hand, speeds: Sequence[int], protocol: str) -> str:
+    """What was not asked, and how to ask it: a BarrettHand could take its bytes for a command, or for firmware."""
+    link = hand.link
+    slow = ", ".join(str(speed) for speed in speeds if speed != RTU_SPEED)
+    if protocol != "auto" or not slow or not isinstance(link, ByteLink) or not link.can_set_baud or link.replayed:
+        return ""
+    return f"Modbus RTU was asked at {RTU_SPEED} only. If no BarrettHand is on this line, --protocol modbus asks at {slow} too"
 
 
 def _questions(

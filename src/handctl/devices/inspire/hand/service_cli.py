@@ -107,7 +107,8 @@ def add_service(group: Group) -> None:
     def scan(run: Run, ids: str, speeds: str, find_all: bool) -> Table:
         """Look for hands: id 1 at each speed, in EB90 and in Modbus RTU, then all ids. Only reads.
 
-        At 19200 bit/s EB90 only, unless --protocol modbus is given: a BarrettHand may act upon a question of Modbus there.
+        At other speeds than 115200 bit/s EB90 only, unless --protocol modbus is given: a BarrettHand may act upon a question of
+        Modbus there.
         """
         from handctl.devices.inspire import scan_report
         from handctl.devices.inspire.hand import scan as hand_scan

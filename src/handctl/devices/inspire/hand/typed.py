@@ -12,8 +12,8 @@ from handctl.model.param import ParamMap
 
 PORT = 6000
 """Modbus TCP (rh56 §2.3)."""
-RTU_SPEED = 38400
-"""bit/s: at this one and below a BarrettHand listens."""
+RTU_SPEED = 115200
+"""bit/s: the only one at which a BarrettHand acts upon nothing of a question in Modbus RTU."""
 HERE = ("127.0.0.1", "localhost", "[::1]")
 """This machine, where simulators are served."""
 
@@ -102,5 +102,9 @@ def is_modbus_tcp(link: str) -> bool:
 
 
 def asks_rtu(link: ByteLink) -> bool:
-    """Whether Modbus RTU may be asked there unsaid: at a slow speed a BarrettHand takes the 03 of a read for ^C."""
-    return link.replayed or not link.can_set_baud or link.baud is None or link.baud > RTU_SPEED
+    """Whether Modbus RTU may be asked there unsaid.
+
+    At a slow speed a BarrettHand takes the 03 of a read for ^C. At 57600 and 921600 one that starts hears the end of a
+    question as FF, the trigger of its boot monitor, and nothing may go ahead of a frame of Modbus.
+    """
+    return link.replayed or not link.can_set_baud or link.baud is None or link.baud == RTU_SPEED
