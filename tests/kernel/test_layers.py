@@ -50,7 +50,7 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
     ("stop*", (*GROUND, "frame.console", "frame.options", "frame.run", "link*", "model.*", "stop.*")),
     ("frame.console", (*GROUND, "model.guide", "screen.filter")),
     ("frame*", (*GROUND, "frame.*", "link*", "model.*", "report", "screen.*", "stop.*")),
-    ("report.facts", ("system.*", "tools.machine", "tools.packages")),
+    ("report.facts", ("link.urls", "system.*", "tools.machine", "tools.packages")),
     ("report*", (*GROUND, "frame.*", "link.tap", "model.*", "report.*", "screen.render")),
     ("api", (*GROUND, "frame.*", "model.result")),
     ("hands", ("api", "families", "frame.call", "model.result")),

@@ -73,7 +73,9 @@ def refuse_missing(family: Family, given: Collection[str]) -> None:
 
 def refuse_serial(family: Family, link: str) -> None:
     """Raise UsageError for a serial port where this family has TCP only."""
-    serial = link.startswith("spy://") or not ("://" in link or link.startswith(("can:", "replay:")))
+    from handctl.link.urls import path_in
+
+    serial = path_in(link) or link.startswith("usb:")
     if serial and family.tcp_port is not None and not family.wires:
         hint = f"-p tcp://HOST (port {family.tcp_port} when not given)"
         raise UsageError(f"{link}: {family.kind} has no serial wire", hint=hint)

@@ -1,8 +1,8 @@
 """One process at a time on a device: an advisory lock held while a link is open, and what is known of who holds it.
 
 The lock is an flock on a file of this user, so it ends with its process however that ends. The file tells who holds
-it and what it does there. Two names of one place (a by-id link and /dev/ttyUSB0, a path below slcan or spy) are one
-lock. Knows no link's inside.
+it and what it does there. Two names of one place (a by-id link and /dev/ttyUSB0, a path below slcan, spy:// or alt://) are
+one lock. Knows no link's inside.
 """
 
 from __future__ import annotations
@@ -10,11 +10,12 @@ from __future__ import annotations
 import os
 from typing import NamedTuple
 
-from handctl.errors import LinkError
+from handctl.errors import HandctlError, LinkError
+from handctl.link import urls
 from handctl.system import clock, disk, locks, ports, processes
 from handctl.system.folders import HINT, own, own_folder, private_folders
 
-OURS = ("fake://", "replay:", "loop://")
+OURS = ("fake://", "replay:")
 """Links that nobody else can reach."""
 LAST_STOP_SECONDS = 2.5
 """How long a lock whose file names no process that lives is waited for: a command that was killed leaves it to the child
@@ -108,7 +109,7 @@ def hold(
     device is that of several commands. None where there is nothing to lock. Raises InUse naming the holder,
     LinkError (code "no-lock") where no lock can be made.
     """
-    if link.startswith(OURS) and not kept:
+    if (link.startswith(OURS) or urls.scheme_of(link) == "loop") and not kept:
         return None
     descriptor, path = _open(_file_name(canonical(link, tcp_port)))
     until = clock.now() + (LAST_STOP_SECONDS if patience is None else patience)
@@ -149,18 +150,29 @@ def canonical(link: str, tcp_port: int | None = None) -> str:
     """The place that a LINK leads to, the same for all its names: ``tty 188:0``, ``tcp host:port``, or the LINK."""
     if link.startswith("can:"):
         interface, _, channel = link.removeprefix("can:").partition("?")[0].partition(":")
-        return canonical(channel) if interface == "slcan" else f"can {interface}:{channel}"
-    if link.startswith("spy://"):
-        return canonical(link.removeprefix("spy://").partition("?")[0])
-    scheme, separator, rest = link.partition("://")
-    if separator and scheme in ("tcp", "socket", "rfc2217"):
+        port = channel.partition("@")[0]  # python-can takes what follows for the speed of the port
+        return canonical(port) if interface == "slcan" or port.startswith("/") else f"can {interface}:{channel}"
+    if path := urls.path_in(link):
+        return ports.place(path)
+    scheme = urls.scheme_of(link)
+    if link.startswith("usb:") or scheme == "hwgrep":
+        from handctl.link.serial import find
+
+        try:
+            return ports.place(str(find(link).device))
+        except HandctlError:
+            return link.casefold()  # opening it will say what is wrong
+    if scheme in ("tcp", *urls.OF_A_HOST):
         from handctl.link.tcp import plain_host
 
-        host, colon, port = rest.partition("?")[0].rstrip("/").casefold().rpartition(":")
-        if not colon or not (port.isascii() and port.isdecimal()):
-            host, port = f"{host}{colon}{port}", str(tcp_port or "")
+        host, port = urls.host_in(link) or ("", "")
+        if not host:
+            text = link.partition("://")[2].partition("?")[0].rstrip("/").casefold()
+            host, colon, port = text.rpartition(":")
+            if not colon or not (port.isascii() and port.isdecimal()):
+                host, port = text, str(tcp_port or "")
         return f"tcp {plain_host(host)}:{port.lstrip('0')}"
-    return link.casefold() if separator or link.startswith("usb:") else ports.place(link)
+    return link.casefold()
 
 
 def _file_name(place: str) -> str:

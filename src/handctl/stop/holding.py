@@ -114,10 +114,11 @@ class Hold:
         """
         run = self._run
         name = run.link_name()
-        if self._lock is not None and run.place != self._place and os.path.exists(name):
+        place = run.place
+        if self._lock is not None and place != self._place and (os.path.exists(name) or place.startswith("tty ")):
             lock = lock_for(run, name)
             self.release()
-            self._place = run.place
+            self._place = place
             self._keep(lock)
             if self.link is not None and lock is not None:
                 self.link.held = lock.descriptors
