@@ -22,6 +22,7 @@ class Family(NamedTuple):
     kind      command name, and the simulator's name
     open      (link, settings, journal) -> device
     baud      speed of a serial port unless --baud says otherwise, None = none
+    speeds    those that its device can have, () = any; a stop takes no other
     wires     the kinds of wire it has, the default first; () = bytes only
     tcp_port  port of tcp://HOST without one, None = it must be given; a family that has one and no `wires` has no serial wire
     ids       its protocol has device ids
@@ -43,6 +44,7 @@ class Family(NamedTuple):
     recall: Callable[[str], int | None] | None = None
     map_of: Callable[[Settings], ParamMap[Any]] | None = None
     simulated: Callable[[Settings], str] | None = None
+    speeds: tuple[int, ...] = ()
 
 
 def opener(device: Callable[[Any], Any], line: Callable[..., Any]) -> Callable[[Any, Settings, Journal], Any]:

@@ -30,8 +30,12 @@ SOURCES = "handctl.sources"
 """Key in click's shared meta: setting -> Source, for every setting that is not the default."""
 
 
+STOPPING = "handctl.stopping"
+"""Key in click's shared meta: whether this may be a command that nothing holds up, as far as its line was read."""
+UNFIT = "handctl.unfit"
+"""Key in click's shared meta: errors of options in such a line, for whoever knows which command it is."""
 PASSED_OVER = "handctl.passed-over"
-"""Key in click's shared meta: errors of the environment and the file that did not hold up an urgent command."""
+"""Key in click's shared meta: errors of the line, the environment and the file that did not hold up an urgent command."""
 
 
 class Settings(NamedTuple):
@@ -104,6 +108,16 @@ class SharedOption(click.Option):
         self.typed = typed
         super().__init__(list(names), expose_value=False, callback=self._remember, **more)
         self.key = key or str(self.name)
+
+    def handle_parse_result(self, ctx: click.Context, opts: Mapping[str, Any], args: list[str]) -> tuple[Any, list[str]]:
+        """As click does. What makes no sense does not hold up a stop; which of two places it is meant for is no such thing."""
+        try:
+            return super().handle_parse_result(ctx, opts, args)
+        except (click.UsageError, UsageError) as exc:
+            if not ctx.meta.get(STOPPING) or self.key in ("port", "fake"):
+                raise
+            ctx.meta.setdefault(UNFIT, []).append(exc)
+            return None, args
 
     def _remember(self, ctx: click.Context, param: click.Parameter, value: Any) -> None:
         source = ctx.get_parameter_source(param.name or "")
@@ -197,8 +211,11 @@ def resolve(ctx: click.Context, wires: Sequence[str] = (), device: str = "", *, 
     kept in the context's meta under SOURCES.
 
     Raises UsageError for an environment variable or a configuration file that cannot be understood. With `urgent` they
-    are passed over, each with its error in the meta under PASSED_OVER, where the command line says which device it is.
+    are passed over, each with its error in the meta under PASSED_OVER, as long as it is said which device it is.
     """
+    unfit: list[click.UsageError | UsageError] = ctx.meta.pop(UNFIT, [])
+    if unfit and not urgent:
+        raise unfit[0]
     given: dict[str, Any] = ctx.meta.get(GIVEN, {})
     chosen = _Chosen()
     for key in (*Settings._fields, *(option.key for option in own_options())):
@@ -208,11 +225,12 @@ def resolve(ctx: click.Context, wires: Sequence[str] = (), device: str = "", *, 
         chosen.values["device"], chosen.sources["device"] = device, COMMAND_LINE
     options = lasting_options(wires)
     passed: list[UsageError] = ctx.meta.setdefault(PASSED_OVER, [])
+    passed += [exc if isinstance(exc, UsageError) else UsageError(exc.format_message()) for exc in unfit]
     _take_environment(ctx, chosen, options, passed if urgent else None)
     command = " ".join(ctx.command_path.split()[1:])
     if command != WITHOUT_FILE:
         try:
-            _from_file(chosen, options, with_device=command not in WITHOUT_DEVICE)
+            _from_file(chosen, options, passed if urgent else None, with_device=command not in WITHOUT_DEVICE)
         except UsageError as exc:
             if not urgent or not chosen.linked:
                 raise
@@ -238,12 +256,15 @@ def _take_environment(
     ctx: click.Context, chosen: _Chosen, options: Sequence[SharedOption], passed: list[UsageError] | None
 ) -> None:
     """What the environment says where the command line does not; what makes no sense goes to `passed`, if there is one."""
-    linked = chosen.linked
+    named = passed is not None and "device" in chosen.values  # it says where the device is, and no variable elsewhere
+    linked = chosen.linked or named
     found: dict[str, tuple[SharedOption, Any]] = {}
     for option in options:
         variable = f"HANDCTL_{str(option.name).upper()}"
         text = os.environ.get(variable)
         if not text or option.key in chosen.values or (linked and option.key in ("device", "port", "fake")):
+            if text and passed is not None and named and not chosen.linked and option.key in ("port", "fake"):
+                passed.append(UsageError(f"{variable} names another place", hint=f"unset {variable}"))
             continue
         try:
             value = _from_environment(ctx, option, text)
@@ -254,7 +275,8 @@ def _take_environment(
             continue
         if option.fixed is None or value:
             found[variable] = option, value if option.fixed is None else option.fixed
-    _refuse_pairs({name: option.key for name, (option, value) in found.items() if value}, "environment")
+    for name in _pairs({name: option.key for name, (option, value) in found.items() if value}, "environment", passed):
+        del found[name]
     for variable, (option, value) in found.items():
         chosen.offer(option.key, value, Source(ENVIRONMENT, variable))
 
@@ -289,11 +311,14 @@ def config_path() -> str:
     return os.path.join(base, "handctl", "config.toml")
 
 
-def read_config(path: str) -> Config:
-    """The configuration file, checked; a missing one is empty. Raises UsageError."""
+def read_config(path: str, passed: list[UsageError] | None = None) -> Config:
+    """The configuration file, checked; a missing one is empty. Raises UsageError.
+
+    With `passed` what is wrong with an entry is noted there, and the others hold.
+    """
     from handctl.frame.config import load
 
-    return load(path, checks())
+    return load(path, checks(), passed)
 
 
 def checks() -> dict[str, Check]:
@@ -330,7 +355,9 @@ def _checked(option: click.Parameter, value: Any) -> Any:
         raise ValueError(exc.message) from exc
 
 
-def _from_file(chosen: _Chosen, options: Sequence[SharedOption], with_device: bool) -> None:
+def _from_file(
+    chosen: _Chosen, options: Sequence[SharedOption], passed: list[UsageError] | None, with_device: bool
+) -> None:
     path = config_path()
     if _missing(path):
         if os.environ.get("HANDCTL_CONFIG") and with_device:
@@ -341,13 +368,14 @@ def _from_file(chosen: _Chosen, options: Sequence[SharedOption], with_device: bo
             )
         if not (with_device and "device" in chosen.values):
             return
-    config = read_config(path)
+    config = read_config(path, passed)
     values = {
         option: entry
         for option in options
         if (entry := config.values.get(str(option.name))) and (option.fixed is None or entry.value)
     }
-    _refuse_pairs({str(option.name): option.key for option, entry in values.items() if entry.value}, path)
+    twice = _pairs({str(option.name): option.key for option, entry in values.items() if entry.value}, path, passed)
+    values = {option: entry for option, entry in values.items() if option.name not in twice}
     if with_device:
         if "device" in config.values and not chosen.linked:
             name, line = config.values["device"]
@@ -375,16 +403,22 @@ def _missing(path: str) -> bool:
     return False
 
 
-def _refuse_pairs(keys: dict[str, str], where: str) -> None:
-    """Two entries of the file, or two variables, that speak of one setting."""
+def _pairs(keys: dict[str, str], where: str, passed: list[UsageError] | None) -> list[str]:
+    """Two entries of the file, or two variables, that speak of one setting: UsageError, or with `passed` the later ones."""
     said: dict[str, str] = {}
+    later: list[str] = []
     for name, key in keys.items():
         about = "port" if key == "fake" else key
         if about in said:
-            raise UsageError(
-                f"{where}: {said[about]} and {name} exclude each other", hint="keep one of the two", code="config"
-            )
+            text = f"{where}: {said[about]} and {name} exclude each other"
+            error = UsageError(text, hint="keep one of the two", code="config")
+            if passed is None or about == "port":
+                raise error
+            passed.append(error)
+            later.append(name)
+            continue
         said[about] = name
+    return later
 
 
 def _from_environment(ctx: click.Context, option: SharedOption, text: str) -> Any:

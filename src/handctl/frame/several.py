@@ -157,6 +157,10 @@ def _check(words: Sequence[str], every: Sequence[Each]) -> None:
             hint=f"give one name with -d. {', '.join(TAKES)} take several",
         )
     settings = every[0].line.settings
+    if leaf.stops:  # no file and no format holds it up
+        for each in every:
+            each.line = each.line._replace(settings=each.line.settings._replace(trace=None, wide=None))
+        return
     if settings.format == "openmetrics" or settings.wide:
         what = "--wide" if settings.wide else "--format openmetrics"
         raise UsageError(

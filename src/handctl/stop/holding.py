@@ -16,7 +16,7 @@ from handctl.errors import HandctlError, Interrupted, LinkError
 
 if TYPE_CHECKING:
     from handctl.frame.run import Run
-    from handctl.link import Link
+    from handctl.link import Deadline, Link
     from handctl.link.ear import Ear
     from handctl.link.lock import Lock
     from handctl.model.stopping import Aim, Sent, Stopped, Talk
@@ -169,15 +169,21 @@ class Hold:
             signals.interrupt(frame)
 
 
-def stopped_at(run: Run, link: Link, sent: list[Sent], talk: Callable[[Aim], Talk] | None = None) -> Stopped:
-    """The stop of the run's family over `link`, or another `talk`. Never raises."""
+def stopped_at(
+    run: Run,
+    link: Link,
+    sent: list[Sent],
+    talk: Callable[[Aim], Talk] | None = None,
+    until: Deadline | None = None,
+) -> Stopped:
+    """The stop of the run's family over `link`, or another `talk`, at the most `until` then. Never raises."""
     from handctl.model.stopping import aimed, carry_out, talk_of
 
     assert run.family is not None
     met = run.opened is not None and run.journal.counters.writes > 0
     aim = run.opened.aim() if met else aimed(link, run.settings)
     said = talk(aim) if talk is not None else talk_of(run.family.kind, aim)
-    return carry_out(link, said, sent, run.ledger if run.writes else None)
+    return carry_out(link, said, sent, run.ledger if run.writes else None, until)
 
 
 def report(stopped: Stopped | None, sent: Sequence[Sent], *, refused: bool = False) -> dict[str, Any]:
