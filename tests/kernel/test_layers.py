@@ -47,7 +47,7 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
     ("link.fake", ("digits", "errors", "link.base", "sim", "system.*")),
     ("link*", (*GROUND, "link*")),
     ("screen*", (*GROUND, "frame.options", "model.result", "model.units", "screen.*")),
-    ("stop*", (*GROUND, "frame.console", "frame.options", "frame.run", "link*", "model.*", "stop.*")),
+    ("stop*", (*GROUND, "frame.console", "frame.family", "frame.options", "frame.run", "link*", "model.*", "stop.*")),
     ("frame.console", (*GROUND, "model.guide", "screen.filter")),
     ("frame*", (*GROUND, "frame.*", "link*", "model.*", "report", "screen.*", "stop.*")),
     ("report.facts", ("link.urls", "system.*", "tools.machine", "tools.packages")),

@@ -20,7 +20,8 @@ from handctl.frame.cause import from_click
 from handctl.frame.console import print_message, print_stderr
 from handctl.frame.family import Family
 from handctl.frame.numbers import Hertz, Seconds
-from handctl.frame.options import COMMAND_LINE, STOPPING, Settings, SharedOption, config_path, read_config, resolve
+from handctl.frame.options import COMMAND_LINE, STOPPING, Settings, SharedOption, config_path, read_config
+from handctl.frame.precedence import resolve
 from handctl.frame.run import Run
 from handctl.frame.usage import (
     HEADINGS,

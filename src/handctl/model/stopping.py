@@ -244,7 +244,9 @@ def carry_out(
     """
     sent = [] if sent is None else sent
     try:
-        before: Callable[[Step], object] = (lambda step: ledger.plan([step])) if ledger is not None else (lambda _: None)
+        before: Callable[[Step], object] = (
+            (lambda step: ledger.plan([step])) if ledger is not None else (lambda _: None)
+        )
         stopped = drive(link, talk, sent, before, until)
     except HandctlError as exc:
         return Stopped(exc.text, exc.hint, type(exc))

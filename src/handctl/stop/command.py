@@ -192,7 +192,9 @@ def _from_here(
         with run.guide.undisturbed():
             stopped = stopped_at(run, link, sent, talk, end)
     expired = end is not None and end.expired
-    silent = not expired and stopped.error is not None and issubclass(stopped.error, (errors.NoAnswer, errors.ProtocolError))
+    silent = (
+        not expired and stopped.error is not None and issubclass(stopped.error, (errors.NoAnswer, errors.ProtocolError))
+    )
     if silent and otherwise is not None:
         try:
             stopped = stopped._replace(text=otherwise(run.device()), hint="", error=None)

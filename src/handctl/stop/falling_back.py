@@ -35,7 +35,9 @@ def fall_back(run: Run) -> None:
         known = ", ".join(map(str, family.speeds))
         _drop(run, ["baud"], f"{family.kind} has no speed {settings.baud} bit/s, but {known}")
     if settings.timeout is not None and not TIMEOUT[0] <= settings.timeout <= TIMEOUT[1]:
-        _drop(run, ["timeout"], f"{settings.timeout:g} s for an answer: a stop needs {TIMEOUT[0]:g} to {TIMEOUT[1]:g} s")
+        _drop(
+            run, ["timeout"], f"{settings.timeout:g} s for an answer: a stop needs {TIMEOUT[0]:g} to {TIMEOUT[1]:g} s"
+        )
     if settings.deadline is not None and settings.deadline < DEADLINE:
         _drop(run, ["deadline"], f"{settings.deadline:g} s for the whole stop: it needs {DEADLINE:g} s")
     if settings.port and settings.wire is not None:
@@ -92,4 +94,6 @@ def _drop(run: Run, keys: list[str], why: str, *, told: bool = True) -> None:
     if told:
         names = ", ".join(found)
         where = ", ".join(dict.fromkeys(source.where or source.level for source in found.values()))
-        run.journal.warn("passed-over", f"{names} ({where}): {why}", "it does not hold up a stop: its default was taken")
+        run.journal.warn(
+            "passed-over", f"{names} ({where}): {why}", "it does not hold up a stop: its default was taken"
+        )
