@@ -1,7 +1,7 @@
 """One process at a time on a device: an advisory lock held while a link is open, and what is known of who holds it.
 
 The lock is an flock on a file of this user, so it ends with its process however that ends. The file tells who holds
-it and what it does there. Two names of one place (a by-id link and /dev/ttyUSB0, a path below slcan, spy:// or alt://) are
+it and what it does there: its first line, empty when nobody does. The second is the family of the last command that had one. Two names of one place (a by-id link and /dev/ttyUSB0, a path below slcan, spy:// or alt://) are
 one lock. Knows no link's inside.
 """
 
@@ -20,6 +20,10 @@ OURS = ("fake://", "replay:")
 LAST_STOP_SECONDS = 2.5
 """How long a lock whose file names no process that lives is waited for: a command that was killed leaves it to the child
 that stops the device."""
+
+
+LIBRARY = "handctl library"
+"""The command of a holder that is no command of handctl, but a program that uses the library."""
 
 
 class Holder(NamedTuple):
@@ -65,14 +69,15 @@ class Lock:
 
     def __init__(self, descriptor: int, path: str) -> None:
         self._descriptor = descriptor
+        self._family = _family(descriptor)
         self.path = path
         self.unrecorded = ""
 
     def record(self, holder: Holder) -> None:
         """Tell who holds it. A full disk does not keep it from being held."""
+        self._family = holder.family or self._family
         try:
-            os.ftruncate(self._descriptor, 0)
-            disk.write_at(self._descriptor, holder.line.encode("utf-8", "replace"), 0)
+            _write(self._descriptor, holder.line, self._family)
         except OSError as exc:
             self.unrecorded = f"{self.path}: {exc.strerror or exc}"
 
@@ -86,7 +91,7 @@ class Lock:
         descriptor, self._descriptor = self._descriptor, -1  # first: a Ctrl-C behind the close must not close it again
         if descriptor >= 0:
             try:
-                os.ftruncate(descriptor, 0)
+                _write(descriptor, "\n", self._family)
             except OSError:
                 pass  # who reads it finds a process that has gone
             finally:
@@ -129,21 +134,20 @@ def hold(
     return lock
 
 
-def last_holder(link: str) -> Holder | None:
-    """Who has, or had and did not let go, what `link` leads to; None where no lock file tells."""
+def last_family(link: str, tcp_port: int | None = None) -> str:
+    """The family of the command that has, or had last, what `link` leads to; "" where no lock file tells."""
+    name = _file_name(canonical(link, tcp_port))
     for folder in private_folders():
         try:
-            descriptor = os.open(
-                os.path.join(folder, _file_name(canonical(link))), os.O_RDONLY | disk.NO_LINK | disk.BINARY
-            )
+            descriptor = os.open(os.path.join(folder, name), os.O_RDONLY | disk.NO_LINK | disk.BINARY)
         except OSError:
             continue
         try:
-            if own(os.fstat(descriptor)) and (found := _read(descriptor)) is not None:
+            if own(os.fstat(descriptor)) and (found := _family(descriptor)):
                 return found
         finally:
             os.close(descriptor)
-    return None
+    return ""
 
 
 def canonical(link: str, tcp_port: int | None = None) -> str:
@@ -206,8 +210,26 @@ def _open(name: str) -> tuple[int, str]:
     ) from problem
 
 
+def _write(descriptor: int, line: str, family: str) -> None:
+    os.ftruncate(descriptor, 0)
+    text = f"{line}{family}\n" if family else line.lstrip("\n")
+    disk.write_at(descriptor, text.encode("utf-8", "replace"), 0)
+
+
+def _lines(descriptor: int) -> list[str]:
+    return [*disk.read_at(descriptor, 4096, 0).decode("utf-8", "replace").split("\n"), ""]
+
+
+def _family(descriptor: int) -> str:
+    """The family of the last command that had one; of a file that was damaged "", or a word that is none."""
+    try:
+        return _lines(descriptor)[1]
+    except OSError:
+        return ""
+
+
 def _read(descriptor: int) -> Holder | None:
-    fields = disk.read_at(descriptor, 4096, 0).decode("utf-8", "replace").strip("\n").split("\t")
+    fields = _lines(descriptor)[0].split("\t")
     if len(fields) != 6 or not fields[0].isdecimal() or len(fields[0]) > 10:
         return None
     pid, start, family, kind, link, command = fields

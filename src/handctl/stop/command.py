@@ -14,7 +14,7 @@ from handctl import errors
 from handctl.errors import DeviceRefused, HandctlError, LinkError
 from handctl.frame.options import PASSED_OVER
 from handctl.link import Deadline
-from handctl.link.lock import LAST_STOP_SECONDS, Holder, InUse, Lock
+from handctl.link.lock import LAST_STOP_SECONDS, LIBRARY, Holder, InUse, Lock
 from handctl.model.result import Column, Table
 from handctl.stop.falling_back import fall_back
 from handctl.stop.holding import Hold, lock_for, report, stopped_at
@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
 GONE_SECONDS = 0.2
 """A process that was ended has let go of the port by then."""
+ASKED_SECONDS = 1.0
+"""How long a whole program that uses the library has to end by itself: what else it does is not ours to cut off."""
 AGAIN_SECONDS = 1.0
 """How long a port or connection is tried again that somebody has just let go of, or is about to."""
 TRY_SECONDS = 0.01
@@ -150,15 +152,19 @@ def _end(run: Run, who: Holder | None) -> None:
         return
     hint = f"end it with `{processes.ENDS} {who.pid}`"
     try:
-        ended = processes.end(who.pid, who.start, GONE_SECONDS)
+        asking = ASKED_SECONDS if who.command == LIBRARY and not processes.sleeps(who.pid) else 0.0
+        ended = processes.end(who.pid, who.start, GONE_SECONDS, asking)
     except OSError as exc:
         run.journal.warn("holder", f"{who} does not answer and could not be ended: {exc.strerror or exc}", hint)
         return
-    if ended is None:
+    if not ended:
         text = f"{who} has the device and does not answer. The system does not show whether it is still that process"
         run.journal.warn("holder", text, hint)
-    elif ended:
-        run.journal.warn("ended", f"{who} had the device and did not answer (asleep or blocked). handctl ended it")
+    elif ended == processes.ASKED:
+        run.journal.warn("ended", f"{who} had the device and did not answer. It has ended, as SIGTERM asked it to")
+    elif ended == processes.KILLED:
+        why = f"not end within {asking:g} s of SIGTERM, either" if asking else "not answer (asleep or blocked)"
+        run.journal.warn("ended", f"{who} had the device and did {why}. handctl ended it by force")
 
 
 # -- from here ----------------------------------------------------------------------------------------------------

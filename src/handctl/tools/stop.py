@@ -1,4 +1,4 @@
-"""`handctl stop`: stop a device at once, named by its LINK or its name. The family is told by the lock of who has it."""
+"""`handctl stop`: stop a device at once, named by its LINK or its name: `tools.whose` finds out of which family it is."""
 
 from __future__ import annotations
 
@@ -17,8 +17,9 @@ from handctl.model.result import Table
 def cli(run: Run) -> Table:
     """Stop a device at once, also while another handctl command has it.
 
-    The family is known from the name, or from the handctl command that has the device or had it last.
-    Otherwise use `handctl FAMILY stop`. The other handctl ends with exit code 130.
+    The family is that of the named device, of the handctl command that has the device or had it last, of a
+    device of the configuration file at this place, or of who answers within half a second. Otherwise use
+    `handctl FAMILY stop`. The other handctl ends with exit code 130.
     """
     from handctl.stop import command
 
@@ -41,14 +42,6 @@ def _kind(run: Run) -> str:
     simulated = settings.port.removeprefix("fake://").partition("?")[0].rstrip("/")
     if settings.port.startswith("fake://") and simulated in FAMILIES:
         return simulated
-    from handctl.link.lock import last_holder
+    from handctl.tools.whose import family_at
 
-    holder = last_holder(settings.port)
-    if holder is not None and holder.family in FAMILIES:
-        return holder.family
-    families = ", ".join(FAMILIES)
-    raise UsageError(
-        f"{settings.port}: no handctl command has this device, so its family is not known",
-        hint=f"run `handctl FAMILY stop -p {settings.port}` with one of {families}",
-        code="no-family",
-    )
+    return family_at(run)
