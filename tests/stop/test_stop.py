@@ -481,7 +481,7 @@ def test_a_program_that_uses_the_library_is_asked_first(kind: str, code: int, to
         env={**os.environ, **place.environment}, stdout=subprocess.PIPE,
     )  # fmt: skip
     assert holder.stdout is not None and holder.stdout.readline() == b"begun\n"
-    result, seconds = place.stop("stop", "--json")
+    result, _ = place.stop("stop", "--json")
     assert (result.code, holder.wait(PATIENCE)) == (0, code), result
     assert holder.stdout.readline() == b"asked\n"
     holder.stdout.close()

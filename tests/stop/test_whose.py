@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import pytest
 
 from handctl.families import FAMILIES
 from handctl.frame import simulated
+from handctl.frame.run import Run
 from handctl.link import ByteLink, FrameLink, Link, lock, open_link
-from handctl.link.lock import InUse, hold, last_family
+from handctl.link.lock import Holder, InUse, hold, last_family
+from handctl.model.result import Journal
+from handctl.stop.command import _end
+from handctl.system import processes
 from handctl.tools import whose
 from tests.support.cli import Result, run
 from tests.support.each_row import each_row
@@ -50,8 +54,8 @@ class Bench:
 
 
 @pytest.fixture
-def bench(monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
-    yield Bench(monkeypatch)
+def bench(monkeypatch: pytest.MonkeyPatch) -> Bench:
+    return Bench(monkeypatch)
 
 
 def at(family: str) -> str:
@@ -149,3 +153,30 @@ def test_where_nobody_answers_the_next_step_is_said(family: str, bench: Bench) -
     assert result.code == 2 and result.error["code"] == "no-family", result
     assert f"handctl FAMILY stop -p {at(family)}" in result.error["hint"] and bench.asked[0] <= whose.SECONDS + 0.05
     assert run("stop", "-p", "replay:/nothing", "--json").error["code"] == "no-family"
+
+
+@each_row(
+    "command, state, asked, told",
+    [
+        ("handctl library", "R", 1.0, "within 1 s of SIGTERM"),
+        ("handctl library", "T", 0.0, "asleep or blocked"),
+        ("handctl exo watch", "R", 0.0, "asleep or blocked"),
+    ],
+)
+def test_a_program_is_asked_before_it_is_ended_by_force(
+    command: str, state: str, asked: float, told: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What else a program does is not ours to cut off. One that is asleep cannot hear, and a command of ours does nothing else."""
+    ends: list[tuple[int, str, float]] = []
+
+    def end(pid: int, start: str, _seconds: float, asking: float = 0.0) -> str:
+        ends.append((pid, start, asking))
+        return processes.KILLED
+
+    monkeypatch.setattr(processes, "end", end)
+    monkeypatch.setattr(processes, "sleeps", lambda _pid: state == "T")
+    journal = Journal()
+    _end(cast("Run", SimpleNamespace(journal=journal)), Holder(77, "5", "exo", True, PORT, command))
+    assert ends == [(77, "5", asked)]
+    (message,) = journal.messages
+    assert message.code == "ended" and told in message.text and "by force" in message.text, message
