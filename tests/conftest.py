@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import nullcontext
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
@@ -17,9 +17,10 @@ from tests.support.collecting import Collecting
 from tests.support.in_process import in_process
 
 __all__ = [
-    "ordinary",
     "own_state",
     "pytest_configure",
+    "pytest_runtest_setup",
+    "pytest_runtest_teardown",
 ]
 
 
@@ -32,11 +33,26 @@ def own_state(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.Monk
     state.begin()
 
 
-@pytest.fixture(autouse=True)
-def ordinary(request: pytest.FixtureRequest, own_state: None) -> Iterator[None]:
-    """A test that is not marked `real` stays in this process and on virtual time."""
-    with nullcontext() if request.node.get_closest_marker("real") else in_process():
+INSIDE = pytest.StashKey[ExitStack]()
+
+
+@pytest.hookimpl(wrapper=True, tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> Iterator[None]:
+    """A test that is not marked `real` stays in this process and on virtual time, and so do the fixtures that it is the first to use."""
+    if not item.get_closest_marker("real"):
+        item.stash[INSIDE] = stack = ExitStack()
+        stack.enter_context(in_process())
+    yield
+
+
+@pytest.hookimpl(wrapper=True, tryfirst=True)
+def pytest_runtest_teardown(item: pytest.Item) -> Iterator[None]:
+    """Behind all of it: what was tried and swallowed is an error."""
+    try:
         yield
+    finally:
+        if INSIDE in item.stash:
+            item.stash[INSIDE].close()
 
 
 def pytest_configure(config: pytest.Config) -> None:

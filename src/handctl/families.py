@@ -49,7 +49,7 @@ class FamilyRow:
     package   its folder. What the machinery asks for lies there in a module named after the role, with that name in it:
                 cli      `cli`: the command group, with its `frame.family.Family`
                 probe    `tools.probes.FamilyProbe`: looks for its device and pings it
-                stopper  `stop_talk`: the bytes of its stop, see `stop.talk`
+                stopper  `stop_talk`: the bytes of its stop, see `model.stopping`
                 explain  `explainer`: makes a `model.piece.Explainer` of recorded bytes
                 writes   `words`: makes the `model.ledger.WriteWords` that tell which of its bytes write, and what acknowledges them
                 page     optional, see `docgen.texts`: EXAMPLES, FILES and `section` of its manual page

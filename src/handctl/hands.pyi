@@ -465,6 +465,7 @@ class Barrett(Device):
         delta_unit: int | None = None,
         init: bool = False,
         hold: bool = False,
+        may_suspend: bool = False,
         rate: Number = 0.0,
         count: int | None = None,
         duration: Number | None = None,
@@ -711,6 +712,8 @@ class Aidin(Device):
         *values: Value | Mapping[str, Value],
         cap: Number = 300.0,
         duration: Number = 1.0,
+        ramp_down: bool = False,
+        may_suspend: bool = False,
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> list[Row]:

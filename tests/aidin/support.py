@@ -15,6 +15,7 @@ from handctl.model.result import Journal
 from handctl.model.stopping import Aim, Stopped, drive, talk_of
 from tests.support.scripted import RecordedLink, ScriptedLink
 
+STOP = b'{"hand_mode":3}\n'
 FINGERS = ("thumb", "index", "middle", "ring", "little")
 Content = dict[str, object]
 
@@ -105,6 +106,13 @@ def simulated(**options: object) -> tuple[AidinHand, RecordedLink]:
     assert isinstance(opened, ByteLink)
     link = RecordedLink(opened)
     return hand_on(link), link
+
+
+def stopped_behind(sent: list[bytes]) -> bytes:
+    """The object before the stop mode, which goes out four times at least, and behind which nothing else does."""
+    count = sent.count(STOP)
+    assert count > 3 and sent[-count:] == [STOP] * count, sent
+    return sent[-count - 1]
 
 
 def stopped(link: ByteLink, **settings: Any) -> Stopped:

@@ -21,7 +21,7 @@ from handctl.link.tap import Tap
 from handctl.link.tcp import TcpLink
 from handctl.model.guide import Guide
 from handctl.stop.holding import Hold
-from tests.aidin.support import feedback, hand_on, line
+from tests.aidin.support import STOP, feedback, hand_on, line
 from tests.support.cli import PATIENCE, Result, run
 from tests.support.each_row import each_row
 
@@ -30,8 +30,7 @@ pytestmark = [
     pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning"),
 ]  # the server is a thread of this process
 
-STOP = b'{"hand_mode":3}\n'
-LOST = "the connection was lost. Connected again and sent the stop mode 3 times"
+LOST = "the connection was lost. Connected again"
 TRIED = "tried to connect again for 1 s"
 POWER = "the connection is lost, stop cannot be sent: switch the hand's power off if it still moves"
 
@@ -118,23 +117,27 @@ def drive(name: str, server: Server) -> Result:
     return run("aidin", *COMMANDS[name][1], "-p", server.name, "--exchange", "poll", "--json")
 
 
+def only_stops(server: Server) -> bool:
+    """Whether nothing but the stop mode went over the second connection, four times at least, and there was no third."""
+    (again,) = server.log[1:]
+    return again.startswith(STOP * 4) and not again.replace(STOP, b"")
+
+
 @each_row("name", COMMANDS)
 def test_a_lost_connection_is_opened_again_for_the_stop(name: str, serve: MakeServer) -> None:
     server = serve(COMMANDS[name][0], 4)
     result = drive(name, server)
     server.end()
     assert result.code == 3, result
-    assert server.log[1:] == [STOP * 3], server.log
+    assert only_stops(server), server.log
     assert STOP not in server.log[0]
     error = result.error
     assert "closed" in error["text"] and error["code"] == "lost"
-    assert error["hint"].startswith(
-        f"{LOST[0].upper()}{LOST[1:]}, no current flows. Without power the fingers move freely"
-    ), error
+    assert error["hint"].startswith(f"{LOST[0].upper()}{LOST[1:]}: stop was sent."), error
     for untrue in ("no stop", "cannot", "goes on"):
         assert untrue not in error["hint"]
     last = [row for row in result.json["writes"] if row["state"] != "not-sent"][-1]
-    assert bytes.fromhex(last["bytes"]) == STOP and last["count"] == 3 and last["state"] == "sent"
+    assert bytes.fromhex(last["bytes"]) == STOP and last["count"] > 3 and last["state"] == "sent"
     assert last["next"]
 
 
@@ -142,8 +145,9 @@ def test_a_hand_that_says_nothing_then_has_not_confirmed_it(serve: MakeServer) -
     server = serve(41, 4, mute=True)
     result = drive("currents", server)
     server.end()
-    assert result.code == 3 and server.log[1:] == [STOP * 3]
-    assert result.error["hint"].startswith(f"{LOST[0].upper()}{LOST[1:]}, the hand did not confirm it: watch it")
+    assert result.code == 3 and only_stops(server)
+    hint = result.error["hint"]
+    assert hint.startswith(f"{LOST[0].upper()}{LOST[1:]}") and "is not confirmed: the hand says nothing" in hint
 
 
 @each_row("name", ["currents", "encoders"])
@@ -181,8 +185,8 @@ def test_an_interrupt_that_meets_a_lost_connection_stops_all_the_same(serve: Mak
     with pytest.raises(Interrupted) as caught:
         driven(server, Guide(), press)
     server.end()
-    assert caught.value.text.startswith(f"interrupted: moving; {LOST}, no current flows")
-    assert server.log[1:] == [STOP * 3]
+    assert caught.value.text.startswith(f"interrupted: moving; {LOST}")
+    assert only_stops(server)
 
 
 class Pressed(TcpLink):
@@ -220,7 +224,7 @@ def test_the_second_interrupt_ends_it_at_once(
 def test_the_wish_of_another_process_opens_it_again_too(serve: MakeServer) -> None:
     server, lines = serve(2, 1), list[str]()
     link = Tap(lines.append).around(TcpLink(server.name))
-    hold = Hold(SimpleNamespace(guide=Guide(), settings=Settings(), writes=False, family=SimpleNamespace(kind="aidin")), None)  # type: ignore[arg-type]  # fmt: skip
+    hold = Hold(SimpleNamespace(guide=Guide(), settings=Settings(), writes=False, opened=None, family=SimpleNamespace(kind="aidin")), None)  # type: ignore[arg-type]  # fmt: skip
     hold.link = link
     hand = hand_on(link)  # type: ignore[arg-type]
     hand.talk.send(stop.object_of(stop.Mode.INITIAL))

@@ -14,6 +14,7 @@ from handctl.errors import CheckFailed, HandctlError, Interrupted, NoAnswer, Pro
 from handctl.model.guide import Guide
 from tests.aidin.support import (  # fmt: skip
     AT_ORIGIN,
+    STOP,
     Content,
     Notes,
     Streamer,
@@ -23,11 +24,12 @@ from tests.aidin.support import (  # fmt: skip
     objects,
     poller,
     simulated,
+    stopped_behind,
     streamer,
 )
+from tests.support.refused import refused
 from tests.support.scripted import RecordedLink, ScriptedLink
 
-STOP = b'{"hand_mode":3}\n'
 STILL: Content = {**AT_ORIGIN, "current_state": [0] * 15}
 WHOLE = ["0"] * 5 + ["100"] + ["0"] * 9
 
@@ -61,17 +63,30 @@ def test_currents() -> None:
 
 
 @pytest.mark.parametrize("after", [0.5, 1.0, 1.9])
-def test_interrupted_currents_go_back_to_0_and_stop(after: float) -> None:
+def test_interrupted_currents_go_back_to_0_where_that_was_asked_for(after: float) -> None:
     hand, link = simulated(start="homed")
     link.interrupt_at = link.now() + after
     guide = Notes()
-    with pytest.raises(Interrupted, match="stop was sent 3 times"):
-        currents(hand, goal(), guide, seconds=1.0, cap=300)
+    with pytest.raises(Interrupted):
+        currents(hand, goal(), guide, seconds=1.0, cap=300, ramp_down=True)
     told = flow(link.sent)
     assert told[-1] == 0 and steps(told) <= 8  # the object that was being sent may be left out
     assert 4 <= max(told) <= 100
-    assert link.sent[-3:] == [STOP] * 3 and STOP not in link.sent[:-3]
+    assert b'"hand_mode":41' in stopped_behind(link.sent)
     assert any("Ctrl-C again stops at once" in text for text in guide.lines)
+
+
+def test_interrupted_currents_are_stopped_at_once() -> None:
+    """No ramp, unless it was asked for: the stop mode is the next object."""
+    hand, link = simulated(start="homed")
+    link.interrupt_at = pressed = link.now() + 1.0
+    with pytest.raises(Interrupted) as caught:
+        currents(hand, goal(), Guide(), seconds=1.0, cap=300)
+    told = flow(link.sent)
+    assert told[-1] == max(told) == 100
+    assert b'"hand_mode":41' in stopped_behind(link.sent)
+    assert link.sent_at[link.sent.index(STOP)] - pressed < 0.05
+    assert caught.value.exit_code == 130
 
 
 def test_interrupted_before_any_current_flows() -> None:
@@ -80,7 +95,7 @@ def test_interrupted_before_any_current_flows() -> None:
     with pytest.raises(Interrupted):
         currents(hand, goal(), Guide(), seconds=1.0, cap=300)
     assert set(flow(link.sent)) <= {0}
-    assert link.sent[-3:] == [STOP] * 3
+    stopped_behind(link.sent)
 
 
 class Twice(RecordedLink):
@@ -96,11 +111,11 @@ def test_interrupted_twice_stops_at_once() -> None:
     _, link = simulated(start="homed")
     twice = Twice(link)
     twice.interrupt_at = 0.9
-    with pytest.raises(Interrupted, match="stop was sent 3 times"):
-        currents(hand_on(twice), goal(), Guide(), seconds=1.0, cap=300)
+    with pytest.raises(Interrupted):
+        currents(hand_on(twice), goal(), Guide(), seconds=1.0, cap=300, ramp_down=True)
     told = flow(twice.sent)
     assert max(told) > 60 and 40 < told[-1] < max(told)
-    assert twice.sent[-3:] == [STOP] * 3
+    stopped_behind(twice.sent)
 
 
 def test_currents_that_lose_feedback_are_stopped() -> None:
@@ -114,7 +129,7 @@ def test_currents_that_lose_feedback_are_stopped() -> None:
 
 def test_currents_that_are_kept_stay_below_the_cap() -> None:
     link = streamer(feedback(current_state=[301] + [0] * 14))
-    with pytest.raises(CheckFailed, match=r"thumb\.m1 301 would be kept"):
+    with refused(CheckFailed, "beyond-cap", "thumb.m1 301"):
         currents(hand_on(link), goal(), Guide(), seconds=1.0, cap=300)
     assert link.sent == []
 
@@ -150,4 +165,4 @@ def test_currents_that_still_flow_behind_the_stop_are_told() -> None:
     hand = hand_on(Streamer(lambda _t: line(flowing)))
     currents(hand, goal(*WHOLE), Guide(), seconds=0.2, cap=300)
     told = {message.code: message.text for message in hand.journal.messages}
-    assert "currents up to 100 were reported after it" in told["not-stopped"] and "stopped" not in told, told
+    assert "currents up to 100" in told["not-stopped"] and "stopped" not in told, told

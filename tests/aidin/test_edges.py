@@ -15,10 +15,22 @@ from handctl.devices.aidin.targets import parse
 from handctl.errors import CheckFailed, Interrupted, NoAnswer, ProtocolError, UsageError
 from handctl.link import Deadline
 from handctl.model.guide import Guide, Presses
-from tests.aidin.support import Streamer, feedback, hand_on, line, objects, poller, simulated, stopped, streamer
+from tests.aidin.support import (
+    STOP,
+    Streamer,
+    feedback,
+    hand_on,
+    line,
+    objects,
+    poller,
+    simulated,
+    stopped,
+    stopped_behind,
+    streamer,
+)
+from tests.support.refused import refused
 from tests.support.scripted import ScriptedLink
 
-STOP = b'{"hand_mode":3}\n'
 DAMAGED = b'{"motor_pos":[nope]}\n'
 
 
@@ -31,7 +43,7 @@ def test_three_damaged_objects_in_a_row_end_it_and_two_do_not(count: int) -> Non
         talk.connect()
         assert talk.feedback.complete()
     else:
-        with pytest.raises(ProtocolError, match="3 objects in a row are damaged") as caught:
+        with refused(ProtocolError, "bad-json", "3 objects") as caught:
             talk.connect()
         assert caught.value.code == "bad-json"
     assert talk.journal.counters.bad_frames == count
@@ -50,7 +62,7 @@ def test_a_stream_that_stops_while_something_moves_is_told_after_the_timeout(tim
     link = Streamer(lambda t: line(feedback()) if t <= 1.0 else b"")
     talk = hand_on(link, timeout=timeout).talk
     talk.connect()
-    with pytest.raises(NoAnswer, match="stopped sending feedback"):
+    with refused(NoAnswer, "no-answer"):
         for _ in range(200):
             talk.tick(STOP.strip())
     assert link.clock - 1.0 == pytest.approx(timeout or 1.0, abs=0.05)
@@ -81,7 +93,7 @@ def test_a_polled_hand_that_falls_silent_gets_one_object_more_than_retries(retri
     link = poller(lambda request: None if request == STOP else feedback())
     talk = hand_on(link, retries=retries).talk
     talk.connect()
-    with pytest.raises(NoAnswer, match="stopped sending feedback"):
+    with refused(NoAnswer, "no-answer"):
         for _ in range(20):
             talk.tick(STOP.strip())
     assert link.sent.count(STOP) == 1 + retries
@@ -91,7 +103,7 @@ def test_a_bug_of_ours_while_something_moves_stops_the_hand() -> None:
     link = streamer()
     with pytest.raises(ZeroDivisionError), stop.stopped_if_cut_short(hand_on(link), Guide()):
         raise ZeroDivisionError
-    assert link.sent == [STOP] * 3
+    assert len(link.sent) > 3 and set(link.sent) == {STOP}
 
 
 def test_currents_told_before_the_stop_do_not_confirm_it() -> None:
@@ -100,6 +112,11 @@ def test_currents_told_before_the_stop_do_not_confirm_it() -> None:
     hand.talk.connect()
     assert "is not confirmed" in stopped(link).text
     assert set(link.sent) == {STOP} and len(link.sent) > 3, "and it was sent on"
+
+
+def test_currents_that_never_flowed_confirm_nothing() -> None:
+    told = stopped(streamer(feedback(current_state=[0] * 15)))
+    assert told.error is None and told.evidence == ""
 
 
 class Watched(Guide):
@@ -128,7 +145,7 @@ def test_a_second_ctrl_c_waits_until_stop_is_sent() -> None:
     link.write = note  # type: ignore[method-assign]
     with pytest.raises(Interrupted), stop.stopped_if_cut_short(hand_on(link), guide):
         raise KeyboardInterrupt
-    assert waited == [True] * 3
+    assert len(waited) > 3 and all(waited)
 
 
 # -- what counts as arrived -------------------------------------------------------------------------------------------
@@ -149,7 +166,7 @@ def after_command(after: Sequence[bytes]) -> Streamer:
 def test_what_was_told_before_the_end_of_the_ramp_is_no_arrival() -> None:
     link = after_command([b""])
     hand = hand_on(link)
-    with pytest.raises(NoAnswer, match="stopped sending feedback") as caught:
+    with refused(NoAnswer, "no-answer") as caught:
         motion.move(hand, parse(ENCODERS, ["index.m2=5000"]), Guide(), assume_homed=True)
     assert "no stop was sent" in caught.value.hint
     assert "reached" not in [message.code for message in hand.journal.messages]
@@ -187,7 +204,7 @@ def test_the_cap_holds_for_negative_currents_too() -> None:
         parse(CURRENTS, ["index.m1=-301"], cap=300)
     assert caught.value.code == "beyond-cap"
     link = streamer(feedback(current_state=[-301] + [0] * 14))
-    with pytest.raises(CheckFailed, match=r"thumb\.m1 -301 would be kept"):
+    with refused(CheckFailed, "beyond-cap", "thumb.m1 -301"):
         currents(hand_on(link), parse(CURRENTS, ["index.m3=100"]), Guide(), seconds=1.0, cap=300)
     assert link.sent == []
 
@@ -204,8 +221,8 @@ def test_a_second_ctrl_c_does_not_wait_for_the_way_back_to_0() -> None:
 
     hand, link = simulated(start="homed")
     link.interrupt_at = link.now() + 0.9
-    with pytest.raises(Interrupted, match="stop was sent 3 times"):
-        currents(hand, parse(CURRENTS, ["index.m3=100"]), Pressed(), seconds=1.0, cap=300)
+    with pytest.raises(Interrupted):
+        currents(hand, parse(CURRENTS, ["index.m3=100"]), Pressed(), seconds=1.0, cap=300, ramp_down=True)
     told = [data["hand_TT_cmd"][5] for data in objects(link.sent) if data["hand_mode"] == 41]  # type: ignore[index]
     assert told[-1] == max(told) > 40
-    assert link.sent[-3:] == [STOP] * 3
+    stopped_behind(link.sent)

@@ -19,12 +19,23 @@ from handctl.errors import CheckFailed, HandctlError, Interrupted, LinkError, No
 from handctl.link import Deadline
 from handctl.model.guide import Guide
 from handctl.model.result import Table
-from tests.aidin.support import AT_ORIGIN, Streamer, feedback, hand_on, line, simulated, stopped, streamer
+from tests.aidin.support import (
+    AT_ORIGIN,
+    STOP,
+    Streamer,
+    feedback,
+    hand_on,
+    line,
+    simulated,
+    stopped,
+    stopped_behind,
+    streamer,
+)
 from tests.support.cli import Simulator, clean_environment, program, wait_until
 from tests.support.each_row import each_row
+from tests.support.refused import refused
 from tests.support.scripted import ScriptedLink
 
-STOP = b'{"hand_mode":3}\n'
 Act = Callable[[AidinHand], object]
 
 
@@ -142,7 +153,7 @@ def test_a_deadline_says_what_the_hand_has_got(act: Act, bound: float) -> None:
 )
 def test_a_target_that_is_not_reached_is_still_driven_at(act: Act, told: str) -> None:
     link = streamer(CLOSED)
-    with pytest.raises(CheckFailed, match="not reached") as caught:
+    with refused(CheckFailed, "not-reached") as caught:
         table = act(hand_on(link))
         assert isinstance(table, Table) and table.failure is not None
         raise table.failure
@@ -197,7 +208,7 @@ def test_a_ramp_begins_far_outside_only_when_that_is_wanted() -> None:
     angles = [0.1, 0.2, 2.1, 2.1, *[0.1, -0.1, 2.5, 2.5] * 4]
     angles[4] = -1.1  # -63 of -45 deg; a jump to -45 would be the first step
     link = streamer(feedback(joint_pos=angles))
-    with pytest.raises(CheckFailed, match=r"far out of range: index\.q1 -63\.0") as caught:
+    with refused(CheckFailed, "start-out-of-range", "index.q1 -63.0") as caught:
         motion.move(hand_on(link), parse(ANGLES, ALL), Guide(), assume_homed=False)
     assert "--assume-homed begins at the limit" in caught.value.hint and link.sent == []
     assert motion.move(hand_on(link), parse(ANGLES, ALL), Guide(), assume_homed=True).failure is not None
@@ -213,30 +224,26 @@ def test_a_ramp_begins_far_outside_only_when_that_is_wanted() -> None:
 
 @pytest.mark.real
 def test_a_second_interrupt_cuts_the_way_back_of_currents_short(tmp_path: Path) -> None:
-    """The hand confirms the stop within what handctl waits for it, but for a busy machine."""
-    tries = (interrupted_twice(tmp_path / f"trace{number}") for number in range(10))
-    assert any(b"stop was sent 3 times, no current flows" in err for err in tries)
-
-
-def interrupted_twice(trace: Path) -> bytes:
-    """What it says at the end."""
+    """Whether the hand confirms the stop in time is a matter of virtual time: test_again.py."""
+    trace = tmp_path / "trace"
     with Simulator("--tcp", "127.0.0.1:0", "--set", "start=homed", kind="aidin") as simulator:
         process = subprocess.Popen(
-            program("aidin", "currents", "index.m3=300", "-y", "-p", simulator.link, "--trace", trace),
+            program("aidin", "currents", "index.m3=300", "-y", "--ramp-down", "-p", simulator.link, "--trace", trace),
             stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=clean_environment(),
         )  # fmt: skip
         assert process.stderr is not None
-        wait_until(lambda: trace.exists() and _largest(trace) >= 150)
+        wait_until(lambda: trace.exists() and _largest(trace) == 300)
         process.send_signal(signal.SIGINT)
         assert b"Ctrl-C again stops at once" in process.stderr.readline()
         process.send_signal(signal.SIGINT)
         out, err = process.communicate(timeout=30)
     assert process.returncode == 130 and out == b""
-    assert b"stop was sent 3 times" in err
+    assert b"interrupted" in err and b"not certain" not in err, err
     sent = _sent(trace)
-    assert [content["hand_mode"] for content in sent[-4:]] == [41, 3, 3, 3]
-    assert max(sent[-4]["hand_TT_cmd"]) > 50, "300 to 0 takes 1.5 s: it was not waited for"
-    return err
+    modes = [content["hand_mode"] for content in sent if "hand_mode" in content]
+    assert modes.count(3) > 3 and set(modes[modes.index(3) :]) == {3}
+    (*_, last) = [content["hand_TT_cmd"] for content in sent if "hand_TT_cmd" in content]
+    assert max(last) > 50, "300 to 0 takes 1.5 s: it was not waited for"  # type: ignore[call-overload]
 
 
 def _sent(trace: Path) -> list[dict[str, object]]:
@@ -258,14 +265,14 @@ WHEN = 0.9
 BOUND = 1.2
 """Seconds of further objects at the most: 1 s of silence, and the last period."""
 DRIVES: dict[str, tuple[Act, str, str]] = {
-    "home": (lambda hand: homing.home(hand, Guide()), "motor_pos", "Stop was sent 3 times"),
+    "home": (lambda hand: homing.home(hand, Guide()), "motor_pos", "Stop was sent"),
     "initial": (initial, "motor_pos", f"{GOES_ON} to its origin"),
     "encoders": (lambda hand: _moved(hand, ENCODERS, "index.m1=200000"), "motor_pos", f"{GOES_ON} to the last target"),
     "joints": (lambda hand: _moved(hand, ANGLES, "index.q3=120"), "joint_pos", f"{GOES_ON} to the last target"),
     "fingertips": (lambda hand: _moved(hand, TIPS, "index.z=10"), "task_space_pos", f"{GOES_ON} to the last target"),
     "currents": (
         lambda hand: currents(hand, parse(CURRENTS, ["index.m1=200"], cap=300), Guide(), seconds=3, cap=300),
-        "current_state", "Stop was sent 3 times",
+        "current_state", "Stop was sent",
     ),
 }  # fmt: skip
 """Command -> how it is run, the key that it goes by, and what must be said of the hand when that key goes wrong."""
@@ -311,7 +318,7 @@ def test_a_hand_that_goes_blind_is_not_driven_on(name: str, exchange: str, how: 
         act(hand_on(link))
     assert told in caught.value.hint, caught.value.hint
     stopped = told.startswith("Stop")
-    assert link.sent[-3:] == [STOP] * 3 if stopped else STOP not in link.sent
+    assert stopped_behind(link.sent) if stopped else STOP not in link.sent
     driven = [at for data, at in zip(link.sent, link.sent_at, strict=True) if data != STOP]
     assert driven[-1] > WHEN - 0.3, "it was driving"
     assert driven[-1] < WHEN + BOUND

@@ -250,13 +250,14 @@ CSV = "t,velocity.F1,velocity.F2\n0.0,20,20\n0.1,0,-20\n0.2,,\n"
 JSON = '{"t": 0, "velocity.F1": 20, "velocity.F2": 20}\n{"t": 0.1, "velocity.F1": 0, "velocity.F2": -20}\n{"t": 0.2}\n'
 
 
+BOM, CRLF = "\ufeff" + CSV, CSV.replace("\n", "\r\n")
+
+
 @pytest.mark.parametrize(
-    "text", [CSV, JSON, "\ufeff" + CSV, CSV.replace("\n", "\r\n")], ids=["csv", "json", "bom", "crlf"]
+    ("text", "stdin"),
+    [*((text, False) for text in (CSV, JSON, BOM, CRLF)), *((text, True) for text in (CSV, JSON, CRLF))],
 )
-@pytest.mark.parametrize("stdin", [False, True])
 def test_control_with_times(tmp_path: Path, text: str, stdin: bool) -> None:
-    if stdin and text.startswith("\ufeff"):
-        return
     file, trace = tmp_path / "in", tmp_path / "t.txt"
     file.write_bytes(text.encode())
     result = do("--motors", "124", "--receive", "position@12", "--no-guard", "window", "--control", "-" if stdin else file, "--trace", trace,

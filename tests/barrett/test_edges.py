@@ -22,6 +22,7 @@ from tests.barrett.download import Run as Load
 from tests.barrett.realtime import Run, example
 from tests.barrett.srecords import END, record
 from tests.barrett.support import ABORT, QUESTION, Simulated, codes, scripted, simulated
+from tests.support.refused import refused
 
 # -- the RealTime loop ------------------------------------------------------------------------------------------------
 
@@ -81,7 +82,7 @@ def test_a_deadline_bounds_the_wait_for_the_loop() -> None:
     """LOOP without an answer: the hand gets its ^C when --deadline is over, not 1.5 s later."""
     script = {"*": "1", "1LOOP": None}
     hand, link = scripted(script)
-    with pytest.raises(NoAnswer, match=r"no answer to 1LOOP within 1\.5 s"):
+    with refused(NoAnswer, "no-answer", "1LOOP", "1.5 s"):
         list(RealtimeLoop(hand, Guide(), Wish((0,)), None, sequential=False).run(rate=0.0, count=1, duration=None))
     entered = link.sent_at[link.sent.index(b"1LOOP\r")]
     assert link.sent_at[link.sent.index(ABORT)] - entered > 1.4

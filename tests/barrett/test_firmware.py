@@ -401,7 +401,7 @@ def test_a_colon_with_the_banner_behind_it_is_no_invitation(boot: str) -> None:
     assert not [data for data in run.link.sent if b"\xff" in data]
     assert run.image.startswith("image valid")
     assert run.error is not None
-    assert "the moment was missed" in run.error.hint and "incomplete" not in run.error.hint
+    assert run.error.code == "no-monitor" and "incomplete" not in run.error.hint
 
 
 class Failing(Simulated):

@@ -115,6 +115,7 @@ def test_what_would_lose_the_line_is_refused(text: str) -> None:
 @pytest.mark.parametrize("text", ["HI", "PSET LFT 1", "PGET BAUD", "?LOOP", "?RESET", "FOO", "", "PLOAD", "PSAVE"])
 def test_what_is_carried(text: str) -> None:
     passthrough.refuse(text)
+    assert passthrough.notes(text) == []
 
 
 @each_row(

@@ -21,6 +21,7 @@ from tests.barrett.support import (
     simulated,
 )
 from tests.support.each_row import each_row
+from tests.support.refused import refused
 from tests.support.scripted import Babble, ScriptedLink
 
 SPEEDS = [9600, 38400, 19200, 4800, 2400, 1200, 600]
@@ -167,7 +168,7 @@ def test_a_wire_is_told_from_a_monitor() -> None:
     with pytest.raises(DeviceRefused) as refused:
         hand_on(monitor).line.connect()
     assert (refused.value.code, refused.value.exit_code) == ("boot-monitor", 6)
-    assert "no firmware, or just switched on" in refused.value.text
+    assert refused.value.code == "boot-monitor"
     assert monitor.sent == [QUESTION, b"\x7f"]
 
 
@@ -302,7 +303,7 @@ def test_deadline_bounds_everything() -> None:
     link = ScriptedHand({"C": b"C", "FGET P": None})
     hand = hand_on(link)
     hand.line.bound = link.deadline(2.0)
-    with pytest.raises(NoAnswer, match="--deadline is over, C was not answered") as over:
+    with refused(NoAnswer, "deadline", "--deadline") as over:
         hand.line.ask("C")
     assert over.value.code == "deadline" and "^C was sent" in over.value.hint
     assert link.clock <= 4.0 and ABORT in link.sent

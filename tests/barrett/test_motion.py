@@ -8,8 +8,9 @@ import pytest
 
 from handctl.cli import main
 from handctl.devices.barrett import motion
-from handctl.errors import DeviceRefused, Interrupted, ProtocolError, UsageError
+from handctl.errors import DeviceRefused, Interrupted, NoAnswer, ProtocolError, UsageError
 from handctl.model.guide import Guide
+from handctl.model.stopping import NOT_STOPPED
 from tests.barrett.support import ABORT, BARRETT, ScriptedHand, Simulated, codes, hand_on, scripted, simulated
 from tests.support.each_row import each_row
 from tests.support.scripted import NotedGuide
@@ -172,7 +173,7 @@ def test_closed_on_something_is_a_success() -> None:
 def test_a_move_that_is_stopped_is_an_error() -> None:
     rows, _, failure = moved("initialized=1&fault=obstacle", "1", "M", 12000)
     assert isinstance(failure, DeviceRefused)
-    assert "Couldn't reach position (16)" in failure.text
+    assert failure.code == "err-16"
     assert rows["F1"]["ended"] == "stalled short of the target"
 
 
@@ -322,22 +323,23 @@ def test_ctrl_c_on_a_hand_that_does_not_stop() -> None:
     hand, link = simulated("initialized=1&fault=no-abort")
     hand.line.ask("1FSET MCV 16 SAMPLE 100")
     link.interrupt_at = link.now() + 0.3
-    with pytest.raises(Interrupted) as caught:
+    with pytest.raises(NoAnswer) as caught:
         motion.move(hand, "1", "M", 16000, Guide())
-    assert "switch its power off" in caught.value.text
+    assert (caught.value.exit_code, caught.value.code) == (4, NOT_STOPPED)
+    assert "switch the supply off" in caught.value.hint
 
 
 def test_ctrl_c_and_silence() -> None:
     hand, link = scripted(
-        {"C": None, "FGET CT OT MCV SAMPLE": "17000 17000 17000 3150|0 0 0 0|100 100 100 60|31 31 31 31"}
+        {"C": None, "T": None, "FGET CT OT MCV SAMPLE": "17000 17000 17000 3150|0 0 0 0|100 100 100 60|31 31 31 31"}
     )
     link.on_abort = None
     link.interrupt_at = link.clock + 1.0
-    with pytest.raises(Interrupted) as caught:
+    with pytest.raises(NoAnswer) as caught:
         motion.move(hand, "", "C", None, Guide())
-    assert "power off" in caught.value.text
-    assert doing(link) == ["C"]
-    assert link.sent[-1] == ABORT
+    assert (caught.value.exit_code, caught.value.code) == (4, NOT_STOPPED)
+    assert doing(link) == ["C", "T"], "the motors keep their power only where ^C was answered"
+    assert set(link.sent[-10:-1]) == {ABORT}
 
 
 def test_the_names_of_goals_exist() -> None:

@@ -7,6 +7,7 @@ import pytest
 from handctl.devices.barrett.gcl.line import Restarted
 from tests.barrett.support import codes, scripted, simulated
 from tests.support.cli import run
+from tests.support.refused import refused
 
 BANNER = b"\n\rBarrettHand Firmware\n\rVersion 4.33\n\r=> "
 BOOTS = {
@@ -45,7 +46,7 @@ def test_what_moves_or_writes_is_not_repeated(boot: str, command: str) -> None:
 def test_the_monitor_alone_ends_a_movement_long_before_its_deadline(echo: bytes) -> None:
     """No banner comes behind the ':': firmware that is gone, or a boot window that is still open."""
     hand, link = scripted({"C": echo + b":"})
-    with pytest.raises(Restarted, match="C has no answer"):
+    with refused(Restarted, "restarted"):
         hand.line.ask("C")
     assert link.commands == ["C"]
     assert link.clock < 1.0

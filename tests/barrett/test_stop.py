@@ -10,12 +10,12 @@ from handctl.devices.barrett.gcl import lastspeed
 from handctl.devices.barrett.map import SPEEDS
 from handctl.devices.barrett.stopper import power_off
 from handctl.frame.options import Settings
-from handctl.model.stopping import Aim, unheard
+from handctl.model.stopping import SILENCE, Aim, unheard
 from handctl.sim.barrett.uart import RECEIVERS, resample
 from tests.support.cli import Result, Spy, run, spying
 from tests.support.each_row import each_row
 
-WAITS, SLOW = 2.0, 6.0
+WAITS, SLOW = 2.0, 6.0 + SILENCE
 """Seconds that somebody may wait for the stop of a hand whose speed nobody knows; where slow speeds are heard first."""
 PREFIXES = ["", *("".join(chosen) for size in (1, 2, 3, 4) for chosen in combinations("1234", size))]
 

@@ -17,6 +17,7 @@ from tests.contract.commands import ELSEWHERE, commands, scratch_of
 from tests.contract.facts import facts_of, passed
 from tests.support.cli import Result, check_schema, run
 
+MANY = "a case for each command: a new one is a line of a batch without being added to a list"
 NAMED = [(family, name) for family in FAMILIES for name, _ in commands(family) if (family, name) not in ELSEWHERE]
 READING = [(family, name) for family, name in NAMED if name not in facts_of(family).writes]
 WRITING = [(family, name) for family, name in NAMED if name in facts_of(family).writes]

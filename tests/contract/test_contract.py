@@ -36,6 +36,7 @@ from tests.search.suite import bounded
 from tests.support.cli import run, spying
 from tests.support.places import TESTS
 
+MANY = "a case for each command: a new one is tried without being added to a list"
 VIRTUAL_SECONDS = 900.0
 ALL = [
     (family, name, command.writes, command.streams, command.stops)

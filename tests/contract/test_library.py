@@ -17,6 +17,7 @@ from tests.contract.cell import wrote
 from tests.contract.commands import ELSEWHERE, commands, scratch_of
 from tests.contract.facts import facts_of, passed
 
+MANY = "a case for each command: a new one is called without being added to a list"
 NAMED = [(family, name) for family in FAMILIES for name, _ in commands(family) if (family, name) not in ELSEWHERE]
 WRITING = [(family, name) for family, name in NAMED if name in facts_of(family).writes]
 

@@ -52,7 +52,7 @@ def contract(top: Path, *words: str) -> subprocess.CompletedProcess[str]:
 
 
 @pytest.mark.real
-def test_it_runs_at_once(tree: Path) -> None:
+def test_it_runs_at_once_and_is_short(tree: Path) -> None:
     done = python(tree, "handctl", NAME, "status", "-p", f"fake://{NAME}?clock=virtual", "--format", "plain")
     assert done.returncode == 0, done
     assert "temperature\t31.4" in done.stdout.splitlines()
@@ -61,9 +61,6 @@ def test_it_runs_at_once(tree: Path) -> None:
     assert f"| Not yet. Simulators only. | The manual alone. | handctl-{NAME}-guide(7) |" in (
         tree / "README.md"
     ).read_text("utf-8")
-
-
-def test_it_is_short(tree: Path) -> None:
     folders = (tree / "src/handctl/devices" / NAME, tree / "src/handctl/sim" / NAME)
     texts = [path.read_text("utf-8") for folder in folders for path in folder.glob("*.py")]
     assert sum(text.count("\n") for text in texts) < MOST_LINES

@@ -18,6 +18,8 @@ from handctl.families import COMMANDS, FAMILIES
 from handctl.frame.options import lasting_options
 from handctl.model import ledger
 from tests.support.cli import Result, run, run_program
+from tests.support.each_row import each_row
+from tests.support.leaves import taken
 from tests.support.places import README, TEXTS
 
 PAGES = {name: path.read_text(encoding="utf-8") for name, path in TEXTS.items()}
@@ -143,6 +145,14 @@ def test_examples_of_every_family() -> None:
         assert any(kind in words for text in PAGES.values() for words in examples(text)), (
             f"no example of handctl {kind}"
         )
+
+
+@each_row("name", PAGES)
+def test_every_example_is_a_line_that_handctl_takes(name: str) -> None:
+    for words in examples(PAGES[name]):
+        assert words[0] in COMMANDS or words[0].startswith("-"), words
+        if len(words) > 1 and words[-1] != "-h" and "-d" not in words:  # else a group, its help, or a named device
+            assert taken(words), words
 
 
 @pytest.mark.real

@@ -280,7 +280,9 @@ def test_a_link_that_is_lost_at_the_clock_is_no_success() -> None:
     unit = Unit()
     unit.on = {DATE: lambda _msg_id, _body: []}
     table = ekso_on(unit, timeout=1.0, bound=unit.deadline(1.5)).status(True)
-    assert isinstance(table.failure, NoAnswer) and "before --deadline was over" in table.failure.text
+    assert (
+        isinstance(table.failure, NoAnswer) and table.failure.code == "no-answer" and "--deadline" in table.failure.text
+    )
 
 
 def test_unfit_at_the_edges() -> None:

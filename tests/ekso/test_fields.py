@@ -21,6 +21,7 @@ from handctl.devices.ekso.map import (
 )
 from handctl.errors import UsageError
 from tests.support.each_row import each_row
+from tests.support.refused import refused
 
 # The manual's tables (ekso §6), typed apart from the code: name, scale.
 MANUAL = {
@@ -149,7 +150,7 @@ def test_what_is_refused(text: str, code: str, says: str) -> None:
 
 
 def test_read_only_tells_why() -> None:
-    with pytest.raises(UsageError, match="no ParameterID"):
+    with refused(UsageError, "read-only"):
         EKSO.assignments(["Swing Complete=1"])
 
 

@@ -65,7 +65,7 @@ class HandMachine(RuleBasedStateMachine):
 
     @rule()
     def stop(self) -> None:
-        motion.halt(self.hand)
+        assert self.hand.stop().error is None
         self.held["speed_set"] = [0] * SIX
 
     @rule(new=st.integers(1, 254))

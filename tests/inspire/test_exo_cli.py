@@ -57,7 +57,7 @@ def test_a_late_answer_to_a_write_is_not_a_reason_to_repeat_it(tmp_path: Path) -
     assert "--timeout" in answer.error["hint"] and "Nothing was written" in answer.error["text"]
     assert writes(trace) == []
     answer = run("exo", "get", "id", "-p", fake(fault="late", late="1"), "--retries", "0", "--json")
-    assert "Run the command again with --timeout" in answer.error["hint"]
+    assert answer.error["code"] == "late" and "--timeout" in answer.error["hint"]
 
 
 def test_a_line_of_fingers_has_the_address_of_its_first() -> None:

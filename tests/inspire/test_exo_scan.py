@@ -229,7 +229,7 @@ def test_other_frames_are_never_a_hand(reply: str) -> None:
 def test_silence_is_no_answer() -> None:
     table = Bench().scan()
     assert isinstance(table.failure, NoAnswer)
-    assert "ids 1 to 254" in table.failure.text
+    assert table.failure.code == "no-answer" and "1 to 254" in table.failure.text
     assert "power" in table.failure.hint
 
 

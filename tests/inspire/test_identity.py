@@ -344,7 +344,7 @@ def test_a_recorded_stranger_is_refused_in_a_replay_too(scratch: Path, tmp_path:
     trace = tmp_path / "t.txt"
     assert try_(scratch, WORDS["exo force"], Line("rh56"), "--trace", str(trace)).code == 6
     again = run(*WORDS["exo force"], "-y", "--json", "-p", f"replay:{trace}")
-    assert again.code == 6 and "an RH56 hand" in again.error["text"]
+    assert again.code == 6 and again.error["code"] == "other-device" and "RH56" in again.error["text"]
 
 
 def test_interrupted_while_it_looks_nothing_is_written_and_nothing_is_stopped(scratch: Path) -> None:

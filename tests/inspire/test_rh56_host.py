@@ -4,23 +4,26 @@ from __future__ import annotations
 
 from itertools import pairwise
 from pathlib import Path
+from unittest import mock
 
 import pytest
 
 from handctl.devices.inspire import modbus
+from handctl.devices.inspire.base import encoded
 from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.hand import motion
 from handctl.devices.inspire.hand.generation import look
 from handctl.devices.inspire.hand.map import BYTE_MAP, DF, DG2, F1, MAPS, TP
 from handctl.devices.inspire.hand.tactile import ZONES, chosen, tactile
 from handctl.errors import CheckFailed, DeviceRefused, HandctlError, NoAnswer, UsageError
-from handctl.link import ByteLink, open_link
+from handctl.link import ByteLink, Deadline, open_link
 from handctl.model.guide import Guide
 from handctl.model.param import elements_of
 from handctl.model.result import Journal
 from handctl.sim.hand.books import GENERATIONS
 from tests.inspire.rh56_support import CAN, EB90, RTU, TCP, hand_on
 from tests.support.cli import run
+from tests.support.refused import refused
 
 SPOKEN = [
     (DF, EB90),
@@ -185,15 +188,31 @@ def test_a_finger_moves_to_its_angle_and_only_that(model: str, wire: str) -> Non
 
 
 def test_a_hand_with_errors_is_not_moved() -> None:
-    with pytest.raises(CheckFailed, match="not moved"):
+    with refused(CheckFailed, "not-fit"):
         motion.fit_to_move(hand_on(DF, fault="faults"))
 
 
 @pytest.mark.parametrize("wire", [EB90, RTU, TCP, CAN])
-def test_halt_sets_every_speed_to_zero(wire: str) -> None:
+def test_a_stop_sets_every_speed_to_zero(wire: str) -> None:
     hand = hand_on(TP, wire)
-    assert motion.halt(hand).startswith("all speeds are 0 now")
+    assert hand.stop().error is None
     assert {reading.value for reading in hand.read(elements_of(hand.map["speed_set"]))} == {0}
+
+
+def test_one_speed_that_does_not_stay_zero_is_told() -> None:
+    hand = hand_on(TP, EB90)
+    (index,) = hand.map.find("speed_set.index")[1]
+    write = hand.link.write
+
+    def written(data: bytes, deadline: Deadline) -> None:
+        write(data, deadline)
+        if data[4] == 0x12:  # behind the stop somebody else commands
+            for part in hand.runs([(index, 300)]):
+                write(hand.bus.write_step(*encoded(part), "").data, deadline)
+
+    with mock.patch.object(hand.link, "write", written):
+        stopped = hand.stop()
+    assert stopped.error is DeviceRefused and "0 0 0 300 0 0" in stopped.text, stopped
 
 
 # -- touch ------------------------------------------------------------------------------------------------------------

@@ -85,7 +85,6 @@ def test_run_again_it_goes_on_where_it_ended(tmp_path: Path) -> None:
     with pytest.raises(NotConfirmed) as caught:
         pair(blind, line.name, None)
     assert caught.value.code == "not-seen"
-    assert "No hand is named" in caught.value.text
     desk = line.desk(("left", "right"))
     assert told(pair(desk, line.name, None)) == [(line.name, 1, "left"), (line.name, 2, "right")]
     assert line.hands[1].acts["id"] == 1
@@ -211,7 +210,6 @@ def test_ctrl_c_names_nobody_and_both_hands_stand_still(lines: int) -> None:
     with pytest.raises(Interrupted) as caught:
         pair(desk, "one", "two")
     assert "no hand is named" in caught.value.text.casefold()
-    assert "all speeds are 0" in caught.value.text
     for link in (desk.network["one"], desk.network["two"]):
         hand = simulated(link)
         link.sleep(1.0)

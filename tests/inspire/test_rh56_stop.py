@@ -73,6 +73,17 @@ def test_silence_is_said(wire: str) -> None:
     assert any(not one.reads for one in sent), "sent all the same"
 
 
+def test_a_refused_speed_0_is_no_stop() -> None:
+    def refused(request: bytes, answer: bytes) -> list[tuple[float, bytes]]:
+        if request[4] != 0x12:
+            return [(DELAY, answer)]
+        body = answer[2:7] + b"\x00"  # accepted is 1
+        return [(DELAY, answer[:2] + body + bytes([sum(body) & 0xFF]))]
+
+    stopped, _ = stop(Odd(EB90, golden("tp"), refused))
+    assert stopped.error is DeviceRefused, stopped
+
+
 @pytest.mark.parametrize("wire", [EB90, RTU, TCP])
 def test_an_echo_acknowledges_nothing(wire: str) -> None:
     stopped, _ = stop(Odd(wire, golden("tp"), lambda r, _a: [(DELAY, r)]))

@@ -292,7 +292,7 @@ def test_move_arrives_and_says_so(wire: str) -> None:
     assert shown == [("pitch_actual", -10.0, -10.0, "°"), ("yaw_actual", 10.0, 10.0, "°")]
     assert "arrived" in result.codes()
     table = run(*args)
-    assert "The wrist has arrived." in table.err
+    assert "arrived" in table.said
     for line, text in zip(table.lines[1:3], ("-10.00", "10.00"), strict=True):
         assert line.split().count(text) == 2, table  # reached and target, two decimals
 

@@ -8,9 +8,10 @@ from pathlib import Path
 import pytest
 
 from handctl.devices.inspire.map import WRIST
-from handctl.errors import HandctlError, Interrupted, NoAnswer, UsageError
+from handctl.errors import CheckFailed, HandctlError, Interrupted, NoAnswer, UsageError
 from handctl.model.guide import Guide
 from handctl.model.result import Table
+from handctl.model.stopping import NOT_STOPPED
 from tests.inspire.wrist_support import WIRES, RecordedFrames, Wrist, can, fake_port, fake_wrist, writes_of
 from tests.support.cli import Result, run, spying
 from tests.support.each_row import each_row
@@ -195,20 +196,20 @@ def test_a_wrist_that_cannot_be_held_is_told() -> None:
         def done(self) -> None:
             device.device.powered = False
 
-    with pytest.raises(Interrupted) as caught:
+    with pytest.raises(NoAnswer) as caught:
         wrist.move(wrist.targets(20.0, None, 2000), Off(), wait=None)
-    assert "could NOT be stopped" in caught.value.text
-    assert "power" in caught.value.text
+    assert (caught.value.exit_code, caught.value.code) == (4, NOT_STOPPED)
+    assert "power off" in caught.value.hint
 
 
 def test_angles_out_of_range_are_not_commanded_by_ctrl_c() -> None:
     """Out of range is never sent, not even to hold."""
     wrist, link = fake_wrist("serial", "fault=foreign")
     link.interrupt_at = 0.3
-    with pytest.raises(Interrupted) as caught:
+    with pytest.raises(CheckFailed) as caught:
         move(wrist, 10.0, None, 2000)
     assert len(writes_of(link)) == 1
-    assert "power" in caught.value.text
+    assert caught.value.code == NOT_STOPPED and "power off" in caught.value.hint
 
 
 @pytest.mark.parametrize("wire", WIRES)

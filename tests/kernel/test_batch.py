@@ -9,7 +9,9 @@ from unittest import mock
 
 import pytest
 
+from handctl.errors import LinkError
 from handctl.frame import simulated
+from handctl.link.fake import FakeLink
 from tests.support.cli import Result, check_schema, fake, run, spying
 from tests.support.each_row import each_row
 from tests.support.scripted import ScriptedLink
@@ -66,7 +68,11 @@ def test_the_first_failure_ends_it_and_is_its_exit_code() -> None:
     stopped = batch(GET, GET, GET, more=("--json", "--timeout", "0.1"), link=link)
     assert stopped.code == 4
     assert [end["end"]["exit_code"] for end in ends(stopped)] == [0, 4, 4]
-    assert "line 2 (exo get): " in stopped.err.casefold() and "1 of 2 lines failed" in stopped.err
+    assert (
+        "line 2 (exo get): " in stopped.err.casefold()
+        and "line-failed" in stopped.said
+        and "1 of 2 lines" in stopped.err
+    )
     on = batch(GET, GET, GET, more=("--json", "--timeout", "0.1", "--keep-going"), link=link)
     assert on.code == 4 and ends(on)[-1]["end"]["failed"] == 2
 
@@ -137,7 +143,7 @@ def test_a_dry_run_shows_what_is_written_and_sends_nothing(tmp_path: Path) -> No
     result = batch(GET, "exo save", more=("-n", "--format", "plain", "--trace", tmp_path / "t.txt"))
     assert (result.code, result.lines) == (0, ["EB 90 01 04 12 ED 03 01 08"]), result
     assert not (tmp_path / "t.txt").exists()
-    assert "only reads: left out of a dry run" in result.err
+    assert "left-out" in result.said
 
 
 def test_a_stop_takes_the_open_link() -> None:
@@ -152,6 +158,38 @@ def test_a_lost_link_is_opened_again() -> None:
         result = batch(GET, GET, GET, more=("--json", "--keep-going"), link=fake(fault="disconnect", after=1))
     assert [end["end"]["exit_code"] for end in ends(result)[:-1]] == [0, 3, 0], result
     assert len(spy.lines) == 2
+
+
+def test_a_link_that_failed_once_is_opened_again_though_it_reads_on() -> None:
+    read, failures = FakeLink.read, iter([LinkError("fake: hung up", code="lost")])
+
+    def failing(link: FakeLink, *args: Any) -> bytes:
+        for failure in failures:
+            raise failure
+        return read(link, *args)
+
+    with spying() as spy, mock.patch.object(FakeLink, "read", failing):
+        result = batch(GET, GET, more=("--json", "--keep-going"))
+    assert [end["end"]["exit_code"] for end in ends(result)[:-1]] == [3, 0], result
+    assert len(spy.lines) == 2
+
+
+def test_one_place_is_open_once() -> None:
+    """At another speed it is another link: the first one is closed before."""
+    open_now: list[int] = []
+    begin, close = FakeLink.__init__, FakeLink.close
+
+    def begun(link: FakeLink, *args: Any, **more: Any) -> None:
+        begin(link, *args, **more)
+        open_now.append(1)
+
+    def closed(link: FakeLink) -> None:
+        close(link)
+        open_now.append(-1)
+
+    with mock.patch.object(FakeLink, "__init__", begun), mock.patch.object(FakeLink, "close", closed):
+        assert batch(GET, f"{GET} --baud 57600", more=("--keep-going",)).code in (0, 4, 5)
+    assert open_now == [1, -1, 1, -1]
 
 
 def test_a_trace_holds_all_lines(tmp_path: Path) -> None:

@@ -365,7 +365,7 @@ def test_a_request_that_was_never_recorded_is_a_clear_error(tmp_path: Path) -> N
     result = run("exo", "get", "error", "-p", f"replay:{trace}", "--json")
     assert result.code == 3
     assert "EB 90 01 04 11 46 06 05 67" in result.error["text"]
-    assert "never recorded" in result.error["text"]
+    assert result.error["code"] == "replay-miss"
 
 
 @pytest.mark.parametrize("text", ["", "# only a comment\n", "hello\n", "0.0 > EB 9\n", "0.0 > GG\n", "x > EB\n"])

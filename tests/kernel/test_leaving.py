@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from handctl.errors import CheckFailed, HandctlError, Interrupted, Left, LinkError
+from handctl.errors import CheckFailed, HandctlError, Interrupted, Left, LinkError, NoAnswer
 from handctl.model.guide import Guide
 from handctl.model.leaving import leaving, stopped_by_ctrl_c
 from handctl.model.result import Counters
+from handctl.model.stopping import NOT_STOPPED, Stopped
 
 LEFT = Left("the hand goes on", "let it finish")
 
@@ -74,10 +75,18 @@ def test_a_step_is_the_text_of_ctrl_c() -> None:
 def test_ctrl_c_stops_first_and_tells_then() -> None:
     done: list[str] = []
 
-    def stop() -> str:
+    def stop() -> Stopped:
         done.append("stop")
-        return "it stands"
+        return Stopped("it stands")
 
     with pytest.raises(Interrupted, match="interrupted: it stands"), stopped_by_ctrl_c(stop, Guide()):
         raise KeyboardInterrupt
     assert done == ["stop"]
+
+
+def test_ctrl_c_is_130_only_where_the_stop_was_acknowledged() -> None:
+    """Else the code of what speaks against it, with what to do."""
+    failed = Stopped("nothing answered", "switch the power off", NoAnswer)
+    with pytest.raises(NoAnswer, match="nothing answered") as caught, stopped_by_ctrl_c(lambda: failed, Guide()):
+        raise KeyboardInterrupt
+    assert (caught.value.exit_code, caught.value.code, caught.value.hint) == (4, NOT_STOPPED, "switch the power off")

@@ -23,23 +23,33 @@ from unittest import mock
 import pytest
 
 from handctl.errors import LinkError
-from handctl.link import NoLink, Outlet, open_link
-from handctl.link.deadman import LARGEST, Guard, Shot, _pack, _unpack, guarding
+from handctl.link import CanFrame, NoLink, Outlet, open_link
+from handctl.link.deadman import LARGEST, Shot, _pack, _unpack, act_for, guarding
 from handctl.link.lock import InUse, hold
+from handctl.system import child
 from tests.support.cli import PATIENCE, wait_until
 from tests.support.each_row import each_row
 
-STOP = [Shot(b"STOP", 0.02)] * 3
+
+def stop(link: Any) -> None:
+    """A plan of three writes."""
+    for _ in range(3):
+        link.write(b"STOP", link.deadline(1.0))
+        link.sleep(0.02)
+
+
 PROGRAM = """
     import os, sys, time
     from handctl.link import open_link
     from handctl.link.deadman import Shot, guarding
     from handctl.link.lock import hold
 
+    {stop}
+
     link = open_link(sys.argv[1])
     lock = hold(sys.argv[1], "test")
     link.held = lock.descriptors
-    with guarding(link, [Shot(b"STOP", 0.02)] * 3, print) as guard:
+    with guarding(link, stop, print, beat=float(sys.argv[2])) as guard:
         {body}
         print("armed", flush=True)
         time.sleep(60)
@@ -137,10 +147,15 @@ def parents() -> Iterator[list[subprocess.Popen[bytes]]]:
         process.communicate()
 
 
-def armed(place: Place, body: str = "pass", **more: Any) -> subprocess.Popen[bytes]:
+def armed(place: Place, body: str = "pass", beat: float = 0.0, **more: Any) -> subprocess.Popen[bytes]:
     """A process of its own, with a guard."""
-    program = textwrap.dedent(PROGRAM).replace("{body}", body)
-    process = subprocess.Popen([sys.executable, "-c", program, place.link], stdout=subprocess.PIPE, **more)
+    program = (
+        textwrap.dedent(PROGRAM)
+        .replace("{body}", body)
+        .replace("{stop}", inspect.getsource(stop).replace("Any", "object"))
+    )
+    command = [sys.executable, "-c", program, place.link, str(beat)]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, **more)
     assert process.stdout is not None
     assert process.stdout.readline() == b"armed\n"
     return process
@@ -189,13 +204,13 @@ def test_signals_that_end_a_program_do_not_end_the_guard(place: Place, parents: 
 
 @pytest.mark.real
 @at_each_place
-def test_the_newest_stop_is_sent(place: Place, parents: list[subprocess.Popen[bytes]]) -> None:
+def test_what_goes_first_is_what_was_told_last(place: Place, parents: list[subprocess.Popen[bytes]]) -> None:
     body = "[guard.update([Shot(str(n).encode(), 0.01), Shot(b';', 0)]) for n in range(3000)]"
     process = armed(place, body)
     parents.append(process)
     (guard,) = guards_of(process)
     process.kill()
-    assert place.take(PATIENCE, lambda: gone(guard)) == b"2999;"
+    assert place.take(PATIENCE, lambda: gone(guard)) == b"2999;" + b"STOP" * 3
 
 
 @pytest.mark.real
@@ -249,7 +264,7 @@ def test_nobody_gets_the_lock_before_the_stop_is_out(place: Place, parents: list
     os.kill(guard, signal.SIGCONT)
     lock = hold(place.link, "third", patience=PATIENCE)  # it waits
     assert lock is not None
-    assert place.take() == b"S"
+    assert place.take() == b"S" + b"STOP" * 3
     lock.release()
     wait_until(lambda: gone(guard))
 
@@ -264,6 +279,38 @@ def test_a_suspended_parent_is_not_dead(place: Place, parents: list[subprocess.P
     assert place.take(0.1) == b""
     process.kill()
     assert place.take(PATIENCE, lambda: gone(guard)) == b"STOP" * 3
+
+
+@pytest.mark.real
+@at_each_place
+def test_a_parent_that_may_not_stand_still_is_stopped(place: Place, parents: list[subprocess.Popen[bytes]]) -> None:
+    """Its device does not end by itself what it was told. Once it wakes it writes nothing more, and ends as by Ctrl-C."""
+    body = (
+        'exec(\'while True: link.write(b".", link.deadline(1.0)) or print("armed", flush=True) or time.sleep(0.01)\')'
+    )
+    process = armed(place, body, beat=0.3, stderr=subprocess.PIPE)
+    parents.append(process)
+    (guard,) = guards_of(process)
+    os.kill(process.pid, signal.SIGSTOP)
+    assert place.take(PATIENCE, lambda: gone(guard)).endswith(b"." + b"STOP" * 3)
+    os.kill(process.pid, signal.SIGCONT)
+    assert process.stdout is not None and process.stderr is not None
+    told = process.stdout.read() + process.stderr.read()
+    assert b"stood-still" in told and b"KeyboardInterrupt" in told
+    assert place.take(0.05).endswith(b"." + b"STOP" * 3)
+
+
+@pytest.mark.real
+@at_each_place
+def test_a_kill_by_name_leaves_it(place: Place, parents: list[subprocess.Popen[bytes]]) -> None:
+    """Neither its name nor its command line has anything of its parent's (`killall`, `pkill`, `pkill -f`)."""
+    process = armed(place)
+    parents.append(process)
+    (guard,) = guards_of(process)
+    assert Path(f"/proc/{guard}/comm").read_bytes() == b"deadman\n"
+    line = Path(f"/proc/{guard}/cmdline").read_bytes().rstrip(b"\0")
+    assert line and b"deadman: stops the device when the command that drives it has died".startswith(line[:60])
+    assert b"handctl" not in line and b"python" not in line
 
 
 @pytest.mark.real
@@ -292,11 +339,11 @@ def test_a_fork_that_outlives_the_parent_does_not_keep_the_guard_waiting(
 def test_an_end_in_order_sends_nothing_and_leaves_nobody(place: Place) -> None:
     link = open_link(place.link)
     before, open_before = children(), os.listdir("/dev/fd")
-    with guarding(link, STOP, warned) as guard:
+    with guarding(link, stop, warned) as guard:
         assert len(children()) == len(before) + 1
         guard.update([Shot(b"HALT")])
     assert children() == before
-    with pytest.raises(ZeroDivisionError), guarding(link, STOP, warned):
+    with pytest.raises(ZeroDivisionError), guarding(link, stop, warned):
         raise ZeroDivisionError
     assert children() == before and os.listdir("/dev/fd") == open_before
     link.close()
@@ -308,15 +355,30 @@ def test_an_end_in_order_sends_nothing_and_leaves_nobody(place: Place) -> None:
 def test_a_guard_that_was_killed_is_replaced(place: Place) -> None:
     link = open_link(place.link)
     before = children()
-    with guarding(link, STOP, warned) as guard:
+    with guarding(link, stop, warned):
         (first,) = set(children()) - set(before)
         os.kill(first, signal.SIGKILL)
         wait_until(lambda: gone(first))
-        guard.update([Shot(b"HALT")])
+        link.write(b"the next frame", link.deadline(1.0))  # type: ignore[attr-defined]
         (second,) = set(children()) - set(before)
         assert second != first
     assert children() == before
     link.close()
+
+
+def test_a_guard_that_has_gone_or_acted_is_seen_before_the_next_frame(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One that has gone is replaced; one that has acted ends the command as by Ctrl-C."""
+    states, started, told = ["lives", "gone", "lives", "acts"], list[child.Job](), list[str]()
+    monkeypatch.setattr(child, "started", lambda job: started.append(job) or child.Heir(1, -1, -1))
+    monkeypatch.setattr(child, "state", lambda _heir: states.pop(0))
+    monkeypatch.setattr(child, "ended", lambda _heir: None)
+    monkeypatch.setattr(child, "finished", lambda _heir, _seconds: None)
+    link = WayOut(-1)
+    with pytest.raises(KeyboardInterrupt), guarding(link, stop, lambda code, *_: told.append(code)):
+        for count in (1, 1, 2, 2):
+            assert len(started) == count
+            link.way.before()
+    assert (len(started), told, states) == (2, ["stood-still"], [])
 
 
 # -- where there is none ---------------------------------------------------------------------------------------------------
@@ -325,7 +387,7 @@ def test_a_guard_that_was_killed_is_replaced(place: Place) -> None:
 def test_simulators_in_this_process_have_no_child() -> None:
     before = children()
     link = open_link("fake://exo?clock=virtual")
-    with guarding(link, STOP, warned) as guard:
+    with guarding(link, stop, warned) as guard:
         guard.update([])
         assert children() == before
     link.close()
@@ -333,7 +395,7 @@ def test_simulators_in_this_process_have_no_child() -> None:
 
 def test_a_link_without_a_way_out_is_told_of() -> None:
     told: list[tuple[str, ...]] = []
-    with guarding(NoLink(), STOP, lambda *words: told.append(words)):
+    with guarding(NoLink(), stop, lambda *words: told.append(words)):
         pass
     ((code, text, hint),) = told
     assert code == "unguarded" and "nothing stops the device" in text and hint
@@ -343,16 +405,16 @@ class WayOut(NoLink):
     """A link of which a child could write to this descriptor."""
 
     def __init__(self, descriptor: int) -> None:
-        self._descriptor = descriptor
+        self.way = Outlet(descriptor)
 
     def outlet(self) -> Outlet:
-        return Outlet(self._descriptor)
+        return self.way
 
 
 def test_without_fork_it_is_told_of(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delattr(os, "fork")
     told: list[tuple[str, ...]] = []
-    with guarding(WayOut(-1), STOP, lambda *words: told.append(words)):
+    with guarding(WayOut(-1), stop, lambda *words: told.append(words)):
         pass
     assert [words[0] for words in told] == ["unguarded"]
 
@@ -362,7 +424,7 @@ def test_where_no_process_can_be_started_nothing_is_driven() -> None:
     before = os.listdir("/dev/fd")
     refuse = mock.patch.object(os, "fork", side_effect=BlockingIOError(11, "Resource temporarily unavailable"))
     driven = False
-    with refuse, pytest.raises(LinkError) as caught, guarding(WayOut(writer), STOP, warned):
+    with refuse, pytest.raises(LinkError) as caught, guarding(WayOut(writer), stop, warned):
         driven = True
     assert not driven
     assert (caught.value.exit_code, caught.value.code) == (3, "no-guard")
@@ -376,11 +438,11 @@ def test_where_no_process_can_be_started_nothing_is_driven() -> None:
 
 
 def test_messages_come_back_as_they_went() -> None:
-    stop = ((b"", 0.25), (b"\x03", 0.0), (bytes(range(256)), 1.0))
+    first = [Shot(b"", 0.25), Shot(b"\x03", 0.0), Shot(bytes(range(256)), 1.0)]
     for owed in (b"", b"x", bytes(300)):
-        text = _pack(owed, stop)
+        text = _pack(owed, first)
         assert int.from_bytes(text[:2], "big") == len(text) - 2
-        assert _unpack(text[2:]) == (owed, stop)
+        assert _unpack(text[2:]) == (owed, first)
 
 
 def test_a_message_goes_whole_or_not_at_all() -> None:
@@ -388,10 +450,43 @@ def test_a_message_goes_whole_or_not_at_all() -> None:
         _pack(bytes(LARGEST), ())
 
 
-def test_frames_of_a_bus_are_written_as_the_adapter_takes_them() -> None:
-    from handctl.link.can import _slcan_frame, _socketcan_frame
+def test_frames_of_a_bus_are_written_and_read_as_the_adapter_has_them() -> None:
+    from handctl.link.can import _slcan_frame, _slcan_frames, _socketcan_frame, _socketcan_frames
 
-    assert _slcan_frame(bytes.fromhex("E803"), 0x15038001) == b"\rT150380012E803\r"
-    assert _socketcan_frame(bytes.fromhex("E803"), 0x15038001) == bytes.fromhex("01800395 02 000000 E803000000000000")
-    guard = Guard(Outlet(-1, _slcan_frame))
-    assert guard._wire([Shot(b"", 0.5, 1)]) == ((b"\rT000000010\r", 0.5),)
+    frame = CanFrame(0x15038001, bytes.fromhex("E803"))
+    line, packed = b"\rT150380012E803\r", bytes.fromhex("01800395 02 000000 E803000000000000")
+    assert _slcan_frame(frame.data, frame.can_id) == line and _socketcan_frame(frame.data, frame.can_id) == packed
+    assert _slcan_frames(b"z\r\a" + line + b"t1230\rT15\rT1503") == ([frame], b"T1503")
+    standard, error = b"\x23\x01\0\0" + bytes(12), b"\x01\0\0\xa0" + bytes(12)
+    assert _socketcan_frames(standard + packed + error + packed[:5]) == ([frame], packed[:5])
+
+
+@each_row("frames", [False, True])
+def test_a_child_has_a_link_of_its_own(frames: bool) -> None:
+    """Silence, an answer, a lost connection; what was half sent is completed, then what goes first, then the stop."""
+    ours, theirs = socket.socketpair()
+    ours.setblocking(False)
+    encode, decode = (lambda data, can_id: b"%d:" % can_id + data, lambda data: ([CanFrame(7, data)], b""))
+    outlet = Outlet(ours.fileno(), encode, decode) if frames else Outlet(ours.fileno(), baud=9600)  # type: ignore[arg-type]
+    heard: list[Any] = []
+
+    def talk(link: Any) -> None:
+        if frames:
+            link.send(CanFrame(7, b"stop"), link.deadline(1.0))
+            heard.append(link.receive(link.deadline(0.0)))
+            theirs.send(b"ok")
+            heard.append(link.receive(link.deadline(1.0)))
+        else:
+            link.write(b"stop", link.deadline(1.0))
+            heard.append(link.read(link.deadline(0.0)))
+            theirs.send(b"ok")
+            heard.append(link.read(link.deadline(1.0)))
+        theirs.close()
+        with pytest.raises(LinkError):
+            heard.append((link.receive if frames else link.read)(link.deadline(1.0)))
+
+    seen: list[bytes] = []
+    act_for(outlet, lambda link: (seen.append(theirs.recv(100)), talk(link)), _pack(b"rest", [Shot(b"first")])[2:])
+    assert seen == [b"restfirst"]
+    assert heard == ([None, CanFrame(7, b"ok")] if frames else [b"", b"ok"])
+    ours.close()

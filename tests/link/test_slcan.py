@@ -140,7 +140,7 @@ def told(*lines: bytes) -> Any:
         (b"t1230\r", 0, 0), (b"R10FF00012\r", 0, 0), (b"\nZ\r", 0, 0),
         (b"e1a\r", 0, 1), (b"sp000128\r", 0, 1), (b"sb000256\r", 0, 1), (b"sa057033\r", 0, 0),
         (b"T10FF00\r", 1, 0), (b"T10FF00012A7\r", 1, 0), (b"T30FF00012A7FE\r", 1, 0), (b"T10FF00019\r", 1, 0),
-        (b"T10FF0001 2A7FE\r", 1, 0), (b"T10FF00012A7F\xff\r", 1, 0), (b"XYZ\r", 1, 0), (b"sb\r", 1, 0), (b"FXX\r", 1, 0),
+        (b"T10FF0001 2A7FE\r", 1, 0), (b"T10FF00012A7FE12\r", 1, 0), (b"T10FF00012A7F\xff\r", 1, 0), (b"XYZ\r", 1, 0), (b"sb\r", 1, 0), (b"FXX\r", 1, 0),
     ],
 )  # fmt: skip
 def test_what_a_line_means(time_jumps: Clock, line: bytes, damaged: int, errors: int) -> None:

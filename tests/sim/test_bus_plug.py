@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +12,8 @@ from handctl.errors import LinkError
 from handctl.link import CanFrame, open_link
 from handctl.sim import create
 from handctl.sim.bus.models import text
-from handctl.sim.engine.serve import send_control
-from tests.support.cli import Simulator, run, wait_until
+from tests.support.cli import run
+from tests.support.virtual import Loop
 
 ASK_3 = bytes.fromhex("EB 90 03 04 11 E8 03 01 04")
 ID_IS_3 = bytes.fromhex("90 EB 03 04 11 E8 03 03 06")
@@ -118,52 +117,41 @@ def test_the_port_in_this_process_goes_and_comes_back(tmp_path: Path, wire: str,
     link.close()
 
 
-Start = Callable[..., tuple[Simulator, str]]
+@pytest.mark.parametrize(("wire", "place"), [("rs485", "pty"), ("can", "slcan-pty")])
+def test_the_adapters_go_and_come_back_under_their_names(tmp_path: Path, wire: str, place: str) -> None:
+    name, tcp = tmp_path / "usb-if00", "slcan-tcp" if wire == "can" else "tcp"
+    file = file_of(tmp_path, HANDS if wire == "rs485" else WRISTS, wire=wire)
+    request, answers = (ASK_3, ID_IS_3) if wire == "rs485" else (b"C\rS8\rO\rT11000001104\r", b"T110000014")
+    words = ("bus", file, f"--{place}", "--by-id", name, f"--{tcp}", "127.0.0.1:0", "--control", "control")
+    with Loop(*words) as loop:
 
+        def answered() -> list[bool]:
+            found = []
+            for link in loop.links:
+                with loop.open(link=link) as client:
+                    client.reset_input_buffer()
+                    found.append(answers in client.ask(request, 100, 0.1))
+            return found
 
-@pytest.fixture
-def start(tmp_path: Path) -> Iterator[Start]:
-    served: list[Simulator] = []
-
-    def starter(devices: list[dict[str, Any]], *args: Any, **line: Any) -> tuple[Simulator, str]:
-        control = str(tmp_path / "control")
-        served.append(Simulator(file_of(tmp_path, devices, **line), *args, "--control", control, kind="bus"))
-        return served[-1], control
-
-    yield starter
-    for one in served:
-        one.stop()
-
-
-@pytest.mark.real
-@pytest.mark.parametrize(
-    ("wire", "place", "devices", "words"),
-    [("rs485", "--pty", HANDS, ["exo", "get", "id", "--id", "3"]),
-     ("can", "--slcan-pty", WRISTS, ["wrist", "get", "pitch_actual"])],
-)  # fmt: skip
-def test_the_adapters_go_and_come_back_under_their_names(
-    tmp_path: Path, start: Start, wire: str, place: str, devices: list[dict[str, Any]], words: list[str]
-) -> None:
-    name = tmp_path / "usb-if00"
-    tcp = ["--slcan-tcp" if wire == "can" else "--tcp", "127.0.0.1:0"]
-    simulator, control = start(devices, place, "--by-id", name, *tcp, wire=wire)
-    one, two = simulator.links
-    assert one.endswith(str(name))
-    assert [run(*words, "-p", link).code for link in (one, two)] == [0, 0]
-    assert send_control(control, "unplug") == "ok unplug"
-    wait_until(lambda: not name.is_symlink())
-    assert run(*words, "-p", one).code == 3
-    taken = os.openpty()
-    assert send_control(control, "replug") == "ok replug"
-    wait_until(name.exists)
-    assert [run(*words, "-p", link).code for link in (one, two)] == [0, 0]
-    assert send_control(control, "unplug 0.2") == "ok unplug 0.2"
-    wait_until(lambda: not name.is_symlink())
-    wait_until(name.exists)
-    assert run(*words, "-p", one).code == 0
-    assert "unplug [SECONDS] | replug" in send_control(control, "help")
-    for descriptor in taken:
-        os.close(descriptor)
+        one, two = loop.links
+        assert one.endswith(str(name)) and answered() == [True, True]
+        first, client = os.readlink(name), loop.open(link=two)
+        assert loop.tell("unplug") == "ok unplug"
+        loop.sleep(0.0)
+        assert not name.is_symlink()
+        assert client.hangs_up()
+        with loop.open(link=two) as early:
+            assert early.ask(b"V\r" if wire == "can" else request, 100, 1.0) == b"", "nobody comes in now"
+        assert loop.tell("replug") == "ok replug"
+        loop.sleep(0.0)
+        assert name.is_symlink() and os.readlink(name) != first
+        assert answered() == [True, True]
+        assert loop.tell("unplug 0.2") == "ok unplug 0.2"
+        loop.sleep(0.19)
+        assert not name.is_symlink()
+        loop.sleep(0.02)
+        assert name.is_symlink() and answered()[0]
+        assert "unplug [SECONDS] | replug" in loop.tell("help")
 
 
 FAULTS = {
@@ -173,17 +161,16 @@ FAULTS = {
 """Of [line]: what a client is told, by the exit code and the code of its message."""
 
 
-@pytest.mark.real
 @pytest.mark.parametrize("fault", FAULTS)
-def test_a_fault_of_the_adapters_from_the_file_and_by_hand(start: Start, fault: str) -> None:
-    simulator, control = start(WRISTS, "--slcan-pty", wire="can", fault=fault)
-    words = ["wrist", "get", "pitch_actual", "--json", "--timeout", "0.2", "-p", simulator.link]
-    told = run(*words)
-    assert (told.code, told.error["code"]) == FAULTS[fault], told
-    assert send_control(control, "fault none").startswith("ok ")
-    assert run(*words).code == 0
-    assert send_control(control, f"fault {fault}") == f"ok fault {fault}"
-    if FAULTS[fault][0] == 3:  # those that end at once
+def test_a_fault_of_the_adapters_from_the_file_and_by_hand(tmp_path: Path, fault: str) -> None:
+    file = file_of(tmp_path, WRISTS, wire="can", fault=fault)
+    with Loop("bus", file, "--slcan-tcp", "127.0.0.1:0", "--control", "control") as loop:
+        words = ["wrist", "get", "pitch_actual", "--json", "--timeout", "0.2", "-p", loop.link]
+        told = run(*words)
+        assert (told.code, told.error["code"]) == FAULTS[fault], told
+        assert loop.tell("fault none").startswith("ok ")
+        assert run(*words).code == 0
+        assert loop.tell(f"fault {fault}") == f"ok fault {fault}"
         told = run(*words)
         assert (told.code, told.error["code"]) == FAULTS[fault], told
 

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -13,7 +11,9 @@ from handctl.sim import create
 from handctl.sim.engine.plug import Plug
 from handctl.sim.engine.serve import send_control
 from tests.support.cli import Simulator, run, wait_until
+from tests.support.virtual import Loop
 
+GET_ID, ID_IS_1 = bytes.fromhex("EB 90 01 04 11 E8 03 01 02"), bytes.fromhex("90 EB 01 04 11 E8 03 01 02")
 # ekso dossier 8.1, GetTime
 GET_TIME = bytes.fromhex("96 00 00 C8 3D 82")
 
@@ -97,9 +97,6 @@ def test_the_name_stays_and_the_terminal_is_another(tmp_path: Path) -> None:
         wait_until(name.exists)
         assert os.readlink(name) != first
         assert run("exo", "get", "id", "-p", name).code == 0
-        assert send_control(control, "unplug 0.2") == "ok unplug 0.2"
-        wait_until(lambda: not name.is_symlink())
-        wait_until(name.exists)
         assert "unplug [SECONDS] | replug" in send_control(control, "help")
         assert send_control(control, "unplug soon").startswith("error ")
         for descriptor in taken:
@@ -107,15 +104,27 @@ def test_the_name_stays_and_the_terminal_is_another(tmp_path: Path) -> None:
     assert not name.is_symlink()
 
 
-@pytest.mark.real
 def test_a_file_is_never_taken_for_a_name(tmp_path: Path) -> None:
     name = tmp_path / "mine"
     name.write_text("kept")
-    words = [sys.executable, "-m", "handctl.sim", "exo"]
-    done = subprocess.run([*words, "--pty", "--by-id", str(name)], capture_output=True, timeout=30, check=False)
-    assert done.returncode == 3 and b"File exists" in done.stderr
+    with pytest.raises(AssertionError, match="File exists"), Loop("exo", "--pty", "--by-id", name):
+        pass
     assert name.read_text() == "kept"
-    done = subprocess.run(
-        [*words, "--tcp", "127.0.0.1:0", "--by-id", "x"], capture_output=True, timeout=30, check=False
-    )
-    assert done.returncode == 2
+    assert run("sim", "exo", "--tcp", "127.0.0.1:0", "--by-id", "x").code == 2
+
+
+def test_the_name_stays_and_the_terminal_is_another_in_this_process(tmp_path: Path) -> None:
+    """A single port, as tests/sim/test_bus_plug.py has those of a bus."""
+    name = tmp_path / "usb-if00"
+    with Loop("exo", "--pty", "--by-id", name, "--control", "control") as loop:
+        first = os.readlink(name)
+        client = loop.open()
+        assert loop.tell("unplug 0.2") == "ok unplug 0.2"
+        loop.sleep(0.19)
+        assert not name.is_symlink()
+        with pytest.raises(EOFError):
+            client.read()
+        loop.sleep(0.02)
+        assert os.readlink(name) != first
+        assert loop.open().ask(GET_ID, 9) == ID_IS_1
+    assert not name.is_symlink()

@@ -6,18 +6,19 @@ a bad line: the shots by themselves bring the device back to where a frame begin
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from typing import Any
+from unittest import mock
 
 import pytest
 
-from handctl.devices.barrett.realtime import loop
 from handctl.devices.barrett.realtime.schedule import Controls
-from handctl.devices.inspire.exo import motion
-from handctl.link import ByteLink, Deadline, Link
+from handctl.devices.inspire import canreg, eb90
+from handctl.link import Deadline, Link, Outlet, deadman
 from handctl.link.can import _slcan_frame
 from handctl.link.deadman import Guard, Shot
+from handctl.model.device import Device
 from handctl.sim import create
 from handctl.sim.engine.slcan import Adapter
 from tests.barrett.realtime import Run
@@ -32,53 +33,50 @@ MOVE = unhex("EB 90 01 09 31 0E 04 E8 03 18 FC E8 03 37")
 """Yaw 10, pitch -10, 1000 ms (wrist §2.1)."""
 
 
-def send(link: ByteLink, shots: Sequence[Shot]) -> None:
-    """As the child does."""
-    for shot in shots:
-        link.write(shot.data, Deadline(link.now, link.now() + 1))
-        link.sleep(shot.pause)
+def die(link: Any, stop: Callable[[Link], object], first: Sequence[Shot] = ()) -> None:
+    """What the child does, on the link of its parent."""
+    link.put = lambda data, deadline: link.write(data, deadline) if data else None
+    link.sleep_reading = link.sleep
+    with mock.patch.object(deadman, "RawBytes", lambda _outlet: link):
+        deadman.act_for(Outlet(-1), stop, deadman._pack(b"", first)[2:])
+
+
+def told_of(device: Device) -> Callable[[Link], object]:
+    """The stop that a child of this device is given."""
+    told: list[Any] = []
+    with mock.patch.object(deadman, "guarding", lambda *given, **_more: nullcontext(told.append(given))):
+        device.guarded()
+    stop: Callable[[Link], object] = told[0][1]
+    return stop
 
 
 class Kept(Guard):
     """A guard that only keeps what it is told."""
 
-    def __init__(self) -> None:
-        super().__init__(None)
+    def __init__(self, stop: Callable[[Link], object]) -> None:
+        super().__init__(None, stop, lambda *_words: None)
+        self.stop = stop
         self.told: list[list[Shot]] = []
 
-    def update(self, stop: Sequence[Shot]) -> None:
-        self.told.append(list(stop))
+    def update(self, first: Sequence[Shot]) -> None:
+        self.told.append(list(first))
 
 
-@contextmanager
-def kept(kept_here: list[Kept], stop: Sequence[Shot]) -> Iterator[Guard]:
-    kept_here.append(Kept())
-    kept_here[-1].update(stop)
-    yield kept_here[-1]
-
-
-def shots_of_a_loop(monkeypatch: pytest.MonkeyPatch, controls: Controls) -> tuple[list[Shot], Run]:
-    """What the guard of a RealTime loop was told while blocks went out, and the loop."""
+@pytest.mark.parametrize("cut", range(4))
+def test_a_control_block_that_was_cut_off(monkeypatch: pytest.MonkeyPatch, cut: int) -> None:
+    """Whatever the missing bytes make of what follows, the hand ends at its prompt, its motor without power."""
+    controls = Controls({0: ("velocity", "gain")}, {(0, "velocity"): 30, (0, "gain"): 13})
     guards: list[Kept] = []
-    monkeypatch.setattr(loop, "guarding", lambda _link, stop, _warn: kept(guards, stop))
+    monkeypatch.setattr(
+        deadman, "guarding", lambda _link, stop, _warn, **_more: nullcontext(guards.append(Kept(stop)) or guards[-1])
+    )
     run = Run("wire=auto", receive={0: ("position",)}, temperature=False, controls=controls, motors=(0,), guards=()).go(
         5
     )
     assert run.error is None
     (guard,) = guards
-    first, *told, last = guard.told
-    assert [shot.data for shot in first] == [shot.data for shot in last] == [b"\x03", b"1T\r"] * 3
-    (inside,) = told
-    assert inside[2:] == first, "once in the loop: velocity 0, and then the same"
-    return inside, run
-
-
-@pytest.mark.parametrize("cut", range(4))
-def test_a_control_block_that_was_cut_off(monkeypatch: pytest.MonkeyPatch, cut: int) -> None:
-    """Whatever the missing bytes make of the shots, the hand ends at its prompt, its motor without power."""
-    controls = Controls({0: ("velocity", "gain")}, {(0, "velocity"): 30, (0, "gain"): 13})
-    shots, run = shots_of_a_loop(monkeypatch, controls)
-    assert shots[1].data == b"c\x00\x0d", "velocity 0; the gain is kept"
+    inside, last = guard.told
+    assert last == [] and inside[1].data == b"c\x00\x0d", "once in the loop: velocity 0; the gain is kept"
     link = run.link
     assert isinstance(link, Simulated)
     run.hand.line.ask("1FSET LCV 1 LCPG 1 LFV 0 LFS 0 LFAP 1 LFDP 0")
@@ -86,7 +84,7 @@ def test_a_control_block_that_was_cut_off(monkeypatch: pytest.MonkeyPatch, cut: 
         link.write(data, Deadline(link.now, link.now() + 1))
         link.sleep(0.05)
     assert "moving" in run.control("motors") or "power on" in run.control("motors")
-    send(link, shots)
+    die(link, guard.stop, inside)
     link.sleep(0.2)
     motors = run.control("motors")
     assert "power on" not in motors and "moving" not in motors, motors
@@ -98,38 +96,37 @@ def test_a_command_of_the_exoskeleton_hand_that_was_cut_off(cut: int) -> None:
     hand, link = fake_hand()
     hand.command("position", [1000] * 5)
     hand.command("force", [300] * 5)
-    shots = motion._last_shots(hand, [321, 322, 323, 324, 325, 0])
+    link.sleep(0.3)
     link.write(POSITION[:cut], Deadline(link.now, link.now() + 1))
-    send(link, shots)
+    die(link, told_of(hand))
     link.sleep(1.0)
     memory = device_of(link).memory
     assert memory[1498:1508] == bytes(10)
-    assert memory[1486:1496] == b"".join(place.to_bytes(2, "little") for place in (321, 322, 323, 324, 325))
+    assert memory[1486:1496] == memory[1546:1556] != b"\xe8\x03" * 5, "it stands where it was then"
 
 
 @each_row("cut", range(len(MOVE) + 1))
 def test_a_movement_of_the_wrist_that_was_cut_off(cut: int) -> None:
     wrist, link = fake_wrist("serial")
-    shots = wrist._last_shots(wrist.read(angles(wrist)))
     link.write(MOVE[:cut], Deadline(link.now, link.now() + 1))  # type: ignore[union-attr]
-    send(link, shots)  # type: ignore[arg-type]
+    die(link, told_of(wrist))
     (pitch, yaw), memory = at(wrist), device_of(link).wrist.memory
     assert memory[1038:1042] == yaw.to_bytes(2, "little", signed=True) + pitch.to_bytes(2, "little", signed=True)
 
 
 @each_row("cut", range(28))
 def test_a_line_of_the_can_adapter_that_was_cut_off(cut: int) -> None:
-    """The CR before a frame ends that line: the first of the three is heard already."""
+    """The CR before a frame ends that line: the first is heard already."""
     wrist, _ = fake_wrist("can")
     line = create("wrist", {"bus": "can"})
     adapter = Adapter(line)
-    shots = [_slcan_frame(shot.data, shot.can_id) for shot in wrist._last_shots(wrist.read(angles(wrist)))]
+    pitch, yaw = at(wrist)
+    identifier, data = canreg.write_request(1, 1038, eb90.pack_s16([yaw, pitch]))
     move = _slcan_frame(bytes.fromhex("E80318FCE803"), 0x15038001)
     adapter.feed(b"S8\rO\r")
     adapter.feed(move[:cut])
-    adapter.feed(shots[0])
+    adapter.feed(_slcan_frame(data, identifier))
     line.advance(line.device.now + 0.02)
-    pitch, yaw = at(wrist)
     memory = line.device.wrist.memory
     assert memory[1038:1042] == yaw.to_bytes(2, "little", signed=True) + pitch.to_bytes(2, "little", signed=True)
 

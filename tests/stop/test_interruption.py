@@ -30,7 +30,8 @@ ELSEWHERE = {
     "hand pair": ("inspire.test_rh56_pair_cli", "test_ctrl_c_in_the_movement_holds_both_hands_and_names_nobody"),
     "barrett firmware download": ("search.interruption", "downloaded"),
     **dict.fromkeys(
-        [f"sim {family}" for family in (*FAMILIES, "bus")], ("sim.test_barrett_serve", "test_state_survives_a_kill")
+        [f"sim {family}" for family in (*FAMILIES, "bus")],
+        ("sim.test_barrett_serve", "test_what_a_kill_leaves_of_settings_and_of_half_a_firmware"),
     ),
 }
 """Command -> module and test: a download needs somebody at the power switch, a simulator is no command that ends."""

@@ -23,11 +23,15 @@ from types import TracebackType
 from typing import Any
 from unittest import mock
 
+import click
 import serial
 from jsonschema import Draft202012Validator
 
 import handctl.sim
 from handctl import cli
+from handctl.errors import HandctlError
+from handctl.frame import clikit
+from handctl.model.result import Journal
 from tests.support.forks import start
 
 PATIENCE = 30.0
@@ -59,10 +63,11 @@ def elements(name: str) -> tuple[str | None, ...]:
 
 
 class Result:
-    """What one run left behind."""
+    """What one run left behind; `said` are the codes of its messages in their order, an error's last."""
 
-    def __init__(self, code: int, out: bytes, err: bytes) -> None:
+    def __init__(self, code: int, out: bytes, err: bytes, said: Sequence[str] = ()) -> None:
         self.code = code
+        self.said = list(said)
         self.raw = out
         self.out = out.decode()
         self.err = err.decode()
@@ -140,7 +145,9 @@ def run(*args: str | Path, env: Mapping[str, str] | None = None, stdin: str = ""
     """Run handctl in this process, nothing being a terminal."""
     out, err = (io.TextIOWrapper(io.BytesIO(), encoding="utf-8", newline="") for _ in range(2))
     handlers = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGHUP)}
+    said: list[str] = []
     with (
+        hearing(said),
         mock.patch.dict(os.environ, clean_environment(env), clear=True),
         mock.patch.object(sys, "stdout", out),
         mock.patch.object(sys, "stderr", err),
@@ -153,7 +160,27 @@ def run(*args: str | Path, env: Mapping[str, str] | None = None, stdin: str = ""
                 signal.signal(number, handler)
             out.flush()
             err.flush()
-    return Result(code, out.buffer.getvalue(), err.buffer.getvalue())  # type: ignore[attr-defined]
+    return Result(code, out.buffer.getvalue(), err.buffer.getvalue(), said)  # type: ignore[attr-defined]
+
+
+@contextmanager
+def hearing(said: list[str]) -> Iterator[None]:
+    """Take the code of every message of the commands in this process, whatever way it is shown."""
+    note, main = Journal.note, clikit.root.main
+
+    def noted(journal: Journal, level: str, code: str, text: str, hint: str = "") -> None:
+        said.append(code)
+        note(journal, level, code, text, hint)
+
+    def ended(*args: Any, **more: Any) -> Any:
+        try:
+            return main(*args, **more)
+        except (HandctlError, click.UsageError) as exc:
+            said.append(getattr(exc, "code", "usage"))
+            raise
+
+    with mock.patch.object(Journal, "note", noted), mock.patch.object(clikit.root, "main", ended):
+        yield
 
 
 def program(*args: str | Path) -> list[str]:

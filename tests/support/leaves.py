@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import NamedTuple
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
+from unittest import mock
 
 import click
 
-from handctl.frame.clikit import root
+from handctl.frame.clikit import Command, root
 from handctl.frame.filetypes import InFile, OutFile
 
 
@@ -53,3 +54,19 @@ def command_line(leaf: Leaf, paths: dict[str, str]) -> list[str]:
         elif param.required:
             words += [param.opts[0], "mot" if name == "to" else "1"]
     return words
+
+
+def taken(words: Sequence[str]) -> bool:
+    """Whether these words reach one command with what it takes, or its help; nothing runs. Raises what click refuses."""
+    reached: list[click.Context] = []
+
+    def invoke(command: Any, ctx: click.Context) -> None:
+        if not isinstance(command, click.Group):
+            reached.append(ctx)
+
+    with mock.patch.object(click.Command, "invoke", invoke), mock.patch.object(Command, "invoke", invoke):
+        try:
+            root.main(list(words), "handctl", standalone_mode=False)
+        except click.exceptions.Exit as exc:
+            return exc.exit_code == 0
+    return [ctx.command_path.split()[0] for ctx in reached] == ["handctl"]

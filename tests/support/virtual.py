@@ -233,6 +233,15 @@ class Client:
             raise EOFError("the other end has gone")
         return data
 
+    def hangs_up(self, seconds: float = 1.0) -> bool:
+        """Whether the other end goes, whatever comes before."""
+
+        def gone() -> bool:
+            self.reset_input_buffer()
+            return self.gone
+
+        return self._loop.until(gone, seconds)
+
     def some(self, seconds: float | None = None) -> bytes:
         """What comes first, in one piece."""
         first = self.read(1, seconds)

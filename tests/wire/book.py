@@ -6,7 +6,8 @@ import multiprocessing
 import os
 import tempfile
 import traceback
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
 
 from tests.wire.cells import cells, groups
@@ -66,16 +67,24 @@ def record(key: str) -> Record:
         return Recorder(Path(folder)).record(cells()[key])
 
 
-def replayed(recorder: Recorder, keys: Iterable[str]) -> Lines:
+def line(record: Record) -> str:
+    """What golden.txt has of it."""
+    return record.line
+
+
+def replayed(recorder: Recorder, keys: Iterable[str], of: Callable[[Record], str] = line) -> Lines:
     """These cells, one behind the other."""
-    return {key: recorder.record(cells()[key]).line for key in keys}
+    return {key: of(recorder.record(cells()[key])) for key in keys}
 
 
-def replay(keys: list[str], jobs: int) -> Lines:
-    """These cells, in so many processes; in their order. Raises RuntimeError, naming the cell, where one cannot be run."""
+def replay(keys: list[str], jobs: int, of: Callable[[Record], str] = line) -> Lines:
+    """These cells, in so many processes; in their order. Raises RuntimeError, naming the cell, where one cannot be run.
+
+    `of` takes from a record what is kept; it begins with its exit code.
+    """
     found: Lines = {}
     pool = multiprocessing.get_context("fork").Pool(jobs)
-    for lines in pool.imap_unordered(_group, groups(keys)):
+    for lines in pool.imap_unordered(partial(_group, of), groups(keys)):
         found |= lines
     pool.close()  # its processes end by themselves: a signal might be taken for the Ctrl-C of a cell
     pool.join()
@@ -89,11 +98,11 @@ _recorders: dict[int, tuple[tempfile.TemporaryDirectory[str], Recorder]] = {}
 """That of a process of the pool, which keeps its folder."""
 
 
-def _group(keys: list[str]) -> Lines:
+def _group(of: Callable[[Record], str], keys: list[str]) -> Lines:
     if os.getpid() not in _recorders:
         folder = tempfile.TemporaryDirectory()
         _recorders[os.getpid()] = folder, Recorder(Path(folder.name))
     try:
-        return replayed(_recorders[os.getpid()][1], keys)
+        return replayed(_recorders[os.getpid()][1], keys, of)
     except Exception:  # noqa: BLE001 - told by whoever waits for it, with the cell's name
         return {keys[0]: traceback.format_exc()}

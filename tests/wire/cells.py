@@ -88,9 +88,8 @@ class Cell:
     name    of the command with its wire, and of what is done, as golden.txt has them
     family  whose simulator it talks to; its facts tell which frames write
     words   all that is typed behind `handctl`, without the output format
-    end     "ctrl-c", "other" or "" ; `place` is where
+    end     "ctrl-c", "other", "death" or "" ; `place` is where
     writes  whether it may write: else none of its frames does
-    mortal  whether the death of the process is looked at
     formats the output is shown in these instead of as people see it
     """
 
@@ -102,7 +101,6 @@ class Cell:
     end: str = ""
     place: str = ""
     writes: bool = False
-    mortal: bool = False
     format: str = ""
 
     @property
@@ -149,7 +147,7 @@ def _deeds(
             for place in PLACES:
                 yield cell(f"{what} {place}", *sure, end=end, place=place)
     if writes:
-        yield cell("death", *sure, mortal=True)
+        yield cell("death", *sure, end="death", place=PLACES[2])
 
 
 def _of_family(family: str) -> Iterator[Cell]:

@@ -14,7 +14,7 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import groupby
 from pathlib import Path
@@ -158,6 +158,8 @@ class Recorder:
         record.parts["wire"] = "\n".join(_lines(wire))
         if (other := "\n".join(_lines(people))) != record.parts["wire"]:
             record.parts["wire"] += f"\n--- {' '.join(shown) or 'for people'}\n{other}"
+        if cell.end == "death":  # whatever the command does behind it is none of a dead one's
+            return replace(record, codes=())
         record.parts["pace"] = "\n".join([*_moments(wire), *times])
         record.parts["envelope"] = self._plain("\n".join([*rows, *envelope]))
         record.parts["text"] = self._plain(f"--- stdout\n{told.out}--- stderr\n{told.err}")
@@ -175,16 +177,18 @@ class Recorder:
         behind = {"behind the first frame": 1, "in the middle": max(1, count // 2)}.get(cell.place)
         if behind is None:
             behind = (cell.writes and _last_writing(cell, usual)) or count
-        act = {"ctrl-c": seams.ctrl_c, "other": seams.other_handctl}[cell.end]
-        return partial(seams.Place, behind, mark, act)
+        return partial(seams.Place, behind, mark)
 
     def _ran(self, cell: Cell, form: str, place: Any) -> tuple[Wire, Result, dict[str, bytes]]:
         """One run: what passed, what it showed, what it left."""
-        wire = Wire(place() if place is not None else None)
+        wire = Wire()
+        heir = seams.Child(wire)
+        acts = {"ctrl-c": seams.ctrl_c, "other": seams.other_handctl, "death": heir.act}
+        wire.place = place(acts[cell.end]) if place is not None else None
         with ExitStack() as stack:
             stack.enter_context(seams.watched(wire))
-            if cell.mortal:
-                stack.enter_context(seams.mortal(wire))
+            if cell.end == "death":
+                stack.enter_context(seams.mortal(wire, heir))
             result = run(*cell.words, *(("--format", form) if form else ()))
         return wire, result, self.scratch.swept()
 

@@ -2,7 +2,7 @@
 
 A simulated link is spoken to and listened to at four methods. Behind a frame, where the program listens or sleeps next, a
 `Place` acts: Ctrl-C, or the wish of another handctl. `mortal` makes a simulated link one that could outlive this process,
-and takes what its child would be told.
+and has its child act on it.
 """
 
 from __future__ import annotations
@@ -11,12 +11,13 @@ import os
 import signal
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from typing import Any
 from unittest import mock
 
 from handctl import report
+from handctl.link import deadman
 from handctl.link.base import Outlet
 from handctl.link.fake import FakeFrames, FakeLink
 from handctl.stop.holding import Hold
@@ -33,7 +34,7 @@ EVENTS = ((FakeLink, "set_baud"), (FakeLink, "reopen"), (FakeLink, "power_cycle"
 
 @dataclass(frozen=True)
 class Passed:
-    """What passed on a link: ">" out, "<" in, "!" an event, "+" an order to the child. `link` counts from 0."""
+    """What passed on a link: ">" out, "<" in, "!" an event, "+" the end of the process. `link` counts from 0."""
 
     mark: str
     data: bytes
@@ -51,6 +52,8 @@ class Wire:
     passed: list[Passed] = field(default_factory=list)
     links: list[Any] = field(default_factory=list)
     hold: Hold | None = None
+    over: bool = False
+    """Nothing more is noted: the process is taken for dead."""
 
     def frames(self) -> list[Passed]:
         """What was sent."""
@@ -65,6 +68,8 @@ class Wire:
         return len(self.links) - 1
 
     def note(self, mark: str, link: Any, data: Any, text: str = "") -> None:
+        if self.over:
+            return
         at = round(link.now(), 3)
         raw, can_id = getattr(data, "data", data), getattr(data, "can_id", None)
         self.passed.append(Passed(mark, bytes(raw), can_id, at, text, self.number(link)))
@@ -160,67 +165,77 @@ class Place:
 
 
 class Child:
-    """In place of the process that stops a device when this one dies: no process, but what it is told, in order."""
+    """In place of the process that stops a device when this one dies: no process, but what it is told, and what it does."""
 
     def __init__(self, wire: Wire) -> None:
         self.wire = wire
-        self._unpack: Any = None
-        self._reads = -1
+        self._job: child.Job | None = None
+        self._told = -1
 
-    def started(self, _link: int, _held: Any, first: Any, unpack: Any, _bound: float) -> tuple[int, int]:
-        self._unpack = unpack
-        self._reads, writes = os.pipe()
-        os.set_blocking(self._reads, False)
-        self._note("is ready", first)
-        return 1, writes
+    def started(self, job: child.Job) -> child.Heir:
+        self._job = job
+        self._told, pipe = os.pipe()
+        os.set_blocking(self._told, False)
+        return child.Heir(1, pipe, -1)
 
-    def ended(self, _pid: int, pipe: int) -> None:
-        self.hear()
-        os.close(pipe)
-        os.close(self._reads)
-        self._reads = -1
-        self._note("has ended", (b"", ()))
+    def ended(self, heir: child.Heir) -> None:
+        os.close(heir.pipe)
+        os.close(self._told)
+        self._job = None
 
-    def hear(self) -> None:
-        """Take what it was told meanwhile."""
-        if self._reads < 0:
-            return
-        try:
-            rest = os.read(self._reads, 1 << 16)
-        except BlockingIOError:
-            return
+    def act(self, wire: Wire) -> None:
+        """The process dies: what the child does then; what the command goes on to do is not looked at."""
+        if self._job is None:
+            wire.passed.append(Passed("+", b"", text="the process dies, and nobody is there for it"))
+        else:
+            wire.passed.append(Passed("+", b"", text="the process dies, and its child acts"))
+            self._job.act(self._last())
+        wire.over = True
+
+    def _last(self) -> bytes:
+        last = rest = b""
+        with suppress(BlockingIOError):
+            rest = os.read(self._told, 1 << 16)
         while rest:
             size = 2 + int.from_bytes(rest[:2], "big")
-            self._note("is told", self._unpack(rest[2:size]))
-            rest = rest[size:]
-
-    def _note(self, what: str, orders: Any) -> None:
-        owed, shots = orders
-        sends = [*([f"the rest {owed.hex(' ').upper()}"] if owed else [])]
-        sends += [f"{data.hex(' ').upper()} ({pause:g} s)" for data, pause in shots]
-        self.wire.passed.append(Passed("+", b"", text=f"the child {what}: {', '.join(sends)}".rstrip(": ")))
-
-    def hearing(self, speak: Any) -> Any:
-        def spoken(*args: Any) -> Any:
-            self.hear()  # it was told before this frame went out
-            return speak(*args)
-
-        return spoken
+            last, rest = rest[2:size] or last, rest[size:]
+        return last
 
 
-def _encoded(data: bytes, can_id: int | None) -> bytes:
-    return data if can_id is None else can_id.to_bytes(4, "big") + data
+class Way(Outlet):
+    """Out of a simulated link, for a child of the same process."""
+
+    link: Any
+
+    @classmethod
+    def of(cls, link: Any) -> Way:
+        way = cls(-1, decode=(lambda _data: ([], b"")) if isinstance(link, FakeFrames) else None)
+        way.link = link
+        return way
+
+
+def outlet(link: Any) -> Way:
+    """In place of the method of a simulated link."""
+    return Way.of(link)
+
+
+def raw(way: Way) -> Any:
+    """The link of the child: the simulated one itself."""
+    link = way.link
+    link.put = lambda data, deadline: link.write(data, deadline) if data else None
+    link.sleep_reading = link.sleep
+    return link
 
 
 @contextmanager
-def mortal(wire: Wire) -> Iterator[None]:
-    """Simulated links are taken for real ones, and whoever guards one is heard. To be entered behind `watched`."""
-    heir = Child(wire)
+def mortal(wire: Wire, heir: Child) -> Iterator[None]:
+    """Simulated links are taken for real ones, and whoever guards one has `heir`. To be entered behind `watched`."""
     with ExitStack() as stack:
-        for owner, speak in SPEAKS:
+        for owner, _ in SPEAKS:
             stack.enter_context(mock.patch.object(owner, "fake", False))
-            stack.enter_context(mock.patch.object(owner, "outlet", lambda _link: Outlet(-1, _encoded)))
-            stack.enter_context(mock.patch.object(owner, speak, heir.hearing(getattr(owner, speak))))
+            stack.enter_context(mock.patch.object(owner, "outlet", outlet))
         for name, made in (("can_be", lambda: True), ("started", heir.started), ("ended", heir.ended)):
             stack.enter_context(mock.patch.object(child, name, made))
+        for name in ("RawBytes", "RawFrames"):
+            stack.enter_context(mock.patch.object(deadman, name, raw))
         yield

@@ -11,9 +11,10 @@ from functools import cache
 import pytest
 
 from handctl.families import FAMILIES
+from tests.messages import cells as messages
 from tests.wire.book import differing, golden, parted, replayed
 from tests.wire.cells import cells, groups
-from tests.wire.record import Recorder
+from tests.wire.record import Record, Recorder
 
 TOOLS = "the tools"
 STEP = 7
@@ -27,10 +28,24 @@ def replay(tmp_path_factory: pytest.TempPathFactory) -> Replay:
     recorder = Recorder(tmp_path_factory.mktemp("wire"))
     known = golden()
 
+    written = messages.GOLDEN.read_text(encoding="utf-8")
+    unwritten: dict[str, None] = {}
+
+    def noted(record: Record) -> str:
+        unwritten.update(
+            (str(one), None) for one in messages.read(messages.messages(record)) if str(one) not in written
+        )
+        return record.line
+
     def wrong(keys: list[str]) -> list[str]:
-        """The cells that are not as they are written down, each with what shows it."""
-        found = replayed(recorder, [key for key in keys if key in known])
-        return [f"{key}: {parts}\n  python -m tests.wire --diff '{key}'" for key, parts in differing(found, known)]
+        """The cells that are not as they are written down, each with what shows it, and messages that are not."""
+        found = replayed(recorder, [key for key in keys if key in known], noted)
+        lines = [f"{key}: {parts}\n  python -m tests.wire --diff '{key}'" for key, parts in differing(found, known)]
+        lines += [
+            f"not in {messages.GOLDEN.name} (python -m tests.messages --cells --write):\n{one}" for one in unwritten
+        ]
+        unwritten.clear()
+        return lines
 
     return wrong
 

@@ -147,13 +147,14 @@ class Guard:
 
     def _start(self) -> None:
         """Fork, and see that the child is ready. All at once for signals: nobody must lose sight of a child."""
-        outlet, stop, first = self._outlet, self._stop, _pack(self._owed, self._first)
+        outlet, stop, first = self._outlet, self._stop, _pack(self._owed, self._first)[2:]
         assert outlet is not None
 
         def act(message: bytes) -> None:
             with suppress(Exception):
                 act_for(outlet, stop, message or first)
-            os.close(outlet.descriptor)  # before the lock: who gets that next must find the port free
+            with suppress(OSError):
+                os.close(outlet.descriptor)  # before the lock: who gets that next must find the port free
 
         self._told = clock.now()
         with child.unsignalled():
@@ -193,6 +194,11 @@ def act_for(outlet: Outlet, stop: Stop, message: bytes) -> None:
     stop(link)
 
 
+def _unread(text: str, code: str) -> LinkError:
+    """An error in the child, which nobody reads: there is no next step in it."""
+    return LinkError(text, code=code)
+
+
 class _Raw(Link):
     """A descriptor of the system, without the library that has opened it."""
 
@@ -206,9 +212,9 @@ class _Raw(Link):
                 data = data[os.write(self._outlet.descriptor, data) :]
             except BlockingIOError:
                 if not writable(self._outlet.descriptor, deadline.remaining):
-                    raise LinkError("the link takes nothing", code="write-timeout") from None
+                    raise _unread("the link takes nothing", "write-timeout") from None
             except OSError as exc:
-                raise LinkError("the link is lost", code="lost") from exc
+                raise _unread("the link is lost", "lost") from exc
 
     def got(self, deadline: Deadline) -> bytes:
         """Bytes as they are; b"" for silence. Raises LinkError."""
@@ -219,9 +225,9 @@ class _Raw(Link):
         except BlockingIOError:
             return b""
         except OSError as exc:
-            raise LinkError("the link is lost", code="lost") from exc
+            raise _unread("the link is lost", "lost") from exc
         if not data:
-            raise LinkError("the link is lost", code="lost")
+            raise _unread("the link is lost", "lost")
         return data
 
     def sleep_reading(self, seconds: float) -> None:

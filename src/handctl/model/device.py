@@ -204,14 +204,16 @@ class Device(ABC):
         talk = talk_of(self.kind, self.aim()._replace(powered=powered))
         return carry_out(self.link, talk, ledger=ledger if ledger.words is not None else None)
 
-    def guarded(self, *, beat: float = 0.0, talk: Callable[[Aim], Talk] | None = None) -> AbstractContextManager[Guard]:
+    def guarded(
+        self, *, beat: float = 0.0, powered: bool = False, talk: Callable[[Aim], Talk] | None = None
+    ) -> AbstractContextManager[Guard]:
         """While it lasts the death of this process stops the device by the same plan, or `talk`. Raises LinkError.
 
-        `beat` as in `link.deadman`.
+        `beat` as in `link.deadman`, `powered` as in `Aim`.
         """
         from handctl.link.deadman import guarding
 
-        said, aim = talk or partial(talk_of, self.kind), self.aim()
+        said, aim = talk or partial(talk_of, self.kind), self.aim()._replace(powered=powered)
         said(aim)  # so that the child finds it imported
         return guarding(self.link, lambda link: drive(link, said(aim), []), self.journal.warn, beat=beat)
 
@@ -219,7 +221,7 @@ class Device(ABC):
     def driven(self, guide: Guide, *, beat: float = 0.0, powered: bool = False, what: str = "") -> Iterator[Guard]:
         """Around what moves it: Ctrl-C and the death of this process stop it. Raises Interrupted, with `what` before what came of it."""
         with (
-            self.guarded(beat=beat) as guard,
+            self.guarded(beat=beat, powered=powered) as guard,
             stopped_by_ctrl_c(lambda: self.stop(powered=powered), guide, what),
         ):
             yield guard

@@ -153,6 +153,7 @@ class Ledger:
         self._writes: list[Write] = []
         self._waiting: dict[Hashable, Write] = {}
         self._one_step = ""
+        self._repeats = False
         self._asked: set[Hashable] = set()  # what of the plan went out
 
     # -- what is meant -------------------------------------------------------------------------------------------
@@ -209,6 +210,15 @@ class Ledger:
         finally:
             self._one_step = ""
 
+    @contextmanager
+    def repeating(self) -> Iterator[None]:
+        """The same frame once more in here is the same step: it is sent until one of them is acknowledged."""
+        before, self._repeats = self._repeats, True
+        try:
+            yield
+        finally:
+            self._repeats = before
+
     def _note(self, frame: Frame) -> None:
         planned = self._planned(frame.same)
         if planned is not None:
@@ -216,7 +226,9 @@ class Ledger:
         elif frame.unasked and frame.same not in self._asked:
             return
         last = self._writes[-1] if self._writes else None
-        if last is not None and frame.group and last.frame.group == frame.group:
+        if self._repeats and last is not None and frame.same is not None and last.frame.same == frame.same:
+            last.count += 1
+        elif last is not None and frame.group and last.frame.group == frame.group:
             last.again(frame.data)
             last.meaning = last.meaning or (planned.meaning if planned is not None else "")
         else:

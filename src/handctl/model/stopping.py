@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable, Generator, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Generic, NamedTuple, Protocol, TypeVar
 
@@ -79,6 +80,7 @@ class Aim(NamedTuple):
     fixed   the port stays at its speed: who has the link cannot change it, or the device is known to be there
     proven  this program has met the device: it is of this family, and has this address
     powered what holds the device up is left on where its movement could be ended by itself
+    within  seconds in which a step goes out again
     """
 
     settings: Options
@@ -87,6 +89,7 @@ class Aim(NamedTuple):
     fixed: bool = False
     proven: bool = False
     powered: bool = False
+    within: float = WITHIN
 
     @property
     def number(self) -> int:
@@ -101,7 +104,7 @@ class Aim(NamedTuple):
     @property
     def tries(self) -> int:
         """How often that is, before its second is over."""
-        return max(2, round(WITHIN / self.each))
+        return max(2, round(self.within / self.each))
 
 
 class Say(NamedTuple):
@@ -167,12 +170,12 @@ def insist(
         came += yield Say(step, aim.each, lambda pieces, before=before: found([*before, *pieces]) is not None, reads)  # type: ignore[misc]
         if (what := found(came)) is not None:
             return Heard(what, came, (count + 1) * aim.each)
-    return Heard(None, came, WITHIN)
+    return Heard(None, came, aim.within)
 
 
 def settled(aim: Aim, heard: Heard[T]) -> Generator[Say, Pieces, T | None]:
     """What was found, once the answers to the repetitions are here too: on a slow line the next question would get them."""
-    if heard.seconds > aim.each:
+    if heard.found is not None and heard.seconds > aim.each:
         yield from silence(heard.seconds)
     return heard.found
 
@@ -195,12 +198,12 @@ def silence(seconds: float = SILENCE) -> Generator[Say, Pieces, Pieces]:
 
 def taken_over(stopped: Stopped, what: str) -> Stopped:
     """The end of a stop that was acknowledged, and did not last."""
-    text = f"{stopped.text}. {SILENCE:g} s later {what}: somebody else commands this device"
+    text = f"{stopped.text}. {SILENCE:g} s later {what}: it does not obey, or somebody else commands it"
     return Stopped(text, FIND_WHO, DeviceRefused)
 
 
 FIND_WHO = (
-    "end the other program. `handctl ports` shows who has a port of this computer open; at a network address or on a bus "
+    "end the other program. `handctl ports` shows who has a port of this computer open. At a network address or on a bus "
     "look at the other computers. Switch the power off if it must not move"
 )
 
@@ -243,11 +246,14 @@ def carry_out(
     `until` bounds it; the first step that changes something goes out all the same.
     """
     sent = [] if sent is None else sent
+
+    def plan(step: Step) -> None:
+        if ledger is not None:
+            ledger.plan([step])
+
     try:
-        before: Callable[[Step], object] = (
-            (lambda step: ledger.plan([step])) if ledger is not None else (lambda _: None)
-        )
-        stopped = drive(link, talk, sent, before, until)
+        with ledger.repeating() if ledger is not None else nullcontext():
+            stopped = drive(link, talk, sent, plan, until)
     except HandctlError as exc:
         return Stopped(exc.text, exc.hint, type(exc))
     except KeyboardInterrupt:

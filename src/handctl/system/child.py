@@ -155,7 +155,9 @@ else:
         for name, text, place in (("comm", NAME, 0), ("mem", LINE[: size - 1].ljust(size, b"\0"), start)):
             file = os.open(f"/proc/self/{name}", os.O_WRONLY)
             try:
-                os.pwrite(file, text, place)
+                if place:
+                    os.lseek(file, place, os.SEEK_SET)
+                os.write(file, text)
             finally:
                 os.close(file)
 

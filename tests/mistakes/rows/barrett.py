@@ -13,8 +13,8 @@ ROWS = (
         "boot trigger",
         LINE,
         "GclLine.abort_bytes",
-        "return SAFE_ABORT if self.risky else ABORT",
-        "return ABORT",
+        "return abort_at(self.link.baud if self.link.can_set_baud else None)",
+        'return b"\x03"',
         "tests/barrett/test_line.py::test_an_interrupt_is_no_trigger_to_a_boot_monitor_at_any_speed",
     ),
     mistake(
@@ -22,8 +22,8 @@ ROWS = (
         "boot trigger",
         "handctl.devices.barrett.stopper",
         "_at",
-        "data = SAFE_ABORT if speed is not None and speed > MONITOR_SPEED else ABORT",
-        "data = ABORT",
+        "data = abort_at(speed)",
+        'data = b"\\x03"',
         "tests/barrett/test_stop.py::test_nothing_that_goes_out_unheard_is_a_trigger",
         "tests/barrett/test_motion.py::test_stop_is_ctrl_c_and_power_off",
     ),
@@ -131,6 +131,7 @@ ROWS = (
         "_prompt_at",
         'if place > start and buffer[place - 1] in b"\\r\\n":',
         "if place > start:",
+        "tests/barrett/test_language.py::test_no_answer_yet",
     ),
     mistake(
         "gcl-command-with-a-line-end",
@@ -166,6 +167,7 @@ ROWS = (
         "BarrettHand._read_back",
         "if all(now[element.full_name] == value for element, value in mine):",
         "if all(now[element.full_name] is not None for element, _value in mine):",
+        "tests/barrett/test_hand.py::test_a_value_that_reads_back_otherwise_is_not_confirmed",
     ),
     mistake(
         "barrett-moves-against-its-washers",
@@ -228,6 +230,7 @@ ROWS = (
         "Loader._await_monitor",
         'if not chunk[place + 1 :].strip(b"\\0\\r\\n"):',
         "if chunk:",
+        "tests/barrett/test_firmware.py::test_a_colon_with_the_banner_behind_it_is_no_invitation",
     ),
     mistake(
         "firmware-first-ctrl-c-ends-it",
@@ -254,5 +257,6 @@ ROWS = (
         "_strain",
         "if (high < OFF and now >= high) or (low < OFF and now <= low):",
         "if (high < OFF and now > high) or (low < OFF and now < low):",
+        "tests/barrett/test_diagnose.py::test_checks",
     ),
 )

@@ -12,6 +12,7 @@ ROWS = (
         "",
         "| 4 | Silence until the deadline. |",
         "| 4 | Bytes came, but no valid answer. |",
+        "tests/docs/test_readme.py::test_exit_codes",
     ),
     mistake(
         "readme-command-that-is-not",
@@ -20,6 +21,7 @@ ROWS = (
         "",
         "handctl ports                                    # what is plugged in, who holds it",
         "handctl port                                     # what is plugged in, who holds it",
+        "tests/docs/test_readme.py::test_every_example_is_a_line_that_handctl_takes",
     ),
     mistake(
         "readme-message-that-is-never-said",
@@ -28,6 +30,7 @@ ROWS = (
         "",
         "| `connection refused` (3) | The server is off, or another client holds the device. | `handctl doctor -p tcp://192.168.0.10` |",
         "| `connection rejected` (3) | The server is off, or another client holds the device. | `handctl doctor -p tcp://192.168.0.10` |",
+        "tests/docs/test_readme.py::test_each_message_of_the_table_is_met",
     ),
     mistake(
         "guide-names-a-page-that-is-not",
@@ -36,6 +39,7 @@ ROWS = (
         "",
         "| handctl-links(7) | ports, TCP, CAN, Bluetooth, names |",
         "| handctl-link(7) | ports, TCP, CAN, Bluetooth, names |",
+        "tests/docs/test_readme.py::test_every_guide_that_is_named_is_there",
     ),
     mistake(
         "guide-says-that-a-worn-hand-asks-nothing",
@@ -44,6 +48,7 @@ ROWS = (
         "",
         "| `ekso` | `set`, `restore` | `cancel`, `stop` |",
         "| `ekso` | `set` | `restore`, `cancel`, `stop` |",
+        "tests/docs/test_asking.py::test_a_command_asks_or_begins_as_the_table_says",
     ),
     mistake(
         "manual-page-without-own-options",
@@ -52,14 +57,16 @@ ROWS = (
         "_below",
         'own = [option for option in leaf.options if option not in known and "--help" not in option.names]',
         "own = []",
+        "tests/docs/test_docs.py::test_every_command_option_and_help_text_is_in_its_page",
     ),
     mistake(
         "help-text-and-page-differ",
         LIES,
         "handctl.tools.batch",
         "",
-        '@click.option("--keep-going", is_flag=True, help="Continue after a line that failed. The exit code is still that of the first one.")',
-        '@click.option("--keep-going", is_flag=True, help="Continue after a line that failed. The exit code is that of the last one.")',
+        'help="Continue after a line that failed. The exit code is still that of the first one.",',
+        'help="Continue after a line that failed. The exit code is that of the last one.",',
+        "tests/docs/test_docs.py::test_regenerated_is_committed",
     ),
     mistake(
         "schema-without-an-exit-code",
@@ -68,6 +75,7 @@ ROWS = (
         "",
         "8,\n130",
         "130",
+        "tests/kernel/test_schema.py::test_not_confirmed_and_dry_run_are_valid",
     ),
     mistake(
         "library-type-of-another-name",
@@ -76,5 +84,6 @@ ROWS = (
         "",
         "class Exo(Device):",
         "class Exoskeleton(Device):",
+        "tests/docs/test_docs.py::test_regenerated_is_committed",
     ),
 )

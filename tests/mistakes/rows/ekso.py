@@ -71,6 +71,7 @@ ROWS = (
         "DataPort._send",
         "if command in WRITING:",
         "if not command:",
+        "tests/ekso/test_dataport.py::test_nothing_is_written_to_a_line_on_which_no_eksonr_has_answered",
     ),
     mistake(
         "ekso-late-answer-not-waited-for",

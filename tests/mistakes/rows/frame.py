@@ -49,6 +49,7 @@ ROWS = (
         "Session.connection",
         "for other in [other for other in self._open if other.link == key.link]:",
         "for other in ():",
+        "tests/kernel/test_batch.py::test_one_place_is_open_once",
     ),
     mistake(
         "session-keeps-a-lost-link",
@@ -57,5 +58,6 @@ ROWS = (
         "Session.keeps",
         "if lost or stopped:",
         "if stopped:",
+        "tests/kernel/test_batch.py::test_a_link_that_failed_once_is_opened_again_though_it_reads_on",
     ),
 )

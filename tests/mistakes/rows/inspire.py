@@ -199,8 +199,8 @@ ROWS = (
         "stop not sent",
         "handctl.devices.inspire.base",
         "RegisterDevice.stopped_by_ctrl_c",
-        "left = Left(self.halt(moving) if moving else unsure, look)",
-        "left = Left(unsure, look)",
+        "raise interrupted(self.stop() if self._moving else Stopped(unsure, look)) from exc",
+        "raise interrupted(Stopped(unsure, look)) from exc",
         "tests/inspire/test_exo_motion.py::test_interrupted_set_is_stopped",
         "tests/stop/test_set.py::test_ctrl_c_in_set_stops_what_it_has_set_going",
     ),
@@ -220,6 +220,7 @@ ROWS = (
         "Access.identifier",
         "return self.flag << 26 | self.address << 14 | self.hand_id",
         "return self.flag << 26 | self.address << 13 | self.hand_id",
+        "tests/inspire/test_canbus.py::test_a_step_holds_the_exact_frame",
     ),
     mistake(
         "can-echo-taken-for-an-acknowledgement",
@@ -228,6 +229,7 @@ ROWS = (
         "_answers",
         'return len(frame.data) <= 1 and (frame != request or frame.data == b"\\x01")',
         "return len(frame.data) <= 1",
+        "tests/inspire/test_canbus.py::test_the_echo_of_one_byte_is_no_acknowledgement",
     ),
     mistake(
         "can-part-of-a-write-is-enough",
@@ -236,6 +238,7 @@ ROWS = (
         "CanBus.write",
         "if reply and reply[0] != len(data):",
         "if reply and not reply[0]:",
+        "tests/inspire/test_canbus.py::test_another_count_is_a_refusal",
     ),
     mistake(
         "can-answer-of-another-id",
@@ -244,6 +247,7 @@ ROWS = (
         "CanBus._exchange",
         "if frame.can_id == request.can_id and _answers(frame, request, count):",
         "if frame.can_id >> 14 == request.can_id >> 14 and _answers(frame, request, count):",
+        "tests/inspire/test_canbus.py::test_foreign_frames_are_passed_over_and_counted",
     ),
     mistake(
         "can-second-half-at-the-same-address",
@@ -252,6 +256,7 @@ ROWS = (
         "CanBus.read",
         "return first + self.read(address + canreg.MAX_COUNT, count - canreg.MAX_COUNT, retries=retries)",
         "return first + self.read(address, count - canreg.MAX_COUNT, retries=retries)",
+        "tests/inspire/test_canbus.py::test_the_whole_wrist_is_three_reads",
     ),
     mistake(
         "save-result-the-other-way-round",
@@ -260,6 +265,7 @@ ROWS = (
         "_save",
         'if frame.data != b"\\x00":',
         'if frame.data == b"\\x00":',
+        "tests/inspire/test_exo_flash.py::test_save_that_failed",
     ),
     mistake(
         "save-acknowledged-is-saved",
@@ -268,6 +274,7 @@ ROWS = (
         "_save",
         'return outcome(hand, register, "accepted", None)',
         'return outcome(hand, register, "saved", None)',
+        "tests/inspire/test_exo_flash.py::test_save_without_a_result_is_a_note",
     ),
     mistake(
         "errors-that-remain-are-no-failure",
@@ -276,6 +283,7 @@ ROWS = (
         "clear_errors",
         "if bits & ~OVER_TEMPERATURE:",
         "if bits & ~0x1F:",
+        "tests/inspire/test_exo_flash.py::test_errors_that_remain_are_a_failed_check",
     ),
     mistake(
         "id-of-another-hand-taken",
@@ -284,6 +292,7 @@ ROWS = (
         "change_id",
         "if new_taken:",
         "if new_taken and not old_there:",
+        "tests/inspire/test_exo_procedures.py::test_taken_id_is_refused_before_writing",
     ),
     mistake(
         "id-change-believed-without-asking",
@@ -292,6 +301,7 @@ ROWS = (
         "_write_id",
         "if probe(bus, new):",
         "if bus:",
+        "tests/inspire/test_exo_procedures.py::test_lost_id_change_is_told_and_not_repeated",
     ),
     mistake(
         "hand-with-errors-is-moved",
@@ -300,22 +310,34 @@ ROWS = (
         "fit_to_move",
         "if against:",
         "if not readings:",
+        "tests/inspire/test_rh56_host.py::test_a_hand_with_errors_is_not_moved",
     ),
     mistake(
         "hand-stop-of-one-finger",
         "stop sent once",
-        "handctl.devices.inspire.hand.motion",
-        "_speed_zero",
-        'return hand.plan([(element, 0) for element in elements_of(hand.map["speed_set"])])',
-        'return hand.plan([(element, 0) for element in elements_of(hand.map["speed_set"])[:1]])',
+        "handctl.devices.inspire.hand.stopper",
+        "_stop",
+        'zeros = b"".join(register.encode(0) for _ in range(register.count))',
+        "zeros = register.encode(0)",
+        "tests/inspire/test_rh56_host.py::test_a_stop_sets_every_speed_to_zero",
     ),
     mistake(
         "hand-stop-that-reads-otherwise",
         "evidence believed",
-        "handctl.devices.inspire.hand.motion",
-        "halt",
-        "if any(speeds):",
-        "if all(speeds):",
+        "handctl.devices.inspire.hand.stopper",
+        "_stop",
+        "return taken_over(stopped, against) if against else stopped",
+        "return stopped",
+        "tests/inspire/test_ctrl_c_lost.py::test_who_commands_behind_the_stop_is_seen",
+    ),
+    mistake(
+        "exo-late-answer-taken-for-that-of-the-release",
+        "evidence believed",
+        "handctl.devices.inspire.exo.stopper",
+        "stop_talk",
+        "if now is not None and not _alike(wanted, now):",
+        "if now is None:",
+        "tests/inspire/test_ctrl_c_lost.py::test_the_late_answer_of_a_force_is_not_that_of_the_release",
     ),
     mistake(
         "hand-stop-is-refused-and-told-as-taken",
@@ -324,6 +346,7 @@ ROWS = (
         "_writing",
         "return TAKEN if frame.data == bytes([eb90.ACCEPTED]) else REFUSED",
         "return TAKEN",
+        "tests/inspire/test_rh56_stop.py::test_a_refused_speed_0_is_no_stop",
     ),
     mistake(
         "hand-stop-of-a-stranger",
@@ -332,6 +355,7 @@ ROWS = (
         "_stop",
         "if states is not None and not _is_hand(states):",
         'if states == b"":',
+        "tests/inspire/test_rh56_stop.py::test_an_exoskeleton_hand_is_not_written_to",
     ),
     mistake(
         "pair-both-sides-the-same-hand",
@@ -340,5 +364,6 @@ ROWS = (
         "_seen",
         "if side in sides:",
         "if not side:",
+        "tests/inspire/test_rh56_pairing.py::test_two_links_to_one_hand_are_seen",
     ),
 )

@@ -136,6 +136,7 @@ ROWS = (
         "_ask",
         "if forces:",
         "if forces and not others:",
+        "tests/kernel/test_kinds.py::test_forces_have_a_question_of_their_own",
     ),
     mistake(
         "restore-id-first",
@@ -162,6 +163,7 @@ ROWS = (
         "restore",
         "changes = [change for change in found if setpoints or change[0].param.kind != COMMAND]",
         "changes = found",
+        "tests/kernel/test_kinds.py::test_what_is_left_alone_is_told",
     ),
     mistake(
         "read-back-of-another-value",
@@ -235,6 +237,7 @@ ROWS = (
         "_dumps",
         "text = json.dumps(value, ensure_ascii=False, allow_nan=False)",
         "text = json.dumps(value, ensure_ascii=False)",
+        "tests/kernel/test_filter.py::test_json_has_no_number_that_json_does_not_have",
     ),
     mistake(
         "output-half-written",
@@ -298,6 +301,7 @@ ROWS = (
         "_failure",
         "worst = max((error for _, error in failed), key=lambda error: error.exit_code)",
         "worst = failed[0][1]",
+        "tests/kernel/test_several.py::test_the_highest_exit_code_counts_wherever_it_stands",
     ),
     mistake(
         "serial-number-in-a-report",
@@ -352,5 +356,6 @@ ROWS = (
         "",
         "UNKNOWN = (1, 2, 8, 130)",
         "UNKNOWN = (1, 2, 8)",
+        "tests/kernel/test_metrics.py::test_what_says_nothing_of_the_device_writes_nothing",
     ),
 )

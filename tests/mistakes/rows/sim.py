@@ -5,6 +5,9 @@ from tests.mistakes.table import Patch, mistake
 EB90 = "handctl.devices.inspire.eb90"
 SIM_FRAMES = "handctl.sim.inspire.frames"
 EXO = "handctl.sim.exo.device"
+SERVE = "handctl.sim.engine.serve"
+PORTS = "handctl.sim.engine.ports"
+CROWD = "handctl.sim.engine.crowd"
 
 ROWS = (
     mistake(
@@ -14,6 +17,7 @@ ROWS = (
         "checksum",
         "return sum(body) & 0xFF",
         "return sum(body) + 1 & 0xFF",
+        "tests/inspire/test_eb90.py::test_longest_write_has_length_byte_ff",
         also=(Patch(SIM_FRAMES, "_sum", "return total % 256", "return (total + 1) % 256"),),
     ),
     mistake(
@@ -23,6 +27,7 @@ ROWS = (
         "_crc_function",
         'function: Callable[[bytes], int] = crcmod.predefined.mkPredefinedCrcFun("crc-ccitt-false")',
         'function: Callable[[bytes], int] = crcmod.predefined.mkPredefinedCrcFun("xmodem")',
+        "tests/ekso/test_frames.py::test_the_check_value_of_the_manual",
         also=(Patch("handctl.sim.ekso.wire", "crc", "register = 65535", "register = 0"),),
     ),
     mistake(
@@ -32,6 +37,7 @@ ROWS = (
         "",
         '_s16(1582, "force_actual", "measured force, positive when the user closes the hand, negative when opening it", "exo §2.3.10", low=-1000, high=1000, **_FIVE),',
         '_s16(1584, "force_actual", "measured force, positive when the user closes the hand, negative when opening it", "exo §2.3.10", low=-1000, high=1000, **_FIVE),',
+        "tests/inspire/test_registers.py::test_the_map_is_the_manuals_table",
         also=(
             Patch(EXO, "", '(1582, 2, 5, "r", -1000, 1000),  # forces', '(1584, 2, 5, "r", -1000, 1000),  # forces'),
         ),
@@ -43,6 +49,7 @@ ROWS = (
         "",
         '_angle(1038, "yaw_set", "commanded yaw", _RANGE, YAW_RANGE, **_GO),\n_angle(1040, "pitch_set", "commanded pitch", _RANGE, PITCH_RANGE, **_GO),',
         '_angle(1038, "pitch_set", "commanded pitch", _RANGE, PITCH_RANGE, **_GO),\n_angle(1040, "yaw_set", "commanded yaw", _RANGE, YAW_RANGE, **_GO),',
+        "tests/inspire/test_wrist.py::test_addresses_are_those_of_the_manual",
     ),
     mistake(
         "map-address-off-by-one",
@@ -51,6 +58,7 @@ ROWS = (
         "Register.address_of",
         "return self.address + self.size * index",
         "return self.address + self.size * index + 1",
+        "tests/inspire/test_registers.py::test_addresses_of_elements",
     ),
     mistake(
         "map-register-off-by-one",
@@ -59,6 +67,7 @@ ROWS = (
         "",
         '_u8(1606, "error", "actuator error bits", "exo §2.3.12", bits=ERROR_BITS, **_FIVE),',
         '_u8(1607, "error", "actuator error bits", "exo §2.3.12", bits=ERROR_BITS, **_FIVE),',
+        "tests/inspire/test_registers.py::test_the_map_is_the_manuals_table",
     ),
     mistake(
         "map-error-bits-in-another-order",
@@ -67,6 +76,7 @@ ROWS = (
         "",
         'ERROR_BITS = ("locked_rotor", "over_temperature", "over_current", "motor_abnormal", "communication")',
         'ERROR_BITS = ("locked_rotor", "over_current", "over_temperature", "motor_abnormal", "communication")',
+        "tests/inspire/test_registers.py::test_error_bits",
     ),
     mistake(
         "sim-exo-finger-off-by-one",
@@ -75,6 +85,7 @@ ROWS = (
         "Device._store",
         "self.hand.fingers[(place - 1486) // 2].target = None if value == -1 else value",
         "self.hand.fingers[(place - 1488) // 2].target = None if value == -1 else value",
+        "tests/sim/test_exo.py::test_blocked_finger_stops_draws_current_and_sets_bit_0",
     ),
     mistake(
         "sim-exo-writes-what-is-out-of-range",
@@ -83,6 +94,7 @@ ROWS = (
         "Device._write",
         "if low <= value <= high:",
         "if value <= 2 * high:",
+        "tests/sim/test_exo.py::test_impossible_write_changes_nothing",
     ),
     mistake(
         "sim-exo-answers-any-id",
@@ -91,6 +103,7 @@ ROWS = (
         "find",
         "if head[0:1] and head[0] != device_id:",
         "if head[0:1] and head[0] == 255:",
+        "tests/sim/test_exo.py::test_silence",
     ),
     mistake(
         "sim-exo-takes-a-damaged-request",
@@ -99,6 +112,7 @@ ROWS = (
         "find",
         "if buffer[start + size - 1] == _sum(buffer[start + 2 : start + size - 1]):",
         "if size:",
+        "tests/sim/test_exo.py::test_request_behind_garbage",
     ),
     mistake(
         "sim-gcl-wrong-pair-takes-the-rest-along",
@@ -107,6 +121,7 @@ ROWS = (
         "_pairs",
         "if code:",
         "if code and at:",
+        "tests/barrett/test_hand.py::test_a_line_refused_in_its_middle_may_be_half_set",
     ),
     mistake(
         "sim-line-late-answer-in-time",
@@ -115,6 +130,7 @@ ROWS = (
         "Line._transmit",
         "due += self._late",
         "due += 0.0",
+        "tests/sim/test_line.py::test_late",
     ),
     mistake(
         "sim-line-answers-before-the-last-bit",
@@ -123,5 +139,121 @@ ROWS = (
         "Line._hearing",
         "return count, first.end_of(first.sent + count)",
         "return count, first.start",
+        "tests/sim/test_line.py::test_byte_is_there_when_its_stop_bit_is_over",
+    ),
+    mistake(
+        "serve-unsent-bytes-without-bound",
+        "output half written",
+        SERVE,
+        "_loop",
+        "if len(unsent) + len(taken) <= UNREAD or not unsent:",
+        "if taken:",
+        "tests/sim/test_serve.py::test_what_a_client_does_not_read_is_bounded",
+    ),
+    mistake(
+        "serve-reply-of-who-left-goes-to-the-next",
+        "stale input believed",
+        SERVE,
+        "_loop",
+        "if data is None:\nline.reconnect()\nunsent.clear()",
+        "if data is None:\n    unsent.clear()",
+        "tests/sim/test_serve.py::test_a_client_that_left_without_reading_leaves_no_reply_to_the_next",
+        "tests/sim/test_aidin_serve.py::test_half_an_object_of_a_client_that_left_does_not_swallow_what_the_next_one_sends",
+    ),
+    mistake(
+        "serve-wakes-a-second-late",
+        "deadline ignored",
+        SERVE,
+        "_wait",
+        "timeout = max(0.0, min(times) - now - SPIN) if times else None",
+        "timeout = max(0.0, min(times) - now + 1.0) if times else None",
+        "tests/sim/test_serve.py::test_it_ends_by_itself_at_its_time",
+        "tests/sim/test_serve.py::test_wire_time_passes",
+        "tests/sim/test_aidin_serve.py::test_stream_and_a_move",
+    ),
+    mistake(
+        "serve-speed-of-the-client-not-looked-at",
+        "evidence believed",
+        SERVE,
+        "_loop",
+        "line.client_baud = port.baud()  # a client may change it while an answer is on its way",
+        "line.client_baud = None",
+        "tests/sim/test_serve.py::test_a_wrong_speed_is_silence_or_garbage",
+        "tests/sim/test_barrett_serve.py::test_a_speed_change",
+    ),
+    mistake(
+        "serve-power-cycle-forgotten",
+        "swallowed error",
+        SERVE,
+        "_loop",
+        "signals.power_cycles -= 1\nline.power_cycle()",
+        "signals.power_cycles -= 1",
+        "tests/sim/test_serve.py::test_a_speed_change_needs_save_and_power_cycle",
+        "tests/sim/test_barrett_serve.py::test_control_and_power",
+    ),
+    mistake(
+        "serve-control-takes-a-line-in-two-pieces-for-two",
+        "resynchronised wrongly",
+        SERVE,
+        "ControlPort._serve_client",
+        "text[:] = rest",
+        "text.clear()",
+        "tests/sim/test_serve.py::test_control",
+    ),
+    mistake(
+        "serve-heard-is-told-again",
+        "stale input believed",
+        SERVE,
+        "ControlPort._tell",
+        "self._heard.clear()",
+        "pass",
+        "tests/sim/test_serve.py::test_what_clients_have_sent_is_told_once_with_its_moments",
+    ),
+    mistake(
+        "serve-a-disconnect-ends-the-listener-too",
+        "wrong exit code",
+        PORTS,
+        "TcpPort.hang_up",
+        "return False",
+        "return True",
+        "tests/sim/test_serve.py::test_a_disconnect_ends_a_terminal_and_leaves_a_listener",
+    ),
+    mistake(
+        "serve-listener-stays-at-the-old-address",
+        "evidence believed",
+        PORTS,
+        "TcpDoor.move",
+        "if host != self.host:",
+        "if not host:",
+        "tests/sim/hand/test_served.py::test_the_server_moves_with_the_ip_address_of_the_hand",
+    ),
+    mistake(
+        "serve-new-client-of-an-adapter-without-its-faults",
+        "swallowed error",
+        CROWD,
+        "Adapters.join",
+        "adapter = Adapter(seat, self._front.faults)",
+        "adapter = Adapter(seat)",
+        "tests/sim/test_slcan.py::test_faults_of_the_adapter_are_options_and_commands",
+        "tests/sim/test_bus_plug.py::test_a_fault_of_the_adapters_from_the_file_and_by_hand",
+        "tests/link/test_slcan.py::test_conditions_of_the_bus",
+    ),
+    mistake(
+        "serve-clients-come-in-while-the-adapters-are-away",
+        "swallowed error",
+        CROWD,
+        "Crowd.plug",
+        "self._away = not present",
+        "self._away = False",
+        "tests/sim/test_bus_plug.py::test_the_adapters_go_and_come_back_under_their_names",
+    ),
+    mistake(
+        "serve-name-of-a-terminal-goes-astray",
+        "same fact twice",
+        PORTS,
+        "PtyPort.close",
+        "os.unlink(self._name)",
+        "pass",
+        "tests/sim/test_plug.py::test_the_name_stays_and_the_terminal_is_another_in_this_process",
     ),
 )

@@ -14,8 +14,8 @@ from collections.abc import Generator, Sequence
 from functools import partial
 from typing import NamedTuple
 
-from handctl.devices.barrett.gcl.connecting import MONITOR_SPEED, SAFE_ABORT
-from handctl.devices.barrett.gcl.language import ABORT, Answer, Decoder, encode, explain_status, has_prompt
+from handctl.devices.barrett.gcl.connecting import SAFE_ABORT, abort_at
+from handctl.devices.barrett.gcl.language import Answer, Decoder, encode, explain_status, has_prompt
 from handctl.devices.barrett.map import SPEEDS
 from handctl.errors import DeviceRefused, NoAnswer, ProtocolError
 from handctl.model.param import Step
@@ -24,7 +24,7 @@ from handctl.model.stopping import Aim, Pieces, Say, Stopped, Talk, silence, tak
 FIRST, BETWEEN, LAST = 0.15, 0.02, 0.5
 """Seconds for the prompt behind the first ^C, behind the next ones, and behind the last: a movement needs time to end."""
 SWALLOWED = 8
-POWER_OFF, BRIEF = 1.0, 0.3
+POWER_OFF, BRIEF, TRIES = 1.0, 0.3, 3
 """Seconds for the answer to T: at the end, and before the other speeds are tried."""
 ABORTED = 16384
 """Status of what ^C has ended (barrett §5.1.3, T3)."""
@@ -56,7 +56,7 @@ def power_off(aim: Aim, prefix: str = "") -> Talk:
     stopped = yield from _power_off(aim, prefix)
     if stopped.error is None and (said := b"".join((yield from silence())).strip(b"=> \r\n")):  # late prompts are ours
         shown = said[:24].hex(" ").upper()
-        return taken_over(stopped, f"the hand says {shown}, which nobody here has asked for")
+        return taken_over(stopped, f"the hand says {shown}, which was not asked for here")
     return stopped
 
 
@@ -85,7 +85,7 @@ def _at(
     Where ^C went out once and nothing came, T goes out neither: nobody is there.
     """
     where = f" at {speed} bit/s" if speed is not None else ""
-    data = SAFE_ABORT if speed is not None and speed > MONITOR_SPEED else ABORT
+    data = abort_at(speed)
     abort = Step(f"^C{where}: end the movement or the RealTime loop", data, moves=True)
     came: Pieces = []
     for count, seconds in enumerate(waits):
@@ -102,8 +102,13 @@ def _at(
     if ended and powered:
         return Turn(speed, None, ended, b"".join(came), f"^C{where}")
     step = Step(f"{command}{where}: motor power off", encode(command), moves=True)
-    seconds = slow or (POWER_OFF if ended else power)
-    pieces = yield Say(step, seconds, lambda pieces: _answer(command, pieces), baud=speed)
+    tries = TRIES if ended else 1  # it is there: T goes out again until it is answered
+    seconds = slow or (POWER_OFF if ended else power) / tries
+    pieces: Pieces = []
+    for _ in range(tries):
+        pieces += yield Say(step, seconds, partial(_answered, command, tuple(pieces)), baud=speed)
+        if _answer(command, pieces) is not None:
+            break
     return Turn(speed, _answer(command, pieces), ended, b"".join([*came, *pieces]), f"^C and {command}{where}")
 
 
@@ -144,6 +149,10 @@ def _ended_by(seen: bytes) -> str:
 
 def _prompt_in(before: tuple[bytes, ...], pieces: Pieces) -> bool:
     return has_prompt(b"".join([*before, *pieces]))
+
+
+def _answered(command: str, before: tuple[bytes, ...], pieces: Pieces) -> Answer | None:
+    return _answer(command, [*before, *pieces])
 
 
 def _answer(command: str, pieces: Pieces) -> Answer | None:

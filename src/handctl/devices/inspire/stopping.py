@@ -6,6 +6,7 @@ Knows no device: its stopper says which registers tell where it is, and where it
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Sequence
+from itertools import zip_longest
 
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.quiet import question
@@ -44,23 +45,33 @@ def values(aim: Aim, address: int, count: int, flag: int) -> Read:
 
 
 def seen_since(
-    places: Callable[[], Read], targets: Callable[[], Read], wanted: Sequence[int | None], still: int
+    places: Callable[[], Read],
+    targets: Callable[[], Read],
+    wanted: Sequence[int | None],
+    still: int,
+    held: Sequence[int] = (),
 ) -> Generator[Say, Pieces, str]:
     """After a silence: what is commanded now, and whether it moves. What speaks against a stop, in words; "" = nothing.
 
-    `wanted` is what the stop has commanded, None where it has not; `still` the most that standing places differ by.
+    `wanted` is what the stop has commanded, None where it has not; `still` the most that standing places differ by; `held`
+    the places where it is to stay: on a slow line it still comes back to these.
     """
     yield from silence()
     told = yield from targets()
     if told is not None and any(one not in (None, now) for one, now in zip(wanted, told, strict=False)):
         return f"it is commanded to {' '.join(map(str, told))}"
     before = yield from places()
+    if before is None:
+        return ""
     yield from silence(BETWEEN)
     now = yield from places()
-    if before is None or now is None:
+    if now is None:
         return ""
-    moved = [abs(one - other) for one, other in zip(before, now, strict=True)]
-    return f"it moves: {' '.join(map(str, before))}, then {' '.join(map(str, now))}" if max(moved) > still else ""
+    back = [abs(there - place) < abs(here - place) for here, there, place in zip(before, now, held, strict=False)]
+    moved = [abs(there - here) > still for here, there in zip(before, now, strict=True)]
+    if any(one and not other for one, other in zip_longest(moved, back, fillvalue=False)):
+        return f"it moves: {' '.join(map(str, before))}, then {' '.join(map(str, now))}"
+    return ""
 
 
 def instead(heard: Pieces) -> str:

@@ -24,6 +24,19 @@ FILL = bytes(BLOCK_REST) + QUESTION
 motor moves, and the next 0 is no header: ERR 2048. The question behind it is for a hand at its prompt."""
 SAFE_ABORT = b"\x00" + ABORT
 """^C at a speed above 9600: alone it is FF to a monitor; behind 00, which no motor moves by, it is the end of one byte."""
+
+
+def abort_at(speed: int | None) -> bytes:
+    """^C for a hand that may be a boot monitor at 9600 by now; `speed` of the port in bit/s, None where it has none."""
+    return SAFE_ABORT if speed is not None and speed > MONITOR_SPEED else ABORT
+
+
+def ends_alone(size: int, speed: int | None) -> bool:
+    """Whether a monitor takes the last of so many bytes sent at `speed` for the beginning of a byte, the idle line for the
+    rest: it may hear FF. 4 bytes at 38400 are as long as one of its own, 2 at 19200."""
+    return speed is not None and speed > MONITOR_SPEED and size % (speed // MONITOR_SPEED) == 1
+
+
 LOOPED = b"\x7f"
 """At LOOP_SPEED too short a pulse for any receiver at 9600: it comes back from a wire and from nothing else."""
 LOOP_SPEED = 115200

@@ -12,12 +12,11 @@ from handctl.devices.barrett.gcl.connecting import (
     MONITOR_SPEED,
     QUESTION,
     RESTARTED_TEXT,
-    SAFE_ABORT,
     SILENCE,
+    abort_at,
     is_answer,
 )
 from handctl.devices.barrett.gcl.language import (
-    ABORT,
     BANNER,
     DISTURBED,
     PROMPT,
@@ -93,7 +92,7 @@ class GclLine(Line):
     @property
     def abort_bytes(self) -> bytes:
         """^C for a hand that may be a boot monitor at 9600 by now."""
-        return SAFE_ABORT if self.risky else ABORT
+        return abort_at(self.link.baud if self.link.can_set_baud else None)
 
     @property
     def risky(self) -> bool:
@@ -277,7 +276,7 @@ class GclLine(Line):
     def abort(self) -> Answer | None:
         """^C: stop all motors (barrett §5.5 case 4). The answer of the command that ran, None when no prompt comes."""
         link = self.link
-        link.write(ABORT, link.deadline(1.0))
+        link.write(self.abort_bytes, link.deadline(1.0))
         came = self.until_prompt(1.5 + self.wire_seconds(32))
         if not has_prompt(came):
             return None

@@ -279,7 +279,8 @@ def _lines_as_they_come(path: str) -> Iterator[str]:
 
 def _steps(run: Run, wish: Wish, controls: Controls | None) -> list[Step]:
     """The exact bytes as far as they do not depend on what the hand holds."""
-    from handctl.devices.barrett.gcl.language import ABORT, encode
+    from handctl.devices.barrett.gcl.connecting import abort_at
+    from handctl.devices.barrett.gcl.language import encode
     from handctl.devices.barrett.map import BARRETT
     from handctl.devices.barrett.realtime.blocks import Layout, Selection
     from handctl.devices.barrett.realtime.flags import asked_flags
@@ -303,7 +304,7 @@ def _steps(run: Run, wish: Wish, controls: Controls | None) -> list[Step]:
         zero = {index: {**names, **({"velocity": 0} if "velocity" in names else {})} for index, names in values.items()}
         steps.append(Step("first control block", layout.control(values), moves=True))
         steps.append(Step("last control block: stand", layout.control(zero, feedback=False)))
-    steps.append(Step("leave RealTime", ABORT))
+    steps.append(Step("leave RealTime", abort_at(run.settings.baud)))
     if controls is not None and not wish.hold:
         steps.append(Step(f"{wish.prefix}T: motor power off", encode(f"{wish.prefix}T")))
     return steps

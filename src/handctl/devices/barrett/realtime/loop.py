@@ -100,6 +100,7 @@ class RealtimeLoop:
         if self.controls is None:
             yield from self._run(rate, count, duration)
             return
+        self.hand.line.connect()  # the last bytes depend on the speed of the port
         beat = max(BEAT, 3 / rate) if rate else BEAT
         talk = partial(power_off, prefix=self.wish.prefix)
         with self.hand.guarded(beat=beat if self.wish.watched else 0.0, talk=talk) as session.dead_man:

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from handctl.devices.barrett.device import BarrettHand
+from handctl.devices.barrett.gcl.connecting import ends_alone
 from handctl.devices.barrett.realtime.blocks import Decoder, Layout, LoopError
 from handctl.devices.barrett.realtime.flags import Wish
 from handctl.devices.barrett.realtime.schedule import Values
@@ -159,7 +160,10 @@ class Session:
         if zero is None or zero == self._still:
             return
         self._still = zero
-        wire = self.hand.line.wire_seconds
+        line = self.hand.line
+        wire = line.wire_seconds
+        if line.risky and ends_alone(len(zero), line.link.baud):
+            zero += line.abort_bytes
         answered = ANSWER_SECONDS + wire(self.layout.control_size + self.layout.feedback_size)  # of the block before
         self._tell_first([Shot(b"", answered), Shot(zero, ANSWER_SECONDS + wire(len(zero) + 1))])
 

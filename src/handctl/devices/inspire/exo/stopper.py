@@ -7,13 +7,13 @@ is always from a place just read. The same bytes would be a write to a wrist: on
 from __future__ import annotations
 
 from handctl.devices.inspire import eb90
-from handctl.devices.inspire.stopping import QUICK, answer, asks, instead, seen_since, values
+from handctl.devices.inspire.stopping import QUICK, Read, answer, asks, instead, seen_since, values
 from handctl.errors import DeviceRefused, NoAnswer, ProtocolError
 from handctl.model.param import Step
 from handctl.model.stopping import Aim, Say, Stopped, Talk, insist, taken_over
 
-POSITION_SET, POSITION_ACTUAL = 1486, 1546
-"""exo §2.3.7, §2.3.9."""
+POSITION_SET, FORCE_SET, POSITION_ACTUAL = 1486, 1498, 1546
+"""exo §2.3.7, §2.3.8, §2.3.9."""
 FINGERS, MEASURED = 5, 6
 STAY = -1
 """In `position_set`: this finger is not moved (exo §2.3.7)."""
@@ -35,7 +35,7 @@ def stop_talk(aim: Aim) -> Talk:
             )
     force = Step("all forces to 0", eb90.command_request(number, eb90.FORCE_COMMAND, [0] * FINGERS), moves=True)
     told = eb90.command_reply_prefix(number, eb90.FORCE_COMMAND)
-    meaning = ""
+    meaning, late = "", False
     for _ in range(aim.tries):
         heard = yield from insist(aim, force, lambda pieces: answer(pieces, told))
         came += heard.came
@@ -47,12 +47,16 @@ def stop_talk(aim: Aim) -> Talk:
         pieces = yield Say(step, max(aim.each, heard.seconds), lambda pieces, taken=taken: answer(pieces, taken))  # type: ignore[misc]
         if answer(pieces, taken) is None:
             continue
+        wanted: list[int | None] = [*(places if meaning.startswith("hold") else [None] * FINGERS), *[0] * FINGERS]
+        now = yield from _targets(aim)
+        if now is not None and not _alike(wanted, now):
+            if not late:
+                late = True  # the answer was that of a force that was commanded before: it begins alike
+                continue
+            wanted = [None] * len(wanted)  # this hand does not show its commands there (the manual does not say)
         done = f"the hand answered two commands: all forces to 0, then {meaning}. The manual has no stop command"
         against = yield from seen_since(
-            lambda: values(aim, POSITION_ACTUAL, MEASURED, eb90.READ),
-            lambda: values(aim, POSITION_SET, FINGERS, eb90.READ),
-            places if meaning.startswith("hold") else [None] * FINGERS,
-            STILL,
+            lambda: values(aim, POSITION_ACTUAL, MEASURED, eb90.READ), lambda: _targets(aim), wanted, STILL, places
         )
         return taken_over(Stopped(done), against) if against else Stopped(done)
     if meaning:
@@ -64,6 +68,17 @@ def stop_talk(aim: Aim) -> Talk:
     seen = instead(came)
     text = f"all forces were commanded to 0, but {f'no valid answer arrived: {seen}' if seen else 'no answer arrived'}"
     return Stopped(text, f"{POWER}. `handctl exo scan` looks for id and speed", ProtocolError if seen else NoAnswer)
+
+
+def _alike(wanted: list[int | None], now: list[int]) -> bool:
+    return all(one in (None, other) for one, other in zip(wanted, now, strict=True))
+
+
+def _targets(aim: Aim) -> Read:
+    """The places that it is commanded to, and the forces; None where they are not answered."""
+    places = yield from values(aim, POSITION_SET, FINGERS, eb90.READ)
+    forces = (yield from values(aim, FORCE_SET, FINGERS, eb90.READ)) if places is not None else None
+    return None if places is None or forces is None else [*places, *forces]
 
 
 def hold(number: int, places: list[int]) -> tuple[Step, bytes, str]:

@@ -266,13 +266,12 @@ class Hand(RegisterDevice):
         return step._replace(meaning=meaning, moves=register.moves, strands=register.strands)
 
     def aim(self) -> Aim:
-        """Its generation and protocol are known by now."""
-        aim = super().aim()
-        protocol = "modbus" if isinstance(self.bus, ModbusBus) else "eb90"
-        own = {**aim.settings.own, "protocol": protocol, **({"model": self._known} if self._known else {})}
-        return aim._replace(
-            settings=Known(self.bus.id, aim.settings.timeout, aim.settings.port, aim.settings.wire, own)
-        )
+        """Its generation, protocol and wire are known by now, whatever the LINK is called."""
+        aim, modbus = super().aim(), self.bus if isinstance(self.bus, ModbusBus) else None
+        own = {**aim.settings.own, "protocol": "modbus" if modbus is not None else "eb90"}
+        own |= {"model": self._known} if self._known else {}
+        wire = "modbus-tcp" if modbus is not None and modbus.tcp else None
+        return aim._replace(settings=Known(self.bus.id, aim.settings.timeout, wire=wire, own=own))
 
 
 # -- findings and views -------------------------------------------------------------------------------------------

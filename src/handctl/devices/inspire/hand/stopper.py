@@ -16,8 +16,10 @@ from handctl.devices.inspire.identity import STATES, is_five_wide, is_six_wide, 
 from handctl.devices.inspire.stopping import QUICK, READS, Read, answer, seen_since
 from handctl.errors import DeviceRefused, LinkError, NoAnswer, ProtocolError
 from handctl.model.param import Step
-from handctl.model.stopping import Aim, Pieces, Say, Stopped, Talk, insist, settled, taken_over
+from handctl.model.stopping import WITHIN, Aim, Pieces, Say, Stopped, Talk, insist, settled, taken_over
 
+BRIEF = 0.3
+"""Seconds for each protocol where both are tried, before both are tried for longer."""
 STILL = 15
 """Counts of 1000: what stands is read alike within so many."""
 POWER = "Speed 0 does not replace the power switch. Switch the power off if the hand still moves"
@@ -47,8 +49,10 @@ def stop_talk(aim: Aim) -> Talk:
     else:
         wires = {"eb90": [EB90], "modbus": [RTU]}.get(protocol, [EB90, RTU])
     failed: list[Stopped] = []
-    for wire in wires:
-        stopped = yield from _stop(aim, wire)
+    # who speaks the second protocol must not wait until the first has been given up
+    turns = [(wire, seconds) for seconds in ((BRIEF, WITHIN) if len(wires) > 1 else (WITHIN,)) for wire in wires]
+    for wire, seconds in turns:
+        stopped = yield from _stop(aim._replace(within=seconds), wire)
         if stopped.error not in (NoAnswer, ProtocolError):
             return stopped
         failed.append(stopped)

@@ -47,7 +47,7 @@ def stop_talk(aim: Aim) -> Talk:
         if taken:
             done = f"the wrist was commanded to {meaning} and acknowledged it. The manual has no stop command"
             against = yield from seen_since(
-                lambda: _read(aim, ANGLES), lambda: _read(aim, ANGLES_SET), [yaw, pitch], STILL
+                lambda: _read(aim, ANGLES), lambda: _read(aim, ANGLES_SET), [yaw, pitch], STILL, told.found
             )
             return taken_over(Stopped(done), against) if against else Stopped(done)
         if told.seconds > aim.each:
