@@ -17,9 +17,9 @@ from handctl.model.result import Table
 def cli(run: Run) -> Table:
     """Stop a device at once, also while another handctl command has it.
 
-    The family is that of the named device, of the handctl command that has the device or had it last, of a
-    device of the configuration file at this place, or of who answers within half a second. Otherwise use
-    `handctl FAMILY stop`. The other handctl ends with exit code 130.
+    The family is known from the name, or from the handctl command that has the device or had it last.
+    Without these, handctl looks for a named device at this port, then asks for 0.5 s which device answers.
+    If that fails, use `handctl FAMILY stop`. The other handctl ends with exit code 130.
     """
     from handctl.stop import command
 
