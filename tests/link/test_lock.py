@@ -31,12 +31,12 @@ def files(folder: Path) -> list[Path]:
 
 
 def test_the_first_place_is_the_runtime_folder(folders: tuple[Path, Path]) -> None:
-    held = hold(LINK, "handctl aidin stop")
+    held = hold(LINK, "handctl scan")
     assert held is not None
     ((file,), none) = (files(folder) for folder in folders)
     assert none == []
     pid = os.getpid()
-    assert file.read_text() == f"{pid}\t{processes.began(pid)}\t\treads\t{LINK}\thandctl aidin stop\n"
+    assert file.read_text() == f"{pid}\t{processes.began(pid)}\t\treads\t{LINK}\thandctl scan\n"
     held.release()
     held.release()
     assert file.read_text() == "", "nobody holds it, and the file stays"

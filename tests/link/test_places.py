@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import pkgutil
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import can as python_can
 import pytest
 import serial as pyserial
+import serial.urlhandler as pyserial_urls
 
-from handctl.errors import LinkError
-from handctl.link import open_link, serial
-from handctl.link.lock import canonical
+from handctl.errors import HandctlError, LinkError, UsageError
+from handctl.link import open_link, serial, urls
+from handctl.link.lock import canonical, hold
 from handctl.link.owners import group_remedy
 from tests.support.cli import PATIENCE, run
 from tests.support.each_row import each_row
@@ -34,6 +36,80 @@ def test_other_machines_are_other_places() -> None:
     names = ["10.0.0.1", "10.1", "10.0.0.2", "hand", "HAND.", "fe80::1", "[FE80:0::1]", "127.0.0.2", "1.2.3.4.5", ""]
     places = [canonical(f"tcp://{name}:8000") for name in names]
     assert places == [f"tcp {host}:8000" for host in ("10.0.0.1", "10.0.0.1", "10.0.0.2", "hand", "hand", "fe80::1", "fe80::1", "127.0.0.2", "1.2.3.4.5", "")]  # fmt: skip
+
+
+PORT = "/dev/null"
+"""A character device, as a port is."""
+ADDRESSES = {"socket": "{}://127.1:08000/x?logging=info#y", "rfc2217": "{}://user@LOCALHOST:8000/?timeout=3"}
+OPTIONS = {"spy": "?file=/nowhere&all=1#x", "alt": "?class=PosixPollSerial", "cp2110": ""}
+
+
+class Listed(NamedTuple):
+    """A port of pyserial's list."""
+
+    device: str
+    description: str = "USB Serial"
+    hwid: str = "USB VID:PID=0403:6001 SER=A1"
+    vid: int = 0x0403
+    pid: int = 0x6001
+    serial_number: str = "A1"
+
+
+def places_of(scheme: str) -> set[str]:
+    """Where the URLs of a handler of pyserial lead, in its several spellings; a new handler is refused, or must be added."""
+    if scheme == "loop":
+        assert hold(f"{scheme.upper()}://", "x") is None
+        return {"nobody else"}
+    if scheme in ADDRESSES:
+        return {canonical(ADDRESSES[scheme].format(one)) for one in (scheme, scheme.upper())}
+    links = [f"{one}://{PORT}{OPTIONS.get(scheme, '')}" for one in (scheme, scheme.upper(), scheme.capitalize())]
+    if scheme == "hwgrep":
+        links = [
+            f"{one}://{text}" for one in (scheme, scheme.upper()) for text in ("0403:6001", "usb serial", "SER=A1$")
+        ]
+    return {canonical(link) for link in [*links, *(f"can:slcan:{link.partition('?')[0]}@9600" for link in links)]}
+
+
+def test_each_url_of_pyserial_leads_to_one_place_or_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Else two programs would have one device, each with a lock of its own."""
+    monkeypatch.setattr(serial, "listed_ports", lambda: [Listed(PORT), Listed("/dev/zero", "n/a", "n/a", 1, 2, "")])
+    handlers = [info.name.removeprefix("protocol_") for info in pkgutil.iter_modules(pyserial_urls.__path__)]
+    assert {"alt", "spy", "hwgrep", "loop", "socket", "rfc2217", "cp2110"} <= set(handlers)
+    port, host = {canonical(PORT)}, {canonical("tcp://127.0.0.1:8000")}
+    for scheme in handlers:
+        if scheme in urls.SCHEMES:
+            wanted = {"nobody else"} if scheme == "loop" else host if scheme in ADDRESSES else port
+            assert places_of(scheme) == wanted, scheme
+        else:
+            with pytest.raises(UsageError, match="no link begins with"):
+                open_link(f"{scheme}://{PORT}")
+    assert port == {canonical("usb:0403:6001:A1"), canonical(f"can:robotell:{PORT}@9600?bitrate=500000")}
+
+
+@each_row(
+    "link, code, text",
+    [
+        ("cp2110://0001:0023:00", 2, "which port"),
+        ("hwgrep://0403:6001&n=2", 2, "no option"),
+        ("hwgrep://x&skip_busy", 2, "no option"),
+        ("hwgrep://(", 2, "regular expression"),
+        ("hwgrep://.", 3, "2 ports match: /dev/null, /dev/zero"),
+        ("hwgrep://nothing", 3, "no port matches"),
+        ("other:///dev/null", 2, "no link begins with other://"),
+        ("alt:///dev/null?class=Nothing", 2, "unknown class"),
+        ("spy://[x", 2, "IPv6"),
+        ("socket://127.0.0.1", 3, "cannot open"),
+        ("rfc2217://127.0.0.1", 3, "cannot open"),
+    ],
+)
+def test_a_url_that_leads_nowhere_for_sure_is_refused(
+    link: str, code: int, text: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(serial, "listed_ports", lambda: [Listed(PORT), Listed("/dev/zero")])
+    canonical(link)
+    with pytest.raises(HandctlError) as caught:
+        open_link(link)
+    assert caught.value.exit_code == code and text in caught.value.text and caught.value.hint, caught.value.text
 
 
 def test_a_port_of_root_is_no_matter_of_a_group(monkeypatch: pytest.MonkeyPatch) -> None:

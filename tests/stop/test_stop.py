@@ -440,8 +440,8 @@ def test_the_lock_tells_the_family(stand: MakeStand) -> None:
     place = stand("aidin")
     result, _ = place.stop("aidin", "stop", "--json")
     assert result.code == 0
-    nobody = run("stop", "-p", place.link, env=place.environment)
-    assert nobody.code == 2 and "handctl FAMILY stop" in nobody.err
+    result, _ = place.stop("stop", "--json")
+    assert result.code == 0, "who had it last has ended, and its lock file still tells"
     holder = place.hold()
     result, _ = place.stop("stop", "--json")
     assert (result.code, holder.wait(PATIENCE)) == (0, 130), result
@@ -450,6 +450,59 @@ def test_the_lock_tells_the_family(stand: MakeStand) -> None:
     holder.wait(PATIENCE)
     result, _ = place.stop("stop", "--json")
     assert result.code == 0, "who had it was killed, and its lock still tells"
+
+
+PROGRAM = """
+    import signal, sys, threading, time
+    import handctl
+
+    def ask(*_):
+        print("asked", flush=True)
+        if sys.argv[2] == "ends":
+            sys.exit(7)
+
+    signal.signal(signal.SIGTERM, ask)
+
+    def work():
+        with handctl.connect("exo", sys.argv[1]) as hand:
+            hand.get("id")
+            print("begun", flush=True)
+            time.sleep(60)
+
+    threading.Thread(target=work, daemon=True).start()
+    while True:
+        time.sleep(60)
+"""
+"""Uses the library in a thread, where nobody can ask for a stop; `ends` when it is asked to, or `stays`."""
+
+
+@pytest.mark.real
+@pytest.mark.parametrize(("kind", "code", "told"), [("ends", 7, "as SIGTERM asked it to"), ("stays", -signal.SIGKILL, "within 1 s of SIGTERM")])  # fmt: skip
+def test_a_program_that_uses_the_library_is_asked_first(kind: str, code: int, told: str, stand: MakeStand) -> None:
+    place = stand("exo")
+    holder = subprocess.Popen(
+        [sys.executable, "-c", textwrap.dedent(PROGRAM), place.link, kind],
+        env={**os.environ, **place.environment}, stdout=subprocess.PIPE,
+    )  # fmt: skip
+    assert holder.stdout is not None and holder.stdout.readline() == b"begun\n"
+    result, _ = place.stop("stop", "--json")
+    assert (result.code, holder.wait(PATIENCE)) == (0, code), result
+    assert holder.stdout.readline() == b"asked\n"
+    holder.stdout.close()
+    (message,) = [one for one in result.json["messages"] if one["code"] == "ended"]
+    assert told in message["text"] and str(holder.pid) in message["text"], message
+
+
+@pytest.mark.real
+def test_another_way_to_the_port_is_not_another_device(stand: MakeStand) -> None:
+    place = stand("exo")
+    holder = place.hold()
+    other = run("exo", "get", "id", "-p", f"alt://{place.link}", env=place.environment)
+    assert other.code == 3 and f"(pid {holder.pid})" in other.err, other
+    place.link, link = f"alt://{place.link}?class=PosixPollSerial", place.link
+    result, _ = place.stop("stop", "--json")
+    assert (result.code, holder.wait(PATIENCE)) == (0, 130) and "asked" in result.codes(), result
+    place.link = link
 
 
 @pytest.mark.real

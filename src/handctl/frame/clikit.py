@@ -20,7 +20,8 @@ from handctl.frame.cause import from_click
 from handctl.frame.console import print_message, print_stderr
 from handctl.frame.family import Family
 from handctl.frame.numbers import Hertz, Seconds
-from handctl.frame.options import COMMAND_LINE, Settings, SharedOption, config_path, read_config, resolve
+from handctl.frame.options import COMMAND_LINE, STOPPING, Settings, SharedOption, config_path, read_config
+from handctl.frame.precedence import resolve
 from handctl.frame.run import Run
 from handctl.frame.usage import (
     HEADINGS,
@@ -70,6 +71,7 @@ class Command(Described):
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """As click does; its message on the number of values knows neither the command nor what the values are called."""
+        ctx.meta[STOPPING] = self.stops
         try:
             return super().parse_args(ctx, args)
         except click.UsageError as exc:
@@ -126,6 +128,7 @@ class Group(Described, click.Group):
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         need_command(ctx, args)
+        ctx.meta[STOPPING] = "stop" in args
         return super().parse_args(ctx, args)
 
     def refused(self) -> frozenset[str]:

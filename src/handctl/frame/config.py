@@ -14,6 +14,7 @@ an option takes is said by the caller, one check per key. Knows no precedence an
 
 from __future__ import annotations
 
+import contextlib
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, NamedTuple
@@ -102,8 +103,11 @@ def is_name(text: object) -> bool:
     )
 
 
-def load(path: str, checks: Mapping[str, Check]) -> Config:
-    """Read and check the file; one that is missing is empty. Raises UsageError."""
+def load(path: str, checks: Mapping[str, Check], passed: list[UsageError] | None = None) -> Config:
+    """Read and check the file; one that is missing is empty. Raises UsageError.
+
+    With `passed` an entry that is wrong is noted there and left out; what is no TOML is an error all the same.
+    """
     hint = "make it readable, or name another one in HANDCTL_CONFIG"
     try:
         content = read(path, "the configuration file", MOST_BYTES, hint=hint, code="config")
@@ -114,18 +118,23 @@ def load(path: str, checks: Mapping[str, Check]) -> Config:
     except UnicodeDecodeError as exc:
         line = content[: exc.start].count(b"\n") + 1
         raise _wrong(path, line, f"byte {content[exc.start]:02X} is not UTF-8", "save the file as UTF-8") from exc
-    return parse(path, text, checks)
+    return parse(path, text, checks, passed)
 
 
-def parse(path: str, text: str, checks: Mapping[str, Check]) -> Config:
-    """The configuration in `text`; `path` is for the messages. Raises UsageError."""
+def parse(path: str, text: str, checks: Mapping[str, Check], passed: list[UsageError] | None = None) -> Config:
+    """The configuration in `text`; `path` is for the messages. Raises UsageError, see `load`."""
     data = _toml(path, text)
-    book = _Book(path, lines_of(text), checks)
+    book = _Book(path, lines_of(text), checks, passed)
     tables = data.pop("devices", {})
-    values = {key: book.entry((key,), value, tuple(checks), "option") for key, value in data.items()}
-    if not isinstance(tables, dict):
-        raise book.wrong(("devices",), "devices must be a table", "write [devices.NAME]")
-    return Config(path, text, values, {name: book.device(name, table) for name, table in tables.items()})
+    values = book.entries((), data, tuple(checks), "option")
+    devices: dict[str, Device] = {}
+    with book.noted():
+        if not isinstance(tables, dict):
+            raise book.wrong(("devices",), "devices must be a table", "write [devices.NAME]")
+        for name, table in tables.items():
+            with book.noted():
+                devices[name] = book.device(name, table)
+    return Config(path, text, values, devices)
 
 
 def from_toml(text: str) -> dict[str, Any]:
@@ -154,8 +163,15 @@ def _toml(path: str, text: str) -> dict[str, Any]:
 class _Book:
     """Checks one file's entries; knows where each stands."""
 
-    def __init__(self, path: str, lines: Mapping[tuple[str, ...], int], checks: Mapping[str, Check]) -> None:
+    def __init__(
+        self,
+        path: str,
+        lines: Mapping[tuple[str, ...], int],
+        checks: Mapping[str, Check],
+        passed: list[UsageError] | None,
+    ) -> None:
         self._path = path
+        self._passed = passed
         self._lines = lines
         self._checks = checks
 
@@ -166,6 +182,25 @@ class _Book:
 
     def wrong(self, place: tuple[str, ...], text: str, hint: str) -> UsageError:
         return _wrong(self._path, self.line(place), text, hint)
+
+    @contextlib.contextmanager
+    def noted(self) -> Iterator[None]:
+        """What is wrong in here is passed over, where that is wished."""
+        try:
+            yield
+        except UsageError as exc:
+            if self._passed is None:
+                raise
+            self._passed.append(exc)
+
+    def entries(
+        self, place: tuple[str, ...], table: Mapping[str, Any], known: tuple[str, ...], what: str
+    ) -> dict[str, Entry]:
+        found: dict[str, Entry] = {}
+        for key, value in table.items():
+            with self.noted():
+                found[key] = self.entry((*place, key), value, known, what)
+        return found
 
     def entry(self, place: tuple[str, ...], value: Any, known: tuple[str, ...], what: str) -> Entry:
         key = place[-1]
@@ -196,11 +231,8 @@ class _Book:
                 (*place, "kind"), f"kind = {kind!r}: no such device family", f"one of {', '.join(FAMILIES)}"
             )
         known = ("kind", *DEVICE_KEYS, *(option.key for option in FAMILIES[kind].options if option.named))
-        entries = {
-            key: self.entry((*place, key), value, known, f"key of a device of family {kind}")
-            for key, value in table.items()
-            if key != "kind"
-        }
+        table = {key: value for key, value in table.items() if key != "kind"}
+        entries = self.entries(place, table, known, f"key of a device of family {kind}")
         return Device(name, kind, entries, self.line(place))
 
 

@@ -22,6 +22,7 @@ class Family(NamedTuple):
     kind      command name, and the simulator's name
     open      (link, settings, journal) -> device
     baud      speed of a serial port unless --baud says otherwise, None = none
+    speeds    those that its device can have, () = any; a stop takes no other
     wires     the kinds of wire it has, the default first; () = bytes only
     tcp_port  port of tcp://HOST without one, None = it must be given; a family that has one and no `wires` has no serial wire
     ids       its protocol has device ids
@@ -43,6 +44,7 @@ class Family(NamedTuple):
     recall: Callable[[str], int | None] | None = None
     map_of: Callable[[Settings], ParamMap[Any]] | None = None
     simulated: Callable[[Settings], str] | None = None
+    speeds: tuple[int, ...] = ()
 
 
 def opener(device: Callable[[Any], Any], line: Callable[..., Any]) -> Callable[[Any, Settings, Journal], Any]:
@@ -73,7 +75,9 @@ def refuse_missing(family: Family, given: Collection[str]) -> None:
 
 def refuse_serial(family: Family, link: str) -> None:
     """Raise UsageError for a serial port where this family has TCP only."""
-    serial = link.startswith("spy://") or not ("://" in link or link.startswith(("can:", "replay:")))
+    from handctl.link.urls import path_in
+
+    serial = path_in(link) or link.startswith("usb:")
     if serial and family.tcp_port is not None and not family.wires:
         hint = f"-p tcp://HOST (port {family.tcp_port} when not given)"
         raise UsageError(f"{link}: {family.kind} has no serial wire", hint=hint)

@@ -1,7 +1,6 @@
-"""The options that every command, group and the root accept, and how they become settings. Imports click only.
+"""The options that every command, group and the root accept. Imports click only.
 
-Precedence: command line (the level nearest the verb wins), environment, named device, configuration file, default.
-A device that the environment or the file names stands back when a level above it says where the device is.
+The level nearest the verb wins; `frame.precedence` says what stands behind the command line.
 """
 
 from __future__ import annotations
@@ -18,7 +17,6 @@ from handctl.errors import UsageError
 from handctl.families import FAMILIES, WIRES, OwnOption
 from handctl.frame.filetypes import OutFile
 from handctl.frame.numbers import Seconds
-from handctl.frame.own import OWN
 
 if TYPE_CHECKING:
     from handctl.frame.config import Check, Config
@@ -30,8 +28,12 @@ SOURCES = "handctl.sources"
 """Key in click's shared meta: setting -> Source, for every setting that is not the default."""
 
 
+STOPPING = "handctl.stopping"
+"""Key in click's shared meta: whether this may be a command that nothing holds up, as far as its line was read."""
+UNFIT = "handctl.unfit"
+"""Key in click's shared meta: errors of options in such a line, for whoever knows which command it is."""
 PASSED_OVER = "handctl.passed-over"
-"""Key in click's shared meta: errors of the environment and the file that did not hold up an urgent command."""
+"""Key in click's shared meta: errors of the line, the environment and the file that did not hold up an urgent command."""
 
 
 class Settings(NamedTuple):
@@ -104,6 +106,18 @@ class SharedOption(click.Option):
         self.typed = typed
         super().__init__(list(names), expose_value=False, callback=self._remember, **more)
         self.key = key or str(self.name)
+
+    def handle_parse_result(
+        self, ctx: click.Context, opts: Mapping[str, Any], args: list[str]
+    ) -> tuple[Any, list[str]]:
+        """As click does. What makes no sense does not hold up a stop; which of two places it is meant for is no such thing."""
+        try:
+            return super().handle_parse_result(ctx, opts, args)
+        except (click.UsageError, UsageError) as exc:
+            if not ctx.meta.get(STOPPING) or self.key in ("port", "fake"):
+                raise
+            ctx.meta.setdefault(UNFIT, []).append(exc)
+            return None, args
 
     def _remember(self, ctx: click.Context, param: click.Parameter, value: Any) -> None:
         source = ctx.get_parameter_source(param.name or "")
@@ -192,92 +206,6 @@ def own_options(kind: str = "") -> tuple[OwnOption, ...]:
     return tuple(sorted(found, key=lambda option: not option.named))
 
 
-def resolve(ctx: click.Context, wires: Sequence[str] = (), device: str = "", *, urgent: bool = False) -> Settings:
-    """The settings of this command; with `device`, as `-d` with that name would have them. Where each comes from is
-    kept in the context's meta under SOURCES.
-
-    Raises UsageError for an environment variable or a configuration file that cannot be understood. With `urgent` they
-    are passed over, each with its error in the meta under PASSED_OVER, where the command line says which device it is.
-    """
-    given: dict[str, Any] = ctx.meta.get(GIVEN, {})
-    chosen = _Chosen()
-    for key in (*Settings._fields, *(option.key for option in own_options())):
-        if key in given:
-            chosen.offer(key, given[key], COMMAND_LINE)
-    if device:
-        chosen.values["device"], chosen.sources["device"] = device, COMMAND_LINE
-    options = lasting_options(wires)
-    passed: list[UsageError] = ctx.meta.setdefault(PASSED_OVER, [])
-    _take_environment(ctx, chosen, options, passed if urgent else None)
-    command = " ".join(ctx.command_path.split()[1:])
-    if command != WITHOUT_FILE:
-        try:
-            _from_file(chosen, options, with_device=command not in WITHOUT_DEVICE)
-        except UsageError as exc:
-            if not urgent or not chosen.linked:
-                raise
-            passed.append(exc)
-    if urgent:
-        _no_catch(chosen, passed)
-    ctx.meta[SOURCES] = chosen.sources
-    shared = {key: value for key, value in chosen.values.items() if key in Settings._fields}
-    own = {key: value for key, value in chosen.values.items() if key not in shared}
-    return Settings(**shared, own={**own, **ctx.meta.get(OWN, {})})
-
-
-def _no_catch(chosen: _Chosen, passed: list[UsageError]) -> None:
-    """A dry run that a variable or the file has set is a safety catch: it keeps things from moving, and so does a stop."""
-    source = chosen.sources.get("dry_run", COMMAND_LINE)
-    if source != COMMAND_LINE:
-        del chosen.values["dry_run"], chosen.sources["dry_run"]
-        hint = "give -n on the command line to see the bytes and send nothing"
-        passed.append(UsageError(f"dry_run, set in {source.where}, does not hold up a stop", hint=hint))
-
-
-def _take_environment(
-    ctx: click.Context, chosen: _Chosen, options: Sequence[SharedOption], passed: list[UsageError] | None
-) -> None:
-    """What the environment says where the command line does not; what makes no sense goes to `passed`, if there is one."""
-    linked = chosen.linked
-    found: dict[str, tuple[SharedOption, Any]] = {}
-    for option in options:
-        variable = f"HANDCTL_{str(option.name).upper()}"
-        text = os.environ.get(variable)
-        if not text or option.key in chosen.values or (linked and option.key in ("device", "port", "fake")):
-            continue
-        try:
-            value = _from_environment(ctx, option, text)
-        except UsageError as exc:
-            if passed is None:
-                raise
-            passed.append(exc)
-            continue
-        if option.fixed is None or value:
-            found[variable] = option, value if option.fixed is None else option.fixed
-    _refuse_pairs({name: option.key for name, (option, value) in found.items() if value}, "environment")
-    for variable, (option, value) in found.items():
-        chosen.offer(option.key, value, Source(ENVIRONMENT, variable))
-
-
-class _Chosen:
-    """The settings so far, from the highest level down: what is there stays."""
-
-    def __init__(self) -> None:
-        self.values: dict[str, Any] = {}
-        self.sources: dict[str, Source] = {}
-
-    @property
-    def linked(self) -> bool:
-        """Whether it is said where the device is."""
-        return self.values.get("port") is not None or bool(self.values.get("fake"))
-
-    def offer(self, key: str, value: Any, source: Source) -> None:
-        """A value of a lower level, where no higher one has said anything."""
-        if key not in self.values and not (key in ("port", "fake") and self.linked):
-            self.values[key] = value
-            self.sources[key] = source
-
-
 def config_path() -> str:
     """The configuration file: HANDCTL_CONFIG, or handctl/config.toml in the XDG place."""
     named = os.environ.get("HANDCTL_CONFIG")
@@ -289,11 +217,14 @@ def config_path() -> str:
     return os.path.join(base, "handctl", "config.toml")
 
 
-def read_config(path: str) -> Config:
-    """The configuration file, checked; a missing one is empty. Raises UsageError."""
+def read_config(path: str, passed: list[UsageError] | None = None) -> Config:
+    """The configuration file, checked; a missing one is empty. Raises UsageError.
+
+    With `passed` what is wrong with an entry is noted there, and the others hold.
+    """
     from handctl.frame.config import load
 
-    return load(path, checks())
+    return load(path, checks(), passed)
 
 
 def checks() -> dict[str, Check]:
@@ -328,69 +259,3 @@ def _checked(option: click.Parameter, value: Any) -> Any:
         return kind.convert(value, option, None)
     except click.UsageError as exc:
         raise ValueError(exc.message) from exc
-
-
-def _from_file(chosen: _Chosen, options: Sequence[SharedOption], with_device: bool) -> None:
-    path = config_path()
-    if _missing(path):
-        if os.environ.get("HANDCTL_CONFIG") and with_device:
-            raise UsageError(
-                f"HANDCTL_CONFIG={path}: no such file",
-                hint="correct or unset HANDCTL_CONFIG, or make the file with `handctl devices add`",
-                code="config",
-            )
-        if not (with_device and "device" in chosen.values):
-            return
-    config = read_config(path)
-    values = {
-        option: entry
-        for option in options
-        if (entry := config.values.get(str(option.name))) and (option.fixed is None or entry.value)
-    }
-    _refuse_pairs({str(option.name): option.key for option, entry in values.items() if entry.value}, path)
-    if with_device:
-        if "device" in config.values and not chosen.linked:
-            name, line = config.values["device"]
-            chosen.offer("device", name, Source(FILE, f"{path}:{line}"))
-        if "device" in chosen.values:
-            device = config.find(chosen.values["device"])
-            chosen.offer("kind", device.kind, Source(NAMED, f"{path}:{device.line}"))
-            for key, entry in device.entries.items():
-                chosen.offer(key, entry.value, Source(NAMED, f"{path}:{entry.line}"))
-    for option, entry in values.items():
-        if option.key == "device" or (option.key == "wire" and chosen.values.get("port")):
-            continue  # the LINK says which wire it is
-        value = entry.value if option.fixed is None else option.fixed
-        chosen.offer(option.key, value, Source(FILE, f"{path}:{entry.line}"))
-
-
-def _missing(path: str) -> bool:
-    """Whether there is no such file; one that may not be looked at is there, and reading it will say so."""
-    try:
-        os.stat(path)
-    except (FileNotFoundError, NotADirectoryError):
-        return True
-    except OSError:
-        return False
-    return False
-
-
-def _refuse_pairs(keys: dict[str, str], where: str) -> None:
-    """Two entries of the file, or two variables, that speak of one setting."""
-    said: dict[str, str] = {}
-    for name, key in keys.items():
-        about = "port" if key == "fake" else key
-        if about in said:
-            raise UsageError(
-                f"{where}: {said[about]} and {name} exclude each other", hint="keep one of the two", code="config"
-            )
-        said[about] = name
-
-
-def _from_environment(ctx: click.Context, option: SharedOption, text: str) -> Any:
-    try:
-        return (click.BOOL if option.is_flag else option.type).convert(text, option, ctx)
-    except click.UsageError as exc:
-        raise UsageError(
-            f"environment variable HANDCTL_{str(option.name).upper()}={text}: {exc.message}", hint="correct or unset it"
-        ) from exc

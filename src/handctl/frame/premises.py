@@ -26,6 +26,9 @@ UNASKED = "yes-unasked"
 
 def check_before(run: Run) -> None:
     """Raise UsageError or OutputError where this command line cannot be meant."""
+    if run.stops:
+        _let_pass(run)
+        return
     _check_named_device(run)
     _check_files(run)
     _check_output(run)
@@ -34,15 +37,25 @@ def check_before(run: Run) -> None:
         _check_protocol(run, run.family)
 
 
-def _check_format(run: Run) -> None:
-    """A format that only some commands have; a stop is not held up by it."""
-    if run.settings.format != "openmetrics":
-        return
-    from handctl.screen.metrics import refuse
-
-    if run.stops:
+def _let_pass(run: Run) -> None:
+    """No file and no format holds up a stop. What its family has to say is `stop.falling_back`."""
+    if run.settings.format == "openmetrics":
         run.settings = run.settings._replace(format="table")
-    else:
+    path = run.settings.output
+    if path and run.sources["output"] != COMMAND_LINE and (why := why_unwritable(path)):
+        run.settings = run.settings._replace(output=None)
+        run.journal.warn("passed-over", f"{path} ({run.sources['output'].where}): cannot be written: {why}")
+    try:
+        _check_files(run)  # what clashes is written nowhere then
+    except UsageError as exc:
+        run.journal.warn("passed-over", exc.text)
+
+
+def _check_format(run: Run) -> None:
+    """A format that only some commands have."""
+    if run.settings.format == "openmetrics":
+        from handctl.screen.metrics import refuse
+
         refuse(run.command)
 
 
@@ -107,7 +120,7 @@ def _check_files(run: Run) -> None:
 def _check_output(run: Run) -> None:
     """Raise OutputError now when -o cannot be written, not when the device has been served."""
     path = run.settings.output
-    if path and not run.stops and (why := why_unwritable(path)):
+    if path and (why := why_unwritable(path)):
         raise OutputError(f"{path}: cannot be written: {why}", hint="name another place for -o. Nothing was sent.")
 
 

@@ -51,13 +51,13 @@ def devices_in(words: Sequence[str]) -> tuple[int, str, tuple[str, ...]] | None:
         else:
             continue
         if "," in text or text == "*":
-            return place, start, _named(text)
+            return place, start, _named(text, urgent="stop" in words)
     return None
 
 
-def _named(text: str) -> tuple[str, ...]:
-    """The names, each once. Raises UsageError."""
-    config = read_config(config_path())
+def _named(text: str, *, urgent: bool) -> tuple[str, ...]:
+    """The names, each once. Raises UsageError; with `urgent` not for an entry of the file that concerns nobody named."""
+    config = read_config(config_path(), [] if urgent else None)
     names = list(config.devices) if text == "*" else [name.strip() for name in text.split(",") if name.strip()]
     if not names:
         raise UsageError(f"-d {text}: no device has a name", hint="`handctl devices add NAME FAMILY -p LINK` adds one")
@@ -157,6 +157,10 @@ def _check(words: Sequence[str], every: Sequence[Each]) -> None:
             hint=f"give one name with -d. {', '.join(TAKES)} take several",
         )
     settings = every[0].line.settings
+    if leaf.stops:  # no file and no format holds it up
+        for each in every:
+            each.line = each.line._replace(settings=each.line.settings._replace(trace=None, wide=None))
+        return
     if settings.format == "openmetrics" or settings.wide:
         what = "--wide" if settings.wide else "--format openmetrics"
         raise UsageError(

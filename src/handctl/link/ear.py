@@ -73,8 +73,8 @@ class Ear:
         return True
 
 
-def ask(lock: str, until: float) -> tuple[bool, dict[str, Any] | None]:
-    """Ask who holds `lock` to stop: whether it heard that before `until` (`clock.now`), and its report.
+def ask(lock: str, until: float, seconds: float = STOP_SECONDS) -> tuple[bool, dict[str, Any] | None]:
+    """Ask who holds `lock` to stop: whether it heard that before `until` (`clock.now`), and its report within `seconds`.
 
     The report is None when it ended, or fell silent, on the way.
     """
@@ -85,7 +85,7 @@ def ask(lock: str, until: float) -> tuple[bool, dict[str, Any] | None]:
             came = line.recv(6)
             if not came:
                 return False, None
-            line.settimeout(STOP_SECONDS)
+            line.settimeout(seconds)
             with contextlib.suppress(OSError):
                 while len(came) < MOST and (chunk := line.recv(4096)):
                     came += chunk

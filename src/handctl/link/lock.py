@@ -1,8 +1,8 @@
 """One process at a time on a device: an advisory lock held while a link is open, and what is known of who holds it.
 
 The lock is an flock on a file of this user, so it ends with its process however that ends. The file tells who holds
-it and what it does there. Two names of one place (a by-id link and /dev/ttyUSB0, a path below slcan or spy) are one
-lock. Knows no link's inside.
+it and what it does there: its first line, empty when nobody does. The second is the family of the last command that had one. Two names of one place (a by-id link and /dev/ttyUSB0, a path below slcan, spy:// or alt://) are
+one lock. Knows no link's inside.
 """
 
 from __future__ import annotations
@@ -10,15 +10,20 @@ from __future__ import annotations
 import os
 from typing import NamedTuple
 
-from handctl.errors import LinkError
+from handctl.errors import HandctlError, LinkError
+from handctl.link import urls
 from handctl.system import clock, disk, locks, ports, processes
 from handctl.system.folders import HINT, own, own_folder, private_folders
 
-OURS = ("fake://", "replay:", "loop://")
+OURS = ("fake://", "replay:")
 """Links that nobody else can reach."""
 LAST_STOP_SECONDS = 2.5
 """How long a lock whose file names no process that lives is waited for: a command that was killed leaves it to the child
 that stops the device."""
+
+
+LIBRARY = "handctl library"
+"""The command of a holder that is no command of handctl, but a program that uses the library."""
 
 
 class Holder(NamedTuple):
@@ -64,14 +69,15 @@ class Lock:
 
     def __init__(self, descriptor: int, path: str) -> None:
         self._descriptor = descriptor
+        self._family = _family(descriptor)
         self.path = path
         self.unrecorded = ""
 
     def record(self, holder: Holder) -> None:
         """Tell who holds it. A full disk does not keep it from being held."""
+        self._family = holder.family or self._family
         try:
-            os.ftruncate(self._descriptor, 0)
-            disk.write_at(self._descriptor, holder.line.encode("utf-8", "replace"), 0)
+            _write(self._descriptor, holder.line, self._family)
         except OSError as exc:
             self.unrecorded = f"{self.path}: {exc.strerror or exc}"
 
@@ -85,7 +91,7 @@ class Lock:
         descriptor, self._descriptor = self._descriptor, -1  # first: a Ctrl-C behind the close must not close it again
         if descriptor >= 0:
             try:
-                os.ftruncate(descriptor, 0)
+                _write(descriptor, "\n", self._family)
             except OSError:
                 pass  # who reads it finds a process that has gone
             finally:
@@ -108,7 +114,7 @@ def hold(
     device is that of several commands. None where there is nothing to lock. Raises InUse naming the holder,
     LinkError (code "no-lock") where no lock can be made.
     """
-    if link.startswith(OURS) and not kept:
+    if (link.startswith(OURS) or urls.scheme_of(link) == "loop") and not kept:
         return None
     descriptor, path = _open(_file_name(canonical(link, tcp_port)))
     until = clock.now() + (LAST_STOP_SECONDS if patience is None else patience)
@@ -128,39 +134,49 @@ def hold(
     return lock
 
 
-def last_holder(link: str) -> Holder | None:
-    """Who has, or had and did not let go, what `link` leads to; None where no lock file tells."""
+def last_family(link: str, tcp_port: int | None = None) -> str:
+    """The family of the command that has, or had last, what `link` leads to; "" where no lock file tells."""
+    name = _file_name(canonical(link, tcp_port))
     for folder in private_folders():
         try:
-            descriptor = os.open(
-                os.path.join(folder, _file_name(canonical(link))), os.O_RDONLY | disk.NO_LINK | disk.BINARY
-            )
+            descriptor = os.open(os.path.join(folder, name), os.O_RDONLY | disk.NO_LINK | disk.BINARY)
         except OSError:
             continue
         try:
-            if own(os.fstat(descriptor)) and (found := _read(descriptor)) is not None:
+            if own(os.fstat(descriptor)) and (found := _family(descriptor)):
                 return found
         finally:
             os.close(descriptor)
-    return None
+    return ""
 
 
 def canonical(link: str, tcp_port: int | None = None) -> str:
     """The place that a LINK leads to, the same for all its names: ``tty 188:0``, ``tcp host:port``, or the LINK."""
     if link.startswith("can:"):
         interface, _, channel = link.removeprefix("can:").partition("?")[0].partition(":")
-        return canonical(channel) if interface == "slcan" else f"can {interface}:{channel}"
-    if link.startswith("spy://"):
-        return canonical(link.removeprefix("spy://").partition("?")[0])
-    scheme, separator, rest = link.partition("://")
-    if separator and scheme in ("tcp", "socket", "rfc2217"):
+        port = channel.partition("@")[0]  # python-can takes what follows for the speed of the port
+        return canonical(port) if interface == "slcan" or port.startswith("/") else f"can {interface}:{channel}"
+    if path := urls.path_in(link):
+        return ports.place(path)
+    scheme = urls.scheme_of(link)
+    if link.startswith("usb:") or scheme == "hwgrep":
+        from handctl.link.serial import find
+
+        try:
+            return ports.place(str(find(link).device))
+        except HandctlError:
+            return link.casefold()  # opening it will say what is wrong
+    if scheme in ("tcp", *urls.OF_A_HOST):
         from handctl.link.tcp import plain_host
 
-        host, colon, port = rest.partition("?")[0].rstrip("/").casefold().rpartition(":")
-        if not colon or not (port.isascii() and port.isdecimal()):
-            host, port = f"{host}{colon}{port}", str(tcp_port or "")
+        host, port = urls.host_in(link) or ("", "")
+        if not host:
+            text = link.partition("://")[2].partition("?")[0].rstrip("/").casefold()
+            host, colon, port = text.rpartition(":")
+            if not colon or not (port.isascii() and port.isdecimal()):
+                host, port = text, str(tcp_port or "")
         return f"tcp {plain_host(host)}:{port.lstrip('0')}"
-    return link.casefold() if separator or link.startswith("usb:") else ports.place(link)
+    return link.casefold()
 
 
 def _file_name(place: str) -> str:
@@ -194,8 +210,26 @@ def _open(name: str) -> tuple[int, str]:
     ) from problem
 
 
+def _write(descriptor: int, line: str, family: str) -> None:
+    os.ftruncate(descriptor, 0)
+    text = f"{line}{family}\n" if family else line.lstrip("\n")
+    disk.write_at(descriptor, text.encode("utf-8", "replace"), 0)
+
+
+def _lines(descriptor: int) -> list[str]:
+    return [*disk.read_at(descriptor, 4096, 0).decode("utf-8", "replace").split("\n"), ""]
+
+
+def _family(descriptor: int) -> str:
+    """The family of the last command that had one; of a file that was damaged "", or a word that is none."""
+    try:
+        return _lines(descriptor)[1]
+    except OSError:
+        return ""
+
+
 def _read(descriptor: int) -> Holder | None:
-    fields = disk.read_at(descriptor, 4096, 0).decode("utf-8", "replace").strip("\n").split("\t")
+    fields = _lines(descriptor)[0].split("\t")
     if len(fields) != 6 or not fields[0].isdecimal() or len(fields[0]) > 10:
         return None
     pid, start, family, kind, link, command = fields

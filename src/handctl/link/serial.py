@@ -15,6 +15,7 @@ from typing import Any
 import serial
 
 from handctl.errors import LinkError, UsageError
+from handctl.link import urls
 from handctl.link.base import ByteLink, Deadline, Outlet
 from handctl.link.owners import Process, group_of, group_remedy, holders
 from handctl.system import clock, ports
@@ -35,7 +36,45 @@ drops what arrives meanwhile. It has no time limit for writing either."""
 
 def open_serial(link: str, baud: int | None, *, exclusive: bool = True) -> ByteLink:
     """Open a port by name, `usb:VID:PID[:SERIAL]`, or pyserial URL. Raises UsageError, LinkError."""
+    scheme = urls.scheme_of(link)
+    if scheme and scheme not in urls.SCHEMES:
+        raise UsageError(
+            f"{link}: no link begins with {scheme}://",
+            hint=f"use tcp://, fake:// or a URL of pyserial: {', '.join(urls.SCHEMES)}",
+        )
+    if scheme == "cp2110" and not urls.path_in(link):
+        raise UsageError(
+            f"{link}: this does not show which port of this computer it is", hint="give cp2110:///dev/hidraw9"
+        )
     return SerialLink(link, baud or 115200, exclusive=exclusive)
+
+
+def find(link: str) -> Any:
+    """The one port of `usb:VID:PID[:SERIAL]` or `hwgrep://REGEXP`. Raises UsageError, LinkError."""
+    return find_usb(link) if link.startswith("usb:") else _find_described(link)
+
+
+def _find_described(link: str) -> Any:
+    """The one port whose name, description or USB address fits, as pyserial matches them; never the first of several."""
+    import re
+
+    text = link.partition("://")[2]
+    if "&" in text:
+        raise UsageError(
+            f"{link}: handctl takes no option of hwgrep:// and never chooses between ports",
+            hint="give an expression that fits one port only, or the path",
+        )
+    try:
+        wanted = re.compile(text, re.IGNORECASE)
+    except re.error as exc:
+        raise UsageError(f"{link}: not a regular expression: {exc}", hint="e.g. hwgrep://0403:6001") from exc
+    found = [port for port in listed_ports() if any(map(wanted.search, (port.device, port.description, port.hwid)))]
+    if len(found) != 1:
+        names = ", ".join(str(port.device) for port in found)
+        text = f"{len(found)} ports match: {names}" if found else "no port matches"
+        hint = "give an expression that fits one port only, or the path. `handctl ports` lists the ports"
+        raise LinkError(f"{link}: {text}", hint=hint, code="ambiguous" if found else "not-found")
+    return found[0]
 
 
 def find_usb(link: str) -> Any:
@@ -99,10 +138,13 @@ class SerialLink(ByteLink):
         self._open(self._path())
 
     def _path(self) -> str:
-        """The path of the port now. Where `usb:` says no more than the kind, the one that was opened first or none."""
-        if not self.name.startswith("usb:"):
+        """The path of the port now, or a URL. Where `usb:` or hwgrep:// says no more than the kind, the one that was opened first or none."""
+        scheme, _, rest = self.name.partition("://")
+        if rest and scheme.lower() != "hwgrep":
+            return f"{scheme.lower()}://{rest}"
+        if not self.name.startswith("usb:") and not rest:
             return self.name
-        port = find_usb(self.name)
+        port = find(self.name)
         if self._adapter is None:
             self._adapter = _adapter(port)
         elif self._adapter != _adapter(port) or not self._adapter:
@@ -117,14 +159,15 @@ class SerialLink(ByteLink):
         link, baud, exclusive = self.name, self.baud, self._exclusive
         self._device = device
         is_url = "://" in device
-        if not is_url and exclusive:
-            _refuse_if_held(link, device)
+        path = "" if device.startswith("cp2110:") else urls.path_in(device)
+        if path and exclusive:
+            _refuse_if_held(link, path)
         try:
             waits = 0.0 if ports.WAITED_FOR and not is_url else SLICE_SECONDS
             options: dict[str, Any] = {"baudrate": baud, "timeout": waits, "write_timeout": WRITE_SECONDS}
             if device.startswith("rfc2217://"):
                 options = {"baudrate": baud, "timeout": REMOTE_SECONDS}
-            elif not is_url and ports.SHARED:
+            elif path and ports.SHARED:
                 options["exclusive"] = exclusive
             self._port = serial.serial_for_url(device, **options)
         except (serial.SerialException, OSError) as exc:

@@ -27,7 +27,7 @@ from handctl.model.param import Step
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from handctl.link import ByteLink, FrameLink, Link
+    from handctl.link import ByteLink, Deadline, FrameLink, Link
     from handctl.model.ledger import Ledger
 
 WRITE_SECONDS = 1.0
@@ -146,6 +146,7 @@ NOT_STOPPED = "not-stopped"
 """Code of the error of a command that was interrupted, and whose stop was not acknowledged."""
 BEAT = 0.5
 """Seconds for which a command may stand still that drives what does not end by itself, such as currents."""
+TOO_LATE = "the deadline was over before it was certain that the device stands"
 QUIET = Step("listen", b"")
 """Nothing goes out."""
 
@@ -237,8 +238,13 @@ def unheard(talk: Talk, *, reads: bool = False) -> list[Step]:
         return steps
 
 
-def carry_out(link: Link, talk: Talk, sent: list[Sent] | None = None, ledger: Ledger | None = None) -> Stopped:
-    """Run a plan over an open link. Never raises: a lost link, or one more Ctrl-C, is how it ended."""
+def carry_out(
+    link: Link, talk: Talk, sent: list[Sent] | None = None, ledger: Ledger | None = None, until: Deadline | None = None
+) -> Stopped:
+    """Run a plan over an open link. Never raises: a lost link, or one more Ctrl-C, is how it ended.
+
+    `until` bounds it; the first step that changes something goes out all the same.
+    """
     sent = [] if sent is None else sent
 
     def plan(step: Step) -> None:
@@ -247,7 +253,7 @@ def carry_out(link: Link, talk: Talk, sent: list[Sent] | None = None, ledger: Le
 
     try:
         with ledger.repeating() if ledger is not None else nullcontext():
-            stopped = drive(link, talk, sent, plan)
+            stopped = drive(link, talk, sent, plan, until)
     except HandctlError as exc:
         return Stopped(exc.text, exc.hint, type(exc))
     except KeyboardInterrupt:
@@ -259,7 +265,13 @@ def carry_out(link: Link, talk: Talk, sent: list[Sent] | None = None, ledger: Le
     return stopped
 
 
-def drive(link: Link, talk: Talk, sent: list[Sent], before: Callable[[Step], object] = lambda _step: None) -> Stopped:
+def drive(
+    link: Link,
+    talk: Talk,
+    sent: list[Sent],
+    before: Callable[[Step], object] = lambda _step: None,
+    until: Deadline | None = None,
+) -> Stopped:
     """Hold the talk over an open link. What was sent is appended to `sent`, also when LinkError ends it.
 
     `before` is told of each step that is not a question.
@@ -272,6 +284,11 @@ def drive(link: Link, talk: Talk, sent: list[Sent], before: Callable[[Step], obj
         while True:
             pieces: Pieces = []
             place = len(sent)
+            if until is not None:
+                if until.expired and (say.reads or not all(one.reads for one in sent)):
+                    talk.close()
+                    return Stopped(TOO_LATE, "switch the power off if the device still moves", NoAnswer)
+                say = say._replace(seconds=min(say.seconds, until.remaining))
             if not say.reads:
                 before(say.step)
             try:

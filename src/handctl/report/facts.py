@@ -6,6 +6,7 @@ import platform
 from collections.abc import Iterator
 from importlib import metadata
 
+from handctl.link.urls import path_in
 from handctl.system.processes import system_name
 
 Facts = list[tuple[str, str]]
@@ -60,9 +61,8 @@ def port(link: str) -> Facts:
 
 def _device_of(link: str) -> str:
     """The device file of a serial LINK; a COM name stays as it is; empty for every other kind of link."""
-    if link.startswith("spy://"):
-        link = link.removeprefix("spy://").partition("?")[0]
-    return link if link.startswith("/dev/") or link.upper().startswith("COM") else ""
+    path = path_in(link)
+    return path if path.startswith("/dev/") or path.upper().startswith("COM") else ""
 
 
 def _told(facts: Facts) -> Iterator[tuple[str, str]]:

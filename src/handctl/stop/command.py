@@ -13,8 +13,10 @@ from typing import TYPE_CHECKING, Any
 from handctl import errors
 from handctl.errors import DeviceRefused, HandctlError, LinkError
 from handctl.frame.options import PASSED_OVER
-from handctl.link.lock import LAST_STOP_SECONDS, Holder, InUse, Lock
+from handctl.link import Deadline
+from handctl.link.lock import LAST_STOP_SECONDS, LIBRARY, Holder, InUse, Lock
 from handctl.model.result import Column, Table
+from handctl.stop.falling_back import fall_back
 from handctl.stop.holding import Hold, lock_for, report, stopped_at
 from handctl.system import clock, processes
 
@@ -25,6 +27,8 @@ if TYPE_CHECKING:
 
 GONE_SECONDS = 0.2
 """A process that was ended has let go of the port by then."""
+ASKED_SECONDS = 1.0
+"""How long a whole program that uses the library has to end by itself: what else it does is not ours to cut off."""
 AGAIN_SECONDS = 1.0
 """How long a port or connection is tried again that somebody has just let go of, or is about to."""
 TRY_SECONDS = 0.01
@@ -36,17 +40,20 @@ def stop(run: Run, talk: Callable[[Aim], Talk] | None = None, otherwise: Callabl
 
     `talk` takes the place of the family's stopper. `otherwise` is tried where it heard nothing: device -> what was seen.
     """
+    began = clock.now()
+    fall_back(run)
     if run.settings.dry_run:
         return run.dry_run(_plan(run, talk))
     name = run.link_name()
+    until = None if run.settings.deadline is None else Deadline(clock.now, began + run.settings.deadline)
     for problem in run.meta.get(PASSED_OVER, ()):
         run.journal.warn("passed-over", problem.text, problem.hint)
     if run.session is not None and not run.session.has(run):
         run.session = None  # only what a session has open it stops itself
     ours = run.session is not None
-    lock, told, ended = (None, None, False) if ours else _ask_holder(run, name)
+    lock, told, ended = (None, None, False) if ours else _ask_holder(run, name, until)
     if told is None or not (told["open"] or told["refused"]):
-        told = _from_here(run, lock, talk, patient=ended, otherwise=otherwise)
+        told = _from_here(run, lock, talk, until, patient=ended, otherwise=otherwise)
     else:
         _take_over(run, told)
     table = Table(rows=told["rows"], columns=COLUMNS, plain=("bytes",))
@@ -83,7 +90,7 @@ def _last_speed(run: Run, name: str) -> int | None:
 # -- who has it ---------------------------------------------------------------------------------------------------
 
 
-def _ask_holder(run: Run, name: str) -> tuple[Lock | None, dict[str, Any] | None, bool]:
+def _ask_holder(run: Run, name: str, bound: Deadline | None) -> tuple[Lock | None, dict[str, Any] | None, bool]:
     """The lock where it is free; else the holder's report, None without one; and whether somebody has just let go."""
     try:
         return lock_for(run, name), None, False
@@ -92,13 +99,13 @@ def _ask_holder(run: Run, name: str) -> tuple[Lock | None, dict[str, Any] | None
     except LinkError as exc:
         run.journal.warn(exc.code, exc.text, exc.hint)
         return None, None, False
-    from handctl.link.ear import HEARD_SECONDS, ask
+    from handctl.link.ear import HEARD_SECONDS, STOP_SECONDS, ask
 
     until = clock.now() + HEARD_SECONDS
     who = busy.holder
     if who is None or not processes.sleeps(who.pid):
         while True:
-            heard, told = ask(busy.path, until)
+            heard, told = ask(busy.path, until, _left(bound, STOP_SECONDS))
             if told is not None:
                 by = str(who) if who is not None else "another handctl"
                 run.journal.info("asked", f"{by} has the device and was asked to stop it")
@@ -111,8 +118,13 @@ def _ask_holder(run: Run, name: str) -> tuple[Lock | None, dict[str, Any] | None
     _end(run, who)
     with contextlib.suppress(LinkError):
         # Its last stop goes out first: two on one port take each other's answers, and collide on two wires.
-        return lock_for(run, name, LAST_STOP_SECONDS if who is not None else 0.0), None, True
+        return lock_for(run, name, _left(bound, LAST_STOP_SECONDS) if who is not None else 0.0), None, True
     return None, None, True
+
+
+def _left(bound: Deadline | None, seconds: float) -> float:
+    """So many seconds, or what the deadline leaves of them."""
+    return seconds if bound is None else min(seconds, max(0.001, bound.remaining))
 
 
 def _take_over(run: Run, told: dict[str, Any]) -> None:
@@ -141,15 +153,19 @@ def _end(run: Run, who: Holder | None) -> None:
         return
     hint = f"end it with `{processes.ENDS} {who.pid}`"
     try:
-        ended = processes.end(who.pid, who.start, GONE_SECONDS)
+        asking = ASKED_SECONDS if who.command == LIBRARY and not processes.sleeps(who.pid) else 0.0
+        ended = processes.end(who.pid, who.start, GONE_SECONDS, asking)
     except OSError as exc:
         run.journal.warn("holder", f"{who} does not answer and could not be ended: {exc.strerror or exc}", hint)
         return
-    if ended is None:
+    if not ended:
         text = f"{who} has the device and does not answer. The system does not show whether it is still that process"
         run.journal.warn("holder", text, hint)
-    elif ended:
-        run.journal.warn("ended", f"{who} had the device and did not answer (asleep or blocked). handctl ended it")
+    elif ended == processes.ASKED:
+        run.journal.warn("ended", f"{who} had the device and did not answer. It has ended, as SIGTERM asked it to")
+    elif ended == processes.KILLED:
+        why = f"not end within {asking:g} s of SIGTERM, either" if asking else "not answer (asleep or blocked)"
+        run.journal.warn("ended", f"{who} had the device and did {why}. handctl ended it by force")
 
 
 # -- from here ----------------------------------------------------------------------------------------------------
@@ -159,6 +175,7 @@ def _from_here(
     run: Run,
     lock: Lock | None,
     talk: Callable[[Aim], Talk] | None,
+    bound: Deadline | None,
     *,
     patient: bool,
     otherwise: Callable[[Any], str] | None,
@@ -166,7 +183,7 @@ def _from_here(
     """Open the link and send. With `patient` a link that is not free yet is tried again for a second."""
     if run.session is None:
         run.connection.hold = Hold(run, lock)
-    until = clock.now() + AGAIN_SECONDS if patient else 0.0
+    until = clock.now() + _left(bound, AGAIN_SECONDS) if patient else 0.0
     sent: list[Sent] = []
     stopped = None
     while stopped is None or (stopped.error is LinkError and clock.now() < until):
@@ -178,9 +195,13 @@ def _from_here(
             clock.sleep(TRY_SECONDS)
             continue
         sent.clear()
+        end = None if bound is None else link.deadline(bound.remaining)
         with run.guide.undisturbed():
-            stopped = stopped_at(run, link, sent, talk)
-    silent = stopped.error is not None and issubclass(stopped.error, (errors.NoAnswer, errors.ProtocolError))
+            stopped = stopped_at(run, link, sent, talk, end)
+    expired = end is not None and end.expired
+    silent = (
+        not expired and stopped.error is not None and issubclass(stopped.error, (errors.NoAnswer, errors.ProtocolError))
+    )
     if silent and otherwise is not None:
         try:
             stopped = stopped._replace(text=otherwise(run.device()), hint="", error=None)

@@ -16,7 +16,7 @@ from handctl.errors import HandctlError, Interrupted, LinkError
 
 if TYPE_CHECKING:
     from handctl.frame.run import Run
-    from handctl.link import Link
+    from handctl.link import Deadline, Link
     from handctl.link.ear import Ear
     from handctl.link.lock import Lock
     from handctl.model.stopping import Aim, Sent, Stopped, Talk
@@ -114,10 +114,11 @@ class Hold:
         """
         run = self._run
         name = run.link_name()
-        if self._lock is not None and run.place != self._place and os.path.exists(name):
+        place = run.place
+        if self._lock is not None and place != self._place and (os.path.exists(name) or place.startswith("tty ")):
             lock = lock_for(run, name)
             self.release()
-            self._place = run.place
+            self._place = place
             self._keep(lock)
             if self.link is not None and lock is not None:
                 self.link.held = lock.descriptors
@@ -168,15 +169,21 @@ class Hold:
             signals.interrupt(frame)
 
 
-def stopped_at(run: Run, link: Link, sent: list[Sent], talk: Callable[[Aim], Talk] | None = None) -> Stopped:
-    """The stop of the run's family over `link`, or another `talk`. Never raises."""
+def stopped_at(
+    run: Run,
+    link: Link,
+    sent: list[Sent],
+    talk: Callable[[Aim], Talk] | None = None,
+    until: Deadline | None = None,
+) -> Stopped:
+    """The stop of the run's family over `link`, or another `talk`, at the most `until` then. Never raises."""
     from handctl.model.stopping import aimed, carry_out, talk_of
 
     assert run.family is not None
     met = run.opened is not None and run.journal.counters.writes > 0
     aim = run.opened.aim() if met else aimed(link, run.settings)
     said = talk(aim) if talk is not None else talk_of(run.family.kind, aim)
-    return carry_out(link, said, sent, run.ledger if run.writes else None)
+    return carry_out(link, said, sent, run.ledger if run.writes else None, until)
 
 
 def report(stopped: Stopped | None, sent: Sequence[Sent], *, refused: bool = False) -> dict[str, Any]:

@@ -88,38 +88,46 @@ def _stat(pid: int) -> tuple[str, str]:
         return "", ""
 
 
-def end(pid: int, start: str, seconds: float) -> bool | None:
-    """End the process that `began` at `start`, and wait for that; False when it has gone, None where it cannot be told
-    from a later one of its number. Raises OSError.
+ASKED, KILLED, GONE = "asked", "killed", "gone"
+"""How a process came to its end: it did so when it was asked, by force, or before."""
+
+
+def end(pid: int, start: str, seconds: float, asking: float = 0.0) -> str:
+    """End the process that `began` at `start`, and wait for that; how, "" where it cannot be told from a later one of its
+    number. `asking`: seconds that it has to end by itself (SIGTERM), where the system can ask. Raises OSError.
     """
     if sys.platform == "win32":
         if not start:
-            return None
+            return ""
         with _Process(pid) as process:
             if not process.lives() or process.began() != start:
-                return False
+                return GONE
             process.end()
             process.gone(seconds)
-        return True
+        return KILLED
     if sys.platform == "linux":
         import select
         import signal
 
         if not start or not hasattr(os, "pidfd_open"):
-            return None
+            return ""
         try:
             process = os.pidfd_open(pid)
         except OSError:
-            return False
+            return GONE
         try:
             if began(pid) != start:
-                return False
+                return GONE
+            if asking:
+                signal.pidfd_send_signal(process, signal.SIGTERM)
+                if select.select([process], [], [], asking)[0]:
+                    return ASKED
             signal.pidfd_send_signal(process, signal.SIGKILL)
             select.select([process], [], [], seconds)
         finally:
             os.close(process)
-        return True
-    return None
+        return KILLED
+    return ""
 
 
 def user_name() -> str:

@@ -24,8 +24,8 @@ from handctl.frame.options import (
     config_path,
     own_options,
     read_config,
-    resolve,
 )
+from handctl.frame.precedence import resolve
 from handctl.frame.run import Run
 from handctl.model.result import Column, Row, Table
 

@@ -14,9 +14,7 @@ from handctl.families import FAMILIES
 from handctl.frame.family import Family, load, refuse_missing, refuse_serial
 from handctl.frame.portname import stable_name
 from handctl.frame.run import Run
-
-URLS = ("socket", "rfc2217", "spy", "loop", "hwgrep", "alt", "cp2110")
-"""Schemes of pyserial."""
+from handctl.link.urls import SCHEMES
 
 
 def check(run: Run, kind: str, given: dict[str, Any]) -> None:
@@ -65,10 +63,10 @@ def check_link(link: str, family: Family) -> None:
                 f"{link}: that is a simulated {simulated or 'nothing'}, not {family.kind}",
                 hint=f"give fake://{family.kind}",
             )
-    elif separator and scheme not in URLS:
+    elif separator and scheme not in SCHEMES:
         raise UsageError(
             f"{link}: no link begins with {scheme}://",
-            hint=f"use tcp://, fake:// or a URL of pyserial: {', '.join(URLS)}",
+            hint=f"use tcp://, fake:// or a URL of pyserial: {', '.join(SCHEMES)}",
         )
     elif separator and not rest and scheme != "loop":
         raise UsageError(f"{link}: the address is missing", hint="write for example socket://192.168.1.20:4001")

@@ -1,4 +1,4 @@
-"""`handctl stop`: stop a device at once, named by its LINK or its name. The family is told by the lock of who has it."""
+"""`handctl stop`: stop a device at once, named by its LINK or its name: `tools.whose` finds out of which family it is."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ def cli(run: Run) -> Table:
     """Stop a device at once, also while another handctl command has it.
 
     The family is known from the name, or from the handctl command that has the device or had it last.
-    Otherwise use `handctl FAMILY stop`. The other handctl ends with exit code 130.
+    Without these, handctl looks for a named device at this port, then asks for 0.5 s which device answers.
+    If that fails, use `handctl FAMILY stop`. The other handctl ends with exit code 130.
     """
     from handctl.stop import command
 
@@ -41,14 +42,6 @@ def _kind(run: Run) -> str:
     simulated = settings.port.removeprefix("fake://").partition("?")[0].rstrip("/")
     if settings.port.startswith("fake://") and simulated in FAMILIES:
         return simulated
-    from handctl.link.lock import last_holder
+    from handctl.tools.whose import family_at
 
-    holder = last_holder(settings.port)
-    if holder is not None and holder.family in FAMILIES:
-        return holder.family
-    families = ", ".join(FAMILIES)
-    raise UsageError(
-        f"{settings.port}: no handctl command has this device, so its family is not known",
-        hint=f"run `handctl FAMILY stop -p {settings.port}` with one of {families}",
-        code="no-family",
-    )
+    return family_at(run)

@@ -12,7 +12,7 @@ from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.firmware.cli import add_firmware
 from handctl.devices.barrett.gcl.language import MOTORS, motor_prefix
 from handctl.devices.barrett.gcl.line import GclLine
-from handctl.devices.barrett.map import BARRETT, check_careful
+from handctl.devices.barrett.map import BARRETT, SPEEDS, check_careful
 from handctl.devices.barrett.motion_cli import FORCE, MOTORS_OPTION, SPEED, add_movements, ask, step_of
 from handctl.devices.barrett.realtime.cli import add_realtime
 from handctl.devices.barrett.store_cli import add_store_commands
@@ -47,7 +47,7 @@ def _recall(name: str) -> int | None:
 
 cli = Group(
     "barrett",
-    family=Family("barrett", open_barrett, 9600, recall=_recall),
+    family=Family("barrett", open_barrett, 9600, recall=_recall, speeds=SPEEDS),
     first=("version", "errors", "init", "open", "close", "move", "home", "save", "diagnose", "maintenance", "strain"),
     help="Read, move and service a BarrettHand BH8 (RS-232, firmware 4.3x and 4.4). Motors 1 2 3 are the fingers, 4 or S is the spread, G is all fingers.",
 )

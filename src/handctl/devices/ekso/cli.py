@@ -45,7 +45,7 @@ def open_ekso(link: ByteLink, settings: Settings, journal: Journal) -> Ekso:
 
 cli = Group(
     "ekso",
-    family=Family("ekso", open_ekso, 115200),
+    family=Family("ekso", open_ekso, 115200, speeds=(115200,)),
     help="EksoNR exoskeleton over its DataPort (serial, USB). A person may stand in it. "
     f"Reading changes nothing. Every write of a setting asks first, is checked, read back and logged. {NOT_MEDICAL}.",
 )

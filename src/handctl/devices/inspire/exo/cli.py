@@ -45,7 +45,7 @@ def explain_silence(device: ExoHand, error: HandctlError) -> HandctlError:
 
 cli = Group(
     "exo",
-    family=Family("exo", open_exo, 115200, explain_silence, ids=True),
+    family=Family("exo", open_exo, 115200, explain_silence, ids=True, speeds=tuple(BAUD_RATES.values())),
     first=("position", "force", "clear-errors", "calibrate", "scan"),
     help="Inspire EH55BF1 exoskeleton hand, over RS-232 or a Bluetooth serial port. A person may be wearing it. "
     "Commands that move it, or change it permanently, ask first.",

@@ -11,7 +11,7 @@ import click
 
 from handctl.devices.inspire.hand.device import Hand
 from handctl.devices.inspire.hand.generation import ModelGate
-from handctl.devices.inspire.hand.map import BYTE_MAP
+from handctl.devices.inspire.hand.map import BYTE_MAP, SPEEDS
 from handctl.devices.inspire.hand.motion_cli import add_movements, write_asked
 from handctl.devices.inspire.hand.network_cli import add_network
 from handctl.devices.inspire.hand.pairing_cli import add_pairing
@@ -93,6 +93,7 @@ cli = Group(
         check=check,
         map_of=map_of,
         simulated=simulated,
+        speeds=tuple(SPEEDS.values()),
     ),
     first=("angle", "position", "speed", "force", "clear-errors", "calibrate", "scan"),
     help="Inspire RH56 dexterous hands, over RS-232, RS-485, CAN or Modbus. For Modbus TCP give -p tcp://HOST. "

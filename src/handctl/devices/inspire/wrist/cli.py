@@ -8,7 +8,7 @@ import click
 
 from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.identity import FamilyGate, kind_of
-from handctl.devices.inspire.map import WRIST, address_in
+from handctl.devices.inspire.map import BAUD_RATES, WRIST, address_in
 from handctl.devices.inspire.wrist.device import WIRING_HINT, Wrist
 from handctl.frame.clikit import Group
 from handctl.frame.family import Family
@@ -44,7 +44,7 @@ def open_wrist(link: ByteLink | FrameLink, settings: Settings, journal: Journal)
 
 cli = Group(
     "wrist",
-    family=Family("wrist", open_wrist, 115200, wires=("serial", "can"), ids=True),
+    family=Family("wrist", open_wrist, 115200, wires=("serial", "can"), ids=True, speeds=tuple(BAUD_RATES.values())),
     first=("scan", "read"),
     help="Inspire wrist module of the dexterous hand, over RS-232, RS-485 or CAN. For CAN give -p can:INTERFACE:CHANNEL. "
     "Movements of the wrist do not ask first.",

@@ -1,0 +1,182 @@
+"""`handctl stop -p LINK` finds the family: of the holder, the last command, a named device there, or who answers."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
+
+from handctl.families import FAMILIES
+from handctl.frame import simulated
+from handctl.frame.run import Run
+from handctl.link import ByteLink, FrameLink, Link, lock, open_link
+from handctl.link.lock import Holder, InUse, hold, last_family
+from handctl.model.result import Journal
+from handctl.stop.command import _end
+from handctl.system import processes
+from handctl.tools import whose
+from tests.support.cli import Result, run
+from tests.support.each_row import each_row
+
+PORT = "/dev/null"
+"""A character device, as a port is: its lock is that of a port, and nothing is ever opened."""
+HOST = "tcp://192.0.2.7:8000"
+
+
+class Bench:
+    """The device behind PORT and HOST, and for how long who is there was asked."""
+
+    def __init__(self, patch: pytest.MonkeyPatch) -> None:
+        self.there = ""
+        self.asked: list[float] = []
+        patch.setattr(simulated, "open_link", self._open)
+        patch.setattr(whose, "open_link", self._ask)
+
+    def _open(self, name: str, **options: Any) -> Link:
+        link = name if name.startswith("fake://") else f"fake://{self.there}clock=virtual"
+        return open_link(link, baud=options.get("baud"))
+
+    def _ask(self, name: str, **options: Any) -> Link:
+        link = self._open(name, **options)
+        assert isinstance(link, ByteLink | FrameLink)
+        link.name = name
+        began, close = link.now(), link.close
+
+        def closed() -> None:
+            self.asked.append(link.now() - began)
+            close()
+
+        link.close = closed  # type: ignore[method-assign]
+        return link
+
+
+@pytest.fixture
+def bench(monkeypatch: pytest.MonkeyPatch) -> Bench:
+    return Bench(monkeypatch)
+
+
+def at(family: str) -> str:
+    return HOST if family == "aidin" else PORT
+
+
+def stopped(family: str, result: Result) -> bool:
+    """Whether the bytes are those of the stop of this family."""
+    wanted = run(family, "stop", "--json", "-p", f"fake://{family}?clock=virtual")
+    return result.code == 0 and [row["bytes"] for row in result.rows] == [row["bytes"] for row in wanted.rows]
+
+
+def lock_file() -> Path:
+    (file,) = (Path(os.environ["XDG_RUNTIME_DIR"]) / "handctl").glob("lock-*")
+    return file
+
+
+@each_row("family", FAMILIES)
+@each_row("last", ["ended", "killed", "a scan after it"])
+def test_the_last_command_tells_the_family(family: str, last: str, bench: Bench) -> None:
+    bench.there = f"{family}?"
+    link = at(family)
+    assert run(family, "status", "-p", link).code in (0, 7)
+    assert lock_file().read_text() == f"\n{family}\n"
+    if last == "killed":
+        lock_file().write_text(f"4194303000\t1\t{family}\twrites\tx\thandctl {family} watch\n{family}\n")
+    elif last == "a scan after it":
+        held = hold(link, "handctl scan")
+        assert held is not None
+        held.release()
+    result = run("stop", "-p", link, "--json")
+    assert stopped(family, result) and bench.asked == [], result
+
+
+def test_what_is_kept_is_nobody_who_has_the_device(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Only the family is kept, and no number that could be another process by now."""
+    held = hold(PORT, "handctl exo watch", family="exo")
+    assert held is not None
+    lock_file().write_text("\nexo\n")
+    monkeypatch.setattr(lock, "LAST_STOP_SECONDS", 0.0)
+    with pytest.raises(InUse) as caught:
+        hold(PORT, "handctl exo get")
+    assert caught.value.holder is None and last_family(PORT) == "exo"
+    held.release()
+    for text in ("", "exo", "\n", f"{os.getpid()}\n", "\x00\xff\n\x00\n"):
+        lock_file().write_text(text)
+        assert last_family(PORT) not in FAMILIES
+
+
+@each_row("family", FAMILIES)
+@each_row("name", ["{place}", "{alias}", "spy://{place}", "can:slcan:{place}"])
+def test_a_named_device_at_the_place_tells_the_family(family: str, name: str, bench: Bench, tmp_path: Path) -> None:
+    """By whatever name; and what it says of the device holds."""
+    if family == "aidin" or (name.startswith("can:") and family not in ("wrist", "hand")):
+        return
+    can = name.startswith("can:")
+    bench.there = f"{family}?bus=can&" if can else f"{family}?"
+    alias = tmp_path / "by-id"
+    alias.symlink_to(PORT)
+    path = tmp_path / "config.toml"
+    port = name.format(place=PORT, alias=alias)
+    ids = "id = 1\n" if family in ("exo", "wrist", "hand") else ""
+    path.write_text(f"[devices.other]\nkind = 'exo'\nport = '/dev/zero'\n[devices.left]\nkind = '{family}'\nport = '{port}'\n{ids}[devices.bad]\nkind = 3\n")  # fmt: skip
+    env = {"HANDCTL_CONFIG": str(path)}
+    result = run("stop", "-p", port if can else PORT, "--json", env=env)
+    assert result.code == 0 and bench.asked == [] and result.json["command"] == "stop", result
+    assert can or stopped(family, result), result
+
+
+def test_the_id_of_the_named_device_holds(bench: Bench, tmp_path: Path) -> None:
+    bench.there = "exo?id=7&"
+    path = tmp_path / "config.toml"
+    path.write_text(f"[devices.left]\nkind = 'exo'\nport = '{PORT}'\nid = 7\n")
+    env = {"HANDCTL_CONFIG": str(path)}
+    result = run("stop", "-p", PORT, "--json", env=env)
+    assert result.code == 0 and all(row["bytes"].startswith("EB 90 07") for row in result.rows), result
+    assert run("stop", "-p", PORT, "--id", "8", env=env).code == 4, "what is typed stands before it"
+    path.write_text(path.read_text() + f"[devices.right]\nkind = 'exo'\nport = '{PORT}'\nid = 8\n")
+    result = run("stop", "-p", PORT, "--json", env=env)
+    assert result.code == 4 and "stop -d left,right" in str(result.json["messages"]), result
+
+
+@each_row("family", FAMILIES)
+def test_who_answers_tells_the_family(family: str, bench: Bench) -> None:
+    bench.there, bench.asked = f"{family}?", []
+    result = run("stop", "-p", at(family), "--json")
+    assert stopped(family, result) and "found" in result.codes(), result
+    assert len(bench.asked) == 1 and bench.asked[0] <= whose.SECONDS, bench.asked
+
+
+@each_row("family", FAMILIES)
+def test_where_nobody_answers_the_next_step_is_said(family: str, bench: Bench) -> None:
+    bench.there, bench.asked = f"{family}?fault=silent&", []
+    result = run("stop", "-p", at(family), "--json")
+    assert result.code == 2 and result.error["code"] == "no-family", result
+    assert f"handctl FAMILY stop -p {at(family)}" in result.error["hint"] and bench.asked[0] <= whose.SECONDS + 0.05
+    assert run("stop", "-p", "replay:/nothing", "--json").error["code"] == "no-family"
+
+
+@each_row(
+    "command, state, asked, told",
+    [
+        ("handctl library", "R", 1.0, "within 1 s of SIGTERM"),
+        ("handctl library", "T", 0.0, "asleep or blocked"),
+        ("handctl exo watch", "R", 0.0, "asleep or blocked"),
+    ],
+)
+def test_a_program_is_asked_before_it_is_ended_by_force(
+    command: str, state: str, asked: float, told: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What else a program does is not ours to cut off. One that is asleep cannot hear, and a command of ours does nothing else."""
+    ends: list[tuple[int, str, float]] = []
+
+    def end(pid: int, start: str, _seconds: float, asking: float = 0.0) -> str:
+        ends.append((pid, start, asking))
+        return processes.KILLED
+
+    monkeypatch.setattr(processes, "end", end)
+    monkeypatch.setattr(processes, "sleeps", lambda _pid: state == "T")
+    journal = Journal()
+    _end(cast("Run", SimpleNamespace(journal=journal)), Holder(77, "5", "exo", True, PORT, command))
+    assert ends == [(77, "5", asked)]
+    (message,) = journal.messages
+    assert message.code == "ended" and told in message.text and "by force" in message.text, message
