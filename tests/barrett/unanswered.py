@@ -6,7 +6,7 @@ A BarrettHand that starts answers nobody for as long as its boot window lasts, s
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from itertools import product
 from pathlib import Path
 
@@ -21,7 +21,7 @@ from handctl.errors import HandctlError
 from handctl.families import FAMILIES
 from handctl.frame.options import Settings
 from handctl.link.deadman import Guard, Shot
-from handctl.stop.talk import Aim, drive, talk_of
+from handctl.model.stopping import Aim, drive, talk_of
 from handctl.tools.probes import probe_of
 from tests.barrett.ear import Sent
 from tests.barrett.support import hand_on
@@ -76,36 +76,38 @@ def interrupts() -> Iterator[Way]:
 
 
 class Noted(Guard):
-    """Keeps what the child would send, instead of a child."""
+    """Keeps what the child would send first, instead of a child."""
 
     def __init__(self) -> None:
-        super().__init__(None)
-        self.shots: list[Shot] = []
+        super().__init__(None, lambda _link: None, lambda *_words: None)
+        self.first: list[Shot] = []
 
-    def update(self, stop: object) -> None:
-        self.shots = list(stop)  # type: ignore[call-overload]
+    def update(self, first: Sequence[Shot]) -> None:
+        self.first = list(first)
 
 
 def deaths() -> Iterator[Way]:
-    """The child's bytes: behind each block that drives, of whatever motors and control values."""
+    """What the child sends: behind each block that drives, of whatever motors and control values; then the plan of a stop."""
     carried = (("velocity", "gain"), ("velocity",), ("torque",))
     for speed, motors, names, gain in product(SPEEDS, range(1, 5), carried, GAINS):
         if gain and "gain" not in names:
             continue
         link = Silence(speed)
-        session = Session(hand_on(link), Wish(tuple(range(motors)), {}, False, False, frozenset(), 1), drives=True)
+        hand = hand_on(link)
+        wish = Wish(tuple(range(motors)), {}, False, False, frozenset(), 1)
+        session = Session(hand, wish, drives=True)
         noted = session.dead_man = Noted()
-        if names == ("torque",):
-            noted.update(session.power_off_shots())
-        else:
+        if names != ("torque",):
             session.layout = Layout({index: Selection(names, ()) for index in range(motors)})
             session.last = {index: {"velocity": 20, "gain": gain} for index in range(motors)}
             session.tell_dead_man()
-        at, writes = 0.0, []
-        for shot in noted.shots:
-            writes += [Sent(at, speed, shot.data)] if shot.data else []
-            at += shot.pause
-        yield f"kill -9 at {speed}: {motors} motors, {', '.join(names)}, gain {gain}", writes
+        for shot in noted.first:
+            if shot.data:
+                link.write(shot.data, None)
+            link.sleep(shot.pause)
+        for powered in (False, True):
+            drive(link, power_off(hand.aim()._replace(powered=powered), wish.prefix), [])
+        yield f"kill -9 at {speed}: {motors} motors, {', '.join(names)}, gain {gain}", link.writes
 
 
 def connects() -> Iterator[Way]:

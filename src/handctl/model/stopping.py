@@ -115,6 +115,7 @@ class Say(NamedTuple):
     enough   whether the pieces that came answer it
     reads    it changes nothing: it asks who is there, or where the device stands
     size     bytes of an answer, whose time on the wire is waited for as well
+    ahead    goes out before the step and is none of it: so that nobody else who may be there acts upon that
     baud     the speed of the port at which it goes out, None as it is; where the port cannot have it, nothing goes out
     """
 
@@ -124,6 +125,7 @@ class Say(NamedTuple):
     reads: bool = False
     baud: int | None = None
     size: int = 32
+    ahead: bytes = b""
 
 
 class Stopped(NamedTuple):
@@ -161,13 +163,14 @@ class Heard(Generic[T]):
 
 
 def insist(
-    aim: Aim, step: Step, found: Callable[[Pieces], T | None], *, reads: bool = False
+    aim: Aim, step: Step, found: Callable[[Pieces], T | None], *, reads: bool = False, ahead: bytes = b""
 ) -> Generator[Say, Pieces, Heard[T]]:
     """The step, again until something is `found` in all that came since, or its second is over."""
     came: Pieces = []
     for count in range(aim.tries):
         before = tuple(came)
-        came += yield Say(step, aim.each, lambda pieces, before=before: found([*before, *pieces]) is not None, reads)  # type: ignore[misc]
+        enough = lambda pieces, before=before: found([*before, *pieces]) is not None  # noqa: E731
+        came += yield Say(step, aim.each, enough, reads, ahead=ahead)
         if (what := found(came)) is not None:
             return Heard(what, came, (count + 1) * aim.each)
     return Heard(None, came, aim.within)
@@ -332,7 +335,7 @@ def _bytes(link: ByteLink, say: Say, pieces: Pieces, went: Callable[[], None]) -
         except LinkError:
             return
     if say.step is not QUIET:
-        link.write(say.step.data, link.deadline(WRITE_SECONDS))
+        link.write(say.ahead + say.step.data, link.deadline(WRITE_SECONDS))
         went()
     wire = 10 / link.baud if link.baud else 0.0  # seconds of a byte, 10 bits
     deadline = link.deadline(say.seconds + wire * (len(say.step.data) + say.size))

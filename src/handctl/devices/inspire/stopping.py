@@ -9,7 +9,7 @@ from collections.abc import Callable, Generator, Sequence
 from itertools import zip_longest
 
 from handctl.devices.inspire import eb90
-from handctl.devices.inspire.quiet import question
+from handctl.devices.inspire.quiet import ahead, question
 from handctl.model.param import Step
 from handctl.model.stopping import BETWEEN, Aim, Pieces, Say, insist, settled, silence
 
@@ -36,11 +36,18 @@ def asks(number: int, flag: int) -> tuple[Step, bytes]:
     return Step("ask who is there", eb90.read_request(number, *span, flag)), eb90.read_reply_prefix(number, *span, flag)
 
 
+def lead(aim: Aim) -> bytes:
+    """What goes ahead of a frame to whom nobody has met: a stranger may hear it at another speed."""
+    return b"" if aim.proven or aim.can else ahead(aim.speed)
+
+
 def values(aim: Aim, address: int, count: int, flag: int) -> Read:
     """So many signed 16-bit registers in EB90, asked again for a second; None where nothing answers."""
     prefix = eb90.read_reply_prefix(aim.number, address, 2 * count, flag)
     step = Step(READS, eb90.read_request(aim.number, address, 2 * count, flag))
-    frame = yield from settled(aim, (yield from insist(aim, step, lambda pieces: answer(pieces, prefix), reads=True)))
+    frame = yield from settled(
+        aim, (yield from insist(aim, step, lambda pieces: answer(pieces, prefix), reads=True, ahead=lead(aim)))
+    )
     return eb90.unpack_s16(frame.data) if frame is not None else None
 
 

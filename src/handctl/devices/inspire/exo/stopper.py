@@ -7,7 +7,7 @@ is always from a place just read. The same bytes would be a write to a wrist: on
 from __future__ import annotations
 
 from handctl.devices.inspire import eb90
-from handctl.devices.inspire.stopping import QUICK, Read, answer, asks, instead, seen_since, values
+from handctl.devices.inspire.stopping import QUICK, Read, answer, asks, instead, lead, seen_since, values
 from handctl.errors import DeviceRefused, NoAnswer, ProtocolError
 from handctl.model.param import Step
 from handctl.model.stopping import Aim, Say, Stopped, Talk, insist, taken_over
@@ -28,7 +28,7 @@ def stop_talk(aim: Aim) -> Talk:
     number, came = aim.number, list[bytes]()
     step, wrist = asks(number, eb90.WRIST_READ)
     if not aim.proven:
-        came += yield Say(step, QUICK, lambda pieces: answer(pieces, wrist), reads=True)
+        came += yield Say(step, QUICK, lambda pieces: answer(pieces, wrist), reads=True, ahead=lead(aim))
         if answer(came, wrist):
             return Stopped(
                 "a wrist answers here, not an exoskeleton hand. Nothing was written", OF_A_WRIST, DeviceRefused
@@ -37,7 +37,7 @@ def stop_talk(aim: Aim) -> Talk:
     told = eb90.command_reply_prefix(number, eb90.FORCE_COMMAND)
     meaning, late = "", False
     for _ in range(aim.tries):
-        heard = yield from insist(aim, force, lambda pieces: answer(pieces, told))
+        heard = yield from insist(aim, force, lambda pieces: answer(pieces, told), ahead=lead(aim))
         came += heard.came
         if heard.found is None:
             break

@@ -13,7 +13,7 @@ from handctl.devices.inspire import canreg, eb90, modbus
 from handctl.devices.inspire.hand.map import HandRegister
 from handctl.devices.inspire.hand.typed import map_of, over_tcp
 from handctl.devices.inspire.identity import STATES, is_five_wide, is_six_wide, within
-from handctl.devices.inspire.stopping import QUICK, READS, Read, answer, seen_since
+from handctl.devices.inspire.stopping import QUICK, READS, Read, answer, lead, seen_since
 from handctl.errors import DeviceRefused, LinkError, NoAnswer, ProtocolError
 from handctl.model.param import Step
 from handctl.model.stopping import WITHIN, Aim, Pieces, Say, Stopped, Talk, insist, settled, taken_over
@@ -73,7 +73,7 @@ def _stop(aim: Aim, wire: str) -> Generator[Say, Pieces, Stopped]:
     for start in range(0, len(zeros), size):
         data = zeros[start : start + size]
         step, verdict = _writing(wire, aim.number, (register.address + start) // register.per, data)
-        heard = yield from insist(aim, step, verdict)
+        heard = yield from insist(aim, step, verdict, ahead=lead(aim) if wire == EB90 else b"")
         if (said := (yield from settled(aim, heard))) is None:
             return Stopped("speed 0 was sent and not acknowledged", POWER, ProtocolError if heard.came else NoAnswer)
         if said is not TAKEN:
@@ -126,7 +126,7 @@ def _states(aim: Aim, wire: str, once: float = 0.0) -> Generator[Say, Pieces, by
 
 def _memory(aim: Aim, wire: str, address: int, count: int, once: float = 0.0) -> Generator[Say, Pieces, bytes | None]:
     """So many bytes, asked again for a second, or `once` and so many seconds; None where they are not answered."""
-    number, can_id = aim.number, None
+    number, can_id, first = aim.number, None, lead(aim) if wire == EB90 else b""
     pdu = modbus.read_request(address, count // 2)
     if wire == CAN:
         can_id, data = canreg.read_request(number, address, count, canreg.READ_HAND)
@@ -144,8 +144,8 @@ def _memory(aim: Aim, wire: str, address: int, count: int, once: float = 0.0) ->
 
     step = Step("ask whether a hand is there" if (address, count) == STATES else READS, data, can_id=can_id)
     if not once:
-        return (yield from settled(aim, (yield from insist(aim, step, answered, reads=True))))
-    return answered((yield Say(step, once, lambda came: answered(came) is not None, reads=True)))
+        return (yield from settled(aim, (yield from insist(aim, step, answered, reads=True, ahead=first))))
+    return answered((yield Say(step, once, lambda came: answered(came) is not None, reads=True, ahead=first)))
 
 
 def _modbus(wire: str, number: int, pdu: bytes) -> bytes:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Generator
 
 from handctl.devices.inspire import canreg, eb90
-from handctl.devices.inspire.stopping import READS, Read, answer, asks, instead, seen_since
+from handctl.devices.inspire.stopping import READS, Read, answer, asks, instead, lead, seen_since
 from handctl.errors import CheckFailed, DeviceRefused, NoAnswer, ProtocolError
 from handctl.model.param import Step
 from handctl.model.stopping import Aim, Heard, Pieces, Say, Stopped, Talk, insist, settled, silence, taken_over
@@ -27,7 +27,7 @@ def stop_talk(aim: Aim) -> Talk:
     """Where is it, stay there: until it is acknowledged; then a second look."""
     if not (aim.can or aim.proven):
         step, prefix = asks(aim.number, eb90.WRIST_READ)
-        heard = yield from insist(aim, step, lambda pieces: answer(pieces, prefix), reads=True)
+        heard = yield from insist(aim, step, lambda pieces: answer(pieces, prefix), reads=True, ahead=lead(aim))
         if heard.found is None:
             return _unanswered(heard.came)
     meaning = ""
