@@ -27,7 +27,8 @@ class Collecting:
         # Some 20,000 tests are born and none dies: a garbage collector would only go over them again and again.
         gc.disable()
         self.kept, sys.dont_write_bytecode = sys.dont_write_bytecode, False
-        if session.config.option.file_or_dir not in ([], ["tests"]):
+        controls = session.config.pluginmanager.hasplugin("dsession")  # its workers collect, it does not
+        if controls or session.config.option.file_or_dir not in ([], ["tests"]):
             return
         worker = getattr(session.config, "workerinput", {"workerid": "gw0", "workercount": 1})
         first, each = int(worker["workerid"].removeprefix("gw")), worker["workercount"]
