@@ -190,6 +190,8 @@ class Pressing(Stepper):
         elif line in self.lines and path == self.path:
             self.at -= 1
             if not self.at:
+                if self.only:
+                    sys.settrace(None)  # nothing behind it is looked at
                 signal.raise_signal(signal.SIGINT)
 
 
