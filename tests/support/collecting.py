@@ -20,13 +20,15 @@ SOURCES = TESTS.parent / "src"
 
 
 class Collecting:
-    """A plugin; it changes what collecting costs and nothing else."""
+    """A plugin; it changes what collecting costs and nothing else. `kept` is whether bytecode is written afterwards."""
+
+    def __init__(self, kept: bool) -> None:
+        self.kept = kept
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_collection(self, session: pytest.Session) -> None:
         # Some 20,000 tests are born and none dies: a garbage collector would only go over them again and again.
         gc.disable()
-        self.kept, sys.dont_write_bytecode = sys.dont_write_bytecode, False
         controls = session.config.pluginmanager.hasplugin("dsession")  # its workers collect, it does not
         if controls or session.config.option.file_or_dir not in ([], ["tests"]):
             return

@@ -74,7 +74,9 @@ def in_process() -> Iterator[None]:
             mock.patch.object(time, "sleep", _no_sleep),
             mock.patch.object(clock, "sleep", _no_sleep),
             mock.patch.object(os, "openpty", _no_terminal),
-            mock.patch.object(os, "fsync", lambda descriptor: None),  # no power fails here, and each would wait for a disk
+            mock.patch.object(
+                os, "fsync", lambda descriptor: None
+            ),  # no power fails here, and each would wait for a disk
         ):
             yield
     finally:

@@ -86,12 +86,14 @@ class Scratch:
         self._seen = {path: path.stat().st_mtime_ns for path in self._kept}
 
     def _files(self) -> list[Path]:
-        return sorted(path for path in self.folder.rglob("*") if path.is_file() and not path.is_symlink())
+        found = (Path(folder, name) for folder, _, names in os.walk(self.folder) for name in names)
+        return sorted(path for path in found if path.is_file() and not path.is_symlink())
 
     def swept(self) -> dict[str, bytes]:
         """What a run has left, by name; then it is gone."""
         left = {}
-        for path in self._files():
+        present = self._files()
+        for path in present:
             if path in self._kept:
                 if path.stat().st_mtime_ns == self._seen[path]:
                     continue
@@ -101,7 +103,7 @@ class Scratch:
             else:
                 left[path.relative_to(self.folder).as_posix()] = path.read_bytes()
                 path.unlink()
-        for path in set(self._kept) - set(self._files()):
+        for path in set(self._kept).difference(present):
             left[path.relative_to(self.folder).as_posix()] = b"(removed)"
             path.write_bytes(self._kept[path])
         return left
