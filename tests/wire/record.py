@@ -19,13 +19,12 @@ from functools import partial
 from itertools import groupby
 from pathlib import Path
 from typing import Any
-from unittest import mock
 
 from handctl import __version__
 from tests.contract.commands import scratch_of
 from tests.contract.facts import facts_of
 from tests.harm.lines import prepare
-from tests.support.cli import Result, run
+from tests.support.cli import Result, environment, run
 from tests.wire import seams
 from tests.wire.cells import Cell
 from tests.wire.seams import Passed, Wire
@@ -124,7 +123,7 @@ def at(scratch: Scratch) -> Iterator[None]:
     }
     (scratch.folder / "own").mkdir(mode=0o700, exist_ok=True)
     before_all = {number: signal.getsignal(number) for number in ENDING}
-    with mock.patch.dict(os.environ, own, clear=True):
+    with environment(own):
         os.chdir(folder)
         time.tzset()
         signal.signal(signal.SIGINT, signal.default_int_handler)
