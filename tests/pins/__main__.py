@@ -2,7 +2,7 @@
 
 Candidates are the present pins, cells of what has no pin yet, and N more of each suite in an order that the seed gives. Of these the
 cheapest are kept that together show every line and branch of handctl, every outcome of a group and all that needs a pin.
-What fails is printed and not kept. What a search has found stays.
+With --only the other pins stay, and what these do not show gets one. What fails is printed and not kept. What a search has found stays.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import random
 import sys
+from collections.abc import Hashable
 from itertools import islice
 
 from tests.pins import BY_HAND, file_of, found, pins
@@ -55,6 +56,12 @@ def candidates(suite: Suite, seed: int, only: str, more: int) -> list[str]:
     return list(dict.fromkeys(some))
 
 
+def bare(suite: Suite, only: str, shown: frozenset[Hashable]) -> frozenset[Hashable]:
+    """Of what a cell shows that for which no pin stays; lines and branches of those that stay are not known."""
+    has = {what for cell in pins(suite) if only not in cell for what in suite.shows(cell)}
+    return shown & {(suite.name, "shows", what) for what in {*suite.wanted()} - has}
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.pins", description=__doc__)
     parser.add_argument("suites", nargs="*", help="suites (default: those that have pins)")
@@ -66,7 +73,8 @@ def main() -> int:
     following, seen = Following(), dict[str, Shown]()
     for suite in chosen:
         for cell in candidates(suite, args.seed, args.only, args.more):
-            seen[cell] = shown = following.shown(suite, cell)
+            shown = following.shown(suite, cell)
+            seen[cell] = shown._replace(what=bare(suite, args.only, shown.what)) if args.only else shown
             if shown.wrong:
                 print(f"{command(cell)}\n    {' '.join(shown.wrong.split())[:300]}", flush=True)
     best = cover(seen)
