@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, settings
 
+# What is imported from here on is compiled and rewritten once, not by every worker in every run. `Collecting` ends this.
+KEPT, sys.dont_write_bytecode = sys.dont_write_bytecode, False
 # What tests share asserts, too, and shows what differs when it fails; told before any of it is imported.
 pytest.register_assert_rewrite(*(f"tests.{path.name}" for path in Path(__file__).parent.iterdir() if path.is_dir()))
+
+from hypothesis import HealthCheck, settings
+from hypothesis.internal.conjecture import providers
 
 from tests.support import own_state as state
 from tests.support.collecting import Collecting
@@ -57,7 +62,7 @@ def pytest_runtest_teardown(item: pytest.Item) -> Iterator[None]:
 
 def pytest_configure(config: pytest.Config) -> None:
     """Collecting in less time is a plugin of its own."""
-    config.pluginmanager.register(Collecting())
+    config.pluginmanager.register(Collecting(KEPT))
 
 
 # The same examples in each run: what a new one finds is a task for the search, not an end of an ordinary run by chance.
@@ -65,3 +70,5 @@ settings.register_profile(
     "any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow], derandomize=True, database=None
 )
 settings.load_profile("any machine")
+# It would take constants out of the modules that happen to be loaded: other examples in each worker, and a second to read them.
+providers.is_local_module_file = lambda path: False

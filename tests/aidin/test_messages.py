@@ -175,7 +175,7 @@ FRAGMENTS = st.sampled_from([
 ])  # fmt: skip
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(st.lists(st.one_of(FRAGMENTS, st.binary(max_size=40)), max_size=30))
 def test_fuzz_only_protocol_errors_and_a_bounded_buffer(pieces: list[bytes]) -> None:
     decoder = Decoder()
@@ -225,7 +225,7 @@ def test_numbers_refused(value: object, int_range: tuple[int, int] | None, code:
     assert caught.value.code == code
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(
     st.recursive(st.none() | st.booleans() | st.floats() | st.integers() | st.text(), lambda x: st.lists(x, max_size=4))
     | st.lists(st.floats() | st.integers(), min_size=3, max_size=3)

@@ -423,10 +423,10 @@ class AidinMachine(RuleBasedStateMachine):
 
 
 MACHINES: dict[str, tuple[type[RuleBasedStateMachine], int, int]] = {
-    "exo": (ExoMachine, 120, 15),
-    "wrist": (WristMachine, 40, 10),
-    "hand": (HandMachine, 40, 10),
-    "barrett": (BarrettMachine, 90, 12),
+    "exo": (ExoMachine, 60, 15),
+    "wrist": (WristMachine, 25, 10),
+    "hand": (HandMachine, 25, 10),
+    "barrett": (BarrettMachine, 45, 12),
     "ekso": (EksoMachine, 4, 8),
     "aidin": (AidinMachine, 3, 8),
 }

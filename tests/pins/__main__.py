@@ -1,7 +1,8 @@
-"""Choose the pins of some suites: `python -m tests.pins SUITE… [--minutes M] [--seed S] [--only TEXT]`.
+"""Choose the pins of some suites: `python -m tests.pins [SUITE…] [--more N] [--seed S] [--only TEXT]`.
 
-Cells are tried in an order that the seed gives, first those that show what needs a pin. One is kept when it shows something, or ends in
-a way, that no other of its group has. What fails is printed and not kept. What a search has found stays.
+Candidates are the present pins, cells of what has no pin yet, and N more of each suite in an order that the seed gives. Of these the
+cheapest are kept that together show every line and branch of handctl, every outcome of a group and all that needs a pin.
+With --only the other pins stay, and what these do not show gets one. What fails is printed and not kept. What a search has found stays.
 """
 
 from __future__ import annotations
@@ -9,20 +10,21 @@ from __future__ import annotations
 import argparse
 import random
 import sys
-import time
-from collections import Counter
+from collections.abc import Hashable
 from itertools import islice
 
 from tests.pins import BY_HAND, file_of, found, pins
-from tests.search.__main__ import tried
+from tests.pins.cover import Following, Shown, cover
 from tests.search.suite import Suite, command, suites
 
 MOST = 4000
 """Cells of a group among which is chosen."""
+EACH = 3
+"""Candidates for each thing that has no pin yet."""
 
 
-def candidates(suite: Suite, seed: int, only: str) -> list[str]:
-    """Cells in the order in which they are tried: of each group one in turn."""
+def drawn(suite: Suite, seed: int, only: str) -> list[str]:
+    """Its cells in the order of the seed: of each group one in turn."""
     draw = random.Random(seed)
     groups = []
     for label, source in suite.groups():
@@ -34,59 +36,59 @@ def candidates(suite: Suite, seed: int, only: str) -> list[str]:
     return [cells[place] for place in range(longest) for cells in groups if place < len(cells)]
 
 
-def choose(suite: Suite, seed: int, minutes: float, only: str, each: int) -> list[str]:
-    """The cells that show something new, within the time; all that is wanted is shown, whatever time that takes."""
-    kept = [cell for cell in pins(suite) if only and only not in cell]
-    seen = {what for cell in kept for what in suite.shows(cell)}
-    wanted = Counter({what: each for what in suite.wanted() if (not only or only in what) and what not in seen})
-    outcomes: set[tuple[str, str]] = set()
-    end = time.monotonic() + 60 * minutes
-    later = []
-    for cell in candidates(suite, seed, only):
-        if new := [what for what in suite.shows(cell) if wanted[what] > 0]:
-            if (outcome := told(cell)) is not None:
-                wanted.subtract(new)
-                outcomes.add((suite.group(cell), outcome))
-                kept.append(cell)
-        else:
-            later.append(cell)
-    for cell in later:
-        if time.monotonic() > end:
-            break
-        outcome = told(cell)
-        if outcome is not None and (suite.group(cell), outcome) not in outcomes:
-            outcomes.add((suite.group(cell), outcome))
-            kept.append(cell)
-    if bare := sorted(what for what, left in wanted.items() if left == each):
-        print(f"{suite.name}: nothing shows {bare}", file=sys.stderr)
-    return sorted(set(kept))
+def candidates(suite: Suite, seed: int, only: str, more: int) -> list[str]:
+    """Cells to choose from: pins that can still be run, some for each thing without one, and so many more."""
+    some = [cell for cell in pins(suite) if only in cell and not suite.stale(cell)]
+    kept = [cell for cell in pins(suite) if only not in cell]
+    bare = dict.fromkeys(set(suite.wanted()) - {what for cell in [*some, *kept] for what in suite.shows(cell)}, EACH)
+    if bare or more:
+        for cell in drawn(suite, seed, only):
+            new = [what for what in suite.shows(cell) if bare.get(what)]
+            for what in new:
+                bare[what] -= 1
+            if new or more > 0:
+                some.append(cell)
+                more -= not new
+            elif not any(bare.values()):
+                break
+    if nothing := sorted(what for what, left in bare.items() if left == EACH and only in what):
+        print(f"{suite.name}: nothing shows {nothing}", file=sys.stderr)
+    return list(dict.fromkeys(some))
 
 
-def told(cell: str) -> str | None:
-    """How it ended; None where it failed, which is printed."""
-    outcome, wrong = tried(cell)
-    if wrong:
-        print(f"{command(cell)}\n    {' '.join(wrong.split())[:300]}", flush=True)
-        return None
-    return outcome
+def bare(suite: Suite, only: str, shown: frozenset[Hashable]) -> frozenset[Hashable]:
+    """Of what a cell shows that for which no pin stays; lines and branches of those that stay are not known."""
+    has = {what for cell in pins(suite) if only not in cell for what in suite.shows(cell)}
+    return shown & {(suite.name, "shows", what) for what in {*suite.wanted()} - has}
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.pins", description=__doc__)
     parser.add_argument("suites", nargs="*", help="suites (default: those that have pins)")
-    parser.add_argument("--minutes", type=float, default=1.0, help="time for further outcomes of each suite")
+    parser.add_argument("--more", type=int, default=0, help="further cells of each suite to choose from (0)")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--each", type=int, default=1, help="pins for each thing that needs one")
     parser.add_argument("--only", default="", help="choose anew only among cells with this text in their key")
     args = parser.parse_args()
-    for name in args.suites or [suite.name for suite in suites().values() if file_of(suite).exists()]:
-        suite = suites()[name]
+    chosen = [suites()[name] for name in args.suites] or [one for one in suites().values() if file_of(one).exists()]
+    following, seen = Following(), dict[str, Shown]()
+    for suite in chosen:
+        for cell in candidates(suite, args.seed, args.only, args.more):
+            shown = following.shown(suite, cell)
+            seen[cell] = shown._replace(what=bare(suite, args.only, shown.what)) if args.only else shown
+            if shown.wrong:
+                print(f"{command(cell)}\n    {' '.join(shown.wrong.split())[:300]}", flush=True)
+    best = cover(seen)
+    for suite in chosen:
         by_hand = found(suite)
-        chosen = [cell for cell in choose(suite, args.seed, args.minutes, args.only, args.each) if cell not in by_hand]
-        lines = [f"# Cells of the suite {name} that the gate replays. See tests/README.md.", *chosen]
+        kept = [cell for cell in pins(suite) if args.only and args.only not in cell]
+        own = sorted(
+            {*kept, *(cell for cell in best if cell in seen and cell.startswith(f"{suite.name} | "))} - {*by_hand}
+        )
+        lines = [f"# Cells of the suite {suite.name} that the gate replays. See tests/README.md.", *own]
         lines += ["", BY_HAND, *by_hand] if by_hand else []
         file_of(suite).write_text("\n".join(lines) + "\n", encoding="utf-8")
-        print(f"{name}: {len(chosen)} cells, and {len(by_hand)} that a search has found")
+        cost = sum(seen[cell].cost for cell in own if cell in seen) / 1e6
+        print(f"{suite.name}: {len(own)} cells of {cost:.1f} million calls, and {len(by_hand)} that a search has found")
     return 0
 
 

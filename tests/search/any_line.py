@@ -158,6 +158,13 @@ class Stepper:
             signal.signal(signal.SIGINT, handler)
 
 
+class Alone(Stepper):
+    """Follows nothing."""
+
+    def call(self, frame: FrameType, _event: str, _arg: object) -> Any:
+        return None
+
+
 class Counting(Stepper):
     """Counts how often each line runs."""
 
@@ -183,6 +190,8 @@ class Pressing(Stepper):
         elif line in self.lines and path == self.path:
             self.at -= 1
             if not self.at:
+                if self.only:
+                    sys.settrace(None)  # nothing behind it is looked at
                 signal.raise_signal(signal.SIGINT)
 
 
@@ -205,32 +214,43 @@ def go(moving: Moving, stepper: Stepper) -> Ended:
     return Ended(result, json.loads(result.lines[-1])["end"], passed(Path("trace.txt")))
 
 
+def _apart(moving: Moving, stepper: Stepper) -> Ended:
+    """Run it in a folder that is gone behind it."""
+    here, folder = os.getcwd(), tempfile.mkdtemp()
+    os.chdir(folder)
+    try:
+        return go(moving, stepper)
+    finally:
+        os.chdir(here)
+        shutil.rmtree(folder)
+
+
 @cache
-def usual(moving: Moving) -> tuple[Ended, Counter[Place]]:
-    """The command that nobody interrupts, and how often it runs each line."""
-    here = os.getcwd()
-    for stepper in (Stepper(), counting := Counting()):  # an import that is cut off would spoil what comes after it
-        folder = tempfile.mkdtemp()
-        os.chdir(folder)
-        try:
-            ended = go(moving, stepper)
-        finally:
-            os.chdir(here)
-            shutil.rmtree(folder)
+def whole(moving: Moving) -> Ended:
+    """The command that nobody interrupts: it comes first, for an import that is cut off would spoil what comes after it."""
+    ended = _apart(moving, Alone())
     assert ended.result.code in (0, 7), ended.result
+    return ended
+
+
+@cache
+def usual(moving: Moving) -> Counter[Place]:
+    """How often it then runs each line."""
+    whole(moving)
+    _apart(moving, counting := Counting())
     count: Counter[Place] = Counter()
     for step, times in counting.count.items():
         count[place_of(*step)] += times
     assert len(count) > 200, f"only {len(count)} lines were followed"
-    return ended, count
+    return count
 
 
 def judged(moving: Moving, ended: Ended) -> str:
     """How it ended. Raises AssertionError where it tells less than happened, or has not stopped what it says to have ended."""
     family, name, halt = moving.family, moving.words.split()[0], moving.halt
     over, idle = facts_of(family).over, facts_of(family).idle
-    whole, _ = usual(moving)
-    done = ended.result.code == whole.result.code
+    healthy = whole(moving)
+    done = ended.result.code == healthy.result.code
     assert done or ended.result.code == 130, ended.result
     assert ended.envelope["device"] is not None, "the envelope knows of no device"
     went = wrote(family, name, ended.transcript)
@@ -240,7 +260,7 @@ def judged(moving: Moving, ended: Ended) -> str:
             writes = [step for step in writes if in_bytes(step["bytes"]) != idle]
         judge(family, name, writes, ended.transcript)
     if done:
-        assert went == wrote(family, name, whole.transcript), "it says to have done its work"
+        assert went == wrote(family, name, healthy.transcript), "it says to have done its work"
         return f"exit {ended.result.code}"
     if halt and went and not went[-1].startswith(halt):
         sent = max(place for place, entry in enumerate(ended.transcript) if entry.data == went[-1])
@@ -268,7 +288,7 @@ class AnyLine(Suite):
             yield from cells
 
     def _places(self, begin: str, moving: Moving) -> Iterator[str]:
-        for place, times in usual(moving)[1].items():
+        for place, times in usual(moving).items():
             for when in (FIRST, LAST)[: min(times, 2)]:
                 yield f"{begin} | {key(*place, when)}"
 
@@ -282,7 +302,8 @@ class AnyLine(Suite):
     def _run(self, cell: str, *, then: bool = False) -> tuple[str, Pressing]:
         moving, place, when = taken(cell)
         path, lines = numbers(place)
-        stepper = Pressing(path, lines, usual(moving)[1][place] if when == LAST else 1, then=then)
+        whole(moving)
+        stepper = Pressing(path, lines, usual(moving)[place] if when == LAST else 1, then=then)
         ended = go(moving, stepper)
         if stepper.at > 0:
             return NOT_REACHED, stepper

@@ -60,11 +60,12 @@ def steps(envelope: dict[str, Any]) -> str:
 
 
 class Product(Listed):
-    """Every command needs a pin, and every fault of its family."""
+    """Every command needs a pin, and every fault; one of the device in each family that has it."""
 
     def shows(self, cell: str) -> Iterable[str]:
-        _, family, name, *rest = parts(cell)
-        return f"{family} {name}", f"{family}, {rest[0].partition('&')[0]}"
+        _, family, name, rest = parts(cell)
+        fault = rest.partition("&")[0]
+        return f"{family} {name}", f"{family}, {fault}" if fault in model_class(family).FAULTS else fault
 
     def wanted(self) -> Iterable[str]:
         return {what for cell in self.table for what in self.shows(cell)}

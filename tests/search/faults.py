@@ -17,6 +17,8 @@ from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 from handctl.families import FAMILIES
+from handctl.sim.engine.canline import CAN_FAULTS
+from handctl.sim.engine.line import LINE_FAULTS
 from tests.contract.cell import judge
 from tests.contract.facts import Passed, facts_of, passed
 from tests.contract.facts.outcomes import Outcomes, Variant, outcomes_of
@@ -37,6 +39,8 @@ WARM = ("temperature", "heat", "odometer", "counts", "acts[", "feedback[")
 PASSING = ("file", "link", "port", "answer", "suspicion")
 """Keys of a row that are of one run."""
 CODES = {0, 2, 3, 4, 5, 6, 7}
+COMMON = {*LINE_FAULTS, *CAN_FAULTS}
+"""Faults that are the same code for every family."""
 
 
 class Cell:
@@ -103,12 +107,12 @@ class Cell:
 
     @property
     def held(self) -> dict[str, Any]:
-        """What the device holds behind it, field by field and byte by byte, once it has come to rest."""
+        """What the device holds behind it, field by field, once it has come to rest."""
         if not self.spy.lines:
             return {}
         line = self.spy.lines[-1]
         line.advance(line.device.now + SETTLE)
-        return bytewise(fingerprint(line))
+        return lasting(fingerprint(line))
 
     @property
     def errors(self) -> list[dict[str, Any]]:
@@ -158,10 +162,7 @@ def usual(family: str, wire: str, name: str) -> Usual:
             befores.append(at_rest(family, cell.link))
     cells = [cell for cell, _ in runs]
     assert len({cell.result.code for cell in cells}) == 1 and cells[0].result.code in (0, 7), cells
-    changed = [
-        {place: value for place, value in held.items() if before.get(place) != value}
-        for (_, held), before in zip(runs, befores, strict=True)
-    ]
+    changed = [differing(held, before) for (_, held), before in zip(runs, befores, strict=True)]
     return Usual(
         cells[0].result.code,
         _steady([cell.values for cell in cells]),
@@ -179,20 +180,35 @@ def at_rest(family: str, link: str) -> dict[str, Any]:
     options = dict(item.split("=", 1) for item in link.partition("?")[2].split("&"))
     line = handctl.sim.create(family, {name: text for name, text in options.items() if name not in ("clock", "seed")})
     line.advance(SETTLE)
-    return bytewise(fingerprint(line))
+    return lasting(fingerprint(line))
 
 
-def bytewise(held: dict[str, Any]) -> dict[str, Any]:
-    """Memory by its bytes; without what goes its own way."""
+def lasting(held: dict[str, Any]) -> dict[str, Any]:
+    """Without what goes its own way."""
+    return {place: value for place, value in held.items() if not any(word in place for word in WARM)}
+
+
+def differing(held: dict[str, Any], other: dict[str, Any]) -> dict[str, Any]:
+    """What of it is not so in the other, field by field; memory byte by byte, and only where it differs: it may be large."""
     found: dict[str, Any] = {}
     for place, value in held.items():
-        if not any(word in place for word in WARM):
-            found |= (
-                {f"{place}[{at}]": byte for at, byte in enumerate(value)}
-                if isinstance(value, bytes)
-                else {place: value}
-            )
+        old = other.get(place)
+        if not isinstance(value, bytes):
+            if old != value:
+                found[place] = value
+        elif old != value:
+            was = old if isinstance(old, bytes) else b""
+            found |= {f"{place}[{at}]": byte for at, byte in enumerate(value) if was[at : at + 1] != value[at : at + 1]}
     return found
+
+
+def held_at(held: dict[str, Any], place: str) -> Any:
+    """A field, or a byte of one; None where there is none."""
+    if place in held:
+        return held[place]
+    name, _, at = place.removesuffix("]").rpartition("[")
+    memory = held.get(name)
+    return memory[int(at)] if isinstance(memory, bytes) and int(at) < len(memory) else None
 
 
 def _steady(found: list[dict[str, Any]]) -> dict[str, Any]:
@@ -303,9 +319,8 @@ def complete(cell: Cell, fault: str, *, line: bool) -> None:
         wrong = {key: value for key, value in wanted.said.items() if said(cell).get(key) != value}
         assert not wrong, (wrong, cell)
     if wanted.held and (held := cell.held):
-        differ = {
-            place: (value, held.get(place)) for place, value in wanted.held.items() if not same(held.get(place), value)
-        }
+        found = {place: held_at(held, place) for place in wanted.held}
+        differ = {place: (value, found[place]) for place, value in wanted.held.items() if not same(found[place], value)}
         assert not differ, (differ, cell)
     if cell.command not in cell.facts.adapts and cell.row.name not in cell.table.again:
         assert [data for data in cell.written if data in wanted.written] == wanted.written, cell
@@ -348,13 +363,13 @@ class Faults(Listed):
         return " ".join([f"exit {done.result.code}", *(error["code"] for error in done.errors)])
 
     def wanted(self) -> Iterable[str]:
-        """Every command, every fault on every wire, every moment of every family."""
+        """Every command, every wire, every fault, every moment."""
         return dict.fromkeys(what for cell in self.cells() for what in self.shows(cell))
 
     def shows(self, cell: str) -> Iterator[str]:
         _, family, wire, command, fault, when = parts(cell)
-        yield f"command {family} {command}"
-        yield f"fault {family} {wire} {fault}" if when == "always" else f"when {family} {when}"
+        yield from (f"command {family} {command}", f"wire {family} {wire}", f"when {when}")
+        yield f"fault {fault}" if fault in COMMON else f"fault {family} {fault}"
 
 
 def try_cell(family: str, wire: str, name: str, fault: str, when: str, folder: Path) -> Cell:

@@ -48,7 +48,7 @@ class Hostile(Listed):
 
 
 class Devices(Hostile):
-    """A pin for every command, every family on every wire, and every kind of hostility towards a family."""
+    """A pin for every command, every family on every wire, and every kind of hostility."""
 
     name = "hostile-devices"
 
@@ -64,7 +64,7 @@ class Devices(Hostile):
 
     def shows(self, cell: str) -> Iterable[str]:
         _, family, wire, hostility, line = parts(cell)
-        return f"{family}, {wire}", f"{family}, {hostility}", line
+        return f"{family}, {wire}", hostility, line
 
 
 class Files(Hostile):
@@ -160,7 +160,7 @@ class Words(Hostile):
             return ()
         _, words = self.table[cell]
         path = next((words[:size] for size in (3, 2, 1) if words[:size] in lines.tree()), words[:1])
-        return f"{parts(cell)[1]}, {parts(cell)[2]}", " ".join(path)
+        return parts(cell)[2], " ".join(path)
 
 
 class Locales(Hostile):

@@ -176,12 +176,12 @@ class Lines(Listed):
             return one(*row, folder)
 
     def wanted(self) -> Iterable[str]:
-        """Every command, and every line that a family can stand on."""
+        """Every command, every line, every fault of one."""
         return dict.fromkeys(what for cell in self.cells() for what in self.shows(cell))
 
     def shows(self, cell: str) -> Iterator[str]:
-        _, family, command, line, *_ = parts(cell)
-        yield from (f"command {family} {command}", f"line {family} {line}")
+        _, family, command, line, fault, _ = parts(cell)
+        yield from (f"command {family} {command}", f"line {line}", f"fault {fault}")
 
 
 def tried_commands(family: str) -> list[str]:

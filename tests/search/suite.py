@@ -82,9 +82,9 @@ class Suite:
         """Why a pin can no longer be run; "" where it can."""
         return ""
 
-    def followed(self, cell: str, folder: Path) -> tuple[str, Iterable[object]] | None:
-        """How a cell ended and what it ran, where coverage cannot follow it; None where it can."""
-        return None
+    def followed(self, cell: str, folder: Path) -> tuple[str, Iterable[object]]:
+        """`run`, and what it ran: to override where coverage cannot follow it."""
+        raise NotImplementedError
 
 
 class Listed(Suite):

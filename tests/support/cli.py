@@ -71,6 +71,7 @@ class Result:
         self.raw = out
         self.out = out.decode()
         self.err = err.decode()
+        self._valid = False
 
     def __repr__(self) -> str:
         return f"exit {self.code}\n--- stdout\n{self.out}--- stderr\n{self.err}"
@@ -79,7 +80,7 @@ class Result:
     def json(self) -> dict[str, Any]:
         """The JSON envelope on stdout, checked against the packaged schema."""
         content = json.loads(self.out)
-        check_schema(content)
+        self._validate(content)
         assert content["exit_code"] == self.code, self
         return content  # type: ignore[no-any-return]
 
@@ -103,10 +104,16 @@ class Result:
         """NDJSON: the rows, and the envelope of the closing line, checked against the schema."""
         *rows, last = [json.loads(line) for line in self.lines]
         assert set(last) == {"end"}, self
-        check_schema(last["end"])
+        self._validate(last["end"])
         assert last["end"]["exit_code"] == self.code, self
         assert "rows" not in last["end"]
         return rows, last["end"]
+
+    def _validate(self, envelope: object) -> None:
+        """Once: the text does not change."""
+        if not self._valid:
+            check_schema(envelope)
+            self._valid = True
 
     @property
     def error(self) -> dict[str, Any]:
@@ -141,6 +148,25 @@ def clean_environment(extra: Mapping[str, str] | None = None) -> dict[str, str]:
     return {**kept, "XDG_CONFIG_HOME": "/dev/null/none", **(extra or {})}
 
 
+@contextmanager
+def environment(wanted: Mapping[str, str]) -> Iterator[None]:
+    """Exactly these variables; only those that differ are touched, since thousands of commands run in one process."""
+    before = dict(os.environ)
+    _become(wanted, before)
+    try:
+        yield
+    finally:
+        _become(before, dict(os.environ))
+
+
+def _become(wanted: Mapping[str, str], now: Mapping[str, str]) -> None:
+    for name in now.keys() - wanted.keys():
+        del os.environ[name]
+    for name, value in wanted.items():
+        if now.get(name) != value:
+            os.environ[name] = value
+
+
 def run(*args: str | Path, env: Mapping[str, str] | None = None, stdin: str = "") -> Result:
     """Run handctl in this process, nothing being a terminal."""
     out, err = (io.TextIOWrapper(io.BytesIO(), encoding="utf-8", newline="") for _ in range(2))
@@ -148,7 +174,7 @@ def run(*args: str | Path, env: Mapping[str, str] | None = None, stdin: str = ""
     said: list[str] = []
     with (
         hearing(said),
-        mock.patch.dict(os.environ, clean_environment(env), clear=True),
+        environment(clean_environment(env)),
         mock.patch.object(sys, "stdout", out),
         mock.patch.object(sys, "stderr", err),
         mock.patch.object(sys, "stdin", io.StringIO(stdin)),

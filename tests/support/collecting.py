@@ -20,14 +20,17 @@ SOURCES = TESTS.parent / "src"
 
 
 class Collecting:
-    """A plugin; it changes what collecting costs and nothing else."""
+    """A plugin; it changes what collecting costs and nothing else. `kept` is whether bytecode is written afterwards."""
+
+    def __init__(self, kept: bool) -> None:
+        self.kept = kept
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_collection(self, session: pytest.Session) -> None:
         # Some 20,000 tests are born and none dies: a garbage collector would only go over them again and again.
         gc.disable()
-        self.kept, sys.dont_write_bytecode = sys.dont_write_bytecode, False
-        if session.config.option.file_or_dir not in ([], ["tests"]):
+        controls = session.config.pluginmanager.hasplugin("dsession")  # its workers collect, it does not
+        if controls or session.config.option.file_or_dir not in ([], ["tests"]):
             return
         worker = getattr(session.config, "workerinput", {"workerid": "gw0", "workercount": 1})
         first, each = int(worker["workerid"].removeprefix("gw")), worker["workercount"]
@@ -44,4 +47,5 @@ class Collecting:
         sys.dont_write_bytecode = self.kept
         # What was collected stays to the end: no collection during a test, nor in a child that it forks, looks at it.
         gc.freeze()
+        gc.set_threshold(20_000, 20, 20)  # a command makes some thousand objects, and nearly all go without it
         gc.enable()

@@ -45,15 +45,19 @@ class _Watch:
             self.tried.append(what)
             raise OutsideWorld(f"a test that is not marked `real` {what}")
 
-    def audit(self, event: str, _args: tuple[Any, ...]) -> None:
-        if self.tried is not None and event in REFUSED:
-            self.refuse(REFUSED[event])
-
 
 _WATCH = _Watch()
+
+
+def _audit(event: str, _args: tuple[Any, ...]) -> None:
+    """Called for each file that is opened and each object that is looked into: most must leave at once."""
+    if event in REFUSED and _WATCH.tried is not None:
+        _WATCH.refuse(REFUSED[event])
+
+
 refuse = _WATCH.refuse
 """For helpers of the tests whose process was started by an earlier test."""
-sys.addaudithook(_WATCH.audit)
+sys.addaudithook(_audit)
 
 
 def _no_sleep(seconds: float) -> None:
@@ -65,6 +69,10 @@ def _no_terminal() -> tuple[int, int]:
     raise OutsideWorld
 
 
+def _no_disk(_descriptor: object) -> None:
+    """No power fails in a test, and each of some thousand calls would wait for a disk."""
+
+
 @contextmanager
 def in_process() -> Iterator[None]:
     """Refuse the outside world for one test. Raises OutsideWorld at the end, too, where something was tried and swallowed."""
@@ -74,6 +82,7 @@ def in_process() -> Iterator[None]:
             mock.patch.object(time, "sleep", _no_sleep),
             mock.patch.object(clock, "sleep", _no_sleep),
             mock.patch.object(os, "openpty", _no_terminal),
+            mock.patch.object(os, "fsync", _no_disk),
         ):
             yield
     finally:

@@ -20,10 +20,18 @@ def begin() -> None:
     """
     if os.environ["XDG_STATE_HOME"] not in ("", *MADE):
         return
-    own = BELOW[-1] / f"state{next(NUMBERS)}"
-    runtime = own / "run"
-    runtime.mkdir(0o700, parents=True)
-    os.environ["XDG_STATE_HOME"] = str(own)
-    MADE[:] = [str(own)]
-    os.environ["XDG_RUNTIME_DIR"] = str(runtime)
-    os.environ["TMPDIR"] = str(own)  # the second place for what a user's --fake keeps
+    if not (MADE and _untouched(MADE[-1])):
+        own = BELOW[-1] / f"state{next(NUMBERS)}"
+        (own / "run").mkdir(0o700, parents=True)
+        MADE[:] = [str(own)]
+    os.environ["XDG_STATE_HOME"] = MADE[-1]
+    os.environ["XDG_RUNTIME_DIR"] = os.path.join(MADE[-1], "run")
+    os.environ["TMPDIR"] = MADE[-1]  # the second place for what a user's --fake keeps
+
+
+def _untouched(own: str) -> bool:
+    """Whether nobody has left anything there: most tests keep nothing, and a folder is costly to make and to remove."""
+    try:
+        return os.listdir(own) == ["run"] and not os.listdir(os.path.join(own, "run"))
+    except OSError:
+        return False

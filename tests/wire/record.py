@@ -19,13 +19,12 @@ from functools import partial
 from itertools import groupby
 from pathlib import Path
 from typing import Any
-from unittest import mock
 
 from handctl import __version__
 from tests.contract.commands import scratch_of
 from tests.contract.facts import facts_of
 from tests.harm.lines import prepare
-from tests.support.cli import Result, run
+from tests.support.cli import Result, environment, run
 from tests.wire import seams
 from tests.wire.cells import Cell
 from tests.wire.seams import Passed, Wire
@@ -86,12 +85,14 @@ class Scratch:
         self._seen = {path: path.stat().st_mtime_ns for path in self._kept}
 
     def _files(self) -> list[Path]:
-        return sorted(path for path in self.folder.rglob("*") if path.is_file() and not path.is_symlink())
+        found = (Path(folder, name) for folder, _, names in os.walk(self.folder) for name in names)
+        return sorted(path for path in found if path.is_file() and not path.is_symlink())
 
     def swept(self) -> dict[str, bytes]:
         """What a run has left, by name; then it is gone."""
         left = {}
-        for path in self._files():
+        present = self._files()
+        for path in present:
             if path in self._kept:
                 if path.stat().st_mtime_ns == self._seen[path]:
                     continue
@@ -101,7 +102,7 @@ class Scratch:
             else:
                 left[path.relative_to(self.folder).as_posix()] = path.read_bytes()
                 path.unlink()
-        for path in set(self._kept) - set(self._files()):
+        for path in set(self._kept).difference(present):
             left[path.relative_to(self.folder).as_posix()] = b"(removed)"
             path.write_bytes(self._kept[path])
         return left
@@ -122,7 +123,7 @@ def at(scratch: Scratch) -> Iterator[None]:
     }
     (scratch.folder / "own").mkdir(mode=0o700, exist_ok=True)
     before_all = {number: signal.getsignal(number) for number in ENDING}
-    with mock.patch.dict(os.environ, own, clear=True):
+    with environment(own):
         os.chdir(folder)
         time.tzset()
         signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -28,7 +28,12 @@ EDITION = "2026-11-21"
 
 def pages(tree: Node) -> dict[str, str]:
     """File name -> page."""
-    return {"handctl.1": _root(tree)} | {f"handctl-{node.path[0]}.1": _command(node, tree) for node in tree.children}
+    return {"handctl.1": one(tree)} | {f"handctl-{node.path[0]}.1": one(tree, node.path[0]) for node in tree.children}
+
+
+def one(tree: Node, command: str = "") -> str:
+    """The page of a top-level command, or of handctl as a whole."""
+    return next((_command(node, tree) for node in tree.children if node.path[0] == command), "") or _root(tree)
 
 
 def _page(name: str, summary: str) -> Page:

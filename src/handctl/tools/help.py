@@ -78,8 +78,7 @@ def _text(words: list[str]) -> str:
         if name == OPTIONS:
             return _options()
         if name in COMMANDS or name == "handctl":
-            made = man.pages(read_tree())
-            return plain(made[f"handctl-{name}.1" if name in COMMANDS else "handctl.1"])
+            return plain(man.one(read_tree(), name))
         if name in (guides := _guides()):
             return plain(page(guides[name][0], man.EDITION))
     else:

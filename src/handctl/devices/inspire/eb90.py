@@ -256,7 +256,13 @@ class Decoder:
         if buffer.startswith(self._prefixes, place):
             return True
         tail = bytes(buffer[place : place + LONGEST_PREFIX])
-        return place + len(tail) == len(buffer) and any(prefix.startswith(tail) for prefix in self._prefixes)
+        return place + len(tail) == len(buffer) and tail in _beginnings(self._prefixes)
+
+
+@lru_cache(maxsize=8)
+def _beginnings(prefixes: tuple[bytes, ...]) -> frozenset[bytes]:
+    """Every beginning of the prefixes: a scan has thousands, and looks in them at each byte of noise."""
+    return frozenset(prefix[:size] for prefix in prefixes for size in range(1, len(prefix) + 1))
 
 
 # -- whose bytes are these ------------------------------------------------------------------------------------------

@@ -1,0 +1,20 @@
+"""The pins of faults, on one line and on every kind of line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.pins.replay import complete, groups, pinned, replay
+from tests.search.suite import suites
+
+
+@pytest.mark.parametrize(("name", "group"), groups(__file__))
+def test_pins(name: str, group: str, tmp_path: Path) -> None:
+    replay(name, group, tmp_path)
+
+
+@pytest.mark.parametrize("name", [suite.name for suite in pinned(__file__)])
+def test_what_needs_a_pin_has_one(name: str) -> None:
+    complete(suites()[name])
