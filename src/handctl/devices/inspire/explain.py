@@ -100,7 +100,7 @@ class InspireExplainer(Cutter):
         problem = cut.problem
         if problem == "stray":
             if direction == HOST and (raw == APART or not raw.strip(b"\0")):
-                return stray(direction, raw, "ahead of a question that nobody has answered", "")
+                return stray(direction, raw, "ahead of the first question", "")
             return stray(direction, raw)
         if problem == "cut-short":
             whole = raw[3] + eb90.OVERHEAD if len(raw) > 3 else None
