@@ -6,12 +6,17 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from handctl.errors import HandctlError, Interrupted, Left, LinkError
+from handctl.errors import HandctlError, Interrupted, Left, LinkError, NoAnswer
 from handctl.model.stopping import Stopped, interrupted
 
 if TYPE_CHECKING:
     from handctl.model.guide import Guide
     from handctl.model.result import Counters
+
+
+AGAIN = Stopped(
+    "interrupted again while it was being stopped", "switch the power off if the device still moves", NoAnswer
+)
 
 
 @contextmanager
@@ -57,4 +62,7 @@ def stopped(stop: Callable[[], Stopped], guide: Guide, what: str = "") -> Handct
     """Stop what moves, undisturbed; the end of the command, with what became of it."""
     with guide.undisturbed():
         guide.done()
-        return interrupted(stop(), what)
+        try:
+            return interrupted(stop(), what)
+        except KeyboardInterrupt:
+            return interrupted(AGAIN, what)

@@ -244,7 +244,7 @@ def unheard(talk: Talk, *, reads: bool = False) -> list[Step]:
 def carry_out(
     link: Link, talk: Talk, sent: list[Sent] | None = None, ledger: Ledger | None = None, until: Deadline | None = None
 ) -> Stopped:
-    """Run a plan over an open link. Never raises: a lost link, or one more Ctrl-C, is how it ended.
+    """Run a plan over an open link. Raises no error: a lost link is how it ended.
 
     `until` bounds it; the first step that changes something goes out all the same.
     """
@@ -259,10 +259,6 @@ def carry_out(
             stopped = drive(link, talk, sent, plan, until)
     except HandctlError as exc:
         return Stopped(exc.text, exc.hint, type(exc))
-    except KeyboardInterrupt:
-        return Stopped(
-            "interrupted again while it was being stopped", "switch the power off if the device still moves", NoAnswer
-        )
     if ledger is not None and stopped.evidence:
         ledger.confirm(stopped.evidence, *(one.step for one in sent if not one.reads))
     return stopped

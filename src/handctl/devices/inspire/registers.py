@@ -78,6 +78,11 @@ class RegisterBus(Line, ABC):
         self.timeout = DEFAULT_TIMEOUT if timeout is None else timeout
         self._met: set[int] = set()  # ids that have answered a read, also through `at`
 
+    @property
+    def met(self) -> bool:
+        """Whether a device of this maker has answered a read here."""
+        return bool(self._met)
+
     @abstractmethod
     def read(self, address: int, count: int, *, retries: int | None = None) -> bytes:
         """`count` bytes from `address`. Raises UsageError, NoAnswer, ProtocolError, LinkError."""

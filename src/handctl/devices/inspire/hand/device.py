@@ -266,8 +266,10 @@ class Hand(RegisterDevice):
         return step._replace(meaning=meaning, moves=register.moves, strands=register.strands)
 
     def aim(self) -> Aim:
-        """Its generation, protocol and wire are known by now, whatever the LINK is called."""
+        """Its generation, protocol and wire as far as they are known, whatever the LINK is called."""
         aim, modbus = super().aim(), self.bus if isinstance(self.bus, ModbusBus) else None
+        if self._other is not None and not self.bus.met:
+            return aim._replace(proven=False)  # nothing has been read yet: either protocol may be the one
         own = {**aim.settings.own, "protocol": "modbus" if modbus is not None else "eb90"}
         own |= {"model": self._known} if self._known else {}
         wire = "modbus-tcp" if modbus is not None and modbus.tcp else None
