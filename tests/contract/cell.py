@@ -35,10 +35,10 @@ def judge(family: str, command: str, writes: list[dict[str, Any]], transcript: l
     wrote = [writing(entry) for entry in transcript]
     frames = [(place, entry) for place, entry in enumerate(transcript) if wrote[place] and entry.mark == ">"]
     last_heard = max((place for place, entry in enumerate(transcript) if entry.mark == "<"), default=-1)
-    at = 0
+    at, idle = 0, facts_of(family).idle
     for step in writes:
-        if step["state"] == "not-sent":
-            continue
+        if step["state"] == "not-sent" or in_bytes(step["bytes"]) == idle not in [entry.data for _, entry in frames]:
+            continue  # a stop where nothing moved is listed, and no write
         count = step.get("count", 1)
         own = frames[at : at + count]
         assert len(own) == count, f"{step} is not on the wire"

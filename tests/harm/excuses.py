@@ -34,13 +34,6 @@ def _own(state: State, line: Line) -> bool:
     return line.family == state.owner and ("--baud" not in line.words or own_speed in line.words)
 
 
-def _hears(state: State) -> bool:
-    """Whether an exo or a wrist hears what is sent at 115200, and answers: while it calibrates it does not."""
-    if state.name == "calibrates":
-        return False
-    return state.wire == "tcp" or (state.wire == "serial" and state.options.get("baud", "115200") == "115200")
-
-
 def _scans_ids(state: State, line: Line) -> bool:
     if line.words[1:] != ("scan", "--ids", "1-8") or state.name.partition(",")[0] != "closing":
         return False
@@ -69,15 +62,6 @@ EXCUSES = (
         "block does, and none can be sent that asks first; the velocities stay as they were",
         lambda state, _line: state.looping,
         _no_velocity,
-    ),
-    Excuse(
-        "exo stop on a wrist sends the wrist's stop, wrist stop on an exo the exo's",
-        lambda state, line: (
-            line.path in (("exo", "stop"), ("wrist", "stop"))
-            and state.owner in ("exo", "wrist")
-            and line.family != state.owner
-            and _hears(state)
-        ),
     ),
     Excuse(
         "exo stop without an answer sends forces 0 all the same, and at 115200 a hand at 38400 hears ^C in its zeros: it stops",

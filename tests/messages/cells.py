@@ -24,9 +24,12 @@ LISTS = re.compile(r"\b(N|XX)(?:(?:, | and | or |-)\1\b)+")
 def messages(record: Record) -> str:
     """A record's messages behind its exit code, as `replay` wants them."""
     prefix = "messages: "
-    lines = record.parts["envelope"].splitlines()
+    lines = record.parts.get("envelope", "").splitlines()  # nobody hears what a command says whose process dies
     return "\n".join(
-        [f"exit {record.codes[0]}", *(line.removeprefix(prefix) for line in lines if line.startswith(prefix))]
+        [
+            f"exit {next(iter(record.codes), '')}",
+            *(line.removeprefix(prefix) for line in lines if line.startswith(prefix)),
+        ]
     )
 
 

@@ -9,6 +9,8 @@ import pytest
 from tests.pins.replay import complete, groups, pinned, replay
 from tests.search.suite import suites
 
+MANY = "a case for each suite and family: so many pins are replayed"
+
 
 @pytest.mark.parametrize(("name", "group"), groups(__file__))
 def test_pins(name: str, group: str, tmp_path: Path) -> None:

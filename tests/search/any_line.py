@@ -30,7 +30,7 @@ from unittest import mock
 import handctl
 from handctl.families import FAMILIES
 from handctl.link.fake import FakeFrames, FakeLink
-from tests.contract.cell import in_bytes, judge, wrote
+from tests.contract.cell import judge, wrote
 from tests.contract.commands import ELSEWHERE, SECONDS, commands, scratch_of
 from tests.contract.facts import Passed, facts_of, passed
 from tests.search.suite import Suite, bounded, key, parts
@@ -248,7 +248,7 @@ def usual(moving: Moving) -> Counter[Place]:
 def judged(moving: Moving, ended: Ended) -> str:
     """How it ended. Raises AssertionError where it tells less than happened, or has not stopped what it says to have ended."""
     family, name, halt = moving.family, moving.words.split()[0], moving.halt
-    over, idle = facts_of(family).over, facts_of(family).idle
+    over = facts_of(family).over
     healthy = whole(moving)
     done = ended.result.code == healthy.result.code
     assert done or ended.result.code == 130, ended.result
@@ -256,8 +256,6 @@ def judged(moving: Moving, ended: Ended) -> str:
     went = wrote(family, name, ended.transcript)
     if went or done:
         writes = ended.envelope["writes"]
-        if idle not in went:  # the prompt before it was lost with Ctrl-C: the ledger takes it for the end of a movement
-            writes = [step for step in writes if in_bytes(step["bytes"]) != idle]
         judge(family, name, writes, ended.transcript)
     if done:
         assert went == wrote(family, name, healthy.transcript), "it says to have done its work"

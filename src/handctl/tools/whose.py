@@ -89,7 +89,7 @@ def _as_named(run: Run, named: list[Device]) -> None:
 
 def _answering(run: Run, link: str) -> str:
     """Who answers within SECONDS, with the speed that it was asked at; "" for nobody, or where somebody has the link."""
-    if link.startswith("replay:"):
+    if link.startswith("replay:") or run.settings.dry_run:
         return ""
     wire = wire_of(link)
     try:

@@ -40,7 +40,7 @@ FACTS = Facts(
     halts={"position": HOLD},
     unwatched={
         "position 100 200 300 400 500": HOLD,
-        "force 101 102 103 104 105": bytes.fromhex("EB 90 01 0B 31"),
+        "force 101 102 103 104 105": HOLD,
         "set position_set.index=100": HOLD,
         "write 1486 6400C800": HOLD,
         "restore {dir}/exo.json --setpoints": HOLD,
