@@ -188,7 +188,7 @@ class Recorder:
         wire.place = place(acts[cell.end]) if place is not None else None
         with ExitStack() as stack:
             stack.enter_context(seams.watched(wire))
-            if cell.end == "death":
+            if place is not None and cell.end == "death":
                 stack.enter_context(seams.mortal(wire, heir))
             result = run(*cell.words, *(("--format", form) if form else ()))
         return wire, result, self.scratch.swept()
