@@ -86,7 +86,7 @@ WRITES = "lambda talk, _: talk.answer(b'S speed 40\\n', 'A', 'speed')"
 MUTANTS = {
     "a wrong scale in the map": (MAP, 'unit="V", low=0, high=30, decimals=1', 'unit="V", low=0, high=30, decimals=2'),
     "a probe that writes": (PROBE, "prober(Talk, ", f"prober(type('Wrong', (Talk,), {{'value': {WRITES}}}), "),
-    "a stop that is not sent on Ctrl-C": (DEVICE, 'self.talk.answer(codec.STOP, "A", "stop")', "None"),
+    "a stop that is not sent on Ctrl-C": (DEVICE, "self.driving(guide)", "self.keeping(lambda: [])"),
     "a codec that takes a bad line": (CODEC, "ANSWER.fullmatch(line) if", "ANSWER.match(line) if"),
     "a dry run that sends": (CLI, "run.planner().plan(", "run.device().plan_and_look("),
     "a write before the look": (ASKING, "        self.identify()\n        raw", "        raw"),

@@ -21,7 +21,7 @@ from typing import Any
 
 import pytest
 
-from tests.mistakes.table import TOP, Patch
+from tests.mistakes.table import SOURCES, TOP, Patch
 
 QUICK = (
     "-q", "--tb=line", "--no-header", "--no-summary", "--assert=plain", "--capture=fd", f"--rootdir={TOP}",
@@ -67,7 +67,15 @@ def seed(patches: Sequence[Patch]) -> None:
     if known := modules.keys() & sys.modules.keys():
         raise AssertionError(f"imported too early: {', '.join(known)}")
     sys.meta_path.insert(0, Finder(modules))  # type: ignore[arg-type]
-    _opened_instead({str(paths[name]): text for name, text in texts.items()})
+    _opened_instead({str(place): text for name, text in texts.items() for place in _places(paths[name])})
+
+
+def _places(path: Path) -> Iterator[Path]:
+    """A file, and the same in the package where that is installed elsewhere."""
+    yield path
+    installed = importlib.util.find_spec("handctl")
+    if installed is not None and installed.origin and path.is_relative_to(SOURCES / "handctl"):
+        yield Path(installed.origin).parent / path.relative_to(SOURCES / "handctl")
 
 
 def _opened_instead(texts: dict[str, str]) -> None:

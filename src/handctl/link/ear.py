@@ -28,6 +28,7 @@ class Ear:
         """Raises OSError; ValueError outside the main thread."""
         self._answer, self._after = answer, after
         self._busy = False
+        self._peers: list[Any] = []
         path = _beside(lock)
         with contextlib.suppress(FileNotFoundError):
             local.remove(path)  # of one that was killed: who has the lock has this name
@@ -44,6 +45,7 @@ class Ear:
 
     def _called(self, frame: Any) -> None:
         if self._busy:
+            self._hear()  # somebody else who wishes the same, while the device is being stopped
             return
         self._busy = True
         served = False
@@ -58,18 +60,27 @@ class Ear:
 
     def _serve(self) -> bool:
         """Answer one who waits; False when nobody does."""
+        if not self._hear():
+            return False
+        import json
+
+        report = json.dumps(self._answer()).encode() + b"\n"
+        while self._peers:
+            peer = self._peers.pop(0)
+            with contextlib.suppress(OSError):
+                peer.send(report)
+            peer.close()
+        return True
+
+    def _hear(self) -> bool:
+        """Tell one who waits that it was heard; it gets the report later. False when nobody waits."""
         try:
             peer = self._door.accept()
         except OSError:
             return False
         with contextlib.suppress(OSError):
             peer.send(b"heard\n")
-        report = self._answer()
-        import json
-
-        with contextlib.suppress(OSError):
-            peer.send(json.dumps(report).encode() + b"\n")
-        peer.close()
+        self._peers.append(peer)
         return True
 
 
