@@ -39,10 +39,10 @@ ROWS = (
     mistake(
         "barrett-death-is-a-boot-trigger",
         "boot trigger",
-        "handctl.devices.barrett.realtime.session",
-        "Session.power_off_shots",
-        "return [Shot(line.abort_bytes, pause), Shot(power_off, pause)] * 3",
-        'return [Shot(b"\\x03", pause), Shot(power_off, pause)] * 3',
+        "handctl.devices.barrett.stopper",
+        "_at",
+        "data = abort_at(speed)",
+        'data = b"\\x03"',
         "tests/barrett/test_boot_bytes.py::test_no_death_opens_the_boot_monitor",
     ),
     mistake(
