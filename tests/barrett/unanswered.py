@@ -82,7 +82,7 @@ class Noted(Guard):
         super().__init__(None, lambda _link: None, lambda *_words: None)
         self.first: list[Shot] = []
 
-    def update(self, first: Sequence[Shot]) -> None:
+    def update(self, first: Sequence[Shot], beat: float | None = None) -> None:
         self.first = list(first)
 
 

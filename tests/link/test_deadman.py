@@ -440,8 +440,8 @@ def test_messages_come_back_as_they_went() -> None:
     first = [Shot(b"", 0.25), Shot(b"\x03", 0.0), Shot(bytes(range(256)), 1.0)]
     for owed in (b"", b"x", bytes(300)):
         text = _pack(owed, first)
-        assert int.from_bytes(text[:2], "big") == len(text) - 2
-        assert _unpack(text[2:]) == (owed, first)
+        assert _unpack(text) == (owed, first)
+        assert child.message(text, 0.5) == (len(text) + 2).to_bytes(2, "big") + b"\x01\xf4" + text
 
 
 def test_a_message_goes_whole_or_not_at_all() -> None:
@@ -485,7 +485,7 @@ def test_a_child_has_a_link_of_its_own(frames: bool) -> None:
             heard.append((link.receive if frames else link.read)(link.deadline(1.0)))
 
     seen: list[bytes] = []
-    act_for(outlet, lambda link: (seen.append(theirs.recv(100)), talk(link)), _pack(b"rest", [Shot(b"first")])[2:])
+    act_for(outlet, lambda link: (seen.append(theirs.recv(100)), talk(link)), _pack(b"rest", [Shot(b"first")]))
     assert seen == [b"restfirst"]
     assert heard == ([None, CanFrame(7, b"ok")] if frames else [b"", b"ok"])
     ours.close()

@@ -38,7 +38,7 @@ def die(link: Any, stop: Callable[[Link], object], first: Sequence[Shot] = ()) -
     link.put = lambda data, deadline: link.write(data, deadline) if data else None
     link.sleep_reading = link.sleep
     with mock.patch.object(deadman, "RawBytes", lambda _outlet: link):
-        deadman.act_for(Outlet(-1), stop, deadman._pack(b"", first)[2:])
+        deadman.act_for(Outlet(-1), stop, deadman._pack(b"", first))
 
 
 def told_of(device: Device) -> Callable[[Link], object]:
@@ -58,7 +58,7 @@ class Kept(Guard):
         self.stop = stop
         self.told: list[list[Shot]] = []
 
-    def update(self, first: Sequence[Shot]) -> None:
+    def update(self, first: Sequence[Shot], beat: float | None = None) -> None:
         self.told.append(list(first))
 
 

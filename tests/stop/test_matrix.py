@@ -159,7 +159,7 @@ def by_child(device: Any, far: Far) -> Stopped | None:
         device.guarded()
     ((_link, stop, _warn),) = told
     with mock.patch.object(deadman, "RawBytes", lambda _outlet: far):
-        deadman.act_for(Outlet(-1), stop, deadman._pack(b"", ())[2:])
+        deadman.act_for(Outlet(-1), stop, deadman._pack(b"", ()))
     return None
 
 

@@ -193,12 +193,13 @@ class Child:
         wire.over = True
 
     def _last(self) -> bytes:
-        last = rest = b""
+        assert self._job is not None
+        last, rest = self._job.first[4:], b""
         with suppress(BlockingIOError):
             rest = os.read(self._told, 1 << 16)
         while rest:
             size = 2 + int.from_bytes(rest[:2], "big")
-            last, rest = rest[2:size] or last, rest[size:]
+            last, rest = rest[4:size] or last, rest[size:]
         return last
 
 

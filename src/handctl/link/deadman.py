@@ -84,7 +84,7 @@ class Guard:
         self._outlet, self._stop, self._warn, self._held, self._beat = outlet, stop, warn, tuple(held), beat
         self._heir: Heir | None = None
         self._owed = b""
-        self._first: tuple[Shot, ...] = ()
+        self._first: Sequence[Shot] = ()
         self._told = 0.0
 
     def arm(self) -> None:
@@ -93,18 +93,21 @@ class Guard:
             self._start()
             self._outlet.owes, self._outlet.before = self.owes, self._watch
 
-    def update(self, first: Sequence[Shot]) -> None:
-        """From now on these go out before the stop. Costs some microseconds when they are others. Raises LinkError."""
-        if self._heir is not None and tuple(first) != self._first:
-            self._first = tuple(first)
-            self._tell(_pack(self._owed, self._first))
+    def update(self, first: Sequence[Shot], beat: float | None = None) -> None:
+        """From now on these go out before the stop, and this process may be silent for `beat` seconds. Raises LinkError."""
+        self._first, self._beat = first, self._beat if beat is None else beat
+        if self._heir is not None:
+            self._tell(self._message())
 
     def owes(self, rest: bytes) -> None:
         """A frame is half sent: `rest` is missing, and goes before the stop; b"" once it is out."""
         rest = rest if len(rest) <= LARGEST // 2 else b""  # no frame that drives anything is so long
         if self._heir is not None and rest != self._owed:
             self._owed = rest
-            self._tell(_pack(self._owed, self._first))
+            self._tell(self._message())
+
+    def _message(self) -> bytes:
+        return child.message(_pack(self._owed, self._first), self._beat)
 
     def disarm(self) -> None:
         """End the child before it sends anything, and wait for it. May be called twice."""
@@ -129,8 +132,8 @@ class Guard:
             raise KeyboardInterrupt
         if state == "gone":
             self._replace()
-        elif self._beat and clock.now() - self._told > self._beat / 4:
-            self._tell(b"\0\0")
+        elif self._beat and clock.now() - self._told > self._beat / 10:
+            self._tell(child.PULSE)
 
     def _tell(self, message: bytes) -> None:
         self._told = clock.now()
@@ -147,19 +150,19 @@ class Guard:
 
     def _start(self) -> None:
         """Fork, and see that the child is ready. All at once for signals: nobody must lose sight of a child."""
-        outlet, stop, first = self._outlet, self._stop, _pack(self._owed, self._first)[2:]
+        outlet, stop = self._outlet, self._stop
         assert outlet is not None
 
-        def act(message: bytes) -> None:
+        def act(told: bytes) -> None:
             with suppress(Exception):
-                act_for(outlet, stop, message or first)
+                act_for(outlet, stop, told)
             with suppress(OSError):
                 os.close(outlet.descriptor)  # before the lock: who gets that next must find the port free
 
         self._told = clock.now()
         with child.unsignalled():
             try:
-                self._heir = child.started(Job((outlet.descriptor, *self._held), act, BOUND_SECONDS, self._beat))
+                self._heir = child.started(Job((outlet.descriptor, *self._held), act, self._message(), BOUND_SECONDS))
             except OSError as exc:
                 raise _cannot(exc.strerror or str(exc)) from exc
             except child.NotAlive as exc:
@@ -276,7 +279,7 @@ class RawFrames(_Raw, FrameLink):
         return self._frames.pop(0)
 
 
-# -- messages to the child: 2 bytes of length, then the frame's rest and the shots ---------------------------------------
+# -- what the child is told: the frame's rest and the shots ----------------------------------------------------------------
 
 
 def _pack(owed: bytes, first: Sequence[Shot]) -> bytes:
@@ -284,8 +287,8 @@ def _pack(owed: bytes, first: Sequence[Shot]) -> bytes:
     for data, pause in first:
         parts += [len(data).to_bytes(2, "big"), round(pause * 1000).to_bytes(2, "big"), data]
     text = b"".join(parts)
-    assert len(text) + 2 <= LARGEST
-    return len(text).to_bytes(2, "big") + text
+    assert len(text) + 4 <= LARGEST
+    return text
 
 
 def _unpack(text: bytes) -> tuple[bytes, list[Shot]]:

@@ -9,7 +9,7 @@ from handctl import ending
 from handctl.errors import OutputError, UsageError
 from handctl.files import at_once
 
-READER_SECONDS = 0.5
+READER_SECONDS = 0.3
 """How long a line waits for who reads along. No longer: a motor may turn meanwhile."""
 
 

@@ -22,15 +22,27 @@ class Job(NamedTuple):
     """What a child has to do.
 
     keep   descriptors that stay open in it
-    act    what it does once its parent is dead, with the message that it was sent last; b"" = none
+    act    what it does once its parent is dead, with what it was told last
+    first  what it is told at the beginning, as `message` has it
     bound  seconds for that
-    beat   seconds without a message after which a parent that lives counts as dead, 0 = it may be silent
     """
 
     keep: Sequence[int]
     act: Callable[[bytes], object]
+    first: bytes
     bound: float
-    beat: float = 0.0
+
+
+PULSE = b"\0\0"
+"""A message that tells only that the parent lives."""
+
+
+def message(text: bytes, beat: float) -> bytes:
+    """What the child is told from now on: 2 bytes of length, then the `beat` in milliseconds and the text.
+
+    beat   seconds without a message after which a parent that lives counts as dead, 0 = it may be silent
+    """
+    return (len(text) + 2).to_bytes(2, "big") + round(beat * 1000).to_bytes(2, "big") + text
 
 
 class Heir(NamedTuple):
@@ -139,7 +151,7 @@ else:
             os.set_blocking(orders, False)
             _close_all_but({orders, told, *job.keep})
             os.write(told, READY)
-            last = _last_message(orders, parent, job.beat)
+            last = _last_message(orders, parent, job.first)
             with suppress(OSError):
                 os.write(told, ACTS)
             signal.signal(signal.SIGALRM, signal.SIG_DFL)
@@ -178,8 +190,8 @@ else:
                 with suppress(OSError):
                     os.close(int(name))
 
-    def _last_message(orders: int, parent: int, beat: float) -> bytes:
-        """Wait until the parent is dead, or silent for longer than `beat`; the last message that was not empty.
+    def _last_message(orders: int, parent: int, first: bytes) -> bytes:
+        """Wait until the parent is dead, or silent for longer than it may be; the text that it told last.
 
         Its end of the pipe closes with it. Where a process that it forked holds that end too, the parent itself is watched.
         """
@@ -188,9 +200,9 @@ else:
         if hasattr(os, "pidfd_open"):
             with suppress(OSError):  # an old kernel, or not permitted: the pipe alone then
                 poll.register(os.pidfd_open(parent), select.POLLIN)
-        last, rest, dead = b"", b"", False
+        last, rest, dead = first[2:], b"", False
         while not dead:
-            ready = poll.poll(beat * 1000 if beat else None)
+            ready = poll.poll(int.from_bytes(last[:2], "big") or None)
             dead = not ready or any(descriptor != orders for descriptor, _ in ready) or os.getppid() != parent
             try:
                 chunk = os.read(orders, 1 << 16)
@@ -200,4 +212,4 @@ else:
             rest += chunk
             while len(rest) >= 2 and len(rest) >= (size := 2 + int.from_bytes(rest[:2], "big")):
                 last, rest = rest[2:size] or last, rest[size:]
-        return last
+        return last[2:]

@@ -46,9 +46,9 @@ from handctl.errors import (
 from handctl.model.guide import Guide
 from handctl.model.param import Element
 from handctl.model.result import Sample
-from handctl.model.stopping import BEAT
 
-READER_SECONDS = 0.5
+READER_SECONDS = 0.3
+"""Less than the child waits: this command tells best why nothing went out."""
 PROOF_SECONDS = 0.025
 """Silence behind a block that proves its end where no other block follows: an adapter hands bytes over within 16 ms."""
 SELF_TEST_BLOCKS = 16
@@ -101,9 +101,8 @@ class RealtimeLoop:
             yield from self._run(rate, count, duration)
             return
         self.hand.line.connect()  # the last bytes depend on the speed of the port
-        beat = max(BEAT, 3 / rate) if rate else BEAT
-        talk = partial(power_off, prefix=self.wish.prefix)
-        with self.hand.guarded(beat=beat if self.wish.watched else 0.0, talk=talk) as session.dead_man:
+        session.cycle = 1 / rate if rate else 0.0
+        with self.hand.guarded(talk=partial(power_off, prefix=self.wish.prefix)) as session.dead_man:
             yield from self._run(rate, count, duration)
 
     def _run(self, rate: float, count: int | None, duration: float | None) -> Iterator[Sample]:

@@ -18,12 +18,15 @@ from handctl.errors import HandctlError, NoAnswer, ProtocolError
 from handctl.link import Deadline
 from handctl.link.deadman import Guard, Shot
 from handctl.model.param import Element, Number
+from handctl.model.stopping import BEAT
 
 BLOCK_SECONDS = 0.1
 WATCH_SECONDS = 0.5
 """The same where no control is sent: a machine or an adapter that stumbles is then no reason to end."""
 ANSWER_SECONDS = 0.01
 """What the hand needs to answer, beside the time on the wire, where nobody can wait for the answer."""
+LEAVING_SECONDS = 3.0
+"""How long this command may be silent while it leaves: ^C and T take their time at a slow speed."""
 NOT_INITIALIZED = 4
 """T says so of such a motor and cuts its power all the same (barrett §5.2.1)."""
 
@@ -42,6 +45,7 @@ class Session:
     mark        where the loop begins in the ledger of writes
     failure     what went wrong while leaving
     dead_man    stops the hand when this process dies
+    cycle       seconds from one block to the next as they were asked for, 0 = as soon as it may be
     """
 
     def __init__(self, hand: BarrettHand, wish: Wish, *, drives: bool) -> None:
@@ -53,16 +57,21 @@ class Session:
         self.undo: list[tuple[Element, Number]] = []
         self.failure: HandctlError | None = None
         self.dead_man: Guard | None = None
+        self.cycle = 0.0
         self.mark = 0
         self._still = b""
 
-    def block_deadline(self, sent_at: float) -> Deadline:
-        """How long the answer to a block may take."""
+    @property
+    def patience(self) -> float:
+        """Seconds that the answer to a block may take."""
         line = self.hand.line
         size = self.layout.control_size + self.layout.feedback_size
-        patience = BLOCK_SECONDS if self.drives else WATCH_SECONDS
-        seconds = line.timeout if line.timeout is not None else max(patience, 10 * line.wire_seconds(size))
-        return self.hand.link.deadline(max(0.0, sent_at + seconds - self.hand.link.now()))
+        least = BLOCK_SECONDS if self.drives else WATCH_SECONDS
+        return line.timeout if line.timeout is not None else max(least, 10 * line.wire_seconds(size))
+
+    def block_deadline(self, sent_at: float) -> Deadline:
+        """How long the answer to a block may take."""
+        return self.hand.link.deadline(max(0.0, sent_at + self.patience - self.hand.link.now()))
 
     def give_up(self) -> None:
         """The link is lost: no byte can reach the hand, nothing is to be put back."""
@@ -71,7 +80,7 @@ class Session:
 
     def leave(self) -> None:
         """Never raises: what fails is told and sets `failure`."""
-        self._tell_first(())  # at the prompt a control block would be text, perhaps a command
+        self._tell_first((), LEAVING_SECONDS)  # at the prompt a control block would be text, perhaps a command
         self.hand.line.bound = None  # stopping has deadlines of its own
         moved = bool(self.last) or (self.asked and self.drives)
         stands = False
@@ -166,11 +175,13 @@ class Session:
         if line.risky and ends_alone(len(zero), line.link.baud):
             zero += line.abort_bytes
         answered = ANSWER_SECONDS + wire(self.layout.control_size + self.layout.feedback_size)  # of the block before
-        self._tell_first([Shot(b"", answered), Shot(zero, ANSWER_SECONDS + wire(len(zero) + 1))])
+        beat = max(BEAT, 3 * self.cycle, 2 * self.patience)
+        self._tell_first([Shot(b"", answered), Shot(zero, ANSWER_SECONDS + wire(len(zero) + 1))], beat)
 
-    def _tell_first(self, shots: Sequence[Shot]) -> None:
+    def _tell_first(self, shots: Sequence[Shot], beat: float) -> None:
+        """The child's, for as long as this loop drives: before and behind it, an answer may take its time."""
         if self.dead_man is not None:
-            self.dead_man.update(shots)
+            self.dead_man.update(shots, beat if self.wish.watched else 0.0)
 
     def _blame(self, exc: Exception, hint: str) -> None:
         text = f"while leaving the loop: {exc.text if isinstance(exc, HandctlError) else repr(exc)}"

@@ -1,0 +1,75 @@
+"""What has a pulse is never silent for as long as its child waits: at any speed, at any rate, to its last frame."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import nullcontext
+from itertools import pairwise
+from typing import Any
+
+import pytest
+
+from handctl.devices.aidin.currents import currents
+from handctl.devices.aidin.map import CURRENTS
+from handctl.devices.aidin.targets import parse
+from handctl.devices.barrett.map import SPEEDS
+from handctl.devices.barrett.realtime.schedule import Controls
+from handctl.link import deadman
+from handctl.link.deadman import Guard, Shot
+from handctl.model.guide import Guide
+from tests.aidin import support as aidin
+from tests.barrett.realtime import Run
+from tests.barrett.support import Simulated
+from tests.support.each_row import each_row
+
+
+class Heard(Guard):
+    """The pulse as a child would hear it: the moments of what it is told, each with how long it waits from then on."""
+
+    def __init__(self, link: Any, beat: float) -> None:
+        super().__init__(None, lambda _link: None, lambda *_words: None)
+        self.link, self.beats = link, [(link.now(), beat)]
+        self._write = link.write
+        link.write = self._written
+
+    def _written(self, data: bytes, deadline: Any) -> None:
+        self.beats.append((self.link.now(), self.beats[-1][1]))
+        self._write(data, deadline)
+
+    def update(self, first: Sequence[Shot], beat: float | None = None) -> None:
+        self.beats.append((self.link.now(), self.beats[-1][1] if beat is None else beat))
+
+    def longest(self) -> float:
+        """The longest silence, as a share of what the child waits."""
+        return max((after - at) / beat for (at, beat), (after, _) in pairwise(self.beats) if beat)
+
+
+@pytest.fixture
+def heard(monkeypatch: pytest.MonkeyPatch) -> list[Heard]:
+    found: list[Heard] = []
+
+    def guarding(link: Any, _stop: Any, _warn: Any, *, beat: float = 0.0) -> Any:
+        found.append(Heard(link, beat))
+        return nullcontext(found[-1])
+
+    monkeypatch.setattr(deadman, "guarding", guarding)
+    return found
+
+
+@each_row("rate", [0.0, 1.0])
+@each_row("speed", [max(SPEEDS), 9600, min(SPEEDS)])
+def test_a_loop(heard: list[Heard], speed: int, rate: float) -> None:
+    heard.clear()
+    controls = Controls({0: ("velocity",)}, {(0, "velocity"): 20})
+    link = Simulated(f"initialized=1&wire=auto&baud={speed}", speed)
+    run = Run(receive={0: ("position",)}, temperature=False, controls=controls, motors=(0,), link=link)
+    assert run.go(5, rate).error is None
+    (guard,) = heard
+    assert any(beat for _, beat in guard.beats) and guard.longest() < 0.9
+
+
+def test_currents(heard: list[Heard]) -> None:
+    hand, _ = aidin.simulated(start="homed")
+    currents(hand, parse(CURRENTS, ["index.m1=50"], cap=300), Guide(), seconds=0.5, cap=300)
+    (guard,) = heard
+    assert guard.beats[0][1] and guard.longest() < 0.9
