@@ -14,7 +14,7 @@ from handctl.docgen import promises
 from handctl.families import FAMILIES
 from handctl.frame.clikit import Command
 from handctl.frame.family import Family, load, map_of
-from tests.contract.commands import ELSEWHERE, commands
+from tests.contract.commands import ELSEWHERE, commands, scratch_of
 from tests.contract.facts import facts_of
 from tests.support import own_state
 from tests.support.cli import Result, run
@@ -129,6 +129,12 @@ def unless(excused: bool, holds: Check) -> Check:
         pytest.fail("the promise holds: the exception is not needed")
 
     return needed
+
+
+def made(folder: Path) -> Path:
+    """The folder, with a snapshot of each family."""
+    folder.mkdir(parents=True, exist_ok=True)
+    return scratch_of(folder)
 
 
 # -- how it is tried ----------------------------------------------------------------------------------------------------

@@ -15,10 +15,9 @@ from handctl.api import methods
 from handctl.families import FAMILIES
 from handctl.link.fake import FakeFrames, FakeLink
 from tests.contract.facts import facts_of
-from tests.promises.cells import Cell, commands
-from tests.promises.symptoms import made
+from tests.promises.cells import Cell, commands, made
 
-MOST = 1000
+MOST = 400
 """Times that a stream of 0.2 s may listen: each takes its time on the wire."""
 
 

@@ -10,21 +10,19 @@ from handctl.families import FAMILIES
 from tests.promises.cells import Cell, command_of, found_in, has_serial, link_of, needs, row_of
 from tests.support.cli import run
 
-LINES = {
-    "clean": "",
-    "50 ms": "latency_ms = 50\n",
-    "150 ms": "latency_ms = 150\n",
-    "bluetooth": 'model = "bluetooth"\n',
-}
-IDS = (1, 2)
+LINES = (
+    ("50 ms", "latency_ms = 50\n", 2),
+    ("150 ms", "latency_ms = 150\n", 1),
+    ("bluetooth", 'model = "bluetooth"\n', 1),
+)
+"""What the line is, and the id of the device."""
 
 
 def cells() -> Iterator[Cell]:
     for family in FAMILIES:
         if has_serial(family) and row_of(family).ids and command_of(family, "scan") is not None:
-            for name, keys in LINES.items():
-                for number in IDS if name != "clean" else ():
-                    yield Cell(f"{family} scan, {name}, id {number}", partial(_scanned, family, keys, number))
+            for name, keys, number in LINES:
+                yield Cell(f"{family} scan, {name}, id {number}", partial(_scanned, family, keys, number))
         yield Cell(f"{family}: handctl doctor finds the device", partial(_met, family))
         if row_of(family).ids:
             yield Cell(f"{family}: handctl doctor, two devices with one id", partial(_twins, family))

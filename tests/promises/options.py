@@ -14,8 +14,7 @@ from handctl.families import FAMILIES
 from handctl.frame.clikit import Command, root
 from handctl.frame.options import SharedOption, shared_options
 from tests.contract.facts import facts_of
-from tests.promises.cells import Cell, exempt, link_of, map_for, needs, reached, row_of, typed, unless
-from tests.promises.symptoms import made
+from tests.promises.cells import Cell, exempt, link_of, made, map_for, needs, reached, row_of, typed, unless
 from tests.search.suite import Hang, bounded
 from tests.support.cli import clean_environment, environment, run, spying
 
@@ -133,7 +132,7 @@ def _toml(option: SharedOption) -> str:
 
 
 def works() -> Iterator[Cell]:
-    """What each option does, for every family."""
+    """What each option does, for every family. Of --dry-run and --yes see `contract/test_contract.py` and `docs/test_asking.py`."""
     for family in FAMILIES:
         link = link_of(family)
         for name, check in EFFECTS.items():
@@ -142,8 +141,6 @@ def works() -> Iterator[Cell]:
             yield Cell(f"{family} {name} --deadline, silence", partial(_ends, family, name))
             if any(param.metavar == "FILE" and "--control" in param.opts for param in command.params):
                 yield Cell(f"{family} {name} --control FIFO --deadline", partial(_fifo, family, name))
-            if command.writes and not command.stops:
-                yield Cell(f"{family} {name} --dry-run", partial(_dry, family, name))
 
 
 def _json(family: str, link: str, _folder: Path) -> None:
@@ -200,8 +197,8 @@ def _wide(family: str, link: str, _folder: Path) -> None:
 
 
 def _retries(family: str, link: str, folder: Path) -> None:
-    """More questions into silence: from the first on, or behind those that find the device."""
-    for silence in ("fault=silent", "fault=silent&after=2"):
+    """More questions into silence: from the first on, or behind the one that finds the device."""
+    for silence in ("fault=silent", "fault=silent&after=1"):
         counts = []
         for number in ("0", "3"):
             trace = made(folder / silence) / f"{number}.txt"
@@ -276,13 +273,6 @@ def _fifo(family: str, name: str, folder: Path) -> None:
     except Hang as exc:
         raise AssertionError(str(exc)) from None
     assert result.code != 1, result
-
-
-def _dry(family: str, name: str, folder: Path) -> None:
-    trace = made(folder) / "t.txt"
-    rows = needs(typed(family, name, folder, link_of(family), "-n", "--json", "--trace", trace), 0)
-    assert not trace.exists() or " > " not in trace.read_text()
-    assert rows
 
 
 def cells() -> Iterator[Cell]:

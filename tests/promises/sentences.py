@@ -15,8 +15,8 @@ from handctl.families import FAMILIES
 from handctl.guides import Item, Para
 from tests.contract.cell import wrote
 from tests.contract.facts import facts_of, passed
-from tests.promises.cells import Cell, link_of, needs, row_of, typed
-from tests.promises.symptoms import made, writing_of
+from tests.promises.cells import Cell, link_of, made, needs, row_of, typed
+from tests.promises.symptoms import writing_of
 from tests.promises.verbs import SICK
 from tests.support.cli import run
 from tests.support.places import TESTS

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
@@ -17,20 +16,17 @@ from handctl.frame.clikit import Command
 from handctl.link import serial as serial_module
 from handctl.link import tcp
 from handctl.link.owners import Process
-from handctl.model.param import TRIGGER
 from handctl.tools import doctor, ports
-from tests.contract.commands import scratch_of
 from tests.contract.facts import facts_of
-from tests.contract.facts.outcomes import outcomes_of
+from tests.promises import device
 from tests.promises.cells import (
     Cell,
-    command_of,
     commands_in,
     exempt,
     found_in,
     has_serial,
     link_of,
-    map_for,
+    made,
     needs,
     reached,
     row_of,
@@ -53,11 +49,6 @@ def some(family: str) -> Iterator[tuple[str, Command]]:
     """What reads, the first command that writes, and the stop: the others open their link as these do."""
     wanted = (*OPENS, writing_of(family), "stop")
     yield from ((name, command) for name, command in reached(family) if name in wanted)
-
-
-def made(folder: Path) -> Path:
-    folder.mkdir(parents=True, exist_ok=True)
-    return scratch_of(folder)
 
 
 # -- the port -----------------------------------------------------------------------------------------------------------
@@ -90,7 +81,7 @@ def not_permitted() -> Iterator[Cell]:
 def _denied(family: str, folder: Path) -> None:
     error = serial.SerialException(13, "could not open port")
     with mock.patch.object(serial, "serial_for_url", side_effect=error):
-        needs(run(family, "status", "-p", PORT), 3, said="not-permitted")
+        assert "not permitted" in needs(run(family, "status", "-p", PORT), 3, said="not-permitted").err
 
 
 def group_named(rows: list[dict[str, Any]]) -> None:
@@ -115,7 +106,7 @@ def _held(family: str, name: str, folder: Path) -> None:
         mock.patch.object(serial, "serial_for_url") as opened,
     ):
         result = needs(typed(family, name, made(folder), PORT), 3, said="busy")
-    assert "4711" in result.err and not opened.called
+    assert "in use" in result.err and "4711" in result.err and not opened.called
 
 
 def holder_named(rows: list[dict[str, Any]]) -> None:
@@ -285,178 +276,50 @@ def _strange(family: str, name: str, link: str, alike: bool, folder: Path) -> No
     assert assumed.code not in (2, 6), f"--assume-identity: exit code {assumed.code}"
 
 
-# -- the device -----------------------------------------------------------------------------------------------------------
-
-
-def not_initialized() -> Iterator[Cell]:
-    family = next(words[0] for row in SYMPTOMS if row.key == "not-initialized" for words in commands_in(row.step))
-    state = "initialized=0"
-
-    def refuses(folder: Path, name: str) -> None:
-        link = f"fake://{family}?clock=virtual&{state}&state={made(folder) / 'kept.json'}"
-        result = needs(typed(family, name, folder, link), 6)
-        assert "not initialized" in result.err
-        needs(run(*step("not-initialized", family, link)), 0)
-        needs(typed(family, name, folder, link.replace(f"&{state}", "")), 0)
-
-    for name in facts_of(family).halts or ():
-        if name != "init":
-            yield Cell(f"{family} {name}", partial(refuses, name=name))
-
-
-OPENED = "close"
-"""A command that brings what begins open to where a movement has a way to go."""
-WAYS = {"open": "", "home": "", "init": "", "step-open": "500", "joints": "index.q3=130 thumb.q1=10"}
-"""Arguments of a movement that leads away from where it begins, where those of the facts do not."""
-
-
-def movements(family: str) -> Iterator[tuple[str, list[str], str]]:
-    """Commands that move to a target and wait, with arguments, and what brings the device to another place first."""
-    facts = facts_of(family)
-    for name in facts.halts or ():
-        words = WAYS[name].split() if OPENED in facts.writes and name in WAYS else facts.words(name, Path())
-        words = WAYS[name].split() if name == "joints" else words
-        yield name, [*name.split(), *words], OPENED if OPENED in facts.writes and name in WAYS else ""
-
-
-def not_reached() -> Iterator[Cell]:
-    """A movement that is held up ends with exit code 7, unless that was expected."""
-    for family in FAMILIES:
-        for name, words, before in movements(family):
-            excused = exempt(family, "arrival", name)
-            tried = partial(_moved, family, name, words, before)
-            yield Cell(f"{family} {name}", unless(excused, partial(tried, "fault=blocked", "", 7)))
-            if "speed" in dict(reached(family)):
-                yield Cell(f"{family} {name} at speed 0", partial(tried, "speed=0", "", 7))
-            if excused:
-                continue
-            unfit = exempt(family, "expect", name)
-            yield Cell(f"{family} {name} --expect any", unless(unfit, partial(tried, "fault=blocked", "any", 0)))
-            if name in (list(facts_of(family).halts or ())[1:] or [name])[:1]:
-                yield Cell(f"{family} {name} --expect contact", unless(unfit, partial(tried, "", "contact", 7)))
-    yield Cell("handctl aidin home", _homed)
-
-
-def _moved(
-    family: str, name: str, words: list[str], before: str, state: str, expect: str, code: int, folder: Path
-) -> None:
-    link = f"fake://{family}?clock=virtual&{outcomes_of(family).state}&state={made(folder) / 'kept.json'}"
-    if before:
-        needs(run(family, before, "-p", link), 0)
-    wanted = ["--expect", expect] if expect else []
-    needs(run(family, *words, *wanted, "-y", "-p", f"{link}&{state}" if state else link), code)
-
-
-def _homed(folder: Path) -> None:
-    family = next(words[0] for row in SYMPTOMS if row.key == "not-reached" for words in commands_in(row.step))
-    kept = made(folder) / "kept.json"
-    link = f"fake://{family}?clock=virtual&rate=25&state={kept}"
-    words = (family, "joints", "index.q3=130", "thumb.q1=10", "-y", "-p", link)
-    needs(run(*words[:-1], f"{link}&start=cold"), 7, said="not-reached")
-    needs(run(*step("not-reached", family, link), "-y"), 0)
-    needs(run(*words), 0)
-
-
-def hot() -> Iterator[Cell]:
-    """Errors stay while it is hot, and go when it has cooled."""
-    for family in FAMILIES:
-        if "over-temperature" not in outcomes_of(family).changed:
-            continue
-        tells = lambda _, f=family: needs(run(f, "status", "--check", "-p", link_of(f, "fault=over-temperature")), 7)  # noqa: E731
-        yield Cell(f"{family} status --check", unless(exempt(family, "hot", "status --check"), tells))
-        if command_of(family, "clear-errors") is None and not exempt(family, "hot", "clear-errors"):
-            continue  # `status` reports no error bits of it
-        yield Cell(f"{family} clear-errors", unless(exempt(family, "hot", "clear-errors"), partial(_cools, family)))
-
-
-def _cools(family: str, folder: Path) -> None:
-    kept = made(folder) / "kept.json"
-    link = f"fake://{family}?clock=virtual&state={kept}"
-    result = needs(run(*step("hot", family, f"{link}&fault=hot")), 0, 7)
-    assert "over-temperature" in result.said
-    needs(run(family, "status", "--check", "-p", link), 7)
-    needs(run(*step("hot", family, f"{link}&elapse=900")), 0)
-    needs(run(family, "status", "--check", "-p", link), 0)
-
-
-def not_saved() -> Iterator[Cell]:
-    for family in FAMILIES:
-        for name, given, read, old in (("id", "7", "id", 1), ("baud", "57600", "baud_code", 0)):
-            if command_of(family, name) is None or command_of(family, "save") is None or not row_of(family).ids:
-                continue
-            yield Cell(f"{family} {name}", partial(_kept, family, name, given, read, old))
-
-
-def _kept(family: str, name: str, given: str, read: str, old: int, folder: Path) -> None:
-    kept = made(folder) / "kept.json"
-    link = f"fake://{family}?clock=virtual&state={kept}"
-    at = [f"--{name}", given]
-    needs(run(family, name, given, "-y", "-p", link), 0)
-    again = needs(run(family, "get", read, "--format", "plain", "-p", f"{link}&power-cycle=1"), 0)
-    assert str(old) in again.out.split(), again
-    needs(run(family, name, given, "-y", "-p", link), 0)
-    now = at if name == "id" else []  # a new speed acts after a power-cycle only
-    needs(run(*step("not-saved", family, link), *now, "-y"), 0)
-    again = needs(run(family, "get", read, "--format", "plain", *at, "-p", f"{link}&power-cycle=1"), 0)
-    assert str(old) not in again.out.split(), again
-
-
-def out_of_range() -> Iterator[Cell]:
-    """A number that is far too large, in each command that takes one. `describe` has the range of what may be set."""
-    for family in FAMILIES:
-        facts = facts_of(family)
-        for name in facts.writes:
-            words = facts.writes[name].split()
-            place = next((i for i, word in enumerate(words) if re.fullmatch(r"([a-z_.0-9A-Z]+=)?-?\d+", word)), None)
-            if place is not None:
-                big = re.sub(r"-?\d+$", "9999999", words[place])
-                yield Cell(
-                    f"{family} {name}",
-                    partial(_too_large, family, [*name.split(), *words[:place], big, *words[place + 1 :]]),
-                )
-        yield Cell(f"{family} describe", partial(_ranges, family))
-
-
-def _too_large(family: str, words: list[str], folder: Path) -> None:
-    trace = made(folder) / "trace.txt"
-    needs(run(family, *[word.format(dir=folder) for word in words], "-y", "-p", link_of(family), "--trace", trace), 2)
-    assert not trace.exists() or " > " not in trace.read_text()
-
-
-def _ranges(family: str, _folder: Path) -> None:
-    rows = {row["name"]: row for row in needs(run(*step("out-of-range", family, ""), "--json"), 0).rows}
-    for param in map_for(family):
-        if param.writable and param.kind != TRIGGER and param.low is not None:
-            assert rows[param.name]["range"], param.name
-
-
-def wrong_values() -> Iterator[Cell]:
-    for family in FAMILIES:
-        for wire, option in wires_of(family).items():
-            yield Cell(f"{family} status, {wire}", partial(_decoded, family, link_of(family, option)))
-
-
-def _decoded(family: str, link: str, folder: Path) -> None:
-    trace = str(made(folder) / "run.txt")
-    words = step("wrong-values", family, link)
-    needs(run(*(trace if word == "run.txt" else word for word in words), "-p", link), 0)
-    words = [trace if word == "run.txt" else word for word in step("wrong-values", family, link, 1)]
-    rows = needs(run(*words, "--json"), 0).rows
-    assert rows and not [row for row in rows if row.get("problem")], rows
-    assert all(row.get("meaning") for row in rows if row.get("bytes")), rows
-
-
 TABLES: dict[str, Callable[[], Iterator[Cell]]] = {
     "no-port": no_port, "not-permitted": not_permitted, "in-use": in_use, "refused": refused, "no-answer": no_answer,
-    "no-frame": no_frame, "echo": echo, "other-family": other_family, "not-initialized": not_initialized,
-    "not-reached": not_reached, "hot": hot, "not-saved": not_saved, "out-of-range": out_of_range, "wrong-values": wrong_values,
+    "no-frame": no_frame, "echo": echo, "other-family": other_family, "not-initialized": device.not_initialized,
+    "not-reached": device.not_reached, "hot": device.hot, "not-saved": device.not_saved, "out-of-range": device.out_of_range, "wrong-values": device.wrong_values,
 }  # fmt: skip
 """Symptom -> its cells."""
 COVERED = {"not-confirmed": ("tests/docs/test_asking.py", "test_a_command_asks_or_begins_as_the_table_says")}
 """Symptoms that another test holds against every family and command."""
 
 
+SAID = {
+    "no-port": ("exo", "status", "-p", "/dev/ttyUSB99"),
+    "no-answer": ("exo", "status", "-p", "fake://exo?clock=virtual&fault=silent"),
+    "no-frame": ("exo", "status", "-p", "fake://exo?clock=virtual&fault=garble", "--baud", "19200"),
+    "echo": ("exo", "status", "-p", "fake://exo?clock=virtual&fault=loopback"),
+    "other-family": ("exo", "force", *"00000", "-y", "-p", "fake://wrist?clock=virtual"),
+    "not-initialized": ("barrett", "close", "-y", "-p", "fake://barrett?clock=virtual"),
+    "not-reached": ("aidin", "joints", "index.q3=160", "-y", "-p", "fake://aidin?clock=virtual&start=cold"),
+    "hot": ("exo", "clear-errors", "-p", "fake://exo?clock=virtual&fault=hot"),
+    "out-of-range": ("exo", "position", "2000", *"0000", "-p", "fake://exo?clock=virtual"),
+}
+"""Symptom -> a command that says the very words. Those of a port are in the cells, and in `link/test_links.py`."""
+
+
+def words() -> Iterator[Cell]:
+    """A reader finds the row by what handctl says."""
+    for row in SYMPTOMS:
+        if row.key in SAID:
+            yield Cell(
+                f"words of {row.key}", partial(_says, row.key, row.said.partition("`")[2].partition("`")[0], row.code)
+            )
+
+
+def _says(key: str, text: str, code: int | None, _folder: Path) -> None:
+    assert text and text in needs(run(*SAID[key]), *([0, 7] if code is None else [code])).err
+
+
+def _all_rows(_folder: Path) -> None:
+    assert {row.key for row in SYMPTOMS} == {*TABLES, *COVERED}
+
+
 def cells() -> Iterator[Cell]:
+    yield from words()
+    yield Cell("each row of README is tried", _all_rows)
     for row in SYMPTOMS:
         for cell in TABLES[row.key]() if row.key in TABLES else ():
             yield Cell(f"{row.key}: {cell.name}", cell.check)

@@ -13,8 +13,7 @@ from handctl.docgen.promises import VERBS
 from handctl.families import FAMILIES
 from handctl.model.param import TRIGGER, elements_of
 from tests.contract.facts import facts_of
-from tests.promises.cells import Cell, command_of, commands, exempt, link_of, map_for, needs, typed, unless
-from tests.promises.symptoms import made
+from tests.promises.cells import Cell, command_of, commands, exempt, link_of, made, map_for, needs, typed, unless
 from tests.support.cli import run, spying
 
 SICK = ("fault=locked-rotor", "fault=hot", "fault=hip-offset", "fault=degrees")
@@ -23,8 +22,6 @@ VARIANTS = {"hand": tuple(f"model={model}" for model in ("df", "tp", "f1", "dg2"
 """Generations of a device, whose quantities differ."""
 TYPOS = {"statsu": "status", "dmup": "dump", "wacth": "watch", "descirbe": "describe"}
 TRUE_RATE = "rate_hz"
-MOST_SAMPLES = 100
-"""In 0.2 s: each sample takes its time on the wire."""
 
 
 def there() -> Iterator[Cell]:
@@ -103,11 +100,7 @@ def _model(family: str, _folder: Path) -> None:
 def bounded() -> Iterator[Cell]:
     """`watch` ends by each of its bounds, and tells its true rate."""
     for family in FAMILIES:
-        for words in (
-            ("--count", "2"),
-            ("--duration", "0.5", "--rate", "10"),
-            ("--duration", "0.2", "--rate", "0", "--count", str(MOST_SAMPLES)),
-        ):
+        for words in (("--count", "2"), ("--duration", "0.5", "--rate", "10")):
             yield Cell(f"{family} watch {' '.join(words)}", partial(_watched, family, words))
 
 
@@ -115,8 +108,6 @@ def _watched(family: str, words: tuple[str, ...], _folder: Path) -> None:
     with spying() as spy:
         rows, end = needs(run(family, "watch", *words, "-p", link_of(family), "--json"), 0).stream
     assert rows and end["stream"]["samples"] and end["stream"].get(TRUE_RATE) is not None, end["stream"]
-    samples = len({row["t"] for row in rows})
-    assert samples < MOST_SAMPLES, f"{samples} samples"
     if "--duration" in words:
         assert spy.now < 20
 
