@@ -173,38 +173,6 @@ def test_every_example_runs(name: str, tmp_path: Path, monkeypatch: pytest.Monke
     assert not failed, failed
 
 
-MESSAGES: dict[str, tuple[int, tuple[str, ...]]] = {
-    "no such port": (3, ("exo", "status", "-p", "/dev/ttyUSB99")),
-    "connection refused": (3, ("aidin", "status", "-p", "tcp://127.0.0.1:9")),
-    "no answer": (4, ("exo", "status", "-p", "fake://exo?clock=virtual&fault=silent")),
-    "form no frame": (5, ("exo", "status", "-p", "fake://exo?clock=virtual&fault=garble", "--baud", "19200")),
-    "only our own bytes": (5, ("exo", "status", "-p", "fake://exo?clock=virtual&fault=loopback")),
-    "this is a wrist module": (6, ("exo", "force", *"00000", "-y", "-p", "fake://wrist?clock=virtual")),
-    "Motor not initialized": (6, ("barrett", "close", "-y", "-p", "fake://barrett?clock=virtual")),
-    "not reached": (7, ("aidin", "joints", "index.q3=160", "-y", "-p", "fake://aidin?clock=virtual&start=cold")),
-    "over_temperature": (0, ("exo", "clear-errors", "-p", "fake://exo?clock=virtual&fault=hot")),
-    "out of range": (2, ("exo", "position", "2000", *"0000", "-p", "fake://exo?clock=virtual")),
-}
-"""Each message of README's table, by a command that meets it. `not permitted` and `in use` need another user or program."""
-ELSEWHERE = {"not permitted", "in use"}
-
-
-@pytest.mark.real
-@pytest.mark.parametrize("message", MESSAGES)
-def test_a_message_of_the_table_is_what_handctl_says(message: str) -> None:
-    code, words = MESSAGES[message]
-    result = run(*words)
-    assert result.code == code and message in result.err, result
-
-
-def test_each_message_of_the_table_is_met() -> None:
-    first = [cells[0] for cells in rows("message or symptom")]
-    named = {found[1]: found[2] for cell in first if (found := re.match(r"`([^`]+)`(?: \((\d+)\))?", cell))}
-    assert set(named) == set(MESSAGES) | ELSEWHERE
-    for message, code in named.items():
-        assert code == (str(MESSAGES[message][0]) if MESSAGES.get(message, (0,))[0] else code), message
-
-
 def test_the_states_of_a_write_are_those_of_the_schema() -> None:
     schema = (README.parent / "src/handctl/schema/envelope-1.json").read_text(encoding="utf-8")
     states = [cells[0].strip("`") for cells in rows("state")]

@@ -1,4 +1,4 @@
-"""The tables of README.md and of the guides that say what the code says: devices, commands, verbs, links, exit codes.
+"""The tables of README.md and of the guides that say what the code says: devices, commands, verbs, links, exit codes, symptoms.
 
 Each stands between `<!-- NAME: … -->` and `<!-- end -->`; everything else of the page is left as it is.
 """
@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable
 
 from handctl import guides
 from handctl.docgen.man import exit_codes
+from handctl.docgen.promises import SYMPTOMS, VERBS, WORDS, exceptions
 from handctl.docgen.texts import LINKS
 from handctl.docgen.tree import Node
 from handctl.families import COMMANDS, FAMILIES
@@ -70,12 +71,29 @@ def _exit_codes(_tree: Node) -> Iterable[str]:
     return _table(("exit code", "meaning"), ((str(code), text) for code, text in exit_codes()))
 
 
+def _symptoms(_tree: Node) -> Iterable[str]:
+    rows = ((row.said + (f" ({row.code})" if row.code is not None else ""), row.cause, row.step) for row in SYMPTOMS)
+    return _table(("message or symptom", "cause", "next step"), rows)
+
+
+def _usual(_tree: Node) -> Iterable[str]:
+    return _table(("command", "what it does"), ((f"`{row.typed}`", row.does) for row in VERBS))
+
+
+def _exceptions(_tree: Node) -> Iterable[str]:
+    rows = ((f"`{row.family}`", WORDS[row.promise], row.where, row.why) for row in exceptions())
+    return _table(("device", "promise", "not for", "why"), rows)
+
+
 MAKERS: dict[str, Callable[[Node], Iterable[str]]] = {
     "devices": _devices,
     "commands": _commands,
     "verbs": _verbs,
     "links": _links,
     "exit-codes": _exit_codes,
+    "symptoms": _symptoms,
+    "usual": _usual,
+    "exceptions": _exceptions,
 }
 
 

@@ -2,6 +2,13 @@
 
 from handctl.devices.aidin.speaking import section
 
+EXCEPTIONS = (
+    ("verb", "`set`, `snapshot`, `diff`, `restore`", "The hand keeps no settings."),
+    ("option", "`--id`, `--baud`", "The hand is reached by its address, over TCP."),
+    ("no-port", "`/dev/ttyUSB0`", "The hand has no serial port: exit code 2."),
+    ("arrival", "`currents`", "A current has no target."),
+    ("expect", "`home`", "Without its end stops a motor has no origin: it must find them."),
+)
 EXAMPLES = (
     ("handctl aidin status -p tcp://192.168.0.20", "Port 8000 when none is given."),
     ("handctl aidin status --fake --json", "The simulated hand, for a script."),
@@ -24,4 +31,4 @@ EXAMPLES = (
     ("handctl aidin max-torque 300 -n --fake", "The message that would be sent."),
 )
 
-__all__ = ["EXAMPLES", "section"]
+__all__ = ["EXAMPLES", "EXCEPTIONS", "section"]

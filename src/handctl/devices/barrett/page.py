@@ -8,6 +8,12 @@ FILES = (
     ("$XDG_STATE_HOME/handctl/barrett-speeds.json", "The speed at which the hand on each port was last found."),
     ("$XDG_STATE_HOME/handctl/gcl-history", "The lines typed at the prompt of `gcl`."),
 )
+EXCEPTIONS = (
+    ("option", "`--id`", "GCL has no device ids."),
+    ("arrival", "`torque-open`, `torque-close`", "They push until the motors stall, and have no target."),
+    ("expect", "`init`", "Without its end stops a motor has no position: it must find them."),
+    ("hot", "`status --check`", "While its temperature fault is set the hand refuses to report: exit code 6."),
+)
 EXAMPLES = (
     ("handctl barrett status -p /dev/ttyUSB0", "Show a health summary. handctl finds the speed."),
     ("handctl barrett get SG.F1 temperature --fake", "Read by mnemonic or by name."),
@@ -65,4 +71,4 @@ EXAMPLES = (
     ("handctl barrett firmware download hand.s19 -p /dev/ttyUSB0", "Load the file into the hand. Asks first."),
 )
 
-__all__ = ["EXAMPLES", "FILES", "section"]
+__all__ = ["EXAMPLES", "EXCEPTIONS", "FILES", "section"]

@@ -3,6 +3,7 @@
 from handctl.devices.ekso.gates import section
 
 FILES = (("$XDG_STATE_HOME/handctl/ekso-audit.jsonl", "Who changed which setting. By default below ~/.local/state."),)
+EXCEPTIONS = (("option", "`--id`", "The DataPort has no device ids."),)
 EXAMPLES = (
     ("handctl ekso status -p /dev/ttyACM0 --json", "The health, for a script."),
     ("handctl ekso status --fake", "The simulated DataPort."),
@@ -26,4 +27,4 @@ EXAMPLES = (
     ("handctl ekso export gait.csv --to csv --si -o gait-si.csv", "A log in metres and radians."),
 )
 
-__all__ = ["EXAMPLES", "FILES", "section"]
+__all__ = ["EXAMPLES", "EXCEPTIONS", "FILES", "section"]

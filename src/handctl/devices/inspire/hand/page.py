@@ -1,6 +1,13 @@
 """What the manual page says beside the commands (see `docgen.texts`). Data only."""
 
 FILES = (("hand-before-reset.json", "The snapshot that `factory-reset` writes first. `--backup` names another file."),)
+EXCEPTIONS = (
+    (
+        "other-family",
+        "`wrist`",
+        "A hand that carries a wrist module answers next to it, and is the hand that is shown.",
+    ),
+)
 EXAMPLES = (
     ("handctl hand status --fake", "Show the simulated RH56DFTP."),
     ("handctl hand status --fake --model f1", "Show a simulated RH56F1."),

@@ -1,5 +1,13 @@
 """What the manual page says beside the commands (see `docgen.texts`). Data only."""
 
+EXCEPTIONS = (
+    (
+        "settings",
+        "`diff`, `restore`",
+        "The module keeps no settings: exit code 2. With `--setpoints` they take the set-points.",
+    ),
+    ("hot", "`clear-errors`", "The manual has no command that clears the errors of the module."),
+)
 EXAMPLES = (
     ("handctl wrist status --fake --can", "Show the simulated module on its CAN wire."),
     ("handctl wrist status --fake", "Show it on its serial wire."),

@@ -1,0 +1,154 @@
+"""Each sentence of handctl-safety(7) and handctl-output(7) that names an exit code, and each row of the table of exit codes."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator, Mapping
+from functools import partial
+from pathlib import Path
+from unittest import mock
+
+from handctl import guides
+from handctl.docgen.man import exit_codes
+from handctl.families import FAMILIES
+from handctl.guides import Item, Para
+from tests.contract.cell import wrote
+from tests.contract.facts import facts_of, passed
+from tests.promises.cells import Cell, link_of, made, needs, row_of, typed
+from tests.promises.symptoms import writing_of
+from tests.promises.verbs import SICK
+from tests.support.cli import run
+from tests.support.places import TESTS
+
+GUIDES = ("safety", "output")
+SENTENCE = re.compile(r"(?<=[.:])\s+(?=[A-Z`])")
+
+
+def sentences() -> list[str]:
+    """Those outside of tables and code."""
+    found = []
+    for guide in GUIDES:
+        texts = [block.text for block in guides.blocks(guides.source(guide)) if isinstance(block, Para | Item)]
+        found += [
+            one for text in texts for one in SENTENCE.split(text) if re.search(r"exit code \d", one, re.IGNORECASE)
+        ]
+    return found
+
+
+COVERED: Mapping[str, tuple[str, str]] = {
+    "If the device still moves, or is commanded elsewhere": ("stop/test_talk.py", "test_"),
+    "on a device that shows itself as another, nothing is written": ("stop/test_whose.py", "test_"),
+    "It sends the stop ahead of everything else": ("stop/test_stop.py", "test_"),
+    "Exit code 130 means that the stop was acknowledged": (
+        "contract/test_contract.py",
+        "test_ctrl_c_in_a_movement_sends_its_stop",
+    ),
+    "A stop that was not": ("stop/test_talk.py", "test_a_hold_that_is_not_acknowledged_is_no_stop"),
+    "Exit code 0 means that Ctrl-C came too late": ("kernel/test_ending.py", "test_"),
+    "refused by name, with exit code 6": ("promises/symptoms.py", "other_family"),
+    "Silence has exit code 4": ("promises/sentences.py", "_silent"),
+    "The hand has no serial port": ("promises/symptoms.py", "no_port"),
+}
+"""Words of a sentence -> the test that holds it against the families: file, and how its function begins."""
+
+
+def cells() -> Iterator[Cell]:
+    for number, sentence in enumerate(sentences(), 1):
+        yield Cell(f"sentence {number}: {sentence[:60]}", partial(_is_tried, sentence))
+    for family in FAMILIES:
+        yield Cell(f"{family} {writing_of(family)} into silence", partial(_silent, family))
+        for code, _ in exit_codes():
+            if code in CODES:
+                yield Cell(f"{family}: exit code {code}", partial(CODES[code], family))
+    yield Cell("each exit code is tried", _all_codes)
+
+
+def _is_tried(sentence: str, _folder: Path) -> None:
+    places = [place for words, place in COVERED.items() if words in sentence]
+    assert places, f"no test is named for: {sentence}"
+    for file, name in places:
+        tree = ast.parse((TESTS / file).read_text(encoding="utf-8"))
+        assert any(isinstance(node, ast.FunctionDef) and node.name.startswith(name) for node in ast.walk(tree)), (
+            file,
+            name,
+        )
+
+
+def _silent(family: str, folder: Path) -> None:
+    trace = made(folder) / "trace.txt"
+    name = writing_of(family)
+    needs(typed(family, name, folder, link_of(family, "fault=silent"), "--trace", trace), 4)
+    assert not wrote(family, name, passed(trace))
+
+
+def _done(family: str, _folder: Path) -> None:
+    needs(run(family, "status", "-p", link_of(family)), 0)
+
+
+def _no_output(family: str, folder: Path) -> None:
+    """The disk is full."""
+    made(folder)
+    with mock.patch("os.replace", side_effect=OSError(28, "No space left on device")):
+        needs(run(family, "status", "-o", folder / "out.txt", "-p", link_of(family)), 1)
+
+
+def _usage(family: str, _folder: Path) -> None:
+    needs(run(family, "get", "nosuch", "-p", link_of(family)), 2)
+
+
+def _link(family: str, _folder: Path) -> None:
+    needs(run(family, "status", "-p", link_of(family, "fault=disconnect")), 3)
+
+
+def _silence(family: str, _folder: Path) -> None:
+    needs(
+        run(family, "status", "-p", link_of(family, "fault=deaf&exchange=mute" if family == "aidin" else "fault=deaf")),
+        4,
+    )
+
+
+def _garbage(family: str, _folder: Path) -> None:
+    needs(run(family, "status", "-p", link_of(family, "fault=loopback")), 5)
+
+
+def _refused(family: str, folder: Path) -> None:
+    """A device that refuses, or one that is another."""
+    state = "fault=refuse" if row_of(family).tcp_port is None or row_of(family).wires else "fault=frozen"
+    assert any(
+        typed(family, name, made(folder), link_of(family, state)).code in (6, 7)
+        for name in facts_of(family).writes
+        if name != "stop"
+    )
+
+
+def _failed(family: str, _folder: Path) -> None:
+    assert 7 in [run(family, "status", "--check", "-p", link_of(family, state)).code for state in SICK]
+
+
+def _unconfirmed(family: str, folder: Path) -> None:
+    """Of what asks at least one command asks of each family."""
+    made(folder)
+    names = [name for name in facts_of(family).writes if name != "stop"]
+    assert any(
+        run(family, *name.split(), *facts_of(family).words(name, folder), "-p", link_of(family)).code == 8
+        for name in names
+    )
+
+
+CODES = {
+    0: _done,
+    1: _no_output,
+    2: _usage,
+    3: _link,
+    4: _silence,
+    5: _garbage,
+    6: _refused,
+    7: _failed,
+    8: _unconfirmed,
+}
+ELSEWHERE = {130: ("contract/test_contract.py", "test_ctrl_c_in_a_movement_sends_its_stop")}
+
+
+def _all_codes(_folder: Path) -> None:
+    assert {code for code, _ in exit_codes()} == {*CODES, *ELSEWHERE}
