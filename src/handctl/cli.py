@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
 from collections.abc import Sequence
@@ -18,6 +19,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     _occupy_streams()
     if args in (["--version"], ["-V"]):
         return _finish(0, f"handctl {__version__}\n")
+    if argv is None:
+        gc.disable()  # until the command runs: what is imported stays, and looking through it costs a twentieth of the start
     from handctl.frame.clikit import run_root
     from handctl.screen.streams import substitute_what_is_missing
 

@@ -352,7 +352,8 @@ def test_a_babbling_line_ends_too(what: str) -> None:
     else:
         with pytest.raises(ProtocolError) as caught:
             calls[what]()
-        assert caught.value.code == "garbage"
+        assert caught.value.code in ("garbage", "bad-checksum")
+        assert link.clock < 1.0  # two attempts of 0.3 s, each with a drain: nothing in a flood makes one of them longer
     assert link.now() < 31.0
 
 

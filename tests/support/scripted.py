@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import cProfile
+import random
 from collections.abc import Callable, Iterable, Sequence
 
 from handctl.devices.inspire.bus import Bus
@@ -91,13 +92,20 @@ class ScriptedLink(ByteLink):
 
 
 class Babble(ScriptedLink):
-    """A line that floods: whenever someone reads, 64 bytes of junk lie there, also when the time is up."""
+    """A line that floods: whenever someone reads, 64 bytes of junk lie there, also when the time is up.
+
+    Any byte occurs in it, so that a frame seems to begin again and again.
+    """
+
+    def __init__(self, answer: Answer | None = None, baud: int | None = 115200) -> None:
+        super().__init__(answer, baud)
+        self._junk = random.Random(1)
 
     def read(self, deadline: Deadline, size: int = 4096) -> bytes:
         self._reads += 1
         assert self._reads < 100_000, "the command does not end while the line babbles"
         self._pass_to(self.clock + 0.0001)
-        return b"\x55" * min(64, size)
+        return self._junk.randbytes(min(64, size))
 
 
 class RecordedLink(ByteLink):

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 from handctl.ending import asked
-from handctl.errors import HandctlError, Interrupted, NotConfirmed, UsageError
+from handctl.errors import HandctlError, Interrupted, NotConfirmed, OutputError, UsageError
 from handctl.files import atomic_write, read_text
 from handctl.frame.console import print_message
 from handctl.frame.lines import Line, defaults, line, placed
@@ -40,7 +40,10 @@ def batch(run: Run, context: click.Context, file: str, *, keep_going: bool) -> T
             raise UsageError("the script has no command", hint="write one command a line, without `handctl`")
         plans = list(_plans(lines))
     lines = _confirmed(run, lines, plans)
-    with _no_stdin(), _output(run):
+    if path := run.settings.output:  # the last line of JSON goes there too, behind all others
+        run.outlet.enter_context(_one_file(path))
+        run.settings = run.settings._replace(output=None)
+    with _no_stdin():
         return _run(run, lines, keep_going=keep_going)
 
 
@@ -152,14 +155,13 @@ def _confirmed(run: Run, lines: Sequence[Line], plans: Sequence[Plan]) -> list[L
 
 
 @contextlib.contextmanager
-def _output(run: Run) -> Iterator[None]:
-    """The data of all lines goes to the file of -o."""
-    path = run.settings.output
-    if not path:
-        yield
-        return
-    with atomic_write(path) as file, contextlib.redirect_stdout(file):
-        yield
+def _one_file(path: str) -> Iterator[None]:
+    """What would go to stdout goes to a file, which appears whole. Raises OutputError."""
+    try:
+        with atomic_write(path) as file, contextlib.redirect_stdout(file):
+            yield
+    except OSError as exc:
+        raise OutputError(f"{path}: cannot be written: {exc.strerror or exc}") from exc
 
 
 def _run(run: Run, lines: Sequence[Line], *, keep_going: bool) -> Table | None:

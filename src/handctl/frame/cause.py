@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 import click
 
 from handctl.errors import HandctlError, Interrupted, UsageError, joined
-from handctl.model.leaving import stopped
 
 if TYPE_CHECKING:
     from handctl.frame.run import Run
@@ -41,7 +40,11 @@ def _renamed(run: Run, error: HandctlError) -> HandctlError:
 def interrupted(run: Run) -> HandctlError:
     """Ctrl-C where nobody inside answers to it. What this command has set going, and watches no more, is stopped."""
     stop = run.journal.still_moving()
-    return Interrupted("interrupted") if stop is None else stopped(stop, run.guide)
+    if stop is None:
+        return Interrupted("interrupted")
+    from handctl.model.leaving import stopped
+
+    return stopped(stop, run.guide)
 
 
 def judged(run: Run, error: HandctlError | None) -> HandctlError | None:

@@ -5,6 +5,7 @@ Help and completion load click and the data in `families`, no device family.
 
 from __future__ import annotations
 
+import gc
 import importlib
 import os
 from collections.abc import Callable, Sequence
@@ -16,13 +17,9 @@ import click
 from handctl import __version__
 from handctl.errors import HandctlError, Interrupted, OutputError, UsageError
 from handctl.families import COMMANDS, LISTED
-from handctl.frame.cause import from_click
-from handctl.frame.console import print_message, print_stderr
 from handctl.frame.family import Family
 from handctl.frame.numbers import Hertz, Seconds
 from handctl.frame.options import COMMAND_LINE, STOPPING, Settings, SharedOption, config_path, read_config
-from handctl.frame.precedence import resolve
-from handctl.frame.run import Run
 from handctl.frame.usage import (
     HEADINGS,
     MOST,
@@ -35,6 +32,7 @@ from handctl.frame.usage import (
 )
 
 if TYPE_CHECKING:
+    from handctl.frame.run import Run
     from handctl.model.result import Table
 
 TAKEN = "handctl.taken"
@@ -86,10 +84,14 @@ class Command(Described):
     def invoke(self, ctx: click.Context) -> Any:
         if (taken := ctx.meta.get(TAKEN)) is not None:
             return taken(ctx)
+        from handctl.frame.run import Run
+
         return self.carry_out(ctx, Run(ctx, self.settings(ctx), self.family))
 
     def settings(self, ctx: click.Context) -> Settings:
         """What the common options of this command line say, and what stands behind them. Raises UsageError."""
+        from handctl.frame.precedence import resolve
+
         return resolve(ctx, self.family.wires if self.family is not None else (), urgent=self.stops)
 
     def carry_out(self, ctx: click.Context, run: Run) -> None:
@@ -105,6 +107,9 @@ class Command(Described):
                 f"`handctl {run.command}` only reads. --assume-identity is for commands that write or move",
                 hint="run it without --assume-identity",
             ))  # fmt: skip
+        if not gc.isenabled():  # see `cli.main`; no loop is held up by a look through what was imported
+            gc.freeze()
+            gc.enable()
         run.execute(self.body(ctx, run))
 
     def body(self, ctx: click.Context, run: Run) -> Callable[[], Table | None]:
@@ -346,9 +351,13 @@ def run_root(args: Sequence[str], otherwise: Callable[[Sequence[str]], bool] = l
     except (click.Abort, KeyboardInterrupt):
         error = Interrupted("interrupted")
     except NoCommand as exc:
+        from handctl.frame.console import print_stderr
+
         print_stderr(exc.format_message())
         return exc.exit_code
     except click.UsageError as exc:
+        from handctl.frame.cause import from_click
+
         error = from_click(exc)
         if exc.ctx is not None:
             streams = getattr(exc.ctx.command, "streams", False)
@@ -364,6 +373,7 @@ def run_root(args: Sequence[str], otherwise: Callable[[Sequence[str]], bool] = l
             code="internal",
         )
         error.__cause__ = exc
+    from handctl.frame.console import print_message, print_stderr
     from handctl.frame.late import in_file, late_envelope
 
     if debug or in_file("debug"):

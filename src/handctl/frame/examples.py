@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Sequence
-from importlib.util import find_spec
 
 from handctl.families import FAMILIES
 
@@ -123,6 +122,8 @@ def _known(name: str) -> Examples:
     """All of a top-level command: a family's own, from its module `page`, then those that its verbs share with others."""
     if name not in FAMILIES:
         return EXAMPLES.get(name, ())
+    from importlib.util import find_spec
+
     where = FAMILIES[name].module("page")
     own: Examples = getattr(importlib.import_module(where), "EXAMPLES", ()) if find_spec(where) else ()
     return [*own, *((line.format(name), text) for line, text in USUAL)]

@@ -10,7 +10,6 @@ from typing import NamedTuple
 import click
 
 from handctl.errors import UsageError
-from handctl.files import clash, state_path
 
 
 class InFile(click.Path):
@@ -57,6 +56,8 @@ def refuse_clashes(inputs: list[Named], outputs: list[Named]) -> None:
 
     Called before any of them is opened: an input is never lost.
     """
+    from handctl.files import clash, state_path
+
     kept = str(state_path(""))
     for position, output in enumerate(outputs):
         for other in (*inputs, *outputs[:position]):

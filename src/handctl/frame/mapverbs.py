@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Collection
-from shutil import get_terminal_size
 from typing import Any
 
 import click
@@ -21,6 +20,7 @@ from handctl.frame.envelope import INCLUDE_IDS
 from handctl.frame.filetypes import InFile, OutFile
 from handctl.frame.numbers import FiniteRange
 from handctl.frame.run import Run
+from handctl.frame.usage import columns
 from handctl.model.param import COMMAND, ParamMap
 from handctl.model.result import Table
 
@@ -106,7 +106,7 @@ def add_map_verbs(
         A live view on a terminal, a stream of rows elsewhere. Without names, the quantities that change on their own.
         """
         seen = run.settings.format == "table" and not run.settings.output and is_terminal(sys.stdout)
-        seen = seen and get_terminal_size().columns >= verbs.BESIDE_COLUMNS
+        seen = seen and columns() >= verbs.BESIDE_COLUMNS
         return verbs.watch(run, mapped(run), names, rate=rate, count=count, duration=duration, seen=seen)
 
     @click.argument("file", type=OutFile())

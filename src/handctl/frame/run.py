@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any, TextIO
 
 import click
@@ -73,8 +74,8 @@ class Run:
         self.others: list[Run] = []
         """The same command at further LINKs, see `device_at`."""
         self.inputs, self.outputs = files_of(ctx)
-
-    # -- what bodies ask for --
+        self.outlet = ExitStack()
+        """What is closed behind the last byte of output: the file of a command that runs others."""
 
     def person(self) -> Guide:
         """Who is talked with."""
@@ -233,19 +234,18 @@ class Run:
         self.journal.info("dry-run", f"dry run: nothing was sent{looks}")
         return plan_table(steps)
 
-    # -- the life of a command --
-
     def execute(self, body: Callable[[], Table | None]) -> None:
         """Run the body, show its table while the link is open, close, and raise what went wrong."""
         end_on_signals(suspend=self.writes)
-        try:
-            table, failure = self.carried_out(body)
-        except BaseException:  # a bug of ours: the link and its lock are let go all the same
-            finish_on_signals()
-            self.close(None)
-            print_writes(self.journal.ledger, self.settings, None)
-            raise
-        failure = self._wind_up(table, failure)
+        with self.outlet:
+            try:
+                table, failure = self.carried_out(body)
+            except BaseException:  # a bug of ours: the link and its lock are let go all the same
+                finish_on_signals()
+                self.close(None)
+                print_writes(self.journal.ledger, self.settings, None)
+                raise
+            failure = self._wind_up(table, failure)
         if failure is not None:
             failure.shown = True
             raise failure
@@ -367,8 +367,6 @@ class Run:
         if self.session is not None and self.session.keeps(self, failure):
             return failure or self.connection.trace_failure
         return self.connection.close(failure, self.journal)
-
-    # -- envelope and messages --
 
     def closing(self, failure: HandctlError | None, extra: dict[str, Any] | None = None) -> dict[str, Any]:
         """The last line of NDJSON."""

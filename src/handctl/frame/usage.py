@@ -6,9 +6,10 @@ what it accepts: `Described.refused` is the one rule, which man pages and comple
 
 from __future__ import annotations
 
+import os
 import sys
-import textwrap
 from collections.abc import Sequence
+from typing import Any
 
 import click
 
@@ -27,8 +28,23 @@ USUAL = ("status", "dump", "get", "watch", "describe", "stop", "set", "report", 
 """What every device has stands first below its heading, in this order."""
 
 
+def columns() -> int:
+    """Width of the terminal, as shutil says: its import, with all its archives, would be a tenth of a help's time."""
+    try:
+        return int(os.environ["COLUMNS"]) or 80
+    except (KeyError, ValueError):
+        pass
+    try:
+        assert sys.__stdout__ is not None
+        return os.get_terminal_size(sys.__stdout__.fileno()).columns or 80
+    except (AssertionError, AttributeError, ValueError, OSError):
+        return 80
+
+
 def _show_help(ctx: click.Context, _param: click.Parameter, value: bool) -> None:
     if value and not ctx.resilient_parsing:
+        if ctx.terminal_width is None:
+            ctx.terminal_width = max(min(columns(), ctx.max_content_width or 80) - 2, 50)
         sys.stdout.write(ctx.get_help() + "\n")
         ctx.exit()
 
@@ -99,6 +115,16 @@ class Described(click.Command):
             keys |= {"baud"} if self.family.baud is None else set()
         return frozenset(keys)
 
+    def make_parser(self, ctx: click.Context) -> Any:
+        """As click does; -p is found at once. Else each short option that is typed costs click the import of difflib, for
+        what it would suggest in place of a long one.
+        """
+        parser = super().make_parser(ctx)
+        long, short = (getattr(parser, name, None) for name in ("_long_opt", "_short_opt"))
+        if isinstance(long, dict) and isinstance(short, dict):
+            long.update(short)
+        return parser
+
     def get_params(self, ctx: click.Context) -> list[click.Parameter]:
         if ctx.meta.get(BARE):
             return super().get_params(ctx)
@@ -146,5 +172,7 @@ def write_examples(ctx: click.Context, formatter: click.HelpFormatter) -> None:
 def _wrapped(formatter: click.HelpFormatter, text: str, first: str, later: str | None = None) -> None:
     """A text with each option in one piece: click would break at hyphens."""
     later = first if later is None else later
+    import textwrap
+
     lines = textwrap.wrap(text, formatter.width, initial_indent=first, subsequent_indent=later, break_on_hyphens=False)
     formatter.write("\n".join(lines) + "\n")

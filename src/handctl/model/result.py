@@ -83,6 +83,7 @@ class Table:
     live      a person at a terminal sees a live view of the stream; else its rows
     pictures  rows -> grids that the live view draws in place of a line for each row; the first that fits the window
     extra     further keys of the JSON envelope, e.g. the raw blocks of a dump
+    spool     the rows as JSON in place of `rows`, where there may be more of them than memory holds
     """
 
     rows: list[Row] = field(default_factory=list)
@@ -101,6 +102,7 @@ class Table:
     live: bool = True
     pictures: tuple[Callable[[list[Row]], list[Grid]], ...] = ()
     extra: dict[str, Any] = field(default_factory=dict)
+    spool: Callable[[], Iterable[str]] | None = None
 
 
 class Message(NamedTuple):

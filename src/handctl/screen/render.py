@@ -9,7 +9,7 @@ from __future__ import annotations
 import contextlib
 import json
 import sys
-from collections.abc import Generator, Iterator, Mapping, Sequence
+from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Protocol
 
 from handctl import ending
@@ -65,11 +65,13 @@ def show(table: Table | None, failure: HandctlError | None, sink: Sink, context:
     rows = table.rows if table is not None else []
     extra = table.extra if table is not None else {}
     if how == "json":
-        sink.write(_json_envelope(context.envelope(failure, extra), rows))
+        lines = table.spool() if table is not None and table.spool is not None else map(dumps, rows)
+        for piece in _json_envelope(context.envelope(failure, extra), lines):
+            sink.write(piece)
     elif how == "ndjson":
         for row in rows:
-            sink.write(_dumps(row) + "\n")
-        sink.write(_dumps(context.closing(failure, extra)) + "\n")
+            sink.write(dumps(row) + "\n")
+        sink.write(dumps(context.closing(failure, extra)) + "\n")
     elif how == "openmetrics":
         from handctl.screen import metrics
 
@@ -133,7 +135,7 @@ def stream(table: Table, sink: Sink, context: Context) -> HandctlError | None:
 
         sink.write_whole(metrics.exposition([], context, failure))
     if how in ("json", "ndjson"):
-        sink.write(_dumps(context.closing(failure, summary)) + "\n")
+        sink.write(dumps(context.closing(failure, summary)) + "\n")
     elif (
         "stream" in summary and not context.settings.quiet and not sink.broken and not isinstance(failure, OutputError)
     ):
@@ -192,7 +194,7 @@ def _stream_lines(table: Table, samples: Iterator[Sample], how: str, sink: Sink)
         for row in sample.rows:
             timed = {"t": round(sample.t, 6), **row}
             if how in ("json", "ndjson"):
-                lines.append(_dumps(timed) + "\n")
+                lines.append(dumps(timed) + "\n")
             elif how == "plain":
                 lines.append("\t".join(text_of(timed.get(column.key)) for column in columns) + "\n")
             elif how == "csv":
@@ -218,7 +220,7 @@ def _stream_lines(table: Table, samples: Iterator[Sample], how: str, sink: Sink)
 # -- data formats -------------------------------------------------------------------------------------------------
 
 
-def _dumps(value: Any) -> str:
+def dumps(value: Any) -> str:
     """JSON that is UTF-8 whatever it holds: a byte of a path that is not UTF-8 becomes an escape, such as ``\\udcff``."""
     text = json.dumps(value, ensure_ascii=False, allow_nan=False)
     if not text.isascii() and any("\ud800" <= letter <= "\udfff" for letter in text):
@@ -247,15 +249,19 @@ def _sample_shown(sample: Sample) -> Sample:
     return Sample(sample.t, tuple(map(_row_shown, sample.rows)))
 
 
-def _json_envelope(envelope: dict[str, Any], rows: Sequence[Row]) -> str:
+def _json_envelope(envelope: dict[str, Any], rows: Iterable[str]) -> Iterator[str]:
     """One object; a key a line and a row a line, so that people and `grep` can read it too."""
-    lines = [
-        f"  {_dumps(key)}: {_dumps(value)}" for key, value in envelope.items() if key not in ("messages", "counters")
-    ]
-    body = ",\n".join(f"    {_dumps(row)}" for row in rows)
-    lines.append(f'  "rows": [\n{body}\n  ]' if rows else '  "rows": []')
-    lines += [f"  {_dumps(key)}: {_dumps(envelope[key])}" for key in ("messages", "counters")]
-    return "{\n" + ",\n".join(lines) + "\n}\n"
+    yield "{\n"
+    for key, value in envelope.items():
+        if key not in ("messages", "counters"):
+            yield f"  {dumps(key)}: {dumps(value)},\n"
+    yield '  "rows": ['
+    before = "\n    "
+    for row in rows:
+        yield f"{before}{row}"
+        before = ",\n    "
+    yield "],\n" if before == "\n    " else "\n  ],\n"
+    yield f'  "messages": {dumps(envelope["messages"])},\n  "counters": {dumps(envelope["counters"])}\n}}\n'
 
 
 def _plain_line(table: Table, row: Row) -> str:

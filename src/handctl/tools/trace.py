@@ -189,14 +189,15 @@ def _matcher(only: str | None, pattern: str | None) -> Callable[[Told], bool]:
 
 def _collected(run: Run, told: _Telling, matches: Callable[[Told], bool]) -> Table:
     from handctl.model.result import Table
+    from handctl.screen.spool import Spool
 
-    rows: list[Row] = []
+    spool = Spool()
     failure: HandctlError | None = None
     try:
-        rows += (row.as_row() for row in told.rows(run) if not row.comment and matches(row))
+        spool.take(row.as_row() for row in told.rows(run) if not row.comment and matches(row))
     except UsageError as exc:
         failure = exc
-    return Table(rows=rows, failure=failure, extra=told.extra)
+    return Table(spool=spool.lines, failure=failure, extra=told.extra)
 
 
 def _streamed(run: Run, told: _Telling, matches: Callable[[Told], bool]) -> Table:

@@ -133,7 +133,7 @@ class Bus(RegisterBus):
         first = self._ahead(request)
         self.send(request, deadline)
         decoder = Decoder(prefixes)
-        received, pieces = bytearray(), list[int]()
+        received, pieces, junk = bytearray(), list[int](), 0
         while True:
             frame = self._next(decoder)
             if frame is not None:
@@ -153,9 +153,8 @@ class Bus(RegisterBus):
             received += chunk
             pieces.append(len(chunk))
             decoder.feed(chunk)
-            if (
-                decoder.pending and deadline.remaining < self.timeout
-            ):  # part of an answer: it may trickle, as long as it keeps coming
+            trickles, junk = decoder.pending and decoder.skipped == junk, decoder.skipped
+            if trickles and deadline.remaining < self.timeout:  # part of an answer, with no more junk ahead of it
                 deadline = self.link.deadline(self.timeout).earlier(last)
 
     def _let_speak(self) -> None:
