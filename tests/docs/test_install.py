@@ -1,4 +1,4 @@
-"""README's section Install, line by line as printed, in a copy of the project and an empty home."""
+"""README's lines of installation, as printed and in their order, in a copy of the project and an empty home."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ import pytest
 from handctl import __version__
 from tests.support.places import PROJECT, README
 
-SECTION = README.read_text(encoding="utf-8").split("## Install\n")[1].split("\n## ")[0]
-LINES = re.findall(r"^    (\S.*)$", SECTION, re.MULTILINE)
+TEXT = re.sub(r"^```.*?^```$", "", README.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
+LINES = re.findall(r"^    (\S.*)$", TEXT, re.MULTILINE)
 OPTIONAL = ("pipx", "uv", "man")
 """Programs that this machine may lack."""
 

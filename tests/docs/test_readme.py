@@ -24,7 +24,7 @@ from tests.support.places import README, TEXTS
 
 PAGES = {name: path.read_text(encoding="utf-8") for name, path in TEXTS.items()}
 TEXT = "\n".join(PAGES.values())
-MOST_LINES = 150
+MOST_LINES = 160
 """Of README: what is more belongs into a guide."""
 FENCED = re.compile(r"^```\w*\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 PROGRAM = re.compile(r"^```python.*?\n.*?^```$", re.MULTILINE | re.DOTALL)
@@ -265,7 +265,7 @@ def test_exit_codes() -> None:
 
 def test_commands() -> None:
     tables = [line.split("|")[1].strip() for line in PAGES["README"].splitlines() if line.startswith("| `handctl ")]
-    assert sorted(tables) == sorted(f"`handctl {name}`" for name in COMMANDS)
+    assert sorted(tables) == sorted(f"`handctl {name}`" for name in FAMILIES)
     assert tables[: len(FAMILIES)] == [f"`handctl {name}`" for name in FAMILIES]
 
 

@@ -27,8 +27,6 @@ ROOMS = {
     "root": ("*.py",),
 }
 """Which folders of the package are read together."""
-LONGEST = 28
-"""Words in one sentence."""
 ERRORS = {
     "UsageError",
     "LinkError",
@@ -55,15 +53,7 @@ def column(heading: str, number: int) -> list[str]:
 
 BANNED = [
     re.compile(rf"(?<![\w`-])(?<!there ){re.escape(words)}(?!\w)", re.IGNORECASE)
-    for words in [
-        *column("## Not this, but that", 1),
-        "baud rate",
-        "baudrate",
-        "reply",
-        "replies",
-        "response",
-        "replug",
-    ]
+    for words in column("## Not this, but that", 1)
 ]
 
 
@@ -107,13 +97,6 @@ def faults(text: str) -> Iterator[str]:
     for pattern in BANNED:
         if found := pattern.search(plain):
             yield f"{found[0]!r} is not a word of ours"
-    if ";" in plain:
-        yield "a semicolon"
-    if re.search(r"\w –|\w — |\w - [a-z]", plain):
-        yield "a dash between clauses"
-    for sentence in sentences(plain):
-        if len(sentence.split()) > LONGEST:
-            yield f"{len(sentence.split())} words in a sentence"
 
 
 @pytest.mark.parametrize("room", ROOMS)
@@ -180,8 +163,7 @@ def test_readme_and_guides(name: str) -> None:
 
 def test_the_rules_find_what_they_name() -> None:
     for bad in (
-        "1 is no number of a finger", "the port is there; nobody answers", "the hand stands — it waits", "one " * 29,
-        "the reply was late", "handctl tells the speed",
+        "1 is no number of a finger", "nobody answers", "handctl tells the speed",
     ):  # fmt: skip
         assert list(faults(bad)), bad
     assert not list(faults('The hand did not answer within 0.3 s. Run `handctl exo scan; true` and read "no; nobody".'))

@@ -1,4 +1,4 @@
-"""The tables of README.md and of the guides that say what the code says: devices, commands, verbs, links, exit codes, symptoms.
+"""The tables of README.md and of the guides that say what the code says: devices, verbs, links, exit codes, symptoms.
 
 Each stands between `<!-- NAME: … -->` and `<!-- end -->`; everything else of the page is left as it is.
 """
@@ -47,11 +47,6 @@ def _known(family: str) -> tuple[str, str, str]:
     return said[0][:1].upper() + said[0][1:], said[1], f"{guides.title(text)[0]}(7)"
 
 
-def _commands(_tree: Node) -> Iterable[str]:
-    rows = ((f"`handctl {name}`", text) for name, (_, text) in COMMANDS.items() if name not in FAMILIES)
-    return _table(("command", "what it does"), rows)
-
-
 def _verbs(tree: Node) -> Iterable[str]:
     """Verbs that all devices have stand once, then those of each."""
     by_family = {
@@ -87,7 +82,6 @@ def _exceptions(_tree: Node) -> Iterable[str]:
 
 MAKERS: dict[str, Callable[[Node], Iterable[str]]] = {
     "devices": _devices,
-    "commands": _commands,
     "verbs": _verbs,
     "links": _links,
     "exit-codes": _exit_codes,
