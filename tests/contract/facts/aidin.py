@@ -24,6 +24,7 @@ FACTS = Facts(
         "get": "motor_pos",
         "watch": "--count 2",
         "report": "{dir}/report.html --watch 0 --force",
+        "log": "{dir}/log.csv --count 2 --force",
     },
     state="start=homed",
     states={"home": "start=used"},

@@ -89,6 +89,7 @@ FACTS = Facts(
         "diff": "{barrett}",
         "watch": "--count 2",
         "report": "{dir}/report.html --watch 0 --force",
+        "log": "{dir}/log.csv --count 2 --force",
         "errors": "",
         "help": "",
     },

@@ -35,6 +35,7 @@ FACTS = Facts(
         "watch": "--count 2 --rate 0",
         "scan": "--ids 1-3",
         "report": "{dir}/report.html --watch 0 --force",
+        "log": "{dir}/log.csv --count 2 --force",
     },
     snapshot={"position_set.index": 300, "position_set.ring": 250, "force_set.little": 5},
     halts={"position": HOLD},

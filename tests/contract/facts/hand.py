@@ -50,6 +50,7 @@ FACTS = Facts(
         "scan": "--ids 1-3",
         "tactile": "index_tip",
         "report": "{dir}/report.html --watch 0 --force",
+        "log": "{dir}/log.csv --count 2 --force",
     },
     snapshot={"default_speed.index": 300, "default_speed.ring": 250, "default_force.little": 400},
     halts=dict.fromkeys(("angle", "position"), SPEED),

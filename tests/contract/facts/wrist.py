@@ -31,6 +31,7 @@ FACTS = Facts(
         "watch": "--count 2 --rate 0",
         "scan": "--ids 1-3",
         "report": "{dir}/report.html --watch 0 --force",
+        "log": "{dir}/log.csv --count 2 --force",
     },
     snapshot={"pitch_set": 5.0, "yaw_set": 3.0, "move_time": 400},
     halts=dict.fromkeys(("move", "center"), STAY),

@@ -49,7 +49,7 @@ cli = Group(
     help="EksoNR exoskeleton over its DataPort (serial, USB). A person may stand in it. "
     f"Reading changes nothing. Every write of a setting asks first, is checked, read back and logged. {NOT_MEDICAL}.",
 )
-add_map_verbs(cli, EKSO, example="step_length left_knee_angle 216", without=("set", "describe", "restore"))
+add_map_verbs(cli, EKSO, example="step_length left_knee_angle 216", without=("set", "describe", "log", "restore"))
 add_log_commands(cli)
 
 
