@@ -323,7 +323,22 @@ def test_a_full_disk_is_one_clear_error_and_the_rows_are_kept(tmp_path: Path) ->
     assert (done.code, done.error["code"]) == (1, "log-file")
     assert done.error["text"].startswith(f"{path}: cannot be written: ")
     assert done.rows[0]["rows"] == len(table(path)) > 50
-    assert export(path, "--format", "csv").code == 0
+    assert (sidecar(path)["complete"], sidecar(path)["missing"], sidecar(path)["rows"]) == (
+        False,
+        ["log-file"],
+        len(table(path)),
+    )
+    exported = export(path, "--format", "csv")
+    assert exported.code == 0 and "is not whole: log-file" in exported.err
+
+
+def test_a_clock_that_runs_ahead_makes_no_log_longer(tmp_path: Path) -> None:
+    """5 s further at each request: the log took 5 s all the same."""
+    path = tmp_path / "a.csv"
+    done = log(path, "--duration", "5", "--rate", "20", fault="clock-jump")
+    assert done.code == 0 and "clocks-parted" in done.codes() and "rebooted" not in done.codes()
+    assert done.rows[0]["duration"] == pytest.approx(4.95, abs=0.05)
+    assert done.rows[0]["segments"] == len(table(path)) and sidecar(path)["complete"] is True
 
 
 # -- ended from outside -----------------------------------------------------------------------------------------------

@@ -53,5 +53,8 @@ class MapSource(Source):
         told = {"kind": device.kind, "model": device.about.get("model"), "id": self._identity.get("id")}
         return {"device": told, "link": {"port": device.link.name, "baud": getattr(device.link, "baud", None)}}
 
+    def sidecar(self) -> dict[str, Any]:
+        return {"counters": self._device.journal.counters.as_row()}
+
     def reopen(self) -> bool:
         return self._device.reopen(self._again)

@@ -169,7 +169,6 @@ def _finish(
                 failure.code if failure is not None else "limit",
                 settings_after=after,
                 settings_changed=differing,
-                counters={**run.journal.counters.as_row(), **source.sidecar().get("counters", {})},
             )
         except OutputError as exc:
             return failure or exc
@@ -180,11 +179,13 @@ def _tell(run: Run, recording: Recording) -> None:
     line, clock = recording.timeline, recording.source.clock_name
     if line.gaps:
         lengths = [gap.length_ms / 1000 for gap in line.gaps]
-        run.journal.warn("gap", f"{len(lengths)} gaps, {sum(lengths):.3f} s in all, the longest {max(lengths):.3f} s")
+        run.journal.warn(
+            "gap", f"{plural(len(lengths), 'gap')}, {sum(lengths):.3f} s in all, the longest {max(lengths):.3f} s"
+        )
     for hole in line.holes:
         run.journal.warn("port-lost", _hole_text(hole))
     if line.reboots:
-        run.journal.warn("rebooted", f"the device was restarted {line.reboots} times: see column segment")
+        run.journal.warn("rebooted", f"the device was restarted {plural(line.reboots, 'time')}: see column segment")
     if parted := line.parted:
         most = max((segment.first.off_ms for segment in parted), key=abs) / 1000
         maybe = " It may have been restarted, or be another device." if any(s.rebooted is None for s in parted) else ""
@@ -196,14 +197,16 @@ def _tell(run: Run, recording: Recording) -> None:
     if recording.skipped:
         run.journal.info(
             "skipped",
-            f"{recording.skipped} ticks of --rate have no request: the device or this machine was late, or the port was gone",
+            f"{plural(recording.skipped, 'tick')} of --rate without a request: the device or this machine was late, or the port was gone",
         )
     if recording.lost:
-        run.journal.warn("lost", f"{recording.lost} requests had no valid answer: see the holes in column seq")
+        run.journal.warn(
+            "lost", f"{plural(recording.lost, 'request')} without a valid answer: see the holes in column seq"
+        )
     if line.standstill:
         run.journal.warn(
             "boot-time-still",
-            f"{clock} did not advance in {line.standstill} rows",
+            f"{clock} did not advance in {plural(line.standstill, 'row')}",
             hint=f"give a lower --rate: {clock} ticks every 2 ms. Or the device's clock stands still",
         )
 

@@ -38,6 +38,7 @@ FACTS = Facts(
         *(
             ("report", "{dir}/report.html"),
             ("watch", "motor_pos", "--count", "2"),
+            ("log", "{dir}/log.csv", "--count", "2", "--force"),
             ("home", "--yes"),
             ("initial", "--yes"),
         ),

@@ -37,7 +37,12 @@ FACTS = Facts(
     halts=dict.fromkeys(("move", "center"), STAY),
     unwatched=dict.fromkeys(("set yaw_set=20", "write 1038 D007", "restore {dir}/wrist.json --setpoints"), STAY),
     plans=frozenset(["restore", "set"]),
-    lines=(("report", "{dir}/report.html"), ("describe",), ("stop",)),
+    lines=(
+        ("report", "{dir}/report.html"),
+        ("log", "{dir}/log.csv", "--count", "2", "--force"),
+        ("describe",),
+        ("stop",),
+    ),
     rows_in="tests.inspire.wrist_commands",
     states_in="tests.inspire.states",
 )
