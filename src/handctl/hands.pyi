@@ -58,6 +58,18 @@ class Exo(Device):
         duration: Number | None = None,
     ) -> Iterator[list[Row]]:
         """Show values as they change."""
+    def log(
+        self,
+        file: Path,
+        *names: str,
+        rate: Number = 0.0,
+        count: int | None = None,
+        duration: Number | None = None,
+        mark: str = "",
+        silence: Number = 60.0,
+        force: bool = False,
+    ) -> list[Row]:
+        """Record values into FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it."""
     def snapshot(self, file: Path) -> list[Row]:
         """Write the settings and set-points of the device to FILE."""
     def diff(self, a: Path, b: Path | None = None, *, setpoints: bool = False) -> list[Row]:
@@ -204,6 +216,18 @@ class Wrist(Device):
         duration: Number | None = None,
     ) -> Iterator[list[Row]]:
         """Show values as they change."""
+    def log(
+        self,
+        file: Path,
+        *names: str,
+        rate: Number = 0.0,
+        count: int | None = None,
+        duration: Number | None = None,
+        mark: str = "",
+        silence: Number = 60.0,
+        force: bool = False,
+    ) -> list[Row]:
+        """Record values into FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it."""
     def snapshot(self, file: Path) -> list[Row]:
         """Write the settings and set-points of the device to FILE."""
     def diff(self, a: Path, b: Path | None = None, *, setpoints: bool = False) -> list[Row]:
@@ -293,6 +317,18 @@ class Barrett(Device):
         duration: Number | None = None,
     ) -> Iterator[list[Row]]:
         """Show values as they change."""
+    def log(
+        self,
+        file: Path,
+        *names: str,
+        rate: Number = 0.0,
+        count: int | None = None,
+        duration: Number | None = None,
+        mark: str = "",
+        silence: Number = 60.0,
+        force: bool = False,
+    ) -> list[Row]:
+        """Record values into FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it."""
     def snapshot(self, file: Path) -> list[Row]:
         """Write the settings and set-points of the device to FILE."""
     def diff(self, a: Path, b: Path | None = None) -> list[Row]:
@@ -573,11 +609,11 @@ class Ekso(Device):
         rate: Number = 0.0,
         count: int | None = None,
         duration: Number | None = None,
-        raw: bool = False,
         mark: str = "",
         silence: Number = 60.0,
-        include_pilot_id: bool = False,
         force: bool = False,
+        raw: bool = False,
+        include_pilot_id: bool = False,
         length_mode: str | None = None,
     ) -> list[Row]:
         """Record GetData into FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it."""
@@ -655,6 +691,18 @@ class Aidin(Device):
         """Read quantities by name, such as `joint_pos.index sensor_state.fz`."""
     def describe(self, *names: str) -> list[Row]:
         """List every quantity with place, type, range, access and manual section."""
+    def log(
+        self,
+        file: Path,
+        *names: str,
+        rate: Number = 0.0,
+        count: int | None = None,
+        duration: Number | None = None,
+        mark: str = "",
+        silence: Number = 60.0,
+        force: bool = False,
+    ) -> list[Row]:
+        """Record values into FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it."""
     def report(
         self,
         file: Path,
@@ -740,6 +788,18 @@ class Hand(Device):
         duration: Number | None = None,
     ) -> Iterator[list[Row]]:
         """Show values as they change."""
+    def log(
+        self,
+        file: Path,
+        *names: str,
+        rate: Number = 0.0,
+        count: int | None = None,
+        duration: Number | None = None,
+        mark: str = "",
+        silence: Number = 60.0,
+        force: bool = False,
+    ) -> list[Row]:
+        """Record values into FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it."""
     def snapshot(self, file: Path) -> list[Row]:
         """Write the settings and set-points of the device to FILE."""
     def diff(self, a: Path, b: Path | None = None) -> list[Row]:

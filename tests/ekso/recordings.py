@@ -5,12 +5,18 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any
 
-from handctl.devices.ekso.log.polling import Limits, record
-from handctl.devices.ekso.log.recording import Recording
+from handctl.devices.ekso.log.feedback import FeedbackLine
+from handctl.devices.ekso.log.format import RowLayout
+from handctl.devices.ekso.log.source import USUAL_MS
 from handctl.errors import HandctlError
+from handctl.model.clocks import Moment
 from handctl.model.guide import Guide
+from handctl.record.polling import Limits, record
+from handctl.record.recording import Recording
+from handctl.record.source import Sample, Source
+from handctl.record.timeline import Place
 
 # Dossier 8.1, GetData standing: boot 5 000 001 ms.
 STANDING = struct.unpack(
@@ -27,21 +33,27 @@ def words_at(boot_ms: int, words: Sequence[int] = STANDING) -> tuple[int, ...]:
     return (*words[:25], boot_ms >> 16, boot_ms & 0xFFFF)
 
 
-class Answer(NamedTuple):
-    """A sample as the recorder takes it."""
+class Device(Source):
+    """Answers a script on virtual time: (seconds since the last answer, BootTime or error).
 
-    sent: float
-    received: float
-    words: tuple[int, ...]
+    feedback  what a look at GetFeedback answers; None = it is not looked at
+    again     opens a lost port
+    asked     counts how often its settings were read
+    """
 
+    kind = "ekso"
+    period_ms = USUAL_MS
+    clock_name = "BootTime"
 
-class Device:
-    """Answers a script on virtual time: (seconds since the last answer, BootTime or error)."""
-
-    def __init__(self, script: Sequence[tuple[float, int | BaseException]]) -> None:
+    def __init__(self, script: Sequence[tuple[float, int | BaseException]], *, raw: bool = False) -> None:
         self.script = list(script)
+        self.layout = RowLayout(raw=raw)
         self.clock = 100.0
         self.asked_at: list[float] = []
+        self.line = FeedbackLine()
+        self.feedback: Callable[[], Sequence[int]] | None = None
+        self.again: Callable[[], bool] = lambda: False
+        self.asked = 0
 
     def now(self) -> float:
         return self.clock
@@ -52,18 +64,44 @@ class Device:
     def sleep(self, seconds: float) -> None:
         self.clock += max(0.0, seconds)
 
-    def sample(self) -> Answer:
+    def sample(self) -> Sample:
         self.asked_at.append(round(self.clock, 6))
         seconds, what = self.script.pop(0)
         self.clock += seconds
         if isinstance(what, BaseException):
             raise what
-        return Answer(self.clock - 0.004, self.clock, words_at(what))
+        return Sample(Moment(self.clock - 0.004, self.clock), words_at(what), what)
+
+    def settings(self) -> dict[str, dict[str, Any]]:
+        self.asked += 1
+        return {}
+
+    @property
+    def looks(self) -> bool:  # type: ignore[override]
+        return self.feedback is not None
+
+    def look(self, place: Place, row: int) -> bool:
+        assert self.feedback is not None
+        return self.line.add(self.feedback(), place, row)
+
+    def unanswered(self) -> None:
+        self.line.unanswered += 1
+
+    def reopen(self) -> bool:
+        return self.again()
+
+    def sidecar(self) -> dict[str, Any]:
+        return {"feedback": self.line.as_row()}
 
 
 def steady(count: int, boot: int = 1001, period: int = 20) -> list[tuple[float, int | BaseException]]:
     """So many answers, one every `period` ms by both clocks."""
     return [(period / 1000, boot + i * period) for i in range(count)]
+
+
+def opened(path: Path, device: Device, *, rate: float = 0.0, force: bool = False, **about: Any) -> Recording:
+    """A recording of it, begun."""
+    return Recording(str(path), device, device, about, rate=rate, force=force)
 
 
 def recorded(
@@ -73,20 +111,22 @@ def recorded(
     raw: bool = False,
     limits: Limits | None = None,
     mark: Callable[[], str] = lambda: "",
-    on_segment: Callable[[], None] = lambda: None,
     feedback: Callable[[], Sequence[int]] | None = None,
     reopen: Callable[[], bool] = lambda: False,
 ) -> tuple[HandctlError | None, Recording, Device]:
     """Record a script to its end."""
-    device = Device(script)
+    device = Device(script, raw=raw)
+    device.feedback, device.again = feedback, reopen
     limits = limits or Limits(rows=sum(isinstance(what, int) for _, what in script))
-    recording = Recording(str(path), device, {"simulated": True}, raw=raw, rate=limits.rate, force=False)
+    recording = opened(path, device, rate=limits.rate, simulated=True)
+    failure = run(recording, limits, mark)
+    recording.finish(failure.code if failure is not None else "limit")
+    return failure, recording, device
+
+
+def run(recording: Recording, limits: Limits, mark: Callable[[], str] = str) -> HandctlError | None:
+    """The loop of a recording; what ended it."""
     try:
-        failure = record(
-            recording, device.sample, device, limits,
-            mark=mark, on_segment=on_segment, guide=Guide(), feedback=feedback, reopen=reopen,
-        )  # fmt: skip
+        return record(recording, limits, mark=mark, guide=Guide())
     finally:
         recording.close()
-    recording.write_sidecar(complete=True)
-    return failure, recording, device

@@ -118,7 +118,7 @@ def test_a_reboot_makes_a_segment(tmp_path: Path) -> None:
     assert "rebooted" in done.codes()
     rows = table(path)
     assert {row["segment"] for row in rows} == {"1", "2"}
-    (border,) = [i for i, row in enumerate(rows) if row["mark"] == "[reboot]"]
+    (border,) = [i for i, row in enumerate(rows) if row["mark"].startswith("[reboot]; [gap ")]
     before, after = rows[border - 1], rows[border]
     assert int(after["boot_ms"]) < int(before["boot_ms"])
     elapsed = float(after["host_mono_s"]) - float(before["host_mono_s"])
@@ -163,7 +163,7 @@ def unplugged(tmp_path: Path, rate: int, seed: int) -> None:
     steps = [float(b["t_s"]) - float(a["t_s"]) for a, b in pairwise(rows)]
     missing = sum(gap for _, gap in about["gaps"]) / 1000
     assert sum(steps) == pytest.approx(row["duration"], abs=0.001)
-    assert row["rate"] == pytest.approx((len(rows) - 1 - len(about["gaps"])) / (row["duration"] - missing), abs=0.01)
+    assert row["rate"] == pytest.approx((len(rows) - 1 - len(about["gaps"])) / (row["duration"] - missing), abs=0.1)
     assert len({line["boot_ms"] for line in rows}) == len(rows), "no two rows at one moment"
     assert export(path, "--format", "csv").raw == path.read_bytes()
     assert export(path, "--format", "mot", "--segment", "11").code == 0
@@ -187,7 +187,7 @@ def test_a_port_that_does_not_come_back_ends_the_log_with_all_its_rows(tmp_path:
     assert (done.code, done.error["code"]) == (3, "lost")
     assert "within the 3 s of --silence" in done.error["text"]
     assert done.rows[0]["rows"] == len(table(path)) == sidecar(path)["rows"] == 100
-    assert (sidecar(path)["complete"], sidecar(path)["ended"]) == (True, "lost")
+    assert (sidecar(path)["complete"], sidecar(path)["closed"], sidecar(path)["ended"]) == (False, True, "lost")
     done = log(tmp_path / "b.csv", "--rate", "50", "--deadline", "3", unplug="2.013:90")
     assert (done.code, done.error["code"]) == (4, "deadline")
     assert done.rows[0]["rows"] == len(table(tmp_path / "b.csv")) == 100
@@ -266,7 +266,7 @@ def test_a_device_that_falls_silent_ends_the_log(tmp_path: Path) -> None:
     done = log(path, "--silence", "5", "--rate", "50", fault="silent", after=30)
     assert done.code == 4
     assert done.rows[0]["rows"] == len(table(path)) > 10
-    assert (sidecar(path)["complete"], sidecar(path)["ended"]) == (True, "no-answer")
+    assert (sidecar(path)["complete"], sidecar(path)["closed"], sidecar(path)["ended"]) == (False, True, "no-answer")
     assert sidecar(path)["settings_after"] is None
     assert "settings-unread" in done.codes()
 
@@ -323,7 +323,22 @@ def test_a_full_disk_is_one_clear_error_and_the_rows_are_kept(tmp_path: Path) ->
     assert (done.code, done.error["code"]) == (1, "log-file")
     assert done.error["text"].startswith(f"{path}: cannot be written: ")
     assert done.rows[0]["rows"] == len(table(path)) > 50
-    assert export(path, "--format", "csv").code == 0
+    assert (sidecar(path)["complete"], sidecar(path)["missing"], sidecar(path)["rows"]) == (
+        False,
+        ["log-file"],
+        len(table(path)),
+    )
+    exported = export(path, "--format", "csv")
+    assert exported.code == 0 and "is not whole: log-file" in exported.err
+
+
+def test_a_clock_that_runs_ahead_makes_no_log_longer(tmp_path: Path) -> None:
+    """5 s further at each request: the log took 5 s all the same."""
+    path = tmp_path / "a.csv"
+    done = log(path, "--duration", "5", "--rate", "20", fault="clock-jump")
+    assert done.code == 0 and "clocks-parted" in done.codes() and "rebooted" not in done.codes()
+    assert done.rows[0]["duration"] == pytest.approx(4.95, abs=0.05)
+    assert done.rows[0]["segments"] == len(table(path)) and sidecar(path)["complete"] is True
 
 
 # -- ended from outside -----------------------------------------------------------------------------------------------
@@ -430,7 +445,7 @@ def test_keys_on_a_terminal_set_marks(tmp_path: Path, on_a_terminal: pexpect.spa
 def test_a_terminal_that_is_closed_ends_a_log_as_ctrl_c_does(tmp_path: Path, on_a_terminal: pexpect.spawn) -> None:
     path = tmp_path / "a.csv"
     on_a_terminal.ptyproc.fileobj.close()
-    wait_until(lambda: sidecar(path)["complete"])
+    wait_until(lambda: sidecar(path)["closed"])
     assert sidecar(path)["rows"] == len(table(path)) > 0
     assert sidecar(path)["ended"] == "interrupted"
 

@@ -31,7 +31,7 @@ def test_a_read_is_one_request() -> None:
         "sent": 1, "received": 1, "retries": 0, "bad_frames": 0, "stray_bytes": 0,
     }  # fmt: skip
     assert unit.sent_at == [pytest.approx(QUIET)], "only after the line has been quiet"
-    assert port.rtt == pytest.approx(unit.turn)
+    assert port.moment.answered - port.moment.sent == pytest.approx(unit.turn)
 
 
 def test_message_ids_count_up_and_wrap() -> None:

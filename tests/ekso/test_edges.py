@@ -11,14 +11,13 @@ import pytest
 from handctl.devices.ekso.audit import AuditLog
 from handctl.devices.ekso.device import Ekso, one_setting
 from handctl.devices.ekso.frames import Command, cancel_body, encode
-from handctl.devices.ekso.log import recording as recording_module
-from handctl.devices.ekso.log.polling import Limits
-from handctl.devices.ekso.log.recording import Recording
 from handctl.devices.ekso.settings import Writer
 from handctl.devices.ekso.writes import EksoWrites
 from handctl.errors import NoAnswer, OutputError, ProtocolError, UsageError
 from handctl.frame.console import TerminalGuide
-from tests.ekso.recordings import Device, recorded, steady
+from handctl.record import recording as recording_module
+from handctl.record.polling import Limits
+from tests.ekso.recordings import Device, opened, recorded, steady
 from tests.ekso.support import DATE, TIME, Unit, codes, ekso_on, frame, port_on
 
 
@@ -142,7 +141,7 @@ def test_silence_counts_from_the_last_answer(tmp_path: Path) -> None:
 
 def test_a_closed_log_is_on_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "a.csv"
-    recording = Recording(str(path), Device([]), {}, raw=False, rate=0.0, force=False)
+    recording = opened(path, Device([]))
     synced: list[tuple[int, int]] = []
     fsync = os.fsync
 

@@ -16,10 +16,11 @@ from hypothesis import strategies as st
 
 from handctl.devices.ekso.log.export import motion, table
 from handctl.devices.ekso.log.file import LogFile
-from handctl.devices.ekso.log.recording import Recording
 from handctl.devices.ekso.map import DATA
 from handctl.errors import UsageError
-from tests.ekso.recordings import STANDING, Answer, Device, words_at
+from handctl.model.clocks import Moment
+from handctl.record.source import Sample
+from tests.ekso.recordings import STANDING, Device, opened, words_at
 from tests.support.each_row import each_row
 
 
@@ -33,18 +34,18 @@ def make(
     complete: bool = True,
 ) -> Path:
     """A log with rows at these BootTimes; the host clock runs along, a lower BootTime takes 2 s more."""
-    device = Device([])
-    recording = Recording(str(path), device, {"simulated": True}, raw=raw, rate=0, force=True)
+    device = Device([], raw=raw)
+    recording = opened(path, device, force=True, simulated=True)
     last = boots[0]
     for seq, boot in enumerate(boots, 1):
         device.clock += (boot - last) / 1000 if boot >= last else 2.0
         last = boot
         row = words_at(boot, words[seq - 1] if words else STANDING)
         recording.pending = mark if seq == 1 else ""
-        recording.add(Answer(device.clock, device.clock, row), seq)
+        recording.add(Sample(Moment(device.clock, device.clock), row, boot), seq)
     recording.close()
     if complete:
-        recording.write_sidecar(complete=True)
+        recording.finish("limit")
     return path
 
 
@@ -128,9 +129,9 @@ def test_resampling_is_linear_and_never_crosses_a_gap(tmp_path: Path) -> None:
 
 def test_a_log_without_rows(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
-    recording = Recording(str(path), Device([]), {}, raw=False, rate=0, force=False)
+    recording = opened(path, Device([]))
     recording.close()
-    recording.write_sidecar(complete=True)
+    recording.finish("limit")
     for export in (lambda: exported_mot(path), lambda: table(LogFile(str(path)), segment=None, si=True)):
         with pytest.raises(UsageError, match="no rows"):
             export()

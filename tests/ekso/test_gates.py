@@ -16,6 +16,7 @@ from handctl.devices.ekso.audit import AuditLog
 from handctl.devices.ekso.map import DRIVEN, SETTINGS
 from handctl.devices.ekso.memory import WINDOW
 from handctl.frame import console
+from handctl.model.clocks import WITHIN_MS
 from tests.ekso.commands import ME
 from tests.support.cli import Result, run, sent
 from tests.support.each_row import each_row
@@ -121,12 +122,17 @@ def test_a_damaged_log(tmp_path: Path) -> None:
     assert set_(*STEP, "--audit", str(path)).code == 0
 
 
-@pytest.mark.parametrize(("name", "entry"), [(gates.INTENT, 1), (gates.RESULT, 2)])
+@pytest.mark.parametrize(
+    ("name", "entry"), [(gates.INTENT, 1), (gates.INTENT, 2), (gates.RESULT, 3), (gates.RESULT, 4)]
+)
 def test_an_entry_that_does_not_reach_the_disk(
     name: str, entry: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """Neither in the log that was named nor in the user's own."""
     path, trace = tmp_path / "log", tmp_path / "t.txt"
     path.touch()
+    (tmp_path / "handctl").mkdir()
+    (tmp_path / "handctl" / "ekso-audit.jsonl").touch()
     calls: list[int] = []
 
     def full(file: int) -> None:
@@ -196,7 +202,7 @@ def test_a_gate_that_is_asked_twice_is_one_gate() -> None:
 def test_the_numbers_in_the_words_are_those_of_the_policy() -> None:
     words = {name: f"{gate.looked_at} {gate.refused}" for name, gate in gates.GATES.items()}
     for name, number in (
-        (gates.STILL, f"{stillness.APART} s"), (gates.FRESH, f"{stillness.BOOT_TOLERANCE_MS} ms"),
+        (gates.STILL, f"{stillness.APART} s"), (gates.FRESH, f"{WITHIN_MS} ms"),
         (gates.SPEED, f"{stillness.MOST_SPEED:.0f} deg/s"), (gates.PACE, f"{WINDOW:.0f} s"), (gates.WAITED, f"{3 * WINDOW:.0f} s"),
         (gates.EDITED, f"{WINDOW:.0f} s"), (gates.DAMAGED, f"{WINDOW:.0f} s"), (gates.READ_BACK, f"{len(SETTINGS)} settings"),
         (gates.DRIVEN, f"0x{DRIVEN:04X}"),

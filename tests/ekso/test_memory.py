@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from handctl.devices.ekso.audit import AuditLog
+from handctl.devices.ekso.audit import AuditLog, logs
 from handctl.devices.ekso.change import way
 from handctl.devices.ekso.map import EKSO
 from handctl.devices.ekso.memory import WINDOW, Past, recent
@@ -93,7 +93,8 @@ def test_the_time_between_writes_holds_over_runs(bench: Bench) -> None:
     assert second - first >= 1.0
 
 
-def test_another_device_of_the_same_log_is_another_memory(tmp_path: Path) -> None:
+def test_another_simulator_is_another_memory(tmp_path: Path) -> None:
+    """It is what its LINK says; of a real EksoNR nothing tells it from another."""
     one, two = unit(state=tmp_path / "one"), unit(state=tmp_path / "two")
     assert do("set", "step_length=15.75", *ME, port=one).code == 0
     assert do("set", "step_length=13.75", *ME, port=two).code == 0
@@ -118,6 +119,51 @@ def test_a_code_that_is_no_percentage_has_no_distance(bench: Bench) -> None:
     assert bench.set("left_swing_assist=45 %") == [9]
     again(bench)
     assert bench.failing(UsageError, "left_swing_assist=35 %").code == "step-limit"
+
+
+@pytest.mark.parametrize("files", [("a", "b", "c"), (None, "b", None), ("b", None, "b")])
+def test_an_audit_log_of_its_own_for_each_write_changes_nothing(files: tuple[str | None, ...], tmp_path: Path) -> None:
+    port = unit(state=tmp_path / "state")
+    codes = []
+    for value, file in zip(("15.75", "16.75", "17.5"), files, strict=True):
+        more = () if file is None else ("--audit", tmp_path / file)
+        codes.append(do("set", f"step_length={value}", *ME, *more, port=port).code)
+    assert codes == [0, 2, 2]
+    own = (tmp_path / "handctl" / "ekso-audit.jsonl").read_text(encoding="utf-8").splitlines()
+    assert len(own) == 2, "one intent and its result"
+    if files[0] is not None:
+        named = (tmp_path / files[0]).read_text(encoding="utf-8").splitlines()
+        assert [json.loads(line)["new"] for line in named] == [json.loads(line)["new"] for line in own]
+
+
+def test_a_port_that_came_back_under_another_number(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """15.00 to 18.00 within 2 s: the tty number was another one at each write."""
+    bench = Bench(tmp_path)
+    codes = []
+    for number, value in enumerate(("16", "17", "18")):
+        always = {"operator": "me", "port": "/dev/serial/by-id/ekso", "place": f"tty 166:{number}", "simulated": False}
+        bench.ekso.writer = Writer(bench.port, logs(None, always), bench._ask, override=False)
+        bench.ekso.known = None
+        try:
+            bench.set(f"step_length={value}")
+            codes.append("")
+        except UsageError as exc:
+            codes.append(exc.code)
+    assert codes == ["", "step-limit", "step-limit"]
+
+
+@pytest.mark.parametrize("what", ["folder", "/dev/full"])
+def test_without_the_memory_nothing_is_written(what: str, tmp_path: Path) -> None:
+    """Wherever --audit leads: refused, with the memory's own file as the reason."""
+    own = tmp_path / "handctl" / "ekso-audit.jsonl"
+    own.parent.mkdir()
+    own.mkdir() if what == "folder" else own.symlink_to(what)
+    trace = tmp_path / "t.txt"
+    result = do("set", "step_length=15", *ME, "--audit", tmp_path / "mine", "--trace", trace, port=unit())
+    assert (result.code, result.error["code"], values(trace)) == (1, "audit", [])
+    assert str(own) in result.error["text"] and "--audit" not in result.error["hint"]
+    cancelled = do("cancel", "--audit", tmp_path / "mine", port=unit())
+    assert cancelled.code == 0, "what stops does not depend on it"
 
 
 def test_two_handctl_at_once(bench: Bench, tmp_path: Path) -> None:
@@ -171,7 +217,9 @@ def test_what_counts(tmp_path: Path) -> None:
     assert ages(tmp_path, entry(ago=10.5)) == []
     assert ages(tmp_path, entry(ago=10.5) + entry("result", ago=9.9)) == [9.9], "it acts until its result at the latest"
     assert ages(tmp_path, entry() + entry("result", verdict="not sent: interrupted")) == []
-    assert ages(tmp_path, entry(place="tty 166:0", port="/dev/ttyACM0")) == []
+    assert ages(tmp_path, entry(place="tty 166:0", port="/dev/ttyACM0")) == [3.0], "a port is no device"
+    assert ages(tmp_path, entry(simulated=True)) == [3.0]
+    assert ages(tmp_path, entry(place="tty 166:0", port="/dev/ttyACM0", simulated=True)) == []
     assert ages(tmp_path, entry("cancel")) == []
 
 

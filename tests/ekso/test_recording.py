@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import csv
+import errno
 import json
+import os
 import resource
 import signal
 from collections.abc import Callable
+from contextlib import nullcontext
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -15,14 +18,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from handctl.devices.ekso.log.format import RowLayout, clean, parse, text_of
-from handctl.devices.ekso.log.polling import Limits, record
-from handctl.devices.ekso.log.recording import Recording, changed, file_name, settings_row, undisturbed
-from handctl.devices.ekso.log.timeline import FIRST_PERIOD_MS, LEARNED, SLACK_MS, ClockFit, Timeline
+from handctl.devices.ekso.log.format import RowLayout, parse, text_of
+from handctl.devices.ekso.log.source import USUAL_MS, EksoSource
 from handctl.devices.ekso.map import DATA, SETTINGS
 from handctl.errors import HandctlError, Interrupted, LinkError, NoAnswer, OutputError, ProtocolError, UsageError
+from handctl.model.clocks import WITHIN_MS, Moment
 from handctl.model.guide import Guide
-from tests.ekso.recordings import STANDING, Answer, Device, recorded, steady, words_at
+from handctl.record.layout import clean
+from handctl.record.polling import Limits, record
+from handctl.record.recording import changed, file_name, undisturbed
+from handctl.record.source import Sample
+from handctl.record.timeline import LEARNED, ClockFit, Timeline
+from tests.ekso.recordings import STANDING, Device, opened, recorded, run, steady, words_at
+from tests.ekso.support import SETTINGS as GET_SETTINGS
+from tests.ekso.support import Unit, ekso_on, frame, pack
 from tests.support.each_row import each_row
 
 # Section 7 of the dossier, literally.
@@ -101,13 +110,18 @@ def test_no_other_spelling_is_taken(name: str, text: str) -> None:
 
 
 def test_settings_without_the_wearer() -> None:
+    def row_of(words: list[int], *, personal: bool) -> dict[str, Any]:
+        unit = Unit()
+        unit.on = {GET_SETTINGS: lambda msg_id, _body: [(0.002, frame(GET_SETTINGS, msg_id, pack(words)))]}
+        return EksoSource(ekso_on(unit), lambda: False, raw=False, personal=personal).settings()
+
     words = [*range(8), 0xFFB5, 9, *range(10, 22)]
-    row = settings_row(words, personal=False)
+    row = row_of(words, personal=False)
     assert list(row) == [q.name for q in SETTINGS if q.name != "pilot_id"]
     assert row["forward_shift"] == {"raw": -75, "value": -0.75, "unit": None, "label": None}
     assert row["step_length"] == {"raw": 2, "value": 0.02, "unit": "in", "label": None}
-    assert settings_row(words, personal=True)["pilot_id"]["raw"] == 19
-    other = settings_row([*words[:20], 99, 21], personal=False)
+    assert row_of(words, personal=True)["pilot_id"]["raw"] == 19
+    other = row_of([*words[:20], 99, 21], personal=False)
     assert changed(row, other) == ["sit_mode"]
 
 
@@ -121,7 +135,7 @@ def test_marks_are_one_line() -> None:
 def places(timeline: Timeline, *points: tuple[int, float]) -> list[tuple[int, int, bool, int]]:
     found = []
     for boot, mono in points:
-        place = timeline.place(boot, mono)
+        place = timeline.place(boot, Moment(mono, mono))
         timeline.count(place)
         found.append((place.t_ms, place.segment, place.rebooted, place.gap_ms))
     return found
@@ -134,18 +148,18 @@ def test_time_is_the_devices() -> None:
 
 
 def test_a_lower_boot_time_is_a_reboot_and_the_host_says_how_long_it_took() -> None:
-    line = Timeline()
+    line = Timeline(usual_ms=USUAL_MS)
     assert places(line, (5001, 7.0), (5021, 7.02), (301, 47.02), (321, 47.04)) == [
-        (0, 1, False, 0), (20, 1, False, 0), (40_020, 2, True, 0), (40_040, 2, False, 0),
+        (0, 1, False, 0), (20, 1, False, 0), (40_020, 2, True, 40_000), (40_040, 2, False, 0),
     ]  # fmt: skip
-    assert [(s.number, s.first_row, s.rows, s.boot_first, s.boot_last) for s in line.segments] == [
+    assert [(s.number, s.first_row, s.rows, s.first.boot_ms, s.last.boot_ms) for s in line.segments] == [
         (1, 1, 2, 5001, 5021), (2, 3, 2, 301, 321),
     ]  # fmt: skip
 
 
 def test_a_reboot_is_seen_although_boot_time_is_higher() -> None:
     """The device ran for 1 s, was off, and has run for 3 s since: the host clock went on by 30 s."""
-    assert places(Timeline(), (1001, 0.0), (3001, 30.0))[1] == (30_000, 2, True, 0)
+    assert places(Timeline(usual_ms=USUAL_MS), (1001, 0.0), (3001, 30.0))[1] == (30_000, 2, True, 30_000)
 
 
 def test_the_wrap_of_boot_time_is_no_reboot() -> None:
@@ -153,47 +167,125 @@ def test_the_wrap_of_boot_time_is_no_reboot() -> None:
     assert places(Timeline(), (top, 0.0), (9, 0.02)) == [(0, 1, False, 0), (20, 1, False, 0)]
 
 
-def test_a_reboot_near_the_wrap_is_one() -> None:
+def test_what_a_restart_cannot_have_counted_is_no_proof_of_one() -> None:
+    """It fell back, and yet counts 20 s although 20 ms have passed: another device, or its clock was set."""
     top = (1 << 32) - 11
-    assert places(Timeline(), (top, 0.0), (20_001, 0.02))[1] == (20, 2, True, 0)
+    assert places(Timeline(), (top, 0.0), (20_001, 0.02))[1] == (20, 2, None, 0)
+    assert places(Timeline(), (9001, 0.0), (61, 0.02))[1] == (20, 2, True, 0)
 
 
-@pytest.mark.parametrize(("before", "now"), [(1000.0, 0.0), (0.0, 1000.0)])
-def test_the_round_trip_of_either_row_is_slack(before: float, now: float) -> None:
-    """BootTime was taken at any moment of a round trip: half of it is allowed for, of this row and of the one before."""
-    for behind_ms, rebooted in ((SLACK_MS + 490, False), (SLACK_MS + 510, True)):
+FAR = 7_000_001
+"""BootTime of a device that has run for long: no restart explains it."""
+
+
+@each_row(
+    ("boot", "seconds", "why", "off_ms"),
+    [
+        (FAR + 1300, 1.3, (), 0), (FAR + 1350, 1.3, (), 0), (FAR + 1250, 1.3, (), 0),
+        (FAR + 1351, 1.3, ("clocks",), 51), (FAR + 1249, 1.3, ("clocks",), -51),
+        (FAR + 700_000, 1.3, ("clocks",), 698_700), (FAR - 2, 0.02, ("clocks",), -22), (1251, 1.3, ("restart",), 1251 - FAR - 1300),
+    ],
+)  # fmt: skip
+def test_more_than_50_ms_between_the_clocks_begins_a_segment(
+    boot: int, seconds: float, why: tuple[str, ...], off_ms: int
+) -> None:
+    line = Timeline()
+    line.count(line.place(FAR, Moment(5.0, 5.0)))
+    place = line.place(boot, Moment(5.0 + seconds, 5.0 + seconds))
+    assert (place.why, place.off_ms) == (why, off_ms)
+    assert place.t_ms == (boot - FAR if not why else round(seconds * 1000)), "then the host's clock tells the time"
+
+
+@pytest.mark.parametrize("ppm", [50_000, -50_000])
+def test_a_drift_parts_them_as_well(ppm: int) -> None:
+    """1 ms in 20: a segment of 50 ms of it, and the whole is as long as the host says."""
+    line = Timeline()
+    places(line, *((FAR + round(i * 20 * (1 + ppm / 1e6)), i * 0.02) for i in range(501)))
+    assert len(line.segments) == 10 and all(50 <= segment.rows <= 52 for segment in line.segments[:-1])
+    assert {segment.rebooted for segment in line.segments} == {False}
+    assert abs(line.t_s - 10.0) <= WITHIN_MS / 1000
+
+
+@pytest.mark.parametrize(("before", "now"), [(1.0, 0.0), (0.0, 1.0)])
+def test_the_round_trip_of_either_row_is_no_contradiction(before: float, now: float) -> None:
+    """BootTime was read at any moment of a round trip, of this row or of one before it in the segment."""
+    for boot, parted in (
+        (FAR + 100, False),
+        (FAR + 50, False),
+        (FAR + 1150, False),
+        (FAR + 49, True),
+        (FAR + 1151, True),
+    ):
         line = Timeline()
-        line.count(line.place(1001, 0.0, before))
-        assert line.place(1101, 0.1 + behind_ms / 1000, now).rebooted is rebooted
+        line.count(line.place(FAR, Moment(5.0, 5.0 + before)))
+        sent = 5.0 + before + 0.1
+        assert bool(line.place(boot, Moment(sent, sent + now)).why) is parted, boot
 
 
 def test_a_slow_answer_is_no_reboot() -> None:
     """The process was stopped between request and answer: the middle of both says little."""
     line = Timeline()
-    line.count(line.place(1001, 0.0))
-    assert not line.place(1021, 30.0, rtt_ms=60_000).rebooted
-    assert not line.place(1001, 30.0, rtt_ms=10).rebooted  # a clock that stands
-    assert line.place(1021, 30.0, rtt_ms=10).rebooted
+    line.count(line.place(1001, Moment(0.0, 0.0)))
+    assert line.place(1021, Moment(0.0, 60.0)).why == ()
+    assert line.place(1021, Moment(30.0, 30.01)).rebooted
+
+
+def test_a_clock_that_stands_leaves_the_time_to_the_host() -> None:
+    line = Timeline()
+    places(line, *((FAR, i * 0.02) for i in range(501)))
+    assert abs(line.t_s - 10.0) <= 0.06 and line.standstill > 300
+    assert {segment.rebooted for segment in line.segments} == {False}
+
+
+def test_counters_that_fell_show_a_restart() -> None:
+    line = Timeline()
+    places(line, (FAR, 5.0), (FAR + 20, 5.02), (FAR + 90_000, 5.04))
+    assert [segment.rebooted for segment in line.segments] == [False, False]
+    line.restarted()
+    assert [segment.rebooted for segment in line.segments] == [False, True], "the one that has just begun"
+    places(line, (FAR + 90_020, 5.06))
+    line.restarted()
+    assert places(line, (FAR + 90_040, 5.08))[0][1:3] == (3, True), "or the next row"
+    assert line.reboots == 2
+
+
+def test_a_device_without_a_clock_has_the_host_s() -> None:
+    line = Timeline()
+    for at, lost in ((5.0, False), (5.1, False), (5.2, False), (5.3, False), (8.3, True), (8.7, False)):
+        line.count(line.place(None, Moment(at, at + 0.01), reopened=lost))
+    assert [(segment.first.why, segment.rows, segment.rebooted) for segment in line.segments] == [
+        ((), 4, False), (("port-lost",), 2, None),
+    ]  # fmt: skip
+    assert (line.t_s, [hole.length_ms for hole in line.holes], [gap.length_ms for gap in line.gaps]) == (
+        3.7,
+        [3000],
+        [3000, 400],
+    )
+    assert line.rate_hz() == 10.0
 
 
 def test_a_gap_is_more_than_three_periods() -> None:
-    first = int(3 * FIRST_PERIOD_MS)
-    assert [p[3] for p in places(Timeline(), (1, 0.0), (1 + first, 0.06), (2 + 2 * first, 0.121))] == [0, 0, first + 1]
+    first = int(3 * USUAL_MS)
+    assert [p[3] for p in places(Timeline(usual_ms=USUAL_MS), (1, 0.0), (1 + first, 0.06), (2 + 2 * first, 0.121))] == [
+        0,
+        0,
+        first + 1,
+    ]
     line = Timeline()
     places(line, *((i * 10, i / 100) for i in range(LEARNED + 1)))
     assert line.period_ms == 10
-    assert line.place(LEARNED * 10 + 30, 1.0).gap_ms == 0
-    assert line.place(LEARNED * 10 + 31, 1.0).gap_ms == 31
-    slow = Timeline(period_ms=200)
+    assert line.place(LEARNED * 10 + 30, Moment(0.23, 0.23)).gap_ms == 0
+    assert line.place(LEARNED * 10 + 31, Moment(0.231, 0.231)).gap_ms == 31
+    slow = Timeline(period_ms=200, usual_ms=USUAL_MS)
     assert [p[3] for p in places(slow, (1, 0.0), (601, 0.6), (1202, 1.201))] == [0, 0, 601]
 
 
 def test_true_rate_counts_recorded_time_only() -> None:
-    line = Timeline()
+    line = Timeline(usual_ms=USUAL_MS)
     places(line, *((i * 20, i / 50) for i in range(201)), (94_000, 94.0), (94_020, 94.02), (5, 200.0), (25, 200.02))
     assert line.rate_hz() == 50.0
     assert line.interval_row() == {"median": 20, "p99": 20, "max": 90_000}
-    assert [tuple(gap) for gap in line.gaps] == [(94_000, 90_000)]
+    assert [tuple(gap) for gap in line.gaps] == [(94_000, 90_000), (5, 105_980)]
 
 
 def test_a_frozen_boot_time_is_counted() -> None:
@@ -218,10 +310,10 @@ def test_the_residual_of_the_clock_fit_is_in_milliseconds() -> None:
 
 
 @given(st.lists(st.tuples(st.integers(0, 0xFFFFFFFF), st.floats(0, 1e5)), min_size=1, max_size=30))
-def test_device_time_never_falls_and_segments_count_up(points: list[tuple[int, float]]) -> None:
+def test_time_never_falls_within_a_segment_and_segments_count_up(points: list[tuple[int, float]]) -> None:
     line = Timeline()
     found = places(line, *points)
-    assert all(a[0] <= b[0] and b[1] - a[1] == b[2] for a, b in pairwise(found))
+    assert all((a[0] <= b[0] and b[2] is False) if a[1] == b[1] else a[1] + 1 == b[1] for a, b in pairwise(found))
     assert sum(segment.rows for segment in line.segments) == len(points)
 
 
@@ -231,14 +323,13 @@ def test_device_time_never_falls_and_segments_count_up(points: list[tuple[int, f
 def test_sidecar_at_the_start_and_at_the_end(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     device = Device(steady(1))
-    recording = Recording(str(path), device, {"simulated": True}, raw=False, rate=0, force=False)
+    recording = opened(path, device, simulated=True)
     early = sidecar(path)
     assert (early["schema"], early["complete"], early["rows"], early["simulated"]) == (
         "handctl-ekso-log/1", False, None, True,
     )  # fmt: skip
     recording.add(device.sample(), 1)
-    recording.close()
-    recording.write_sidecar(complete=True, ended="limit")
+    recording.finish("limit")
     late = sidecar(path)
     assert (late["complete"], late["rows"], late["ended"]) == (True, 1, "limit")
     assert late["start"]["boot_ms"] == 1001
@@ -248,10 +339,55 @@ def test_sidecar_at_the_start_and_at_the_end(tmp_path: Path) -> None:
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a.csv", "a.csv.json"]
 
 
+LOST = LinkError("gone", code="lost")
+ENDS: dict[str, tuple[list[tuple[float, int | BaseException]], Limits, list[str]]] = {
+    # what happens -> the script, when it ends, what is missing
+    "as asked": (steady(5), Limits(rows=5), []),
+    "Ctrl-C": ([*steady(5), (0.0, KeyboardInterrupt())], Limits(), []),
+    "a restart": ([*steady(3), *steady(2, 1)], Limits(rows=5), []),
+    "an answer that never came": ([*steady(3), (0.5, NoAnswer("x")), (0.02, 1581)], Limits(rows=4), ["lost"]),
+    "silence": ([*steady(3), *[(3.0, NoAnswer("x"))] * 3], Limits(silence=5), ["lost", "no-answer"]),
+    "a port that did not come back": ([*steady(3), (0.0, LOST)], Limits(), ["lost"]),
+    "a deadline": ([*steady(3), (0.0, NoAnswer("x", code="deadline"))], Limits(), ["deadline"]),
+    "a full disk": ([*steady(3), (0.0, OutputError("full", code="log-file"))], Limits(), ["log-file"]),
+}  # fmt: skip
+
+
+@each_row("name", ENDS)
+def test_a_whole_log_is_complete_and_no_other(name: str, tmp_path: Path) -> None:
+    script, limits, missing = ENDS[name]
+    path = tmp_path / f"{name}.csv"
+    recorded(path, script, limits=limits)
+    about = sidecar(path)
+    assert (about["complete"], about["closed"], about["missing"]) == (not missing, True, missing)
+    assert about["rows"] == len(table(path))
+
+
+@pytest.mark.parametrize(("code", "missing"), [(errno.EIO, ["not-synced", "log-file"]), (errno.EINVAL, ["not-synced"])])
+def test_what_is_not_on_the_disk_is_not_complete(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, code: int, missing: list[str]
+) -> None:
+    """A disk that fails, or a file system that cannot tell; the sidecar is written all the same."""
+    path, fsync, failed = tmp_path / "a.csv", os.fsync, list[int]()
+    recording = opened(path, Device(steady(3)))
+    assert record(recording, Limits(rows=3), mark=str, guide=Guide()) is None
+
+    def fails(file: int) -> None:
+        if not failed:
+            failed.append(file)
+            raise OSError(code, os.strerror(code))
+        fsync(file)
+
+    monkeypatch.setattr(os, "fsync", fails)
+    with nullcontext() if code == errno.EINVAL else pytest.raises(OutputError):
+        recording.finish("limit")
+    assert (sidecar(path)["complete"], sidecar(path)["missing"]) == (False, missing)
+
+
 def test_every_row_is_in_the_file_at_once(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     device = Device(steady(3))
-    recording = Recording(str(path), device, {}, raw=False, rate=0, force=False)
+    recording = opened(path, device)
     for seq in (1, 2, 3):
         recording.add(device.sample(), seq)
         assert len(table(path)) == seq
@@ -305,16 +441,11 @@ def gone(seconds: float, restarts: bool, device: Device) -> Callable[[], bool]:
 def test_a_lost_port_that_comes_back_is_a_hole_and_a_segment(tmp_path: Path, restarts: bool) -> None:
     path = tmp_path / "a.csv"
     device = Device([*steady(3), (0.0, LinkError("the port is gone", code="lost"))])
-    recording = Recording(str(path), device, {}, raw=False, rate=0, force=False)
-    seen: list[int] = []
-    failure = record(
-        recording, device.sample, device, Limits(rows=4, silence=5),
-        mark=str, on_segment=lambda: seen.append(recording.rows), guide=Guide(),
-        reopen=gone(1.95, restarts, device),
-    )  # fmt: skip
-    recording.close()
-    recording.write_sidecar(complete=True)
-    assert (failure, recording.rows, seen, recording.lost) == (None, 4, [4], 1)
+    recording = opened(path, device)
+    device.again = gone(1.95, restarts, device)
+    failure = run(recording, Limits(rows=4, silence=5))
+    recording.finish("limit")
+    assert (failure, recording.rows, device.asked, recording.lost) == (None, 4, 1, 1)
     last = table(path)[-1]
     about = sidecar(path)
     (hole,) = about["holes"]
@@ -335,13 +466,10 @@ def test_a_lost_port_that_comes_back_is_a_hole_and_a_segment(tmp_path: Path, res
 def test_a_port_that_stays_away_ends_the_log_in_time(tmp_path: Path, limits: Limits, when: str) -> None:
     path = tmp_path / "a.csv"
     device = Device([*steady(3), (0.0, LinkError("the port is gone", code="lost"))])
-    recording = Recording(str(path), device, {}, raw=False, rate=0, force=False)
-    reopen = gone(60, False, device)
-    failure = record(
-        recording, device.sample, device, limits, mark=str, on_segment=lambda: None, guide=Guide(), reopen=reopen
-    )
-    recording.close()
-    recording.write_sidecar(complete=True)
+    recording = opened(path, device)
+    device.again = gone(60, False, device)
+    failure = run(recording, limits)
+    recording.finish("limit")
     assert isinstance(failure, LinkError) and failure.code == "lost"
     assert when in failure.text and "no such port" in failure.text
     assert 100 + min(limits.silence + 0.06, limits.duration or 99) <= device.clock + 1e-6 <= 105.2
@@ -366,13 +494,12 @@ def test_ctrl_c_and_the_deadline_end_the_wait_for_a_port(tmp_path: Path) -> None
 
 def test_a_reboot_is_a_segment(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
-    seen: list[str] = []
     script = [*steady(2), (1.5, NoAnswer("x")), (0.5, 301), (0.02, 321)]
-    recorded(path, script, on_segment=lambda: seen.append("reboot"))
+    _, _, device = recorded(path, script)
     assert [(row["segment"], row["t_s"], row["mark"]) for row in table(path)] == [
-        ("1", "0.000", ""), ("1", "0.020", ""), ("2", "2.070", "[reboot]"), ("2", "2.090", ""),
+        ("1", "0.000", ""), ("1", "0.020", ""), ("2", "2.070", "[reboot]; [gap 2.050 s]"), ("2", "2.090", ""),
     ]  # fmt: skip
-    assert seen == ["reboot"]
+    assert device.asked == 1, "what the restart may have changed is read"
     assert [(s["segment"], s["rows"], s["boot_ms"]) for s in sidecar(path)["segments"]] == [
         (1, 2, [1001, 1021]), (2, 2, [301, 321]),
     ]  # fmt: skip
@@ -410,16 +537,16 @@ def test_after_a_stall_no_tick_is_polled_twice(tmp_path: Path) -> None:
         def sleep(self, seconds: float) -> None:
             super().sleep(seconds + (self.naps.pop(0) if self.naps and seconds > 0 else 0.0))
 
-        def sample(self) -> Answer:
+        def sample(self) -> Sample:
             self.asked_at.append(round(self.clock, 6))
             self.clock += 0.001
             boot = 1 + 2 * int(self.clock * 500)
-            return Answer(self.clock - 0.001, self.clock, words_at(boot))
+            return Sample(Moment(self.clock - 0.001, self.clock), words_at(boot), boot)
 
     device = Stalls()
-    recording = Recording(str(tmp_path / "a.csv"), device, {}, raw=False, rate=50, force=False)
+    recording = opened(tmp_path / "a.csv", device, rate=50)
     limits = Limits(rate=50, rows=8)
-    assert record(recording, device.sample, device, limits, mark=str, on_segment=lambda: None, guide=Guide()) is None
+    assert run(recording, limits) is None
     recording.close()
     assert device.asked_at == [100.0, 100.02, 100.04, 100.14, 100.18, 100.2, 100.22, 100.24]
     assert (recording.skipped, recording.timeline.standstill) == (5, 0)
@@ -432,14 +559,15 @@ def test_a_device_somewhat_slower_than_the_rate_is_asked_as_it_answers(
     tmp_path: Path, answers_in: float, skipped: int
 ) -> None:
     class Slow(Device):
-        def sample(self) -> Answer:
+        def sample(self) -> Sample:
             sent = self.clock
-            return super().sample()._replace(sent=sent)
+            made = super().sample()
+            return made._replace(moment=Moment(sent, made.moment.answered))
 
     device = Slow([(answers_in, 1001 + 2 * i) for i in range(50)])
-    recording = Recording(str(tmp_path / "a.csv"), device, {}, raw=False, rate=50, force=False)
+    recording = opened(tmp_path / "a.csv", device, rate=50)
     limits = Limits(rate=50, rows=50)
-    record(recording, device.sample, device, limits, mark=str, on_segment=lambda: None, guide=Guide())
+    run(recording, limits)
     recording.close()
     ticks = [round((moment - 100.0) * 50 - 0.499) for moment in device.asked_at]
     assert len(set(ticks)) == 50, "never two in one tick"
@@ -457,14 +585,11 @@ def test_feedback_is_asked_once_a_second_and_only_changes_are_kept(tmp_path: Pat
 
     path = tmp_path / "a.csv"
     device = Device(steady(160))
-    recording = Recording(str(path), device, {}, raw=False, rate=50, force=False)
+    recording = opened(path, device, rate=50)
     limits = Limits(rows=160)
-    record(
-        recording, device.sample, device, limits,
-        mark=str, on_segment=lambda: None, guide=Guide(), feedback=feedback,
-    )  # fmt: skip
-    recording.close()
-    recording.write_sidecar(complete=True)
+    device.feedback = feedback
+    run(recording, limits)
+    recording.finish("limit")
     assert asked == pytest.approx([100.02, 101.03, 102.05, 103.06], abs=0.025)
     kept = sidecar(path)["feedback"]
     assert (kept["answered"], kept["unanswered"]) == (4, 0)
@@ -486,13 +611,12 @@ def test_a_feedback_without_an_answer_costs_no_row_and_rests(tmp_path: Path) -> 
         raise NoAnswer("nothing")
 
     device = Device(steady(600))
-    recording = Recording(str(tmp_path / "a.csv"), device, {}, raw=False, rate=0, force=False)
+    recording = opened(tmp_path / "a.csv", device)
     limits = Limits(rows=600)
-    failure = record(
-        recording, device.sample, device, limits, mark=str, on_segment=lambda: None, guide=Guide(), feedback=feedback
-    )
+    device.feedback = feedback
+    failure = run(recording, limits)
     recording.close()
-    assert (failure, recording.rows, recording.lost, recording.feedback.unanswered) == (None, 600, 0, 2)
+    assert (failure, recording.rows, recording.lost, device.line.unanswered) == (None, 600, 0, 2)
     assert asked == [100, 110]
 
 
@@ -533,12 +657,10 @@ def test_a_full_disk_takes_back_the_broken_row(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     device = Device(steady(100))
-    recording = Recording(str(path), device, {}, raw=False, rate=0, force=False)
+    recording = opened(path, device)
     resource.setrlimit(resource.RLIMIT_FSIZE, (3000, hard))
     try:
-        failure = record(
-            recording, device.sample, device, Limits(), mark=lambda: "", on_segment=lambda: None, guide=Guide()
-        )
+        failure = run(recording, Limits())
         recording.close()
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
@@ -555,7 +677,7 @@ def test_a_disk_that_is_full_at_once_leaves_nothing(tmp_path: Path) -> None:
     resource.setrlimit(resource.RLIMIT_FSIZE, (1000, hard))
     try:
         with pytest.raises(OutputError, match="cannot be written"):
-            Recording(str(tmp_path / "a.csv"), Device([]), {}, raw=False, rate=0, force=False)
+            opened(tmp_path / "a.csv", Device([]))
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
     assert list(tmp_path.iterdir()) == []
@@ -565,19 +687,19 @@ def test_a_disk_that_is_full_at_once_leaves_nothing(tmp_path: Path) -> None:
 def test_an_existing_file_is_never_touched_without_force(tmp_path: Path, taken: str) -> None:
     (tmp_path / taken).write_text("mine")
     with pytest.raises(UsageError, match="exists"):
-        Recording(str(tmp_path / "a.csv"), Device([]), {}, raw=False, rate=0, force=False)
+        opened(tmp_path / "a.csv", Device([]))
     assert [(p.name, p.read_text()) for p in tmp_path.iterdir()] == [(taken, "mine")]
-    Recording(str(tmp_path / "a.csv"), Device([]), {}, raw=False, rate=0, force=True).close()
+    opened(tmp_path / "a.csv", Device([]), force=True).close()
     assert table(tmp_path / "a.csv") == []
 
 
 def test_a_file_that_cannot_be_made_is_a_usage_error(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="No such file or directory"):
-        Recording(str(tmp_path / "none" / "a.csv"), Device([]), {}, raw=False, rate=0, force=False)
+        opened(tmp_path / "none" / "a.csv", Device([]))
 
 
 def test_a_directory_gets_a_file_named_after_the_moment(tmp_path: Path) -> None:
-    name = Path(file_name(str(tmp_path)))
+    name = Path(file_name(str(tmp_path), "ekso"))
     assert name.parent == tmp_path
     assert name.match("ekso-2*T*Z.csv")
-    assert file_name("gait.csv") == "gait.csv"
+    assert file_name("gait.csv", "ekso") == "gait.csv"

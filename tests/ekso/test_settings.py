@@ -28,6 +28,7 @@ from handctl.errors import (
     ProtocolError,
     UsageError,
 )
+from handctl.model.clocks import Span
 from tests.ekso.bench import Bench, change
 from tests.ekso.support import (
     DATA,
@@ -199,6 +200,8 @@ def test_the_second_question(bench: Bench) -> None:
 
 # -- stillness --------------------------------------------------------------------------------------------------------
 
+TENTH = Span(100, 100)
+
 
 def looks(state: int = STANDING, ms: int = 100, **moved: int) -> tuple[list[int], list[int]]:
     """Two GetData, `ms` of BootTime apart; `moved` in raw units by name."""
@@ -214,10 +217,10 @@ def looks(state: int = STANDING, ms: int = 100, **moved: int) -> tuple[list[int]
 
 @pytest.mark.parametrize("joint", [f"{side}_{joint}_angle" for side in ("left", "right") for joint in ("hip", "knee")])
 def test_every_joint_must_be_still(joint: str) -> None:
-    assert moving(*looks(**{joint: 49}), 0.1) is None
-    assert moving(*looks(**{joint: -49}), 0.1) is None
-    assert moving(*looks(**{joint: 50}), 0.1) == f"{joint} moves at 5.0 deg/s"
-    assert moving(*looks(**{joint: -60}), 0.1) == f"{joint} moves at 6.0 deg/s"
+    assert moving(*looks(**{joint: 49}), TENTH) is None
+    assert moving(*looks(**{joint: -49}), TENTH) is None
+    assert moving(*looks(**{joint: 50}), TENTH) == f"{joint} moves at 5.0 deg/s"
+    assert moving(*looks(**{joint: -60}), TENTH) == f"{joint} moves at 6.0 deg/s"
 
 
 @pytest.mark.parametrize(
@@ -228,11 +231,11 @@ def test_every_joint_must_be_still(joint: str) -> None:
     ],
 )  # fmt: skip
 def test_postures(state: int, says: str | None) -> None:
-    found = moving(*looks(state), 0.1)
+    found = moving(*looks(state), TENTH)
     assert (found is None) if says is None else says in str(found)
     first, second = looks()
     second[18] = state
-    found = moving(first, second, 0.1)
+    found = moving(first, second, TENTH)
     assert (found is None) if says is None else says in str(found)
 
 
@@ -240,16 +243,38 @@ def test_postures(state: int, says: str | None) -> None:
     ("ms", "still"), [(100, True), (150, True), (50, True), (151, False), (49, False), (0, False), (-2, False)]
 )
 def test_boot_time_must_run_with_the_host(ms: int, still: bool) -> None:
-    found = moving(*looks(ms=ms), 0.1)
+    found = moving(*looks(ms=ms), TENTH)
     assert (found is None) is still
     if ms < 0:
         assert "restarted" in str(found)
 
 
+@each_row(
+    ("ms", "span", "still"),
+    [(100, Span(100, 350), True), (350, Span(100, 350), True), (50, Span(100, 350), True), (400, Span(100, 350), True),
+     (49, Span(100, 350), False), (401, Span(100, 350), False), (0, Span(100, 5000), False)],
+)  # fmt: skip
+def test_only_what_no_moment_of_the_round_trips_explains_is_not_fresh(ms: int, span: Span, still: bool) -> None:
+    assert (moving(*looks(ms=ms), span) is None) is still
+
+
+@pytest.mark.parametrize("late", [1, 2, 3, 4])
+def test_one_late_reply_is_no_contradiction(bench: Bench, late: int) -> None:
+    """Whichever of the four looks it strikes: BootTime is that of the request's arrival."""
+    asked: list[int] = []
+
+    def data(msg_id: int, _body: bytes) -> list[Any]:
+        asked.append(msg_id)
+        return [(0.25 if len(asked) == late else 0.002, frame(DATA, msg_id, bench.unit.body_of(DATA)))]
+
+    bench.unit.on = {DATA: data}
+    assert bench.set("step_length=16") == [16.0]
+
+
 def test_boot_time_may_wrap() -> None:
     first, second = looks()
     first[25:], second[25:] = [0xFFFF, 0xFFFF], [0, 99]
-    assert moving(first, second, 0.1) is None
+    assert moving(first, second, TENTH) is None
 
 
 @pytest.mark.parametrize("text", ["upper_leg_length=17.1", "lower_leg_length=16.1", "injury_mode=1", "walk_mode=1"])

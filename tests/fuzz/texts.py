@@ -230,8 +230,10 @@ class EksoLog:
     """A recorded log with its sidecar: rows as they were written, or a UsageError naming the line."""
 
     def __init__(self, folder: Path) -> None:
-        from handctl.devices.ekso.log.format import RowLayout, Stamp
-        from handctl.devices.ekso.log.timeline import Timeline
+        from handctl.devices.ekso.log.format import RowLayout
+        from handctl.model.clocks import Moment
+        from handctl.record.layout import Stamp
+        from handctl.record.timeline import Timeline
         from tests.ekso.recordings import words_at
 
         self._path = folder / "gait.csv"
@@ -241,7 +243,7 @@ class EksoLog:
             text = layout.header
             for seq in range(8):
                 words = words_at(5_000_001 + 10 * seq)
-                place = timeline.place(5_000_001 + 10 * seq, 100 + seq / 100, 1.5)
+                place = timeline.place(5_000_001 + 10 * seq, Moment(100 + seq / 100, 100.0015 + seq / 100))
                 timeline.count(place)
                 text += layout.line(Stamp(1.7e9 + seq / 100, place, seq), words, 'a "mark", here' if seq == 3 else "")
             self._texts.append(text.encode())

@@ -222,7 +222,7 @@ def logged(file: Path, seconds: float) -> str:
     assert (row["rows"], row["lost"], row["segments"]) == (len(rows), 0, 1)
     waits = sum(after[1] - before[1] > LONG_MS for before, after in pairwise(rows))
     assert waits <= row["gaps"], "a long interval that the log does not tell"
-    assert json.loads(Path(f"{file}.json").read_text(encoding="utf-8"))["complete"] is True
+    assert json.loads(Path(f"{file}.json").read_text(encoding="utf-8"))["closed"] is True
     memory.check()
     rate = steady([t for _, _, t in rows], LOGGED.hertz)
     return f"ekso log, {seconds:.1f} s: {rate}; {row['gaps']} gaps; {memory.text}"

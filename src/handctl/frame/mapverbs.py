@@ -1,5 +1,5 @@
-"""The commands that every device with a parameter map has: status, dump, get, set, describe, watch, snapshot, diff, restore,
-report.
+"""The commands that every device with a parameter map has: status, dump, get, set, describe, watch, log, snapshot, diff,
+restore, report.
 
 Their meaning is in `verbs` and `stored`; here they become click commands of a family's group. A family that needs one of its own
 leaves it out with `without` and defines it itself.
@@ -13,12 +13,13 @@ from typing import Any
 
 import click
 
-from handctl.frame import stored, verbs
+from handctl.frame import recorder, stored, verbs
 from handctl.frame.clikit import Group, stream_options
 from handctl.frame.console import is_terminal
 from handctl.frame.envelope import INCLUDE_IDS
 from handctl.frame.filetypes import InFile, OutFile
 from handctl.frame.numbers import FiniteRange
+from handctl.frame.recorder import log_options
 from handctl.frame.run import Run
 from handctl.frame.usage import columns
 from handctl.model.param import COMMAND, ParamMap
@@ -109,6 +110,16 @@ def add_map_verbs(
         seen = seen and columns() >= verbs.BESIDE_COLUMNS
         return verbs.watch(run, mapped(run), names, rate=rate, count=count, duration=duration, seen=seen)
 
+    @log_options
+    @click.argument("names", nargs=-1, metavar=NAMES)
+    def log(run: Run, file: str, names: tuple[str, ...], **wishes: Any) -> Table:
+        """Record values into FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it.
+
+        FILE may be a directory. On a terminal any letter or space sets a mark.
+        Without names, the quantities that change on their own.
+        """
+        return recorder.log(run, file, recorder.Wishes(**wishes), lambda again: recorder.of_map(run, names, again))
+
     @click.argument("file", type=OutFile())
     def snapshot(run: Run, file: str) -> Table:
         """Write the settings and set-points of the device to FILE.
@@ -176,6 +187,7 @@ def add_map_verbs(
         ("set", "Settings", set_, True),
         ("describe", "Look", describe, False),
         ("watch", "Look", watch, False),
+        ("log", "Files", log, False),
         ("snapshot", "Files", snapshot, False),
         ("diff", "Files", diff, False),
         ("restore", "Files", restore, True),

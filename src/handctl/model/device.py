@@ -106,6 +106,9 @@ class Line:
                 joined(f"{self.where}: --deadline is over", unsent), hint="give a longer --deadline", code="deadline"
             )
 
+    def reopened(self) -> None:
+        """The port was opened again: what was under way is lost, and it may lead to a stranger."""
+
     def repeated(self, ask: Callable[[], T], retries: int | None = None) -> T:
         """What `ask` returns, asked again where no valid answer came; for reads only. Raises what `ask` raised last."""
         for attempt in range(1 + (self.retries if retries is None else retries)):
@@ -173,6 +176,14 @@ class Device(ABC):
     def journal(self) -> Journal:
         """Where messages and counters go."""
         return self._line.journal
+
+    def reopen(self, again: Callable[[], bool]) -> bool:
+        """Open a port that was lost by `again`, unless --deadline is over; False where there is no such way. Raises LinkError."""
+        self._line.check_bound()
+        if not again():
+            return False
+        self._line.reopened()
+        return True
 
     # -- who it is -----------------------------------------------------------------------------------------------
 

@@ -24,6 +24,7 @@ FACTS = Facts(
         "get": "motor_pos",
         "watch": "--count 2",
         "report": "{dir}/report.html --watch 0 --force",
+        "log": "{dir}/log.csv --count 2 --force",
     },
     state="start=homed",
     states={"home": "start=used"},
@@ -37,6 +38,7 @@ FACTS = Facts(
         *(
             ("report", "{dir}/report.html"),
             ("watch", "motor_pos", "--count", "2"),
+            ("log", "{dir}/log.csv", "--count", "2", "--force"),
             ("home", "--yes"),
             ("initial", "--yes"),
         ),

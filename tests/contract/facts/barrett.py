@@ -89,6 +89,7 @@ FACTS = Facts(
         "diff": "{barrett}",
         "watch": "--count 2",
         "report": "{dir}/report.html --watch 0 --force",
+        "log": "{dir}/log.csv --count 2 --force",
         "errors": "",
         "help": "",
     },
@@ -105,6 +106,7 @@ FACTS = Facts(
     screens=("status", "dump", "maintenance", "fingertips", "diagnose", "strain"),
     broken_from=4,
     lines=(
+        *(("log", "{dir}/log.csv", "--count", "2", "--force"),),
         *(("describe",), ("errors", "20"), ("report", "{dir}/report.html"), ("firmware", "check", "{dir}/image.s19")),
         *(("firmware", "download", "{dir}/image.s19", "--yes"), ("maintenance",), ("strain",), ("strain", "--open")),
         *(

@@ -25,7 +25,7 @@ FACTS = Facts(
         "diff": "{ekso}",
         "watch": "--count 2",
         "report": "{dir}/report.html --watch 0 --force",
-        "log": "{dir}/log.csv --count 2",
+        "log": "{dir}/log.csv --count 2 --force",
     },
     snapshot={"step_length": 15.5},
     plans=frozenset(["restore"]),

@@ -1,6 +1,7 @@
 """The audit log of everything that was sent to change an EksoNR: JSON lines, appended, on the disk before it goes out.
 
-No log, no write. Knows files and nothing of the device.
+No log, no write. The user's own log is always written, because the policy remembers by it; --audit names a further one.
+Knows files and nothing of the device.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ import json
 import os
 import stat
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
@@ -18,13 +19,15 @@ from typing import Any
 from handctl.devices.ekso import gates
 from handctl.devices.ekso.chain import Checked, check, held, linked
 from handctl.errors import OutputError
-from handctl.files import in_turn, opened, state_path
+from handctl.files import clash, in_turn, opened, state_path
 from handctl.system import disk, locks
 
 TURN_SECONDS = 0.2
 """No longer is another writer waited for, who may be stopped in the middle: CancelAction waits for its entry."""
 TAIL = 65536
 """Bytes at the end of the log that are searched for the last write."""
+FILE_HINT = "without it no setting is written. --audit FILE names another place"
+OWN_HINT = "make it writable. handctl remembers there which settings it wrote last, and writes none without that memory"
 
 
 def default_path() -> Path:
@@ -32,18 +35,36 @@ def default_path() -> Path:
     return state_path("ekso-audit.jsonl")
 
 
+def logs(file: str | Path | None, always: dict[str, Any]) -> AuditLog:
+    """The log that a write is noted in: FILE, and whatever it is the user's own, which remembers for every port and FILE."""
+    own = AuditLog(default_path(), always, own_hint=OWN_HINT)
+    return own if file is None or clash(file, own.path) else AuditLog(Path(file), always, memory=own)
+
+
 class AuditLog:
     """An append-only file; every entry is on the disk when `record` returns, and nothing is held open between entries.
 
     `always` stands in every entry: operator, user, host, port, the place it leads to, tool version.
+    `memory` is a second log that gets every entry too.
     """
 
-    def __init__(self, path: Path, always: dict[str, Any]) -> None:
+    def __init__(
+        self, path: Path, always: dict[str, Any], *, memory: AuditLog | None = None, own_hint: str = FILE_HINT
+    ) -> None:
         self.path = path
         self.always = always
+        self.memory = memory
+        self._hint = own_hint
+
+    @property
+    def every(self) -> tuple[AuditLog, ...]:
+        """The logs that get each entry."""
+        return (self,) if self.memory is None else (self.memory, self)
 
     def check(self) -> None:
         """Make sure that entries can be written, before anything is sent. Raises OutputError."""
+        if self.memory is not None:
+            self.memory.check()
         with self._opened() as file:
             if not stat.S_ISREG(os.fstat(file).st_mode):
                 raise OSError(errno.EINVAL, "not a regular file, and the policy must remember the last writes")
@@ -66,7 +87,7 @@ class AuditLog:
             raise gates.refusal(
                 gates.LOG,
                 f"{self.path}: the audit log cannot be written: {exc.strerror or exc}",
-                "without it no setting is written. --audit FILE names another place",
+                self._hint,
             ) from exc
 
     def unfinished(self) -> dict[str, Any] | None:
@@ -107,11 +128,11 @@ class AuditLog:
 
     @contextmanager
     def alone(self) -> Iterator[None]:
-        """While it lasts no other handctl writes a setting by this log: what it says last holds until the next entry.
+        """While it lasts no other handctl writes a setting by these logs: what they say last holds until the next entry.
 
         Raises OutputError, LinkError (code "busy").
         """
-        with self._opened() as file:
+        with self.memory.alone() if self.memory is not None else nullcontext(), self._opened() as file:
             try:
                 locks.whole(file)
             except BlockingIOError as exc:
@@ -125,11 +146,23 @@ class AuditLog:
     def record(self, event: str, host_s: float, **fields: Any) -> None:
         """Append one entry and wait until it is on the disk; `host_s` is the link's monotonic clock.
 
-        Raises OutputError.
+        Raises OutputError; what came of a write is noted in both logs as far as it can be.
         """
         now = datetime.now(timezone.utc).isoformat(timespec="milliseconds")
         entry = {"event": event, "utc": now, "host_monotonic_s": round(host_s, 6), **self.always, **fields}
         text = json.dumps(entry, ensure_ascii=False).encode("utf-8", "backslashreplace")
+        failure: OutputError | None = None
+        for log in reversed(self.every):  # the memory last: what it holds was not refused by another log
+            try:
+                log._append(text)
+            except OutputError as exc:
+                failure = failure or exc
+                if event == "intent":
+                    break
+        if failure is not None:
+            raise failure
+
+    def _append(self, text: bytes) -> None:
         with self._opened() as file:
             # one entry at a time, each chained to the one before; an entry is worth more than the order of two
             with in_turn(file, TURN_SECONDS):

@@ -49,7 +49,7 @@ cli = Group(
     help="EksoNR exoskeleton over its DataPort (serial, USB). A person may stand in it. "
     f"Reading changes nothing. Every write of a setting asks first, is checked, read back and logged. {NOT_MEDICAL}.",
 )
-add_map_verbs(cli, EKSO, example="step_length left_knee_angle 216", without=("set", "describe", "restore"))
+add_map_verbs(cli, EKSO, example="step_length left_knee_angle 216", without=("set", "describe", "log", "restore"))
 add_log_commands(cli)
 
 
@@ -156,8 +156,8 @@ def _audit_options(body: Callable[..., Any]) -> Callable[..., Any]:
         envvar="HANDCTL_AUDIT",
         metavar="FILE",
         type=OutFile(grows=True),
-        help="The audit log (default: ekso-audit.jsonl in the user's state folder). No log, no write. "
-        "It is also the memory of the last writes, so the policy holds over several runs with one log.",
+        help="A second audit log, besides ekso-audit.jsonl in the user's state folder. No log, no write. handctl also remembers "
+        "the last writes there, so the policy holds for every port and FILE.",
     )(body)
     return click.option("--operator", cls=Own, of="ekso")(body)
 
@@ -170,18 +170,16 @@ OVERRIDE = click.option(
 )
 
 
-def _audit(run: Run, file: str | None) -> AuditLog:
+def _always(run: Run) -> dict[str, Any]:
+    """What stands in each entry of the audit log."""
     from getpass import getuser
-    from pathlib import Path
     from platform import node
-
-    from handctl.devices.ekso.audit import AuditLog, default_path
 
     try:
         user: str | None = getuser()
     except (OSError, KeyError):
         user = None
-    always = {
+    return {
         "operator": run.settings.own.get("operator"),
         "user": user,
         "host": node(),
@@ -191,11 +189,11 @@ def _audit(run: Run, file: str | None) -> AuditLog:
         "tool": f"handctl {__version__}",
         "command": run.command,
     }
-    return AuditLog(Path(file) if file else default_path(), always)
 
 
 def _with_writer(run: Run, file: str | None, *, override: bool, stepwise: bool = False) -> Ekso:
     """The device with all that writing needs; --yes stands for a person, who must be named."""
+    from handctl.devices.ekso.audit import logs
     from handctl.devices.ekso.settings import Writer
 
     run.need_answer("This changes a setting of an exoskeleton that may be worn")
@@ -207,9 +205,11 @@ def _with_writer(run: Run, file: str | None, *, override: bool, stepwise: bool =
             run.guide.say(question.partition(". ")[0])
         run.confirm(question, word=word)
 
-    audit = _audit(run, file)
-    _tell_edited(run, audit)
-    _tell_unfinished(run, audit)
+    audit = logs(file, _always(run))
+    audit.check()
+    for log in audit.every:
+        _tell_edited(run, log)
+        _tell_unfinished(run, log)
     ekso.writer = Writer(ekso.port, audit, ask, override=override, stepwise=stepwise, guide=run.guide)
     return ekso
 
@@ -217,7 +217,6 @@ def _with_writer(run: Run, file: str | None, *, override: bool, stepwise: bool =
 def _tell_edited(run: Run, audit: AuditLog) -> None:
     from handctl.devices.ekso.chain import told
 
-    audit.check()
     for place in list(told(audit.checked()))[-1:]:
         run.journal.warn(
             "audit-edited",
@@ -329,8 +328,12 @@ def cancel(run: Run, word: int, audit: str | None) -> Table:
     """
     if (plan := run.planned(run.planner().plan_cancel(word))) is not None:
         return plan
+    from pathlib import Path
+
+    from handctl.devices.ekso.audit import AuditLog, default_path
+
     ekso: Ekso = run.device()
-    log = _audit(run, audit)
+    log = AuditLog(Path(audit) if audit else default_path(), _always(run))
 
     def record(event: str, fields: dict[str, object]) -> None:
         from handctl.errors import OutputError

@@ -14,6 +14,7 @@ from handctl.devices.ekso.frames import ANSWER_SIZES, OVERHEAD, Command, Decoder
 from handctl.devices.ekso.map import SETTINGS
 from handctl.errors import HandctlError, ProtocolError
 from handctl.link import ByteLink, Deadline
+from handctl.model.clocks import Moment
 from handctl.model.device import Line
 from handctl.model.foreign import harmless
 from handctl.model.frames import frames_in
@@ -53,7 +54,6 @@ class DataPort(Line):
 
     timeout  seconds for the whole answer
     mode     what the length byte of our requests counts; answers may count as they like
-    rtt      seconds from the last request to its answer
     """
 
     link: ByteLink
@@ -102,12 +102,12 @@ class DataPort(Line):
         """
         while deadline is None or not deadline.expired:
             words = self.read(Command.GET_DATA).words
-            yield (self.sent_at + self.answered_at) / 2, words
+            yield self.moment.middle, words
 
     @property
-    def rtt(self) -> float:
-        """Seconds between the last request and its answer."""
-        return self.answered_at - self.sent_at
+    def moment(self) -> Moment:
+        """When the last answer was made."""
+        return Moment(self.sent_at, self.answered_at)
 
     @property
     def answer_mode(self) -> str | None:

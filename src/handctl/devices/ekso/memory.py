@@ -1,6 +1,7 @@
-"""What the audit log remembers: the policy holds for the device, not for one run of the tool.
+"""What the audit logs remember: the policy holds for any EksoNR that was written to, not for one run, port or log.
 
-Reads the last entries of the log for one place. How old an entry is at least, the monotonic clock proves: it never goes
+An EksoNR reports nothing that tells it from another, and a port's name or number leads to another one after it was plugged in
+again. So each write of the last seconds counts, but those to simulators, which are what their LINK says. How old an entry is at least, the monotonic clock proves: it never goes
 back, and since a restart of this machine at least its uptime has passed. The wall clock, which is set, decides only over entries
 of another machine, and one from the future is refused. Knows nothing of the device.
 """
@@ -31,14 +32,19 @@ class Past(NamedTuple):
 
 
 def recent(audit: AuditLog, now: float) -> list[Past]:
-    """The writes to this device within the last WINDOW seconds, the newest first; `now` is the link's clock.
+    """The writes to any EksoNR within the last WINDOW seconds, the newest first; `now` is the link's clock.
 
-    A write whose result nobody noted counts. Raises CheckFailed where the log does not tell: nothing may be written then.
+    A write whose result nobody noted counts. Raises CheckFailed where a log does not tell: nothing may be written then.
     """
+    found = [past for log in audit.every for past in _recent(log, now)]
+    return sorted(found, key=lambda past: past.at, reverse=True)
+
+
+def _recent(audit: AuditLog, now: float) -> list[Past]:
     found: list[Past] = []
     ended: dict[str, tuple[float, bool]] = {}
     for entry in _entries(audit):
-        if not _same_place(entry, audit.always):
+        if not _counts(entry, audit.always):
             continue
         age = _age(entry, now, audit)
         name = str(entry["name"])
@@ -85,7 +91,10 @@ def _torn(line: bytes) -> bool:
     return line.startswith(b'{"event"') and not line.rstrip().endswith(b"}")
 
 
-def _same_place(entry: Mapping[str, Any], always: Mapping[str, Any]) -> bool:
+def _counts(entry: Mapping[str, Any], always: Mapping[str, Any]) -> bool:
+    """Whether the entry may be of the device that is written to now."""
+    if not (entry.get("simulated") or always.get("simulated")):
+        return True
     return bool(entry.get("place", entry.get("port")) in (always.get("place"), always.get("port")))
 
 

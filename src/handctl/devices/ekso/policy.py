@@ -10,8 +10,9 @@ from handctl.devices.ekso.chain import told
 from handctl.devices.ekso.map import SETTINGS, Word
 from handctl.devices.ekso.memory import WINDOW
 from handctl.devices.ekso.settings import BETWEEN_WRITES
-from handctl.devices.ekso.stillness import APART, BOOT_TOLERANCE_MS, MOST_SPEED
+from handctl.devices.ekso.stillness import APART, MOST_SPEED
 from handctl.errors import CheckFailed, UsageError
+from handctl.model.clocks import WITHIN_MS
 from handctl.model.result import Column, Journal, Row, Table
 
 COLUMNS = (
@@ -26,7 +27,7 @@ GENERAL: tuple[tuple[str, float | str, str | None], ...] = (
     ("posture", "sitting, standing", None),
     ("joint_speed_below", MOST_SPEED, "deg/s"),
     ("looks_apart", APART, "s"),
-    ("boot_time_within", BOOT_TOLERANCE_MS, "ms"),
+    ("boot_time_within", WITHIN_MS, "ms"),
     ("settings_at_once", 1, None),
     ("between_writes", BETWEEN_WRITES, "s"),
     ("step_within", WINDOW, "s"),

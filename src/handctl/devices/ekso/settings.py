@@ -180,7 +180,8 @@ class Writer:
                 gates.PACE,
                 f"{first.text} within {WINDOW:.0f} s: more than {limit_of(change.param)} is beyond this tool's policy (not the "
                 "device's limit)",
-                f"it is permitted in {max(seconds, 0):.0f} s. {NOTHING_SENT}",
+                f"it is permitted in {max(seconds, 0):.0f} s. Writes to another EksoNR count as well, because it does not report which unit it is. "
+                f"{NOTHING_SENT}",
             )
         if past:
             self._sleep(past[0].at + BETWEEN_WRITES - now)

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 
 from handctl.devices.ekso.kinematics import MOST_X, MOST_Y, residuals
 from handctl.devices.ekso.map import DATA, FEEDBACK, LEGS, POSTURES, SETTINGS, Word, boot_ms, boot_text
-from handctl.devices.ekso.stillness import APART, BOOT_TOLERANCE_MS
+from handctl.devices.ekso.stillness import APART
 from handctl.errors import CheckFailed, HandctlError, LinkError
+from handctl.model.clocks import Moment, Span
 from handctl.model.param import Reading
 from handctl.model.result import Cell, Grid, Row, Table
 
@@ -36,7 +37,7 @@ def status(ekso: Ekso, check: bool) -> Table:
     boot = boot_ms(_raws(second))
     rows.append(_row("boot_ms", boot, boot, "ms", boot_text(boot)))
     findings = [
-        *_boot(passed, (later - moment) * 1000, boot, boot_ms(_raws(feedback))),
+        *_boot(passed, later.since(moment), boot, boot_ms(_raws(feedback))),
         *unfit(_values(second), _values(settings)),
     ]
     for text in _remarks(second, settings):
@@ -58,9 +59,9 @@ def status(ekso: Ekso, check: bool) -> Table:
     return table
 
 
-def _look(ekso: Ekso) -> tuple[list[Reading], float]:
+def _look(ekso: Ekso) -> tuple[list[Reading], Moment]:
     readings = ekso.readings("data")
-    return readings, (ekso.port.sent_at + ekso.port.answered_at) / 2
+    return readings, ekso.port.moment
 
 
 def _raws(readings: list[Reading]) -> list[int]:
@@ -75,15 +76,15 @@ def _row(name: str, value: int | float | str | None, raw: int | None, unit: str 
     return {"name": name, "word": None, "id": None, "value": value, "raw": raw, "unit": unit, "label": label}
 
 
-def _boot(passed: int, host_ms: float, data: int, feedback: int) -> list[str]:
+def _boot(passed: int, span: Span, data: int, feedback: int) -> list[str]:
     """BootTime runs with the host, and both messages tell the same."""
     found = []
     if passed == 0:
         found.append("BootTime stands still: the values are not fresh")
     elif passed >= 2**31:
         found.append("BootTime went back: the device has restarted, or its words are swapped")
-    elif abs(passed - host_ms) > BOOT_TOLERANCE_MS:
-        found.append(f"BootTime advanced by {passed} ms in {host_ms:.0f} ms")
+    elif not span.fits(passed):
+        found.append(f"BootTime advanced by {passed} ms in {span}")
     apart = (feedback - data) % 2**32
     if min(apart, 2**32 - apart) > 5000:
         found.append(f"BootTime of data and feedback differ: {data} and {feedback} ms")

@@ -12,12 +12,12 @@ from handctl.devices.ekso import gates
 from handctl.devices.ekso.dataport import DataPort
 from handctl.devices.ekso.frames import Command
 from handctl.devices.ekso.map import DATA, DRIVEN, SITTING, STANDING, Word, boot_ms, state_text
+from handctl.model.clocks import Span
 
 APART = 0.1
 """Seconds between the two looks at the joints."""
 MOST_SPEED = 5.0
 """deg/s; above, the wearer moves."""
-BOOT_TOLERANCE_MS = 50
 STATE = 18
 JOINTS = tuple(param for param in DATA if param.name.endswith(("hip_angle", "knee_angle")))
 
@@ -30,12 +30,12 @@ class Seen(NamedTuple):
 
 
 class Between(NamedTuple):
-    """Two looks: the words of both, the ms of BootTime and the seconds of ours between them."""
+    """Two looks: the words of both, the ms of BootTime and those of ours between them."""
 
     first: Sequence[int]
     second: Sequence[int]
     passed: int
-    seconds: float
+    span: Span
 
 
 def _posture(seen: Seen) -> str | None:
@@ -60,10 +60,9 @@ def _reboot(looks: Between) -> str | None:
 
 
 def _fresh(looks: Between) -> str | None:
-    expected = looks.seconds * 1000
-    if abs(looks.passed - expected) <= BOOT_TOLERANCE_MS:
+    if looks.span.fits(looks.passed):
         return None
-    return f"BootTime advanced by {looks.passed} ms in {expected:.0f} ms: the values are not fresh"
+    return f"BootTime advanced by {looks.passed} ms in {looks.span}: the values are not fresh"
 
 
 def _speed(looks: Between) -> str | None:
@@ -87,13 +86,13 @@ BOTH_LOOKS: Mapping[str, Callable[[Between], str | None]] = {
 }
 
 
-def moving(first: Sequence[int], second: Sequence[int], seconds: float, sitting: Sequence[Word] = ()) -> str | None:
-    """Why two GetData `seconds` apart are not those of somebody who sits or stands still; None when they are.
+def moving(first: Sequence[int], second: Sequence[int], span: Span, sitting: Sequence[Word] = ()) -> str | None:
+    """Why two GetData that are `span` apart are not those of somebody who sits or stands still; None when they are.
 
     `sitting` are settings that are written only while sitting.
     """
     seen = [Seen(words[STATE] & 0xFFFF, sitting) for words in (first, second)]
-    looks = Between(first, second, (boot_ms(second) - boot_ms(first)) % 2**32, seconds)
+    looks = Between(first, second, (boot_ms(second) - boot_ms(first)) % 2**32, span)
     found = [ONE_LOOK[gate](look) for look in seen for gate in gates.at(gates.LOOK)]
     if not any(found):
         found = [BOTH_LOOKS[gate](looks) for gate in gates.at(gates.LOOKS)]
@@ -103,10 +102,10 @@ def moving(first: Sequence[int], second: Sequence[int], seconds: float, sitting:
 def require_stillness(port: DataPort, sitting: Sequence[Word] = ()) -> int:
     """Two looks at least 100 ms apart; returns BootTime in ms. Raises CheckFailed naming the condition that fails."""
     first = port.read(Command.GET_DATA).words
-    moment = (port.sent_at + port.answered_at) / 2
+    moment = port.moment
     port.link.sleep(APART)
     second = port.read(Command.GET_DATA).words
-    why = moving(first, second, (port.sent_at + port.answered_at) / 2 - moment, sitting)
+    why = moving(first, second, port.moment.since(moment), sitting)
     if why is not None:
         hint = f"{'sit' if sitting else 'sit or stand'} still and repeat the command. This check cannot be switched off"
         raise gates.refusal(gates.STILL, f"{port.where}: not written: {why}", hint)

@@ -237,6 +237,10 @@ class Bus(RegisterBus):
         named = request[2] if isinstance(request, bytes) and request[:2] == eb90.HOST and len(request) > 2 else 0
         return named if 1 <= named <= 254 else self.id
 
+    def reopened(self) -> None:
+        self._met.clear()
+        self._rest, self._disturbed = b"", False
+
     def drain(self) -> bytes:
         """Throw away what lies in the input: late answers belong to nobody. Returns and counts it."""
         stale, self._rest = self._rest, b""

@@ -14,7 +14,7 @@ from handctl.sim.engine.model import NOTHING
 HELP = " | ".join(
     (
         f"posture | posture NAME ({', '.join(POSTURES)}) | rise | sit | walk on|off | pose PITCH HIP KNEE",
-        "set NAME|ID RAW | get NAME|ID | data WORD [RAW] | state HEX | live | reboot | boot [MS]",
+        "set NAME|ID RAW | get NAME|ID | data WORD [RAW] | state HEX | live | reboot | boot [MS] | clocks",
         "rtc [YYYY-MM-DDTHH:MM:SS] | unsolicited | counts (pose, data and state hold until live or a movement)",
     )
 )
@@ -34,6 +34,9 @@ def command(device: Device, words: list[str]) -> str:
             return f"{device.settings[tables.place_of(name)]}"
         case ["data", word]:
             return f"{device.data_words(NOTHING)[whole(word, 0, tables.DATA_COUNT - 1)]}"
+        case ["clocks"]:
+            events = " ".join(f"{at:.3f}:{kind}={ms}" for at, kind, ms in device.unrest.events)
+            return f"clocks drift={device.unrest.drift} {events}".rstrip()
         case ["boot"]:
             return f"boot {device.boot_ms()}"
         case ["rtc"]:

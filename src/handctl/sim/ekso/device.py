@@ -12,7 +12,7 @@ from math import ceil, floor
 
 from handctl.sim.ekso import tables, wire
 from handctl.sim.ekso.body import LEFT, POSTURES, RIGHT, Body, hips
-from handctl.sim.ekso.clock import FIRST_BOOT_MS, WRAP, BootTime, Calendar
+from handctl.sim.ekso.clock import FIRST_BOOT_MS, SIZES, WRAP, BootTime, Calendar, Unrest
 from handctl.sim.ekso.options import FAULTS, OPTIONS
 from handctl.sim.ekso.wire import BODY_SIZES, LENGTHS, crc, frame, seal, size
 from handctl.sim.engine.model import NOTHING, Model, Options, Random, Reply
@@ -58,7 +58,9 @@ class Device(Model):
             self.pinned = {place: raw for place, raw in tables.VECTOR_DATA.items() if options.text("posture") is None}
             self.body.frozen = tables.VECTOR_ANGLES if self.pinned else None
         default = tables.VECTOR_BOOT if self.preset == "vectors" else 7654321
-        self.boot_time = BootTime(options.integer("boot", default, 0, WRAP - 1))
+        size = options.choice("disagree", "", ("", *SIZES))
+        self.unrest = Unrest.drawn(size, random) if size else Unrest(0)
+        self.boot_time = BootTime(options.integer("boot", default, 0, WRAP - 1), self.unrest.drift)
         self.calendar = Calendar(options.text("rtc") or "2026-11-20T14:05:37")
         self._pad = bytes(int(options.choice("time-body", "4", ("3", "4"))) - 3)
         self.convention = options.choice("length", "body", tuple(LENGTHS))
@@ -91,6 +93,12 @@ class Device(Model):
 
     def advance(self, now: float) -> None:
         self.body.advance(max(0.0, now - self.now), self.settings[SWING_TIME] / 100.0)
+        for at, kind, ms in self.unrest.due(now - self._grid):
+            self.now = self._grid + at
+            if kind == "restart":
+                self.reboot(ms / 1000.0)
+            else:
+                self.boot_time.start = (self.boot_time.start + ms) % WRAP
         self.now = now
         self._count()
         if now - self._heard > self._gap:
@@ -106,7 +114,9 @@ class Device(Model):
 
     def next_event(self) -> float | None:
         back = self._deaf_until if self.absent else None
-        return min((when for when in (self._event_at, back) if when is not None), default=None)
+        unrest = self.unrest.following()
+        soon = (self._event_at, back, None if unrest is None else self._grid + unrest)
+        return min((when for when in soon if when is not None), default=None)
 
     @property
     def absent(self) -> bool:
@@ -134,11 +144,11 @@ class Device(Model):
             self.dirty = True
         self._started = True
 
-    def reboot(self) -> None:
+    def reboot(self, seconds: float | None = None) -> None:
         """Off, on, and deaf for as long as that takes."""
         self.power(False)
         self.power(True)
-        self._deaf_until = self.now + self._startup
+        self._deaf_until = self.now + (self._startup if seconds is None else seconds)
         self.boot_time.since = self._deaf_until
 
     def thaw(self) -> None:

@@ -21,6 +21,7 @@ OPTIONS: dict[str, str] = {
     "refuse-status": "status code under the fault refuse, 1..255 (default 1)",
     "bad-crc": "answer to a bad check value: silence (default) or acknowledge",
     "unknown": "answer to an unknown command: acknowledge (default) or silence",
+    "disagree": "little, middling or much: BootTime drifts and jumps, the device restarts, as the seed draws it",
     "sway": "0: nothing moves at rest",
 }
 FAULTS: dict[str, str] = {

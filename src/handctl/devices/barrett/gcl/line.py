@@ -8,14 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from handctl.devices.barrett.gcl.commands import SECONDS, split
-from handctl.devices.barrett.gcl.connecting import (
-    MONITOR_SPEED,
-    QUESTION,
-    RESTARTED_TEXT,
-    SILENCE,
-    abort_at,
-    is_answer,
-)
+from handctl.devices.barrett.gcl.connecting import MONITOR_SPEED, QUESTION, RESTARTED_TEXT, SILENCE, abort_at, is_answer
 from handctl.devices.barrett.gcl.language import (
     BANNER,
     DISTURBED,
@@ -79,6 +72,9 @@ class GclLine(Line):
             from handctl.devices.barrett.gcl.meet import Meeting
 
             Meeting(self).run()
+
+    def reopened(self) -> None:
+        self._unread, self._connected = b"", False
 
     def found(self) -> None:
         """The hand is at its prompt."""

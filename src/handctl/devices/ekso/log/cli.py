@@ -4,42 +4,25 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from contextlib import suppress
-from functools import partial, update_wrapper
-from typing import TYPE_CHECKING, Any, NamedTuple
+from functools import update_wrapper
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from handctl import __version__
-from handctl.errors import HandctlError, LinkError, NoAnswer, OutputError, ProtocolError, UsageError
-from handctl.frame.clikit import Command, Group, streaming
-from handctl.frame.filetypes import InFile, OutFile
-from handctl.frame.numbers import FiniteRange, Seconds
+from handctl.errors import UsageError
+from handctl.frame.clikit import Command, Group
+from handctl.frame.filetypes import InFile
+from handctl.frame.numbers import FiniteRange
 from handctl.frame.options import SharedOption
+from handctl.frame.recorder import Wishes, log_options
+from handctl.frame.recorder import log as record
 from handctl.frame.run import Run
-from handctl.model.result import Column, Table
+from handctl.model.result import Table
 
 if TYPE_CHECKING:
-    from handctl.devices.ekso.dataport import DataPort
-    from handctl.devices.ekso.device import Ekso
     from handctl.devices.ekso.log.export import Exported
-    from handctl.devices.ekso.log.recording import Recording
-    from handctl.devices.ekso.log.timeline import Hole
-
-SUMMARY = (
-    Column("file", "File"),
-    Column("rows", "Rows", right=True),
-    Column("duration", "Duration", right=True, unit="s"),
-    Column("rate", "Rate", right=True, unit="Hz"),
-    Column("lost", "Lost", right=True),
-    Column("gaps", "Gaps", right=True),
-    Column("holes", "Holes", right=True),
-    Column("segments", "Segments", right=True),
-    Column("marks", "Marks", right=True),
-)
-
-OWN_NAMES = ("usb:", "/dev/serial/by-id/", "fake://")
-"""Names of a port that no other device gets."""
+    from handctl.record.source import Source
 
 
 def add_log_commands(group: Group) -> None:
@@ -51,218 +34,21 @@ def add_log_commands(group: Group) -> None:
 # -- log ------------------------------------------------------------------------------------------------------------
 
 
-class _Sample(NamedTuple):
-    sent: float
-    received: float
-    words: tuple[int, ...]
-
-
-def _sample(port: DataPort) -> _Sample:
-    _, words = next(port.samples())
-    return _Sample(port.sent_at, port.answered_at, words)
-
-
-@click.argument("file", type=OutFile(beside=(".json",)))
-@streaming(0.0)
+@log_options
 @click.option("--raw", is_flag=True, help="Append the 27 words as they came.")
-@click.option("--mark", metavar="TEXT", default="", help="Mark the first row.")
-@click.option(
-    "--silence",
-    type=Seconds(),
-    default=60.0,
-    show_default=True,
-    metavar="S",
-    help="End after S seconds without a valid answer. A lost port is waited for as long.",
-)
 @click.option("--include-pilot-id", is_flag=True, help="Keep the wearer's number in the sidecar.")
-@click.option("--force", is_flag=True, help="Overwrite FILE.")
-def log(
-    run: Run,
-    file: str,
-    duration: float | None,
-    count: int | None,
-    rate: float,
-    raw: bool,
-    mark: str,
-    silence: float,
-    include_pilot_id: bool,
-    force: bool,
-) -> Table:
+def log(run: Run, file: str, raw: bool, include_pilot_id: bool, **wishes: Any) -> Table:
     """Record GetData into FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it.
 
     FILE may be a directory. On a terminal any letter or space sets a mark.
     """
-    from handctl.devices.ekso.frames import Command as Request
-    from handctl.devices.ekso.log import polling
-    from handctl.devices.ekso.log import recording as files
-    from handctl.devices.ekso.log.keys import Keys
 
-    path = files.file_name(file)
-    files.refuse_existing(path, force)
-    ekso: Ekso = run.device()
-    port = ekso.port
-    read = partial(settings, port, include_pilot_id)
-    before = read()
-    about = {
-        **_about(run, ekso),
-        "asked": {"rate_hz": rate or None, "rows": count, "duration_s": duration},
-        "settings_before": before,
-    }
-    recording = files.Recording(path, port.link, about, raw=raw, rate=rate, force=force)
+    def source(again: Callable[[], bool]) -> Source:
+        from handctl.devices.ekso.log.source import EksoSource
 
-    def feedback() -> tuple[int, ...]:
-        return port.exchange(Request.GET_FEEDBACK).words  # once: the next row is worth more than a second try
+        return EksoSource(run.device(), again, raw=raw, personal=include_pilot_id)
 
-    def reopen() -> bool:
-        port.check_bound()
-        again = run.hold is not None and run.hold.reopen()
-        if again:
-            port.reopened()
-            if not port.link.name.startswith(OWN_NAMES):
-                run.journal.info(
-                    "by-path",
-                    f"{port.link.name}: the port that came back was known by its path, which another device can get",
-                    hint="next time give usb:VID:PID:SERIAL, or its name below /dev/serial/by-id",
-                )
-        return again
-
-    def segment_began() -> None:
-        with suppress(NoAnswer, ProtocolError):  # it has just started: the settings may come late
-            recording.timeline.segments[-1].settings_changed = files.changed(before, read())
-
-    try:
-        with Keys(run.guide.interactive) as keys:
-            run.guide.say(f"recording into {path}. {'a key sets a mark, ' if keys.heard else ''}Ctrl-C ends")
-            failure = polling.record(
-                recording,
-                partial(_sample, port),
-                port.link,
-                polling.Limits(rate, count, duration, silence),
-                mark=_first(mark, keys.pressed),
-                on_segment=segment_began,
-                guide=run.guide,
-                feedback=feedback,
-                reopen=reopen,
-            )
-        failure = _finish(run, port, recording, before, read, feedback, failure)
-    finally:
-        recording.close()
-    _tell(run, recording)
-    return Table(rows=[recording.as_row()], columns=SUMMARY, plain=("rows", "rate"), failure=failure)
-
-
-def _about(run: Run, ekso: Ekso) -> dict[str, Any]:
-    """What the sidecar says of tool and device."""
-    link = ekso.port.link
-    return {
-        "tool": {"name": "handctl", "version": __version__},
-        "command": run.command,
-        "simulated": run.simulated,
-        "link": {"port": link.name, "baud": link.baud, "length_mode": ekso.port.mode},
-        "device_time": _device_time(ekso),
-    }
-
-
-def settings(port: DataPort, personal: bool) -> dict[str, Any]:
-    """The settings as the sidecar has them."""
-    from handctl.devices.ekso.log.recording import settings_row
-
-    return settings_row(port.settings_raw(), personal=personal)
-
-
-def _device_time(ekso: Ekso) -> dict[str, Any] | None:
-    """The device's clock beside the host's own time of day; None when it does not tell."""
-    from datetime import datetime
-
-    with suppress(NoAnswer, ProtocolError, ValueError):
-        date, time = ekso.now()
-        device = datetime.fromisoformat(f"{date['value']}T{time['value']}")
-        host = datetime.fromtimestamp(ekso.link.wall())  # noqa: DTZ006 - the device tells no zone
-        return {"device": device.isoformat(), "host_local": host.isoformat(timespec="seconds"), "offset_s": round((device - host).total_seconds(), 1)}  # fmt: skip
-    return None
-
-
-def _first(text: str, pressed: Callable[[], str]) -> Callable[[], str]:
-    """Marks: `text` for the first row, then the keys."""
-    waiting = [text]
-    return lambda: "; ".join(filter(None, [waiting.pop() if waiting else "", pressed()]))
-
-
-def _finish(
-    run: Run,
-    port: DataPort,
-    recording: Recording,
-    before: dict[str, Any],
-    read: Callable[[], dict[str, Any]],
-    feedback: Callable[[], tuple[int, ...]],
-    failure: HandctlError | None,
-) -> HandctlError | None:
-    """Read the settings and the feedback again, close the file, write the sidecar; returns what went wrong first."""
-    from handctl.devices.ekso.log.recording import changed, in_words, undisturbed
-
-    after = None
-    if not isinstance(failure, LinkError):
-        try:
-            after = read()
-        except (HandctlError, KeyboardInterrupt) as exc:
-            run.journal.warn(
-                "settings-unread", f"the settings after the log are not known: {str(exc) or 'interrupted'}"
-            )
-    if after is not None and recording.rows:
-        try:
-            recording.feedback.add(feedback(), recording.timeline.last, recording.rows)
-        except (HandctlError, KeyboardInterrupt):
-            recording.feedback.unanswered += 1
-    differing = changed(before, after) if after is not None else None
-    if differing and after is not None:
-        shown = ", ".join(f"{name} {in_words(before[name])} -> {in_words(after[name])}" for name in differing)
-        run.journal.warn("settings-changed", f"settings changed during the log: {shown}")
-    with undisturbed():
-        try:
-            recording.close()
-            recording.write_sidecar(
-                complete=True,
-                ended=failure.code if failure is not None else "limit",
-                settings_after=after,
-                settings_changed=differing,
-                counters={**run.journal.counters.as_row(), **port.counts.as_dict()},
-                answer_length_mode=port.answer_mode,
-            )
-        except OutputError as exc:
-            return failure or exc
-    return failure
-
-
-def _tell(run: Run, recording: Recording) -> None:
-    line = recording.timeline
-    if line.gaps:
-        lengths = [gap.length_ms / 1000 for gap in line.gaps]
-        run.journal.warn("gap", f"{len(lengths)} gaps, {sum(lengths):.3f} s in all, the longest {max(lengths):.3f} s")
-    for hole in line.holes:
-        run.journal.warn("port-lost", _hole_text(hole))
-    if line.reboots:
-        run.journal.warn("rebooted", f"the device was restarted {line.reboots} times: see column segment")
-    if recording.skipped:
-        run.journal.info(
-            "skipped",
-            f"{recording.skipped} ticks of --rate have no request: the device or this machine was late, or the port was gone",
-        )
-    if recording.lost:
-        run.journal.warn("lost", f"{recording.lost} requests had no valid answer: see the holes in column seq")
-    if line.standstill:
-        run.journal.warn(
-            "boot-time-still",
-            f"BootTime did not advance in {line.standstill} rows",
-            hint="give a lower --rate: BootTime ticks every 2 ms. Or the device's clock stands still",
-        )
-
-
-def _hole_text(hole: Hole) -> str:
-    if hole.row is None:
-        return "After the last row the port was lost. No row was taken since"
-    restarted = " The device restarted meanwhile." if hole.rebooted else ""
-    seconds = (hole.length_ms or 0) / 1000
-    return f"Before row {hole.row} the port was lost: {seconds:.3f} s have no rows. Segment {hole.segment} begins there.{restarted}"
+    return record(run, file, Wishes(**wishes), source)
 
 
 # -- export ---------------------------------------------------------------------------------------------------------

@@ -16,9 +16,10 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 from handctl.devices.ekso.log.file import LogFile
-from handctl.devices.ekso.log.format import MARK, NAMED, clean, quoted, to_si
-from handctl.devices.ekso.log.timeline import GAP_PERIODS, LEAST_PERIOD_MS
+from handctl.devices.ekso.log.format import NAMED, to_si
 from handctl.errors import UsageError
+from handctl.record.layout import MARK, clean, quoted
+from handctl.record.timeline import GAP_PERIODS, LEAST_PERIOD_MS
 
 COORDINATES: tuple[tuple[str, str], ...] = (
     ("pelvis_tilt", "torso_pitch"),
@@ -96,7 +97,7 @@ def _points(log: LogFile, segment: int | None, knee_sign: int) -> tuple[list[Poi
     known = ", ".join(f"{n}: {rows} rows, {(end - start) / 1000:.1f} s" for n, (start, end, rows) in spans.items())
     if segment is None and len(spans) > 1:
         raise UsageError(
-            f"{log.path} has {len(spans)} segments (the device was restarted, or its port was lost), a motion file holds one",
+            f"{log.path} has {len(spans)} segments (the device was restarted, its port was lost, or its clock and that of the machine parted), a motion file holds one",
             hint=f"--segment N; {known}",
             code="segment",
         )
@@ -166,7 +167,8 @@ def _value(name: str, text: str) -> Any:
 def _remarks(log: LogFile) -> tuple[str, ...]:
     if log.sidecar is None:
         return (f"{log.path}.json is missing: nothing vouches that the log is whole",)
-    if log.complete:
-        return ()
+    if log.closed:
+        whole = f"{log.path} is not whole: {', '.join(log.missing)}. Its sidecar tells more"
+        return (whole,) if log.missing else ()
     cut = ". Its last row was unfinished and is left out" if log.cut else ""
     return (f"{log.path} was never closed (killed, or still running){cut}",)

@@ -11,13 +11,17 @@ import json
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-from handctl.devices.ekso.log.format import LEAD, LEAD_DECIMALS, MARK, NAMED, SCHEMA, RowLayout, parse, parse_fixed
+from handctl.devices.ekso.log.format import LEAD, NAMED, RowLayout, parse, parse_fixed
 from handctl.devices.ekso.map import DATA, boot_ms, state_text
 from handctl.errors import UsageError
 from handctl.files import NoFile, opened, read_text
+from handctl.record.layout import MARK
+from handctl.record.recording import schema
 
 LONGEST_LINE = 65536
 UNTOUCHED = "the file was not changed"
+SCHEMA = schema("ekso")
+NAMES = [name for name, _ in LEAD]
 
 
 class LogRow(NamedTuple):
@@ -50,9 +54,14 @@ class LogFile:
         ) or (self._foreign(names))
 
     @property
-    def complete(self) -> bool:
-        """Whether the sidecar says that the log was closed."""
-        return bool(self.sidecar and self.sidecar.get("complete"))
+    def closed(self) -> bool:
+        """Whether the sidecar says that the log was closed; an older one calls that complete."""
+        return bool(self.sidecar and self.sidecar.get("closed", self.sidecar.get("complete")))
+
+    @property
+    def missing(self) -> list[str]:
+        """What keeps a closed log from being whole, as its sidecar says."""
+        return [str(reason) for reason in (self.sidecar or {}).get("missing") or []]
 
     @property
     def simulated(self) -> bool:
@@ -76,7 +85,7 @@ class LogFile:
                     if len(data) == LONGEST_LINE:
                         raise damaged(self.path, number, f"longer than {LONGEST_LINE} bytes")
                     if not data.endswith(b"\n"):
-                        if self.complete:
+                        if self.closed:
                             raise damaged(self.path, number, "the row is cut short")
                         self.cut = True
                         break
@@ -90,7 +99,7 @@ class LogFile:
             raise UsageError(
                 f"{self.path}: cannot be read: {exc.strerror or exc}", hint="check the file and its permissions"
             ) from exc
-        if self.sidecar and self.complete and self.sidecar.get("rows") != count:
+        if self.sidecar and self.closed and self.sidecar.get("rows") != count:
             raise damaged(
                 self.path, count + 1, f"the file ends after {count} rows, its sidecar counts {self.sidecar.get('rows')}"
             )
@@ -108,7 +117,7 @@ class LogFile:
         name = ""
         try:
             lead = []
-            for name, decimals in zip(LEAD, LEAD_DECIMALS, strict=True):
+            for name, decimals in LEAD:
                 lead.append(parse_fixed(cells[name], decimals))
             numbers = {}
             for quantity, name in zip(self.layout.shown, self.layout.columns, strict=True):
@@ -118,10 +127,10 @@ class LogFile:
                 raise ValueError(f"{cells[name]!r} does not fit {NAMED}")
             if self.layout.raw:
                 name = "raw columns"
-                self._check_raw(fields[names.index(MARK) + 1 :], lead[LEAD.index("boot_ms")], numbers)
+                self._check_raw(fields[names.index(MARK) + 1 :], lead[NAMES.index("boot_ms")], numbers)
         except ValueError as exc:
             raise damaged(self.path, number, f"{name}: {exc}") from exc
-        return LogRow(fields, lead[LEAD.index("t_s")], lead[LEAD.index("segment")], numbers)
+        return LogRow(fields, lead[NAMES.index("t_s")], lead[NAMES.index("segment")], numbers)
 
     def _check_raw(self, texts: list[str], boot: int, numbers: dict[str, int]) -> None:
         words = [parse_fixed(text, 0) for text in texts]

@@ -1,4 +1,4 @@
-"""The log file's book: its columns, how a word becomes text and text becomes the word again, the sidecar's name.
+"""The columns of a log of GetData: how a word becomes text, and text becomes the word again.
 
 One row per good GetData. The quantities come from the map; only the two words that make BootTime and the one that is
 also told in words are named here. Knows no device, no clock and no file.
@@ -9,15 +9,13 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import Any
 
-from handctl.devices.ekso.log.timeline import Place
 from handctl.devices.ekso.map import DATA, Word, state_text
+from handctl.record.layout import MARK, Layout, Stamp, lead, quoted
 
-SCHEMA = "handctl-ekso-log/1"
-LEAD = ("host_utc_s", "host_mono_s", "boot_ms", "t_s", "segment", "seq", "rtt_ms")
-LEAD_DECIMALS = (6, 6, 0, 3, 0, 0, 3)
-MARK = "mark"
+LEAD = lead("boot_ms")
+"""Names and decimals of the leading columns."""
 SUFFIXES = {"deg": "deg", "in": "in", "A": "a"}
 """Unit -> ending of a column's name. A quantity with decimals and another unit has none, one without decimals is raw."""
 BOOT_WORDS = ("boot_time_high", "boot_time_low")
@@ -54,40 +52,14 @@ def parse_fixed(text: str, decimals: int) -> int:
     return int(text.replace(".", ""))
 
 
-class Stamp(NamedTuple):
-    """When a row was taken.
-
-    utc_s   host clock of the day, the middle between request and answer, seconds since 1970
-    place   the other clocks, and the segment, which is counted from 1
-    seq     number of the request; a request without an answer leaves a hole
-    """
-
-    utc_s: float
-    place: Place
-    seq: int
-
-    def texts(self) -> list[str]:
-        """The texts of the leading columns."""
-        place = self.place
-        return [
-            f"{self.utc_s:.6f}",
-            f"{place.mono_s:.6f}",
-            str(place.boot_ms),
-            f"{place.t_ms / 1000:.3f}",
-            str(place.segment),
-            str(self.seq),
-            f"{place.rtt_ms:.3f}",
-        ]
-
-
-class RowLayout:
+class RowLayout(Layout):
     """The columns of one file: those of GetData in wire order, with `raw` also its words as they came."""
 
     def __init__(self, *, raw: bool) -> None:
         self.shown = tuple(quantity for quantity in DATA if quantity.name not in BOOT_WORDS)
         self.columns = tuple(column_of(quantity) for quantity in self.shown)
         self.raw = raw
-        names = list(LEAD)
+        names = [name for name, _ in LEAD]
         for quantity in self.shown:
             names += [column_of(quantity), f"{NAMED}_name"] if quantity.name == NAMED else [column_of(quantity)]
         names.append(MARK)
@@ -95,40 +67,25 @@ class RowLayout:
             names += [f"raw_{quantity.word:02d}_{quantity.name}" for quantity in DATA]
         self.names = tuple(names)
 
-    @property
-    def header(self) -> str:
-        """The first line."""
-        return ",".join(self.names) + "\r\n"
-
-    def as_rows(self) -> list[dict[str, str | int | None]]:
+    def as_rows(self) -> list[dict[str, Any]]:
         """The columns of GetData as the sidecar explains them."""
         return [
             {"column": column, "name": q.name, "word": q.word, "unit": q.unit, "type": q.type_name}
             for q, column in zip(self.shown, self.columns, strict=True)
         ]
 
-    def line(self, stamp: Stamp, words: Sequence[int], mark: str) -> str:
-        """One row."""
+    def line(self, stamp: Stamp, values: Sequence[int], mark: str) -> str:
+        """One row of the 27 words."""
         texts = stamp.texts()
         for quantity in self.shown:
-            number = quantity.raw_of(words[quantity.word])
+            number = quantity.raw_of(values[quantity.word])
             texts.append(text_of(quantity, number))
             if quantity.name == NAMED:
                 texts.append(quoted(state_text(number)))
         texts.append(quoted(mark))
         if self.raw:
-            texts += [str(word & 0xFFFF) for word in words]
+            texts += [str(word & 0xFFFF) for word in values]
         return ",".join(texts) + "\r\n"
-
-
-def quoted(text: str) -> str:
-    """A text as a CSV field (RFC 4180)."""
-    return '"' + text.replace('"', '""') + '"' if any(c in text for c in ',"\r\n') else text
-
-
-def clean(text: str) -> str:
-    """A mark as one line: control characters, line ends of any kind among them, become spaces."""
-    return " ".join("".join(c if c.isprintable() else " " for c in text).split())
 
 
 def to_si(column: str, quantity: Word | None) -> tuple[str, Callable[[int], str] | None]:

@@ -1,7 +1,7 @@
-"""Recording GetData into a CSV file with a sidecar: one whole row per good answer, whatever ends the run.
+"""Recording a device into a CSV file with a sidecar: one whole row per good answer, whatever ends the run.
 
     gait.csv        header, then a row per answer, handed to the system at once
-    gait.csv.json   written at the start ("complete": false) and at the end; always whole
+    gait.csv.json   written at the start ("closed": false) and at the end; always whole
 
 A row is one write; a row cut short by a full disk is taken back. Reads only: nothing here can set anything.
 """
@@ -12,29 +12,20 @@ import contextlib
 import errno
 import json
 import os
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, Protocol
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any, Protocol
 
-from handctl.devices.ekso.log.feedback import FeedbackLine
-from handctl.devices.ekso.log.format import SCHEMA, RowLayout, Stamp, clean
-from handctl.devices.ekso.log.timeline import Hole, Timeline
-from handctl.devices.ekso.map import SETTINGS, boot_ms
 from handctl.errors import HandctlError, OutputError, UsageError
 from handctl.files import atomic_write
+from handctl.record.layout import Stamp, clean
+from handctl.record.timeline import CLOCKS, PORT_LOST, RESTART, Hole, Place, Timeline
 from handctl.system import disk, signals
 
-PERSONAL = "pilot_id"
+if TYPE_CHECKING:
+    from handctl.record.source import Sample, Source
 
-
-class RawSample(Protocol):
-    """One answer to GetData: link-clock seconds of request and answer, and its 27 words."""
-
-    @property
-    def sent(self) -> float: ...
-    @property
-    def received(self) -> float: ...
-    @property
-    def words(self) -> Sequence[int]: ...
+AS_ASKED = ("limit", "interrupted")
+"""How a recording ends that ends as somebody wished."""
 
 
 class Clock(Protocol):
@@ -53,33 +44,36 @@ def undisturbed() -> Iterator[None]:
 
 
 class Recording:
-    """One log file and its sidecar, being written.
+    """One recording and its sidecar, being written.
 
     Raises UsageError when a file of that name exists (unless `force`) or cannot be made.
     """
 
-    def __init__(self, path: str, clock: Clock, about: dict[str, Any], *, raw: bool, rate: float, force: bool) -> None:
+    def __init__(
+        self, path: str, clock: Clock, source: Source, about: dict[str, Any], *, rate: float, force: bool
+    ) -> None:
         self.path = path
-        self.layout = RowLayout(raw=raw)
-        self.timeline = Timeline(1000 / rate if rate else 0.0)
+        self.clock = clock
+        self.source = source
+        self.timeline = Timeline(1000 / rate if rate else 0.0, source.period_ms)
         self.marks: list[dict[str, Any]] = []
         self.lost = 0
         """Requests without a valid answer, after the retries."""
         self.skipped = 0
         """Ticks of the rate without a request: the machine or the device was busy, or the port was gone."""
-        self.feedback = FeedbackLine()
         self.pending = ""
         """The mark that the next row gets."""
         self._reopened = False
         self._utc_offset = clock.wall() - clock.now()
         self._about = about
         self._size = 0
+        self._on_disk = False
         self._first: Stamp | None = None
         self._last: Stamp | None = None
         self._file = open_new(path, force)
         try:
-            self._append(self.layout.header)
-            self.write_sidecar(complete=False)
+            self._append(source.layout.header)
+            self.write_sidecar()
         except HandctlError:
             with contextlib.suppress(OutputError):
                 self.close()
@@ -97,19 +91,13 @@ class Recording:
         """Rows in the file."""
         return self.timeline.rows
 
-    def add(self, sample: RawSample, seq: int) -> bool:
+    def add(self, sample: Sample, seq: int) -> bool:
         """Write the row of a sample, with the pending mark; True when a segment begins with it that is not the first. Raises OutputError."""
-        middle, rtt = (sample.sent + sample.received) / 2, (sample.received - sample.sent) * 1000
         before = len(self.timeline.segments)
-        place = self.timeline.place(boot_ms(sample.words), middle, rtt, reopened=self._reopened)
-        stamp = Stamp(middle + self._utc_offset, place, seq)
-        notes = (
-            ["[port lost]"] * place.reopened
-            + ["[reboot]"] * place.rebooted
-            + [f"[gap {place.gap_ms / 1000:.3f} s]"] * bool(place.gap_ms)
-        )
+        place = self.timeline.place(sample.device_ms, sample.moment, reopened=self._reopened)
+        stamp = Stamp(sample.moment.middle + self._utc_offset, place, seq)
         mark = clean(self.pending)
-        text = self.layout.line(stamp, sample.words, "; ".join([*notes, *([mark] if mark else [])]))
+        text = self.source.layout.line(stamp, sample.values, "; ".join([*_notes(place), *([mark] if mark else [])]))
         with undisturbed():
             self._append(text)
             self.timeline.count(place)
@@ -160,6 +148,7 @@ class Recording:
         try:
             try:
                 disk.sync(file)
+                self._on_disk = True
             finally:
                 os.close(file)
         except OSError as exc:
@@ -167,16 +156,41 @@ class Recording:
                 return
             raise OutputError(f"{self.path}: cannot be written: {exc.strerror or exc}", code="log-file") from exc
 
-    def write_sidecar(self, *, complete: bool, **more: Any) -> None:
-        """Write the sidecar as things stand, with `more` keys. Raises OutputError."""
+    def finish(self, ended: str, **more: Any) -> None:
+        """Close the file, and say in the sidecar what it holds and how it `ended`. Raises OutputError."""
+        failure: OutputError | None = None
+        try:
+            self.close()
+        except OutputError as exc:
+            failure, ended = exc, exc.code if ended in AS_ASKED else ended
+        self.write_sidecar(ended, **more)
+        if failure is not None:
+            raise failure
+
+    def missing(self, ended: str) -> list[str]:
+        """What keeps the file from being whole: nothing lost, all of it on the disk, ended as asked."""
+        reasons = {
+            "lost": self.lost > 0,
+            "port-lost": bool(self.timeline.holes),
+            "not-synced": not self._on_disk,
+            ended: ended not in AS_ASKED,
+        }
+        return [name for name, there in reasons.items() if there]
+
+    def write_sidecar(self, ended: str | None = None, **more: Any) -> None:
+        """Write the sidecar as things stand, with `more` keys; `ended` once the file is closed. Raises OutputError."""
         line = self.timeline
+        missing = self.missing(ended) if ended is not None else None
         content = {
-            "schema": SCHEMA,
-            "complete": complete,
+            "schema": schema(self.source.kind),
+            "complete": missing == [],
+            "closed": ended is not None,
+            "missing": missing,
+            "ended": ended,
             "file": os.path.basename(self.path),
             **self._about,
-            "columns": self.layout.as_rows(),
-            "rows": line.rows if complete else None,
+            "columns": self.source.layout.as_rows(),
+            "rows": line.rows if ended is not None else None,
             "start": _moment(self._first),
             "end": _moment(self._last),
             "duration_s": line.t_s,
@@ -189,7 +203,7 @@ class Recording:
             "holes": [hole.as_row() for hole in line.holes],
             "segments": [segment.as_row() for segment in line.segments],
             "marks": self.marks,
-            "feedback": self.feedback.as_row(),
+            **self.source.sidecar(),
             **more,
         }
         write_whole(self.sidecar, json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
@@ -212,6 +226,18 @@ class Recording:
         }
 
 
+def schema(kind: str) -> str:
+    """The name of a family's format."""
+    return f"handctl-{kind}-log/1"
+
+
+def _notes(place: Place) -> list[str]:
+    """What the mark of a row tells by itself."""
+    words = {PORT_LOST: "[port lost]", RESTART: "[reboot]", CLOCKS: f"[clocks {place.off_ms / 1000:+.3f} s]"}
+    notes = [words[reason] for reason in place.why]
+    return [*notes, f"[gap {place.gap_ms / 1000:.3f} s]"] if place.gap_ms else notes
+
+
 def _moment(stamp: Stamp | None) -> dict[str, Any] | None:
     from datetime import datetime, timezone
 
@@ -221,11 +247,13 @@ def _moment(stamp: Stamp | None) -> dict[str, Any] | None:
     return {"utc": utc, "host_mono_s": round(stamp.place.mono_s, 6), "boot_ms": stamp.place.boot_ms}
 
 
-def file_name(text: str) -> str:
-    """The file that is meant: in a directory, one named after the moment (UTC)."""
+def file_name(text: str, kind: str) -> str:
+    """The file that is meant: in a directory, one named after the family and the moment (UTC)."""
     from datetime import datetime, timezone
 
-    return os.path.join(text, f"ekso-{datetime.now(timezone.utc):%Y%m%dT%H%M%SZ}.csv") if os.path.isdir(text) else text
+    return (
+        os.path.join(text, f"{kind}-{datetime.now(timezone.utc):%Y%m%dT%H%M%SZ}.csv") if os.path.isdir(text) else text
+    )
 
 
 def refuse_existing(path: str, force: bool) -> None:
@@ -263,26 +291,12 @@ def write_whole(path: str, text: str) -> None:
         raise OutputError(f"{path}: cannot be written: {exc.strerror or exc}", code="log-file") from exc
 
 
-def settings_row(words: Sequence[int], *, personal: bool) -> dict[str, Any]:
-    """The 22 words of GetSettings for the sidecar, raw and scaled; the wearer's number only when `personal`."""
-    return {
-        param.name: {
-            "raw": param.raw_of(word),
-            "value": param.value_of(word),
-            "unit": param.unit,
-            "label": param.label(param.value_of(word)),
-        }
-        for param, word in zip(SETTINGS, words, strict=True)
-        if personal or param.name != PERSONAL
-    }
-
-
 def in_words(setting: Mapping[str, Any]) -> str:
-    """One value of `settings_row` for people: ``Left Affected``, ``15.5 in``."""
+    """One value of `Source.settings` for people: ``Left Affected``, ``15.5 in``."""
     unit = f" {setting['unit']}" if setting["unit"] else ""
-    return str(setting["label"] or f"{setting['value']}{unit}")
+    return str(setting.get("label") or f"{setting['value']}{unit}")
 
 
 def changed(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[str]:
     """Names of the settings that differ."""
-    return [name for name in before if before[name]["raw"] != after[name]["raw"]]
+    return [name for name in before if before[name]["value"] != after.get(name, {}).get("value")]

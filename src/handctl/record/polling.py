@@ -1,33 +1,32 @@
-"""The loop of a log: a poll for each tick, GetFeedback once a second, until a limit is reached.
-
-Knows no device and no file: it is given what asks and what keeps.
-"""
+"""The loop of a recording: a poll for each tick, a look at the rest once a second, until a limit is reached."""
 
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from math import ceil, inf
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from handctl.devices.ekso.log.recording import Clock, RawSample, Recording
 from handctl.errors import HandctlError, Interrupted, LinkError, NoAnswer, ProtocolError
 from handctl.model.guide import Guide
+from handctl.record.recording import Clock, Recording, changed
 
 PROGRESS_S = 0.25
 PAUSE_S = 0.05
 """Between a request without an answer and the next where there are no ticks, so that a dead line costs no processor time."""
 RETRY_S = 0.1
 """Between two looks for a port that was lost."""
+SHORTEST_S = 0.005
+"""No answer comes sooner on any line. Where the clock is virtual, and the line has no speed, none would pass otherwise."""
 ENDS = "Ctrl-C ends the log."
-FEEDBACK_S = 1.0
-"""Between two GetFeedback."""
-FEEDBACK_REST_S = 10.0
+LOOK_S = 1.0
+"""Between two looks beside the rows."""
+LOOK_REST_S = 10.0
 """The same after one without an answer: each costs a timeout, in which no row is taken."""
 
 
 class Limits(NamedTuple):
-    """When a log ends by itself, and how fast it goes.
+    """When a recording ends by itself, and how fast it goes.
 
     rate      requests per second, 0 = as fast as the device answers
     rows      rows of the file; None = no limit
@@ -42,7 +41,7 @@ class Limits(NamedTuple):
 
 
 class Pace:
-    """The ticks of a log, 1/rate apart from its start: one poll for a tick at the most, and none to catch up.
+    """The ticks of a recording, 1/rate apart from its start: one poll for a tick at the most, and none to catch up.
 
     A device somewhat slower than the rate is polled as it answers. A tick that would be late by more than half a period
     is skipped and counted, so that two polls are never closer than that. Without a rate there are no ticks.
@@ -84,24 +83,17 @@ class _Loop:
     """What stays between two polls."""
 
     def __init__(
-        self,
-        recording: Recording,
-        sample: Callable[[], RawSample],
-        clock: Clock,
-        limits: Limits,
-        mark: Callable[[], str],
-        on_segment: Callable[[], None],
-        guide: Guide,
-        feedback: Callable[[], Sequence[int]] | None,
+        self, recording: Recording, limits: Limits, mark: Callable[[], str], guide: Guide, before: dict[str, Any]
     ) -> None:
-        self._recording, self._sample, self._clock, self._limits = recording, sample, clock, limits
-        self._mark, self._on_segment, self._guide, self._feedback = mark, on_segment, guide, feedback
+        self._recording, self._limits, self._mark, self._guide = recording, limits, mark, guide
+        self._source, self._clock, self._before = recording.source, recording.clock, before
+        clock = self._clock
         self.pace = Pace(clock, limits.rate)
-        self._start = self._heard = self._shown = self._feedback_due = clock.now()
+        self._start = self._heard = self._shown = self._look_due = clock.now()
         self._end = inf if limits.duration is None else self._start + limits.duration
         self._seq = 0
         self._asked = False
-        """Whether a GetData is without its answer."""
+        """Whether a request is without its answer."""
 
     @property
     def wanted(self) -> bool:
@@ -119,7 +111,7 @@ class _Loop:
         self._seq += 1
         self._asked = True
         try:
-            answer = self._sample()
+            answer = self._source.sample()
         except (NoAnswer, ProtocolError) as exc:
             self._asked = False
             if exc.code == "deadline":  # it was not even sent
@@ -131,40 +123,51 @@ class _Loop:
                 self._clock.sleep(PAUSE_S)
             return
         self._asked = False
-        self.pace.sent(answer.sent)
+        if answer.moment.sent == answer.moment.answered:
+            self._clock.sleep(SHORTEST_S)
+        self.pace.sent(answer.moment.sent)
         self._heard = self._clock.now()
         if recording.add(answer, self._seq):
-            number = len(recording.timeline.segments)
-            if recording.timeline.last.rebooted:
-                self._guide.say(f"The device restarted: BootTime begins at 0. Segment {number} begins")
-            self._on_segment()
+            self._begin_segment()
         if self._heard - self._shown >= PROGRESS_S:
             self._shown = self._heard
             with contextlib.suppress(OSError):  # a terminal that went away
                 self._guide.progress(_progress(recording, self._heard - self._start), ENDS)
-        if self._feedback is not None and self._heard >= self._feedback_due:
-            self._ask_feedback(self._feedback)
+        if self._source.looks and self._heard >= self._look_due:
+            self._look()
 
-    def _ask_feedback(self, ask: Callable[[], Sequence[int]]) -> None:
+    def _begin_segment(self) -> None:
+        """Tell of a restart; after one, or where there may have been one, read what it may have changed."""
+        segment = self._recording.timeline.segments[-1]
+        if segment.rebooted:
+            self._guide.say(f"The device restarted: its clock begins at 0. Segment {segment.number} begins")
+        if segment.rebooted is False and not segment.first.reopened:
+            return
+        self._look_due = self._heard
+        with contextlib.suppress(NoAnswer, ProtocolError):  # it has just started: the settings may come late
+            segment.settings_changed = changed(self._before, self._source.settings())
+
+    def _look(self) -> None:
         recording = self._recording
         try:
-            words = ask()
+            restarted = self._source.look(recording.timeline.last, recording.rows)
         except (NoAnswer, ProtocolError) as exc:
             if exc.code == "deadline":
                 raise
-            recording.feedback.unanswered += 1
-            self._feedback_due = self._clock.now() + FEEDBACK_REST_S
+            self._source.unanswered()
+            self._look_due = self._clock.now() + LOOK_REST_S
             return
-        self._feedback_due = self._heard + FEEDBACK_S
-        recording.feedback.add(words, recording.timeline.last, recording.rows)
+        self._look_due = self._heard + LOOK_S
+        if restarted:
+            recording.timeline.restarted()
 
-    def wait_for_port(self, lost: LinkError, reopen: Callable[[], bool]) -> bool:
+    def wait_for_port(self, lost: LinkError) -> bool:
         """Until the port is open again; False where it cannot be. Raises LinkError when the time for that is over."""
         over = min(self._heard + self._limits.silence, self._end)
         told = False
         while True:
             try:
-                if not reopen():
+                if not self._source.reopen():
                     return False
                 break
             except KeyboardInterrupt:  # while the port that is gone was being closed
@@ -207,30 +210,24 @@ def _progress(recording: Recording, seconds: float) -> str:
 
 def record(
     recording: Recording,
-    sample: Callable[[], RawSample],
-    clock: Clock,
     limits: Limits,
     *,
     mark: Callable[[], str],
-    on_segment: Callable[[], None],
     guide: Guide,
-    feedback: Callable[[], Sequence[int]] | None = None,
-    reopen: Callable[[], bool] = lambda: False,
+    before: dict[str, Any] | None = None,
 ) -> HandctlError | None:
     """Record until a limit is reached; returns what ended it before that. Raises nothing of its own.
 
-    mark        asked before each request for the text of a mark, "" for none
-    on_segment  called behind the first row of a segment, but the first segment
-    feedback    asks GetFeedback once
-    reopen      opens a lost port again: False where there is no such way, LinkError while it is not there
+    mark     asked before each request for the text of a mark, "" for none
+    before   the settings at the start: those at the first row of a segment are compared with them
     """
-    loop = _Loop(recording, sample, clock, limits, mark, on_segment, guide, feedback)
+    loop = _Loop(recording, limits, mark, guide, before or {})
     try:
         while loop.wanted:
             try:
                 loop.step()
             except LinkError as exc:
-                if exc.code != "lost" or not loop.wait_for_port(exc, reopen):
+                if exc.code != "lost" or not loop.wait_for_port(exc):
                     raise
     except KeyboardInterrupt:
         return Interrupted("interrupted")

@@ -1,0 +1,298 @@
+"""The time of a recording: two clocks to seconds, segments, holes and gaps, rate and clock fit.
+
+A device's clock and the host's are two witnesses. Within a segment they agree: no two rows of it contradict each other by more
+than `clocks.WITHIN_MS`, whatever the round trips. Where they part a segment begins, and its time is taken from the host's clock.
+So is that of a device without a clock. Pure arithmetic; knows no file and no device.
+"""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+from dataclasses import dataclass, field
+from math import inf, sqrt
+from typing import Any, NamedTuple
+
+from handctl.model.clocks import WITHIN_MS, Moment, Span
+
+BOOT_WRAP = 1 << 32
+"""A device's clock is 32 bit of milliseconds."""
+GAP_PERIODS = 3
+LEAST_PERIOD_MS = 5.0
+"""A link without a line's speed may ask faster than a device's clock ticks; the line itself needs longer."""
+LEARNED = 20
+"""So many intervals make the device's own period known; where nothing else is known of it, FEW tell a little."""
+FEW = 3
+PORT_LOST, RESTART, CLOCKS = "port-lost", "restart", "clocks"
+"""Why a segment begins: the port was gone; the device restarted; its clock and ours parted."""
+
+
+class Place(NamedTuple):
+    """Where a row stands.
+
+    boot_ms   the device's clock, None = it has none
+    moment    the host's
+    t_ms      time since the first row: by the device within a segment, by the host at its first row. So it is never further than
+              clocks.WITHIN_MS from the host's, and may fall by so much where a segment begins
+    step_ms   since the row before
+    why       why a segment begins here, () = none does
+    off_ms    by how much the device's clock is ahead of the host's (above 0) or behind it, where they part
+    rebooted  whether the device restarted since the row before: its clock counts from then, or it showed it otherwise; None = it may have
+    gap_ms    what lies before it without a row, 0 = nothing
+    """
+
+    boot_ms: int | None
+    moment: Moment
+    t_ms: int
+    segment: int
+    step_ms: int = 0
+    why: tuple[str, ...] = ()
+    off_ms: int = 0
+    rebooted: bool | None = False
+    gap_ms: int = 0
+
+    @property
+    def mono_s(self) -> float:
+        """The likeliest moment of the host's clock."""
+        return self.moment.middle
+
+    @property
+    def rtt_ms(self) -> float:
+        """The round trip."""
+        return (self.moment.answered - self.moment.sent) * 1000
+
+    @property
+    def reopened(self) -> bool:
+        """Whether the port was gone before it."""
+        return PORT_LOST in self.why
+
+
+class Gap(NamedTuple):
+    """An interval that is too long: the device's clock at its end, its length."""
+
+    boot_ms: int | None
+    length_ms: int
+
+
+@dataclass(slots=True)
+class Hole:
+    """A time in which the port was gone: the first row after it, its segment, ms without rows, whether the device restarted.
+
+    The row is None where the port, or the device behind it, did not come back before the end.
+    """
+
+    row: int | None
+    segment: int | None = None
+    length_ms: int | None = None
+    rebooted: bool | None = None
+
+    def as_row(self) -> dict[str, Any]:
+        """As it stands in the sidecar."""
+        length = None if self.length_ms is None else self.length_ms / 1000
+        return {"row": self.row, "segment": self.segment, "length_s": length, "rebooted": self.rebooted}
+
+
+class ClockFit:
+    """Least squares of host time over device time, point by point: host = a + b * boot, both from the first point."""
+
+    def __init__(self) -> None:
+        self.count = 0
+        self._x = self._y = self._xx = self._xy = self._yy = 0.0
+
+    def add(self, x: float, y: float) -> None:
+        """Take a point; seconds."""
+        self.count += 1
+        dx, dy = x - self._x, y - self._y
+        self._x += dx / self.count
+        self._y += dy / self.count
+        self._xx += dx * (x - self._x)
+        self._xy += dx * (y - self._y)
+        self._yy += dy * (y - self._y)
+
+    def as_row(self) -> dict[str, float] | None:
+        """`a` in seconds, `b`, and the residual in ms (root mean square); None without two moments."""
+        if self._xx <= 0:
+            return None
+        b = self._xy / self._xx
+        residual = sqrt(max(0.0, self._yy - b * self._xy) / self.count)
+        return {"a_s": round(self._y - b * self._x, 6), "b": round(b, 9), "residual_ms": round(residual * 1000, 3)}
+
+
+@dataclass(slots=True)
+class Segment:
+    """Rows within which the port was there and both clocks agree. `why` and the rest as in `Place`."""
+
+    number: int
+    first_row: int
+    first: Place
+    rebooted: bool | None
+    last: Place
+    rows: int = 0
+    settings_changed: list[str] | None = None
+    fit: ClockFit = field(default_factory=ClockFit)
+    sent_most: float = -inf
+    answered_least: float = inf
+
+    def off(self, ms: int, moment: Moment) -> float:
+        """By how many ms a row that is `ms` of the device's clock after the first contradicts the rows before it."""
+        return Span(moment.sent * 1000 - self.answered_least, moment.answered * 1000 - self.sent_most).off(ms)
+
+    def take(self, place: Place) -> None:
+        """A row of it."""
+        self.rows += 1
+        self.last = place
+        ms = place.t_ms - self.first.t_ms
+        if place.boot_ms is not None:
+            self.fit.add(ms / 1000, place.mono_s - self.first.mono_s)
+        self.sent_most = max(self.sent_most, place.moment.sent * 1000 - ms)
+        self.answered_least = min(self.answered_least, place.moment.answered * 1000 - ms)
+
+    def as_row(self) -> dict[str, Any]:
+        """As it stands in the sidecar."""
+        first, last = self.first, self.last
+        return {
+            "segment": self.number,
+            "why": list(first.why),
+            "rebooted": self.rebooted,
+            "clock_off_s": first.off_ms / 1000,
+            "first_row": self.first_row,
+            "rows": self.rows,
+            "boot_ms": [first.boot_ms, last.boot_ms],
+            "t_s": [first.t_ms / 1000, last.t_ms / 1000],
+            "host_mono_s": round(first.mono_s, 6),
+            "clock_fit": self.fit.as_row(),
+            "settings_changed": self.settings_changed,
+        }
+
+
+class Timeline:
+    """Places row after row.
+
+    period_ms   the period asked for, 0 = as fast as the device answers
+    usual_ms    that of the device until its own is known, None = nothing is known of it
+    """
+
+    def __init__(self, period_ms: float = 0.0, usual_ms: float | None = None) -> None:
+        self.segments: list[Segment] = []
+        self.gaps: list[Gap] = []
+        self.holes: list[Hole] = []
+        self.rows = 0
+        self.standstill = 0
+        """Rows at which the device's clock is that of the row before."""
+        self._asked = period_ms
+        self._usual = usual_ms
+        self._recent: deque[int] = deque(maxlen=41)
+        self._intervals: Counter[int] = Counter()
+        """Those between rows, but for what lies before a segment whose port was lost or whose device restarted; and which are gaps."""
+        self._within: list[int] = []
+        self._restarted = False
+        self.last = Place(None, Moment(0.0, 0.0), 0, 1)
+
+    @property
+    def reboots(self) -> int:
+        """How often the device restarted."""
+        return sum(segment.rebooted is True for segment in self.segments)
+
+    @property
+    def parted(self) -> list[Segment]:
+        """The segments at which the clocks parted, and no restart explains it."""
+        return [segment for segment in self.segments if CLOCKS in segment.first.why]
+
+    def restarted(self) -> None:
+        """Something else than its clock shows that the device restarted since it was asked last: the counters of its session.
+
+        A segment that began since then is that of the restart; otherwise the next row begins one.
+        """
+        segment = self.segments[-1]
+        if segment.number == 1 or segment.rows > 1:
+            self._restarted = True
+            return
+        segment.rebooted = True
+        for hole in self.holes:
+            hole.rebooted = True if hole.segment == segment.number else hole.rebooted
+
+    def place(self, boot_ms: int | None, moment: Moment, *, reopened: bool = False) -> Place:
+        """Where a row of these clocks would stand; `count` it once it is written. `reopened`: the port was lost before it.
+
+        A gap is an interval above three periods. A restart is told where the device's clock says that it was switched on since the
+        row before: it counts no more time than has passed since. A clock that fell back and yet counts more, or that parts from
+        ours while the port was gone, is no proof: it may be another device.
+        """
+        if not self.rows:
+            return Place(boot_ms, moment, 0, 1, why=(PORT_LOST,) * reopened)
+        last, segment = self.last, self.segments[-1]
+        elapsed = max(0, round((moment.middle - last.moment.middle) * 1000))
+        step, off = elapsed, 0.0
+        rebooted: bool | None = None if reopened and boot_ms is None else self._restarted
+        parted = False
+        if boot_ms is not None and last.boot_ms is not None:
+            step = (boot_ms - last.boot_ms + BOOT_WRAP // 2) % BOOT_WRAP - BOOT_WRAP // 2
+            off = segment.off(last.t_ms - segment.first.t_ms + step, moment)
+            parted = step < 0 or abs(off) > WITHIN_MS
+            if parted and boot_ms <= moment.since(last.moment).most + WITHIN_MS:
+                rebooted = True
+            elif parted and (boot_ms < last.boot_ms or reopened):
+                rebooted = rebooted or None
+        why = (PORT_LOST,) * reopened + ((RESTART,) if rebooted else (CLOCKS,) * parted)
+        if not why:
+            gap = step if step > GAP_PERIODS * self.period_ms else 0
+            return Place(boot_ms, moment, last.t_ms + step, last.segment, step, gap_ms=gap)
+        t_ms = round((moment.middle - self.segments[0].first.moment.middle) * 1000)
+        gap = max(1, elapsed) if reopened or elapsed > GAP_PERIODS * self.period_ms else 0
+        return Place(boot_ms, moment, t_ms, last.segment + 1, elapsed, why, round(off) if parted else 0, rebooted, gap)
+
+    def count(self, place: Place) -> None:
+        """The row is written: count it."""
+        begins = not self.rows or place.segment > self.last.segment
+        if place.reopened:
+            self.holes.append(Hole(self.rows + 1, place.segment, place.gap_ms, place.rebooted))
+        if self.rows and not (place.reopened or place.rebooted):
+            self._recent.append(place.step_ms)
+            self._intervals[place.step_ms] += 1
+            self.standstill += place.boot_ms is not None and place.boot_ms == self.last.boot_ms
+            if place.gap_ms:
+                self._within.append(place.step_ms)
+        if place.gap_ms:
+            self.gaps.append(Gap(place.boot_ms, place.gap_ms))
+        if begins:
+            self.segments.append(Segment(place.segment, self.rows + 1, place, place.rebooted, place))
+            self._restarted = False
+        self.segments[-1].take(place)
+        self.rows += 1
+        self.last = place
+
+    @property
+    def period_ms(self) -> float:
+        """The nominal period: the device's own (median of the last intervals), or the one asked for if that is longer."""
+        if len(self._recent) < (FEW if self._usual is None else LEARNED):
+            return max(self._asked, inf if self._usual is None else self._usual)
+        return max(self._asked, LEAST_PERIOD_MS, sorted(self._recent)[len(self._recent) // 2])
+
+    @property
+    def t_s(self) -> float:
+        """Time of the last row."""
+        return self.last.t_ms / 1000
+
+    def rate_hz(self) -> float | None:
+        """Rows per second of recorded time: gaps, restarts and lost ports do not count."""
+        count = sum(self._intervals.values()) - len(self._within)
+        recorded = sum(delta * n for delta, n in self._intervals.items()) - sum(self._within)
+        return round(count * 1000 / recorded, 2) if count > 0 and recorded > 0 else None
+
+    def interval_row(self) -> dict[str, int] | None:
+        """Median, 99th percentile and longest interval between rows of a segment, ms."""
+        total = sum(self._intervals.values())
+        if not total:
+            return None
+        return {
+            "median": self._percentile((total + 1) // 2),
+            "p99": self._percentile(-(-total * 99 // 100)),
+            "max": max(self._intervals),
+        }
+
+    def _percentile(self, rank: int) -> int:
+        seen = 0
+        for delta in sorted(self._intervals):
+            seen += self._intervals[delta]
+            if seen >= rank:
+                return delta
+        raise AssertionError("rank beyond the number of intervals")

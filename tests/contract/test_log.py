@@ -1,0 +1,109 @@
+"""`log FILE` of every family: rows with host time, holes, marks, settings at both ends, and an end in every case."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import handctl
+from handctl.families import FAMILIES
+from handctl.link.fake import FakeLink
+from tests.contract.facts import facts_of
+from tests.support.cli import Result, run
+
+LEAD = ["host_utc_s", "host_mono_s", "t_s", "segment", "seq", "rtt_ms"]
+
+
+def log(kind: str, path: Path, *args: str, **options: object) -> Result:
+    state = facts_of(kind).state
+    link = f"fake://{kind}?clock=virtual" + "".join(f"&{key}={value}" for key, value in options.items())
+    return run(kind, "log", path, *args, "-p", f"{link}&{state}".rstrip("&"), "--json")
+
+
+def kept(path: Path) -> tuple[list[dict[str, str]], dict[str, Any]]:
+    """The rows and the sidecar."""
+    rows = list(csv.DictReader(path.read_text(encoding="utf-8").splitlines()))
+    return rows, json.loads(Path(f"{path}.json").read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize("kind", FAMILIES)
+def test_a_log_has_a_row_for_each_answer_and_a_sidecar(kind: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    done = log(kind, path, "--count", "5", "--rate", "20", "--mark", "begin")
+    assert done.code == 0, done
+    rows, about = kept(path)
+    assert [name for name in rows[0] if name in LEAD] == LEAD
+    assert [row["seq"] for row in rows] == [*"12345"] and rows[0]["mark"] == "begin"
+    moments = [float(row["host_mono_s"]) for row in rows]
+    assert [moment - moments[0] for moment in moments] == pytest.approx([0, 0.05, 0.1, 0.15, 0.2], abs=0.011)
+    assert (about["schema"], about["complete"], about["missing"], about["rows"]) == (
+        f"handctl-{kind}-log/1",
+        True,
+        [],
+        5,
+    )
+    assert about["simulated"] is True and about["settings_changed"] == []
+    assert about["settings_before"] == about["settings_after"]
+    named = {str(column["column"]) for column in about["columns"]}
+    assert named < set(rows[0]) and all(row[name] != "" for row in rows for name in named)
+
+
+@pytest.mark.parametrize("kind", FAMILIES)
+def test_a_port_that_comes_back_goes_on_in_the_same_file(kind: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    done = log(kind, path, "--rate", "20", "--duration", "5", unplug="2.03:1.3")
+    assert done.code == 0, done
+    rows, about = kept(path)
+    (hole,) = about["holes"]
+    before, after = rows[hole["row"] - 2], rows[hole["row"] - 1]
+    assert (before["segment"], after["segment"]) == ("1", "2") and after["mark"].startswith("[port lost]")
+    length = float(after["host_mono_s"]) - float(before["host_mono_s"])
+    assert 1.3 <= length < 1.6 and hole["length_s"] == pytest.approx(length, abs=0.0011)
+    assert (about["complete"], "port-lost" in about["missing"]) == (False, True)
+    assert about["duration_s"] == pytest.approx(
+        float(rows[-1]["host_mono_s"]) - float(rows[0]["host_mono_s"]), abs=0.06
+    )
+
+
+@pytest.mark.parametrize("kind", FAMILIES)
+def test_ctrl_c_ends_a_log_with_all_its_rows(kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path, sleep = tmp_path / "a.csv", FakeLink.sleep
+
+    def pressed(link: FakeLink, seconds: float) -> None:
+        if path.exists() and path.read_bytes().count(b"\n") == 8 and not done:
+            done.append(1)
+            raise KeyboardInterrupt
+        sleep(link, seconds)
+
+    done: list[int] = []
+    monkeypatch.setattr(FakeLink, "sleep", pressed)
+    ended = log(kind, path, "--rate", "20")
+    rows, about = kept(path)
+    assert (ended.code, len(rows), about["ended"], about["complete"]) == (130, 7, "interrupted", True), ended
+
+
+@pytest.mark.parametrize("kind", FAMILIES)
+def test_a_duration_ends_it_where_time_passes_only_with_what_is_done(kind: str, tmp_path: Path) -> None:
+    """On virtual time, as fast as the device answers; from the library as well."""
+    path = tmp_path / "a.csv"
+    assert log(kind, path, "--duration", "0.5").code == 0
+    assert 0.4 <= kept(path)[1]["duration_s"] <= 0.5
+    with handctl.simulate(kind) as device:  # type: ignore[call-overload]
+        device.log(str(tmp_path / "b.csv"), duration=0.5)
+    assert 0.4 <= kept(tmp_path / "b.csv")[1]["duration_s"] <= 0.5
+
+
+@pytest.mark.parametrize("kind", [kind for kind in FAMILIES if kind != "ekso"])
+def test_only_the_named_quantities(kind: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    with handctl.simulate(kind) as device:  # type: ignore[call-overload]
+        live = next(row["path"] for row in device.dump() if "error" not in row)
+    done = log(kind, path, live, "--count", "2")
+    assert done.code == 0, done
+    assert [column["name"] for column in kept(path)[1]["columns"]] == [live]
+    assert log(kind, tmp_path / "b.csv", "nonsense", "--count", "2").code == 2
+    assert not (tmp_path / "b.csv").exists()
