@@ -6,6 +6,15 @@ LOCK = "handctl.link.lock"
 
 ROWS = (
     mistake(
+        "link-exchanges-for-nothing",
+        "no end",
+        "handctl.api",
+        "simulate",
+        'said = {"clock": "virtual", "wire": "auto", **{name.replace("_", "-"): value for name, value in options.items()}}',
+        'said = {"clock": "virtual", **{name.replace("_", "-"): value for name, value in options.items()}}',
+        "tests/contract/test_time.py::test_a_simulated_device_takes_the_time_of_its_line",
+    ),
+    mistake(
         "lock-of-a-symbolic-link",
         "two locks",
         "handctl.system.ports",
