@@ -9,6 +9,15 @@ BLOCKS = "handctl.devices.barrett.realtime.blocks"
 
 ROWS = (
     mistake(
+        "barrett-control-values-without-a-deadline",
+        "no end",
+        "handctl.devices.barrett.realtime.intake",
+        "Lines._chunk",
+        "if not gives(descriptor, left):",
+        "if not gives(descriptor, left) and self.begun:",
+        "tests/barrett/test_cli_realtime.py::test_a_pipe_that_nobody_writes_is_not_waited_for_beyond_the_deadline",
+    ),
+    mistake(
         "barrett-interrupt-is-a-boot-trigger",
         "boot trigger",
         LINE,

@@ -7,6 +7,15 @@ SESSION = "handctl.frame.session"
 
 ROWS = (
     mistake(
+        "frame-swapped-letters-are-another-word",
+        "wrong advice",
+        "handctl.sentence",
+        "_slipped",
+        "return swapped or (len(one) > 2 and one[place + 1 :] == other[place + 1 :])",
+        "return len(one) > 2 and one[place + 1 :] == other[place + 1 :]",
+        "tests/kernel/test_nearest.py::test_two_swapped_neighbours_are_always_understood",
+    ),
+    mistake(
         "batch-ends-as-the-last-failed-line",
         "wrong exit code",
         BATCH,
