@@ -7,6 +7,15 @@ SESSION = "handctl.frame.session"
 
 ROWS = (
     mistake(
+        "frame-full-disk-hides-the-device",
+        "wrong exit code",
+        "handctl.frame.cause",
+        "weightier",
+        "if error is None or isinstance(error, OutputError):",
+        "if error is not lost:",
+        "tests/kernel/test_render.py::test_the_error_of_the_device_weighs_more_than_a_full_disk",
+    ),
+    mistake(
         "frame-swapped-letters-are-another-word",
         "wrong advice",
         "handctl.sentence",
