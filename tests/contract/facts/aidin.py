@@ -26,7 +26,6 @@ FACTS = Facts(
         "report": "{dir}/report.html --watch 0 --force",
     },
     state="start=homed",
-    states={"home": "start=used"},
     unproven=frozenset(["currents", "max-torque", "stop"]),
     adapts=frozenset({"encoders", "joints", "fingertips", "currents"}),  # a ramp from where it is
     halts=dict.fromkeys(("home", "initial", "encoders", "joints", "fingertips", "currents"), b'{"hand_mode":3}'),
