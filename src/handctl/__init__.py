@@ -1,6 +1,6 @@
 """handctl: diagnostics and configuration of hand and exoskeleton devices, from the command line and from Python.
 
-`handctl.connect` and `handctl.simulate` are loaded when they are used first.
+`handctl.connect`, `handctl.simulate`, `handctl.errors` and `handctl.hands` are loaded when they are used first.
 """
 
 __version__ = "0.1.0"
@@ -8,6 +8,7 @@ __version__ = "0.1.0"
 TYPE_CHECKING = False  # the typing module is not worth its import time here
 if TYPE_CHECKING:
     from handctl import errors as errors
+    from handctl import hands as hands
     from handctl.errors import HandctlError as HandctlError
     from handctl.hands import connect as connect
     from handctl.hands import simulate as simulate
@@ -16,8 +17,8 @@ else:
     def __getattr__(name: str) -> object:
         from importlib import import_module
 
-        if name == "errors":
-            return import_module("handctl.errors")
+        if name in ("errors", "hands"):
+            return import_module(f"handctl.{name}")
         if name == "HandctlError":
             return import_module("handctl.errors").HandctlError
         if name in ("connect", "simulate"):

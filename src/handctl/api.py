@@ -227,7 +227,8 @@ def connect(family: str, link: str, **settings: Any) -> Device:
 def simulate(family: str, **options: Any) -> Device:
     """A simulated device of this family in this process: `fault`, `seed` and what else `handctl sim FAMILY -h` lists.
 
-    Its time jumps from event to event, so nothing waits; `clock="real"` lets it pass. `timeout`, `deadline`, `retries`, `trace` and
+    Its time jumps from event to event, so nothing waits, and each exchange takes as long as on its line (`wire`);
+    `clock="real"` lets time pass. `timeout`, `deadline`, `retries`, `trace` and
     `assume_identity` are those of `connect`. Raises UsageError.
     """
     from urllib.parse import quote
@@ -235,7 +236,7 @@ def simulate(family: str, **options: Any) -> Device:
     host = {name: options.pop(name) for name in HOST if name in options}
     if "id" in options:
         host["id"] = options["id"]
-    said = {"clock": "virtual", **{name.replace("_", "-"): value for name, value in options.items()}}
+    said = {"clock": "virtual", "wire": "auto", **{name.replace("_", "-"): value for name, value in options.items()}}
     link = "&".join(f"{name}={quote(str(value), safe='')}" for name, value in said.items())
     return connect(family, f"fake://{family}?{link}", **host)
 

@@ -71,6 +71,11 @@ def asked() -> bool:
     return _state.wishes > 0
 
 
+def afresh() -> None:
+    """A wish to end has been answered, and something new begins: the next signal is a wish of its own, however soon."""
+    _state.last, _state.wishes = float("-inf"), 0
+
+
 def gave_up() -> bool:
     """Whether output was given up because nobody read it."""
     return _state.left

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import os
 import signal
 from pathlib import Path
 from typing import Any
@@ -410,3 +411,21 @@ def test_patience_with_a_line_that_stumbles(control: tuple[str, ...], late: floa
     link = f"fake://barrett?clock=virtual&initialized=1&fault=late&late={late}"
     result = run("barrett", "realtime", "--receive", "position", *control, "--motors", "1", "--count", "2", "-p", link, "--json")  # fmt: skip
     assert result.code == code, result
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes")
+@pytest.mark.parametrize("written", [b"", b"velocity.F1\n"])
+def test_a_pipe_that_nobody_writes_is_not_waited_for_beyond_the_deadline(tmp_path: Path, written: bytes) -> None:
+    """Opening it would already wait for who writes; and one who has opened it may say nothing."""
+    os.mkfifo(tmp_path / "pipe")
+    other = os.open(tmp_path / "pipe", os.O_RDWR) if written else None
+    try:
+        if other is not None:
+            os.write(other, written)
+        result = do("--control", tmp_path / "pipe", "--deadline", "0.05", "--trace", tmp_path / "t.txt")
+    finally:
+        if other is not None:
+            os.close(other)
+    _, closing = result.stream
+    assert (result.code, [message["code"] for message in closing["messages"]]) == (4, ["deadline"]), result
+    assert not (tmp_path / "t.txt").exists() or not sent(tmp_path / "t.txt")

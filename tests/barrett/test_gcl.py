@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import signal
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
+from handctl import ending
 from handctl.devices.barrett.gcl import passthrough
 from handctl.devices.barrett.gcl.commands import COMMANDS, SECONDS, split
 from handctl.errors import DeviceRefused, Interrupted, NoAnswer, UsageError
-from tests.barrett.support import ABORT, scripted, simulated
+from handctl.model.guide import Guide
+from handctl.system import signals
+from tests.barrett.support import ABORT, gcl, scripted, simulated
 from tests.support.each_row import each_row
 from tests.support.person import person
 
@@ -246,3 +251,49 @@ def test_a_prompt_is_for_a_terminal(more: tuple[str, ...], tmp_path: Path, monke
     assert shown.code == 2
     assert "needs a terminal" in " ".join(shown.text.split()) and "=> " not in shown.text
     assert not (tmp_path / "data.txt").exists()
+
+
+# -- damage, and Ctrl-C at the prompt ---------------------------------------------------------------------------------
+
+
+def test_a_damaged_character_is_no_answer() -> None:
+    """GCL is text of seven bits: a character with bit 7 set was damaged on the line. What came is shown all the same."""
+    hand, _ = scripted({"VERS": (gcl("VERS", "4.33").replace(b"4.33", b"4.\xb33"),)})
+    table = passthrough.run_all(hand, ["VERS"], keep_going=False)
+    assert table.failure is not None
+    assert (table.failure.exit_code, table.failure.code) == (5, "damaged")
+    assert [row["command"] for row in table.rows] == ["VERS"]
+
+
+def test_a_damaged_answer_to_a_question_is_asked_again() -> None:
+    hand, link = scripted({"VERS": (gcl("VERS", "4.33").replace(b"4.33", b"4.\xb33"), gcl("VERS", "4.33"))})
+    assert hand.version() == "4.33"
+    assert link.commands.count("VERS") == 2
+
+
+def test_a_movement_is_interrupted_however_soon_after_a_ctrl_c_at_the_prompt(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two signals within half a second are one wish; but a wish that the prompt has answered is over."""
+    hand, link = scripted()
+    typed = iter(["", "12C", None])
+
+    def read_line(_prompt: str) -> str:
+        text = next(typed)
+        if text is None:
+            raise EOFError
+        if not text:
+            signal.raise_signal(signal.SIGINT)
+        return text
+
+    def moves(command: str, **_: object) -> object:
+        signal.raise_signal(signal.SIGINT)
+        raise AssertionError(f"{command} goes on")
+
+    before = {number: signal.getsignal(number) for number in signals.numbers(suspend=False)}
+    ending.end_on_signals(suspend=False)
+    try:
+        monkeypatch.setattr(hand.line, "ask", moves)
+        run = SimpleNamespace(guide=Guide(), out=lambda text: None, simulated=True)
+        passthrough.interactive(run, hand, read_line, lambda text: None)  # type: ignore[arg-type]
+    finally:
+        signals.give_back(before.items())
+    assert ABORT in link.sent

@@ -4,8 +4,15 @@ from __future__ import annotations
 
 import pytest
 
+from handctl.devices.inspire import canreg
+from handctl.devices.inspire.canbus import CanBus
+from handctl.devices.inspire.hand.map import BYTE_MAP
+from handctl.devices.inspire.writes import InspireWrites
 from handctl.errors import HandctlError
-from tests.inspire.wrist_support import fake_wrist, writes_of
+from handctl.link import CanFrame, FrameLink
+from handctl.link.tap import observed
+from handctl.model.result import Journal
+from tests.inspire.wrist_support import ScriptedFrames, fake_wrist, writes_of
 from tests.support.each_row import each_row
 from tests.support.scripted import hexed, unhex
 
@@ -52,3 +59,46 @@ def test_busy_bus() -> None:
         wrist.bus.pause(0.05)
     assert (wrist.journal.counters.foreign_frames or 0) > 500
     assert wrist.journal.counters.retries == 0
+
+
+READ, WRITE = 0x00000001 | 1000 << 14, 0x04000001 | 1005 << 14
+"""Of a hand with id 1 (rh56 §2.4)."""
+
+
+@each_row(
+    ("reads_first", "echoes", "acknowledges", "state", "code"),
+    [
+        (True, False, True, "confirmed", ""),
+        (True, True, True, "confirmed", ""),
+        (True, True, False, "sent", "echo"),  # our own 01 came back, and nothing else
+        (True, False, False, "sent", "no-answer"),
+        (False, False, True, "sent", ""),  # nothing has shown yet whether our own frames come back
+        (False, True, False, "sent", ""),
+        (False, True, True, "sent", ""),
+    ],
+)
+def test_an_acknowledgement_that_equals_its_request_proves_nothing_by_itself(
+    reads_first: bool, echoes: bool, acknowledges: bool, state: str, code: str
+) -> None:
+    """A save writes 01 and is acknowledged with 01, the number of bytes written, under the same identifier."""
+
+    def answer(frame: CanFrame) -> list[tuple[float, CanFrame]]:
+        own = [(0.001, frame)] if echoes else []
+        if frame.can_id == READ:
+            return [*own, (0.002, CanFrame(READ, b"\x01\x00"))]
+        return [*own, *([(0.002, CanFrame(WRITE, b"\x01"))] if acknowledges else [])]
+
+    journal = Journal()
+    journal.ledger.words = InspireWrites(BYTE_MAP)
+    link = observed(ScriptedFrames(answer), journal.ledger)
+    assert isinstance(link, FrameLink)
+    bus = CanBus(link, 1, journal, read_flag=canreg.READ_HAND, write_flag=canreg.WRITE_HAND)
+    if reads_first:
+        bus.read(1000, 2)
+    if code:
+        with pytest.raises(HandctlError) as caught:
+            bus.write(1005, b"\x01")
+        assert caught.value.code == code
+    else:
+        bus.write(1005, b"\x01")
+    assert [row["state"] for row in journal.ledger.rows()] == [state]

@@ -10,6 +10,7 @@ import pytest
 
 from handctl.families import FAMILIES
 from handctl.frame.family import load
+from handctl.frame.nearest import meant
 from tests.support.cli import run
 from tests.support.each_row import each_row
 
@@ -25,6 +26,12 @@ MEANT = [
     ("dump", "`handctl exo dump`, `handctl wrist dump`"),
     ("version", "`handctl --version`"),
     ("version", "`handctl barrett version`"),
+    ("statsu", "Did you mean 'status'? The device comes first: `handctl exo status`"),
+    ("statsu exo", "Did you mean 'status'? The device comes first: `handctl exo COMMAND`."),
+    ("exo statsu", "Did you mean 'status'?"),
+    ("exo stpo", "Did you mean 'stop' (writes: "),
+    ("anlge", "`handctl hand angle`"),
+    ("help exot", "'exo'"),
     ("find", "'scan'"),
     ("prots", "'ports'"),
     ("oxe dump", "'exo'"),
@@ -76,3 +83,13 @@ def test_a_named_device_that_has_no_such_command_or_no_such_name(left: dict[str,
     for words, said in (("-d left stauts", "'status'"), ("-d lfet status", "Did you mean left?")):
         done = run(*words.split(), env=left)
         assert done.code == 2 and said in done.err
+
+
+def test_two_swapped_neighbours_are_always_understood() -> None:
+    """Each command of each family, with each pair of neighbours swapped."""
+    for family in FAMILIES:
+        commands = load(family, "cli").cli.commands
+        for name in commands:
+            for at in range(len(name) - 1):
+                typed = name[:at] + name[at + 1] + name[at] + name[at + 2 :]
+                assert typed in commands or repr(name) in meant(typed, commands), (family, typed)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import os
 import re
 import signal
 import subprocess
@@ -224,10 +225,20 @@ def test_full_disk_is_one_line_and_not_0(args: tuple[str, ...]) -> None:
     own_error = [line for line in done.stderr.splitlines() if not line.startswith("  next:")]
     if "silent" in str(args) or "dmup" in args:
         assert len(own_error) <= 2, done.stderr
+        assert done.returncode == (4 if "silent" in str(args) else done.returncode)  # the device's error weighs more
     else:
         assert len(done.stderr.splitlines()) == 1, done.stderr
         assert "stdout" in done.stderr
     assert "Traceback" not in done.stderr and "Exception" not in done.stderr
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no /dev/full here")
+@pytest.mark.parametrize(("fault", "code"), [("silent", 4), ("bad-checksum", 5), ("healthy", 1)])
+@pytest.mark.parametrize("words", [("get", "id"), ("watch", "--count", "2")])
+def test_the_error_of_the_device_weighs_more_than_a_full_disk(words: tuple[str, ...], fault: str, code: int) -> None:
+    for form in ("json", "csv"):
+        done = run("exo", *words, "--format", form, "-o", "/dev/full", "-p", f"fake://exo?clock=virtual&fault={fault}")
+        assert done.code == code, done
 
 
 @pytest.mark.real

@@ -78,7 +78,8 @@ def _lines(text: str, context: click.Context) -> Iterator[Line]:
     given = defaults(context)
     known: dict[str, Line] = {}  # a line that occurs again is the same
     for number, raw in enumerate(text.splitlines(), 1):
-        typed = raw.strip()
+        if not (typed := raw.strip()):
+            continue
         if len(typed) > LONGEST:
             raise UsageError(
                 f"line {number} has {len(typed)} characters: not a command", hint="write one command a line"

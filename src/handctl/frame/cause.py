@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from handctl.errors import HandctlError, Interrupted, UsageError, joined
+from handctl.errors import HandctlError, Interrupted, OutputError, UsageError, joined
 
 if TYPE_CHECKING:
     from handctl.frame.run import Run
@@ -75,3 +75,11 @@ def from_click(exc: click.UsageError) -> UsageError:
         if near:
             text += f" Did you mean {near}?" if "," not in near else f" (Did you mean one of: {near}?)"
     return UsageError(text, hint=f"`{path} -h` shows what it takes")
+
+
+def weightier(error: HandctlError | None, lost: OutputError) -> HandctlError:
+    """Of what went wrong with the device and the output that was lost: the device's weighs more, and tells both."""
+    if error is None or isinstance(error, OutputError):
+        return lost
+    error.text, error.hint = joined(error.text, lost.text), joined(error.hint, lost.hint)
+    return error

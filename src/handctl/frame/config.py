@@ -22,6 +22,7 @@ from typing import Any, NamedTuple
 from handctl.errors import UsageError
 from handctl.families import FAMILIES
 from handctl.files import NoFile, read
+from handctl.sentence import near
 
 Check = Callable[[Any], Any]
 """Value as TOML has it -> value of the option. Raises ValueError with what is wrong."""
@@ -60,11 +61,9 @@ class Config(NamedTuple):
         found = self.devices.get(name)
         if found is not None:
             return found
-        from difflib import get_close_matches
-
-        near = get_close_matches(name, list(self.devices))
         known = f"Named so far: {', '.join(self.devices)}" if self.devices else "No device has a name yet"
-        meant = f"Did you mean {' or '.join(near)}? " if near else ""
+        close = near(name, self.devices)
+        meant = f"Did you mean {' or '.join(close)}? " if close else ""
         raise UsageError(
             f"no device is named {name!r} in {self.path}",
             hint=f"{meant}{known}. `handctl devices add {name} FAMILY -p LINK` adds one.",
@@ -205,10 +204,8 @@ class _Book:
     def entry(self, place: tuple[str, ...], value: Any, known: tuple[str, ...], what: str) -> Entry:
         key = place[-1]
         if key not in known:
-            from difflib import get_close_matches
-
-            near = get_close_matches(key, known)
-            meant = f"Did you mean {' or '.join(near)}? " if near else ""
+            close = near(key, known)
+            meant = f"Did you mean {' or '.join(close)}? " if close else ""
             raise self.wrong(place, f"{key}: no such {what}", f"{meant}Known: {', '.join(known)}")
         try:
             return Entry(self._checks[key](value), self.line(place))

@@ -82,6 +82,8 @@ class Connection:
 
                 self.hold = Hold(run, lock_for(run, name))
             self.link = opened(run, name, baud, tap)
+        if run.writes and not run.stops and self.link.outlet() is not None:
+            refuse_rivals(run, self.link)
         return self.link
 
     def close(self, failure: HandctlError | None, journal: Journal) -> HandctlError | None:
@@ -104,6 +106,20 @@ class Connection:
     def trace_failure(self) -> HandctlError | None:
         """Why the recording ends early."""
         return self._trace.failure
+
+
+def refuse_rivals(run: Run, link: Link) -> None:
+    """Raise LinkError where another program could command the device beside this command, as far as the system tells."""
+    from handctl.link.owners import busy, rivals
+
+    names, hidden = rivals(link)
+    if names:
+        raise busy(link.name, names)
+    if hidden:
+        run.journal.info(
+            "owners-unknown",
+            f"{link.name}: no other program of this user has the port open. Those of other users cannot be seen from this account",
+        )
 
 
 def beside(run: Run, link: str, settings: dict[str, Any]) -> Run:

@@ -1,5 +1,5 @@
 """What somebody may have meant: commands near by spelling and by meaning. A command that writes is never offered without
-what it does, and by spelling only where no command that reads is near.
+what it does, and by spelling only where it is one slip away or no command that reads is near.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import click
 
 from handctl.families import COMMANDS, FAMILIES
 from handctl.frame.options import GIVEN
+from handctl.sentence import near, slips
 
 SAME = (
     # what is typed, and which commands may be meant, the most likely first
@@ -47,14 +48,12 @@ SAME = (
 
 def meant(word: str, commands: Mapping[str, Any]) -> str:
     """A sentence for the end of a message, with a space before it, or nothing. `commands` are click's, or None for a reading one."""
-    from difflib import get_close_matches
-
     low = word.casefold()
     names = [name for typed, known in SAME if low in typed.split() for name in known.split() if name in commands]
     reading = [name for name, one in commands.items() if not getattr(one, "writes", False)]
-    names += get_close_matches(low, reading, cutoff=0.6)
+    names += slips(low, commands) or near(low, reading)
     if not names:
-        names = get_close_matches(low, list(commands), cutoff=0.6)
+        names = near(low, commands)
     if not names:
         return ""
     return f" Did you mean {' or '.join(_said(name, commands[name]) for name in dict.fromkeys(names))}?"
@@ -89,16 +88,22 @@ def top(words: Sequence[str]) -> str:
         return f" `handctl --version` shows that of handctl.{elsewhere(words)}"
     if found := elsewhere(words):
         return found
-    if len(words) > 1 and words[1] in FAMILIES:
-        from handctl.frame.family import load
+    from handctl.frame.family import load
 
+    if len(words) > 1 and words[1] in FAMILIES:
         return (
             meant(name, load(words[1], "cli").cli.commands) + f" The device comes first: `handctl {words[1]} COMMAND`."
         )
+    if found := meant(name, dict.fromkeys(COMMANDS)):
+        return found
+    verbs = dict.fromkeys(verb for family in FAMILIES for verb in load(family, "cli").cli.commands)
+    if close := near(name, verbs, most=1):
+        where = elsewhere([*close, *words[1:]])
+        return where if where.startswith(" Did") else f" Did you mean {close[0]!r}?{where}"
     from difflib import get_close_matches
 
-    near = get_close_matches(name, list(COMMANDS), n=2, cutoff=0.3)
-    return meant(name, dict.fromkeys(COMMANDS)) or (f" Did you mean {' or '.join(map(repr, near))}?" if near else "")
+    vague = get_close_matches(name, list(COMMANDS), n=2, cutoff=0.3)
+    return f" Did you mean {' or '.join(map(repr, vague))}?" if vague else ""
 
 
 def device_in(ctx: click.Context, later: Sequence[str]) -> str | None:

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any, TextIO
 import click
 
 from handctl.ending import end_on_signals, finish_on_signals, gave_up, served
-from handctl.errors import HandctlError, Interrupted, NotConfirmed, OutputError, joined
-from handctl.frame.cause import as_told, from_click, interrupted, judged
+from handctl.errors import HandctlError, Interrupted, NotConfirmed, OutputError
+from handctl.frame.cause import as_told, from_click, interrupted, judged, weightier
 from handctl.frame.connection import Connection, beside
 from handctl.frame.console import TerminalGuide, print_message, print_writes
 from handctl.frame.envelope import device_row, make_envelope
@@ -292,7 +292,7 @@ class Run:
                 self._show(table, failure)
                 failure = told
             except OutputError as exc:
-                if not self.journal.ledger.began:
+                if told is None and not self.journal.ledger.began:
                     raise
                 failure = self._tell_lost(exc, told)
         print_writes(self.journal.ledger, self.settings, failure)
@@ -323,31 +323,30 @@ class Run:
         return failure, told
 
     def stream(self, table: Table) -> HandctlError | None:
-        from handctl.screen import render
-        from handctl.screen.sink import Sink
+        from handctl.screen import render, sink
 
         self._tell_held()  # of what was met before the first row
         self.live = True
-        with Sink(self.settings) as sink:
-            return render.stream(table, sink, self)
+        try:
+            with sink.Sink(self.settings) as place:
+                return render.stream(table, place, self)
+        except OutputError as exc:
+            return weightier(table.failure, exc)
 
     def _show(self, table: Table | None, failure: HandctlError | None) -> None:
-        from handctl.screen import render
-        from handctl.screen.sink import Sink
+        from handctl.screen import render, sink
 
         if table is not None or render.speaks(self.settings.format, failure):
-            with Sink(self.settings) as sink:
-                render.show(table, failure, sink, self)
+            with sink.Sink(self.settings) as place:
+                render.show(table, failure, place, self)
         self._tell_held()
 
-    def _tell_lost(self, exc: OutputError, failure: HandctlError | None) -> OutputError:
-        """No result can be shown, but something was written to a device: what is known of it goes to stderr, as JSON too."""
+    def _tell_lost(self, exc: OutputError, failure: HandctlError | None) -> HandctlError:
+        """No result can be shown: what is known of the device goes to stderr, as JSON too, and its own error weighs more."""
         for message in () if self.settings.quiet else self._held:
             print_message("note" if message.level == "info" else message.level, message.text, message.hint)
         self._held.clear()
-        if failure is not None:
-            exc.text, exc.hint = joined(failure.text, exc.text), joined(failure.hint, exc.hint)
-        return exc
+        return weightier(failure, exc)
 
     def _tell_held(self) -> None:
         for message in self._held:

@@ -17,6 +17,7 @@ import can
 
 from handctl.errors import HandctlError, LinkError, NoAnswer, UsageError
 from handctl.link.base import CanFrame, Deadline, FrameLink, Outlet, Trouble
+from handctl.link.owners import busy, refuse_held
 from handctl.link.slcan import (
     AGAIN_SECONDS,
     BUS_ERROR,
@@ -353,13 +354,10 @@ def _possible(message: can.Message) -> bool:
 def _lock(link: str, port: str) -> int | None:
     """Lock a serial adapter before python-can opens it: its opening alone would end the channel of who has it open.
 
-    Returns a descriptor to keep. Raises LinkError when another program has locked it.
+    Returns a descriptor to keep. Raises LinkError when another program has it open, or has locked it.
     """
+    refuse_held(link, port)
     try:
         return ports.lock(port)
     except OSError as exc:
-        raise LinkError(
-            f"{link}: the port is in use by another program",
-            hint="close that program, then run the command again",
-            code="busy",
-        ) from exc
+        raise busy(link, []) from exc

@@ -16,6 +16,10 @@ from handctl.system import clock
 NOTHING: Mapping[str, str] = {}
 VIRTUAL_BEGAN = 1_767_225_600
 """Where the time of day begins on virtual time, unless the LINK says otherwise: 2026-01-01T00:00:00Z."""
+STANDSTILL = 1000
+"""So many exchanges may cost no virtual time at all: a device behind `wire=` spends what its line takes."""
+EXCHANGE = 0.001
+"""Seconds that each one beyond those costs, so that whatever is bounded by time ends: no line is quicker for long."""
 _OPTIONS = "`handctl sim {kind} -h` lists the options"
 
 
@@ -76,6 +80,7 @@ class _Simulated(Link):
                 f"{link}: {exc.filename or ''}: {exc.strerror or exc}", hint="check the file and its folder"
             ) from exc
         self._virtual: float | None = 0.0 if kept == "virtual" else None
+        self._stands: tuple[float, int] = (0.0, 0)  # since when time has stood still, and how much was sent since
         self._closed = False
         self._line.advance(self.now())
 
@@ -93,6 +98,16 @@ class _Simulated(Link):
             self._virtual = max(self._virtual, moment)
         else:
             clock.sleep(max(0.0, moment - clock.now()))
+
+    def _exchange(self) -> None:
+        """Something is sent: time may not stand still for ever."""
+        if self._virtual is None:
+            return
+        since, count = self._stands
+        self._stands = self._virtual, count + 1 if since == self._virtual else 1
+        if count >= STANDSTILL:
+            self._virtual += EXCHANGE
+            self._stands = self._virtual, count
 
     def _wait(self, deadline: Deadline) -> bool:
         """Sleep until the simulator may have something, or until `deadline`; False when that has passed."""
@@ -142,6 +157,7 @@ class FakeLink(_Simulated, ByteLink):
         self._line.client_baud = baud
 
     def write(self, data: bytes, deadline: Deadline) -> None:
+        self._exchange()
         self._line.advance(self.now())
         self._check()
         try:
@@ -187,6 +203,7 @@ class FakeFrames(_Simulated, FrameLink):
         self._arrived: list[tuple[int, bytes]] = []
 
     def send(self, frame: CanFrame, deadline: Deadline) -> None:
+        self._exchange()
         self._line.advance(self.now())
         self._check()
         try:

@@ -5,12 +5,16 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from handctl.system.ports import asked_holders
+from handctl.errors import LinkError
+from handctl.link.base import Link
+from handctl.system.ports import asked_holders, held_by_name, name_of
+from handctl.system.processes import is_ours
 
 ROOT = Path("/")
 
@@ -26,13 +30,13 @@ class Process(NamedTuple):
 
 
 def processes(root: Path = ROOT) -> Iterator[Process]:
-    """All processes but our own. Nothing where the system has no /proc."""
+    """All processes but our own and its forks. Nothing where the system has no /proc."""
     try:
         entries = [entry for entry in os.listdir(root / "proc") if entry.isdecimal()]
     except OSError:
         return
     for entry in sorted(entries, key=int):
-        if int(entry) == os.getpid() and root == ROOT:
+        if root == ROOT and is_ours(int(entry)):
             continue
         try:
             name = (root / "proc" / entry / "comm").read_text(encoding="utf-8", errors="replace").strip()
@@ -42,25 +46,107 @@ def processes(root: Path = ROOT) -> Iterator[Process]:
 
 
 def holders(device: str, root: Path = ROOT) -> list[Process]:
-    """Processes that have `device` open, as far as the system tells."""
+    """Processes that have `device` open, as far as the system tells.
+
+    Who holds the master of a pseudo terminal is its device, and not one of two that ask it.
+    """
     if root == ROOT and (asked := asked_holders(device)):
         return [Process(pid, name) for pid, name in asked]
     target = device if root != ROOT else os.path.realpath(device)
-    return [process for process in processes(root) if _has_open(root / "proc" / str(process.pid) / "fd", target)]
+    number = target.removeprefix("/dev/pts/") if target.startswith("/dev/pts/") else ""
+    found = []
+    for process in processes(root):
+        names = _descriptors(process, root) or {}
+        if target in names.values() and not (number and _has_master(process, names, number, root)):
+            found.append(process)
+    return found
 
 
-def _has_open(descriptors: Path, target: str) -> bool:
+def _descriptors(process: Process, root: Path) -> dict[str, str] | None:
+    """Number and file of what a process has open; None where it is not ours to look at."""
+    folder = root / "proc" / str(process.pid) / "fd"
     try:
-        names = os.listdir(descriptors)
+        names = os.listdir(folder)
+    except PermissionError:
+        return None
     except OSError:
-        return False  # not ours to look at, or just ended
+        return {}  # just ended
+    found = {}
     for name in names:
-        try:
-            if os.readlink(descriptors / name) == target:
+        with contextlib.suppress(OSError):
+            found[name] = os.readlink(folder / name)
+    return found
+
+
+def _has_master(process: Process, names: dict[str, str], number: str, root: Path) -> bool:
+    for name, target in names.items():
+        if target in ("/dev/ptmx", "/dev/pts/ptmx"):
+            try:
+                told = (root / "proc" / str(process.pid) / "fdinfo" / name).read_text(encoding="utf-8")
+            except OSError:
+                continue
+            if ["tty-index:", number] in [line.split() for line in told.splitlines()]:
                 return True
-        except OSError:
-            continue
     return False
+
+
+class Rivals(NamedTuple):
+    """Who else has what a link has open: `names`, and whether there are processes that nobody lets us look at."""
+
+    names: list[Process]
+    hidden: bool = False
+
+
+def rivals(link: Link) -> Rivals:
+    """Others at the other end of an open link: on its port, or connected from this machine to the same server.
+
+    A CAN bus, and the clients of other machines, cannot be known: then there are none.
+    """
+    outlet = link.outlet()
+    if outlet is None:
+        return Rivals([])
+    if port := name_of(outlet.descriptor):
+        names = holders(port)
+        return Rivals(names, not names and any(_descriptors(process, ROOT) is None for process in processes(ROOT)))
+    return Rivals(_connected(outlet.descriptor))
+
+
+def _connected(descriptor: int) -> list[Process]:
+    """Processes of this machine with another connection to the server that this socket has one to."""
+    rows = [row for name in ("tcp", "tcp6") for row in _table(name)]
+    if not rows:
+        return []
+    ours = f"socket:[{os.fstat(descriptor).st_ino}]"
+    server = next((remote for remote, socket in rows if socket == ours), None)
+    others = {socket for remote, socket in rows if remote == server and socket != ours}
+    if server is None or not others:
+        return []
+    return [one for one in processes(ROOT) if others & set((_descriptors(one, ROOT) or {}).values())]
+
+
+def _table(name: str) -> Iterator[tuple[str, str]]:
+    """The established connections of this machine: the other end, and the socket as a descriptor shows it."""
+    try:
+        lines = (ROOT / "proc" / "net" / name).read_text(encoding="ascii").splitlines()[1:]
+    except (OSError, ValueError):
+        return
+    for words in map(str.split, lines):
+        if len(words) > 9 and words[3] == "01":
+            yield words[2], f"socket:[{words[9]}]"
+
+
+def refuse_held(link: str, device: str) -> None:
+    """Raise LinkError for a port that another process has open: two readers would each get half of the bytes."""
+    if held_by_name(device) and (names := holders(device)):
+        raise busy(link, names)
+
+
+def busy(link: str, names: Sequence[Process]) -> LinkError:
+    """The port, or the server, is somebody else's already."""
+    who = ", ".join(map(str, names)) if names else "another program (the system does not say which)"
+    return LinkError(
+        f"{link}: the port is in use by {who}", hint="close that program, then run the command again", code="busy"
+    )
 
 
 def group_of(path: Path, root: Path = ROOT) -> tuple[int, str] | None:

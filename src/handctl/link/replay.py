@@ -38,6 +38,8 @@ def open_replay(link: str, baud: int | None = None) -> Link:
 
 Key = tuple[int | None, bytes]
 """A recorded line: CAN identifier (None for serial) and bytes."""
+BLANK = (b"\n", b"\r\n")
+"""Lines that are passed over without a look: a file may have a million of them."""
 LOST: Key = (-1, b"")
 """Where `! disconnect` was recorded."""
 Reply = tuple[float, Key]
@@ -103,15 +105,19 @@ class Recording:
         while True:
             self._file.seek(place)
             try:
-                line = self._file.readline(LONGEST_LINE).decode("utf-8").strip()
+                data = self._file.readline(LONGEST_LINE)
+                while data in BLANK:
+                    place += len(data)
+                    data = self._file.readline(LONGEST_LINE)
+                line = data.decode("utf-8").strip()
             except (OSError, UnicodeDecodeError) as exc:
                 why = exc.strerror if isinstance(exc, OSError) else "not a text in UTF-8"
                 raise UsageError(
                     f"{self._source}: cannot be read: {why}", hint="give a file that --trace made"
                 ) from exc
-            if self._file.tell() == place:
+            if not data:
                 return
-            start, place = place, self._file.tell()
+            start, place = place, place + len(data)
             if line and not line.startswith("#"):
                 yield place, self._parsed(line, start)
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import errno
 import os
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +16,7 @@ import serial
 from handctl.errors import LinkError, UsageError
 from handctl.link import urls
 from handctl.link.base import ByteLink, Deadline, Outlet
-from handctl.link.owners import Process, group_of, group_remedy, holders
+from handctl.link.owners import busy, group_of, group_remedy, holders, refuse_held
 from handctl.system import clock, ports
 from handctl.system.waits import readable, writable
 
@@ -161,7 +160,7 @@ class SerialLink(ByteLink):
         is_url = "://" in device
         path = "" if device.startswith("cp2110:") else urls.path_in(device)
         if path and exclusive:
-            _refuse_if_held(link, path)
+            refuse_held(link, path)
         try:
             waits = 0.0 if ports.WAITED_FOR and not is_url else SLICE_SECONDS
             options: dict[str, Any] = {"baudrate": baud, "timeout": waits, "write_timeout": WRITE_SECONDS}
@@ -307,19 +306,6 @@ def _low_latency(port: Any) -> None:
         return
 
 
-def _refuse_if_held(link: str, device: str) -> None:
-    """Refuse a real port that another process has open: two readers would each get half of the bytes."""
-    if ports.held_by_name(device) and (names := holders(device)):
-        raise _busy(link, names)
-
-
-def _busy(link: str, names: Sequence[Process]) -> LinkError:
-    who = ", ".join(map(str, names)) if names else "another program (the system does not say which)"
-    return LinkError(
-        f"{link}: the port is in use by {who}", hint="close that program, then run the command again", code="busy"
-    )
-
-
 def _cannot_open(link: str, device: str, exc: Exception) -> LinkError | UsageError:
     number = ports.trouble(exc)
     if number == errno.EACCES:
@@ -327,7 +313,7 @@ def _cannot_open(link: str, device: str, exc: Exception) -> LinkError | UsageErr
     if number in (errno.ENOENT, errno.ENODEV, errno.ENXIO):
         return LinkError(f"{link}: no such port", hint=_ports_hint(), code="not-found")
     if number in (errno.EAGAIN, errno.EBUSY):
-        return _busy(link, holders(device) if "://" not in device else [])
+        return busy(link, holders(device) if "://" not in device else [])
     if number == errno.ETIMEDOUT:
         return LinkError(
             f"{link}: the device behind the port does not answer",

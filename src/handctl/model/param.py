@@ -13,6 +13,7 @@ from typing import Generic, NamedTuple, TypeVar
 from handctl.digits import number_in
 from handctl.errors import HandctlError, UsageError
 from handctl.model.units import Scale, bit_names, exact_decimal, scale_of
+from handctl.sentence import near
 
 Number = int | float
 
@@ -285,14 +286,9 @@ class ParamMap(Generic[P]):
         return param, [Element(param, param.elements.index(part))]
 
     def _near(self, name: str) -> str:
-        from difflib import get_close_matches
-
-        known = {
-            known.casefold(): known for one in self.every for known in (one.name, getattr(one, "mnemonic", "")) if known
-        }
-        near = [known[one] for one in get_close_matches(name.casefold(), known, n=3, cutoff=0.6)]
+        known = [known for one in self.every for known in (one.name, getattr(one, "mnemonic", "")) if known]
         ask = f"`handctl {self.kind} describe` lists them all"
-        return f"did you mean {' or '.join(near)}? {ask}" if near else ask
+        return f"did you mean {' or '.join(found)}? {ask}" if (found := near(name, known)) else ask
 
     def assignments(self, texts: Sequence[str]) -> list[tuple[Element, Number]]:
         """``["position_set.index=300", "force_set=0,0,0,0,0"]`` -> checked (element, value) pairs in wire order.

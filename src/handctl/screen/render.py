@@ -126,7 +126,7 @@ def stream(table: Table, sink: Sink, context: Context) -> HandctlError | None:
     ending.finish_on_signals()
     if isinstance(failure, OutputError) and failure.code == "reader":
         sink.abandon()
-    failure = context.judged(failure or table.failure)
+    failure = table.failure = context.judged(failure or table.failure)  # stands, should its end find no room
     summary = table.summary() if table.summary is not None else {}
     if "stream" in summary:
         summary["stream"]["samples"] = sink.samples

@@ -48,6 +48,16 @@ def descriptor(port: Any) -> int | None:
         return None
 
 
+def name_of(descriptor: int) -> str:
+    """The name of the port that is open there; "" where it is none, or the system does not tell."""
+    if sys.platform == "win32":
+        return ""
+    try:
+        return os.ttyname(descriptor)
+    except OSError:
+        return ""
+
+
 def trouble(exc: BaseException) -> int | None:
     """The number (errno) of what kept a port from being opened; None where none is told.
 
@@ -90,10 +100,13 @@ _OF_WINDOWS = {
 
 
 def held_by_name(path: str) -> bool:
-    """Whether the system tells who has this port open, and that is somebody else but its own server (a pseudo terminal's)."""
+    """Whether the system tells by the name of this port who has it open."""
     if sys.platform == "darwin":
         return path.startswith(("/dev/cu.", "/dev/tty."))
-    return sys.platform.startswith("linux") and os.path.realpath(path).startswith(("/dev/tty", "/dev/rfcomm"))
+    return sys.platform.startswith("linux") and os.path.realpath(path).startswith(NAMED)
+
+
+NAMED = ("/dev/tty", "/dev/rfcomm", "/dev/pts/", "/dev/hidraw")
 
 
 def asked_holders(path: str) -> list[tuple[int, str]]:

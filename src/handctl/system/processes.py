@@ -54,7 +54,20 @@ def began(pid: int) -> str:
     if sys.platform == "win32":
         with _Process(pid) as process:
             return process.began() if process.lives() else ""
-    return _stat(pid)[1]
+    return _stat(pid)[2]
+
+
+def is_ours(pid: int) -> bool:
+    """Whether this is our own process, or a fork of it that runs the same program."""
+    if pid == os.getpid():
+        return True
+    if _stat(pid)[1] != str(os.getpid()):
+        return False
+    try:
+        with open(f"/proc/{pid}/cmdline", "rb") as theirs, open("/proc/self/cmdline", "rb") as ours:
+            return theirs.read() == ours.read()
+    except OSError:
+        return False
 
 
 def sleeps(pid: int) -> bool:
@@ -78,14 +91,14 @@ def lives(pid: int) -> bool:
     return True
 
 
-def _stat(pid: int) -> tuple[str, str]:
-    """State and start of a process; "" where the system does not tell."""
+def _stat(pid: int) -> tuple[str, str, str]:
+    """State, parent and start of a process; "" where the system does not tell."""
     try:
         with open(f"/proc/{pid}/stat", "rb") as file:
             words = file.read().rpartition(b")")[2].split()
-        return words[0].decode(), words[19].decode()
+        return words[0].decode(), words[1].decode(), words[19].decode()
     except (OSError, IndexError):
-        return "", ""
+        return "", "", ""
 
 
 ASKED, KILLED, GONE = "asked", "killed", "gone"

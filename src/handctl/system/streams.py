@@ -25,3 +25,14 @@ def takes(descriptor: int, seconds: float | None) -> bool:
     poll = select.poll()
     poll.register(descriptor, select.POLLOUT)
     return bool(poll.poll(None if seconds is None else seconds * 1000))
+
+
+def gives(descriptor: int, seconds: float | None) -> bool:
+    """Wait until there is something to read, or the end, as long; a pipe that nobody has opened to write has no end yet."""
+    if sys.platform == "win32":
+        return True
+    import select
+
+    poll = select.poll()
+    poll.register(descriptor, select.POLLIN)
+    return bool(poll.poll(None if seconds is None else seconds * 1000))

@@ -16,6 +16,7 @@ from handctl.frame.clikit import Command, root
 from handctl.frame.options import CONNECTION, OUTPUT, WRITING, SharedOption
 from handctl.frame.run import Run
 from handctl.model.result import Column, Table
+from handctl.sentence import near
 
 OPTIONS = "options"
 HOW = (
@@ -97,16 +98,14 @@ def _below(context: click.Context, word: str) -> click.Context | None:
 
 
 def _unknown(words: list[str]) -> UsageError:
-    from difflib import get_close_matches
-
     name = " ".join(words)
     known = list(_topics())
     if words[0] in COMMANDS:
         context = _below(click.Context(root, info_name="handctl"), words[0])
         if context is not None and isinstance(context.command, click.Group):
             known = [f"{words[0]} {verb}" for verb in context.command.list_commands(context)]
-    near = get_close_matches(name, known, cutoff=0.6)
-    meant = f"did you mean {' or '.join(map(repr, near))}? " if near else ""
+    close = near(name, known)
+    meant = f"did you mean {' or '.join(map(repr, close))}? " if close else ""
     return UsageError(f"no help on {name!r}", hint=f"{meant}`handctl help` lists the topics", code="no-topic")
 
 

@@ -27,7 +27,6 @@ FACTS = Facts(
         "log": "{dir}/log.csv --count 2 --force",
     },
     state="start=homed",
-    states={"home": "start=used"},
     unproven=frozenset(["currents", "max-torque", "stop"]),
     adapts=frozenset({"encoders", "joints", "fingertips", "currents"}),  # a ramp from where it is
     halts=dict.fromkeys(("home", "initial", "encoders", "joints", "fingertips", "currents"), b'{"hand_mode":3}'),

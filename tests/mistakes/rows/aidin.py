@@ -7,6 +7,33 @@ TARGETS = "handctl.devices.aidin.targets"
 
 ROWS = (
     mistake(
+        "aidin-homed-wherever-it-rested",
+        "evidence believed",
+        "handctl.devices.aidin.travel",
+        "_verdict",
+        "if known and abs(way.share(way.rest)) <= AT_STOP:",
+        "if known:",
+        "tests/aidin/test_homing.py::test_a_motor_that_disagrees_with_its_neighbours_is_named",
+    ),
+    mistake(
+        "aidin-encoders-at-0-are-an-origin",
+        "evidence believed",
+        "handctl.devices.aidin.travel",
+        "_knows_origin",
+        "return 2 * sum(abs(way.share(way.rest)) <= AT_STOP for way in went) > len(went)",
+        "return 2 * sum(abs(way.share(way.rest)) <= AT_STOP for way in ways) > 0",
+        "tests/aidin/test_homing.py::test_a_first_homing_proves_nothing",
+    ),
+    mistake(
+        "aidin-homed-while-it-moved",
+        "evidence believed",
+        "handctl.devices.aidin.travel",
+        "_verdict",
+        "if not way.still:",
+        "if not way:",
+        "tests/aidin/test_homing.py::test_verdicts",
+    ),
+    mistake(
         "aidin-key-twice-the-last-wins",
         "swallowed error",
         MESSAGES,

@@ -9,6 +9,34 @@ BLOCKS = "handctl.devices.barrett.realtime.blocks"
 
 ROWS = (
     mistake(
+        "barrett-ctrl-c-at-the-prompt-eats-the-next",
+        "no stop",
+        "handctl.devices.barrett.gcl.passthrough",
+        "interactive",
+        "afresh()  # a Ctrl-C at the prompt must not swallow the next one, which is to stop what begins here",
+        "pass",
+        "tests/barrett/test_gcl.py::test_a_movement_is_interrupted_however_soon_after_a_ctrl_c_at_the_prompt",
+    ),
+    mistake(
+        "barrett-damaged-text-passes",
+        "swallowed error",
+        "handctl.devices.barrett.gcl.language",
+        "whole",
+        "if not line.isascii():",
+        "if not line:",
+        "tests/barrett/test_gcl.py::test_a_damaged_character_is_no_answer",
+        "tests/barrett/test_gcl.py::test_a_damaged_answer_to_a_question_is_asked_again",
+    ),
+    mistake(
+        "barrett-control-values-without-a-deadline",
+        "no end",
+        "handctl.devices.barrett.realtime.intake",
+        "Lines._chunk",
+        "if not gives(descriptor, left):",
+        "if not gives(descriptor, left) and self.begun:",
+        "tests/barrett/test_cli_realtime.py::test_a_pipe_that_nobody_writes_is_not_waited_for_beyond_the_deadline",
+    ),
+    mistake(
         "barrett-interrupt-is-a-boot-trigger",
         "boot trigger",
         LINE,

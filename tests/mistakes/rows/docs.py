@@ -6,6 +6,24 @@ LIES = "documentation that lies"
 
 ROWS = (
     mistake(
+        "guide-sends-to-a-topic-without-it",
+        LIES,
+        "src/handctl/guides/links.md",
+        "",
+        "The name is a table of the configuration file. `--model` and `--side` of an RH56 hand are kept there as two lines of your own:",
+        "The name is a table of the configuration file:",
+        "tests/docs/test_named.py::test_what_a_topic_is_said_to_show_is_in_it",
+    ),
+    mistake(
+        "library-module-that-is-not-reached",
+        LIES,
+        "handctl",
+        "",
+        'if name in ("errors", "hands"):',
+        'if name == "errors":',
+        "tests/docs/test_named.py::test_every_name_in_python_that_a_text_names_is_there",
+    ),
+    mistake(
         "guide-swaps-silence-and-garbage",
         LIES,
         "src/handctl/guides/output.md",

@@ -7,6 +7,24 @@ SESSION = "handctl.frame.session"
 
 ROWS = (
     mistake(
+        "frame-full-disk-hides-the-device",
+        "wrong exit code",
+        "handctl.frame.cause",
+        "weightier",
+        "if error is None or isinstance(error, OutputError):",
+        "if error is not lost:",
+        "tests/kernel/test_render.py::test_the_error_of_the_device_weighs_more_than_a_full_disk",
+    ),
+    mistake(
+        "frame-swapped-letters-are-another-word",
+        "wrong advice",
+        "handctl.sentence",
+        "_slipped",
+        "return swapped or (len(one) > 2 and one[place + 1 :] == other[place + 1 :])",
+        "return len(one) > 2 and one[place + 1 :] == other[place + 1 :]",
+        "tests/kernel/test_nearest.py::test_two_swapped_neighbours_are_always_understood",
+    ),
+    mistake(
         "batch-ends-as-the-last-failed-line",
         "wrong exit code",
         BATCH,

@@ -8,6 +8,24 @@ MODBUS = "handctl.devices.inspire.modbus"
 
 ROWS = (
     mistake(
+        "inspire-echo-of-a-save-is-an-acknowledgement",
+        "evidence believed",
+        "handctl.devices.inspire.canbus",
+        "CanBus.write",
+        "if reply == data and echo is not None:",
+        "if reply == data:",
+        "tests/inspire/test_canbus_faults.py::test_an_acknowledgement_that_equals_its_request_proves_nothing_by_itself",
+    ),
+    mistake(
+        "inspire-echo-on-an-echoing-bus-acknowledges",
+        "evidence believed",
+        "handctl.devices.inspire.canbus",
+        "CanBus._exchange",
+        "returned = count is None and frame == request and self.journal.line.echo and request not in odd",
+        "returned = False",
+        "tests/inspire/test_canbus_faults.py::test_an_acknowledgement_that_equals_its_request_proves_nothing_by_itself",
+    ),
+    mistake(
         "eb90-address-high-byte-first",
         "byte order",
         EB90,

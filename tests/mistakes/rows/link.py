@@ -6,6 +6,33 @@ LOCK = "handctl.link.lock"
 
 ROWS = (
     mistake(
+        "link-moves-beside-another-program",
+        "shared device",
+        "handctl.link.owners",
+        "rivals",
+        "return Rivals(_connected(outlet.descriptor))",
+        "return Rivals([])",
+        "tests/link/test_rivals.py::test_a_second_connection_to_one_server_is_found_by_its_socket",
+    ),
+    mistake(
+        "link-simulator-is-a-rival",
+        "device taken for another",
+        "handctl.link.owners",
+        "_has_master",
+        'if target in ("/dev/ptmx", "/dev/pts/ptmx"):',
+        'if target == "/dev/tty":',
+        "tests/link/test_rivals.py::test_who_holds_the_master_is_the_device_of_that_terminal_only",
+    ),
+    mistake(
+        "link-exchanges-for-nothing",
+        "no end",
+        "handctl.api",
+        "simulate",
+        'said = {"clock": "virtual", "wire": "auto", **{name.replace("_", "-"): value for name, value in options.items()}}',
+        'said = {"clock": "virtual", **{name.replace("_", "-"): value for name, value in options.items()}}',
+        "tests/contract/test_time.py::test_a_simulated_device_takes_the_time_of_its_line",
+    ),
+    mistake(
         "lock-of-a-symbolic-link",
         "two locks",
         "handctl.system.ports",

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from handctl.devices.aidin.device import AidinHand
 from handctl.devices.aidin.feedback import Wire
-from handctl.devices.aidin.homing import MOTOR_POS, connect_or_command, moving, named
+from handctl.devices.aidin.homing import connect_or_command, named
 from handctl.devices.aidin.map import AIDIN, Mode
 from handctl.devices.aidin.stop import in_force, object_of
+from handctl.devices.aidin.travel import MOTOR_POS, moving
 from handctl.errors import CheckFailed, NoAnswer
 from handctl.model.param import elements_of
 from handctl.model.result import Column, Row, Table

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from handctl.devices.aidin.device import AidinHand, outside, reading
 from handctl.devices.aidin.feedback import Feedback
-from handctl.devices.aidin.map import AIDIN, AidinParam, Mode
+from handctl.devices.aidin.map import AidinParam, Mode
 from handctl.devices.aidin.stop import in_force, object_of, stop_after, stopped_if_cut_short
+from handctl.devices.aidin.travel import AT_ORIGIN, MOTOR_POS, Travel, Verdict, Way, moving, stroke
 from handctl.devices.aidin.way import ExchangeMode
 from handctl.errors import CheckFailed, HandctlError, NoAnswer, UsageError
 from handctl.model.guide import CTRL_C, Guide
 from handctl.model.param import Number, elements_of
-from handctl.model.result import Table
+from handctl.model.result import Cell, Column, Grid, Row, Table
 
 HOLD = 3.5
 """Seconds of homing: the documented 3 and a reserve."""
@@ -22,17 +23,17 @@ LARGEST_GAP = 0.25
 """A longer pause between two homing objects may count as an interruption: the hold begins again."""
 HOLDS = 3
 INITIAL = 5.0
-AT_ORIGIN = 0.01
-AT_STOP = 0.02
-"""Share of a stroke within which a motor counts as at its stop before homing."""
-LEAP = 3
-"""A motor that changes so many times faster than just before, from one look to the next, was not driven there."""
 TICKS = 5
-STILL = 0.001
-"""Share of a stroke that a motor may change from one look to the next and still stand."""
+ZEROED = 2.5
+"""Seconds after which the hand may set the origin: the documented 3 and a reserve."""
+WAY = (
+    Column("from", "From", right=True),
+    Column("way", "Way", right=True),
+    Column("rest", "Rest", right=True),
+    Column("verdict", "Verdict"),
+)
 LEFT = "the hand was left in homing mode, no stop was sent"
 GOES_ON = "no stop was sent, the hand is expected to go on to its origin. `handctl aidin stop` frees it"
-MOTOR_POS = AIDIN["motor_pos"]
 
 
 def connect_or_command(hand: AidinHand) -> bool:
@@ -56,8 +57,8 @@ def connect_or_command(hand: AidinHand) -> bool:
 def home(hand: AidinHand, guide: Guide) -> Table:
     """Mode 1 for 3.5 s and nothing else in between, judged per motor (aidin, Modes: homing).
 
-    Each must have moved, or have been at its stop already, and then be near 0: the hand sets 0 wherever a finger stands.
-    Raises CheckFailed naming those that are not, NoAnswer when the hand says nothing, UsageError for a --deadline before its end.
+    The hand sets 0 wherever a finger stands: `travel.Verdict` says what shows that each is open. A motor without such a
+    proof is a CheckFailed of the table. Raises NoAnswer when the hand says nothing, UsageError for a --deadline before its end.
     """
     bound = hand.talk.bound
     if bound is not None and bound.remaining < HOLD:
@@ -65,90 +66,89 @@ def home(hand: AidinHand, guide: Guide) -> Table:
             f"homing takes {HOLD:g} s, --deadline leaves less", hint="give a longer --deadline. Nothing was sent."
         )
     blind = connect_or_command(hand)
-    seen = _Travel()
+    seen = Travel()
     if not blind:  # before the guard: a hand that has not been driven yet is not stopped
-        seen.note(tuple(int(number) for number in hand.talk.need(MOTOR_POS)[0]))
+        first = hand.talk.need(MOTOR_POS)[0]
+        seen.note(hand.link.now(), tuple(int(number) for number in first))
     guide.say(f"Keep clear. Homing: all fingers open for {HOLD:g} s.")
     data = object_of(Mode.HOMING)
     mark = hand.journal.ledger.mark
     with stopped_if_cut_short(hand, guide, "homing failed, the hand is not homed. "):
         try:
-            _hold(hand, data, guide, seen, blind=blind)
+            begin = _hold(hand, data, guide, seen, blind=blind)
         except HandctlError as exc:
             stop_after(hand, exc)
             raise
         finally:
             guide.done()
         with in_force(LEFT):
-            now = _origin(hand, data, blind=blind)
-        seen.note(now)
-    off = _away(now)
-    if off:
-        raise CheckFailed(
-            f"{hand.link.name}: homing is not confirmed, encoders are not at 0: {named(MOTOR_POS, off, now)}",
-            hint=f"{LEFT}. Free any blocked finger, look with `handctl aidin status`, and home again",
-            code="not-homed",
-        )
-    _judge_travel(hand, seen, mark)
-    return hand.table(hand.read(elements_of(MOTOR_POS))) if not blind else _last_known(hand)
+            seen.note(hand.link.now(), _origin(hand, data, blind=blind))
+    return _judged(hand, seen.ways(begin + ZEROED), mark)
 
 
-def _judge_travel(hand: AidinHand, seen: _Travel, mark: int) -> None:
-    """All encoders are at 0 now; whether the fingers are open is told by the way there. Raises CheckFailed."""
-    first = seen.first or ()
-    stood = [index for index in range(len(first)) if index not in seen.moved]
-    held = [index for index in stood if abs(first[index]) > stroke(index) * AT_STOP]
-    if held:
-        raise CheckFailed(
-            f"{hand.link.name}: not homed: {len(held)} of {len(first)} motors never moved, the hand set 0 where they "
-            f"stood: {named(MOTOR_POS, held, first)} before",
-            hint=f"every target of such a motor is off by what it was away from open. {LEFT}. Free the finger and home "
-            "again. One that was fully open before homing passes then",
+def _judged(hand: AidinHand, ways: list[Way], mark: int) -> Table:
+    """A row a motor with its way and verdict; what went wrong, or is not shown, is the failure of the table."""
+    values = tuple(way.now for way in ways)
+    table = hand.table([reading(hand.link.name, element, values) for element in elements_of(MOTOR_POS)])
+    for row, way in zip(table.rows, ways, strict=True):
+        row |= {"from": way.start, "way": way.travelled, "rest": way.rest, "verdict": way.verdict.value}
+    table.columns = (*hand.columns, *WAY)
+    table.view = by_motor
+    against = [way for way in ways if way.verdict.speaks_against]
+    unproven = [way for way in ways if way.verdict is Verdict.UNPROVEN]
+    if against:
+        table.failure = CheckFailed(
+            f"{hand.link.name}: homing is not confirmed for {_count(against)}: {_told(against)}",
+            hint=f"{LEFT}. It set 0 where they rested, so each target of such a motor may be off by as much. Free any blocked "
+            "finger and home again",
             code="not-homed",
         )
-    if stood and not any(first):  # as after power-on: 0 wherever the fingers are
-        who = "no motor moved" if len(stood) == len(first) else f"these did not move: {named(MOTOR_POS, stood, first)}"
-        hand.journal.warn(
-            "nothing-moved",
-            f"not confirmed: the encoders were 0 before and are 0 now, and {who}. They were open already, or are blocked, "
-            "or did not take the command (just switched on, the encoders are 0 wherever the fingers are)",
-            hint="check that the fingers are fully open",
+    elif unproven:
+        table.failure = CheckFailed(
+            f"{hand.link.name}: homing is not confirmed for {_count(unproven)}, as nothing shows that they rested at their "
+            f"open stop: {_told(unproven)}",
+            hint=f"{LEFT}. Check that all fingers are fully open: then it is homed. To have that confirmed, close the fingers "
+            "part of the way, for example with `handctl aidin encoders`, and home again. Each motor must rest at the same place",
+            code="homing-unproven",
         )
-        return
-    hand.journal.ledger.confirm("each motor moved or was at its stop, and is at 0", since=mark)
-    hand.journal.info(
-        "homed",
-        "homed: each motor moved or was at its stop already, and is at 0 now. The hand was left in homing mode, nothing "
-        "more is sent",
+    else:
+        hand.journal.ledger.confirm("each motor rested at its open stop and is at 0", since=mark)
+        hand.journal.info(
+            "homed",
+            "homed: each motor stood still at its open stop, where an earlier homing had set 0 or after its whole stroke, "
+            "and is at 0 now. The hand was left in homing mode, nothing more is sent",
+        )
+    return table
+
+
+def _count(ways: list[Way]) -> str:
+    return f"{len(ways)} of {MOTOR_POS.count} motors"
+
+
+def _told(ways: list[Way]) -> str:
+    """``ring.m3 hardly moved (way 450, rested at 85000)``, four motors at most."""
+    shown = ", ".join(
+        f"{MOTOR_POS.elements[way.index]} {way.verdict.value} (way {way.travelled}, rested at {way.rest})"
+        for way in ways[:4]
     )
+    return shown + (f" and {len(ways) - 4} more" if len(ways) > 4 else "")
 
 
-class _Travel:
-    """The way of each encoder since it was first told. A jump to 0 is no way: so the hand sets the origin."""
-
-    def __init__(self) -> None:
-        self.first: tuple[int, ...] | None = None
-        self.moved: set[int] = set()
-        self._last: tuple[int, ...] = ()
-        self._step: list[int] = []
-
-    def note(self, encoders: tuple[int, ...] | None) -> None:
-        """Encoders as they are now; None = not told."""
-        if encoders is None:
-            return
-        if self.first is None:
-            self.first, self._last, self._step = encoders, encoders, [0] * len(encoders)
-        for index in moving(self._last, encoders):
-            before, now = self._last[index], encoders[index]
-            near = stroke(index) * AT_ORIGIN
-            fast = abs(now - before) > LEAP * max(abs(self._step[index]), near)
-            if not (fast and abs(now) <= near):
-                self.moved.add(index)
-        self._step = [now - before for before, now in zip(self._last, encoders, strict=True)]
-        self._last = encoders
+def by_motor(rows: list[Row]) -> list[Grid]:
+    """One line a motor: where it was, how far it went, where it rested before 0 was set there, and what that proves."""
+    lines: tuple[tuple[str | Cell, ...], ...] = tuple(
+        (
+            f"{row['finger']}.{row['element']}",
+            *(str(row[key]) for key in ("from", "way", "rest", "value")),
+            Cell(row["verdict"], "good" if Verdict(row["verdict"]).proof else "warn"),
+        )
+        for row in rows
+    )
+    return [Grid(("Motor", "From", "Way", "Rest", "Now", "Verdict"), lines, right=frozenset(range(1, 5)))]
 
 
-def _hold(hand: AidinHand, data: bytes, guide: Guide, seen: _Travel, *, blind: bool) -> None:
+def _hold(hand: AidinHand, data: bytes, guide: Guide, seen: Travel, *, blind: bool) -> float:
+    """Send mode 1 until it was held; when that began."""
     link, talk = hand.link, hand.talk
     begin = last = link.now()
     holds = 1
@@ -157,8 +157,8 @@ def _hold(hand: AidinHand, data: bytes, guide: Guide, seen: _Travel, *, blind: b
         talk.tick(data, blind=blind or streams, by=MOTOR_POS)
         if streams:
             talk.check_alive()
-        seen.note(_encoders(talk.feedback))
         now = link.now()
+        seen.look(now, talk.feedback)
         if now - last > LARGEST_GAP:
             if holds == HOLDS:
                 raise CheckFailed(
@@ -170,6 +170,7 @@ def _hold(hand: AidinHand, data: bytes, guide: Guide, seen: _Travel, *, blind: b
             hand.journal.warn("interrupted-hold", f"homing was delayed for {now - last:.2f} s and begins again")
         last = now
         guide.progress(f"Homing {min(HOLD, now - begin):.1f} of {HOLD:g} s, the fingers open.", CTRL_C)
+    return begin
 
 
 def _origin(hand: AidinHand, data: bytes, *, blind: bool) -> tuple[int, ...]:
@@ -192,19 +193,6 @@ def _origin(hand: AidinHand, data: bytes, *, blind: bool) -> tuple[int, ...]:
 def _away(encoders: tuple[int, ...]) -> list[int]:
     """Motors that are not within 1 % of their stroke of the origin."""
     return [index for index, value in enumerate(encoders) if abs(value) > stroke(index) * AT_ORIGIN]
-
-
-def stroke(index: int) -> float:
-    limit = MOTOR_POS.limit(index)
-    assert limit is not None
-    return limit[1] - limit[0]
-
-
-def moving(before: tuple[Number, ...] | None, now: tuple[Number, ...]) -> list[int]:
-    """Motors whose encoder has changed by more than jitter; all of them without a look before."""
-    if before is None:
-        return list(range(len(now)))
-    return [i for i, (a, b) in enumerate(zip(before, now, strict=True)) if abs(b - a) > stroke(i) * STILL]
 
 
 def named(param: AidinParam, indices: list[int], values: tuple[Number, ...] | list[Number]) -> str:
@@ -255,7 +243,7 @@ def initial(hand: AidinHand, guide: Guide, *, assume_homed: bool) -> Table:
             hint="run `handctl aidin home` first. --assume-homed goes on without it. Nothing was sent.",
         )
     data, end = object_of(Mode.INITIAL), talk.deadline(INITIAL)
-    seen, ledger = _Travel(), hand.journal.ledger
+    seen, ledger = Travel(), hand.journal.ledger
     mark = ledger.mark
     now: tuple[int, ...] | None = None
     before: tuple[int, ...] | None = None
@@ -265,8 +253,8 @@ def initial(hand: AidinHand, guide: Guide, *, assume_homed: bool) -> Table:
                 before = now
                 for _ in range(TICKS):
                     talk.tick(data, blind=blind, by=MOTOR_POS)
-                now = _encoders(talk.feedback) or now
-                seen.note(now)
+                seen.look(talk.link.now(), talk.feedback)
+                now = seen.last
                 guide.progress("Moving to the initial position.", CTRL_C)
         finally:
             guide.done()
@@ -292,9 +280,3 @@ def initial(hand: AidinHand, guide: Guide, *, assume_homed: bool) -> Table:
             hint="look at the fingers, and run `handctl aidin home` if they are not open",
         )
     return hand.table(hand.read(elements_of(MOTOR_POS))) if not blind else _last_known(hand)
-
-
-def _encoders(feedback: Feedback) -> tuple[int, ...] | None:
-    if MOTOR_POS.key in feedback.errors or MOTOR_POS.key not in feedback.values:
-        return None
-    return tuple(int(number) for number in feedback.values[MOTOR_POS.key])

@@ -13,6 +13,7 @@ from handctl.devices.inspire import canreg
 from handctl.devices.inspire.registers import RegisterBus
 from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer, ProtocolError
 from handctl.link import CanFrame, Deadline, FrameLink, Trouble
+from handctl.model.ledger import ACKNOWLEDGED
 from handctl.model.param import Step
 from handctl.model.result import Journal, hex_bytes
 
@@ -58,9 +59,17 @@ class CanBus(RegisterBus):
         return self.repeated(lambda: self._exchange(request, count), retries)
 
     def write(self, address: int, data: bytes, *, acknowledged_by: Sequence[int] = ()) -> None:
-        """Write 1..8 bytes once (wrist §2.3.2). The reply has no data, or the number of bytes written."""
+        """Write 1..8 bytes once (wrist §2.3.2). The reply has no data, or the number of bytes written.
+
+        The acknowledgement of a written 01 equals the request. It proves something only where an exchange before has shown
+        whether our own frames come back.
+        """
         request = CanFrame(*canreg.write_request(self.id, address, data, self.write_flag))
+        echo, ledger = self.journal.line.echo, self.journal.ledger
+        mark = ledger.mark
         reply = self._exchange(request, None)
+        if reply == data and echo is not None:
+            ledger.confirm(ACKNOWLEDGED, since=mark)
         if reply and reply[0] != len(data):
             raise DeviceRefused(
                 f"{self.where}: the device acknowledged {reply[0]} of {len(data)} bytes written at {address}",
@@ -94,7 +103,8 @@ class CanBus(RegisterBus):
             frame = self.receive(deadline)
             if frame is None:
                 raise self._failure(request, odd, errors, self.link.damaged - damaged, started)
-            if frame.can_id == request.can_id and _answers(frame, request, count):
+            returned = count is None and frame == request and self.journal.line.echo and request not in odd
+            if frame.can_id == request.can_id and _answers(frame, request, count) and not returned:
                 self.journal.counters.received += 1
                 self.round_trip = self.link.now() - started
                 self.learn(self.round_trip, echo=request in odd)

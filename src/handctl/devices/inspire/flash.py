@@ -96,7 +96,7 @@ def _save(hand: RegisterDevice, guide: Guide) -> Table:
             raise lost
         hand.journal.warn(
             "no-result",
-            "the save was sent and acknowledged. This wire has no frame that reports its result",
+            "the save was sent. This wire has no frame that reports its result",
             hint="power-cycle the hand, then read the values to be sure",
         )
         bus.pause(SAVE_RESULT_SECONDS)  # nothing is written meanwhile (rh56 §9)

@@ -54,8 +54,8 @@ class InspireWrites:
         """See WriteWords."""
         if can_id is not None:
             sent = self._can
-            if sent is None or can_id != sent[0] or len(data) > 1 or (data == sent[1] and data != b"\x01"):
-                return ()  # longer, or our own write coming back: no acknowledgement
+            if sent is None or can_id != sent[0] or len(data) > 1 or data == sent[1]:
+                return ()  # longer, or what may be our own write coming back: who asked knows whether it is
             return ((can_id, not data or data[0] == len(sent[1])),)
         self._decoder.feed(data)
         verdicts = [self._verdict(frame) for frame in frames_in(self._decoder)]

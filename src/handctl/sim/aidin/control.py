@@ -93,6 +93,7 @@ def snapshot(device: Device) -> dict[str, Any]:
         "goals": [motor.goal for motor in hand.motors],
         "ceilings": [motor.ceiling for motor in hand.motors],
         "jammed": [motor.jammed for motor in hand.motors],
+        "floors": [motor.floor for motor in hand.motors],
         "touch": list(hand.touch),
         "bias": list(hand.bias),
         "warm": hand.warm,
@@ -104,6 +105,7 @@ def restore(device: Device, state: dict[str, Any]) -> None:
     hand = device.hand
     places, ceilings = _row(state, "places", 15, 0.0, 440000.0), _row(state, "ceilings", 15, 0.0, 440000.0)
     origins, goals = _row(state, "origins", 15, -1e6, 1e6), _row(state, "goals", 15, -1e15, 1e15)
+    floors = _row({"floors": [0.0] * 15, **state}, "floors", 15, 0.0, 440000.0)  # older files have none
     touch, bias = _row(state, "touch", 30, -1000.0, 1000.0), _row(state, "bias", 30, -1e6, 1e6)
     (warm,) = _row({"warm": [state["warm"]]}, "warm", 1, 0.0, 1e12)
     drives, jammed, mode, torque = state["drives"], state["jammed"], state["mode"], state["maxtorque"]
@@ -117,6 +119,7 @@ def restore(device: Device, state: dict[str, Any]) -> None:
     for number, motor in enumerate(hand.motors):
         motor.place, motor.origin, motor.ceiling = places[number], origins[number], ceilings[number]
         motor.drive, motor.goal, motor.jammed = drives[number], goals[number], bool(jammed[number])
+        motor.floor = floors[number]
         if mode == 1:
             motor.release()
 

@@ -9,7 +9,7 @@ commands are not carried out (there is no error message). A power cut does not c
 
 from __future__ import annotations
 
-from handctl.sim.aidin.hand import HOMING, JOINTS, STARTS, STROKES, TIPS, Hand, from_joints, from_tips
+from handctl.sim.aidin.hand import HOMING, JOINTS, STARTS, STROKES, TIPS, Hand, Motor, from_joints, from_tips
 from handctl.sim.aidin.text import RADIANS, TEXT_FAULTS, TEXT_OPTIONS, Reader, Writer
 from handctl.sim.engine.model import NOTHING, Model, Options, Random, Reply
 
@@ -55,6 +55,10 @@ _OPTIONS = {
     "q4": "q4 as fed back: same (default, equals q3), half (90° + q3/2), zero",
     "load": "1 (default): holding a position costs current. 0: it costs none",
     "noise": "1: sensors and currents are never quite still",
+    "motor": "0..14: the motor of the faults held, stall and creep (default: by the seed)",
+    "give": "held: counts that the motor gives, 0..440000 (default 450)",
+    "stall-at": "stall: share of its way to open, 0..100 percent (default 60)",
+    "creep": "creep: counts a second, 1..100000 (default 2000)",
     "drift": "drift of the force channels, thousandths of a unit a minute, 0..10000 (default 0)",
     **TEXT_OPTIONS,
 }
@@ -65,6 +69,9 @@ _FAULTS = {
     "no-homing": "homing opens the fingers but does not set the origin",
     "no-bias": "the sensor bias mode does nothing",
     "weak": "maxtorque is 100 at power-on",
+    "held": "one motor gives a little when it homes and is then held (give)",
+    "stall": "one motor stalls on its way to open when it homes (stall-at)",
+    "creep": "the encoder of one motor loses counts all the time (creep)",
     "touched": "an object presses on the fingertip of the index finger",
 }
 TOUCH = (1.5, -2.5, 4.5, 0.015, -0.025, 0.035)  # Fx Fy Fz Tx Ty Tz of the fault "touched"
@@ -105,6 +112,11 @@ class Device(Model):
         self._every = options.integer("every", 1, 1, 1000000000)
         wire = options.integer("wire", -1, 50, 20000000) if options.text("wire") != "auto" else -1
         self._wire = 10.0 / wire if wire > 0 else 0.0
+        self._give = options.integer("give", 450, 0, 440000)
+        self._stall = options.integer("stall-at", 60, 0, 100) / 100.0
+        self._creep = options.integer("creep", 2000, 1, 100000)
+        self._chosen = options.integer("motor", -1, 0, 14)
+        self._odd: Motor | None = None  # the motor of the faults held, stall and creep
         self.reader = Reader(options)
         self.writer = Writer(options)
         self.mode = 0  # the last one carried out; 0: none since power-on
@@ -158,6 +170,11 @@ class Device(Model):
             for motor in motors:
                 motor.jammed = "blocked" in faults
         motors[11].dead = "dead-motor" in faults
+        if self._odd is None and faults & {"held", "stall", "creep"}:
+            self._odd = motors[self._chosen if self._chosen >= 0 else self.random.between(0, 14)]
+        if self._odd is not None:
+            self._odd.slip = float(self._creep) if "creep" in faults else 0.0
+            self._odd.floor = self._odd.floor if faults & {"held", "stall"} else 0.0
         if "touched" in faults | before:
             self.hand.touch[6:12] = TOUCH if "touched" in faults else [0.0] * 6
 
@@ -333,6 +350,8 @@ class Device(Model):
         """Mode 1: opens under current control; once the origin is set, holding it longer changes nothing."""
         if self._homing_since is None:
             self._homing_since = self.now
+            if self._odd is not None and self.faults & {"held", "stall"}:
+                self._odd.obstruct(self._give if "held" in self.faults else self._stall * self._odd.place)
             self.hand.push([HOMING] * 15)
         self._held = self.now
         self.mode = 1

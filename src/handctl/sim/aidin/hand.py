@@ -42,12 +42,27 @@ STARTS = ("used", "homed", "open", "cold")
 class Motor:
     """One motor with its incremental encoder; `place` and `goal` are counts from the open stop, unrounded."""
 
-    __slots__ = ("ceiling", "dead", "drive", "goal", "holding", "jammed", "origin", "place", "rest", "stroke")
+    __slots__ = (
+        "ceiling",
+        "dead",
+        "drive",
+        "floor",
+        "goal",
+        "holding",
+        "jammed",
+        "origin",
+        "place",
+        "rest",
+        "slip",
+        "stroke",
+    )
 
     def __init__(self, number: int) -> None:
         self.stroke = STROKES[number // 3][number % 3]
         self.place = self.origin = 0.0
         self.ceiling = float(self.stroke)  # an obstacle is lower
+        self.floor = 0.0  # what holds the motor on its way to open is higher
+        self.slip = 0.0  # counts a second that the encoder loses
         self.holding, self.rest = 0, 0
         self.jammed = self.dead = False
         self.release()
@@ -56,11 +71,16 @@ class Motor:
         """Motor power off: the finger moves freely."""
         self.drive, self.goal = "off", 0.0
 
+    def obstruct(self, gives: float) -> None:
+        """From here the motor opens by so many counts and no further."""
+        self.floor = max(0.0, self.place - gives)
+
     def reading(self) -> int:
         return round(self.place - self.origin)
 
     def run(self, seconds: float, torque: int) -> None:
         """Lets time pass; `torque` is the current limit, which limits the speed as well."""
+        self.origin += self.slip * seconds
         fastest = self.stroke * torque / 1000.0  # counts a second
         if self.drive == "off" or fastest == 0.0 or self.jammed or self.dead:
             return
@@ -69,7 +89,7 @@ class Motor:
             wanted = self.place + math.copysign(speed * seconds, self.goal)
         else:
             wanted = self._approach(fastest, seconds)
-        self.place = min(max(wanted, 0.0), max(self.ceiling, 0.0))
+        self.place = min(max(wanted, min(self.floor, self.place)), max(self.ceiling, 0.0))
 
     def _approach(self, fastest: float, seconds: float) -> float:
         """At full speed until the lag takes over; the last half count is made at once."""
@@ -85,7 +105,7 @@ class Motor:
         way = self.goal if self.drive == "current" else self.goal - self.place
         if abs(way) <= (0.0 if self.drive == "current" else STUCK * self.stroke):
             return False
-        return self.jammed or (self.place >= self.ceiling if way > 0 else self.place <= 0.0)
+        return self.jammed or (self.place >= self.ceiling if way > 0 else self.place <= self.floor)
 
     def pull(self, torque: int) -> float:
         """The current in force, never above the limit."""

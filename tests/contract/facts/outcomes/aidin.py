@@ -62,7 +62,9 @@ DEVICE: dict[str, dict[str, Codes]] = {
     "blocked": every(0, home=7, initial=7, encoders=7, joints=7),
     "dead-motor": every(0, home=7, initial=7),
     "no-bias": every(0, bias=7),
-    "weak": every(0, initial=7, joints=7),
+    "weak": every(0, home=7, initial=7, joints=7),
+    **dict.fromkeys(("held", "stall"), every(0, home=7)),
+    "creep": every(0, home=7),
 }  # fmt: skip
 MADE = (
     *("rate=10", "rate=500", "merge=5", "chunk=100", "between=none", "between=nul", "between=crlf", "layout=indented"),

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from handctl.devices.barrett.care import health
 from handctl.devices.barrett.care.checks import CHECKS, Patient, said
 from handctl.devices.barrett.care.health import FAIL, OK, SKIPPED, Finding
-from handctl.devices.barrett.care.symptoms import SYMPTOMS, Symptom, near
+from handctl.devices.barrett.care.symptoms import SYMPTOMS, Symptom, like
 from handctl.devices.barrett.device import BarrettHand
 from handctl.errors import CheckFailed, DeviceRefused, HandctlError, LinkError, NoAnswer, ProtocolError, UsageError
 from handctl.model.result import Cell, Column, Grid, Row, Table
@@ -65,7 +65,7 @@ def communication(hand: BarrettHand, speed: int | None) -> Finding:
 def symptom_of(name: str) -> Symptom:
     """The entry of the book. Raises UsageError with near names."""
     if name not in SYMPTOMS:
-        likely = near(name.lower())
+        likely = like(name.lower())
         meant = f"did you mean {' or '.join(likely)}? " if likely else ""
         raise UsageError(
             f"{name!r} is not a symptom in the manual",

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from handctl.sentence import near
+
 Steps = tuple[tuple[str, str], ...]
 
 
@@ -116,9 +118,7 @@ SYMPTOMS: dict[str, Symptom] = {
 }  # fmt: skip
 
 
-def near(name: str) -> list[str]:
+def like(name: str) -> list[str]:
     """Symptoms whose name or title is like `name`."""
-    from difflib import get_close_matches
-
-    found = get_close_matches(name, list(SYMPTOMS), n=3, cutoff=0.6)
+    found = near(name, SYMPTOMS)
     return found + [key for key, entry in SYMPTOMS.items() if name in entry.title and key not in found]

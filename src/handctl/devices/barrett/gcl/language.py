@@ -240,6 +240,14 @@ def _text(part: bytes) -> str:
     return part.decode("ascii", "replace")
 
 
+def whole(answer: Answer) -> Answer:
+    """The same answer. Raises ProtocolError where a character of it is none of GCL's: a bit was lost on the line."""
+    for line in answer.lines:
+        if not line.isascii():
+            raise ProtocolError(f"{answer.command}: a damaged character came: {line!r}", hint=DISTURBED, code="damaged")
+    return answer
+
+
 def _prompt_at(buffer: bytearray, start: int, known: int) -> int | None:
     """Where the prompt stands at the start of a line, from `start` on; before `known` there is none."""
     place = buffer.find(PROMPT, max(start, known))

@@ -18,6 +18,7 @@ from handctl.devices.barrett.gcl.language import (
     encode,
     has_colon,
     has_prompt,
+    whole,
 )
 from handctl.errors import HandctlError, Left, LinkError, NoAnswer, ProtocolError
 from handctl.link import ByteLink, Deadline
@@ -203,7 +204,7 @@ class GclLine(Line):
 
     def _judge(self, answer: Answer, check: Callable[[Answer], object]) -> None:
         try:
-            check(answer)
+            check(whole(answer))
         except ProtocolError as exc:
             self.journal.counters.bad_frames += 1
             raise ProtocolError(f"{self.link.name}: {exc.text}", hint=DISTURBED, code=exc.code) from exc

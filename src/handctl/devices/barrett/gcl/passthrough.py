@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 from handctl.devices.barrett import eeprom
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.commands import COMMANDS, split
-from handctl.devices.barrett.gcl.language import Answer, encode, explain_status, motor_prefix, motors_of
+from handctl.devices.barrett.gcl.language import Answer, encode, explain_status, motor_prefix, motors_of, whole
 from handctl.devices.barrett.map import BARRETT, careful
+from handctl.ending import afresh
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError, UsageError
 from handctl.model.param import Step
 from handctl.model.result import Column, Row, Table
@@ -90,8 +91,9 @@ def run_all(hand: BarrettHand, commands: Iterable[str], *, keep_going: bool) -> 
             failure = lost
             break
         rows.append(row_of(answer))
-        if answer.status:
-            failure = failure or hand.name_heat(hand.refusal(answer))
+        error = objection(hand, answer)
+        if error is not None:
+            failure = failure or error
             if not keep_going:
                 break
     return Table(rows=rows, columns=COLUMNS, text=as_text, plain=("text",), failure=failure)
@@ -121,6 +123,18 @@ def ask(hand: BarrettHand, text: str) -> Answer:
         return Answer(text, (), 0, b"")
     hand.line.reconnect()
     return answer
+
+
+def objection(hand: BarrettHand, answer: Answer) -> HandctlError | None:
+    """What speaks against an answer: its status, or a character that was damaged on the line."""
+    if answer.status:
+        return hand.name_heat(hand.refusal(answer))
+    try:
+        whole(answer)
+    except ProtocolError as exc:
+        exc.text = f"{hand.link.name}: {exc.text}"
+        return exc
+    return None
 
 
 def row_of(answer: Answer) -> Row:
@@ -197,6 +211,7 @@ def interactive(run: Run, hand: BarrettHand, read_line: Callable[[str], str], be
             run.guide.say("^C")
             continue
         if text:
+            afresh()  # a Ctrl-C at the prompt must not swallow the next one, which is to stop what begins here
             _one(run, hand, text, before)
 
 
@@ -212,11 +227,11 @@ def _one(run: Run, hand: BarrettHand, text: str, before: Callable[[str], None]) 
             ledger.count_unknown()
         for line in answer.lines:
             run.out(line)
+        error = objection(hand, answer)
         if answer.status:
-            error = hand.name_heat(hand.refusal(answer))
             run.out(f"ERR {answer.status}: {explain_status(answer.status)}")
-            if answer.status & 8192:
-                run.guide.say(f"  next: {error.hint}")
+        if error is not None and (not answer.status or answer.status & 8192):
+            run.guide.say(f"{'' if answer.status else error.text}\n  next: {error.hint}".lstrip("\n"))
         if text.startswith("?") or text.upper().startswith("A?"):
             run.out(explain_help(text))
     except KeyboardInterrupt:

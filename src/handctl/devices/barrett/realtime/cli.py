@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import io
-import os
-import sys
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
@@ -31,8 +29,6 @@ COLUMNS = (
     Column("guard", "Guard"),
     Column("doubt", "Doubt"),
 )
-LONGEST_LINE = 65_536
-"""Bytes of one line of control values, as they come from a pipe or stdin."""
 GUARDS = ("stall", "window", "strain", "opening", "heat")
 """Names of `guards.GUARDS`, here so that help needs no more: a test holds them together."""
 
@@ -138,7 +134,7 @@ def add_realtime(group: Group) -> None:
             )
         indices = loop_motors(motors)
         received, temperature = _received(receive, indices)
-        controls = _controls(send, velocity, gain, path, indices)
+        controls = _controls(send, velocity, gain, path, indices, run.settings.deadline)
         off = set(GUARDS) if "all" in unguarded else {*unguarded, *(["opening"] if force else [])}
         wish = Wish(tuple(indices), received, temperature, hold, frozenset(GUARDS) - off, delta_unit, not may_suspend)
         first = _initialization(wish) if initialize else []
@@ -205,7 +201,12 @@ def _received(text: str | None, motors: list[int]) -> tuple[dict[int, tuple[str,
 
 
 def _controls(
-    send: str | None, velocity: str | None, gain: str | None, path: str | None, motors: list[int]
+    send: str | None,
+    velocity: str | None,
+    gain: str | None,
+    path: str | None,
+    motors: list[int],
+    seconds: float | None,
 ) -> Controls | None:
     """Where control values come from, None when nothing is to be sent. Raises UsageError."""
     from handctl.devices.barrett.realtime import schedule
@@ -220,7 +221,7 @@ def _controls(
                 raise UsageError(f"--{name} without {name} in --send {send}", hint="leave --send out, or add it there")
             start.update(schedule.constant(text, name, given))
     if path is not None:
-        controls = _from_file(path, motors, start)
+        controls = _from_file(path, motors, start, seconds)
         if carried is not None and carried != controls.carries:
             raise UsageError(
                 f"--send {send} does not fit the columns of {path}",
@@ -232,46 +233,25 @@ def _controls(
     return schedule.Controls(carried, start) if any(carried.values()) else None
 
 
-def _from_file(path: str, motors: list[int], start: dict[tuple[int, str], int]) -> Controls:
+def _from_file(path: str, motors: list[int], start: dict[tuple[int, str], int], seconds: float | None) -> Controls:
+    """Control values of a file, or of a pipe or stdin that is waited for `seconds`."""
     from handctl.devices.barrett.realtime import schedule
+    from handctl.devices.barrett.realtime.intake import Lines
 
     if path == "-" or is_pipe(path):
-        controls = schedule.read(_lines_as_they_come(path), "stdin" if path == "-" else path, motors, start)
+        lines = Lines(path, seconds)
+        controls = schedule.read(lines, "stdin" if path == "-" else path, motors, start)
+        lines.begun = True
         if isinstance(controls, schedule.Live):
             import threading
 
             threading.Thread(target=controls.listen, daemon=True).start()
         return controls
-    lines = io.StringIO(read_text(path, "a control file", 16_000_000).removeprefix("\ufeff"), newline="")
-    controls = schedule.read(lines, path, motors, start)
+    text = io.StringIO(read_text(path, "a control file", 16_000_000).removeprefix("\ufeff"), newline="")
+    controls = schedule.read(text, path, motors, start)
     if controls.live:
         raise UsageError(f"{path}: no column t", hint="add times, or send the lines on stdin with --control -")
     return controls
-
-
-def _lines_as_they_come(path: str) -> Iterator[str]:
-    """Lines of stdin ("-") or of a named pipe, without the buffering that would hold them back."""
-    try:
-        descriptor = sys.stdin.fileno() if path == "-" else os.open(path, os.O_RDONLY)
-    except (OSError, ValueError, AttributeError):
-        yield from sys.stdin
-        return
-    rest = b""
-    try:
-        while chunk := os.read(descriptor, 65536):
-            *whole, rest = (rest + chunk).split(b"\n")
-            for line in whole:
-                yield line.decode("utf-8", "replace")
-            if len(rest) > LONGEST_LINE:
-                raise UsageError(
-                    f"{path}: not control values: more than {LONGEST_LINE} bytes without a line end",
-                    hint="send CSV or JSON lines, such as t,velocity.F1",
-                )
-    finally:
-        if path != "-":
-            os.close(descriptor)
-    if rest:
-        yield rest.decode("utf-8", "replace")
 
 
 # -- dry run ------------------------------------------------------------------------------------------------------
