@@ -100,9 +100,9 @@ class Command(Described):
                 f"`handctl {run.command}` only reads. --dry-run is for commands that write or move",
                 hint="run it without -n, it changes nothing",
             ))  # fmt: skip
-        if run.settings.assume_identity and not self.writes:
+        if run.settings.assume_identity and "assume_identity" in self.refused():
             raise run.failed(UsageError(
-                f"`handctl {run.command}` only reads. --assume-identity is for commands that write or move",
+                f"`handctl {run.command}` does not check which device answers",
                 hint="run it without --assume-identity",
             ))  # fmt: skip
         run.execute(self.body(ctx, run))

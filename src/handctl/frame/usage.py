@@ -91,7 +91,9 @@ class Described(click.Command):
 
         Who gives one all the same is told why (`frame.premises`, `clikit.Command`).
         """
-        keys = set() if self.writes else {"dry_run", "yes", "assume_identity"}
+        keys = set() if self.writes else {"dry_run", "yes"}
+        if not self.writes and self.family is None:
+            keys |= {"assume_identity"}
         if self.offline:
             keys |= {"", "assume_identity"}
         if self.family is not None:

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from handctl.devices.inspire.blocks import BlockReader, Memory
 from handctl.devices.inspire.map import Register, register_of
 from handctl.devices.inspire.registers import RegisterBus
-from handctl.errors import HandctlError, Left, NoAnswer
+from handctl.errors import HandctlError, Left, NoAnswer, ProtocolError
 from handctl.model.device import Device
 from handctl.model.leaving import leaving
 from handctl.model.param import Element, Number, ParamMap, Reading, Step
@@ -55,10 +55,17 @@ class RegisterDevice(Device):
 
     def read(self, elements: Sequence[Element]) -> list[Reading]:
         registers = {element.param.name: register_of(element) for element in elements}
-        memory = Memory()
-        with self.keeping(lambda: [_reading(element, memory) for element in elements] if memory.blocks else []):
-            self._reader.read(registers.values(), memory)
+        memory, gate = Memory(), self.bus.gate
+        try:
+            with self.keeping(lambda: [_reading(element, memory) for element in elements] if memory.blocks else []):
+                self._reader.read(registers.values(), memory)
+        except (NoAnswer, ProtocolError) as exc:
+            if gate is not None:
+                gate.unheard(self.bus, exc)
+            raise
         self.last_blocks = sorted(memory.blocks)
+        if gate is not None:
+            gate.read(self.bus, self.last_blocks)
         return [_reading(element, memory) for element in elements]
 
     def named(self, element: Element) -> Row:

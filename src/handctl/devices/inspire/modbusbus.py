@@ -88,6 +88,7 @@ class ModbusBus(RegisterBus):
         timeout = TCP_TIMEOUT if timeout is None and tcp else timeout
         super().__init__(link, device_id, journal, timeout=timeout, retries=retries, bound=bound)
         self.tcp = tcp
+        self.wire = "tcp" if tcp else "rtu"
         self._state = _State(False if tcp else None)
 
     # -- registers -----------------------------------------------------------------------------------------------
