@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
+from handctl.devices.inspire import twins
 from handctl.devices.inspire.blocks import BlockReader, Memory
 from handctl.devices.inspire.map import Register, register_of
 from handctl.devices.inspire.registers import RegisterBus
@@ -116,6 +117,8 @@ class RegisterDevice(Device):
         refused; CheckFailed when the read-back differs, which it says with both values; Interrupted on Ctrl-C, after
         what moves was stopped.
         """
+        if any(element.param.strands for element, _ in changes):
+            twins.refuse(self)
         with self.stopped_by_ctrl_c(
             ", ".join(element.full_name for element, _ in changes),
             any(element.param.moves for element, _ in changes),

@@ -28,7 +28,7 @@ LEAST = 0.010
 
 DAMAGED = ("bad-checksum", "cut-short")
 """What a valid answer turns into on a disturbed line."""
-AT_WORK = frozenset(f"modbus-{code}" for code in modbus.AT_WORK)
+AT_WORK = frozenset(f"modbus-{code}" for code in modbus.PASSING)
 """Passes, and says nothing about who refuses."""
 AT_WORK_TIMES, AT_WORK_SECONDS = 4, 0.1
 

@@ -108,6 +108,10 @@ class RegisterBus(Line, ABC):
         """Wait for a frame that the device sends later by itself; None when it does not come, or this wire has none."""
         return None
 
+    def behind(self, address: int, count: int, seconds: float) -> bytes | None:
+        """What comes behind the answer to this read as another answer to it; None = nothing, or this wire cannot tell."""
+        return None
+
     @abstractmethod
     def write(self, address: int, data: bytes, *, acknowledged_by: Sequence[int] = ()) -> None:
         """Write `data` once; `acknowledged_by` are further ids whose acknowledgement counts, where it names one. Raises DeviceRefused; NoAnswer, ProtocolError when it is unknown whether it arrived."""

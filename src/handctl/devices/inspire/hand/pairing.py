@@ -13,13 +13,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import NamedTuple, Protocol
 
-from handctl.devices.inspire import flash, procedures
+from handctl.devices.inspire import flash, procedures, twins
 from handctl.devices.inspire.hand import place
 from handctl.devices.inspire.hand.device import Hand
 from handctl.devices.inspire.hand.motion import nudge, plan_nudge
 from handctl.devices.inspire.hand.scan import ids_on
-from handctl.devices.inspire.identity import DAMAGED
-from handctl.errors import CheckFailed, HandctlError, Left, LinkError, NoAnswer, NotConfirmed, ProtocolError, UsageError
+from handctl.errors import CheckFailed, HandctlError, Left, LinkError, NoAnswer, NotConfirmed, UsageError
 from handctl.model.guide import Guide
 from handctl.model.leaving import leaving
 from handctl.model.param import Step, elements_of
@@ -28,8 +27,6 @@ LEFT, RIGHT = "left", "right"
 OTHER = {LEFT: RIGHT, RIGHT: LEFT}
 NOBODY = Left("no hand is named", joint=". ")
 AGAIN = "run `handctl hand pair` again: it begins with what it finds then"
-JITTERING, READS = (1582, 24), 20
-"""Forces and currents: two hands with one id do not agree on them for long (inspire §4.14)."""
 WAIT_SECONDS, AGAIN_SECONDS = 120.0, 1.0
 """How long a hand is waited for whose power or network was switched, and how often it is looked for."""
 
@@ -158,8 +155,9 @@ def _apart(bench: Bench, number: int) -> list[Hand]:
         f"Unplug the data cable of one hand. The other one gets id {new}. Then press Enter",
     )
     hand = bench.hand(number)
-    _check_alone(hand)
-    hand.know()
+    with twins.named(hand):
+        hand.know()
+    twins.refuse(hand)
     steps = hand.plan([(elements_of(hand.map["id"])[0], new)])
     saving = bench.hand(new).trigger_step("save", "save to flash")
     bench.confirm(
@@ -187,21 +185,6 @@ def _apart(bench: Bench, number: int) -> list[Hand]:
         changed.know()
         flash.save(changed, bench.guide)
     return [changed, bench.hand(number)]
-
-
-def _check_alone(hand: Hand) -> None:
-    """Raise CheckFailed where two hands answer to this id at once."""
-    for _ in range(READS):
-        try:
-            hand.answered(lambda: hand.bus.read(*JITTERING, retries=0))
-        except ProtocolError as exc:
-            if exc.code in DAMAGED:
-                raise CheckFailed(
-                    f"{hand.bus.where}: answers are damaged: two hands with this id still answer",
-                    hint="unplug the data cable of one hand, then run the command again. Nothing was written.",
-                    code="twin-id",
-                ) from exc
-            raise
 
 
 # -- one IP address ---------------------------------------------------------------------------------------------------
