@@ -50,7 +50,7 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
     ("screen*", (*GROUND, "frame.options", "model.result", "model.units", "screen.*")),
     ("stop*", (*GROUND, "frame.console", "frame.family", "frame.options", "frame.run", "link*", "model.*", "stop.*")),
     ("frame.console", (*GROUND, "model.guide", "screen.filter")),
-    ("frame*", (*GROUND, "frame.*", "link*", "model.*", "report", "screen.*", "stop.*")),
+    ("frame*", (*GROUND, "frame.*", "link*", "model.*", "report", "screen.*", "stop.*", "tools.doctor")),
     ("report.facts", ("link.urls", "system.*", "tools.machine", "tools.packages")),
     ("report*", (*GROUND, "frame.*", "link.tap", "model.*", "report.*", "screen.render")),
     ("api", (*GROUND, "frame.*", "model.result")),

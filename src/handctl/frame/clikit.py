@@ -248,6 +248,15 @@ def streaming(rate: float) -> Callable[[Callable[..., Any]], Callable[..., Any]]
 
 
 stream_options = streaming(10.0)
+reads_option = click.option(
+    "--count",
+    type=click.IntRange(1, 10000),
+    default=100,
+    show_default=True,
+    metavar="N",
+    help="Read the device N times for the error rate.",
+)
+"""Of `handctl doctor`, and of a family's."""
 suspendable = click.option(
     "--may-suspend", is_flag=True, help="Do not stop the motors when this command is suspended (SIGSTOP) for 0.5 s."
 )

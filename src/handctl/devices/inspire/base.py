@@ -75,6 +75,8 @@ class RegisterDevice(Device):
 
     def row(self, reading: Reading) -> Row:
         row = super().row(reading)
+        if self.bus.gate is not None and self.bus.gate.assumed and self.about.get("model") == self.product:
+            del self.about["model"]  # nobody has looked
         return {**row, "raw": None} if "error" in row else row
 
     def valued(self, reading: Reading) -> Row:

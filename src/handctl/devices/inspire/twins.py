@@ -126,12 +126,8 @@ def same_id(device: RegisterDevice, more: str = "") -> Row4:
     """The row of `handctl doctor`; `more` is a further way out. Raises LinkError where the line is lost."""
     seen = look(device)
     if seen.verdict == "two":
-        new = (
-            f"then change the id of the other: `handctl {device.kind} id 2`"
-            if device.kind != "wrist"
-            else "use it alone"
-        )
-        return "same_id", "fail", seen.evidence, f"unplug one of them, {new}{more}"
+        new = f": `handctl {device.kind} id 2`" if device.map.get("id") is not None else ""
+        return "same_id", "fail", seen.evidence, f"unplug one of them, then change the id of the other{new}{more}"
     return "same_id", "ok" if seen.verdict else "skipped", seen.evidence, ""
 
 

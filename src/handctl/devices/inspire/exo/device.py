@@ -26,6 +26,7 @@ class ExoHand(RegisterDevice):
 
     bus: Bus
     kind = "exo"
+    product = "EH55BF1"
     map = EXO
     live = LIVE
     worn = True

@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple, Protocol
 
 from handctl.devices.inspire import flash, procedures, twins
-from handctl.devices.inspire.hand import place
+from handctl.devices.inspire.hand import field, place
 from handctl.devices.inspire.hand.device import Hand
 from handctl.devices.inspire.hand.motion import nudge, plan_nudge
 from handctl.devices.inspire.hand.scan import ids_on
@@ -27,6 +27,7 @@ LEFT, RIGHT = "left", "right"
 OTHER = {LEFT: RIGHT, RIGHT: LEFT}
 NOBODY = Left("no hand is named", joint=". ")
 AGAIN = "run `handctl hand pair` again: it begins with what it finds then"
+LOOKS = 3
 WAIT_SECONDS, AGAIN_SECONDS = 120.0, 1.0
 """How long a hand is waited for whose power or network was switched, and how often it is looked for."""
 
@@ -92,6 +93,8 @@ def _paired(bench: Bench, link: str, other: str | None, first: str | None, addre
         found = [(hand, link) for hand in _one_line(bench)]
     for hand, _ in found:
         hand.identify()
+    if other is not None and first is not None:
+        _two(*(hand for hand, _ in found))
     sides = (first, OTHER[first]) if first is not None else _seen(bench, [hand for hand, _ in found])
     return [Paired(hand, where, side) for (hand, where), side in zip(found, sides, strict=True)]
 
@@ -123,6 +126,18 @@ def _seen(bench: Bench, hands: Sequence[Hand]) -> tuple[str, str]:
             )
         sides.append(side)
     return sides[0], sides[1]
+
+
+def _two(one: Hand, other: Hand) -> None:
+    """Raise CheckFailed where nothing shows that two LINKs lead to two hands: no reading differs, and no hand moves."""
+    for _ in range(LOOKS):
+        if field.fingerprint(one) != field.fingerprint(other):
+            return
+    raise CheckFailed(
+        f"{one.bus.where} and {other.bus.where} read the same each time: both ways may lead to one hand",
+        hint="leave --first out: then each hand moves a finger, and you say which one it was",
+        code="same-hand",
+    )
 
 
 # -- one serial line or CAN bus ---------------------------------------------------------------------------------------
