@@ -15,11 +15,11 @@ function __handctl_node([string]$path) { # what stands below PATH
     $found = @{ cmds = ''; opts = ''; takes = ''; args = ''; lacks = '' }
     switch -CaseSensitive -Exact ($path) {
         '' { $found.cmds = 'exo wrist barrett ekso aidin hand ports scan doctor stop shell batch devices completion sim trace help'; $found.opts = '-V --version -h --help' }
-        'exo' { $found.cmds = 'status dump get watch describe stop position force set id baud save factory-reset report clear-errors calibrate scan read write raw snapshot diff restore'; $found.opts = '-h --help' }
-        'exo status' { $found.opts = '--check -h --help'; $found.lacks = '-n --dry-run -y --yes --assume-identity' }
-        'exo dump' { $found.opts = '-h --help'; $found.lacks = '-n --dry-run -y --yes --assume-identity' }
-        'exo get' { $found.opts = '-h --help'; $found.args = 'read:exo*'; $found.lacks = '-n --dry-run -y --yes --assume-identity' }
-        'exo watch' { $found.opts = '--rate --count --duration -h --help'; $found.takes = '--rate=none --count=none --duration=none'; $found.args = 'read:exo*'; $found.lacks = '-n --dry-run -y --yes --assume-identity' }
+        'exo' { $found.cmds = 'status dump get watch describe stop position force set id baud save factory-reset report doctor clear-errors calibrate scan read write raw snapshot diff restore'; $found.opts = '-h --help' }
+        'exo status' { $found.opts = '--check -h --help'; $found.lacks = '-n --dry-run -y --yes' }
+        'exo dump' { $found.opts = '-h --help'; $found.lacks = '-n --dry-run -y --yes' }
+        'exo get' { $found.opts = '-h --help'; $found.args = 'read:exo*'; $found.lacks = '-n --dry-run -y --yes' }
+        'exo watch' { $found.opts = '--rate --count --duration -h --help'; $found.takes = '--rate=none --count=none --duration=none'; $found.args = 'read:exo*'; $found.lacks = '-n --dry-run -y --yes' }
         'exo describe' { $found.opts = '-h --help'; $found.args = 'name:exo*'; $found.lacks = '-p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --assume-identity' }
         'exo stop' { $found.opts = '-h --help' }
         'exo position' { $found.opts = '--wait -h --help'; $found.takes = '--wait=none'; $found.args = 'none*' }
@@ -29,46 +29,48 @@ function __handctl_node([string]$path) { # what stands below PATH
         'exo baud' { $found.opts = '--save --verify -h --help'; $found.args = 'none' }
         'exo save' { $found.opts = '--skip-identity-check -h --help' }
         'exo factory-reset' { $found.opts = '--undocumented-address --backup --skip-identity-check -h --help'; $found.takes = '--backup=file' }
-        'exo report' { $found.opts = '--watch --include-ids --force -h --help'; $found.takes = '--watch=none'; $found.args = 'file'; $found.lacks = '-n --dry-run -y --yes --assume-identity' }
+        'exo report' { $found.opts = '--watch --include-ids --force -h --help'; $found.takes = '--watch=none'; $found.args = 'file'; $found.lacks = '-n --dry-run -y --yes' }
+        'exo doctor' { $found.opts = '--count -h --help'; $found.takes = '--count=none'; $found.lacks = '-n --dry-run -y --yes' }
         'exo clear-errors' { $found.opts = '-h --help' }
         'exo calibrate' { $found.opts = '-h --help' }
-        'exo scan' { $found.opts = '--ids --speeds --window --reply-window --all -h --help'; $found.takes = '--ids=none --speeds=none --window=none --reply-window=none'; $found.lacks = '-n --dry-run -y --yes --assume-identity' }
-        'exo read' { $found.opts = '-h --help'; $found.args = 'none none'; $found.lacks = '-n --dry-run -y --yes --assume-identity' }
+        'exo scan' { $found.opts = '--ids --speeds --window --reply-window --all -h --help'; $found.takes = '--ids=none --speeds=none --window=none --reply-window=none'; $found.lacks = '-n --dry-run -y --yes' }
+        'exo read' { $found.opts = '-h --help'; $found.args = 'none none'; $found.lacks = '-n --dry-run -y --yes' }
         'exo write' { $found.opts = '--undocumented -h --help'; $found.args = 'none none' }
         'exo raw' { $found.opts = '--wait --force-ambiguous -h --help'; $found.takes = '--wait=none'; $found.args = 'none*' }
-        'exo snapshot' { $found.opts = '-h --help'; $found.args = 'file'; $found.lacks = '-n --dry-run -y --yes --assume-identity' }
-        'exo diff' { $found.opts = '--setpoints -h --help'; $found.args = 'file file'; $found.lacks = '-n --dry-run -y --yes --assume-identity' }
+        'exo snapshot' { $found.opts = '-h --help'; $found.args = 'file'; $found.lacks = '-n --dry-run -y --yes' }
+        'exo diff' { $found.opts = '--setpoints -h --help'; $found.args = 'file file'; $found.lacks = '-n --dry-run -y --yes' }
         'exo restore' { $found.opts = '--setpoints -h --help'; $found.args = 'file' }
-        'wrist' { $found.cmds = 'status dump get watch describe stop move center set report scan read hand-read write hand-write raw snapshot diff restore'; $found.opts = '-h --help --serial --can' }
-        'wrist status' { $found.opts = '--check -h --help --serial --can'; $found.lacks = '-n --dry-run -y --yes --assume-identity' }
-        'wrist dump' { $found.opts = '-h --help --serial --can'; $found.lacks = '-n --dry-run -y --yes --assume-identity' }
-        'wrist get' { $found.opts = '-h --help --serial --can'; $found.args = 'read:wrist*'; $found.lacks = '-n --dry-run -y --yes --assume-identity' }
-        'wrist watch' { $found.opts = '--rate --count --duration -h --help --serial --can'; $found.takes = '--rate=none --count=none --duration=none'; $found.args = 'read:wrist*'; $found.lacks = '-n --dry-run -y --yes --assume-identity' }
+        'wrist' { $found.cmds = 'status dump get watch describe stop move center set report doctor scan read hand-read write hand-write raw snapshot diff restore'; $found.opts = '-h --help --serial --can' }
+        'wrist status' { $found.opts = '--check -h --help --serial --can'; $found.lacks = '-n --dry-run -y --yes' }
+        'wrist dump' { $found.opts = '-h --help --serial --can'; $found.lacks = '-n --dry-run -y --yes' }
+        'wrist get' { $found.opts = '-h --help --serial --can'; $found.args = 'read:wrist*'; $found.lacks = '-n --dry-run -y --yes' }
+        'wrist watch' { $found.opts = '--rate --count --duration -h --help --serial --can'; $found.takes = '--rate=none --count=none --duration=none'; $found.args = 'read:wrist*'; $found.lacks = '-n --dry-run -y --yes' }
         'wrist describe' { $found.opts = '-h --help'; $found.args = 'name:wrist*'; $found.lacks = '-p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --assume-identity' }
         'wrist stop' { $found.opts = '-h --help --serial --can' }
         'wrist move' { $found.opts = '--pitch --yaw --time --wait -h --help --serial --can'; $found.takes = '--pitch=none --yaw=none --time=none --wait=none' }
         'wrist center' { $found.opts = '--time -h --help --serial --can'; $found.takes = '--time=none' }
         'wrist set' { $found.opts = '-h --help --serial --can'; $found.args = 'set:wrist*' }
-        'wrist report' { $found.opts = '--watch --include-ids --force -h --help --serial --can'; $found.takes = '--watch=none'; $found.args = 'file'; $found.lacks = '-n --dry-run -y --yes --assume-identity' }
-        'wrist scan' { $found.opts = '--ids --window --reply-window --all -h --help --serial --can'; $found.takes = '--ids=none --window=none --reply-window=none'; $found.lacks = '-n --dry-run -y --yes --assume-identity' }
-        'wrist read' { $found.opts = '-h --help --serial --can'; $found.args = 'none none'; $found.lacks = '-n --dry-run -y --yes --assume-identity' }
-        'wrist hand-read' { $found.opts = '-h --help --serial --can'; $found.args = 'none none'; $found.lacks = '-n --dry-run -y --yes --assume-identity' }
+        'wrist report' { $found.opts = '--watch --include-ids --force -h --help --serial --can'; $found.takes = '--watch=none'; $found.args = 'file'; $found.lacks = '-n --dry-run -y --yes' }
+        'wrist doctor' { $found.opts = '--count -h --help --serial --can'; $found.takes = '--count=none'; $found.lacks = '-n --dry-run -y --yes' }
+        'wrist scan' { $found.opts = '--ids --window --reply-window --all -h --help --serial --can'; $found.takes = '--ids=none --window=none --reply-window=none'; $found.lacks = '-n --dry-run -y --yes' }
+        'wrist read' { $found.opts = '-h --help --serial --can'; $found.args = 'none none'; $found.lacks = '-n --dry-run -y --yes' }
+        'wrist hand-read' { $found.opts = '-h --help --serial --can'; $found.args = 'none none'; $found.lacks = '-n --dry-run -y --yes' }
         'wrist write' { $found.opts = '-h --help --serial --can'; $found.args = 'none none' }
         'wrist hand-write' { $found.opts = '--force-ambiguous -h --help --serial --can'; $found.args = 'none none' }
         'wrist raw' { $found.opts = '--wait --force-ambiguous -h --help --serial --can'; $found.takes = '--wait=none'; $found.args = 'none*' }
-        'wrist snapshot' { $found.opts = '-h --help --serial --can'; $found.args = 'file'; $found.lacks = '-n --dry-run -y --yes --assume-identity' }
-        'wrist diff' { $found.opts = '--setpoints -h --help --serial --can'; $found.args = 'file file'; $found.lacks = '-n --dry-run -y --yes --assume-identity' }
+        'wrist snapshot' { $found.opts = '-h --help --serial --can'; $found.args = 'file'; $found.lacks = '-n --dry-run -y --yes' }
+        'wrist diff' { $found.opts = '--setpoints -h --help --serial --can'; $found.args = 'file file'; $found.lacks = '-n --dry-run -y --yes' }
         'wrist restore' { $found.opts = '--setpoints -h --help --serial --can'; $found.args = 'file' }
-        'barrett' { $found.cmds = 'status dump get watch describe version errors help fingertips stop init open close move home step-open step-close torque-open torque-close realtime set save baud load defaults report diagnose maintenance strain reset gcl firmware snapshot diff restore'; $found.opts = '-h --help --interrupt'; $found.lacks = '--id' }
-        'barrett status' { $found.opts = '--check --include-ids -h --help --interrupt'; $found.lacks = '--id -n --dry-run -y --yes --assume-identity' }
-        'barrett dump' { $found.opts = '--include-ids -h --help --interrupt'; $found.lacks = '--id -n --dry-run -y --yes --assume-identity' }
-        'barrett get' { $found.opts = '-h --help --interrupt'; $found.args = 'read:barrett*'; $found.lacks = '--id -n --dry-run -y --yes --assume-identity' }
-        'barrett watch' { $found.opts = '--rate --count --duration -h --help --interrupt'; $found.takes = '--rate=none --count=none --duration=none'; $found.args = 'read:barrett*'; $found.lacks = '--id -n --dry-run -y --yes --assume-identity' }
+        'barrett' { $found.cmds = 'status dump get watch describe version errors help fingertips stop init open close move home step-open step-close torque-open torque-close realtime set save baud load defaults report doctor diagnose maintenance strain reset gcl firmware snapshot diff restore'; $found.opts = '-h --help --interrupt'; $found.lacks = '--id' }
+        'barrett status' { $found.opts = '--check --include-ids -h --help --interrupt'; $found.lacks = '--id -n --dry-run -y --yes' }
+        'barrett dump' { $found.opts = '--include-ids -h --help --interrupt'; $found.lacks = '--id -n --dry-run -y --yes' }
+        'barrett get' { $found.opts = '-h --help --interrupt'; $found.args = 'read:barrett*'; $found.lacks = '--id -n --dry-run -y --yes' }
+        'barrett watch' { $found.opts = '--rate --count --duration -h --help --interrupt'; $found.takes = '--rate=none --count=none --duration=none'; $found.args = 'read:barrett*'; $found.lacks = '--id -n --dry-run -y --yes' }
         'barrett describe' { $found.opts = '-h --help'; $found.args = 'name:barrett*'; $found.lacks = '-p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --assume-identity' }
-        'barrett version' { $found.opts = '-h --help --interrupt'; $found.lacks = '--id -n --dry-run -y --yes --assume-identity' }
+        'barrett version' { $found.opts = '-h --help --interrupt'; $found.lacks = '--id -n --dry-run -y --yes' }
         'barrett errors' { $found.opts = '-h --help'; $found.args = 'none'; $found.lacks = '-p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --assume-identity' }
-        'barrett help' { $found.opts = '-h --help --interrupt'; $found.args = 'none'; $found.lacks = '--id -n --dry-run -y --yes --assume-identity' }
-        'barrett fingertips' { $found.opts = '--positions --breakaway --live --rate --count --duration -h --help --interrupt'; $found.takes = '--positions=none --breakaway=none --rate=none --count=none --duration=none'; $found.lacks = '--id -n --dry-run -y --yes --assume-identity' }
+        'barrett help' { $found.opts = '-h --help --interrupt'; $found.args = 'none'; $found.lacks = '--id -n --dry-run -y --yes' }
+        'barrett fingertips' { $found.opts = '--positions --breakaway --live --rate --count --duration -h --help --interrupt'; $found.takes = '--positions=none --breakaway=none --rate=none --count=none --duration=none'; $found.lacks = '--id -n --dry-run -y --yes' }
         'barrett stop' { $found.opts = '--motors -h --help --interrupt'; $found.takes = '--motors=none'; $found.lacks = '--id' }
         'barrett init' { $found.opts = '--force --motors -h --help --interrupt'; $found.takes = '--motors=none'; $found.lacks = '--id' }
         'barrett open' { $found.opts = '--force --motors -h --help --interrupt'; $found.takes = '--motors=none'; $found.lacks = '--id' }
@@ -85,44 +87,46 @@ function __handctl_node([string]$path) { # what stands below PATH
         'barrett baud' { $found.opts = '--save -h --help --interrupt'; $found.args = 'none'; $found.lacks = '--id' }
         'barrett load' { $found.opts = '--motors -h --help --interrupt'; $found.takes = '--motors=none'; $found.lacks = '--id' }
         'barrett defaults' { $found.opts = '--motors -h --help --interrupt'; $found.takes = '--motors=none'; $found.lacks = '--id' }
-        'barrett report' { $found.opts = '--watch --include-ids --force -h --help --interrupt'; $found.takes = '--watch=none'; $found.args = 'file'; $found.lacks = '--id -n --dry-run -y --yes --assume-identity' }
+        'barrett report' { $found.opts = '--watch --include-ids --force -h --help --interrupt'; $found.takes = '--watch=none'; $found.args = 'file'; $found.lacks = '--id -n --dry-run -y --yes' }
+        'barrett doctor' { $found.opts = '--count -h --help --interrupt'; $found.takes = '--count=none'; $found.lacks = '--id -n --dry-run -y --yes' }
         'barrett diagnose' { $found.opts = '--list --move --motors --hand -h --help --interrupt'; $found.takes = '--motors=none --hand=none'; $found.args = 'none'; $found.lacks = '--id' }
-        'barrett maintenance' { $found.opts = '--greased --steps --check --hand -h --help --interrupt'; $found.takes = '--greased=none --steps=choice:lubrication,fasteners,pretension,strain,firmware --hand=none'; $found.lacks = '--id -n --dry-run -y --yes --assume-identity' }
+        'barrett maintenance' { $found.opts = '--greased --steps --check --hand -h --help --interrupt'; $found.takes = '--greased=none --steps=choice:lubrication,fasteners,pretension,strain,firmware --hand=none'; $found.lacks = '--id -n --dry-run -y --yes' }
         'barrett strain' { $found.opts = '--open --live --check --rate --count --duration -h --help --interrupt'; $found.takes = '--rate=none --count=none --duration=none'; $found.lacks = '--id' }
         'barrett reset' { $found.opts = '-h --help --interrupt'; $found.lacks = '--id' }
         'barrett gcl' { $found.opts = '--keep-going -h --help --interrupt'; $found.args = 'none*'; $found.lacks = '--id' }
         'barrett firmware' { $found.cmds = 'check download'; $found.opts = '-h --help --interrupt'; $found.lacks = '--id' }
         'barrett firmware check' { $found.opts = '--force -h --help'; $found.args = 'file'; $found.lacks = '-p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --assume-identity' }
         'barrett firmware download' { $found.opts = '--force --expect --window -h --help --interrupt'; $found.takes = '--expect=none --window=none'; $found.args = 'file'; $found.lacks = '--id' }
-        'barrett snapshot' { $found.opts = '-h --help --interrupt'; $found.args = 'file'; $found.lacks = '--id -n --dry-run -y --yes --assume-identity' }
-        'barrett diff' { $found.opts = '-h --help --interrupt'; $found.args = 'file file'; $found.lacks = '--id -n --dry-run -y --yes --assume-identity' }
+        'barrett snapshot' { $found.opts = '-h --help --interrupt'; $found.args = 'file'; $found.lacks = '--id -n --dry-run -y --yes' }
+        'barrett diff' { $found.opts = '-h --help --interrupt'; $found.args = 'file file'; $found.lacks = '--id -n --dry-run -y --yes' }
         'barrett restore' { $found.opts = '--save --force -h --help --interrupt'; $found.args = 'file'; $found.lacks = '--id' }
-        'ekso' { $found.cmds = 'status dump get watch describe time date settings data feedback policy stop set cancel report snapshot diff restore log export'; $found.opts = '-h --help'; $found.lacks = '--id' }
-        'ekso status' { $found.opts = '--check --length-mode -h --help'; $found.takes = '--length-mode=none'; $found.lacks = '--id -n --dry-run -y --yes --assume-identity' }
-        'ekso dump' { $found.opts = '--length-mode -h --help'; $found.takes = '--length-mode=none'; $found.lacks = '--id -n --dry-run -y --yes --assume-identity' }
-        'ekso get' { $found.opts = '--length-mode -h --help'; $found.takes = '--length-mode=none'; $found.args = 'read:ekso*'; $found.lacks = '--id -n --dry-run -y --yes --assume-identity' }
-        'ekso watch' { $found.opts = '--rate --count --duration --length-mode -h --help'; $found.takes = '--rate=none --count=none --duration=none --length-mode=none'; $found.args = 'read:ekso*'; $found.lacks = '--id -n --dry-run -y --yes --assume-identity' }
+        'ekso' { $found.cmds = 'status dump get watch describe time date settings data feedback policy stop set cancel report doctor snapshot diff restore log export'; $found.opts = '-h --help'; $found.lacks = '--id' }
+        'ekso status' { $found.opts = '--check --length-mode -h --help'; $found.takes = '--length-mode=none'; $found.lacks = '--id -n --dry-run -y --yes' }
+        'ekso dump' { $found.opts = '--length-mode -h --help'; $found.takes = '--length-mode=none'; $found.lacks = '--id -n --dry-run -y --yes' }
+        'ekso get' { $found.opts = '--length-mode -h --help'; $found.takes = '--length-mode=none'; $found.args = 'read:ekso*'; $found.lacks = '--id -n --dry-run -y --yes' }
+        'ekso watch' { $found.opts = '--rate --count --duration --length-mode -h --help'; $found.takes = '--rate=none --count=none --duration=none --length-mode=none'; $found.args = 'read:ekso*'; $found.lacks = '--id -n --dry-run -y --yes' }
         'ekso describe' { $found.opts = '-h --help'; $found.args = 'name:ekso*'; $found.lacks = '-p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --assume-identity' }
-        'ekso time' { $found.opts = '--length-mode -h --help'; $found.takes = '--length-mode=none'; $found.lacks = '--id -n --dry-run -y --yes --assume-identity' }
-        'ekso date' { $found.opts = '--length-mode -h --help'; $found.takes = '--length-mode=none'; $found.lacks = '--id -n --dry-run -y --yes --assume-identity' }
-        'ekso settings' { $found.opts = '--length-mode -h --help'; $found.takes = '--length-mode=none'; $found.lacks = '--id -n --dry-run -y --yes --assume-identity' }
-        'ekso data' { $found.opts = '--length-mode -h --help'; $found.takes = '--length-mode=none'; $found.lacks = '--id -n --dry-run -y --yes --assume-identity' }
-        'ekso feedback' { $found.opts = '--length-mode -h --help'; $found.takes = '--length-mode=none'; $found.lacks = '--id -n --dry-run -y --yes --assume-identity' }
+        'ekso time' { $found.opts = '--length-mode -h --help'; $found.takes = '--length-mode=none'; $found.lacks = '--id -n --dry-run -y --yes' }
+        'ekso date' { $found.opts = '--length-mode -h --help'; $found.takes = '--length-mode=none'; $found.lacks = '--id -n --dry-run -y --yes' }
+        'ekso settings' { $found.opts = '--length-mode -h --help'; $found.takes = '--length-mode=none'; $found.lacks = '--id -n --dry-run -y --yes' }
+        'ekso data' { $found.opts = '--length-mode -h --help'; $found.takes = '--length-mode=none'; $found.lacks = '--id -n --dry-run -y --yes' }
+        'ekso feedback' { $found.opts = '--length-mode -h --help'; $found.takes = '--length-mode=none'; $found.lacks = '--id -n --dry-run -y --yes' }
         'ekso policy' { $found.opts = '--audit -h --help'; $found.takes = '--audit=file'; $found.lacks = '-p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --assume-identity' }
         'ekso stop' { $found.opts = '--length-mode -h --help'; $found.takes = '--length-mode=none'; $found.lacks = '--id' }
         'ekso set' { $found.opts = '--operator --audit --override-step-limit --length-mode -h --help'; $found.takes = '--operator=none --audit=file --length-mode=none'; $found.args = 'set:ekso*'; $found.lacks = '--id' }
         'ekso cancel' { $found.opts = '--word --operator --audit --length-mode -h --help'; $found.takes = '--word=none --operator=none --audit=file --length-mode=none'; $found.lacks = '--id' }
-        'ekso report' { $found.opts = '--watch --include-ids --force --length-mode -h --help'; $found.takes = '--watch=none --length-mode=none'; $found.args = 'file'; $found.lacks = '--id -n --dry-run -y --yes --assume-identity' }
-        'ekso snapshot' { $found.opts = '--length-mode -h --help'; $found.takes = '--length-mode=none'; $found.args = 'file'; $found.lacks = '--id -n --dry-run -y --yes --assume-identity' }
-        'ekso diff' { $found.opts = '--length-mode -h --help'; $found.takes = '--length-mode=none'; $found.args = 'file file'; $found.lacks = '--id -n --dry-run -y --yes --assume-identity' }
+        'ekso report' { $found.opts = '--watch --include-ids --force --length-mode -h --help'; $found.takes = '--watch=none --length-mode=none'; $found.args = 'file'; $found.lacks = '--id -n --dry-run -y --yes' }
+        'ekso doctor' { $found.opts = '--count --length-mode -h --help'; $found.takes = '--count=none --length-mode=none'; $found.lacks = '--id -n --dry-run -y --yes' }
+        'ekso snapshot' { $found.opts = '--length-mode -h --help'; $found.takes = '--length-mode=none'; $found.args = 'file'; $found.lacks = '--id -n --dry-run -y --yes' }
+        'ekso diff' { $found.opts = '--length-mode -h --help'; $found.takes = '--length-mode=none'; $found.args = 'file file'; $found.lacks = '--id -n --dry-run -y --yes' }
         'ekso restore' { $found.opts = '--operator --audit --override-step-limit --length-mode -h --help'; $found.takes = '--operator=none --audit=file --length-mode=none'; $found.args = 'file'; $found.lacks = '--id' }
-        'ekso log' { $found.opts = '--rate --count --duration --raw --mark --silence --include-pilot-id --force --length-mode -h --help'; $found.takes = '--rate=none --count=none --duration=none --mark=none --silence=none --length-mode=none'; $found.args = 'file'; $found.lacks = '--id -n --dry-run -y --yes --assume-identity' }
+        'ekso log' { $found.opts = '--rate --count --duration --raw --mark --silence --include-pilot-id --force --length-mode -h --help'; $found.takes = '--rate=none --count=none --duration=none --mark=none --silence=none --length-mode=none'; $found.args = 'file'; $found.lacks = '--id -n --dry-run -y --yes' }
         'ekso export' { $found.opts = '--to --format --si --segment --knee-sign --rate -h --help'; $found.takes = '--to=choice:mot,csv --format=choice:mot,csv --segment=none --knee-sign=choice:1,-1 --rate=none'; $found.args = 'file'; $found.lacks = '-p --port --fake -d --device --id --baud --timeout --deadline --retries --trace --format -n --dry-run -y --yes --assume-identity' }
-        'aidin' { $found.cmds = 'status dump get watch describe stop home initial encoders joints fingertips currents bias max-torque report'; $found.opts = '-h --help --exchange --poll-json --tx-terminator'; $found.takes = '--exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf'; $found.lacks = '--id --baud' }
-        'aidin status' { $found.opts = '--check -h --help --exchange --poll-json --tx-terminator'; $found.takes = '--exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf'; $found.lacks = '--id --baud -n --dry-run -y --yes --assume-identity' }
-        'aidin dump' { $found.opts = '-h --help --exchange --poll-json --tx-terminator'; $found.takes = '--exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf'; $found.lacks = '--id --baud -n --dry-run -y --yes --assume-identity' }
-        'aidin get' { $found.opts = '-h --help --exchange --poll-json --tx-terminator'; $found.takes = '--exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf'; $found.args = 'read:aidin*'; $found.lacks = '--id --baud -n --dry-run -y --yes --assume-identity' }
-        'aidin watch' { $found.opts = '--rate --count --duration -h --help --exchange --poll-json --tx-terminator'; $found.takes = '--rate=none --count=none --duration=none --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf'; $found.args = 'read:aidin*'; $found.lacks = '--id --baud -n --dry-run -y --yes --assume-identity' }
+        'aidin' { $found.cmds = 'status dump get watch describe stop home initial encoders joints fingertips currents bias max-torque report doctor'; $found.opts = '-h --help --exchange --poll-json --tx-terminator'; $found.takes = '--exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf'; $found.lacks = '--id --baud' }
+        'aidin status' { $found.opts = '--check -h --help --exchange --poll-json --tx-terminator'; $found.takes = '--exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf'; $found.lacks = '--id --baud -n --dry-run -y --yes' }
+        'aidin dump' { $found.opts = '-h --help --exchange --poll-json --tx-terminator'; $found.takes = '--exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf'; $found.lacks = '--id --baud -n --dry-run -y --yes' }
+        'aidin get' { $found.opts = '-h --help --exchange --poll-json --tx-terminator'; $found.takes = '--exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf'; $found.args = 'read:aidin*'; $found.lacks = '--id --baud -n --dry-run -y --yes' }
+        'aidin watch' { $found.opts = '--rate --count --duration -h --help --exchange --poll-json --tx-terminator'; $found.takes = '--rate=none --count=none --duration=none --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf'; $found.args = 'read:aidin*'; $found.lacks = '--id --baud -n --dry-run -y --yes' }
         'aidin describe' { $found.opts = '-h --help'; $found.args = 'name:aidin*'; $found.lacks = '-p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --assume-identity' }
         'aidin stop' { $found.opts = '-h --help --exchange --poll-json --tx-terminator'; $found.takes = '--exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf'; $found.lacks = '--id --baud' }
         'aidin home' { $found.opts = '-h --help --exchange --poll-json --tx-terminator'; $found.takes = '--exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf'; $found.lacks = '--id --baud' }
@@ -133,14 +137,15 @@ function __handctl_node([string]$path) { # what stands below PATH
         'aidin currents' { $found.opts = '--cap --duration --ramp-down --may-suspend -h --help --exchange --poll-json --tx-terminator'; $found.takes = '--cap=none --duration=none --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf'; $found.args = 'none*'; $found.lacks = '--id --baud' }
         'aidin bias' { $found.opts = '-h --help --exchange --poll-json --tx-terminator'; $found.takes = '--exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf'; $found.lacks = '--id --baud' }
         'aidin max-torque' { $found.opts = '-h --help --exchange --poll-json --tx-terminator'; $found.takes = '--exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf'; $found.args = 'none'; $found.lacks = '--id --baud' }
-        'aidin report' { $found.opts = '--watch --include-ids --force -h --help --exchange --poll-json --tx-terminator'; $found.takes = '--watch=none --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf'; $found.args = 'file'; $found.lacks = '--id --baud -n --dry-run -y --yes --assume-identity' }
-        'hand' { $found.cmds = 'status dump get watch describe tactile stop angle position speed force set id baud save factory-reset network pair report clear-errors calibrate scan read write raw snapshot diff restore'; $found.opts = '-h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus' }
-        'hand status' { $found.opts = '--check -h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus'; $found.lacks = '-n --dry-run -y --yes --assume-identity' }
-        'hand dump' { $found.opts = '-h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus'; $found.lacks = '-n --dry-run -y --yes --assume-identity' }
-        'hand get' { $found.opts = '-h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus'; $found.args = 'read:hand*'; $found.lacks = '-n --dry-run -y --yes --assume-identity' }
-        'hand watch' { $found.opts = '--rate --count --duration -h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--rate=none --count=none --duration=none --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus'; $found.args = 'read:hand*'; $found.lacks = '-n --dry-run -y --yes --assume-identity' }
+        'aidin report' { $found.opts = '--watch --include-ids --force -h --help --exchange --poll-json --tx-terminator'; $found.takes = '--watch=none --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf'; $found.args = 'file'; $found.lacks = '--id --baud -n --dry-run -y --yes' }
+        'aidin doctor' { $found.opts = '--count -h --help --exchange --poll-json --tx-terminator'; $found.takes = '--count=none --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf'; $found.lacks = '--id --baud -n --dry-run -y --yes' }
+        'hand' { $found.cmds = 'status dump get watch describe tactile stop angle position speed force set id baud save factory-reset network pair report doctor clear-errors calibrate scan read write raw snapshot diff restore'; $found.opts = '-h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus' }
+        'hand status' { $found.opts = '--check -h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus'; $found.lacks = '-n --dry-run -y --yes' }
+        'hand dump' { $found.opts = '-h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus'; $found.lacks = '-n --dry-run -y --yes' }
+        'hand get' { $found.opts = '-h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus'; $found.args = 'read:hand*'; $found.lacks = '-n --dry-run -y --yes' }
+        'hand watch' { $found.opts = '--rate --count --duration -h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--rate=none --count=none --duration=none --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus'; $found.args = 'read:hand*'; $found.lacks = '-n --dry-run -y --yes' }
         'hand describe' { $found.opts = '-h --help'; $found.args = 'name:hand*'; $found.lacks = '-p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --assume-identity' }
-        'hand tactile' { $found.opts = '--watch --rate --count --duration -h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--rate=none --count=none --duration=none --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus'; $found.args = 'none*'; $found.lacks = '-n --dry-run -y --yes --assume-identity' }
+        'hand tactile' { $found.opts = '--watch --rate --count --duration -h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--rate=none --count=none --duration=none --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus'; $found.args = 'none*'; $found.lacks = '-n --dry-run -y --yes' }
         'hand stop' { $found.opts = '-h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus' }
         'hand angle' { $found.opts = '--wait -h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--wait=none --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus'; $found.args = 'none*' }
         'hand position' { $found.opts = '--wait -h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--wait=none --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus'; $found.args = 'none*' }
@@ -153,15 +158,16 @@ function __handctl_node([string]$path) { # what stands below PATH
         'hand factory-reset' { $found.opts = '--backup -h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--backup=file --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus' }
         'hand network' { $found.opts = '-h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus'; $found.args = 'none' }
         'hand pair' { $found.opts = '--first --address --left --right --force -h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--first=choice:left,right --address=none --left=none --right=none --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus'; $found.args = 'link*' }
-        'hand report' { $found.opts = '--watch --include-ids --force -h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--watch=none --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus'; $found.args = 'file'; $found.lacks = '-n --dry-run -y --yes --assume-identity' }
+        'hand report' { $found.opts = '--watch --include-ids --force -h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--watch=none --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus'; $found.args = 'file'; $found.lacks = '-n --dry-run -y --yes' }
+        'hand doctor' { $found.opts = '--count -h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--count=none --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus'; $found.lacks = '-n --dry-run -y --yes' }
         'hand clear-errors' { $found.opts = '-h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus' }
         'hand calibrate' { $found.opts = '-h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus' }
-        'hand scan' { $found.opts = '--ids --speeds --all -h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--ids=none --speeds=none --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus'; $found.lacks = '-n --dry-run -y --yes --assume-identity' }
-        'hand read' { $found.opts = '-h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus'; $found.args = 'none none'; $found.lacks = '-n --dry-run -y --yes --assume-identity' }
+        'hand scan' { $found.opts = '--ids --speeds --all -h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--ids=none --speeds=none --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus'; $found.lacks = '-n --dry-run -y --yes' }
+        'hand read' { $found.opts = '-h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus'; $found.args = 'none none'; $found.lacks = '-n --dry-run -y --yes' }
         'hand write' { $found.opts = '--undocumented -h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus'; $found.args = 'none none' }
         'hand raw' { $found.opts = '--wait --force-ambiguous -h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--wait=none --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus'; $found.args = 'none*' }
-        'hand snapshot' { $found.opts = '-h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus'; $found.args = 'file'; $found.lacks = '-n --dry-run -y --yes --assume-identity' }
-        'hand diff' { $found.opts = '-h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus'; $found.args = 'file file'; $found.lacks = '-n --dry-run -y --yes --assume-identity' }
+        'hand snapshot' { $found.opts = '-h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus'; $found.args = 'file'; $found.lacks = '-n --dry-run -y --yes' }
+        'hand diff' { $found.opts = '-h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus'; $found.args = 'file file'; $found.lacks = '-n --dry-run -y --yes' }
         'hand restore' { $found.opts = '-h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus'; $found.args = 'file' }
         'ports' { $found.opts = '-h --help'; $found.lacks = '-p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --assume-identity' }
         'scan' { $found.opts = '-p --port --family --ids --all -h --help'; $found.takes = '-p=link --port=link --family=choice:exo,wrist,barrett,ekso,aidin,hand --ids=none'; $found.lacks = '-p --port -n --dry-run -y --yes --assume-identity' }

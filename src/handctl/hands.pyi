@@ -80,6 +80,8 @@ class Exo(Device):
         force: bool = False,
     ) -> list[Row]:
         """Write one page for a service ticket: status, dump, findings, curves, bytes."""
+    def doctor(self, *, count: int = 100) -> list[Row]:
+        """Check this computer, the link and the device, with a remedy for each problem."""
     def read(self, address: Value, count: int) -> list[Row]:
         """Read COUNT bytes (1 to 252) from any ADDRESS. Documented registers are decoded."""
     def write(
@@ -226,6 +228,8 @@ class Wrist(Device):
         force: bool = False,
     ) -> list[Row]:
         """Write one page for a service ticket: status, dump, findings, curves, bytes."""
+    def doctor(self, *, count: int = 100) -> list[Row]:
+        """Check this computer, the link and the device, with a remedy for each problem."""
     def read(self, address: Value, count: int) -> list[Row]:
         """Read COUNT bytes from ADDRESS of the wrist's registers. Documented ones are decoded."""
     def hand_read(self, address: Value, count: int) -> list[Row]:
@@ -306,6 +310,8 @@ class Barrett(Device):
         force: bool = False,
     ) -> list[Row]:
         """Write one page for a service ticket: status, dump, findings, curves, bytes."""
+    def doctor(self, *, count: int = 100) -> list[Row]:
+        """Check this computer, the link and the device, with a remedy for each problem."""
     def describe(self, *names: str) -> list[Row]:
         """List every parameter with range, defaults, access and manual section."""
     def version(self) -> list[Row]:
@@ -566,6 +572,8 @@ class Ekso(Device):
         length_mode: str | None = None,
     ) -> list[Row]:
         """Write one page for a service ticket: status, dump, findings, curves, bytes."""
+    def doctor(self, *, count: int = 100, length_mode: str | None = None) -> list[Row]:
+        """Check this computer, the link and the device, with a remedy for each problem."""
     def log(
         self,
         file: Path,
@@ -664,6 +672,8 @@ class Aidin(Device):
         force: bool = False,
     ) -> list[Row]:
         """Write one page for a service ticket: status, dump, findings, curves, bytes."""
+    def doctor(self, *, count: int = 100) -> list[Row]:
+        """Check this computer, the link and the device, with a remedy for each problem."""
     def watch(
         self,
         *names: str,
@@ -755,6 +765,8 @@ class Hand(Device):
         force: bool = False,
     ) -> list[Row]:
         """Write one page for a service ticket: status, dump, findings, curves, bytes."""
+    def doctor(self, *, count: int = 100) -> list[Row]:
+        """Check this computer, the link and the device, with a remedy for each problem."""
     def set(
         self,
         assignments: Mapping[str, Value | Sequence[Value]] | Sequence[str] | str,
