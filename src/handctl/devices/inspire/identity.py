@@ -182,7 +182,7 @@ class Look:
             kind = self.who(own)
         except (NoAnswer, ProtocolError):
             return None
-        if kind is EXO and self._memory.get(("hand", STATES)) is None:
+        if kind is EXO and self._held(*STATES) is None and self._memory.get(("hand", STATES)) is None:
             return None  # a silence, which may be that of the line, is no proof
         return None if kind is own else kind
 

@@ -131,7 +131,7 @@ def _seen(bench: Bench, hands: Sequence[Hand]) -> tuple[str, str]:
 def _two(one: Hand, other: Hand) -> None:
     """Raise CheckFailed where nothing shows that two LINKs lead to two hands: no reading differs, and no hand moves."""
     for _ in range(LOOKS):
-        if field.fingerprint(one) != field.fingerprint(other):
+        if one.found().model != other.found().model or field.fingerprint(one) != field.fingerprint(other):
             return
     raise CheckFailed(
         f"{one.bus.where} and {other.bus.where} read the same each time: both ways may lead to one hand",
