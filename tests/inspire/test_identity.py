@@ -376,6 +376,25 @@ def test_status_and_dump_call_a_hand_that(device: str, verb: str) -> None:
     assert "other-device" not in healthy.codes()
 
 
+class Lossy(Line):
+    """The first question is lost on the way."""
+
+    lost = False
+
+    def _answer(self, data: bytes) -> list[Any]:
+        if not self.lost:
+            self.lost = True
+            return []
+        return super()._answer(data)
+
+
+def test_a_wrist_whose_first_answer_is_lost_is_no_hand() -> None:
+    """Its hand answers, and so does the wrist when it is asked again: silence, not another device."""
+    with on(Lossy("wrist-with-hand")):
+        result = run("wrist", "get", "pitch_actual", "-p", "fake://wrist", "--retries", "0", "--json")
+    assert (result.code, result.error["code"]) == (4, "no-answer"), result
+
+
 def test_a_dead_thumb_rotation_is_not_healthy() -> None:
     for books, said, more in ((DF, "RH56", ("--assume-identity",)), ((), "1611", ())):
         link = Line("rh56")

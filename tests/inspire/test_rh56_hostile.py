@@ -276,6 +276,22 @@ def test_who_is_at_work_is_asked_again_and_is_no_other_device(wire: str, code: i
 
 
 @each_row("wire", MODBUS)
+@each_row("code", [2, 4])
+def test_who_refuses_the_states_in_modbus_is_no_exo(wire: str, code: int) -> None:
+    """Whatever it is that does not show its states: an EH55BF1 speaks EB90 only."""
+
+    def stateless(request: bytes, answer: bytes) -> Pieces:
+        first, count = struct.unpack_from(">HH", request, 8 if wire == TCP else 2)
+        return exception(wire, code)(request, answer) if (first, count) == (1606, 9) else as_it_is(request, answer)
+
+    hand = host(Odd(wire, golden("tp"), stateless), typed=None)
+    try:
+        assert hand.found().kind.family == "hand"
+    except HandctlError as exc:
+        assert exc.code != "other-device"
+
+
+@each_row("wire", MODBUS)
 def test_who_stays_at_work_is_not_named(wire: str) -> None:
     hand = host(Odd(wire, golden("tp"), exception(wire, 6)), typed=None)
     with pytest.raises(DeviceRefused) as caught:

@@ -172,6 +172,15 @@ def test_two_links_to_one_hand_are_seen() -> None:
     assert caught.value.code == "same-hand"
 
 
+def test_two_links_that_read_the_same_name_no_hand() -> None:
+    """A side that is said moves nothing: then only what differs between two units shows that there are two."""
+    desk = two_links()
+    desk.network["two"] = desk.network["one"]
+    with pytest.raises(CheckFailed) as caught:
+        pair(desk, "one", "two", first="left")
+    assert caught.value.code == "same-hand"
+
+
 def test_a_side_that_is_said_moves_nothing() -> None:
     desk = two_links()
     assert told(pair(desk, "one", "two", first="left")) == [("one", 1, "left"), ("two", 1, "right")]
