@@ -81,7 +81,7 @@ class Exo(Device):
     ) -> list[Row]:
         """Write one page for a service ticket: status, dump, findings, curves, bytes."""
     def doctor(self, *, count: int = 100) -> list[Row]:
-        """Check this computer, the link and the device, with a remedy for each problem."""
+        """Check this computer, the link and the device."""
     def read(self, address: Value, count: int) -> list[Row]:
         """Read COUNT bytes (1 to 252) from any ADDRESS. Documented registers are decoded."""
     def write(
@@ -229,7 +229,7 @@ class Wrist(Device):
     ) -> list[Row]:
         """Write one page for a service ticket: status, dump, findings, curves, bytes."""
     def doctor(self, *, count: int = 100) -> list[Row]:
-        """Check this computer, the link and the device, with a remedy for each problem."""
+        """Check this computer, the link and the device."""
     def read(self, address: Value, count: int) -> list[Row]:
         """Read COUNT bytes from ADDRESS of the wrist's registers. Documented ones are decoded."""
     def hand_read(self, address: Value, count: int) -> list[Row]:
@@ -311,7 +311,7 @@ class Barrett(Device):
     ) -> list[Row]:
         """Write one page for a service ticket: status, dump, findings, curves, bytes."""
     def doctor(self, *, count: int = 100) -> list[Row]:
-        """Check this computer, the link and the device, with a remedy for each problem."""
+        """Check this computer, the link and the device."""
     def describe(self, *names: str) -> list[Row]:
         """List every parameter with range, defaults, access and manual section."""
     def version(self) -> list[Row]:
@@ -573,7 +573,7 @@ class Ekso(Device):
     ) -> list[Row]:
         """Write one page for a service ticket: status, dump, findings, curves, bytes."""
     def doctor(self, *, count: int = 100, length_mode: str | None = None) -> list[Row]:
-        """Check this computer, the link and the device, with a remedy for each problem."""
+        """Check this computer, the link and the device."""
     def log(
         self,
         file: Path,
@@ -673,7 +673,7 @@ class Aidin(Device):
     ) -> list[Row]:
         """Write one page for a service ticket: status, dump, findings, curves, bytes."""
     def doctor(self, *, count: int = 100) -> list[Row]:
-        """Check this computer, the link and the device, with a remedy for each problem."""
+        """Check this computer, the link and the device."""
     def watch(
         self,
         *names: str,
@@ -766,7 +766,7 @@ class Hand(Device):
     ) -> list[Row]:
         """Write one page for a service ticket: status, dump, findings, curves, bytes."""
     def doctor(self, *, count: int = 100) -> list[Row]:
-        """Check this computer, the link and the device, with a remedy for each problem."""
+        """Check this computer, the link and the device."""
     def set(
         self,
         assignments: Mapping[str, Value | Sequence[Value]] | Sequence[str] | str,

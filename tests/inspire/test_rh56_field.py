@@ -74,7 +74,7 @@ def test_one_that_was_found_behind_eb90_is_told() -> None:
 def test_a_silent_line_names_the_network() -> None:
     found = rows(DF, EB90, answered=False, fault="silent")
     assert found["protocol"] == ("ok", "neither EB90 nor Modbus RTU is answered", "")
-    assert found["network"][2] == "run `handctl doctor -p tcp://192.168.11.210 --family hand`"
+    assert found["network"][2] == "run `handctl hand doctor -p tcp://192.168.11.210`"
 
 
 @pytest.mark.parametrize(("model", "wire"), [(TP, TCP), (DF, EB90)])

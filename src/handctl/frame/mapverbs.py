@@ -160,9 +160,9 @@ def add_map_verbs(
 
     @reads_option
     def doctor(run: Run, count: int) -> Table:
-        """Check this computer, the link and the device, with a remedy for each problem.
+        """Check this computer, the link and the device.
 
-        Read-only. `handctl doctor -p LINK` does the same for whatever device it finds there. Exit code 7 means a warning or a failure.
+        Each row has its evidence and its remedy. Read-only. `handctl doctor -p LINK` does the same for whatever device it finds there. Exit code 7 means a warning or a failure.
         """
         from handctl.tools.doctor import checked
 

@@ -50,10 +50,11 @@ TONES = {"ok": "good", "warning": "warn", "fail": "bad", "skipped": "dim"}
 )
 @reads_option
 def cli(family: str | None, count: int) -> Table:
-    """Check this computer, and with -p LINK that link and the device that it finds there.
+    """Check this computer, and with -p LINK that link and its device.
 
     Each row has its evidence and its remedy: permissions, other programs, delays, speed, echo, error rate.
-    Exit code 7 means a warning or a failure. The device is only read: by the questions of a scan, and what differs between two.
+    Without --family it finds out which device is there, as `handctl scan` does. The device is only read.
+    Exit code 7 means a warning or a failure.
     """
     return checked(click.get_current_context().obj, family, count)
 

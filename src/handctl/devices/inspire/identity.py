@@ -360,8 +360,8 @@ class FamilyGate(Gate):
         self._sought = True
         look = Look(bus)
         if (kind := look.hand(error)) is not None:
-            evidence = f"the wrist's flag (30, on CAN 4) is not answered; {look.evidence}"
-            raise stranger(bus, kind, self._own, evidence) from error
+            look.evidence = f"{look.evidence}, and the wrist's flag (30, on CAN 4) is not answered"
+            raise stranger(bus, kind, self._own, look.evidence) from error
 
     def _judge(self, bus: RegisterBus) -> None:
         look = Look(bus)

@@ -137,7 +137,7 @@ def _elsewhere(device: Hand) -> Iterator[Row4]:
         yield "protocol", "ok", f"neither {silent} nor {spoken} is answered", ""
     if not (isinstance(bus, ModbusBus) and bus.tcp):
         text = "a tactile hand (RH56DFTP) may answer on its network only"
-        yield "network", "skipped", text, "run `handctl doctor -p tcp://192.168.11.210 --family hand`"
+        yield "network", "skipped", text, "run `handctl hand doctor -p tcp://192.168.11.210`"
 
 
 def refresh(device: Hand) -> Row4:
