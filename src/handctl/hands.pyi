@@ -92,6 +92,8 @@ class Exo(Device):
         force: bool = False,
     ) -> list[Row]:
         """Write one page for a service ticket: status, dump, findings, curves, bytes."""
+    def doctor(self, *, count: int = 100) -> list[Row]:
+        """Check this computer, the link and the device."""
     def read(self, address: Value, count: int) -> list[Row]:
         """Read COUNT bytes (1 to 252) from any ADDRESS. Documented registers are decoded."""
     def write(
@@ -250,6 +252,8 @@ class Wrist(Device):
         force: bool = False,
     ) -> list[Row]:
         """Write one page for a service ticket: status, dump, findings, curves, bytes."""
+    def doctor(self, *, count: int = 100) -> list[Row]:
+        """Check this computer, the link and the device."""
     def read(self, address: Value, count: int) -> list[Row]:
         """Read COUNT bytes from ADDRESS of the wrist's registers. Documented ones are decoded."""
     def hand_read(self, address: Value, count: int) -> list[Row]:
@@ -342,6 +346,8 @@ class Barrett(Device):
         force: bool = False,
     ) -> list[Row]:
         """Write one page for a service ticket: status, dump, findings, curves, bytes."""
+    def doctor(self, *, count: int = 100) -> list[Row]:
+        """Check this computer, the link and the device."""
     def describe(self, *names: str) -> list[Row]:
         """List every parameter with range, defaults, access and manual section."""
     def version(self) -> list[Row]:
@@ -602,6 +608,8 @@ class Ekso(Device):
         length_mode: str | None = None,
     ) -> list[Row]:
         """Write one page for a service ticket: status, dump, findings, curves, bytes."""
+    def doctor(self, *, count: int = 100, length_mode: str | None = None) -> list[Row]:
+        """Check this computer, the link and the device."""
     def log(
         self,
         file: Path,
@@ -712,6 +720,8 @@ class Aidin(Device):
         force: bool = False,
     ) -> list[Row]:
         """Write one page for a service ticket: status, dump, findings, curves, bytes."""
+    def doctor(self, *, count: int = 100) -> list[Row]:
+        """Check this computer, the link and the device."""
     def watch(
         self,
         *names: str,
@@ -815,6 +825,8 @@ class Hand(Device):
         force: bool = False,
     ) -> list[Row]:
         """Write one page for a service ticket: status, dump, findings, curves, bytes."""
+    def doctor(self, *, count: int = 100) -> list[Row]:
+        """Check this computer, the link and the device."""
     def set(
         self,
         assignments: Mapping[str, Value | Sequence[Value]] | Sequence[str] | str,

@@ -99,6 +99,7 @@ def _tools() -> Iterator[tuple[str, ...]]:
     for name in families.FAMILIES:
         yield "scan", "--family", name
         yield "doctor", "--family", name, "--count", "3"
+        yield name, "doctor", "--count", "3"
     if "stop" in families.COMMANDS:
         yield ("stop",)
 

@@ -92,7 +92,7 @@ def test_scan_finds_no_hand_in_echo_or_noise(fault: str) -> None:
 
 def test_stream_goes_on_over_single_failures() -> None:
     """A watch gives a row with `error` for a sample that failed, and carries on (retries off)."""
-    link = fake(fault="silent", after=2, every=4)
+    link = fake(fault="silent", after=3, every=4)  # the second answer shows which device it is
     result = run(
         "exo", "watch", "system_voltage", "--count", "9", "--rate", "0", "--retries", "0", "--json", "-p", link
     )
@@ -127,16 +127,18 @@ def test_a_late_reply_is_not_kept_for_the_next_sample() -> None:
 
 
 def test_counters_tell_what_happened_on_the_line() -> None:
+    """Two exchanges: the id, and what shows which device it is."""
+
     def counters(fault: str, *more: str, **options: int) -> dict[str, int]:
         return dict(run("exo", "get", "id", "-p", fake(fault=fault, **options), "--json", *more).json["counters"])
 
-    clean = {"sent": 1, "received": 1, "retries": 0, "bad_frames": 0, "stray_bytes": 0}
+    clean = {"sent": 2, "received": 2, "retries": 0, "bad_frames": 0, "stray_bytes": 0}
     assert counters("healthy") == clean
-    assert counters("echo") == {**clean, "stray_bytes": 9}
+    assert counters("echo") == {**clean, "stray_bytes": 18}
     noisy = counters("noise")
-    assert (noisy["sent"], noisy["received"]) == (1, 1) and 1 <= noisy["stray_bytes"] <= 12
+    assert (noisy["sent"], noisy["received"]) == (2, 2) and 1 <= noisy["stray_bytes"] <= 24
     spoiled = counters("bad-checksum", "--baud", "115200")
     assert spoiled == {"sent": 3, "received": 0, "retries": 2, "bad_frames": 3, "stray_bytes": 27}
-    assert counters("bad-checksum", every=2) == clean
+    assert counters("bad-checksum", every=3) == clean
     again = counters("silent", "--retries", "4", "--baud", "115200")
     assert again == {"sent": 5, "received": 0, "retries": 4, "bad_frames": 0, "stray_bytes": 0}

@@ -258,6 +258,47 @@ def test_an_exception_ends_as_what_it_says(wire: str, code: int, kind: type[Hand
     assert (kind is DeviceRefused) == ("refused" in caught.value.text)
 
 
+@each_row("wire", MODBUS)
+@each_row("code", [4, 5, 6])
+@each_row("times", [1, 3])
+def test_who_is_at_work_is_asked_again_and_is_no_other_device(wire: str, code: int, times: int) -> None:
+    """04, 05 and 06 pass and say nothing about who refuses; an EH55BF1 speaks no Modbus at all."""
+    odd, left = Odd(wire, golden("tp")), [times]
+    refuse = exception(wire, code)
+
+    def busy(request: bytes, answer: bytes) -> Pieces:
+        left[0] -= 1
+        return refuse(request, answer) if left[0] >= 0 else as_it_is(request, answer)
+
+    odd.change = busy
+    found = host(odd, typed=None).found()
+    assert (found.kind.family, found.model) == ("hand", "tp")
+
+
+@each_row("wire", MODBUS)
+@each_row("code", [2, 4])
+def test_who_refuses_the_states_in_modbus_is_no_exo(wire: str, code: int) -> None:
+    """Whatever it is that does not show its states: an EH55BF1 speaks EB90 only."""
+
+    def stateless(request: bytes, answer: bytes) -> Pieces:
+        first, count = struct.unpack_from(">HH", request, 8 if wire == TCP else 2)
+        return exception(wire, code)(request, answer) if (first, count) == (1606, 9) else as_it_is(request, answer)
+
+    hand = host(Odd(wire, golden("tp"), stateless), typed=None)
+    try:
+        assert hand.found().kind.family == "hand"
+    except HandctlError as exc:
+        assert exc.code != "other-device"
+
+
+@each_row("wire", MODBUS)
+def test_who_stays_at_work_is_not_named(wire: str) -> None:
+    hand = host(Odd(wire, golden("tp"), exception(wire, 6)), typed=None)
+    with pytest.raises(DeviceRefused) as caught:
+        hand.found()
+    assert caught.value.code == "modbus-6"
+
+
 @pytest.mark.parametrize("wire", MODBUS)
 @pytest.mark.parametrize(("code", "exit_code"), [(1, 6), (2, 6), (4, 6), (0x0A, 3), (0x0B, 4)])
 def test_a_gateway_without_a_hand_is_never_written_to(wire: str, code: int, exit_code: int) -> None:

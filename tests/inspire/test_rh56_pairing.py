@@ -8,7 +8,7 @@ import pytest
 
 import handctl.sim.hand
 from handctl.devices.inspire.hand.pairing import Paired, pair
-from handctl.errors import CheckFailed, HandctlError, Interrupted, NoAnswer, NotConfirmed
+from handctl.errors import CheckFailed, DeviceRefused, HandctlError, Interrupted, NoAnswer, NotConfirmed
 from handctl.model.guide import Guide
 from tests.inspire.pairing_bench import Desk, OneLine, Person, fake_hand, simulated
 
@@ -93,10 +93,10 @@ def test_run_again_it_goes_on_where_it_ended(tmp_path: Path) -> None:
 def test_no_id_is_changed_while_two_hands_obey_it(tmp_path: Path) -> None:
     line = OneLine(tmp_path, *ONE_ID)
     desk = line.desk(("left", "right"), lambda: None)
-    with pytest.raises(CheckFailed) as caught:
+    with pytest.raises(DeviceRefused) as caught:
         pair(desk, line.name, None)
     assert caught.value.code == "twin-id"
-    assert caught.value.hint.startswith("unplug the data cable of one hand")
+    assert caught.value.hint.startswith("unplug one of them")
     assert [hand.acts["id"] + hand.acts["move"] for hand in line.hands] == [0, 0]
 
 
@@ -169,6 +169,15 @@ def test_two_links_to_one_hand_are_seen() -> None:
     desk.network["two"] = desk.network["one"]
     with pytest.raises(CheckFailed) as caught:
         pair(desk, "one", "two")
+    assert caught.value.code == "same-hand"
+
+
+def test_two_links_that_read_the_same_name_no_hand() -> None:
+    """A side that is said moves nothing: then only what differs between two units shows that there are two."""
+    desk = two_links()
+    desk.network["two"] = desk.network["one"]
+    with pytest.raises(CheckFailed) as caught:
+        pair(desk, "one", "two", first="left")
     assert caught.value.code == "same-hand"
 
 

@@ -54,7 +54,7 @@ def test_dump_is_exactly_the_11_documented_values(wire: str) -> None:
     keys = ("name", "finger", "address", "value", "raw", "unit")
     assert [tuple(row[key] for key in keys) for row in result.rows] == expected
     name = "fake://wrist" if wire == "serial" else "fake://wrist?bus=can"
-    assert envelope["device"] == {"kind": "wrist", "link": name, "fake": True, "id": 1}
+    assert envelope["device"] == {"kind": "wrist", "link": name, "fake": True, "id": 1, "model": "wrist module"}
 
 
 def test_dump_is_one_serial_read_or_three_can_reads(tmp_path: Path) -> None:

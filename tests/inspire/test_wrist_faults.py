@@ -108,6 +108,6 @@ def test_counters_tell_what_happened_on_the_wire() -> None:
     assert counters("serial", "echo") == {**clean, "stray_bytes": 9}
     assert counters("can", "healthy") == {**clean, "foreign_frames": 0}
     assert counters("can", "echo") == {**clean, "foreign_frames": 0, "stray_bytes": 1}
-    assert counters("can", "silent")["sent"] == 3
+    assert counters("can", "silent")["sent"] == 4
     noisy = counters("can", "noise")
     assert 1 <= noisy["foreign_frames"] <= 6 and noisy["stray_bytes"] == 0

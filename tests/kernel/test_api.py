@@ -141,7 +141,7 @@ def test_a_stream_ends_with_its_loop(exo: hands.Exo) -> None:
 
 
 def test_a_lost_link_is_an_error_and_is_opened_again() -> None:
-    with spying() as spy, handctl.simulate("exo", fault="disconnect", after=1) as hand:
+    with spying() as spy, handctl.simulate("exo", fault="disconnect", after=2) as hand:
         assert hand.get("id")
         with pytest.raises(LinkError):
             hand.get("id")

@@ -41,9 +41,9 @@ def test_both_devices_answer_and_are_recorded_in_one_file(tmp_path: Path) -> Non
     assert result.code == 0, result
     assert [row["value"] for row in result.rows] == [1, 2]
     assert result.json["device"]["link"] == ONE
-    assert result.json["counters"]["sent"] == 2
+    assert result.json["counters"]["sent"] == 4
     sent = [line.split(" > ")[1] for line in trace.read_text().splitlines() if " > " in line]
-    assert [frame[:8] for frame in sent] == ["EB 90 01", "EB 90 02"]
+    assert [frame[:8] for frame in sent] == ["EB 90 01", "EB 90 01", "EB 90 02", "EB 90 02"]
 
 
 def test_what_goes_wrong_at_the_second_link_is_the_end_of_the_command() -> None:

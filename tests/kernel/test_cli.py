@@ -37,7 +37,7 @@ def test_options_mean_the_same_at_every_level(args: Sequence[str]) -> None:
     result = run(*args)
     assert result.code == 0
     assert len(result.rows) == 42
-    assert result.json["device"] == {"kind": "exo", "link": "fake://exo", "fake": True, "id": 1}
+    assert result.json["device"] == {"kind": "exo", "link": "fake://exo", "fake": True, "id": 1, "model": "EH55BF1"}
 
 
 def test_the_option_nearest_the_verb_wins() -> None:
@@ -103,7 +103,7 @@ def test_further_variables(tmp_path: Path) -> None:
     result = run("exo", "get", "id", "--json", "-p", fake(), env=env)
     assert (result.code, result.out) == (0, "")
     assert json.loads(output.read_text())["rows"][0]["value"] == 1
-    assert sent(trace) == [bytes.fromhex("EB 90 01 04 11 E8 03 01 02")]
+    assert sent(trace)[0] == bytes.fromhex("EB 90 01 04 11 E8 03 01 02")
     assert "> EB 90 01 04 11 E8 03 01 02" in result.err
 
     assert run("exo", "set", "id=2", "-p", fake(), env={"HANDCTL_YES": "1"}).code == 0

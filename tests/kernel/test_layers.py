@@ -51,7 +51,7 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
     ("stop*", (*GROUND, "frame.console", "frame.family", "frame.options", "frame.run", "link*", "model.*", "stop.*")),
     ("frame.console", (*GROUND, "model.guide", "screen.filter")),
     ("record*", (*GROUND, "model.*", "record.*")),
-    ("frame*", (*GROUND, "frame.*", "link*", "model.*", "record.*", "report", "screen.*", "stop.*")),
+    ("frame*", (*GROUND, "frame.*", "link*", "model.*", "record.*", "report", "screen.*", "stop.*", "tools.doctor")),
     ("report.facts", ("link.urls", "system.*", "tools.machine", "tools.packages")),
     ("report*", (*GROUND, "frame.*", "link.tap", "model.*", "report.*", "screen.render")),
     ("api", (*GROUND, "frame.*", "model.result")),

@@ -292,7 +292,7 @@ def test_watch_counts_samples_and_tells_the_true_rate() -> None:
     assert sorted({row["t"] for row in rows}) == pytest.approx([sample / 20 for sample in range(11)])
     assert [row["value"] for row in rows[:6]] == [110, 220, 330, 440, 550, 660]
     assert end["stream"] == {"samples": 11, "failed": 0, "late": 0, "seconds": 0.5, "rate_hz": 20.0, "asked_hz": 20.0}
-    assert end["counters"]["sent"] == 11
+    assert end["counters"]["sent"] == 12  # and one that shows which device it is
 
 
 def test_watch_for_a_duration() -> None:
@@ -382,7 +382,7 @@ def interrupted(number: signal.Signals, *args: str) -> Result:
 
 
 def test_the_closing_line_of_an_error() -> None:
-    result = run("exo", "watch", "id", "--json", "-p", fake(fault="silent", after=3), "--retries", "0")
+    result = run("exo", "watch", "id", "--json", "-p", fake(fault="silent", after=4), "--retries", "0")
     rows, end = result.stream
     assert result.code == 4
     assert [row.get("value") for row in rows] == [1, 1, 1, *[None] * (len(rows) - 3)]

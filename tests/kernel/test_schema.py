@@ -73,7 +73,7 @@ def test_dump_is_exactly_the_42_documented_values() -> None:
     envelope = result.json
     assert [key for key in envelope if key in ENVELOPE_KEYS] == ENVELOPE_KEYS
     assert (envelope["schema"], envelope["version"], envelope["command"]) == ("handctl/1", "0.1.0", "exo dump")
-    assert envelope["device"] == {"kind": "exo", "link": "fake://exo", "fake": True, "id": 1}
+    assert envelope["device"] == {"kind": "exo", "link": "fake://exo", "fake": True, "id": 1, "model": "EH55BF1"}
     assert envelope["counters"] == {"sent": 2, "received": 2, "retries": 0, "bad_frames": 0, "stray_bytes": 0}
     expected = []
     for name, (address, size, values) in POWER_ON.items():

@@ -62,14 +62,14 @@ def test_lines_share_a_link_and_errors_do_not_end_it(handler: None, capsys: pyte
     with spying() as spy:
         made.run()
     out, err = capsys.readouterr()
-    assert len(spy.lines) == 1 and spy.requests == 3
+    assert len(spy.lines) == 1 and spy.requests == 4  # the first one looks who is there
     assert prompts[0] == f"exo {fake()}> " and len(prompts) == 9
     assert out.count("id    1000") == 3 and "Usage: handctl exo" in out
     assert "No closing quotation" in err and "No such command 'nonsense'" in err and "no quantity 'nonsense'" in err
 
 
 def test_a_lost_port_is_opened_again(handler: None, capsys: pytest.CaptureFixture[str]) -> None:
-    made, _ = shell(["get id", "get id", "get id"], "-p", fake(fault="disconnect", after=1))
+    made, _ = shell(["get id", "get id", "get id"], "-p", fake(fault="disconnect", after=2))
     with spying() as spy:
         made.run()
     out, err = capsys.readouterr()

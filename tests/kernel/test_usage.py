@@ -16,7 +16,7 @@ from tests.support.each_row import each_row
 
 LEAVES = [node for node in read_tree().walk() if not node.children and node.path[0] != "sim"]
 IDS = [node.name for node in LEAVES]
-WRITING = ("--dry-run", "--yes", "--assume-identity")
+WRITING = ("--dry-run", "--yes")
 WITHOUT_A_LINK = ("ports", "completion", "trace show", "trace diff", "trace decode", "devices list", "exo describe",
                   "barrett errors", "ekso policy", "barrett firmware check")  # fmt: skip
 

@@ -60,7 +60,7 @@ def test_add_use_list_remove(place: Place) -> None:
     for args in (("-d", "left", "exo", "get", "id"), ("exo", "get", "id", "--device", "left")):
         result = place(*args, "--json")
         assert result.values == {"id": 2}
-        assert result.json["device"] == {"kind": "exo", "link": link, "fake": True, "id": 2}
+        assert result.json["device"] == {"kind": "exo", "link": link, "fake": True, "id": 2, "model": "EH55BF1"}
     assert place("exo", "get", "id", "--json", env={"HANDCTL_DEVICE": "left"}).values == {"id": 2}
     assert place("devices", "list", "--json").rows == [row]
     assert place("devices", "list", "--format", "plain").out == f"left\texo\t{link}\t2\t\t\t\t\n"

@@ -23,7 +23,8 @@ from handctl.tools.machine_checks import Check
 from handctl.tools.packages import needed
 from handctl.tools.port_checks import port_checks
 from handctl.tools.probes import probe_of
-from tests.support.cli import Result, Simulator, run, wait_until
+from tests.support.cli import Result, Simulator, run, sent, wait_until, writes
+from tests.support.each_row import each_row
 from tests.support.machine import System
 from tests.support.places import PROJECT
 
@@ -213,9 +214,7 @@ def test_round_trips_are_numbers_too(system: System) -> None:
     assert row["count"] == 10
     assert row["median_ms"] == pytest.approx(4.0, abs=0.1)
     assert sum(count for _, count in row["histogram"]) == 10
-    assert rows["round_trip"][1].startswith(
-        "system_voltage: median 4.0 ms, p95 4.0, max 4.0 over 10. Histogram in ms: ≤"
-    )
+    assert rows["round_trip"][1].startswith("force_actual: median 4.0 ms, p95 4.0, max 4.0 over 10. Histogram in ms: ≤")
 
 
 def test_a_wrong_speed_is_named_with_the_right_one(system: System) -> None:
@@ -291,13 +290,30 @@ def test_can(system: System) -> None:
     assert rows["unasked"][1] == "0 frames of others within 0.3 s"
 
 
-def test_a_link_alone_is_only_listened_to(system: System, tmp_path: Path) -> None:
+@each_row("family", list(FAMILIES))
+def test_it_finds_out_who_is_there(system: System, family: str) -> None:
+    """By itself, and as the family's own command: the same checks of the same device."""
+    link = f"fake://{family}?clock=virtual"
+    found = run("doctor", "-p", link, "--count", "5", "--json")
+    own = run(family, "doctor", "-p", link, "--count", "5", "--json")
+    rows, named = healthy(found), healthy(own)
+    assert (found.code, own.code) == (0, 0), (found, own)
+    assert rows.pop("device")[0] == "ok" and rows["answer"][0] == "ok"
+    assert list(rows) == list(named)
+    assert found.json["device"]["kind"] == own.json["device"]["kind"] == family
+
+
+def test_nobody_there_is_a_row_and_7(system: System) -> None:
+    answer = run("doctor", "-p", "fake://exo?clock=virtual&fault=silent", "--json")
+    assert (answer.code, answer.json["device"]["kind"]) == (7, "unknown")
+    assert (healthy(answer)["device"][0], healthy(answer)["answer"][0]) == ("fail", "skipped")
+
+
+@each_row("command", [("doctor",), ("exo", "doctor")])
+def test_it_only_reads(system: System, command: tuple[str, ...], tmp_path: Path) -> None:
     trace = tmp_path / "trace"
-    answer = run("doctor", "-p", "fake://exo?clock=virtual", "--json", "--trace", str(trace))
-    assert answer.code == 0
-    assert healthy(answer)["answer"][:2] == ("skipped", "nothing was sent, because the family is not known")
-    assert ">" not in trace.read_text()
-    assert answer.json["device"]["kind"] == "unknown"
+    run(*command, "-p", "fake://exo?clock=virtual", "--trace", trace)
+    assert sent(trace) and writes(trace) == []
 
 
 def test_a_port_that_is_not_there_is_a_row_and_7(system: System) -> None:

@@ -102,9 +102,9 @@ class Command(Described):
                 f"`handctl {run.command}` only reads. --dry-run is for commands that write or move",
                 hint="run it without -n, it changes nothing",
             ))  # fmt: skip
-        if run.settings.assume_identity and not self.writes:
+        if run.settings.assume_identity and "assume_identity" in self.refused():
             raise run.failed(UsageError(
-                f"`handctl {run.command}` only reads. --assume-identity is for commands that write or move",
+                f"`handctl {run.command}` does not check which device answers",
                 hint="run it without --assume-identity",
             ))  # fmt: skip
         if not gc.isenabled():  # see `cli.main`; no loop is held up by a look through what was imported
@@ -253,6 +253,15 @@ def streaming(rate: float) -> Callable[[Callable[..., Any]], Callable[..., Any]]
 
 
 stream_options = streaming(10.0)
+reads_option = click.option(
+    "--count",
+    type=click.IntRange(1, 10000),
+    default=100,
+    show_default=True,
+    metavar="N",
+    help="Read the device N times for the error rate.",
+)
+"""Of `handctl doctor`, and of a family's."""
 suspendable = click.option(
     "--may-suspend", is_flag=True, help="Do not stop the motors when this command is suspended (SIGSTOP) for 0.5 s."
 )

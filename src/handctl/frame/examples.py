@@ -46,7 +46,7 @@ EXAMPLES: dict[str, Examples] = {
     ),
     "doctor": (
         ("handctl doctor", "Check this machine."),
-        ("handctl doctor -p /dev/ttyUSB0", "Check this machine and that link."),
+        ("handctl doctor -p /dev/ttyUSB0", "Check this machine, that link, and whatever device is there."),
     ),
     "devices": (
         ("handctl devices list", "The devices that have a name."),
@@ -105,6 +105,7 @@ USUAL: Examples = (
     ("handctl {0} stop -d left", "Stop at once, also while another handctl uses the device."),
     ("handctl {0} stop -n --fake", "The bytes that would be sent."),
     ("handctl {0} report {0}.html --fake", "One page for a service ticket."),
+    ("handctl {0} doctor -d left", "Check this machine, the link and the device."),
     ("handctl {0} snapshot {0}-before.json --fake", "All settings into a file."),
     ("handctl {0} diff {0}-before.json -d left", "What has changed since."),
     ("handctl {0} diff {0}-before.json {0}-after.json", "The differences between two files, without a device."),

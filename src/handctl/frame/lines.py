@@ -78,10 +78,9 @@ def line(words: Sequence[str], given: Mapping[str, Any], number: int = 0) -> Lin
         (leaf,) = found
         assert isinstance(leaf.command, Command)
         said = leaf.meta[GIVEN]
-        if not leaf.command.writes:
-            for key in ("dry_run", "assume_identity"):
-                if f"{key}@" not in said:
-                    said.pop(key, None)
+        for key in {"dry_run", "assume_identity"} & leaf.command.refused():
+            if f"{key}@" not in said:
+                said.pop(key, None)
         del leaf.meta[TAKEN]
         command = " ".join(leaf.command_path.split()[1:])
         return Line(number, command, leaf, leaf.command, leaf.command.settings(leaf))

@@ -14,7 +14,7 @@ from typing import Any
 import click
 
 from handctl.frame import recorder, stored, verbs
-from handctl.frame.clikit import Group, stream_options
+from handctl.frame.clikit import Group, reads_option, stream_options
 from handctl.frame.console import is_terminal
 from handctl.frame.envelope import INCLUDE_IDS
 from handctl.frame.filetypes import InFile, OutFile
@@ -169,6 +169,16 @@ def add_map_verbs(
         run.meta[INCLUDE_IDS] = include_ids
         return pages.report(run, mapped(run), file, pages.Wishes(watch, include_ids, force), checks=checks)
 
+    @reads_option
+    def doctor(run: Run, count: int) -> Table:
+        """Check this computer, the link and the device.
+
+        Each row has its evidence and its remedy. Read-only. `handctl doctor -p LINK` does the same for whatever device it finds there. Exit code 7 means a warning or a failure.
+        """
+        from handctl.tools.doctor import checked
+
+        return checked(run, params.kind, count)
+
     def stop(run: Run) -> Table:
         """Stop the device at once, also while another handctl command has it.
 
@@ -192,6 +202,7 @@ def add_map_verbs(
         ("diff", "Files", diff, False),
         ("restore", "Files", restore, True),
         ("report", "Service", report, False),
+        ("doctor", "Service", doctor, False),
     ):
         if name not in without:
             group.verb(name, heading, writes=writes, streams=name == "watch", offline=name == "describe")(body)

@@ -186,7 +186,7 @@ def _shared(wires: tuple[str, ...], own: tuple[OwnOption, ...]) -> list[SharedOp
         SharedOption(["--debug"], output, is_flag=True, help="Show tracebacks."),
         SharedOption(["-n", "--dry-run"], safety, is_flag=True, help="Print the exact bytes that would be written, and send nothing."),
         SharedOption(["-y", "--yes"], safety, is_flag=True, help="Confirm without asking."),
-        SharedOption(["--assume-identity"], safety, typed=True, is_flag=True, help="Write without checking which device answers. Only accepted on the command line."),
+        SharedOption(["--assume-identity"], safety, typed=True, is_flag=True, help="Go on without checking which device answers. Only accepted on the command line."),
     ]  # fmt: skip
 
 

@@ -64,6 +64,8 @@ class Session:
                 self._close(other, run.journal)
             known = self._open[key] = Connection(self._traces.setdefault(key.trace, Trace()))
         run.journal.line = self._lines.setdefault(key, run.journal.line)
+        if known.link is None:
+            run.journal.line.met.clear()  # whoever is behind a new connection
         if known.hold is not None:
             known.hold.serve(run)
         return known

@@ -24,7 +24,7 @@ HEADINGS = ("Look", "Move", "Settings", "Service", "Files")
 """What a technician wants to do: the commands of a family are listed below these, in this order."""
 BARE = "handctl.bare"
 """Key in click's shared meta: no word of the command line is an option, so that none need be looked for."""
-USUAL = ("status", "dump", "get", "watch", "describe", "stop", "set", "report", "snapshot", "diff", "restore")
+USUAL = ("status", "dump", "get", "watch", "describe", "stop", "set", "report", "doctor", "snapshot", "diff", "restore")
 """What every device has stands first below its heading, in this order."""
 
 
@@ -107,7 +107,9 @@ class Described(click.Command):
 
         Who gives one all the same is told why (`frame.premises`, `clikit.Command`).
         """
-        keys = set() if self.writes else {"dry_run", "yes", "assume_identity"}
+        keys = set() if self.writes else {"dry_run", "yes"}
+        if not self.writes and self.family is None:
+            keys |= {"assume_identity"}
         if self.offline:
             keys |= {"", "assume_identity"}
         if self.family is not None:

@@ -137,6 +137,7 @@ class Device(ABC):
     """One device behind a line, as the verbs know it (`frame.verbs`, `frame.stored`, `report`).
 
     kind         command and simulator are named so
+    product      its model, where the answer to any read tells that; "" = it does not
     map          its parameters; what is not in it does not exist for the verbs
     columns      of its tables; `plain` of --format plain, where these are fewer
     live         what changes during use: the default of `watch`
@@ -150,6 +151,7 @@ class Device(ABC):
     """
 
     kind: str
+    product = ""
     map: ParamMap[Any]
     columns: tuple[Column, ...]
     plain: tuple[str, ...] = ()
@@ -271,6 +273,8 @@ class Device(ABC):
             row |= {"error": error.text if error is not None else "not read", "unit": param.unit}
             return {**row, "path": element.path}
         row = {**row, **self.valued(reading), "path": element.path}
+        if self.product:
+            self.about.setdefault("model", self.product)
         if (scale := param.scale) is not None:
             row |= {"scaled": scale.of(value), "scaled_unit": scale.unit}
         if param.alarms:

@@ -1,8 +1,8 @@
-"""The gate before the first write of a command: a family's look at who is there, once. Knows no protocol."""
+"""The gate of a command: a family's look at who is there, before the first write, and at what was read. Knows no protocol."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 
 from handctl.errors import HandctlError, Interrupted, NotIdentified
 from handctl.link import Link
@@ -24,9 +24,7 @@ class Gate:
         if self.passed:
             return
         if self.assumed:
-            journal.warn(
-                "identity-assumed", "written without checking which device answers, because of --assume-identity"
-            )
+            self.tell(journal)
         else:
             try:
                 look()
@@ -39,3 +37,24 @@ class Gate:
                     raise NotIdentified(exc) from exc
                 journal.info("not-recorded", "the check of the device was not recorded: left out in this replay")
         self.passed = True
+
+    def check_read(self, link: Link, journal: Journal, who: Hashable, judge: Callable[[], object]) -> None:
+        """Judge what was read, unless that of `who` was on this line already. `judge` raises what speaks against this family."""
+        if self.passed or who in journal.line.met:
+            return
+        if self.assumed:
+            self.tell(journal)
+        else:
+            try:
+                judge()
+            except HandctlError as exc:
+                if not link.replayed or exc.code != "replay-miss":
+                    raise
+        journal.line.met.add(who)
+
+    @staticmethod
+    def tell(journal: Journal) -> None:
+        """Say that nobody looks, once."""
+        if not any(message.code == "identity-assumed" for message in journal.messages):
+            text = "it was not checked which device answers, because of --assume-identity"
+            journal.warn("identity-assumed", text)

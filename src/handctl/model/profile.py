@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from typing import Any
 
 from handctl.model.latency import RoundTrips
@@ -22,6 +22,7 @@ class Profile:
     echo           whether our own bytes come back
     others         whether frames were heard that answer nothing that was asked
     longest        bytes of the last long answer, whose pieces were looked at
+    met            who has shown on this line that it is of the family that reads it; not of its row
     """
 
     def __init__(self) -> None:
@@ -31,6 +32,7 @@ class Profile:
         self.echo: bool | None = None
         self.others: bool | None = None
         self.longest: int | None = None
+        self.met: set[Hashable] = set()
         self._size = self._alike = 0  # of the pieces of the last long answers, and how many in a row had it
 
     @property

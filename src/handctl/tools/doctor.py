@@ -13,7 +13,7 @@ import click
 
 from handctl.errors import CheckFailed, Interrupted, LinkError, UsageError
 from handctl.families import FAMILIES, WIRES
-from handctl.frame.clikit import Command
+from handctl.frame.clikit import Command, reads_option
 from handctl.frame.family import Family
 from handctl.frame.run import Run
 from handctl.model.result import Cell, Column, Grid, Row, Table
@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from handctl.model.result import Journal
 
 LINK_SECONDS = 8.0
+FIND_SECONDS = 45.0
+"""For a scan of this link, where the family is not given."""
 PING_TIMEOUT = 0.5
 COLUMNS = (
     Column("check", "Check"),
@@ -42,23 +44,23 @@ TONES = {"ok": "good", "warning": "warn", "fail": "bad", "skipped": "dim"}
 
 @click.command("doctor", cls=Command)
 @click.option(
-    "--family", type=click.Choice(list(FAMILIES)), help="The family of the device on the link. -d NAME implies it."
+    "--family",
+    type=click.Choice(list(FAMILIES)),
+    help="The family of the device on the link. Without it, and without -d NAME, handctl finds out who is there.",
 )
-@click.option(
-    "--count",
-    type=click.IntRange(1, 10000),
-    default=100,
-    show_default=True,
-    metavar="N",
-    help="Read the device N times for the error rate.",
-)
+@reads_option
 def cli(family: str | None, count: int) -> Table:
     """Check this computer, and with -p LINK that link and its device.
 
     Each row has its evidence and its remedy: permissions, other programs, delays, speed, echo, error rate.
-    Exit code 7 means a warning or a failure. The device is only read: its shortest documented request, and a few more for the line.
+    Without --family it finds out which device is there, as `handctl scan` does. The device is only read.
+    Exit code 7 means a warning or a failure.
     """
-    run: Run = click.get_current_context().obj
+    return checked(click.get_current_context().obj, family, count)
+
+
+def checked(run: Run, family: str | None, count: int) -> Table:
+    """All checks, of a device of this `family`; None = of the one that is found."""
     machine = Machine()
     checks = machine_checks(machine)
     kind = family or run.settings.kind
@@ -100,7 +102,7 @@ def examine(run: Run, machine: Machine, kind: str | None, reads: int) -> Iterato
 
     if kind is None and run.settings.fake:
         raise UsageError("no simulator given", hint=f"add --family with one of {', '.join(FAMILIES)}", code="no-family")
-    run.family = family_of(kind) if kind is not None else Family("unknown", _no_device, 115200, wires=WIRES)
+    run.family = family_of(kind) if kind is not None else Family("unknown", _no_device, 115200, wires=WIRES, ids=True)
     if run.family.check is not None:
         run.family.check(run.settings)
     name = run.link_name()
@@ -114,6 +116,14 @@ def examine(run: Run, machine: Machine, kind: str | None, reads: int) -> Iterato
         return
     speed = getattr(link, "baud", None)
     yield Check("open", "ok", f"{name} opens" + (f" at {speed} bit/s" if speed else ""))
+    if kind is None:
+        from handctl.tools.present import present
+
+        found = present(run, link, link.deadline(run.settings.deadline or FIND_SECONDS))
+        yield found.check
+        if kind := found.family or None:
+            run.family = family_of(kind)
+            run.settings = run.settings._replace(id=run.settings.id or found.id)
     seconds = run.settings.deadline or LINK_SECONDS
     settings = run.settings._replace(retries=0, timeout=run.settings.timeout or PING_TIMEOUT, deadline=seconds)
     family, probe = run.family, probe_of(kind) if kind is not None else None
@@ -154,7 +164,7 @@ def _on_network(machine: Machine, name: str, probe: Any, device: Any, make: Any)
 
 
 def _no_device(link: Any, settings: Settings, journal: Journal) -> Any:
-    raise UsageError("the family of the device is not known", hint="name it with --family")
+    raise UsageError("no device was found", hint="name its family with --family")
 
 
 def _view(rows: list[Row]) -> list[Grid]:

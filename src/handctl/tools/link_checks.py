@@ -153,13 +153,13 @@ class LinkChecks:
             yield can_checks.adapter_check(self._link)
         yield self._unasked()
         if self._probe is None:
-            hint = "name the device with --family, or find it with `handctl scan`"
-            yield Check("answer", "skipped", "nothing was sent, because the family is not known", hint)
+            yield Check("answer", "skipped", "no device was found that could be asked", "name its family with --family")
             return
         first = getattr(self._link, "baud", None)
         before = self._link.error_frames if isinstance(self._link, FrameLink) else 0
+        stray = self._counters.stray_bytes
         series = self.read_series()
-        series.stray = self._counters.stray_bytes
+        series.stray = self._counters.stray_bytes - stray
         yield self._answer(series)
         if isinstance(self._link, FrameLink):
             yield from can_checks.bus_checks(self._link, before, series.failed, bool(len(series.trips)), self._bound)

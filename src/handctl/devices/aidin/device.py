@@ -32,6 +32,7 @@ class AidinHand(Device):
     """One hand on a connection."""
 
     kind = "aidin"
+    product = "AIDIN-hand"
     map = AIDIN
     live = tuple(param.name for param in FEEDBACK if param.name != "task_space_pos")
     columns = (

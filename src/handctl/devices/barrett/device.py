@@ -26,6 +26,7 @@ class BarrettHand(Device):
     """One hand on a line."""
 
     kind = "barrett"
+    product = "BH8"
     map = BARRETT
     live = ("position", "strain", "status", "temperature")
     columns = (

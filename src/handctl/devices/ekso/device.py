@@ -50,6 +50,7 @@ class Ekso(Device):
     """One EksoNR. `port` is the line to it; `writer` is given by the commands that write."""
 
     kind = "ekso"
+    product = "EksoNR"
     map = EKSO
     worn = True
     live = (

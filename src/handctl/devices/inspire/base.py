@@ -8,10 +8,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
+from handctl.devices.inspire import twins
 from handctl.devices.inspire.blocks import BlockReader, Memory
 from handctl.devices.inspire.map import Register, register_of
 from handctl.devices.inspire.registers import RegisterBus
-from handctl.errors import HandctlError, Left, NoAnswer
+from handctl.errors import HandctlError, Left, NoAnswer, ProtocolError
 from handctl.model.device import Device
 from handctl.model.leaving import leaving
 from handctl.model.param import Element, Number, ParamMap, Reading, Step
@@ -55,10 +56,17 @@ class RegisterDevice(Device):
 
     def read(self, elements: Sequence[Element]) -> list[Reading]:
         registers = {element.param.name: register_of(element) for element in elements}
-        memory = Memory()
-        with self.keeping(lambda: [_reading(element, memory) for element in elements] if memory.blocks else []):
-            self._reader.read(registers.values(), memory)
+        memory, gate = Memory(), self.bus.gate
+        try:
+            with self.keeping(lambda: [_reading(element, memory) for element in elements] if memory.blocks else []):
+                self._reader.read(registers.values(), memory)
+        except (NoAnswer, ProtocolError) as exc:
+            if gate is not None:
+                gate.unheard(self.bus, exc)
+            raise
         self.last_blocks = sorted(memory.blocks)
+        if gate is not None:
+            gate.read(self.bus, self.last_blocks)
         return [_reading(element, memory) for element in elements]
 
     def named(self, element: Element) -> Row:
@@ -67,6 +75,8 @@ class RegisterDevice(Device):
 
     def row(self, reading: Reading) -> Row:
         row = super().row(reading)
+        if self.bus.gate is not None and self.bus.gate.assumed and self.about.get("model") == self.product:
+            del self.about["model"]  # nobody has looked
         return {**row, "raw": None} if "error" in row else row
 
     def valued(self, reading: Reading) -> Row:
@@ -109,6 +119,8 @@ class RegisterDevice(Device):
         refused; CheckFailed when the read-back differs, which it says with both values; Interrupted on Ctrl-C, after
         what moves was stopped.
         """
+        if any(element.param.strands for element, _ in changes):
+            twins.refuse(self)
         with self.stopped_by_ctrl_c(
             ", ".join(element.full_name for element, _ in changes),
             any(element.param.moves for element, _ in changes),

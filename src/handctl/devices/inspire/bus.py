@@ -230,6 +230,10 @@ class Bus(RegisterBus):
         self._rest = decoder.rest()
         return frame
 
+    def behind(self, address: int, count: int, seconds: float) -> bytes | None:
+        frame = self.listen([eb90.read_reply_prefix(self.id, address // self.per, count, self.read_flag)], seconds)
+        return frame.data if frame is not None else None
+
     def only_reads(self, request: bytes | CanFrame) -> bool:
         return isinstance(request, bytes) and eb90.only_reads(request)
 

@@ -23,6 +23,7 @@ class CanBus(RegisterBus):
 
     link: FrameLink
     max_count = canreg.MAX_COUNT
+    wire = "can"
     spaces: ClassVar = {
         "hand": (canreg.READ_HAND, canreg.WRITE_HAND),
         "wrist": (canreg.READ_WRIST, canreg.WRITE_WRIST),

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from handctl.devices.inspire import eb90
+from handctl.devices.inspire import eb90, twins
 from handctl.devices.inspire.map import OVER_TEMPERATURE, Register
 from handctl.devices.inspire.procedures import probe
 from handctl.errors import CheckFailed, DeviceRefused, NoAnswer
@@ -79,6 +79,7 @@ def save(hand: RegisterDevice, guide: Guide) -> Table:
     Two frames answer: the acknowledgement (01 = accepted) and the result (00 = saved, FF = failed; the sense is
     inverted, RH56 ch. 3 ex. 4). Nothing is sent in between. Raises DeviceRefused for FF or a refused acknowledgement.
     """
+    twins.identify(hand)
     with hand.bus.leaving(
         "the save was sent, but its result is not known",
         f"save again, or power-cycle the hand and check with `handctl {hand.kind} get id baud_code`",

@@ -1,16 +1,17 @@
 """Who answers: an EH55BF1, a wrist module, or a hand of the same maker. Read-only (inspire §4.15, rh56 §1.1).
 
 One frame is spoken by all of them, and the same bytes mean another thing to each: before the first frame of a command
-that is no read, a gate asks. Judged is what is answered; an echo, silence and zeros prove nothing. No register holds a
-model: where nothing speaks against the family that was typed, it is the user's word.
+that is no read, a gate asks. What is read is judged by itself where it can be, else by one question more, once a session.
+Judged is what is answered; an echo, silence and zeros prove nothing. No register holds a model: where nothing speaks
+against the family that was typed, it is the user's word.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from typing import NamedTuple
 
-from handctl.devices.inspire import eb90
+from handctl.devices.inspire import eb90, modbus
 from handctl.devices.inspire.quiet import READS, Span
 from handctl.devices.inspire.registers import RegisterBus
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError
@@ -27,12 +28,17 @@ LEAST = 0.010
 
 DAMAGED = ("bad-checksum", "cut-short")
 """What a valid answer turns into on a disturbed line."""
+AT_WORK = frozenset(f"modbus-{code}" for code in modbus.PASSING)
+"""Passes, and says nothing about who refuses."""
+AT_WORK_TIMES, AT_WORK_SECONDS = 4, 0.1
 
 # -- what shows whom ----------------------------------------------------------------------------------------------
 
 STATES = (1606, 18)
 """Errors, status codes, temperatures: six each on a hand; on the exo five errors and five temperatures are documented."""
 STATUS, ROTATION = (1612, 6), (1623, 1)
+SPEEDS, STROKES = (1522, 12), (1534, 12)
+"""Six of each on a hand; the EH55BF1 documents none."""
 SIXTH_ERROR = (1611, 1)
 UNSET = 0xFF
 """In all of them: it proves no more than zeros do."""
@@ -61,7 +67,16 @@ def is_six_wide(at: At) -> str:
         told.append(f"six status codes at {STATUS[0]} ({hex_bytes(codes)})")
     if warm and warm[0] in WARM:
         told.append(f"a temperature of the thumb rotation at {ROTATION[0]} ({warm[0]} °C)")
+    speeds, strokes = _words(at(*SPEEDS)), _words(at(*STROKES))
+    if any(speeds) and any(strokes) and max(map(abs, speeds)) <= 1000 and max(map(abs, strokes)) <= 2100:
+        told.append(f"six speeds at {SPEEDS[0]} and six strokes at {STROKES[0]}")
     return " and ".join(told)
+
+
+def is_exo_alone(at: At) -> bool:
+    """Whether this shows five fingers, and holds what would have shown a sixth."""
+    sixth = at(*ROTATION) is not None or (at(*SPEEDS) is not None and at(*STROKES) is not None)
+    return sixth and at(*STATUS) is not None and not is_six_wide(at) and is_five_wide(at) != ""
 
 
 def is_five_wide(at: At) -> str:
@@ -97,11 +112,12 @@ UNHEARD = (NoAnswer.default_code, "echo")
 
 
 class Kind(NamedTuple):
-    """What a device is: family of a scan's row, words for people, and the command that fits."""
+    """What a device is: family of a scan's row, words for people, the command that fits, and the wires that carry it."""
 
     family: str
     words: str
     command: str
+    wires: tuple[str, ...]
 
 
 class Sign(NamedTuple):
@@ -113,11 +129,11 @@ class Sign(NamedTuple):
     kind: Kind
 
 
-EXO = Kind("exo", "an EH55BF1 exoskeleton hand", "handctl exo")
-WRIST = Kind("wrist", "a wrist module with its hand", "handctl wrist")
-BYTE_HAND = Kind("hand", "an RH56 hand (byte addresses)", "handctl hand")
-F1_HAND = Kind("hand", "an RH56F1 hand (word addresses)", "handctl hand")
-DG2_HAND = Kind("hand", "an RH5DG2 hand (word addresses)", "handctl hand")
+EXO = Kind("exo", "an EH55BF1 exoskeleton hand", "handctl exo", ("eb90",))
+WRIST = Kind("wrist", "a wrist module with its hand", "handctl wrist", ("eb90", "can"))
+BYTE_HAND = Kind("hand", "an RH56 hand (byte addresses)", "handctl hand", ("eb90", "can", "rtu", "tcp"))
+F1_HAND = Kind("hand", "an RH56F1 hand (word addresses)", "handctl hand", ("eb90", "rtu"))
+DG2_HAND = Kind("hand", "an RH5DG2 hand (word addresses)", "handctl hand", ("eb90", "rtu"))
 
 
 def kind_of(family: str) -> Kind:
@@ -144,18 +160,51 @@ SIX_HINT = "use `handctl hand` for the hand itself, `handctl wrist` for a wrist 
 
 
 class Look:
-    """One look at the id of `bus`: asks the family's own question first, then what would speak against it."""
+    """One look at the id of `bus`: asks the family's own question first, then what would speak against it.
 
-    def __init__(self, bus: RegisterBus) -> None:
+    held  what was read there already, in its own space: that is not asked for again; None = nothing
+    """
+
+    def __init__(self, bus: RegisterBus, held: At | None = None) -> None:
         self._bus = bus
+        self._held = held
         self._memory: dict[tuple[str, Span], bytes | None] = {}
         self._failure: HandctlError | None = None
         self.evidence = ""
 
+    def contradiction(self, own: Kind) -> Kind | None:
+        """Who else than `own` is proved by what is held, and by one question more where it does not tell; None = nobody."""
+        assert self._held is not None
+        mine = [sign for sign in TABLE if sign.kind is own and sign.shows(self._held)]
+        if is_exo_alone(self._held) if own is EXO else mine:
+            return None
+        try:
+            kind = self.who(own)
+        except (NoAnswer, ProtocolError):
+            return None
+        if kind is EXO and self._held(*STATES) is None and self._memory.get(("hand", STATES)) is None:
+            return None  # a silence, which may be that of the line, is no proof
+        return None if kind is own else kind
+
+    def hand(self, unheard: HandctlError) -> Kind | None:
+        """Whose hand answers its own flag where the wrist's was `unheard`, twice; None = nobody's, or that of a wrist."""
+        self._failure = unheard
+        try:
+            kind = self._try(TABLE[1:3])
+            if kind is None and any(self._memory.values()):
+                kind = self._try(TABLE[3:])
+            return None if kind is None or self._try(TABLE[:1]) is not None else kind
+        except (NoAnswer, ProtocolError):
+            return None
+
     def who(self, own: Kind) -> Kind:
         """The kind of device. Raises NoAnswer, ProtocolError where nobody answers as one of these does, LinkError."""
         wrist, states, more = TABLE[:1], TABLE[1:3], TABLE[3:]
-        if own is BYTE_HAND:  # with a wrist on it or not: it is the hand's own flag that is asked and written
+        if own in (F1_HAND, DG2_HAND) and (kind := self._try([sign for sign in TABLE if sign.kind is own])):
+            return kind
+        if (
+            own.family == BYTE_HAND.family
+        ):  # with a wrist on it or not: it is the hand's own flag that is asked and written
             kind = self._try(states)
         elif own is WRIST:  # flag 30 is nobody else's: its answer is enough
             kind = self._try(wrist)
@@ -164,11 +213,13 @@ class Look:
                 kind = self._try(states)
         else:
             kind = self._try(states)
+            if self._held is not None and kind is EXO:
+                return kind  # enough for what only reads
             if kind is not None or self._silent:
                 kind = self._try(wrist) or kind
         if kind is None and self._silent:
             kind = self._try(more)
-            if kind is None and own is BYTE_HAND:
+            if kind is None and own.family == BYTE_HAND.family:
                 kind = self._try(more, due=True)
         if kind is None:
             raise self._failure or self._unknown()
@@ -189,6 +240,8 @@ class Look:
     def _try(self, signs: Collection[Sign], *, due: bool = False) -> Kind | None:
         """Whom the first of `signs` shows that shows anything. `due`: see `ask`."""
         for sign in signs:
+            if self._bus.wire not in sign.kind.wires:
+                continue
             blocks = [(span[0], self.ask(sign.space, span, due=due)) for span in sign.reads]
             shown = sign.shows(within(blocks))
             if shown:
@@ -204,16 +257,19 @@ class Look:
         known = self._memory.get((space, span))
         if known is not None or ((space, span) in self._memory and not due):
             return known
-        first, bus = not self._memory, self._bus.at(space)
+        bus = self._bus.at(space)
+        if self._held is not None and bus.read_flag == self._bus.read_flag and (data := self._held(*span)) is not None:
+            return data
+        first = not self._memory and self._held is None and self._failure is None
         if not (first or due) and self._bus.round_trip is not None:
             bus.timeout = min(bus.timeout, max(LEAST, FACTOR * self._bus.round_trip))
         data, started = None, bus.link.now()
         try:
-            data = bus.read(*span, retries=None if first or due else 0)
+            data = self._answer(bus, span, None if first or due else int(self._held is not None))
             if first and bus.link.now() - started > bus.timeout:
                 self._confirm(bus)
         except (NoAnswer, ProtocolError, DeviceRefused) as exc:
-            if exc.code == "late" or self._bus.over:
+            if exc.code == "late" or exc.code in AT_WORK or self._bus.over:
                 raise  # --deadline is over: nothing that was not answered shows anything
             if first:
                 self._failure = exc
@@ -223,6 +279,18 @@ class Look:
             self._bus.round_trip = bus.round_trip
         self._memory[space, span] = data
         return data
+
+    @staticmethod
+    def _answer(bus: RegisterBus, span: Span, retries: int | None) -> bytes:
+        """What is read there; who is at work is asked again."""
+        for _ in range(AT_WORK_TIMES - 1):
+            try:
+                return bus.read(*span, retries=retries)
+            except DeviceRefused as exc:
+                if exc.code not in AT_WORK:
+                    raise
+                bus.pause(AT_WORK_SECONDS)
+        return bus.read(*span, retries=retries)
 
     def _again(self, space: str, span: Span) -> bytes | None:
         """Once more, with the patience of any read: somebody may have answered what only a sibling answers."""
@@ -250,7 +318,7 @@ class Look:
         came = "; ".join(f"{span[0]}: {hex_bytes(data)}" for (_, span), data in self._memory.items() if data)
         return ProtocolError(
             f"{self._bus.where}: the device answers, but not as a known device of this maker ({came})",
-            hint="check the type plate. --assume-identity writes all the same",
+            hint="check the type plate. --assume-identity goes on all the same",
             code="unknown-device",
         )
 
@@ -273,10 +341,27 @@ class FamilyGate(Gate):
     def __init__(self, own: Kind, assumed: bool) -> None:
         super().__init__(assumed)
         self._own = own
+        self._sought = False  # a hand without a wrist: once a command
 
     def look(self, bus: RegisterBus) -> None:
         """Look once. Raises NotIdentified, Interrupted; nothing was written then."""
         self.check(bus.link, bus.journal, lambda: self._judge(bus))
+
+    def read(self, bus: RegisterBus, blocks: Sequence[tuple[int, bytes]]) -> None:
+        """Judge what was read in the space of `bus`. Raises DeviceRefused where it proves another device."""
+        self.check_read(bus.link, bus.journal, (self._own.family, bus.id), lambda: self._judge_read(bus, blocks))
+
+    def unheard(self, bus: RegisterBus, error: HandctlError) -> None:
+        """After an `error` of a read: raise DeviceRefused where a hand without a wrist answers what it hears."""
+        if self._own is not WRIST or error.code not in UNHEARD or self._sought or self.passed or self.assumed:
+            return
+        if (self._own.family, bus.id) in bus.journal.line.met or bus.link.replayed or bus.over:
+            return
+        self._sought = True
+        look = Look(bus)
+        if (kind := look.hand(error)) is not None:
+            look.evidence = f"{look.evidence}, and the wrist's flag (30, on CAN 4) is not answered"
+            raise stranger(bus, kind, self._own, look.evidence) from error
 
     def _judge(self, bus: RegisterBus) -> None:
         look = Look(bus)
@@ -284,11 +369,17 @@ class FamilyGate(Gate):
         if kind.family != self._own.family:
             raise stranger(bus, kind, self._own, look.evidence)
 
+    def _judge_read(self, bus: RegisterBus, blocks: Sequence[tuple[int, bytes]]) -> None:
+        look = Look(bus, within(blocks))
+        kind = look.contradiction(self._own) if self._own is not WRIST else None  # nobody else has answered
+        if kind is not None:
+            raise stranger(bus, kind, self._own, look.evidence)
+
 
 def stranger(bus: RegisterBus, kind: Kind, own: Kind, evidence: str) -> DeviceRefused:
     """The error of a device of another kind, with the command that fits."""
     return DeviceRefused(
         f"{bus.where}: this is {kind.words}, not {own.words}: {evidence}",
-        hint=f"use `{kind.command}`, the command for it. --assume-identity writes all the same, if you are sure of the device",
+        hint=f"use `{kind.command}`, the command for it. --assume-identity goes on all the same, if you are sure of the device",
         code="other-device",
     )

@@ -39,7 +39,7 @@ OWN_HINTS = {
     (
         "hand",
         "bad-checksum",
-    ): "check cable, ground and speed. Two hands with one id do this as well: `handctl doctor -p LINK --family hand` shows it",
+    ): "check cable, ground and speed. Two hands with one id do this as well: `handctl hand doctor -p LINK` shows it",
 }
 """(family, code) -> the next step where it is another one."""
 

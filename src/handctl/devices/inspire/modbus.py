@@ -29,6 +29,8 @@ FAILED = 0x80
 NO_PATH, NO_TARGET = 0x0A, 0x0B
 """A gateway says so: it has no way to the unit, or the unit is silent."""
 AT_WORK = (5, 6)
+PASSING = (4, *AT_WORK)
+"""Says nothing about which device refuses: the same question may be answered next."""
 EXCEPTIONS = {
     1: "illegal function", 2: "illegal address", 3: "illegal value", 4: "device failure", 5: "still at work", 6: "busy",
     NO_PATH: "gateway path unavailable", NO_TARGET: "gateway target failed to respond",

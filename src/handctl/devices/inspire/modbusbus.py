@@ -88,6 +88,7 @@ class ModbusBus(RegisterBus):
         timeout = TCP_TIMEOUT if timeout is None and tcp else timeout
         super().__init__(link, device_id, journal, timeout=timeout, retries=retries, bound=bound)
         self.tcp = tcp
+        self.wire = "tcp" if tcp else "rtu"
         self._state = _State(False if tcp else None)
 
     # -- registers -----------------------------------------------------------------------------------------------
@@ -251,6 +252,17 @@ class ModbusBus(RegisterBus):
             decoder.feed(chunk[max(0, echo - before) :])
             if decoder.pending and deadline.remaining < self.timeout and kept is None:
                 deadline = self.link.deadline(self.timeout).earlier(last)
+
+    def behind(self, address: int, count: int, seconds: float) -> bytes | None:
+        if self.tcp:
+            return None
+        decoder = RtuDecoder(self.id, modbus.read_request(address // self.per, -(-count // 2)))
+        deadline = self.deadline(seconds)
+        while chunk := self.link.read(deadline):
+            decoder.feed(chunk)
+            if answer := next(frames_in(decoder, self._count_damaged), None):
+                return modbus.to_memory(answer.data)[:count]
+        return None
 
     def _is_mine(self, answer: Answer) -> bool:
         """Whether it names the open question; on a serial line no answer names any."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from handctl.devices.inspire import eb90
+from handctl.devices.inspire import eb90, twins
 from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.map import BAUD_RATES
 from handctl.devices.inspire.registers import RegisterBus
@@ -128,7 +128,8 @@ def change_id(hand: RegisterDevice, new: int, *, saved_next: bool = False) -> Ta
         return _id_row(hand, old)
     new_taken = probe(bus, new)
     try:
-        old_there = probe(bus, old)
+        with twins.named(hand):
+            old_there = probe(bus, old)
     except ProtocolError as exc:  # perhaps a late answer of the new id
         if exc.code != "wrong-id" or not _slower(bus):
             raise
@@ -148,6 +149,7 @@ def change_id(hand: RegisterDevice, new: int, *, saved_next: bool = False) -> Ta
             hint=f"choose a free id: `handctl {hand.kind} scan --all` lists those in use. Nothing was written.",
             code="id-taken",
         )
+    twins.identify(hand)
     with hand.bus.leaving(
         f"the hand may have id {new} already",
         f"find it with `handctl {hand.kind} scan`. A power-cycle brings back the saved id",
@@ -229,7 +231,7 @@ def change_baud(hand: RegisterDevice, rate: int) -> Table:
     register, code = hand.map["baud_code"], code_of(rate)
     assert code is not None
     element = Element(register, 0)
-    hand.identify()
+    twins.identify(hand)
     before = hand.bus.read(register.address, register.size)[0]
     if before == code:
         hand.journal.info("already", f"baud_code is already {code} ({rate} bit/s)")

@@ -46,7 +46,8 @@ class RegisterBus(Line, ABC):
     timeout   seconds allowed for a reply, beyond the time its bits need on the wire
     max_count longest single read in bytes
     spaces    read and write flag of each register space
-    gate      looks who is there before the first frame that is no read; None = nobody looks
+    wire      what is spoken on it: eb90, can, rtu or tcp
+    gate      looks who is there before the first frame that is no read, and at what was read; None = nobody looks
     presence  the span that tells whether anybody is there; its answer is longer than its question, so an echo never passes for it
     reports   the device sends the end of a save or a calibration by itself
     per       bytes at one address of the wire: 2 where the device counts words; addresses here are bytes
@@ -62,6 +63,7 @@ class RegisterBus(Line, ABC):
     per = 1
     read_flag: int
     write_flag: int
+    wire = "eb90"
 
     def __init__(
         self,
@@ -104,6 +106,10 @@ class RegisterBus(Line, ABC):
 
     def listen(self, prefixes: Sequence[bytes], seconds: float) -> Frame | None:
         """Wait for a frame that the device sends later by itself; None when it does not come, or this wire has none."""
+        return None
+
+    def behind(self, address: int, count: int, seconds: float) -> bytes | None:
+        """What comes behind the answer to this read as another answer to it; None = nothing, or this wire cannot tell."""
         return None
 
     @abstractmethod

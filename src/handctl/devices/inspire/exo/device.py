@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from handctl.devices.inspire import eb90
+from handctl.devices.inspire import eb90, twins
 from handctl.devices.inspire.base import RegisterDevice
 from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.map import BAUD_RATES, EXO, FINGERS
@@ -26,6 +26,7 @@ class ExoHand(RegisterDevice):
 
     bus: Bus
     kind = "exo"
+    product = "EH55BF1"
     map = EXO
     live = LIVE
     worn = True
@@ -136,7 +137,7 @@ class ExoHand(RegisterDevice):
 
         On another hand of the same maker address 1005 is the factory reset, so save and reset look first.
         """
-        self.bus.identify()
+        twins.identify(self)
         readings = self.read([element for param in EXO if param.readable for element in elements_of(param)])
         for reading in readings:
             if reading.error is not None:

@@ -5,12 +5,13 @@ The hands of the same maker answer it as well: a wrist is looked for first, and 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from handctl.devices.inspire import probing
 from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.exo.device import ExoHand
 from handctl.devices.inspire.exo.scan import TARGET, scan
+from handctl.devices.inspire.twins import same_id
 from handctl.link import ByteLink, Deadline
 from handctl.model.guide import Progress
 from handctl.model.result import Journal, Row
@@ -18,7 +19,9 @@ from handctl.model.result import Journal, Row
 FAMILY = "exo"
 WIRES = ("serial", "tcp")
 SPEEDS = probing.SPEEDS
-PING = "system_voltage"
+PING = "force_actual"
+LIVE = (1582, 2)
+"""What is measured again and again: a constant would be the same of two devices with one id."""
 ECHOES = False
 LONG = (1472, 151)
 """One long answer of documented registers (exo §2.3)."""
@@ -39,7 +42,7 @@ def probe(
 
 def ping(device: ExoHand) -> None:
     """One short read, asked once. Raises what the bus raises."""
-    device.bus.read(*TARGET.probe, retries=0)
+    device.bus.read(*LIVE, retries=0)
 
 
 def identify(device: ExoHand) -> tuple[str, str, str]:
@@ -55,6 +58,12 @@ def ignores_speed(device: ExoHand) -> bool:
 def measure(device: ExoHand, unasked: bytes) -> None:
     """What reading shows of the line, into the journal. Read-only."""
     probing.measure(device, LONG, TARGET.probe, unasked)
+
+
+def further(device: ExoHand, answered: bool) -> Iterator[tuple[str, str, str, str]]:
+    """Whether one device has this id: what only reading again and again shows. Read-only."""
+    if answered or device.bus.journal.counters.bad_frames:
+        yield same_id(device)
 
 
 def overheard(data: bytes) -> list[int]:

@@ -107,6 +107,10 @@ class Hand(RegisterDevice):
         """Find the generation, unless it was typed: it decides where everything lies."""
         if self._known is not None or self._asked:
             return
+        if self.gate.unasked:
+            self._asked = True
+            self.gate.tell(self.journal)
+            return
         found = self.found()
         self._asked = True
         if found.model is not None:

@@ -14,6 +14,7 @@ from handctl.devices.inspire.canbus import CanBus
 from handctl.devices.inspire.hand.map import BLOCKED, FINGERS, HOT, IP_ADDRESS, STATUS, UNMEASURED
 from handctl.devices.inspire.hand.typed import asks_rtu
 from handctl.devices.inspire.modbusbus import BETWEEN_PROTOCOLS, ModbusBus
+from handctl.devices.inspire.twins import Row4, same_id
 from handctl.errors import HandctlError, NoAnswer, ProtocolError
 from handctl.model.param import elements_of
 
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
     from handctl.devices.inspire.hand.device import Hand
     from handctl.devices.inspire.registers import RegisterBus
 
-Row4 = tuple[str, str, str, str]
 Values = Mapping[str, Mapping[str, int]]
 """Register -> finger -> value, of what could be read."""
 
@@ -39,11 +39,7 @@ EACH_SLOWLY = "run `handctl hand set speed_set.m1=100`, and so for each actuator
 DRAWN = 200
 """mA: a movement without a load draws 100 to 194 (rh56 §6)."""
 MOST_CURRENT = 1500
-ASKED = 4
-"""Questions of each kind that tell two hands from a bad line."""
-QUARTET = ("stroke_actual", "angle_actual", "force_actual", "current")
-"""Readings that two hands do not share."""
-DESTROYED = ("bad-checksum", "cut-short", "garbage", "wrong-id")
+OR_PAIR = ", or run `handctl hand pair`, which takes you through it"
 REFRESH = 0.0307
 """Seconds from one refresh inside the hand to the next (rh56 §5)."""
 REFRESH_SECONDS, REFRESH_STEP = 0.5, 0.004
@@ -52,7 +48,7 @@ REFRESH_SECONDS, REFRESH_STEP = 0.5, 0.004
 
 def further(device: Hand, answered: bool) -> Iterator[Row4]:
     """The checks of a hand, `answered`: it has answered the doctor's reads. Raises nothing but LinkError."""
-    twins = None if isinstance(device.bus, ModbusBus) and device.bus.tcp else same_id(device)
+    twins = None if device.bus.wire == "tcp" else same_id(device, OR_PAIR)
     if not answered:
         if twins is not None and twins[1] == "fail":
             yield twins
@@ -110,23 +106,6 @@ def protocol(device: Hand) -> Row4:
     return "protocol", "ok", "the hand answers in Modbus RTU", ""
 
 
-def same_id(device: Hand) -> Row4:
-    """Two hands with one id answer at once: what they share arrives whole, their readings destroy each other (rh56 §6)."""
-    bus, number = device.bus, device.bus.id
-    whole = sum(_arrives(bus, 1000 * bus.per, bus.per) == "" for _ in range(ASKED))
-    ends = [_arrives(bus, device.map[name].address, len(device.map[name].span)) for name in QUARTET]
-    destroyed = sum(end in DESTROYED or (isinstance(bus, CanBus) and end != "") for end in ends)
-    if whole == ASKED and destroyed == len(ends):
-        text = f"id {number} itself arrives whole, each reading is destroyed: two hands with id {number} answer at once"
-        remedy = (
-            "disconnect one hand and run `handctl hand id 2`, or run `handctl hand pair`, which takes you through it"
-        )
-        return "same_id", "fail", text, remedy
-    if any(ends) or whole < ASKED:
-        return "same_id", "skipped", "answers are missing or damaged, the id itself as well", ""
-    return "same_id", "ok", f"{2 * ASKED} answers arrived whole: one hand has id {number}", ""
-
-
 def _arrives(bus: RegisterBus, address: int, count: int) -> str:
     """Code of what ended a read, "" = nothing."""
     try:
@@ -158,7 +137,7 @@ def _elsewhere(device: Hand) -> Iterator[Row4]:
         yield "protocol", "ok", f"neither {silent} nor {spoken} is answered", ""
     if not (isinstance(bus, ModbusBus) and bus.tcp):
         text = "a tactile hand (RH56DFTP) may answer on its network only"
-        yield "network", "skipped", text, "run `handctl doctor -p tcp://192.168.11.210 --family hand`"
+        yield "network", "skipped", text, "run `handctl hand doctor -p tcp://192.168.11.210`"
 
 
 def refresh(device: Hand) -> Row4:

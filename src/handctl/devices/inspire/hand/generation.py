@@ -7,6 +7,7 @@ What stays open is said, and the user's word decides (`--model`).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from handctl.devices.inspire import eb90
@@ -26,7 +27,7 @@ from handctl.devices.inspire.identity import (
 )
 from handctl.devices.inspire.modbusbus import BETWEEN_PROTOCOLS, ModbusBus
 from handctl.devices.inspire.registers import RegisterBus
-from handctl.errors import DeviceRefused, NoAnswer, ProtocolError
+from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError
 from handctl.model.gate import Gate
 
 ANGLES = range(-20, 1021)
@@ -34,6 +35,8 @@ AT, IP, VOLTAGE, LIMITS = (1546, 12), (1700, 4), (1472, 2), (1020, 12)
 VOLTS = range(500, 621)
 """A DF at 24 V reads 557 to 562 (rh56 §1.1)."""
 F1_READS = next(sign.reads for sign in TABLE if sign.kind is F1_HAND)
+KINDS = {DF: BYTE_HAND, TP: BYTE_HAND, F1: F1_HAND, DG2: DG2_HAND}
+"""Generation -> who shows what it is."""
 LABEL = "read the label of the hand and add --model df, tp, f1 or dg2"
 
 
@@ -123,6 +126,8 @@ class ModelGate(Gate):
     def __init__(self, typed: str | None, assumed: bool) -> None:
         super().__init__(assumed and typed is not None)  # what was neither looked at nor typed is not written to
         self.typed = typed
+        self.unasked = assumed
+        """Whether --assume-identity is given: whoever is there is read, by the map of bytes where none was typed."""
         self.found: Found | None = None
 
     def look(self, bus: RegisterBus) -> None:
@@ -134,6 +139,26 @@ class ModelGate(Gate):
         if self.found is None:
             self.found = look(bus, other)
         return self.found
+
+    def read(self, bus: RegisterBus, blocks: Sequence[tuple[int, bytes]]) -> None:
+        """Judge what was read where a generation was typed; else it has shown itself. Raises DeviceRefused for another device."""
+        if self.typed is not None and self.found is None:
+            self.check_read(bus.link, bus.journal, ("hand", bus.id), lambda: self._judge_read(bus, blocks))
+
+    def unheard(self, bus: RegisterBus, error: HandctlError) -> None:
+        """The hand that carries a wrist answers as any: nobody else is left to ask."""
+
+    def _judge_read(self, bus: RegisterBus, blocks: Sequence[tuple[int, bytes]]) -> None:
+        assert self.typed is not None
+        own, there, held = KINDS[self.typed], bus.at("hand"), within(blocks)
+        per, there.per = there.per, 1
+        asked = Look(there, lambda address, count: held(per * address, count))
+        kind = asked.contradiction(own)
+        if kind is None:
+            return
+        if kind.family != "hand":
+            raise stranger(bus, kind, BYTE_HAND, asked.evidence)
+        contradiction(bus, Found(kind, None, asked.evidence), self.typed)
 
     def _judge(self, bus: RegisterBus) -> None:
         found, typed = self.seen(bus), self.typed
@@ -150,8 +175,7 @@ class ModelGate(Gate):
 
 def contradiction(bus: RegisterBus, found: Found, typed: str | None) -> None:
     """Raise DeviceRefused where the generation that was typed is not the one that answers."""
-    words = {DF: BYTE_HAND, TP: BYTE_HAND, F1: F1_HAND, DG2: DG2_HAND}
-    if typed is None or typed == found.model or (found.model is None and words[typed] is found.kind):
+    if typed is None or typed == found.model or (found.model is None and KINDS[typed] is found.kind):
         return
     raise DeviceRefused(
         f"{bus.where}: --model {typed} was given, but this is {found.words}: {found.evidence}",

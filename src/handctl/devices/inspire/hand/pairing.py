@@ -13,13 +13,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import NamedTuple, Protocol
 
-from handctl.devices.inspire import flash, procedures
-from handctl.devices.inspire.hand import place
+from handctl.devices.inspire import flash, procedures, twins
+from handctl.devices.inspire.hand import field, place
 from handctl.devices.inspire.hand.device import Hand
 from handctl.devices.inspire.hand.motion import nudge, plan_nudge
 from handctl.devices.inspire.hand.scan import ids_on
-from handctl.devices.inspire.identity import DAMAGED
-from handctl.errors import CheckFailed, HandctlError, Left, LinkError, NoAnswer, NotConfirmed, ProtocolError, UsageError
+from handctl.errors import CheckFailed, HandctlError, Left, LinkError, NoAnswer, NotConfirmed, UsageError
 from handctl.model.guide import Guide
 from handctl.model.leaving import leaving
 from handctl.model.param import Step, elements_of
@@ -28,8 +27,7 @@ LEFT, RIGHT = "left", "right"
 OTHER = {LEFT: RIGHT, RIGHT: LEFT}
 NOBODY = Left("no hand is named", joint=". ")
 AGAIN = "run `handctl hand pair` again: it begins with what it finds then"
-JITTERING, READS = (1582, 24), 20
-"""Forces and currents: two hands with one id do not agree on them for long (inspire §4.14)."""
+LOOKS = 3
 WAIT_SECONDS, AGAIN_SECONDS = 120.0, 1.0
 """How long a hand is waited for whose power or network was switched, and how often it is looked for."""
 
@@ -95,6 +93,8 @@ def _paired(bench: Bench, link: str, other: str | None, first: str | None, addre
         found = [(hand, link) for hand in _one_line(bench)]
     for hand, _ in found:
         hand.identify()
+    if other is not None and first is not None:
+        _two(*(hand for hand, _ in found))
     sides = (first, OTHER[first]) if first is not None else _seen(bench, [hand for hand, _ in found])
     return [Paired(hand, where, side) for (hand, where), side in zip(found, sides, strict=True)]
 
@@ -128,6 +128,18 @@ def _seen(bench: Bench, hands: Sequence[Hand]) -> tuple[str, str]:
     return sides[0], sides[1]
 
 
+def _two(one: Hand, other: Hand) -> None:
+    """Raise CheckFailed where nothing shows that two LINKs lead to two hands: no reading differs, and no hand moves."""
+    for _ in range(LOOKS):
+        if one.found().model != other.found().model or field.fingerprint(one) != field.fingerprint(other):
+            return
+    raise CheckFailed(
+        f"{one.bus.where} and {other.bus.where} read the same each time: both ways may lead to one hand",
+        hint="leave --first out: then each hand moves a finger, and you say which one it was",
+        code="same-hand",
+    )
+
+
 # -- one serial line or CAN bus ---------------------------------------------------------------------------------------
 
 
@@ -158,8 +170,9 @@ def _apart(bench: Bench, number: int) -> list[Hand]:
         f"Unplug the data cable of one hand. The other one gets id {new}. Then press Enter",
     )
     hand = bench.hand(number)
-    _check_alone(hand)
-    hand.know()
+    with twins.named(hand):
+        hand.know()
+    twins.refuse(hand)
     steps = hand.plan([(elements_of(hand.map["id"])[0], new)])
     saving = bench.hand(new).trigger_step("save", "save to flash")
     bench.confirm(
@@ -187,21 +200,6 @@ def _apart(bench: Bench, number: int) -> list[Hand]:
         changed.know()
         flash.save(changed, bench.guide)
     return [changed, bench.hand(number)]
-
-
-def _check_alone(hand: Hand) -> None:
-    """Raise CheckFailed where two hands answer to this id at once."""
-    for _ in range(READS):
-        try:
-            hand.answered(lambda: hand.bus.read(*JITTERING, retries=0))
-        except ProtocolError as exc:
-            if exc.code in DAMAGED:
-                raise CheckFailed(
-                    f"{hand.bus.where}: answers are damaged: two hands with this id still answer",
-                    hint="unplug the data cable of one hand, then run the command again. Nothing was written.",
-                    code="twin-id",
-                ) from exc
-            raise
 
 
 # -- one IP address ---------------------------------------------------------------------------------------------------

@@ -23,8 +23,11 @@ BACKUP = "hand-before-reset.json"
 
 def met(run: Run) -> Hand:
     """The hand, proved to be of a generation that may be written to. Raises NotIdentified, NoAnswer."""
+    from handctl.devices.inspire import twins
+
     hand: Hand = run.device()
-    hand.identify()
+    with twins.named(hand):
+        hand.identify()
     return hand
 
 
@@ -119,7 +122,7 @@ def add_settings(group: Group) -> None:
 
 
 def _change_id(run: Run, new: int) -> Table:
-    from handctl.devices.inspire import procedures
+    from handctl.devices.inspire import procedures, twins
     from handctl.devices.inspire.modbusbus import ModbusBus
 
     params = map_of(run.settings)
@@ -133,7 +136,8 @@ def _change_id(run: Run, new: int) -> Table:
     )
     hand: Hand = run.device()
     try:
-        hand.identify()
+        with twins.named(hand):
+            hand.identify()
     except NoAnswer:
         return procedures.change_id(hand, new)  # perhaps it has the new id already
     if isinstance(hand.bus, ModbusBus) and hand.bus.tcp:

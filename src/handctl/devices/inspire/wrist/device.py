@@ -34,6 +34,7 @@ class Wrist(RegisterDevice):
     """One wrist module on a serial or CAN bus. See `model.device`."""
 
     kind = "wrist"
+    product = "wrist module"
     map = WRIST
     live = (
         "pitch_actual",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from itertools import pairwise
 
-from handctl.devices.inspire import canreg, eb90
+from handctl.devices.inspire import canreg, eb90, twins
 from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.canbus import CanBus
 from handctl.devices.inspire.map import EXO
@@ -100,6 +100,8 @@ def _hand_write(wrist: Wrist, bus: Bus | CanBus, address: int, data: bytes) -> T
     bytes_at = dict(enumerate(data, address))
     starts = [register.name for register in EXO if register.trigger and bytes_at.get(register.address) == 1]
     new = bytes_at.get(EXO["id"].address, bus.id)
+    if starts or new != bus.id:
+        twins.identify(wrist)
     more = {"acknowledged_by": (new,)} if isinstance(bus, Bus) else {}
     then = "It is not read back, because it starts an action" if starts else "handctl reads it back"
     lost = bus.try_write(address, data, "the write", then, **more)

@@ -6,13 +6,14 @@ lies at 1020, FC 03 on the line, the current at 1024, 00 04.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from handctl.devices.inspire import eb90, probing
 from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.canbus import CanBus
 from handctl.devices.inspire.identity import ITS_CURRENT
 from handctl.devices.inspire.scan_report import scan
+from handctl.devices.inspire.twins import same_id
 from handctl.devices.inspire.wrist.device import Wrist
 from handctl.devices.inspire.wrist.scan import TARGET, scan_wrist
 from handctl.link import ByteLink, Deadline, FrameLink
@@ -74,6 +75,12 @@ def ignores_speed(device: Wrist) -> bool:
 def measure(device: Wrist, unasked: bytes) -> None:
     """What reading shows of the line, into the journal. Read-only."""
     probing.measure(device, LONG, TARGET.probe, unasked)
+
+
+def further(device: Wrist, answered: bool) -> Iterator[tuple[str, str, str, str]]:
+    """Whether one device has this id: what only reading again and again shows. Read-only."""
+    if answered or device.bus.journal.counters.bad_frames:
+        yield same_id(device)
 
 
 def overheard(data: bytes) -> list[int]:
