@@ -33,9 +33,31 @@ def select(params: ParamMap[Any], names: Sequence[str]) -> list[Element]:
     return list(chosen.values())
 
 
+def meant(run: Run, params: ParamMap[Any], names: Sequence[str]) -> ParamMap[Any]:
+    """The map in which `names` are looked up: `params`, unless one of them is known only to another kind of device of this family.
+
+    Then the device is asked which kind it is. A dry run asks nobody.
+    """
+    unknown = [name for name in names if not _knows(params, name)]
+    family = run.family
+    others = family.other_maps(run.settings) if family is not None and family.other_maps is not None else ()
+    if run.settings.dry_run or not unknown or not any(all(_knows(other, name) for name in unknown) for other in others):
+        return params
+    device: Device = run.device()
+    return device.own_map()
+
+
+def _knows(params: ParamMap[Any], name: str) -> bool:
+    try:
+        params.find(name)
+    except UsageError:
+        return False
+    return True
+
+
 def get(run: Run, params: ParamMap[Any], names: Sequence[str]) -> Table:
     """Read the named quantities in as few transactions as the device allows."""
-    elements = select(params, names)
+    elements = select(meant(run, params, names), names)
     device: Device = run.device()
     table = device.table(device.read(device.here(elements)))
     table.plain = ("value",)
@@ -130,6 +152,7 @@ def watch(
 
     from handctl.model.sampling import Sampler
 
+    params = meant(run, params, names)
     elements = select(params, names)  # a wrong name is told before the link is opened
     device: Device = run.device()
     more, slowly = (

@@ -183,6 +183,10 @@ class Device(ABC):
     def identify(self) -> None:  # noqa: B027 - where whatever is read tells who it is, there is nothing to do
         """Look who is there before anything is read for a plan: a stranger is named, not called silent. Raises NotIdentified."""
 
+    def own_map(self) -> ParamMap[Any]:
+        """The map of this very device, asked for where its family has several."""
+        return self.map
+
     def find_for_restore(self, values: dict[str, Number]) -> None:  # noqa: B027 - most have no address to set
         """Make the line address the device that a restore is for; nothing to do unless its address is a setting."""
 

@@ -116,6 +116,10 @@ class Hand(RegisterDevice):
                 "model-open", f"{self.bus.where}: the generation is not certain: {found.evidence}", hint=LABEL
             )
 
+    def own_map(self) -> ParamMap[Any]:
+        self.know()
+        return self.map
+
     def _is(self, model: str) -> None:
         self._known = self.about["model"] = model
         self.link.event(f"generation {model}")  # so that a transcript tells what its addresses mean
