@@ -58,20 +58,21 @@ SHOWN = 6
 class Stillness(NamedTuple):
     """When an axis of a family stands still.
 
-    samples, seconds  so many readings in a row, over so long a time, do not differ by more than `jitter`
+    samples, seconds  so many readings in a row, over so long a time, do not differ by more than the goal's `jitter`
     refresh           seconds between two readings: asking faster only repeats values
     dead              seconds from the command until a movement begins: before that nothing has ended
     least             seconds that the movement takes: before that only the target itself is an end
     grace             seconds for which standing short of the target is no end yet
+    passes            an axis may be exactly at its target and pass by it: it has to stand there
     """
 
     samples: int = 3
     seconds: float = 0.3
     refresh: float = 0.03
-    jitter: float = 0.0
     dead: float = 0.0
     least: float = 0.0
     grace: float = 0.0
+    passes: bool = False
 
 
 class Goal(NamedTuple):
@@ -81,6 +82,7 @@ class Goal(NamedTuple):
     near      so far from the target it has arrived
     speed     its set speed, None where there is none or it is not known
     patience  seconds that it may seem to stand while it moves, at that speed
+    jitter    how far its reading changes while it stands
     """
 
     name: str
@@ -88,6 +90,7 @@ class Goal(NamedTuple):
     near: Number = 0
     speed: Number | None = None
     patience: float = 0.0
+    jitter: Number = 0
     decimals: int = 0
     unit: str = ""
 
@@ -149,11 +152,11 @@ class _Axis:
         self.since = 0.0
         self.moved = False
 
-    def note(self, now: float, seen: Seen, jitter: float) -> None:
+    def note(self, now: float, seen: Seen) -> None:
         self.seen = seen
         if seen.value is None:
             return
-        if self.anchor is None or abs(seen.value - self.anchor) > jitter:
+        if self.anchor is None or abs(seen.value - self.anchor) > self.goal.jitter:
             self.moved = self.moved or self.anchor is not None
             self.anchor, self.since, self.equal = seen.value, now, 0
         self.equal += 1
@@ -180,7 +183,7 @@ class Watch:
         """Take the readings of this moment; whether every axis has ended its movement."""
         self.now = now
         for name, axis in self._axes.items():
-            axis.note(now, seen.get(name, Seen(None)), self.still.jitter)
+            axis.note(now, seen.get(name, Seen(None)))
         return all(self._ended(axis) for axis in self._axes.values())
 
     def _stands(self, axis: _Axis) -> bool:
@@ -192,7 +195,7 @@ class Watch:
         lasted = self.now - self.begun
         if axis.seen.value is None or (self.still.dead and lasted <= self.still.dead):
             return False
-        if axis.exact or axis.seen.blocked:
+        if axis.seen.blocked or (axis.exact and not self.still.passes):
             return True
         return self._stands(axis) and lasted >= max(self.still.least, 0.0 if axis.near else self.still.grace)
 
@@ -213,13 +216,18 @@ class Watch:
             return Arrival(axis.goal, None, UNREAD)
         if seen.blocked:
             return Arrival(axis.goal, value, BLOCKED, seen.blocked)
-        if axis.exact or (axis.near and not moving):
+        if (axis.exact and not self.still.passes) or (axis.near and not moving):
             return Arrival(axis.goal, value, REACHED)
         if moving:
             return Arrival(axis.goal, value, MOVING)
         if axis.goal.speed == 0:
             return Arrival(axis.goal, value, NO_SPEED)
         return Arrival(axis.goal, value, CONTACT if seen.contact else SHORT, seen.contact)
+
+    @property
+    def reached(self) -> bool:
+        """Whether every axis is at its target now."""
+        return all(one.verdict == REACHED for one in self.arrivals())
 
     def progress(self) -> str:
         """``1.4 s  ring 450 of 900, index 90 of 100``."""
@@ -265,7 +273,7 @@ def judged(where: str, arrivals: Sequence[Arrival], expect: str, *, hint: str = 
     off = [one for one in arrivals if one.met not in MET[expect]]
     if not off and expect == CONTACT and arrivals and all(one.verdict != CONTACT for one in arrivals):
         return CheckFailed(
-            f"{where}: nothing was met: {_listed(arrivals)}",
+            f"{where}: nothing was met: {listed(arrivals)}",
             hint="every target was reached. Leave out --expect contact where that is right",
             code="no-contact",
         )
@@ -273,13 +281,14 @@ def judged(where: str, arrivals: Sequence[Arrival], expect: str, *, hint: str = 
         return None
     worst = next((verdict for verdict in HINTS if any(one.verdict == verdict for one in off)), SHORT)
     return CheckFailed(
-        f"{where}: {'the target was' if len(off) == 1 else 'targets were'} not reached: {_listed(off)}",
+        f"{where}: {'the target was' if len(off) == 1 else 'targets were'} not reached: {listed(off)}",
         hint=joined(hint, HINTS[worst]),
         code=CODES.get(worst, "not-reached"),
     )
 
 
-def _listed(arrivals: Sequence[Arrival]) -> str:
+def listed(arrivals: Sequence[Arrival]) -> str:
+    """What became of these axes, a few of them in full."""
     more = f"; and {len(arrivals) - SHOWN} more" if len(arrivals) > SHOWN else ""
     return "; ".join(map(str, arrivals[:SHOWN])) + more
 

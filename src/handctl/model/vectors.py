@@ -32,7 +32,7 @@ def given(
     for text in texts:
         if text.startswith("--"):
             raise UsageError(
-                f"{text}: no such option", hint=f"`handctl {what} -h` lists its options. Nothing was sent."
+                f"{text}: no such option", hint="`-h` lists the options of this command. Nothing was sent."
             )
     pairs = [text for text in texts if PAIR in text]
     if pairs and len(pairs) != len(texts):
@@ -41,16 +41,16 @@ def given(
             hint=f"give either all values in order, or {noun.upper()}=VALUE only. Nothing was sent.",
             code="mixed",
         )
-    return _pairs(pairs, names, noun, more) if pairs else _whole(texts, names, what, noun, orders, more)
+    return _pairs(pairs, names, what, noun, more) if pairs else _whole(texts, names, what, noun, orders, more)
 
 
-def _pairs(texts: Sequence[str], names: Sequence[str], noun: str, more: str) -> dict[int, str]:
+def _pairs(texts: Sequence[str], names: Sequence[str], what: str, noun: str, more: str) -> dict[int, str]:
     found: dict[int, str] = {}
     for text in texts:
         name, _, value = text.partition(PAIR)
         if name.casefold() not in names:
             raise UsageError(
-                f"{name!r} is not a {noun} of this command", hint=f"{noun}s: {_some(names)}{more}. Nothing was sent.",
+                f"{what} has no {noun} {name!r}", hint=f"{noun}s: {_some(names)}{more}. Nothing was sent.",
                 code="unknown-name",
             )  # fmt: skip
         index = list(names).index(name.casefold())
@@ -70,7 +70,7 @@ def _whole(
     counts = " or ".join(str(len(places)) for places in orders)
     raise UsageError(
         f"{len(texts)} values given, {what} takes {counts}",
-        hint=f"in order: {_some(names)}. Or name single {noun}s, such as {names[-1]}=VALUE{more}",
+        hint=f"in order: {_some(names)}. Or name single {noun}s, such as {names[orders[-1][-1]]}=VALUE{more}",
         code="wrong-count",
     )
 
