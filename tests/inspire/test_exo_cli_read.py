@@ -88,7 +88,10 @@ def test_both_frames_of_a_save_can_be_seen_with_raw() -> None:
 
 def test_clear_errors_clears_what_can_be_cleared(tmp_path: Path) -> None:
     trace = tmp_path / "t.txt"
-    result = run("exo", "clear-errors", "-p", fake(fault="faults"), "--json", "--trace", trace)
+    assert run("exo", "clear-errors", "-p", fake(fault="faults"), "--json").code == 8, (
+        "fingers may go on to their targets"
+    )
+    result = run("exo", "clear-errors", "-p", fake(fault="faults"), "--json", "--trace", trace, "-y")
     assert result.code == 0
     assert [(row["before"], row["value"]) for row in result.rows] == [(1, 0), (2, 2), (4, 0), (6, 2), (24, 0)]
     assert writes(trace) == [bytes.fromhex("EB 90 01 04 12 EC 03 01 07")]

@@ -9,7 +9,8 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from handctl.errors import HandctlError, NoAnswer, ProtocolError, UsageError, joined
-from handctl.model.param import PUSHES, Element, Param, ParamMap, Reading, Step
+from handctl.model.param import PUSHES, Element, Number, Param, ParamMap, Reading, Step
+from handctl.model.pending import question, released
 from handctl.model.result import Column, Row, Sample, Table
 
 if TYPE_CHECKING:
@@ -74,7 +75,19 @@ def set_values(run: Run, params: ParamMap[Any], texts: Sequence[str]) -> Table:
     if any(step.strands or (step.moves and planner.worn) for step in steps):
         run.confirm(f"{_consequence(steps)}: {', '.join(texts)}", steps)
     device: Device = run.device()
+    ask_released(run, device, changes, steps)
     return device.table(device.write(changes))
+
+
+def ask_released(run: Run, device: Device, changes: Sequence[tuple[Element, Number]], steps: Sequence[Step]) -> None:
+    """Ask before a write that lets the device go on to targets that it holds. Raises NotConfirmed; nothing was written."""
+    names = {element.param.name for element, _ in changes}
+    if not any(release.by in names for release in device.releases):
+        return
+    device.identify()
+    if waiting := released(device, changes):
+        run.confirm(question(waiting), [step._replace(moves=True) for step in steps])
+        device.will_move()
 
 
 def _consequence(steps: Sequence[Step]) -> str:

@@ -11,14 +11,17 @@ from collections.abc import Mapping, Sequence
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.base import RegisterDevice
 from handctl.devices.inspire.bus import Bus
-from handctl.devices.inspire.map import ALONE, BAUD_RATES, EXO, FINGERS
+from handctl.devices.inspire.map import ALONE, BAUD_RATES, EXO, FINGERS, OVER_TEMPERATURE
 from handctl.errors import CheckFailed, NoAnswer, ProtocolError, UsageError
 from handctl.model.param import Element, Number, Reading, Step, elements_of
+from handctl.model.pending import Course, Release
 from handctl.model.result import Cell, Grid, Row, Table
 from handctl.model.vectors import given
 
 LIVE = ("position_actual", "force_actual", "current", "error", "temperature")
 """What changes by itself: the default of `watch`."""
+NEAR = 20
+"""Of 1000: so near the target a finger has arrived; the RH56 hands of the same maker stop as far from it (rh56 §6)."""
 LEFT_ALONE = ". -1 leaves a finger as it is"
 COMMAND_FLAGS = {"force": eb90.FORCE_COMMAND, "position": eb90.POSITION_COMMAND}
 
@@ -31,6 +34,8 @@ class ExoHand(RegisterDevice):
     map = EXO
     live = LIVE
     worn = True
+    courses = (Course("position_set", "position_actual", NEAR, closing=-1),)
+    releases = (Release("clear_errors", "error", lambda bits, _: bool(int(bits) & ~OVER_TEMPERATURE)),)
     not_covered = (
         "the results of a calibration (no register holds them)",
         "the flash: restored values last until power-off unless `handctl exo save` keeps them "

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.bus import Bus
+from handctl.devices.inspire.exo.device import NEAR
 from handctl.devices.inspire.flash import outcome
 from handctl.devices.inspire.map import EXO, FINGERS, pushes
 from handctl.devices.inspire.registers import may_still_move
@@ -25,8 +26,6 @@ if TYPE_CHECKING:
 CALIBRATION_SECONDS = 30.0
 """How long to listen for the end frame; the documented waits add up to 9 s, movements come on top (exo §2.3.6)."""
 STILL = Stillness(samples=3, seconds=0.5, refresh=0.05)
-NEAR = 20
-"""Of 1000: so near the target a finger has arrived; the RH56 hands of the same maker stop as far from it (rh56 §6)."""
 POWER_OFF = "Ctrl-C does not stop the hand. To stop it, switch its power off."
 """Safety words of a calibration: no command stops one (exo §2.3.6)."""
 

@@ -9,10 +9,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
+from handctl.devices.inspire.hand.device import COURSES
 from handctl.devices.inspire.hand.map import BLOCKED, BYTE_MAP, HOT, UNMEASURED
 from handctl.devices.inspire.map import ALONE, pushes
 from handctl.devices.inspire.registers import may_still_move
 from handctl.errors import CheckFailed, DeviceRefused, HandctlError, Left
+from handctl.model import pending
 from handctl.model.guide import Guide
 from handctl.model.leaving import leaving
 from handctl.model.moving import REACHED, Goal, Seen, Stillness, Watch, judged, marked, watch, with_arrival
@@ -22,12 +24,12 @@ from handctl.model.result import Table
 if TYPE_CHECKING:
     from handctl.devices.inspire.hand.device import Hand
 
-MOVED = {"stroke_set": "stroke_actual", "angle_set": "angle_actual"}
+MOVED = {course.target: course.actual for course in COURSES}
 """What is commanded -> what shows where it is."""
-NEAR = {"stroke_set": 40, "angle_set": 20}
-"""Counts within which a finger has arrived; a finger may stop short without a fault (rh56 §6)."""
-STILL = Stillness(samples=4, seconds=0.3, refresh=0.031, dead=0.1)
-"""The hand renews its state every 31 ms, and a movement begins 55 to 80 ms after its command (rh56 §5)."""
+NEAR = {course.target: course.near for course in COURSES}
+STILL = Stillness(samples=4, seconds=1.0, refresh=0.031, dead=0.1)
+"""The hand renews its state every 31 ms, and a movement begins 55 to 80 ms after its command (rh56 §5). Where a finger
+stands and its status says that it moves, the hand gets a second to report what holds it."""
 SLOWEST_CHANGE = 3 / 1.25
 """Seconds at speed 1 in which a moving finger must have changed its reading (rh56 §3.1: a stroke in 0.8 s at speed 1000)."""
 MOVING = frozenset({0, 1})
@@ -98,6 +100,13 @@ def question(hand: Hand, changes: Sequence[tuple[Element, Number]], before: Befo
     )  # fmt: skip
     more = f"{'. Also ' if parts else ': '}{', '.join(others)}" if others else ""
     return f"{text}{more}{still}"
+
+
+def also(hand: Hand, changes: Sequence[tuple[Element, Number]]) -> str:
+    """Further fingers that the same write lets go, in words; "" = none."""
+    commanded = {element.part for element, _ in changes if element.param.name in MOVED}
+    waiting = [one for one in pending.released(hand, changes) if one.part not in commanded]
+    return pending.question(waiting) if waiting else ""
 
 
 def tell_no_speed(hand: Hand, changes: Sequence[tuple[Element, Number]], before: Before) -> None:

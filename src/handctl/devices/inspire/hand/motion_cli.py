@@ -10,7 +10,8 @@ import click
 from handctl.devices.inspire.hand.map import DG2
 from handctl.devices.inspire.hand.typed import map_of, typed_model
 from handctl.devices.inspire.map import ALONE
-from handctl.errors import UsageError
+from handctl.errors import UsageError, joined
+from handctl.frame import verbs
 from handctl.frame.clikit import Group
 from handctl.frame.expect import expect, expected
 from handctl.frame.numbers import NEGATIVE_NUMBERS, Seconds
@@ -138,9 +139,12 @@ def write_asked(
     before: motion.Before | None = None
     if any(step.moves for step in steps):
         before = motion.fit_to_move(hand)
-        run.confirm(motion.question(hand, changes, before), hand.plan(changes))
+        question = joined(motion.question(hand, changes, before), motion.also(hand, changes))
+        run.confirm(question, hand.plan(changes))
     elif any(step.strands for step in steps):
         run.confirm(_consequence(steps), hand.plan(changes))
+    else:
+        verbs.ask_released(run, hand, changes, hand.plan(changes))
     if wait is not None:
         return motion.move(hand, changes[0][0].param.name, changes, run.guide, wait=wait, expect=ending, before=before)
     table = hand.table(hand.write(changes))
