@@ -20,7 +20,7 @@ def expected(given: str | None, *, waits: bool = True) -> str:
     """What was given, or that every axis reaches its target. Raises UsageError where nobody waits for the end."""
     if given is not None and not waits:
         raise UsageError(
-            f"--expect {given}: without --wait nobody sees how the movement ends",
+            f"--expect {given}: without --wait this command does not see how the movement ends",
             hint="add --wait S. Nothing was sent.",
         )
     return given or REACHED

@@ -289,7 +289,7 @@ def judged(where: str, arrivals: Sequence[Arrival], expect: str, *, hint: str = 
 
 def listed(arrivals: Sequence[Arrival]) -> str:
     """What became of these axes, a few of them in full."""
-    more = f"; and {len(arrivals) - SHOWN} more" if len(arrivals) > SHOWN else ""
+    more = f" and {len(arrivals) - SHOWN} more" if len(arrivals) > SHOWN else ""
     return "; ".join(map(str, arrivals[:SHOWN])) + more
 
 
