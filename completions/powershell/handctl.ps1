@@ -22,7 +22,7 @@ function __handctl_node([string]$path) { # what stands below PATH
         'exo watch' { $found.opts = '--rate --count --duration -h --help'; $found.takes = '--rate=none --count=none --duration=none'; $found.args = 'read:exo*'; $found.lacks = '-n --dry-run -y --yes --assume-identity' }
         'exo describe' { $found.opts = '-h --help'; $found.args = 'name:exo*'; $found.lacks = '-p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --assume-identity' }
         'exo stop' { $found.opts = '-h --help' }
-        'exo position' { $found.opts = '--wait -h --help'; $found.takes = '--wait=none'; $found.args = 'none*' }
+        'exo position' { $found.opts = '--wait --expect -h --help'; $found.takes = '--wait=none --expect=choice:reached,contact,any'; $found.args = 'none*' }
         'exo force' { $found.opts = '-h --help'; $found.args = 'none*' }
         'exo set' { $found.opts = '-h --help'; $found.args = 'set:exo*' }
         'exo id' { $found.opts = '-h --help'; $found.args = 'none' }
@@ -47,8 +47,8 @@ function __handctl_node([string]$path) { # what stands below PATH
         'wrist watch' { $found.opts = '--rate --count --duration -h --help --serial --can'; $found.takes = '--rate=none --count=none --duration=none'; $found.args = 'read:wrist*'; $found.lacks = '-n --dry-run -y --yes --assume-identity' }
         'wrist describe' { $found.opts = '-h --help'; $found.args = 'name:wrist*'; $found.lacks = '-p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --assume-identity' }
         'wrist stop' { $found.opts = '-h --help --serial --can' }
-        'wrist move' { $found.opts = '--pitch --yaw --time --wait -h --help --serial --can'; $found.takes = '--pitch=none --yaw=none --time=none --wait=none' }
-        'wrist center' { $found.opts = '--time -h --help --serial --can'; $found.takes = '--time=none' }
+        'wrist move' { $found.opts = '--pitch --yaw --time --wait --expect -h --help --serial --can'; $found.takes = '--pitch=none --yaw=none --time=none --wait=none --expect=choice:reached,contact,any' }
+        'wrist center' { $found.opts = '--time --expect -h --help --serial --can'; $found.takes = '--time=none --expect=choice:reached,contact,any' }
         'wrist set' { $found.opts = '-h --help --serial --can'; $found.args = 'set:wrist*' }
         'wrist report' { $found.opts = '--watch --include-ids --force -h --help --serial --can'; $found.takes = '--watch=none'; $found.args = 'file'; $found.lacks = '-n --dry-run -y --yes --assume-identity' }
         'wrist scan' { $found.opts = '--ids --window --reply-window --all -h --help --serial --can'; $found.takes = '--ids=none --window=none --reply-window=none'; $found.lacks = '-n --dry-run -y --yes --assume-identity' }
@@ -72,15 +72,15 @@ function __handctl_node([string]$path) { # what stands below PATH
         'barrett help' { $found.opts = '-h --help --interrupt'; $found.args = 'none'; $found.lacks = '--id -n --dry-run -y --yes --assume-identity' }
         'barrett fingertips' { $found.opts = '--positions --breakaway --live --rate --count --duration -h --help --interrupt'; $found.takes = '--positions=none --breakaway=none --rate=none --count=none --duration=none'; $found.lacks = '--id -n --dry-run -y --yes --assume-identity' }
         'barrett stop' { $found.opts = '--motors -h --help --interrupt'; $found.takes = '--motors=none'; $found.lacks = '--id' }
-        'barrett init' { $found.opts = '--force --motors -h --help --interrupt'; $found.takes = '--motors=none'; $found.lacks = '--id' }
-        'barrett open' { $found.opts = '--force --motors -h --help --interrupt'; $found.takes = '--motors=none'; $found.lacks = '--id' }
-        'barrett close' { $found.opts = '--force --motors -h --help --interrupt'; $found.takes = '--motors=none'; $found.lacks = '--id' }
-        'barrett move' { $found.opts = '--force --motors -h --help --interrupt'; $found.takes = '--motors=none'; $found.args = 'none'; $found.lacks = '--id' }
-        'barrett home' { $found.opts = '--force --motors -h --help --interrupt'; $found.takes = '--motors=none'; $found.lacks = '--id' }
-        'barrett step-open' { $found.opts = '--force --motors -h --help --interrupt'; $found.takes = '--motors=none'; $found.args = 'none'; $found.lacks = '--id' }
-        'barrett step-close' { $found.opts = '--force --motors -h --help --interrupt'; $found.takes = '--motors=none'; $found.args = 'none'; $found.lacks = '--id' }
-        'barrett torque-open' { $found.opts = '--force --motors -h --help --interrupt'; $found.takes = '--motors=none'; $found.lacks = '--id' }
-        'barrett torque-close' { $found.opts = '--motors -h --help --interrupt'; $found.takes = '--motors=none'; $found.lacks = '--id' }
+        'barrett init' { $found.opts = '--force --motors --expect -h --help --interrupt'; $found.takes = '--motors=none --expect=choice:reached,contact,any'; $found.lacks = '--id' }
+        'barrett open' { $found.opts = '--force --motors --expect -h --help --interrupt'; $found.takes = '--motors=none --expect=choice:reached,contact,any'; $found.lacks = '--id' }
+        'barrett close' { $found.opts = '--force --motors --expect -h --help --interrupt'; $found.takes = '--motors=none --expect=choice:reached,contact,any'; $found.lacks = '--id' }
+        'barrett move' { $found.opts = '--force --motors --expect -h --help --interrupt'; $found.takes = '--motors=none --expect=choice:reached,contact,any'; $found.args = 'none'; $found.lacks = '--id' }
+        'barrett home' { $found.opts = '--force --motors --expect -h --help --interrupt'; $found.takes = '--motors=none --expect=choice:reached,contact,any'; $found.lacks = '--id' }
+        'barrett step-open' { $found.opts = '--force --motors --expect -h --help --interrupt'; $found.takes = '--motors=none --expect=choice:reached,contact,any'; $found.args = 'none'; $found.lacks = '--id' }
+        'barrett step-close' { $found.opts = '--force --motors --expect -h --help --interrupt'; $found.takes = '--motors=none --expect=choice:reached,contact,any'; $found.args = 'none'; $found.lacks = '--id' }
+        'barrett torque-open' { $found.opts = '--force --motors --expect -h --help --interrupt'; $found.takes = '--motors=none --expect=choice:reached,contact,any'; $found.lacks = '--id' }
+        'barrett torque-close' { $found.opts = '--motors --expect -h --help --interrupt'; $found.takes = '--motors=none --expect=choice:reached,contact,any'; $found.lacks = '--id' }
         'barrett realtime' { $found.opts = '--motors --send --receive --velocity --gain --control --measure --sequential --overlapped --no-guard --force --delta-unit --init --hold --may-suspend --rate --count --duration -h --help --interrupt'; $found.takes = '--motors=none --send=none --receive=none --velocity=none --gain=none --control=file --measure=none --no-guard=choice:stall,window,strain,opening,heat,all --delta-unit=none --rate=none --count=none --duration=none'; $found.lacks = '--id' }
         'barrett set' { $found.opts = '--motors --force -h --help --interrupt'; $found.takes = '--motors=none'; $found.args = 'set:barrett*'; $found.lacks = '--id' }
         'barrett save' { $found.opts = '--motors --force -h --help --interrupt'; $found.takes = '--motors=none'; $found.lacks = '--id' }
@@ -130,9 +130,9 @@ function __handctl_node([string]$path) { # what stands below PATH
         'aidin stop' { $found.opts = '-h --help --exchange --poll-json --tx-terminator'; $found.takes = '--exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf'; $found.lacks = '--id --baud' }
         'aidin home' { $found.opts = '-h --help --exchange --poll-json --tx-terminator'; $found.takes = '--exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf'; $found.lacks = '--id --baud' }
         'aidin initial' { $found.opts = '--assume-homed -h --help --exchange --poll-json --tx-terminator'; $found.takes = '--exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf'; $found.lacks = '--id --baud' }
-        'aidin encoders' { $found.opts = '--assume-homed -h --help --exchange --poll-json --tx-terminator'; $found.takes = '--exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf'; $found.args = 'none*'; $found.lacks = '--id --baud' }
-        'aidin joints' { $found.opts = '--rad --assume-homed -h --help --exchange --poll-json --tx-terminator'; $found.takes = '--exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf'; $found.args = 'none*'; $found.lacks = '--id --baud' }
-        'aidin fingertips' { $found.opts = '--assume-homed -h --help --exchange --poll-json --tx-terminator'; $found.takes = '--exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf'; $found.args = 'none*'; $found.lacks = '--id --baud' }
+        'aidin encoders' { $found.opts = '--assume-homed --expect -h --help --exchange --poll-json --tx-terminator'; $found.takes = '--expect=choice:reached,contact,any --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf'; $found.args = 'none*'; $found.lacks = '--id --baud' }
+        'aidin joints' { $found.opts = '--rad --assume-homed --expect -h --help --exchange --poll-json --tx-terminator'; $found.takes = '--expect=choice:reached,contact,any --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf'; $found.args = 'none*'; $found.lacks = '--id --baud' }
+        'aidin fingertips' { $found.opts = '--assume-homed --expect -h --help --exchange --poll-json --tx-terminator'; $found.takes = '--expect=choice:reached,contact,any --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf'; $found.args = 'none*'; $found.lacks = '--id --baud' }
         'aidin currents' { $found.opts = '--cap --duration --ramp-down --may-suspend -h --help --exchange --poll-json --tx-terminator'; $found.takes = '--cap=none --duration=none --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf'; $found.args = 'none*'; $found.lacks = '--id --baud' }
         'aidin bias' { $found.opts = '-h --help --exchange --poll-json --tx-terminator'; $found.takes = '--exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf'; $found.lacks = '--id --baud' }
         'aidin max-torque' { $found.opts = '-h --help --exchange --poll-json --tx-terminator'; $found.takes = '--exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf'; $found.args = 'none'; $found.lacks = '--id --baud' }
@@ -146,8 +146,8 @@ function __handctl_node([string]$path) { # what stands below PATH
         'hand describe' { $found.opts = '-h --help'; $found.args = 'name:hand*'; $found.lacks = '-p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --assume-identity' }
         'hand tactile' { $found.opts = '--watch --rate --count --duration -h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--rate=none --count=none --duration=none --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus'; $found.args = 'none*'; $found.lacks = '-n --dry-run -y --yes --assume-identity' }
         'hand stop' { $found.opts = '-h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus' }
-        'hand angle' { $found.opts = '--wait -h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--wait=none --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus'; $found.args = 'none*' }
-        'hand position' { $found.opts = '--wait -h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--wait=none --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus'; $found.args = 'none*' }
+        'hand angle' { $found.opts = '--wait --expect -h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--wait=none --expect=choice:reached,contact,any --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus'; $found.args = 'none*' }
+        'hand position' { $found.opts = '--wait --expect -h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--wait=none --expect=choice:reached,contact,any --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus'; $found.args = 'none*' }
         'hand speed' { $found.opts = '-h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus'; $found.args = 'none*' }
         'hand force' { $found.opts = '-h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus'; $found.args = 'none*' }
         'hand set' { $found.opts = '-h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus'; $found.args = 'set:hand*' }

@@ -129,7 +129,7 @@ class Exo(Device):
     ) -> list[Row]:
         """Show the speed code, or write a new RATE: 115200, 57600 or 19200 bit/s."""
     def clear_errors(self, *, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
-        """Clear actuator errors and show which remain. Over-temperature cannot be cleared. It ends by cooling."""
+        """Clear actuator errors and show which remain. Asks first where a finger may go on to its target then."""
     def save(
         self,
         *,
@@ -152,27 +152,16 @@ class Exo(Device):
         """Run the calibration of forces and positions, guided step by step."""
     def force(
         self,
-        little: int,
-        ring: int,
-        middle: int,
-        index: int,
-        thumb: int,
-        /,
-        *,
+        *values: Value | Mapping[str, Value],
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> list[Row]:
         """Command forces from -1000 to 1000. A positive force opens the hand, a negative force closes it."""
     def position(
         self,
-        little: int,
-        ring: int,
-        middle: int,
-        index: int,
-        thumb: int,
-        /,
-        *,
+        *values: Value | Mapping[str, Value],
         wait: Number | None = None,
+        expect: Literal["reached", "contact", "any"] | None = None,
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> list[Row]:
@@ -265,11 +254,19 @@ class Wrist(Device):
         yaw: str | None = None,
         time: str | None = None,
         wait: Number | None = None,
+        expect: Literal["reached", "contact", "any"] | None = None,
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> list[Row]:
         """Move to angles in degrees and wait until the wrist stands still."""
-    def center(self, *, time: str | None = None, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
+    def center(
+        self,
+        *,
+        time: str | None = None,
+        expect: Literal["reached", "contact", "any"] | None = None,
+        confirm: Confirm = False,
+        dry_run: bool = False,
+    ) -> list[Row]:
         """Move both axes to 0 degrees and wait until they stand still."""
     def write(self, address: Value, data: Value, *, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
         """Write 2, 4 or 6 bytes at 1038 to 1043, low byte first, and read them back. The wrist moves."""
@@ -390,6 +387,7 @@ class Barrett(Device):
         *,
         force: bool = False,
         motors: str | None = None,
+        expect: Literal["reached", "contact", "any"] | None = None,
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> list[Row]:
@@ -399,6 +397,7 @@ class Barrett(Device):
         *,
         force: bool = False,
         motors: str | None = None,
+        expect: Literal["reached", "contact", "any"] | None = None,
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> list[Row]:
@@ -408,16 +407,18 @@ class Barrett(Device):
         *,
         force: bool = False,
         motors: str | None = None,
+        expect: Literal["reached", "contact", "any"] | None = None,
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> list[Row]:
-        """Close until CT is reached or the fingers meet an object."""
+        """Close until CT is reached. To grip an object, add --expect contact."""
     def move(
         self,
         value: int | None = None,
         *,
         force: bool = False,
         motors: str | None = None,
+        expect: Literal["reached", "contact", "any"] | None = None,
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> list[Row]:
@@ -428,6 +429,7 @@ class Barrett(Device):
         *,
         force: bool = False,
         motors: str | None = None,
+        expect: Literal["reached", "contact", "any"] | None = None,
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> list[Row]:
@@ -438,6 +440,7 @@ class Barrett(Device):
         *,
         force: bool = False,
         motors: str | None = None,
+        expect: Literal["reached", "contact", "any"] | None = None,
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> list[Row]:
@@ -447,6 +450,7 @@ class Barrett(Device):
         *,
         force: bool = False,
         motors: str | None = None,
+        expect: Literal["reached", "contact", "any"] | None = None,
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> list[Row]:
@@ -456,6 +460,7 @@ class Barrett(Device):
         *,
         force: bool = False,
         motors: str | None = None,
+        expect: Literal["reached", "contact", "any"] | None = None,
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> list[Row]:
@@ -464,6 +469,7 @@ class Barrett(Device):
         self,
         *,
         motors: str | None = None,
+        expect: Literal["reached", "contact", "any"] | None = None,
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> list[Row]:
@@ -744,6 +750,7 @@ class Aidin(Device):
         self,
         *values: Value | Mapping[str, Value],
         assume_homed: bool = False,
+        expect: Literal["reached", "contact", "any"] | None = None,
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> list[Row]:
@@ -753,6 +760,7 @@ class Aidin(Device):
         *values: Value | Mapping[str, Value],
         rad: bool = False,
         assume_homed: bool = False,
+        expect: Literal["reached", "contact", "any"] | None = None,
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> list[Row]:
@@ -761,6 +769,7 @@ class Aidin(Device):
         self,
         *values: Value | Mapping[str, Value],
         assume_homed: bool = False,
+        expect: Literal["reached", "contact", "any"] | None = None,
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> list[Row]:
@@ -837,24 +846,37 @@ class Hand(Device):
         """Write quantities by name and read them back. For example `speed_set.index=300 force_limit.index=500`."""
     def angle(
         self,
-        *values: str,
+        *values: Value | Mapping[str, Value],
         wait: Number | None = None,
+        expect: Literal["reached", "contact", "any"] | None = None,
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> list[Row]:
-        """Command angles from 0 (closed) to 1000 (open). -1 leaves a finger as it is. Asks first."""
+        """Command angles from 0 (closed) to 1000 (open). Asks first."""
     def position(
         self,
-        *values: str,
+        *values: Value | Mapping[str, Value],
         wait: Number | None = None,
+        expect: Literal["reached", "contact", "any"] | None = None,
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> list[Row]:
-        """Command strokes from 0 (open) to 2000 (closed). -1 leaves a finger as it is. Asks first."""
-    def force(self, *values: str, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
-        """Set the force limit in grams. -1 leaves a finger as it is."""
-    def speed(self, *values: str, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
-        """Set the speed of the next movement from 0 to 1000. -1 leaves a finger as it is."""
+        """Command strokes from 0 (open) to 2000 (closed). Asks first."""
+    def force(
+        self,
+        *values: Value | Mapping[str, Value],
+        confirm: Confirm = False,
+        dry_run: bool = False,
+    ) -> list[Row]:
+        """Set the force limit in grams. Asks first where a finger may go on to its target with it."""
+    def speed(
+        self,
+        *values: Value | Mapping[str, Value],
+        confirm: Confirm = False,
+        dry_run: bool = False,
+    ) -> list[Row]:
+        """Set the speed of the next movement from 0 to 1000. Asks first where a finger stopped on the way to its
+        target."""
     def calibrate(self, *, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
         """Calibrate the force sensors. The whole hand moves for about 6 s."""
     def id(self, new: int | None = None, *, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
@@ -870,7 +892,7 @@ class Hand(Device):
     ) -> list[Row]:
         """Show the speed code, or write a new RATE: 115200, 57600, 19200, on some hands 921600 bit/s."""
     def clear_errors(self, *, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
-        """Clear actuator errors and show which remain. Over-temperature cannot be cleared. It ends by cooling."""
+        """Clear actuator errors and show which remain. Asks first where a finger may go on to its target then."""
     def save(self, *, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
         """Save the present parameters to flash and wait for the result (about 1 s)."""
     def factory_reset(

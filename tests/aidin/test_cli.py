@@ -151,7 +151,7 @@ def test_max_torque_below_the_recommended_range_warns() -> None:
 # -- refusals: nothing is sent -----------------------------------------------------------------------------------------
 
 REFUSED = [
-    (["joints", *["0"] * 20], "115..175"), (["joints", "0", "0", "0"], "index.q3=VALUE"),
+    (["joints", *["0"] * 20], "115..175"), (["joints", "0", "0", "0"], "q3=VALUE"),
     (["joints", "index.q3=60"], "115..175"), (["joints", *FIFTEEN, "--rad"], "leave --rad out"),
     (["joints", "thumb.q3=60", "--rad"], "82..154"), (["joints", "-20", *FIFTEEN[1:]], "-13..45"),
     (["joints", *FIFTEEN[:-1], "--rda"], "Nothing was sent."), (["encoders", *["-1"] * 15], "0..280000"),

@@ -254,9 +254,12 @@ def test_what_does_not_arrive_is_named() -> None:
     hand, link = simulated(start="homed", fault="blocked")
     table = motion.move(hand, parse(ENCODERS, ["index.m3=85000"]), Guide(), assume_homed=False)
     assert table.failure is not None and table.failure.exit_code == 7
-    assert "index.m3 41660 of 85000" in table.failure.text
+    assert "index.m3 met something at 41660 cts, target 85000 cts" in table.failure.text
+    assert {row["element"]: row["arrival"] for row in table.rows if row["arrival"] != "reached"} == {"m3": "contact"}
+    gripped = motion.move(hand, parse(ENCODERS, ["index.m3=85000"]), Guide(), assume_homed=False, expect="contact")
+    assert gripped.failure is None, "its current shows that it pushes"
     assert [row["element"] for row in table.rows if not row["reached"]] == ["m3"]
-    assert link.now() < 10
+    assert link.now() < 20
 
 
 def test_passing_by_is_not_arriving() -> None:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import pytest
 
 from handctl.devices.aidin.map import ANGLES, CURRENTS, ENCODERS, TIPS
-from handctl.devices.aidin.targets import missed, parse, ramp
+from handctl.devices.aidin.targets import Goal, axes_of, parse, ramp
 from handctl.errors import CheckFailed, UsageError
+from handctl.model.moving import Seen, Stillness, Watch
 from tests.support.each_row import each_row
 from tests.support.refused import refused
 
@@ -93,9 +94,9 @@ WRONG = [
     (ANGLES, ["thumb.q3=155"], "thumb.q3"), (ANGLES, ["thumb.q3=81"], "thumb.q3"), (ANGLES, ["thumb.q1=-14"], "thumb.q1"),
     (ANGLES, ["index.q1=-46"], "index.q1"), (ANGLES, ["ring.q2=31"], "ring.q2"),
     (ANGLES, ["index.q4=160"], "coupled"), (ANGLES, ["index.q3=nan"], "not a number"), (ANGLES, ["index.q3=1_0"], "not a number"),
-    (ANGLES, ["index.q3=inf"], "not a number"), (ANGLES, ["index.q3="], "not a number"), (ANGLES, ["q3=160"], "not an element"),
+    (ANGLES, ["index.q3=inf"], "not a number"), (ANGLES, ["index.q3="], "not a number"), (ANGLES, ["q3=160"], "has no element"),
     (ANGLES, ["index.q3=160", "index.q3=161"], "twice"), (ANGLES, ["index.q3=160", "10"], "mixed"),
-    (ANGLES, ["1"] * 16, "16 values given, hand_joint_cmd takes 20 or 15"), (ANGLES, ["index.m1=5"], "not an element"),
+    (ANGLES, ["1"] * 16, "16 values given, hand_joint_cmd takes 20 or 15"), (ANGLES, ["index.m1=5"], "has no element"),
     (ENCODERS, ["0"] * 14, "14 values given, hand_TP_cmd takes 15"), (ENCODERS, ["thumb.m1=280001"], "out of range"),
     (ENCODERS, ["index.m3=170001"], "out of range"), (ENCODERS, ["index.m3=-1"], "out of range"),
     (ENCODERS, ["index.m3=1.5"], "whole"),
@@ -181,13 +182,20 @@ def test_a_ramp_begins_within_the_range() -> None:
     assert ramp(goal, start, goal.complete(None), 0.02) == [(0.0,) * 15]
 
 
-def test_missed() -> None:
+def off(goal: Goal, values: list[float], here: list[float]) -> list[str]:
+    """The elements that one look finds away from their targets."""
+    watch = Watch(axes_of(goal, values), Stillness(samples=1, seconds=0.0), 0.0)
+    watch.note(0.0, {name: Seen(place) for name, place in zip(goal.target.command.elements, here, strict=True)})
+    return [one.goal.name for one in watch.arrivals() if one.verdict != "reached"]
+
+
+def test_how_near_is_there() -> None:
     goal = parse(ANGLES, ["index.q3=160"])
     values = goal.complete(OPEN)
-    assert missed(goal, values, values) == []
+    assert off(goal, values, values) == []
     here = [*values[:6], 162.1, 0.0, *values[8:]]
-    assert missed(goal, values, here) == [6]  # q4 does not count
+    assert off(goal, values, here) == ["index.q3"]  # q4 does not count
     here[6] = 161.9
-    assert missed(goal, values, here) == []
+    assert off(goal, values, here) == []
     power = parse(CURRENTS, ["0"] * 14 + ["200"])
-    assert missed(power, [0.0] * 14 + [200.0], [20.0] * 14 + [159.0]) == [14]
+    assert off(power, [0.0] * 14 + [200.0], [20.0] * 14 + [159.0]) == ["little.m3"]

@@ -236,14 +236,15 @@ def test_how_movements_end(tmp_path: Path) -> None:
     """§5.5: reached, stalled on something (no error after C, 16 after M), strain limit, per motor."""
     assert [row["ended"] for row in do("close").rows] == ["reached"] * 4
     stalled = do("close", port=fake(fault="obstacle"))
-    assert stalled.code == 0 and ["reached" in row["ended"] for row in stalled.rows] == [False] * 3 + [True]
+    assert stalled.code == 7 and ["reached" in row["ended"] for row in stalled.rows] == [False] * 3 + [True]
     assert all("short" in row["ended"] for row in stalled.rows[:3])
     refused = do("move", "17000", "--motors", "1", port=fake(fault="obstacle"))
-    assert (refused.code, refused.error["code"]) == (6, "err-16") and "short" in refused.rows[0]["ended"]
+    assert do("close", "--expect", "contact", port=fake(fault="obstacle")).code == 0
+    assert (refused.code, refused.error["code"]) == (7, "not-reached") and "short" in refused.rows[0]["ended"]
     port = fake(state=tmp_path / "state.json", fault="obstacle")
     assert do("set", "HSG.F1=150", port=port).code == 0
     strained = do("close", "--motors", "1", port=port)
-    assert strained.code == 0 and "strain limit" in strained.rows[0]["ended"]
+    assert strained.code == 7 and "strain limit" in strained.rows[0]["ended"]
     assert strained.rows[0]["strain"] > 150
     keys = ("name", "parameter", "motor", "unit", "target")
     assert [strained.rows[0][key] for key in keys] == ["position", "P", "F1", "cts", 17000]

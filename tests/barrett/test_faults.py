@@ -66,7 +66,7 @@ def test_over_temperature_is_said_with_both_numbers() -> None:
 
 def test_blocked_motors_are_told_one_by_one() -> None:
     """§5.5: M reports 16; C reports nothing, so that the end is told from the position."""
-    for args, code in ((("move", "3000"), 6), (("close",), 0)):
+    for args, code in ((("move", "3000"), 7), (("close",), 7), (("close", "--expect", "contact"), 0)):
         result = run("barrett", *args, "--motors", "12", "--json", "-p", fake(fault="blocked"))
         assert result.code == code, result
         assert [(row["motor"], row["value"], "short" in row["ended"]) for row in result.rows] == [

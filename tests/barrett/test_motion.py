@@ -8,7 +8,7 @@ import pytest
 
 from handctl.cli import main
 from handctl.devices.barrett import motion
-from handctl.errors import DeviceRefused, Interrupted, NoAnswer, ProtocolError, UsageError
+from handctl.errors import CheckFailed, DeviceRefused, Interrupted, NoAnswer, ProtocolError, UsageError
 from handctl.model.guide import Guide
 from handctl.model.stopping import NOT_STOPPED
 from tests.barrett.support import ABORT, BARRETT, ScriptedHand, Simulated, codes, hand_on, scripted, simulated
@@ -161,19 +161,44 @@ def test_torque_has_no_goal(name: str) -> None:
     assert all("stalled" in row["ended"] for row in rows.values())
 
 
-def test_closed_on_something_is_a_success() -> None:
+def test_closed_on_something_is_a_contact() -> None:
     """O and C never report 16 (§5.5): position against goal tells."""
     rows, _, failure = moved("initialized=1&fault=obstacle", "123", "C")
-    assert failure is None
+    assert isinstance(failure, CheckFailed) and (failure.code, failure.exit_code) == ("not-reached", 7)
+    assert {row["arrival"] for row in rows.values()} == {"contact"}
     assert all(9000 < row["value"] < 10000 for row in rows.values())
     assert {row["ended"] for row in rows.values()} == {"stalled short of the target"}
     assert {row["target"] for row in rows.values()} == {17000}
 
 
+@each_row(
+    ("query", "prefix", "name", "argument", "codes_of"),
+    [
+        # what is expected, in the order reached, contact, any -> the code of the failure
+        ("", "", "HI", None, (None, "no-contact", None)),
+        ("initialized=1", "1", "M", 1000, (None, "no-contact", None)),
+        ("initialized=1", "123", "C", None, (None, "no-contact", None)),
+        ("initialized=1&fault=obstacle", "123", "C", None, ("not-reached", None, None)),
+        ("initialized=1&fault=obstacle", "", "C", None, ("not-reached", None, None)),
+        ("initialized=1&fault=obstacle", "1", "M", 12000, ("not-reached", None, None)),
+        ("initialized=1&fault=blocked", "1", "M", 3000, ("not-reached", None, None)),
+        ("initialized=1", "12", "TC", None, (None, None, None)),
+        ("", "1", "C", None, ("err-4", "err-4", "err-4")),
+    ],
+)
+def test_what_is_expected_of_a_movement(
+    query: str, prefix: str, name: str, argument: int | None, codes_of: tuple[str | None, ...]
+) -> None:
+    for expect, code in zip(("reached", "contact", "any"), codes_of, strict=True):
+        hand, _ = simulated(query)
+        failure = motion.move(hand, prefix, name, argument, Guide(), expect=expect).failure
+        assert (failure.code if failure else None) == code, expect
+
+
 def test_a_move_that_is_stopped_is_an_error() -> None:
     rows, _, failure = moved("initialized=1&fault=obstacle", "1", "M", 12000)
-    assert isinstance(failure, DeviceRefused)
-    assert failure.code == "err-16"
+    assert isinstance(failure, CheckFailed)
+    assert failure.code == "not-reached"
     assert rows["F1"]["ended"] == "stalled short of the target"
 
 
@@ -274,12 +299,12 @@ OFF = {"HSG": 256, "LSG": 256, "MPE": 50, "S": 0, "SG": 120}
     ],
 )  # fmt: skip
 def test_how_it_ended(name: str, now: dict[str, int], goal: int | None, status: int, words: str) -> None:
-    assert words in motion.how_it_ended(name, {**OFF, **now}, goal, status)
+    assert words in motion.how_it_ended(name, {**OFF, **now}, goal, status).words
 
 
 @pytest.mark.parametrize("name", ["HOME", "M", "HI", "O"])
 def test_an_unknown_position_is_not_reached(name: str) -> None:
-    assert "reached" not in motion.how_it_ended(name, {}, 0, 0)
+    assert motion.how_it_ended(name, {}, 0, 0).verdict != "reached"
 
 
 # -- power off --------------------------------------------------------------------------------------------------------

@@ -85,7 +85,7 @@ class ExoMachine(RuleBasedStateMachine):
 
     @rule(values=st.lists(st.integers(0, 1000), min_size=5, max_size=5))
     def command_positions(self, values: list[int]) -> None:
-        exo_motion.move(self.hand, values, Guide(), wait=5.0)
+        exo_motion.move(self.hand, dict(enumerate(values)), Guide(), wait=5.0)
         self.position, self.at = list(values), list(values)
 
     @rule(finger=st.integers(0, 4), value=st.integers(-1000, 1000))

@@ -64,7 +64,7 @@ def turn(hand: Hand) -> object:
 
 Kind = tuple[str, Callable[[ByteLink], Any], Callable[[Any], object], tuple[str, ...]]
 DEVICES: dict[str, Kind] = {
-    "exo": ("exo?", hand_on, lambda exo: exo_motion.move(exo, [1000] * 5, Guide(), wait=5.0), ("position_actual",)),
+    "exo": ("exo?", hand_on, lambda exo: exo_motion.move(exo, dict.fromkeys(range(5), 1000), Guide(), wait=5.0), ("position_actual",)),
     "wrist": (
         "wrist?", wrist_on, lambda wrist: wrist.move(wrist.targets(20.0, -20.0, 2000), Guide(), wait=None),
         ("pitch_actual", "yaw_actual"),
@@ -118,7 +118,7 @@ def test_the_late_answer_of_a_force_is_not_that_of_the_release() -> None:
 
     link.write = pressed  # type: ignore[method-assign]
     with pytest.raises(HandctlError) as caught:
-        exo_motion.command(hand, "force", FORCES, Guide())
+        exo_motion.command(hand, "force", dict(enumerate(FORCES)), Guide())
     left = [reading.value for reading in hand.read(elements_of(EXO["force_set"]))]
     assert (left, caught.value.exit_code) == ([0] * 5, 130), caught.value.text
     assert [frame[12:14] for frame in changing(link.sent)] == ["31", "32", "31", "32"]

@@ -10,20 +10,46 @@ from tests.support.cli import fake, run, writes
 from tests.support.each_row import each_row
 
 
-@pytest.mark.parametrize("value", ["1001", "-1", "-2"])
-def test_the_position_command_names_its_own_range(value: str) -> None:
-    """0..1000 (exo §2.2.2); -1 is of the register alone (exo §2.3.7)."""
-    answer = run("exo", "position", "500", "400", value, "200", "100", "-p", fake(), "-y", "--json")
-    assert (answer.code, answer.json["counters"]["sent"]) == (2, 0)
-    assert "Use 0 to 1000 (exo §2.2.2)" in answer.error["hint"]
-    assert "-1, 0..1000" not in answer.error["hint"]
-    assert ("position_set.middle=-1" in answer.error["hint"]) == (value == "-1")
+@each_row(
+    ("words", "code"),
+    [
+        (("position", "500", "400", "1001", "200", "100"), "out-of-range"),
+        (("position", "500", "400", "-2", "200", "100"), "out-of-range"),
+        (("position", "middle=1001"), "out-of-range"),
+        (("position", "middle=10", "MIDDLE=20"), "twice"),
+        (("position", "middle=10", "20"), "mixed"),
+        (("position", "rotation=10"), "unknown-name"),
+        (("position", "10", "20"), "wrong-count"),
+        (("position", "-1", "-1", "-1", "-1", "-1"), "usage"),
+        (("position", "middle=10", "--expect", "any"), "usage"),
+        (("position", "middle=10", "--wiat=3"), "usage"),
+        (("force", "0", "0", "0", "0", "-1001"), "out-of-range"),
+        (("force", "middle=1.5"), "not-a-number"),
+    ],
+)
+def test_what_is_no_command_for_the_fingers_is_refused_before_anything_is_sent(
+    words: tuple[str, ...], code: str
+) -> None:
+    answer = run("exo", *words, "-p", fake(), "-y", "--json")
+    assert (answer.code, answer.error["code"], answer.json["counters"]["sent"]) == (2, code, 0)
 
 
-def test_the_force_command_names_its_own_section() -> None:
-    answer = run("exo", "force", "0", "0", "0", "0", "-1001", "-p", fake(), "-y", "--json")
-    assert answer.code == 2
-    assert "Use -1000 to 1000 (exo §2.2.1)" in answer.error["hint"]
+@each_row(
+    ("words", "bytes_"),
+    [
+        (("position", "ring=900", "index=100"), ["EB 90 01 05 12 D0 05 84 03 74", "EB 90 01 05 12 D4 05 64 00 55"]),
+        (("position", "-1", "900", "-1", "100", "-1"), ["EB 90 01 05 12 D0 05 84 03 74", "EB 90 01 05 12 D4 05 64 00 55"]),
+        (("position", "little=1", "ring=2", "middle=3", "index=4", "thumb=5"), ["EB 90 01 0B 32 01 00 02 00 03 00 04 00 05 00 4D"]),
+        (("force", "0", "0", "0", "0", "-1"), ["EB 90 01 0B 31 00 00 00 00 00 00 00 00 FF FF 3B"]),
+        (("force", "thumb=-1"), ["EB 90 01 05 12 E2 05 FF FF FD"]),
+    ],
+)  # fmt: skip
+def test_single_fingers_are_written_to_their_registers_alone(words: tuple[str, ...], bytes_: list[str]) -> None:
+    """Nothing is written for a finger that is left alone: the command for five has no value for that (exo §2.2.2)."""
+    plan = run("exo", *words, "-p", fake(), "-n", "--json")
+    assert [step["bytes"] for step in plan.json["writes"]] == bytes_
+    assert run("exo", *words, "-p", fake(), "--json").code == 8, "a person may wear it"
+    assert run("exo", *words, "-p", fake(), "--json", "-y").code == 0
 
 
 def test_a_speed_that_is_already_set_is_not_called_unsaved() -> None:

@@ -88,7 +88,10 @@ def test_both_frames_of_a_save_can_be_seen_with_raw() -> None:
 
 def test_clear_errors_clears_what_can_be_cleared(tmp_path: Path) -> None:
     trace = tmp_path / "t.txt"
-    result = run("exo", "clear-errors", "-p", fake(fault="faults"), "--json", "--trace", trace)
+    assert run("exo", "clear-errors", "-p", fake(fault="faults"), "--json").code == 8, (
+        "fingers may go on to their targets"
+    )
+    result = run("exo", "clear-errors", "-p", fake(fault="faults"), "--json", "--trace", trace, "-y")
     assert result.code == 0
     assert [(row["before"], row["value"]) for row in result.rows] == [(1, 0), (2, 2), (4, 0), (6, 2), (24, 0)]
     assert writes(trace) == [bytes.fromhex("EB 90 01 04 12 EC 03 01 07")]
@@ -133,11 +136,13 @@ def test_position_until_it_arrives_or_is_held() -> None:
     moved = run("exo", "position", "1000", "0", "500", "440", "1", "--wait", "3", "-y", "-p", fake(), "--json")
     assert (moved.code, moved.values["position_actual.little"], moved.values["position_actual.thumb"]) == (0, 1000, 1)
     assert [row["target"] for row in moved.rows] == [1000, 0, 500, 440, 1, None]
+    assert [row["arrival"] for row in moved.rows] == ["reached"] * 5 + [None]
     short = run("exo", "position", "1000", "0", "500", "440", "1", "--wait", "0.2", "-y", "-p", fake(), "--json")
-    assert "moving" in short.codes()
+    assert (short.code, short.error["code"]) == (7, "still-moving")
+    assert [row["arrival"] for row in short.rows] == ["moving", "reached", "reached", "reached", "moving", None]
     assert 110 < short.values["position_actual.little"] < 1000
     held = run("exo", "position", "0", "0", "0", "0", "0", "--wait", "3", "-y", "-p", fake(fault="blocked"), "--json")
-    assert "short" in held.codes()
+    assert (held.code, held.error["code"]) == (7, "blocked")
     assert held.values["position_actual.little"] == 110
 
 

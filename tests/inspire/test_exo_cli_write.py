@@ -138,7 +138,7 @@ REFUSED = [
     "set force_set.index=1 position_set.index=1001",
     "id 0", "id 255", "id 256", "id -1", "id two", "baud 9600", "baud 0", "baud 921600", "baud 57600 --verify",
     "force 1001 0 0 0 0", "force 0 0 0 0 -1001", "force 1 2 3 4", "force 1 2 3 4 5 6", "force a 0 0 0 0",
-    "position -1 0 0 0 0", "position 0 0 0 0 1001", "position 0 0 0 0 -5", "position 1 2 3 4 5 --wait 0",
+    "position 0 0 0 0 1001", "position 0 0 0 0 -5", "position 1 2 3 4 5 --wait 0",
     "read 1000 0", "read 1000 253", "read 65535 2", "read 65536 1", "read -1 1", "read 1000 -1",
     "write 1472 0100", "write 1005 01", "write 1006 01", "write 1009 01", "write 1004 01", "write 1000 02",
     "write 1492 2C", "write 1493 2C01", "write 1492 E903", "write 1486 FEFF", "write 1498 17FC", "write 1001 03",

@@ -9,7 +9,7 @@ import pytest
 from handctl.devices.inspire.exo import motion as procedures
 from handctl.devices.inspire.exo import raw
 from handctl.devices.inspire.map import EXO
-from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer
+from handctl.errors import CheckFailed, DeviceRefused, HandctlError, LinkError, NoAnswer
 from handctl.model.guide import Guide
 from handctl.model.stopping import NOT_STOPPED
 from tests.support.each_row import each_row
@@ -114,15 +114,17 @@ def test_interrupted_calibration_says_that_it_goes_on(moment: float) -> None:
 
 # -- motion -----------------------------------------------------------------------------------------------------------
 
-TARGET = [500, 400, 300, 200, 100]
+TARGET = dict(enumerate((500, 400, 300, 200, 100)))
+OPEN = dict.fromkeys(range(5), 1000)
 
 
 def test_motion_is_watched_until_arrival() -> None:
     hand, link = fake_hand()
     table = procedures.move(hand, TARGET, Guide(), wait=5.0)
-    assert [row["value"] for row in table.rows] == [*TARGET, 660]
-    assert [row["target"] for row in table.rows] == [*TARGET, None]
-    assert codes(hand) == []
+    assert [row["value"] for row in table.rows] == [*TARGET.values(), 660]
+    assert [row["target"] for row in table.rows] == [*TARGET.values(), None]
+    assert [row["arrival"] for row in table.rows] == ["reached"] * 5 + [None]
+    assert table.failure is None and codes(hand) == []
     assert link.now() < 1.5
     assert len(changing(link.sent)) == 1
 
@@ -131,14 +133,14 @@ def test_blocked_motion_ends_short_of_its_target() -> None:
     hand, link = fake_hand("fault=blocked")
     table = procedures.move(hand, TARGET, Guide(), wait=5.0)
     assert [row["value"] for row in table.rows][:5] == [110, 220, 330, 440, 550]
-    assert "short" in codes(hand)
+    assert isinstance(table.failure, CheckFailed) and table.failure.code == "blocked"
     assert link.now() < 2.0
 
 
 def test_motion_that_takes_longer_than_the_wait() -> None:
     hand, link = fake_hand()
-    procedures.move(hand, [1000, 1000, 1000, 1000, 1000], Guide(), wait=0.2)
-    assert "moving" in codes(hand)
+    table = procedures.move(hand, OPEN, Guide(), wait=0.2, expect="any")
+    assert isinstance(table.failure, CheckFailed) and table.failure.code == "still-moving"
     assert link.now() < 0.5
     assert len(changing(link.sent)) == 1
 
@@ -147,7 +149,7 @@ def test_interrupted_motion_is_held_where_it_is() -> None:
     hand, link = fake_hand()
     link.interrupt_at = 0.3
     with pytest.raises(HandctlError) as caught:
-        procedures.move(hand, [1000, 1000, 1000, 1000, 1000], Guide(), wait=5.0)
+        procedures.move(hand, OPEN, Guide(), wait=5.0)
     assert caught.value.exit_code == 130
     first, release, hold = changing(link.sent)
     assert release == RELEASE and hold.startswith("EB 90 01 0B 32 ")
@@ -169,7 +171,7 @@ def test_interrupt_before_the_reply_of_the_command_holds_too() -> None:
 
     link.write = write  # type: ignore[method-assign]
     with pytest.raises(BaseException) as caught:
-        procedures.move(hand, [1000, 1000, 1000, 1000, 1000], Guide(), wait=5.0)
+        procedures.move(hand, OPEN, Guide(), wait=5.0)
     assert getattr(caught.value, "exit_code", 130) == 130
     _, *releases, hold = changing(link.sent)
     assert set(releases) == {RELEASE} and hold.startswith("EB 90 01 0B 32 ")
@@ -240,7 +242,7 @@ def interrupted(link: RecordedLink, act: Callable[[], object]) -> HandctlError:
 def test_interrupted_force_command_is_released() -> None:
     """The force would stay on the worn hand (exo §2.2.1); Ctrl-C stops it (cli contract, 5 and 7)."""
     hand, link = fake_hand("turnaround=0.2")
-    interrupted(link, lambda: procedures.command(hand, "force", [100, 0, 0, 0, -100], Guide()))
+    interrupted(link, lambda: procedures.command(hand, "force", dict(enumerate((100, 0, 0, 0, -100))), Guide()))
     first, *releases, hold = changing(link.sent)
     assert first == "EB 90 01 0B 31 64 00 00 00 00 00 00 00 9C FF 3C"
     assert set(releases) == {RELEASE} and hold == HELD
@@ -248,7 +250,7 @@ def test_interrupted_force_command_is_released() -> None:
 
 def test_interrupted_position_command_is_held() -> None:
     hand, link = fake_hand("turnaround=0.2")
-    interrupted(link, lambda: procedures.command(hand, "position", [900] * 5, Guide()))
+    interrupted(link, lambda: procedures.command(hand, "position", dict.fromkeys(range(5), 900), Guide()))
     _, *releases, hold = changing(link.sent)
     assert set(releases) == {RELEASE} and hold[12:14] == "32"
 
@@ -281,7 +283,7 @@ def test_a_release_without_an_answer_is_told() -> None:
     link.interrupt_at = 0.1
     hand = hand_on(link)
     with pytest.raises(HandctlError) as caught:
-        procedures.command(hand, "force", [100] * 5, Guide())
+        procedures.command(hand, "force", dict.fromkeys(range(5), 100), Guide())
     assert (caught.value.exit_code, caught.value.code) == (4, NOT_STOPPED)
     assert [hexed(data) for data in link.sent[1:]] == [RELEASE] * 7, "for a second, and no hold without a place"
     assert "power off" in caught.value.hint
@@ -300,7 +302,7 @@ def test_a_lost_answer_of_a_command_says_that_the_hand_may_act(which: str) -> No
     """Never blindly repeated: after a lost reply, read first (cli contract, 7)."""
     hand, link = fake_hand("fault=silent")
     with pytest.raises(NoAnswer):
-        procedures.command(hand, which, [1, 2, 3, 4, 5], Guide())
+        procedures.command(hand, which, dict(enumerate((1, 2, 3, 4, 5))), Guide())
     assert "may act" in message(hand, "ack-lost")
     assert len(changing(link.sent)) == 1
 
@@ -310,7 +312,7 @@ def test_a_command_that_was_not_sent_is_not_said_to_act() -> None:
     hand.bus.bound = link.deadline(0.0)
     link.sleep(0.1)
     with pytest.raises(NoAnswer):
-        procedures.command(hand, "force", [1, 2, 3, 4, 5], Guide())
+        procedures.command(hand, "force", dict(enumerate((1, 2, 3, 4, 5))), Guide())
     assert (link.sent, codes(hand)) == ([], [])
 
 
@@ -321,7 +323,7 @@ def test_a_command_that_was_not_sent_is_not_said_to_act() -> None:
 def test_a_motion_that_cannot_be_watched_any_more_may_go_on(fault: str) -> None:
     hand, link = fake_hand(f"fault={fault}&after=3")
     with pytest.raises(HandctlError) as caught:
-        procedures.move(hand, [1000] * 5, Guide(), wait=5.0)
+        procedures.move(hand, OPEN, Guide(), wait=5.0)
     assert caught.value.exit_code == {"disconnect": 3, "silent": 4, "bad-checksum": 5}[fault]
     assert "The fingers may still move" in caught.value.text
     assert "power" in caught.value.hint
@@ -331,7 +333,7 @@ def test_a_motion_that_cannot_be_watched_any_more_may_go_on(fault: str) -> None:
 def test_a_link_lost_during_a_command_or_a_write_is_told() -> None:
     hand, _ = fake_hand("fault=disconnect")
     with pytest.raises(LinkError) as caught:
-        procedures.command(hand, "force", [100] * 5, Guide())
+        procedures.command(hand, "force", dict.fromkeys(range(5), 100), Guide())
     assert "may still move" in caught.value.text
     hand, _ = fake_hand("fault=disconnect")
     with pytest.raises(LinkError) as caught:

@@ -315,7 +315,7 @@ PROCEDURES: dict[str, Callable[[ExoHand], object]] = {
     "save": lambda hand: flash.save(hand, Guide()),
     "factory-reset": flash.factory_reset,
     "calibrate": lambda hand: motion.calibrate(hand, Guide()),
-    "position": lambda hand: motion.move(hand, [500, 400, 300, 200, 100], Guide(), wait=3.0),
+    "position": lambda hand: motion.move(hand, dict(enumerate((500, 400, 300, 200, 100))), Guide(), wait=3.0),
     "force": lambda hand: hand.command("force", [0] * 5),
 }
 FAULTS = [

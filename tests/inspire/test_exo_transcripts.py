@@ -187,11 +187,6 @@ def test_host_refuses_to_send(case: Case, capsys: pytest.CaptureFixture[str]) ->
     assert '"sent": 0' in capsys.readouterr().out
 
 
-def test_position_command_with_minus_one_is_refused_by_name() -> None:
-    """exo §2.2.2 gives 0..1000 for the command, §2.3.7 has -1 for the register only."""
-    assert main(["exo", "position", "500", "500", "-1", "0", "500", "--fake", "--yes"]) == 2
-
-
 # -- the simulator ----------------------------------------------------------------------------------------------------
 
 

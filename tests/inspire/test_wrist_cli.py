@@ -309,8 +309,8 @@ def test_move_uses_the_time_the_wrist_holds(wire: str) -> None:
 def test_a_blocked_axis_is_not_arrived(wire: str) -> None:
     with spying() as spy:
         result = run("wrist", "move", "--pitch", "10", "--time", "200", "-p", link(wire, fault="blocked"), "--json")
-    assert (result.code, result.error["code"]) == (7, "not-arrived")
-    assert "-3.45" in result.error["text"] and "-13.45" in result.error["text"]
+    assert (result.code, result.error["code"]) == (7, "blocked")
+    assert "-3.45" in result.error["text"] and "10.00" in result.error["text"]
     assert result.values["pitch_actual"] == -3.45
     assert spy.now < 3
     with spying() as spy:

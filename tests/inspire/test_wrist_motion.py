@@ -99,9 +99,12 @@ def test_a_held_axis_is_told_with_where_it_stands(wire: str, axis: str, other: s
     assert reached(table)[f"{axis}_actual"] == (held[axis], targets[axis])
     assert reached(table)[f"{other}_actual"] == (targets[other], targets[other])
     assert table.failure is not None
-    assert (table.failure.code, table.failure.exit_code) == ("not-arrived", 7)
-    assert f"{axis} is at {held[axis]:.2f}°, {held[axis] - targets[axis]:+.2f}°" in table.failure.text
-    assert f"{other} is at" not in table.failure.text
+    assert (table.failure.code, table.failure.exit_code) == ("blocked", 7)
+    assert {row["name"]: row["arrival"] for row in table.rows} == {
+        f"{axis}_actual": "blocked",
+        f"{other}_actual": "reached",
+    }
+    assert f"{axis} is blocked at {held[axis]:.2f}°" in table.failure.text and other not in table.failure.text
     assert "arrived" not in [entry.code for entry in wrist.journal.messages]
     assert link.now() < 0.5 * 1.5 + 2.5
 
@@ -111,7 +114,7 @@ def test_a_move_that_outlasts_its_wait_is_not_arrived(wire: str) -> None:
     wrist, link = fake_wrist(wire)
     table = move(wrist, 20.0, None, 5000, wait=1.0)
     assert table.failure is not None
-    assert table.failure.code == "not-arrived"
+    assert table.failure.code == "still-moving"
     assert link.now() == pytest.approx(1.0, abs=0.1)
     assert len(writes_of(link)) == 1
 
@@ -288,7 +291,7 @@ def test_blocked_at_the_command_line_is_exit_7_with_the_rows() -> None:
     )
     assert result.code == 7
     assert result.values["pitch_actual"] == -3.45
-    assert result.error["code"] == "not-arrived"
+    assert result.error["code"] == "blocked"
 
 
 # -- snapshot, diff, restore ------------------------------------------------------------------------------------------

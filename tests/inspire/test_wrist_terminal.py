@@ -114,13 +114,13 @@ def test_live_view_follows_a_motion(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_move_on_a_terminal(wire: str) -> None:
     shown = person("wrist", "move", "--pitch", "-10", "--yaw", "10", "--time", "400", "-p", fake_port(wire))
     assert shown.code == 0
-    told = re.findall(rf"pitch {NUMBER}°, yaw {NUMBER}°", shown.text)
+    told = re.findall(rf"pitch {NUMBER}° of -10.00°, yaw {NUMBER}°", shown.text)
     assert len(told) >= 4  # progress moves
     assert all(len(number.partition(".")[2]) == 2 for pair in told for number in pair), told
     pitches = [float(pitch) for pitch, _ in told]
     assert pitches == sorted(pitches, reverse=True) and -10 <= pitches[-1] < pitches[0] <= -3.45
     rows = [line.split() for line in shown.display]
-    assert ["pitch", "-10.00", "-10.00"] in rows and ["yaw", "10.00", "10.00"] in rows
+    assert ["pitch", "-10.00", "-10.00", "reached"] in rows and ["yaw", "10.00", "10.00", "reached"] in rows
     assert "arrived" in shown.text
     assert "[y/N]" not in shown.text
 
@@ -197,7 +197,7 @@ def test_ctrl_c_at_a_wrist_that_is_gone(times: int) -> None:
     left = [signal.SIGINT] * times
     shown = person(
         "wrist", "move", "--pitch", "20", "--time", "3000", "-p", port, "--timeout", "0.3", "--retries", "1",
-        press=lambda seen: left.pop() if left and "°, yaw" in seen else None,
+        press=lambda seen: left.pop() if left and "° of" in seen else None,
     )  # fmt: skip
     text = " ".join(shown.text.split())
     assert (shown.code, left) == (4, [])

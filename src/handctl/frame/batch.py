@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING
 import click
 
 from handctl.ending import asked
-from handctl.errors import HandctlError, Interrupted, NotConfirmed, OutputError, UsageError
+from handctl.errors import HandctlError, Interrupted, NotConfirmed, OutputError, UsageError, joined
 from handctl.files import atomic_write, read_text
 from handctl.frame.console import print_message
 from handctl.frame.lines import Line, defaults, line, placed
+from handctl.frame.premises import unsent
 from handctl.frame.run import NO_TERMINAL, UNANSWERED
 from handctl.frame.session import Session
 from handctl.model.result import Table
@@ -142,7 +143,7 @@ def _confirmed(run: Run, lines: Sequence[Line], plans: Sequence[Plan]) -> list[L
     first, plan = open_[0]
     if not run.guide.interactive:
         where = f"line {first.number} ({first.command}): {plan.question}"
-        raise NotConfirmed(f"{where}. {NO_TERMINAL}", hint=UNANSWERED)
+        raise NotConfirmed(f"{where}. {NO_TERMINAL}", hint=joined(UNANSWERED, unsent(run.journal)))
     words = dict.fromkeys(plan.word for _, plan in open_ if plan.word)
     count = f"{len(open_)} of {len(lines)} lines ask" if len(open_) > 1 else "One line asks"
     if not run.guide.ask(f"{count} to be confirmed", " ".join(words)):

@@ -14,11 +14,12 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 import click
 
-from handctl.errors import HandctlError, Interrupted, NotConfirmed, UsageError
+from handctl.errors import HandctlError, Interrupted, NotConfirmed, UsageError, joined
 from handctl.frame.cause import as_told, from_click
 from handctl.frame.clikit import Command
 from handctl.frame.options import COMMAND_LINE, SOURCES
 from handctl.frame.own import OWN
+from handctl.frame.premises import unsent
 from handctl.frame.run import SESSION, Run
 from handctl.frame.steps import plan_table
 from handctl.model.guide import Guide
@@ -71,8 +72,8 @@ class Call(Run):
 
     def need_answer(self, question: str) -> None:
         if not (self.settings.yes or self.settings.dry_run or callable(self._confirm)):
-            hint = "give confirm=True, or a function that answers. dry_run=True returns the bytes. Nothing was sent."
-            raise NotConfirmed(f"{question}. Confirmation needed", hint=hint)
+            hint = "give confirm=True, or a function that answers. dry_run=True returns the bytes"
+            raise NotConfirmed(f"{question}. Confirmation needed", hint=joined(hint, unsent(self.journal)))
 
     def confirm(self, question: str, steps: Sequence[Step] = (), *, word: str = "") -> None:
         self.ledger.plan(steps)
@@ -80,7 +81,7 @@ class Call(Run):
             return
         self.need_answer(question)
         if not (callable(self._confirm) and self._confirm(question, plan_table(steps).rows)):
-            raise NotConfirmed("not confirmed: nothing was sent", hint="the function given as confirm said no")
+            raise NotConfirmed(f"not confirmed: {unsent(self.journal)}", hint="the function given as confirm said no")
 
     def offer(self, question: str) -> bool:
         return False

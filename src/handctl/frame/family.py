@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -29,6 +29,7 @@ class Family(NamedTuple):
     recall    LINK -> the speed at which its device was found last, None = not known; not needed, never an error
     check     settings -> raises UsageError for what does not fit together
     map_of    settings -> the parameter map, where it depends on them; None = there is one
+    other_maps  settings -> further maps that its devices may have, as far as that was not typed
     simulated  settings -> what they say of the simulator of plain --fake, as KEY=VALUE of its LINK, "" = nothing
     explain_silence  (device, error) -> a better error when nothing valid ever came; read-only
     """
@@ -45,6 +46,7 @@ class Family(NamedTuple):
     map_of: Callable[[Settings], ParamMap[Any]] | None = None
     simulated: Callable[[Settings], str] | None = None
     speeds: tuple[int, ...] = ()
+    other_maps: Callable[[Settings], Sequence[ParamMap[Any]]] | None = None
 
 
 def opener(device: Callable[[Any], Any], line: Callable[..., Any]) -> Callable[[Any, Settings, Journal], Any]:

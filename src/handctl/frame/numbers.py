@@ -6,6 +6,8 @@ from typing import Any
 
 import click
 
+NEGATIVE_NUMBERS = {"ignore_unknown_options": True}
+"""Settings of a command that takes ``-100`` as an argument; `vectors.given` then refuses a mistyped option."""
 LONGEST = 1e6
 """Seconds, 11 days: more is a slip of the pen, and more than some clocks of an operating system can wait for."""
 

@@ -18,6 +18,7 @@ from handctl.frame.options import COMMAND_LINE, ENVIRONMENT, FILE, config_path
 if TYPE_CHECKING:
     from handctl.frame.run import Run
     from handctl.model.param import Step
+    from handctl.model.result import Journal
 
 
 UNASKED = "yes-unasked"
@@ -159,6 +160,11 @@ def refuse_other_family(run: Run) -> None:
         hint=f"use `handctl {kind} …` for {name}, or see `handctl devices list` for the others",
         code="wrong-family",
     )
+
+
+def unsent(journal: Journal) -> str:
+    """What is certain where the answer to a question was no: some questions are made of what was read."""
+    return "nothing was written" if journal.counters.sent else "nothing was sent"
 
 
 def tell_unasked(run: Run, question: str, steps: Sequence[Step]) -> None:

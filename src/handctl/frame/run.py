@@ -22,7 +22,7 @@ from handctl.frame.envelope import device_row, make_envelope
 from handctl.frame.family import Family, implied, in_words, load
 from handctl.frame.filetypes import files_of
 from handctl.frame.options import SOURCES, Settings, Source
-from handctl.frame.premises import check_before, link_name, refuse_other_family, tell_unasked
+from handctl.frame.premises import check_before, link_name, refuse_other_family, tell_unasked, unsent
 from handctl.screen.filter import text_shown
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 SESSION = "handctl.session"
 """Key in click's shared meta: the session that a command belongs to."""
 NO_TERMINAL = "Confirmation needed, but this is not an interactive terminal"
-UNANSWERED = "add --yes to confirm, or --dry-run to see the bytes. Nothing was sent."
+UNANSWERED = "add --yes to confirm, or --dry-run to see the bytes"
 
 
 class Run:
@@ -209,12 +209,12 @@ class Run:
         for step in steps:
             self.guide.say(f"  {step.meaning}: {step.wire}")
         if not self.guide.ask(question, word):
-            raise NotConfirmed("not confirmed: nothing was sent", hint="run the command again to confirm it")
+            raise NotConfirmed(f"not confirmed: {unsent(self.journal)}", hint="run the command again to confirm it")
 
     def need_answer(self, question: str) -> None:
         """Raise NotConfirmed where nobody could answer a question that only reading the device can put: not a byte is sent."""
         if not (self.settings.yes or self.settings.dry_run or self.guide.interactive):
-            raise NotConfirmed(f"{question}. {NO_TERMINAL}", hint=UNANSWERED)
+            raise NotConfirmed(f"{question}. {NO_TERMINAL}", hint=joined(UNANSWERED, unsent(self.journal)))
 
     def offer(self, question: str) -> bool:
         """Ask for an optional further step; no terminal or --yes means no."""

@@ -9,8 +9,9 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Sequence
 from typing import TYPE_CHECKING, Any
 
-from handctl.errors import CheckFailed, UsageError
+from handctl.errors import CheckFailed, UsageError, joined
 from handctl.model.param import COMMAND, MOVES, PUSHES, SETTING, Element, Number, ParamMap, Step, elements_of
+from handctl.model.pending import question, released
 from handctl.model.result import Column, Row, Table
 
 if TYPE_CHECKING:
@@ -244,8 +245,9 @@ def _ask(run: Run, params: ParamMap[Any], device: Device, differing: Sequence[Ch
     """One question for all, a further one for forces; nothing has been written. Raises NotConfirmed."""
     forces = [change for change in differing if change[0].param.acts == PUSHES]
     others = [change for change in differing if change not in forces]
+    waiting = released(device, differing)
     if others:
-        run.confirm(_restoring(params, others), _steps(device, others))
+        run.confirm(joined(_restoring(params, others), question(waiting) if waiting else ""), _steps(device, others))
     if forces:
         shown = ", ".join(f"{element.full_name} {live.get(element.full_name)} -> {value}" for element, value in forces)
         run.confirm(f"This {ACTING[PUSHES]}: {shown}", _steps(device, forces))

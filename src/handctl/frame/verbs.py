@@ -9,7 +9,8 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from handctl.errors import HandctlError, NoAnswer, ProtocolError, UsageError, joined
-from handctl.model.param import PUSHES, Element, Param, ParamMap, Reading, Step
+from handctl.model.param import PUSHES, Element, Number, Param, ParamMap, Reading, Step
+from handctl.model.pending import question, released
 from handctl.model.result import Column, Row, Sample, Table
 
 if TYPE_CHECKING:
@@ -33,9 +34,31 @@ def select(params: ParamMap[Any], names: Sequence[str]) -> list[Element]:
     return list(chosen.values())
 
 
+def meant(run: Run, params: ParamMap[Any], names: Sequence[str]) -> ParamMap[Any]:
+    """The map in which `names` are looked up: `params`, unless one of them is known only to another kind of device of this family.
+
+    Then the device is asked which kind it is. A dry run asks nobody.
+    """
+    unknown = [name for name in names if not _knows(params, name)]
+    family = run.family
+    others = family.other_maps(run.settings) if family is not None and family.other_maps is not None else ()
+    if run.settings.dry_run or not unknown or not any(all(_knows(other, name) for name in unknown) for other in others):
+        return params
+    device: Device = run.device()
+    return device.own_map()
+
+
+def _knows(params: ParamMap[Any], name: str) -> bool:
+    try:
+        params.find(name)
+    except UsageError:
+        return False
+    return True
+
+
 def get(run: Run, params: ParamMap[Any], names: Sequence[str]) -> Table:
     """Read the named quantities in as few transactions as the device allows."""
-    elements = select(params, names)
+    elements = select(meant(run, params, names), names)
     device: Device = run.device()
     table = device.table(device.read(device.here(elements)))
     table.plain = ("value",)
@@ -52,7 +75,19 @@ def set_values(run: Run, params: ParamMap[Any], texts: Sequence[str]) -> Table:
     if any(step.strands or (step.moves and planner.worn) for step in steps):
         run.confirm(f"{_consequence(steps)}: {', '.join(texts)}", steps)
     device: Device = run.device()
+    ask_released(run, device, changes, steps)
     return device.table(device.write(changes))
+
+
+def ask_released(run: Run, device: Device, changes: Sequence[tuple[Element, Number]], steps: Sequence[Step]) -> None:
+    """Ask before a write that lets the device go on to targets that it holds. Raises NotConfirmed; nothing was written."""
+    names = {element.param.name for element, _ in changes}
+    if not any(release.by in names for release in device.releases):
+        return
+    device.identify()
+    if waiting := released(device, changes):
+        run.confirm(question(waiting), [step._replace(moves=True) for step in steps])
+        device.will_move()
 
 
 def _consequence(steps: Sequence[Step]) -> str:
@@ -130,6 +165,7 @@ def watch(
 
     from handctl.model.sampling import Sampler
 
+    params = meant(run, params, names)
     elements = select(params, names)  # a wrong name is told before the link is opened
     device: Device = run.device()
     more, slowly = (

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TypedDict, TypeVar
 from handctl.errors import CheckFailed, HandctlError, NoAnswer, ProtocolError, joined
 from handctl.model.leaving import stopped_by_ctrl_c
 from handctl.model.param import Element, Number, ParamMap, Reading, elements_of
+from handctl.model.pending import Course, Release
 from handctl.model.result import Column, Grid, Row, Table
 from handctl.model.stopping import Aim, Known, Options, Stopped, Talk, aimed, carry_out, drive, talk_of
 from handctl.sentence import plural
@@ -144,6 +145,7 @@ class Device(ABC):
     beside       what a person at the live view sees too, where no quantity was named; `slowly` once a second
     scales       ends of the live view's bars where no range is documented: ours, and wider as soon as more is seen
     worn         a person may wear it: what moves it is asked for first
+    courses      set-points and where they lead, `releases` the writes that let an axis go there (`model.pending`)
     not_covered  what a snapshot cannot hold, told by `restore`
 
     A family writes `read`, `named`, `valued` and `view`; `plan` and `write` where values can be set by name; and overrides
@@ -160,6 +162,8 @@ class Device(ABC):
     slowly: tuple[str, ...] = ()
     scales: Mapping[str, tuple[float, float]] = MappingProxyType({})
     worn = False
+    courses: Sequence[Course] = ()
+    releases: Sequence[Release] = ()
     not_covered: tuple[str, ...] = ()
 
     def __init__(self, line: Line) -> None:
@@ -195,6 +199,10 @@ class Device(ABC):
 
     def identify(self) -> None:  # noqa: B027 - where whatever is read tells who it is, there is nothing to do
         """Look who is there before anything is read for a plan: a stranger is named, not called silent. Raises NotIdentified."""
+
+    def own_map(self) -> ParamMap[Any]:
+        """The map of this very device, asked for where its family has several."""
+        return self.map
 
     def find_for_restore(self, values: dict[str, Number]) -> None:  # noqa: B027 - most have no address to set
         """Make the line address the device that a restore is for; nothing to do unless its address is a setting."""
@@ -333,6 +341,10 @@ class Device(ABC):
         return table
 
     # -- writing -------------------------------------------------------------------------------------------------
+
+    def will_move(self) -> None:
+        """What is written next moves it, whatever it is: from then on an interrupt stops it."""
+        self.journal.moves(self.stop)
 
     def plan(self, changes: Sequence[tuple[Element, Number]]) -> list[Step]:
         """The exact bytes that `write` would send for checked `changes`. Sends nothing."""

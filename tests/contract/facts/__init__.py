@@ -9,7 +9,8 @@ import importlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
 from handctl.families import FAMILIES
 
@@ -24,6 +25,26 @@ class Passed(NamedTuple):
 
 Rule = Callable[[Passed], bool]
 """Whether an entry writes, by the manual and not by handctl; it is shown the whole transcript in order."""
+
+
+class Waiting(NamedTuple):
+    """A state of a simulated device in which something waits for a write that lets it go.
+
+    by       the quantities whose writing may let it go
+    asked    command lines that must ask, without their link
+    places   the simulator -> where what moves is
+    near     so far it may be off and has not moved
+    goes     with a yes it moves; else nobody knows what a device would do
+    """
+
+    name: str
+    by: tuple[str, ...]
+    asked: tuple[str, ...]
+    before: Callable[[Any], None]
+    places: Callable[[Any], list[float]]
+    options: Mapping[str, str] = MappingProxyType({})
+    near: float = 5.0
+    goes: bool = True
 
 
 @dataclass(frozen=True)
@@ -58,6 +79,8 @@ class Facts:
     lines     for the harm matrix: command lines that need words of their own; {dir} holds the files of `prepare`
     looking   those of `lines` that only read, though their command may write
     rows_in   module with COMMANDS, lines with their kinds, and `prepare`, which makes the files that they name
+    waiting   states in which something waits for a write that lets it go
+    nothing_waits  why there are none
     states_in  module whose `states` makes the states in which a command may meet its devices; "" = at rest, and moving
     """
 
@@ -88,6 +111,8 @@ class Facts:
     computed: frozenset[str] = frozenset()
     lines: Sequence[tuple[str, ...]] = ()
     looking: frozenset[tuple[str, ...]] = frozenset()
+    waiting: tuple[Waiting, ...] = ()
+    nothing_waits: str = ""
     rows_in: str = ""
     states_in: str = ""
 

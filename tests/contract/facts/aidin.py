@@ -6,6 +6,7 @@ from tests.contract.facts import Facts
 from tests.fuzz.decoders import AIDIN_GOODS, AIDIN_LIKELY
 
 FACTS = Facts(
+    nothing_waits="it tells neither its target nor its maximum torque: nobody can see what waits (aidin, Feedback keys)",
     writes={
         "home": "",
         "initial": "",

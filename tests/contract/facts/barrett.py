@@ -57,6 +57,7 @@ class Gcl:
 
 
 FACTS = Facts(
+    nothing_waits="its set-points act with a movement command only (barrett §5.2.1)",
     writes={
         "set": "MCV=80 HSG.F1=150",
         "load": "",

@@ -10,6 +10,7 @@ from tests.fuzz.decoders import EKSO_LIKELY, ekso_goods
 from tests.support.scripted import unhex
 
 FACTS = Facts(
+    nothing_waits="whatever it takes is asked for already, and acts with the next step (ekso §4)",
     writes={
         "set": "step_length=15.5 --operator me",
         "restore": "{ekso} --operator me",

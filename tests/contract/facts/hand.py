@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from tests.contract.facts import Facts, Passed
+from typing import Any
+
+from tests.contract.facts import Facts, Passed, Waiting
 from tests.contract.facts.inspire import inspire
 from tests.fuzz.decoders import EB90_GOODS, EB90_LIKELY
 
@@ -19,7 +21,53 @@ def rh56(entry: Passed) -> bool:
 
 SPEED = bytes.fromhex("EB 90 01 0F 12 F2 05")
 """A write to the six speeds (rh56 §6)."""
+OPEN = b"\xe8\x03" * 6
+
+
+def _write(place: int, data: bytes) -> bytes:
+    inner = bytes([1, len(data) + 3, 0x12]) + place.to_bytes(2, "little") + data
+    return b"\xeb\x90" + inner + bytes([sum(inner) % 256])
+
+
+def _told(*steps: bytes | float) -> Any:
+    """Frames that somebody sent, and seconds that passed."""
+
+    def play(line: Any) -> None:
+        now = 0.5
+        line.advance(now)
+        for step in steps:
+            if isinstance(step, bytes):
+                line.feed(step)
+                now += 0.05
+            else:
+                now += step
+            line.advance(now)
+
+    return play
+
+
+def _angles(line: Any) -> list[float]:
+    return [finger.angle for finger in line.device.hand.body.fingers]
+
+
+STOPPED = _told(_write(1522, bytes(12)), _write(1486, OPEN), 1.0)
+GRIPS = _told(_write(1522, b"\x14\x00" * 6), _write(1498, b"\x64\x00" * 6), _write(1486, bytes(12)), 60.0)
+WAITING = (
+    Waiting(
+        "told to open at speed 0", ("speed_set",),
+        ("speed 300 300 300 300 300 300", "speed index=300", "set speed_set.index=300"), STOPPED, _angles,
+    ),
+    Waiting(
+        "grips something up to its force limit", ("force_limit",),
+        ("force 900 900 900 900 900 900", "force index=900", "set force_limit.index=900"), GRIPS, _angles, {"object": "100"}, goes=False,
+    ),
+    Waiting(
+        "has an error on its way", ("clear_errors",), ("clear-errors",), _told(_write(1486, OPEN), 1.0), _angles,
+        {"fault": "faults"}, 1000.0, goes=False,
+    ),
+)  # fmt: skip
 FACTS = Facts(
+    waiting=WAITING,
     writes={
         "set": "speed_set.index=300 force_limit.little=200",
         "restore": "{hand}",

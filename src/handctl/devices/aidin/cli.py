@@ -14,9 +14,10 @@ from handctl.devices.aidin.way import way_of
 from handctl.errors import UsageError
 from handctl.frame import verbs
 from handctl.frame.clikit import Group, stream_options, suspendable
+from handctl.frame.expect import expect, expected
 from handctl.frame.family import Family
 from handctl.frame.mapverbs import add_map_verbs
-from handctl.frame.numbers import FiniteRange
+from handctl.frame.numbers import NEGATIVE_NUMBERS, FiniteRange
 from handctl.frame.run import Run
 from handctl.model.device import limits_of
 from handctl.model.gate import Gate
@@ -67,8 +68,7 @@ def watch(run: Run, names: tuple[str, ...], rate: float, count: int | None, dura
 
 
 def _takes_negatives(name: str) -> None:
-    """Numbers such as -4 are values of this command, not options; a mistyped option is refused as a number."""
-    cli.commands[name].context_settings = {"ignore_unknown_options": True}
+    cli.commands[name].context_settings = dict(NEGATIVE_NUMBERS)
 
 
 def _step(run: Run, meaning: str, mode: Mode, **data: int) -> Step:
@@ -152,54 +152,59 @@ def _plan(run: Run, goal: Goal) -> list[Step]:
     return motion.plan(None if goal.names_all else run.device(), goal, way_of(run.settings).end)
 
 
-def _move(run: Run, target: Target, values: tuple[str, ...], assume_homed: bool, *, rad: bool = False) -> Table:
+def _move(
+    run: Run, target: Target, values: tuple[str, ...], assume_homed: bool, expect: str | None, *, rad: bool = False
+) -> Table:
     from handctl.devices.aidin import motion
     from handctl.devices.aidin.targets import parse
 
     goal = parse(target, values, rad=rad)
     if run.settings.dry_run:
         return run.dry_run(_plan(run, goal))
-    return motion.move(run.device(), goal, run.guide, assume_homed=assume_homed)
+    return motion.move(run.device(), goal, run.guide, assume_homed=assume_homed, expect=expected(expect))
 
 
 @cli.verb("encoders", "Move", writes=True)
 @_values
 @ASSUME
-def encoders(run: Run, values: tuple[str, ...], assume_homed: bool) -> Table:
+@expect
+def encoders(run: Run, values: tuple[str, ...], assume_homed: bool, expect: str | None) -> Table:
     """Move motors to encoder counts.
 
     All 15 (thumb, index, middle, ring, little, each m1 m2 m3), or pairs.
     Others keep their place: `encoders index.m3=85000`. The hand must be homed.
     The ramp takes five seconds for a whole stroke. Ctrl-C stops and switches motor power off.
     """
-    return _move(run, ENCODERS, values, assume_homed)
+    return _move(run, ENCODERS, values, assume_homed, expect)
 
 
 @cli.verb("joints", "Move", writes=True)
 @_values
 @click.option("--rad", is_flag=True, help="The values are radians, not degrees.")
 @ASSUME
-def joints(run: Run, values: tuple[str, ...], rad: bool, assume_homed: bool) -> Table:
+@expect
+def joints(run: Run, values: tuple[str, ...], rad: bool, assume_homed: bool, expect: str | None) -> Table:
     """Move joints to angles in degrees.
 
     All 15 (thumb, index, middle, ring, little, each q1 q2 q3) or 20 (with q4), or pairs.
     Others keep their place: `joints index.q3=160 thumb.q1=10`. q3 is the angle between two links (180 is straight).
     q4 follows q3. The hand must be homed. The ramp has 60 degrees a second. Ctrl-C stops and switches motor power off.
     """
-    return _move(run, ANGLES, values, assume_homed, rad=rad)
+    return _move(run, ANGLES, values, assume_homed, expect, rad=rad)
 
 
 @cli.verb("fingertips", "Move", writes=True)
 @_values
 @ASSUME
-def fingertips(run: Run, values: tuple[str, ...], assume_homed: bool) -> Table:
+@expect
+def fingertips(run: Run, values: tuple[str, ...], assume_homed: bool, expect: str | None) -> Table:
     """Move fingertips to coordinates in mm.
 
     All 15 (thumb, index, middle, ring, little, each x y z in its finger's own frame), or pairs.
     Others keep their place: `fingertips index.z=120`. The hand must be homed.
     The ramp has 60 mm a second. Ctrl-C stops and switches motor power off.
     """
-    return _move(run, TIPS, values, assume_homed)
+    return _move(run, TIPS, values, assume_homed, expect)
 
 
 @cli.verb("currents", "Move", writes=True)

@@ -11,7 +11,7 @@ from handctl.devices.aidin.exchange import PERIOD
 from handctl.devices.aidin.feedback import Wire
 from handctl.devices.aidin.homing import connect_or_command
 from handctl.devices.aidin.map import Mode
-from handctl.devices.aidin.motion import last_step, mark, measured, target_object
+from handctl.devices.aidin.motion import followed, last_step, measured, target_object
 from handctl.devices.aidin.stop import object_of, stop_after, stopped_if_cut_short
 from handctl.devices.aidin.targets import Goal, ramp
 from handctl.errors import CheckFailed, HandctlError, NoAnswer
@@ -125,7 +125,7 @@ class _Drive:
             self._guide.progress(f"Currents on, {end.remaining:.1f} s left.", CTRL_C)
         found, param = self._told(), self._goal.target.feedback
         table = self._hand.table([reading(self._hand.link.name, element, found) for element in elements_of(param)])
-        mark(self._hand, self._goal, values, table)
+        followed(self._hand, self._goal, values, table)
         return table
 
     def to(self, values: list[float], what: str, presses: Presses | None = None) -> None:

@@ -12,22 +12,37 @@ from handctl.devices.aidin.device import LARGEST_RADIAN, NO_ANGLE, AidinHand, ou
 from handctl.devices.aidin.exchange import PERIOD
 from handctl.devices.aidin.feedback import Feedback, values_of
 from handctl.devices.aidin.homing import check_homed, named
-from handctl.devices.aidin.map import Target
+from handctl.devices.aidin.map import AIDIN, Target
 from handctl.devices.aidin.stop import in_force, object_of, step_of, stopped_if_cut_short
-from handctl.devices.aidin.targets import Goal, missed, ramp
+from handctl.devices.aidin.targets import Goal, axes_of, ramp
 from handctl.errors import CheckFailed, Left, NoAnswer
 from handctl.model.guide import CTRL_C, Guide
+from handctl.model.moving import (
+    ARRIVAL,
+    REACHED,
+    TARGET,
+    UNREAD,
+    Arrival,
+    Seen,
+    Stillness,
+    Watch,
+    judged,
+    listed,
+)
 from handctl.model.param import Number, Step, elements_of
-from handctl.model.result import Column, Table
+from handctl.model.result import Row, Table
 
 ARRIVE = 3.0
 """Seconds after the ramp's end until a target counts as not reached."""
+STILL = Stillness(samples=1, seconds=0.2, grace=ARRIVE, passes=True)
+"""A target is reached when the element was near it for so long: one that passes by, or still comes nearer, is not there."""
+PUSHING = 200
+"""Per mille of the rated current: a motor that stands and draws more pushes something. Ours, the manual has no figure."""
 GOES_ON = "no stop was sent, the hand is expected to go on to the last target it got. `handctl aidin stop` frees it"
 HOLDS = "reached. Nothing more is sent, the hand is expected to hold"
+CURRENT = AIDIN["current_state"]
 FAR = 0.1
 """Share of a range: a start that is farther outside is no start of a ramp."""
-SETTLED = 0.2
-"""Seconds near the target until it counts as reached: a hand that passes by, or still comes nearer, is not there."""
 
 
 def target_object(goal: Goal, values: tuple[float, ...] | list[float]) -> bytes:
@@ -56,10 +71,11 @@ def last_step(goal: Goal, values: list[float], end: bytes) -> Step:
     return step_of(meaning, target_object(goal, values), end)
 
 
-def move(hand: AidinHand, goal: Goal, guide: Guide, *, assume_homed: bool) -> Table:
-    """Go there on a ramp from where the hand is, and see it arrive; rows have `target` and `reached`.
+def move(hand: AidinHand, goal: Goal, guide: Guide, *, assume_homed: bool, expect: str = REACHED) -> Table:
+    """Go there on a ramp from where the hand is, and see it arrive; rows have `target`, `reached` and `arrival`.
 
-    Raises CheckFailed naming what did not arrive within 3 s of the ramp's end; then sending has ended, too.
+    An element that is not near within 3 s of the ramp's end has not arrived; then sending has ended, too. What was not as
+    expected is the table's failure.
     """
     talk = hand.talk
     check_homed(hand, assume=assume_homed)
@@ -73,14 +89,21 @@ def move(hand: AidinHand, goal: Goal, guide: Guide, *, assume_homed: bool) -> Ta
         try:
             _follow(hand, goal, ramp(goal, here, values, PERIOD), guide)
             talk.feedback = Feedback()
-            arrived = _settle(hand, goal, values, guide)
+            seen = Watch(axes_of(goal, values), STILL, hand.link.now())
+            _settle(hand, goal, values, seen, guide)
         finally:
             guide.done()
+        arrived = seen.reached
         if not arrived:
-            _tell_deadline(hand, goal, values)
+            _tell_deadline(hand, seen)
     with in_force(HOLDS if arrived else GOES_ON):
-        table = _result(hand, goal, values)
-    if arrived and table.failure is None:
+        table = hand.table(hand.read(elements_of(goal.target.feedback)))
+    if table.failure is None:
+        seen.note(hand.link.now(), _places(table))
+        mark(hand, table, values, seen.arrivals(_pushing(hand, seen)), expect)
+    if table.failure is not None:
+        table.failure.leaves(Left(hint=GOES_ON))
+    elif arrived:
         ledger.confirm("arrived by its feedback", since=begun)
         hand.journal.info("reached", HOLDS)
     return table
@@ -104,15 +127,13 @@ def _check_start(hand: AidinHand, target: Target, here: list[Number], *, assume:
         )
 
 
-def _tell_deadline(hand: AidinHand, goal: Goal, values: list[float]) -> None:
+def _tell_deadline(hand: AidinHand, seen: Watch) -> None:
     """Raise NoAnswer when --deadline is over, with what was not reached by then as far as it is known."""
     try:
         hand.talk.check_bound()
     except NoAnswer as exc:
-        feedback, param = hand.talk.feedback, goal.target.feedback
-        if param.key in feedback.values and param.key not in feedback.errors:
-            now = values_of(param, feedback.values[param.key])
-            exc.text += f"; not reached: {_shortfall(goal, values, now)}"
+        if off := [one for one in seen.arrivals() if one.verdict not in (REACHED, UNREAD)]:
+            exc.text += f"; not reached: {listed(off)}"
         raise
 
 
@@ -122,59 +143,65 @@ def _follow(hand: AidinHand, goal: Goal, way: list[tuple[float, ...]], guide: Gu
         guide.progress(f"Moving {number * PERIOD:.1f} of {len(way) * PERIOD:.1f} s.", CTRL_C)
 
 
-def _settle(hand: AidinHand, goal: Goal, values: list[float], guide: Guide) -> bool:
-    """Repeat the target until everything has been near it for a while; False when that takes too long."""
-    talk, data = hand.talk, target_object(goal, values)
+def _settle(hand: AidinHand, goal: Goal, values: list[float], seen: Watch, guide: Guide) -> None:
+    """Repeat the target until everything has been near it for a while, or that takes too long."""
+    talk, data, param = hand.talk, target_object(goal, values), goal.target.feedback
     end = talk.deadline(ARRIVE)
-    since: float | None = None
-    while not end.expired:
-        talk.tick(data, by=goal.target.feedback)
+    ended = False
+    while not ended and not end.expired:
+        talk.tick(data, by=param)
         guide.progress("Waiting for the arrival.", CTRL_C)
-        if not _near(hand, goal, values):
-            since = None
-        elif since is None:
-            since = hand.link.now()
-        elif hand.link.now() - since >= SETTLED:
-            return True
-    return False
+        feedback, told = talk.feedback, {}
+        if param.key in feedback.values and param.key not in feedback.errors:
+            places = values_of(param, feedback.values[param.key])
+            told = {name: Seen(place) for name, place in zip(param.elements, places, strict=True)}
+        ended = seen.note(hand.link.now(), told)
 
 
-def _near(hand: AidinHand, goal: Goal, values: list[float]) -> bool:
-    feedback, key = hand.talk.feedback, goal.target.feedback.key
-    if key in feedback.errors or key not in feedback.values:
-        return False
-    return not missed(goal, values, values_of(goal.target.feedback, feedback.values[key]))
+def _places(table: Table) -> dict[str, Seen]:
+    return {element_of(row): Seen(row["value"]) for row in table.rows}
 
 
-def _result(hand: AidinHand, goal: Goal, values: list[float]) -> Table:
-    param = goal.target.feedback
-    table = hand.table(hand.read(elements_of(param)))
-    if table.failure is None:
-        mark(hand, goal, values, table)
-    if table.failure is not None:
-        table.failure.leaves(Left(hint=GOES_ON))
-    return table
+def element_of(row: Row) -> str:
+    """``index.q3``."""
+    return f"{row['finger']}.{row['element']}"
 
 
-def mark(hand: AidinHand, goal: Goal, values: list[float], table: Table) -> None:
-    """Set each row beside its target; a target that was missed is a CheckFailed."""
-    now = [row["value"] for row in table.rows]
-    off = missed(goal, values, now)
-    for index, row in enumerate(table.rows):
-        row["target"] = round(values[index], 4)
-        row["reached"] = index not in off
-    table.columns = (*hand.columns[:4], Column("target", "Target", right=True), hand.columns[4])
-    if off:
-        table.failure = CheckFailed(
-            f"{hand.link.name}: not reached: {_shortfall(goal, values, now)}",
-            hint="unreachable together with the others, blocked, the maximum torque is too low, or the hand is not homed",
-            code="not-reached",
-        )
+def _pushing(hand: AidinHand, seen: Watch) -> dict[str, Seen]:
+    """Of elements that are off their targets: whether a motor of the same finger pushes, by the last currents that were told."""
+    told = hand.talk.feedback
+    if CURRENT.key in told.errors or CURRENT.key not in told.values:
+        return {}
+    currents = dict(zip(CURRENT.elements, map(int, told.values[CURRENT.key]), strict=True))
+    found = {}
+    for name in seen.short:
+        finger = name.partition(".")[0]
+        most = max((value for motor, value in currents.items() if motor.startswith(f"{finger}.")), key=abs)
+        found[name] = Seen(None, contact=f"a motor draws {most} per mille" if abs(most) >= PUSHING else "")
+    return found
 
 
-def _shortfall(goal: Goal, values: list[float], now: Sequence[Number]) -> str:
-    """``index.q3 160.3 of 130.0 deg``, four elements at most."""
-    param, off = goal.target.feedback, missed(goal, values, now)
-    named = ", ".join(f"{param.elements[i]} {now[i]:.{param.places}f} of {values[i]:.{param.places}f}" for i in off[:4])
-    more = f" and {len(off) - 4} more" if len(off) > 4 else ""
-    return f"{named}{more}{f' {param.unit}' if param.unit else ''}"
+def mark(
+    hand: AidinHand, table: Table, values: list[float], arrivals: Sequence[Arrival], expect: str = REACHED
+) -> None:
+    """Set each row beside its target, with what became of it; what was not as expected is the table's failure."""
+    at = {one.goal.name: one for one in arrivals}
+    for value, row in zip(values, table.rows, strict=True):
+        one = at.get(element_of(row))  # q4 goes with q3
+        row["target"] = round(value, 4)
+        row["reached"] = one is None or one.verdict == REACHED
+        row["arrival"] = None if one is None else one.verdict
+    table.columns = (*hand.columns[:4], TARGET, hand.columns[4], ARRIVAL)
+    table.failure = judged(
+        hand.link.name,
+        arrivals,
+        expect,
+        hint="unreachable together with the others, blocked, the maximum torque is too low, or the hand is not homed",
+    )
+
+
+def followed(hand: AidinHand, goal: Goal, values: list[float], table: Table) -> None:
+    """The same for targets that are no places, by one look at them."""
+    seen = Watch(axes_of(goal, values), Stillness(samples=1, seconds=0.0), hand.link.now())
+    seen.note(hand.link.now(), _places(table))
+    mark(hand, table, values, seen.arrivals())

@@ -9,9 +9,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import ceil, degrees, isfinite, radians
 
-from handctl.devices.aidin.map import CURRENTS, FINGERS, AidinParam, Target, both_ranges
+from handctl.devices.aidin.map import CURRENTS, AidinParam, Target, both_ranges
 from handctl.errors import CheckFailed, UsageError
+from handctl.model import moving
 from handctl.model.param import Number
+from handctl.model.vectors import given
 
 SLACK = 0.01
 """Share of a range by which a measured value that is kept may be outside: it is held at the limit then."""
@@ -78,12 +80,21 @@ def _kept(param: AidinParam, index: int, value: float) -> float:
 def parse(target: Target, texts: Sequence[str], *, rad: bool = False, cap: float | None = None) -> Goal:
     """``10 5 118 …`` (all in order; joints also without q4) or ``index.q3=160 thumb.q1=10``. Raises UsageError."""
     param = target.command
-    pairs = [text for text in texts if "=" in text]
-    if pairs and len(pairs) != len(texts):
+    driven = [index for index in range(param.count) if param.label_of(index) != COUPLED]
+    named = given(
+        texts,
+        param.elements,
+        what=param.key,
+        noun="element",
+        orders=[range(param.count)] if len(driven) == param.count else [range(param.count), driven],
+        more=f". An element is FINGER.{'|'.join(param.labels)}",
+    )
+    if "=" in texts[0] and (coupled := [index for index in named if index not in driven]):
         raise UsageError(
-            "values in order and pairs are mixed", hint="give either the whole vector, or FINGER.ELEMENT=VALUE only"
+            f"{param.elements[coupled[0]]}: q4 is coupled to q3 and cannot be commanded",
+            hint="give q3 (aidin, Command keys)",
+            code="coupled",
         )
-    named = _pairs(param, pairs) if pairs else _vector(param, texts)
     values = {index: _number(param, index, text) for index, text in named.items()}
     if rad:
         values = {index: _from_radians(param, index, value) for index, value in values.items()}
@@ -100,44 +111,6 @@ def parse(target: Target, texts: Sequence[str], *, rad: bool = False, cap: float
     if param.angles:
         _couple(param, values)
     return Goal(target, dict(sorted(values.items())))
-
-
-def _pairs(param: AidinParam, texts: Sequence[str]) -> dict[int, str]:
-    found: dict[int, str] = {}
-    for text in texts:
-        name, _, value = text.partition("=")
-        if name.lower() not in param.elements:
-            raise UsageError(
-                f"{name!r} is not an element of {param.key}",
-                hint=f"FINGER.ELEMENT with {', '.join(FINGERS)} and {', '.join(param.labels)}: index.{param.labels[2]}=VALUE",
-                code="unknown-name",
-            )
-        index = param.elements.index(name.lower())
-        if index in found:
-            raise UsageError(f"{name} is given twice", hint="nothing was sent")
-        if param.label_of(index) == COUPLED:
-            raise UsageError(
-                f"{name}: q4 is coupled to q3 and cannot be commanded",
-                hint="give q3 (aidin, Command keys)",
-                code="coupled",
-            )
-        found[index] = value
-    return found
-
-
-def _vector(param: AidinParam, texts: Sequence[str]) -> dict[int, str]:
-    places = [index for index in range(param.count) if param.label_of(index) != COUPLED]
-    if len(texts) == param.count:
-        places = list(range(param.count))
-    elif len(texts) != len(places):
-        counts = " or ".join(str(count) for count in dict.fromkeys((param.count, len(places))))
-        without = " (without q4)" if param.count != len(places) else ""
-        raise UsageError(
-            f"{len(texts)} values given, {param.key} takes {counts}{without}",
-            hint=f"{', '.join(FINGERS)}, each {' '.join(param.labels)}. Or pairs such as index.{param.labels[2]}=VALUE",
-            code="wrong-count",
-        )
-    return dict(zip(places, texts, strict=True))
 
 
 def _number(param: AidinParam, index: int, text: str) -> float:
@@ -232,14 +205,17 @@ def ramp(goal: Goal, start: Sequence[Number], values: Sequence[float], period: f
     ]
 
 
-def missed(goal: Goal, values: Sequence[float], measured: Sequence[Number]) -> list[int]:
-    """Indices that are not near their target: 1 % of stroke, 2 deg, 2 mm; currents 20 and a tenth of the target."""
+def axes_of(goal: Goal, values: Sequence[float]) -> list[moving.Goal]:
+    """What is watched, and how near is there: 1 % of stroke, 2 deg, 2 mm; currents 20 and a tenth of the target."""
     target, param = goal.target, goal.target.command
-    off = []
-    for index, (wanted, now) in enumerate(zip(values, measured, strict=True)):
-        if param.label_of(index) == COUPLED:
-            continue
-        near = target.near(index) + (abs(wanted) * 0.1 if target is CURRENTS else 0.0)
-        if abs(now - wanted) > near:
-            off.append(index)
-    return off
+    unit = f" {param.unit}" if param.unit else ""
+    axes = []
+    for index, wanted in enumerate(values):
+        if param.label_of(index) != COUPLED:
+            near = target.near(index) + (abs(wanted) * 0.1 if target is CURRENTS else 0.0)
+            axes.append(
+                moving.Goal(
+                    param.elements[index], wanted, near, jitter=near, decimals=target.feedback.places, unit=unit
+                )
+            )
+    return axes

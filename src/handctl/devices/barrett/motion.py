@@ -5,12 +5,15 @@ A supervisory movement blocks the line: no position can be read while it runs. ^
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from handctl.devices.barrett.conditions import NOT_HOMED
 from handctl.devices.barrett.device import BarrettHand
-from handctl.devices.barrett.gcl.language import MOTORS, Answer, encode, explain_status
+from handctl.devices.barrett.gcl.language import MOTORS, Answer, encode, explain_status, hint_for
 from handctl.devices.barrett.map import BARRETT, GclParam
-from handctl.errors import Left, NoAnswer, ProtocolError, UsageError
+from handctl.errors import CheckFailed, Left, NoAnswer, ProtocolError, UsageError
 from handctl.model.guide import CTRL_C, Guide
+from handctl.model.moving import ARRIVAL, BLOCKED, CONTACT, REACHED, SHORT, UNREAD, Arrival, Goal, judged
 from handctl.model.param import Element, Step
 from handctl.model.result import Column, Row, Table
 
@@ -38,7 +41,12 @@ COLUMNS = (
     Column("target", "Target", right=True),
     Column("strain", "Strain", right=True),
     Column("ended", "Ended"),
+    ARRIVAL,
 )
+TORQUE = ("TC", "TO")
+"""Movements that end at a stall: they have no target (barrett §5.5)."""
+NOT_REACHED = 16
+"""Status of M, HOME, IC and IO where a motor did not get to its place (barrett §5.5)."""
 
 
 def command_text(prefix: str, name: str, argument: int | None) -> str:
@@ -53,11 +61,18 @@ def command_text(prefix: str, name: str, argument: int | None) -> str:
 
 
 def move(
-    hand: BarrettHand, prefix: str, name: str, argument: int | None, guide: Guide, *, force: bool = False
+    hand: BarrettHand,
+    prefix: str,
+    name: str,
+    argument: int | None,
+    guide: Guide,
+    *,
+    force: bool = False,
+    expect: str = REACHED,
 ) -> Table:
     """Run a movement of `prefix` ("" = all enabled motors); rows per motor with position, goal, strain and how it ended.
 
-    Raises UsageError for an opening faster than IVEL may be, and for targets that turn it around, unless `force`;
+    What the hand refuses, and a motor that did not end as expected, is the table's failure. Raises UsageError for an opening faster than IVEL may be, and for targets that turn it around, unless `force`;
     DeviceRefused for ERR 4 and other refusals; Interrupted after Ctrl-C, with where the motors are.
     """
     text = command_text(prefix, name, argument)
@@ -76,13 +91,22 @@ def move(
         answer = hand.line.ask(text, at_least=3 * seconds)
     guide.done()
     try:
-        table = _result(hand, name, answer, motors, goals, all_motors=not prefix)
+        table, arrivals = _result(hand, name, answer, motors, goals, all_motors=not prefix)
     except (NoAnswer, ProtocolError) as exc:
         exc.text = f"{text} ended with status {answer.status}, but the positions could not be read: {exc.text}"
         raise
-    table.failure = hand.objection(answer)
+    # That a place was not reached (16) is told for some movements only (barrett §5.5): each motor is judged by where it is.
+    missed = answer.status == NOT_REACHED
+    table.failure = hand.objection(answer._replace(status=0) if missed else answer)
     if table.failure is not None:
         hand.name_heat(table.failure)
+        return table
+    table.failure = judged(hand.link.name, arrivals, expect, hint=hint_for(NOT_REACHED) if missed else "")
+    if missed and expect == REACHED and table.failure is None:
+        refusal = hand.refusal(answer)
+        table.failure = CheckFailed(
+            f"{refusal.text}, although each motor is within MPE of its target now", hint=refusal.hint, code=refusal.code
+        )
     return table
 
 
@@ -155,58 +179,73 @@ def _goal(name: str, argument: int | None, at: dict[str, int]) -> int | None:
 
 def _result(
     hand: BarrettHand, name: str, answer: Answer, motors: list[int], goals: dict[int, int], *, all_motors: bool
-) -> Table:
+) -> tuple[Table, list[Arrival]]:
     # The strain first: it relaxes when the motor is off (dossier 5).
     names = ["SG", "P", "S", "HSG", "LSG", "MPE", *(["EN"] if all_motors else [])]
     readings = hand.read(_elements(names, motors))
     at = {(_mnemonic(reading.element), reading.element.index): reading.value for reading in readings}
     rows: list[Row] = []
+    arrivals = []
     for index in motors:
         value = {key: at.get((key, index)) for key in names}
         numbers = {key: int(number) for key, number in value.items() if number is not None}
-        rows.append(
-            {
-                "name": "position",
-                "parameter": "P",
-                "motor": BARRETT["position"].elements[index],
-                "value": numbers.get("P"),
-                "unit": "cts",
-                "target": goals.get(index),
-                "strain": numbers.get("SG") if numbers.get("SG") != NO_GAUGE else None,
-                "status": numbers.get("S"),
-                "ended": how_it_ended(name, numbers, goals.get(index), answer.status),
-                "doubt": NOT_HOMED if numbers.get("S", 0) & 4 else None,
-            }
-        )
-    return Table(rows=rows, columns=COLUMNS)
+        ended = how_it_ended(name, numbers, goals.get(index), answer.status)
+        motor = BARRETT["position"].elements[index]
+        row: Row = {
+            "name": "position",
+            "parameter": "P",
+            "motor": motor,
+            "value": numbers.get("P"),
+            "unit": "cts",
+            "target": goals.get(index),
+            "strain": numbers.get("SG") if numbers.get("SG") != NO_GAUGE else None,
+            "status": numbers.get("S"),
+            "ended": ended.words,
+            "arrival": ended.verdict,
+            "doubt": NOT_HOMED if numbers.get("S", 0) & 4 else None,
+        }
+        rows.append(row)
+        if ended.verdict is not None:
+            why = "" if ended.verdict == REACHED else ended.words
+            arrivals.append(Arrival(Goal(motor, goals.get(index)), numbers.get("P"), ended.verdict, why))
+    return Table(rows=rows, columns=COLUMNS), arrivals
 
 
-def how_it_ended(name: str, now: dict[str, int], goal: int | None, status: int) -> str:
-    """The termination case of §5.5 in words, from position, strain, limits and status."""
+class Ended(NamedTuple):
+    """What became of one motor: a verdict of `model.moving`, None where it was not driven, and the words of it."""
+
+    verdict: str | None
+    words: str
+
+
+def how_it_ended(name: str, now: dict[str, int], goal: int | None, status: int) -> Ended:
+    """The termination case of §5.5, from position, strain, limits and status."""
     own = now.get("S", 0)
     if now.get("EN") == 0:
-        return "disabled (EN 0): did not move"
+        return Ended(None, "disabled (EN 0): did not move")
     if own & 3:
-        return explain_status(own)
+        return Ended(BLOCKED, explain_status(own))
     if own & 4:
-        return "not initialized: did not move"
+        return Ended(BLOCKED, "not initialized: did not move")
     if status & 16384 or own & 16384:
-        return "stopped by ^C"
+        return Ended(SHORT, "stopped by ^C")
     if (own | status) & 8192:
-        return "over-temperature: did not move, or stopped"
+        return Ended(BLOCKED, "over-temperature: did not move, or stopped")
     if "P" not in now:
-        return "unknown: its position could not be read"
+        return Ended(UNREAD, "unknown: its position could not be read")
     strain, high, low = now.get("SG", 255), now.get("HSG", 256), now.get("LSG", 256)
     if strain != NO_GAUGE and ((high < 255 and strain > high) or (low < 255 and strain < low)):
         over = high < 255 and strain > high
-        return f"strain limit: {strain} is {f'above HSG {high}' if over else f'below LSG {low}'}"
-    if goal is not None and name not in ("TC", "TO") and abs(now["P"] - goal) <= now.get("MPE", 50):
-        return "reached"
-    if name in ("TC", "TO"):
-        return "stalled on something, or at the joint stop"
+        return Ended(CONTACT, f"strain limit: {strain} is {f'above HSG {high}' if over else f'below LSG {low}'}")
+    if goal is not None and name not in TORQUE and abs(now["P"] - goal) <= now.get("MPE", 50):
+        return Ended(REACHED, "reached")
+    if name in TORQUE:
+        return Ended(CONTACT, "stalled on something, or at the joint stop")
     if name == "HI":
-        return "initialized"
-    return "stalled short of the target" if goal is not None else "ended"
+        return Ended(REACHED, "initialized")
+    if goal is None:
+        return Ended(SHORT, "ended")
+    return Ended(CONTACT, "stalled short of the target")
 
 
 def power_off(hand: BarrettHand, prefix: str) -> str:

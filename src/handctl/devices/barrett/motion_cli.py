@@ -9,6 +9,7 @@ import click
 
 from handctl.devices.barrett.gcl.language import motor_prefix
 from handctl.frame.clikit import Group
+from handctl.frame.expect import expect, expected
 from handctl.frame.run import Run
 from handctl.model.param import Step
 from handctl.model.result import Table
@@ -84,17 +85,18 @@ def add_movements(group: Group) -> None:
 
 
 def _movement(group: Group, name: str, gcl_name: str, doc: str, argument: str) -> None:
-    def body(run: Run, motors: str | None, value: int | None = None, force: bool = False) -> Table:
+    def body(run: Run, motors: str | None, expect: str | None, value: int | None = None, force: bool = False) -> Table:
         from handctl.devices.barrett import motion
 
         prefix = prefix_of(motors)
         text = motion.command_text(prefix, gcl_name, value)
         if (plan := run.planned([step_of(text)])) is not None:
             return plan
-        return motion.move(run.device(), prefix, gcl_name, value, run.guide, force=force)
+        ending = expected(expect)
+        return motion.move(run.device(), prefix, gcl_name, value, run.guide, force=force, expect=ending)
 
     body.__doc__ = doc
-    command: Callable[..., Any] = MOTORS_OPTION(body)
+    command: Callable[..., Any] = MOTORS_OPTION(expect(body))
     if gcl_name != "TC":
         command = HARM(command)
     if argument:
@@ -105,7 +107,7 @@ def _movement(group: Group, name: str, gcl_name: str, doc: str, argument: str) -
 MOVEMENTS = (
     ("init", "HI", "Initialize the motors: the fingers open fully (HI). Needed once after power-on or reset.", ""),
     ("open", "O", "Open until OT is reached.", ""),
-    ("close", "C", "Close until CT is reached or the fingers meet an object.", ""),
+    ("close", "C", "Close until CT is reached. To grip an object, add --expect contact.", ""),
     ("move", "M", "Move to POSITION in counts (default: the parameter DP).", "[POSITION]"),
     ("step-open", "IO", "Open by COUNTS (default: the parameter DS).", "[COUNTS]"),
     ("step-close", "IC", "Close by COUNTS (default: the parameter DS).", "[COUNTS]"),

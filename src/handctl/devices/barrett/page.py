@@ -30,6 +30,7 @@ EXAMPLES = (
     ("handctl barrett open -p /dev/ttyUSB0", "Open the fingers and the spread."),
     ("handctl barrett open --motors G -n --fake", "Show the bytes that would be sent."),
     ("handctl barrett close --motors G -p /dev/ttyUSB0", "Close the fingers. Ctrl-C stops them."),
+    ("handctl barrett close --expect contact -p /dev/ttyUSB0", "Grip an object. Exit status 7 when nothing was met."),
     ("handctl barrett close -n --fake", "Show the bytes that would be sent."),
     ("handctl barrett move 8000 --motors 12 -p /dev/ttyUSB0", "Move two fingers to 8000 counts."),
     ("handctl barrett move 8000 -n --fake", "Show the bytes that would be sent."),

@@ -52,6 +52,10 @@ class RegisterDevice(Device):
     def identify(self) -> None:
         self.bus.identify()
 
+    def will_move(self) -> None:
+        super().will_move()
+        self._moving = True
+
     # -- reading -------------------------------------------------------------------------------------------------
 
     def read(self, elements: Sequence[Element]) -> list[Reading]:

@@ -20,6 +20,11 @@ ERROR_BITS = ("locked_rotor", "over_temperature", "over_current", "motor_abnorma
 OVER_TEMPERATURE = 1 << ERROR_BITS.index("over_temperature")
 """Not clearable: goes away when the actuator has cooled (exo §2.3.3)."""
 
+ALONE = -1
+"""As a position, angle, force threshold or speed: leave this finger as it is (exo §2.3.7, rh56 §3.1)."""
+DRAWN = 200
+"""mA: a movement without a load draws 100 to 194 (rh56 §6). An actuator that stands and draws more pushes something."""
+
 BAUD_RATES = {0: 115200, 1: 57600, 2: 19200}
 """exo §2.3.2."""
 
@@ -90,6 +95,11 @@ def address_in(text: str) -> int:
     return address
 
 
+def pushes(current: int) -> str:
+    """What the current of an actuator that stands shows, in words; "" = nothing."""
+    return f"it draws {current} mA" if abs(current) >= DRAWN else ""
+
+
 def register_of(element: Element) -> Register:
     """The register that an element of one of these maps belongs to."""
     assert isinstance(element.param, Register)
@@ -108,7 +118,7 @@ _SET: dict[str, Any] = {"access": "rw", "kind": SETTING, "persistent": "yes", "s
 _DO: dict[str, Any] = {"access": "rw", "kind": TRIGGER, "low": 0, "high": 1}
 _GO: dict[str, Any] = {"access": "rw", "kind": COMMAND, "persistent": "unknown", "acts": MOVES}
 _SPEEDS = {code: f"{rate} baud" for code, rate in BAUD_RATES.items()}
-_NOT_COMMANDED = {-1: "not commanded"}
+_NOT_COMMANDED = {ALONE: "not commanded"}
 _FIVE: dict[str, Any] = {"elements": FINGERS}
 _SIX: dict[str, Any] = {"elements": DEGREES_OF_FREEDOM}
 

@@ -15,6 +15,7 @@ from handctl.errors import HandctlError, Left, LinkError, NoAnswer, ProtocolErro
 from handctl.link import CanFrame, Deadline, Link
 from handctl.model.device import Line
 from handctl.model.leaving import leaving
+from handctl.model.moving import Clock
 from handctl.model.param import Step
 from handctl.model.result import Journal
 
@@ -173,6 +174,16 @@ class RegisterBus(Line, ABC):
     def pause(self, seconds: float) -> None:
         """Let time pass, but not beyond the deadline of the command."""
         self.link.sleep(min(seconds, self.bound.remaining) if self.bound is not None else seconds)
+
+    def clock(self, wait: float, refresh: float, what: str) -> Clock:
+        """The time of a movement of `what` that is watched for `wait` seconds at most, every `refresh` seconds."""
+        end = self.link.deadline(wait)
+
+        def tick() -> None:
+            self.pause(refresh)
+            self.out_of_time(f"the arrival. {what} may still move")
+
+        return Clock(self.link.now, lambda: end.expired, tick)
 
     def leaving(self, what: str, hint: str) -> AbstractContextManager[None]:
         """Around one write and what follows it: Ctrl-C, or a lost link, tells `what` that leaves behind once it was sent."""

@@ -16,6 +16,7 @@ from handctl.devices.barrett.care.health import FAIL, OK, SKIPPED, WARNING, Find
 from handctl.devices.barrett.gcl.language import motors_of
 from handctl.errors import HandctlError
 from handctl.model.guide import Guide
+from handctl.model.moving import ANY, REACHED
 from handctl.model.param import Step
 from handctl.model.result import Row
 from handctl.model.stopping import by_ctrl_c
@@ -40,9 +41,9 @@ class Trial(NamedTuple):
 
 
 def _moved(patient: Patient, digits: str, name: str, argument: int | None, guide: Guide) -> list[Row]:
-    """Rows per motor after a movement; what the hand refuses is raised, except that a place was not reached (16)."""
-    table = motion.move(patient.hand, digits, name, argument, guide)
-    if table.failure is not None and table.failure.code != "err-16":
+    """Rows per motor after a movement, wherever it ended; what the hand refuses is raised."""
+    table = motion.move(patient.hand, digits, name, argument, guide, expect=ANY)
+    if table.failure is not None:
         raise table.failure
     return table.rows
 
@@ -76,7 +77,7 @@ def _to_target(check: str, name: str, blocked: str) -> Callable[[Patient, str, G
         found = []
         for row in _moved(patient, digits, name, None, guide):
             evidence = f"at {row['value']} of {row['target']}: {row['ended']}"
-            if row["ended"] == "reached":
+            if row["arrival"] == REACHED:
                 found.append(Finding(f"{check}.{row['motor']}", OK, evidence, source="barrett §5.5"))
             else:
                 found.append(Finding(f"{check}.{row['motor']}", FAIL, evidence, blocked, "barrett §8, §5.5"))

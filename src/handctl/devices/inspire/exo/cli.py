@@ -21,6 +21,7 @@ from handctl.frame.mapverbs import add_map_verbs
 from handctl.frame.numbers import FiniteRange, Seconds
 from handctl.frame.run import Run
 from handctl.model.device import limits_of
+from handctl.model.param import Element
 from handctl.model.result import Table
 
 if TYPE_CHECKING:
@@ -237,12 +238,18 @@ def _only_reads(run: Run, name: str) -> None:
 
 @cli.verb("clear-errors", "Service", writes=True)
 def clear_errors(run: Run) -> Table:
-    """Clear actuator errors and show which remain. Over-temperature cannot be cleared. It ends by cooling."""
+    """Clear actuator errors and show which remain. Asks first where a finger may go on to its target then.
+
+    Over-temperature cannot be cleared. It ends by cooling.
+    """
     from handctl.devices.inspire import flash
 
-    if (plan := run.planned([run.planner().trigger_step("clear_errors", "clear errors")])) is not None:
+    steps = [run.planner().trigger_step("clear_errors", "clear errors")]
+    if (plan := run.planned(steps)) is not None:
         return plan
-    return flash.clear_errors(run.device())
+    hand = run.device()
+    verbs.ask_released(run, hand, [(Element(EXO["clear_errors"], 0), 1)], steps)
+    return flash.clear_errors(hand)
 
 
 SKIP_IDENTITY = click.option(

@@ -6,18 +6,23 @@ Someone may be wearing it: everything is checked against the manual before a byt
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from handctl.devices.inspire import eb90, twins
 from handctl.devices.inspire.base import RegisterDevice
 from handctl.devices.inspire.bus import Bus
-from handctl.devices.inspire.map import BAUD_RATES, EXO, FINGERS
+from handctl.devices.inspire.map import ALONE, BAUD_RATES, EXO, FINGERS, OVER_TEMPERATURE
 from handctl.errors import CheckFailed, NoAnswer, ProtocolError, UsageError
 from handctl.model.param import Element, Number, Reading, Step, elements_of
+from handctl.model.pending import Course, Release
 from handctl.model.result import Cell, Grid, Row, Table
+from handctl.model.vectors import given
 
 LIVE = ("position_actual", "force_actual", "current", "error", "temperature")
 """What changes by itself: the default of `watch`."""
+NEAR = 20
+"""Of 1000: so near the target a finger has arrived; the RH56 hands of the same maker stop as far from it (rh56 §6)."""
+LEFT_ALONE = ". -1 leaves a finger as it is"
 COMMAND_FLAGS = {"force": eb90.FORCE_COMMAND, "position": eb90.POSITION_COMMAND}
 
 
@@ -30,6 +35,8 @@ class ExoHand(RegisterDevice):
     map = EXO
     live = LIVE
     worn = True
+    courses = (Course("position_set", "position_actual", NEAR, closing=-1),)
+    releases = (Release("clear_errors", "error", lambda bits, _: bool(int(bits) & ~OVER_TEMPERATURE)),)
     not_covered = (
         "the results of a calibration (no register holds them)",
         "the flash: restored values last until power-off unless `handctl exo save` keeps them "
@@ -52,6 +59,21 @@ class ExoHand(RegisterDevice):
         """The frame of a force or position command."""
         request = eb90.command_request(self.bus.id, COMMAND_FLAGS[which], values)
         return Step(f"{which} command, little to thumb: {' '.join(map(str, values))}", request, moves=True)
+
+    def command_steps(self, which: str, values: Mapping[int, int]) -> list[Step]:
+        """The frames that command these fingers: one command for all five, writes to the registers of some."""
+        if len(values) == len(FINGERS):
+            return [self.command_step(which, list(values.values()))]
+        return self.plan(changes_of(which, values))
+
+    def command_some(self, which: str, values: Mapping[int, int]) -> Table:
+        """The same by index of the finger. For some of them their registers are written, and read back.
+
+        The command has no value that leaves a finger alone, which the registers have (exo §2.2.2, §2.3.7).
+        """
+        if len(values) == len(FINGERS):
+            return self.command(which, list(values.values()))
+        return self.table(self.write(changes_of(which, values)))
 
     def write(self, changes: Sequence[tuple[Element, Number]]) -> list[Reading]:
         """As every register device; but the id has a procedure, since the hand answers elsewhere afterwards."""
@@ -77,7 +99,7 @@ class ExoHand(RegisterDevice):
             self.bus.id = int(stored)
 
     def command(self, which: str, values: Sequence[int]) -> Table:
-        """Send a force or position command and show its reply: positions after force, forces after position."""
+        """Send a force or position command for all five fingers and show its reply: positions after force, forces after position."""
         replied = EXO["position_actual"] if which == "force" else EXO["force_actual"]
         before = self.journal.counters.writes
         self.journal.moves(self.stop)
@@ -152,22 +174,38 @@ class ExoHand(RegisterDevice):
             )
 
 
-COMMAND_RANGES = {"force": (-1000, 1000, "exo §2.2.1"), "position": (0, 1000, "exo §2.2.2")}
-"""Lowest, highest, section. The position command has no -1, which its register has."""
-
-
 def check_command(which: str, values: Sequence[int]) -> None:
-    """Refuse values that the force or position command does not have. Raises UsageError."""
-    low, high, source = COMMAND_RANGES[which]
-    for finger, value in zip(FINGERS, values, strict=True):
-        if not low <= value <= high:
-            alone = value == -1 and which == "position"
-            other = f", or `handctl exo set position_set.{finger}=-1` to leave the finger alone" if alone else ""
+    """Refuse values that the command for five fingers does not have: -1 is one of the position registers only. Raises UsageError."""
+    for element, value in zip(elements_of(EXO[f"{which}_set"]), values, strict=True):
+        element.param.check(value, f"{which} {element.part}")
+        if which == "position" and value == ALONE:
             raise UsageError(
-                f"{which} {value} for {finger} is out of range",
-                hint=f"use {low} to {high} ({source}){other}. Nothing was sent.",
+                f"position {element.part} = -1 is out of range",
+                hint="use 0 to 1000 (exo §2.2.2). Only the registers have -1. Nothing was sent.",
                 code="out-of-range",
             )
+
+
+def changes_of(which: str, values: Mapping[int, int]) -> list[tuple[Element, Number]]:
+    """A force or position command for these fingers, by index, as set-points."""
+    return [(Element(EXO[f"{which}_set"], index), value) for index, value in values.items()]
+
+
+def parse_command(which: str, texts: Sequence[str]) -> dict[int, int]:
+    """What is typed for a force or position command -> value by index of the finger, without those left alone. Raises UsageError."""
+    register = EXO[f"{which}_set"]
+    found = {
+        index: int(register.parse(text, f"{which} {FINGERS[index]}"))
+        for index, text in given(
+            texts, FINGERS, what=f"exo {which}", more=LEFT_ALONE if which == "position" else ""
+        ).items()
+    }
+    if which != "position":
+        return found  # -1 is a force
+    wanted = {index: value for index, value in found.items() if value != ALONE}
+    if not wanted:
+        raise UsageError("-1 leaves every finger as it is", hint="give at least one position. Nothing was sent.")
+    return wanted
 
 
 def _plausible(reading: Reading) -> bool:

@@ -5,25 +5,27 @@ Someone may be wearing the hand: what cannot be stopped is said before and after
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.bus import Bus
+from handctl.devices.inspire.exo.device import NEAR
 from handctl.devices.inspire.flash import outcome
-from handctl.devices.inspire.map import EXO
+from handctl.devices.inspire.map import EXO, FINGERS, pushes
 from handctl.devices.inspire.registers import may_still_move
-from handctl.model.guide import CTRL_C, Guide
+from handctl.model.guide import Guide
 from handctl.model.leaving import stopped_by_ctrl_c
+from handctl.model.moving import REACHED, Goal, Seen, Stillness, Watch, judged, marked, watch, with_arrival
 from handctl.model.param import Reading, elements_of
-from handctl.model.result import Column, Table
+from handctl.model.result import Table
 
 if TYPE_CHECKING:
     from handctl.devices.inspire.exo.device import ExoHand
 
 CALIBRATION_SECONDS = 30.0
 """How long to listen for the end frame; the documented waits add up to 9 s, movements come on top (exo §2.3.6)."""
-STILL_SECONDS, STILL_SAMPLES = 0.5, 3
-"""Fingers stand still when so many readings in a row, over so long a time, are equal."""
+STILL = Stillness(samples=3, seconds=0.5, refresh=0.05)
 POWER_OFF = "Ctrl-C does not stop the hand. To stop it, switch its power off."
 """Safety words of a calibration: no command stops one (exo §2.3.6)."""
 
@@ -103,58 +105,49 @@ def _wait_with_clock(bus: Bus, prefixes: list[bytes], guide: Guide, started: flo
     return None
 
 
-def command(hand: ExoHand, which: str, values: list[int], guide: Guide) -> Table:
+def command(hand: ExoHand, which: str, values: Mapping[int, int], guide: Guide) -> Table:
     """Send a force or position command and show its reply. Raises Interrupted on Ctrl-C, after the hand was stopped."""
     with stopped_by_ctrl_c(hand.stop, guide), may_still_move("the fingers"):
-        return hand.command(which, values)
+        return hand.command_some(which, values)
 
 
-def move(hand: ExoHand, values: list[int], guide: Guide, *, wait: float) -> Table:
+def move(hand: ExoHand, values: Mapping[int, int], guide: Guide, *, wait: float, expect: str = REACHED) -> Table:
     """Send a position command, then watch until the fingers stand still or `wait` seconds have passed.
 
-    Ctrl-C stops the hand. Returns targets against reached positions; no verdict, since a worn finger may be held back.
+    `values` by index of the finger; others are left alone. Ctrl-C stops the hand. Rows have the target and what became of
+    it; what was not as expected is the table's failure.
     """
     hand.bus.identify()
+    goals = [Goal(FINGERS[index], value, NEAR) for index, value in values.items()]
     with hand.driven(guide), may_still_move("the fingers"):
-        hand.command("position", values)
-        reached = _settle(hand, values, guide, wait)
-    rows = []
-    for reading in reached:
-        target = values[reading.element.index] if reading.element.index < len(values) else None
-        rows.append({**hand.row(reading), "target": target})
-    return Table(rows=rows, columns=(*hand.columns[:4], Column("target", "Target", right=True), *hand.columns[4:]))
+        hand.command_some("position", values)
+        seen, last = _watch(hand, goals, guide, wait)
+        arrivals = {one.goal.name: one for one in seen.arrivals(_evidence(hand) if seen.short else None)}
+    rows = [marked(hand.row(reading), arrivals.get(reading.element.part or "")) for reading in last]
+    failure = judged(hand.bus.where, list(arrivals.values()), expect, hint="check with `handctl exo status`")
+    return Table(rows=rows, columns=with_arrival(hand.columns), failure=failure)
 
 
-def _settle(hand: ExoHand, values: list[int], guide: Guide, wait: float) -> list[Reading]:
-    """Read positions until they are the targets, or are equal over STILL_SECONDS, or `wait` is over."""
+def _watch(hand: ExoHand, goals: list[Goal], guide: Guide, wait: float) -> tuple[Watch, list[Reading]]:
     elements = elements_of(EXO["position_actual"])
-    bus = hand.bus
-    end = bus.link.deadline(wait)
-    last = hand.read(elements)
-    still_since, equal = bus.link.now(), 1
-    while True:
-        here = [reading.value for reading in last]
-        guide.progress(
-            f"positions {' '.join(str(value) for value in here)}, targets {' '.join(map(str, values))}", CTRL_C
+    last: list[Reading] = []
+
+    def look() -> dict[str, Seen]:
+        last[:] = hand.read(elements)
+        return {reading.element.part or "": Seen(reading.value) for reading in last}
+
+    return watch(goals, STILL, look, guide, hand.bus.clock(wait, STILL.refresh, "The fingers")), last
+
+
+def _evidence(hand: ExoHand) -> dict[str, Seen]:
+    """Why fingers stand off their targets: error bits, or a current that only something in their way draws."""
+    readings = hand.read([element for name in ("error", "current") for element in elements_of(EXO[name])])
+    at = {reading.element.full_name: int(reading.value or 0) for reading in readings}
+    return {
+        finger: Seen(
+            None,
+            blocked=EXO["error"].label(bits) or "" if (bits := at[f"error.{finger}"]) else "",
+            contact=pushes(at[f"current.{finger}"]),
         )
-        still = bus.link.now() - still_since
-        if here[: len(values)] == values:
-            break
-        if still >= STILL_SECONDS and equal >= STILL_SAMPLES:
-            hand.journal.warn(
-                "short",
-                "the fingers stand still before they have reached their targets",
-                hint="look for what holds them: `handctl exo get error current`",
-            )
-            break
-        if end.expired:
-            hand.journal.warn("moving", f"the fingers did not reach their targets within {wait:g} s")
-            break
-        bus.pause(0.05)
-        bus.out_of_time("the arrival. The fingers may still move")
-        last = hand.read(elements)
-        if [reading.value for reading in last] != here:
-            still_since, equal = bus.link.now(), 0
-        equal += 1
-    guide.done()
-    return last
+        for finger in FINGERS
+    }

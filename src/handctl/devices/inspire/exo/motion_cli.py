@@ -2,33 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import click
 
-from handctl.devices.inspire.exo.device import check_command
+from handctl.devices.inspire.exo.device import parse_command
 from handctl.frame.clikit import Group
-from handctl.frame.numbers import Seconds
+from handctl.frame.expect import expect, expected
+from handctl.frame.numbers import NEGATIVE_NUMBERS, Seconds
 from handctl.frame.run import Run
 from handctl.model.result import Table
 
-
-class Signed(click.ParamType):  # type: ignore[type-arg,unused-ignore]
-    """A whole number that may be negative; the range is the manual's."""
-
-    name = "integer"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        try:
-            if "_" in str(value):  # Python's grouping, which `set` does not take either
-                raise ValueError(value)
-            return int(value)
-        except (TypeError, ValueError):
-            self.fail(f"{value!r} is not a whole number", param, ctx)
-
-
-NEGATIVE_NUMBERS = {"ignore_unknown_options": True}
-"""Lets `-100` be an argument; a mistyped option then fails as "not a whole number"."""
+FIVE = "LITTLE RING MIDDLE INDEX THUMB | FINGER=VALUE..."
 
 
 def add_movements(group: Group) -> None:
@@ -54,46 +37,52 @@ def add_movements(group: Group) -> None:
         return motion.calibrate(run.device(), run.guide)
 
     @group.verb("force", "Move", writes=True)
-    @click.argument("values", nargs=5, type=Signed(), metavar="LITTLE RING MIDDLE INDEX THUMB")
-    def force(run: Run, values: tuple[int, ...]) -> Table:
+    @click.argument("values", nargs=-1, required=True, metavar=FIVE)
+    def force(run: Run, values: tuple[str, ...]) -> Table:
         """Command forces from -1000 to 1000. A positive force opens the hand, a negative force closes it.
 
-        Shows the positions in the answer. A force stays until another is commanded. `force 0 0 0 0 0` releases the hand.
+        All five in order, or single fingers: `force ring=100`. Shows the positions in the answer, of single fingers their forces.
+        A force stays until another is commanded. `force 0 0 0 0 0` releases the hand.
         """
         return _command(run, "force", values)
 
     @group.verb("position", "Move", writes=True)
-    @click.argument("values", nargs=5, type=Signed(), metavar="LITTLE RING MIDDLE INDEX THUMB")
+    @click.argument("values", nargs=-1, required=True, metavar=FIVE)
     @click.option(
         "--wait",
         type=Seconds(),
         metavar="S",
         help="Watch for up to S seconds until the fingers stand still. Ctrl-C holds them where they are.",
     )
-    def position(run: Run, values: tuple[int, ...], wait: float | None) -> Table:
+    @expect
+    def position(run: Run, values: tuple[str, ...], wait: float | None, expect: str | None) -> Table:
         """Command positions from 0 (bent) to 1000 (open).
 
-        Shows the forces in the answer. With --wait it shows the positions that were reached.
+        All five in order, -1 leaves a finger as it is, or single fingers: `position ring=900 index=100`.
+        Shows the forces in the answer, of single fingers their targets. With --wait it shows the positions that were reached.
         """
-        return _command(run, "position", values, wait)  # fmt: skip
+        return _command(run, "position", values, wait, expect)
 
     for takes_numbers in (force, position):
         takes_numbers.context_settings.update(NEGATIVE_NUMBERS)
 
 
-def _command(run: Run, which: str, values: tuple[int, ...], wait: float | None = None) -> Table:
+def _command(
+    run: Run, which: str, texts: tuple[str, ...], wait: float | None = None, expect: str | None = None
+) -> Table:
     from handctl.devices.inspire.exo import motion
 
-    check_command(which, values)
-    step = run.planner().command_step(which, list(values))
-    if (plan := run.planned([step])) is not None:
+    values = parse_command(which, texts)
+    ending = expected(expect, waits=wait is not None)
+    steps = run.planner().command_steps(which, values)
+    if (plan := run.planned(steps)) is not None:
         return plan
-    run.confirm(f"This moves a hand that a person may be wearing: {step.meaning}", [step])
+    run.confirm(f"This moves a hand that a person may be wearing: {'; '.join(step.meaning for step in steps)}", steps)
     hand = run.device()
     if wait is not None:
-        return motion.move(hand, list(values), run.guide, wait=wait)
-    table = motion.command(hand, which, list(values), run.guide)
-    if which == "force" and any(values):
+        return motion.move(hand, values, run.guide, wait=wait, expect=ending)
+    table = motion.command(hand, which, values, run.guide)
+    if which == "force" and any(values.values()):
         run.journal.info(
             "stays",
             "the force stays until another is commanded",

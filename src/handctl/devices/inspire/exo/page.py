@@ -8,6 +8,7 @@ EXAMPLES = (
     ("handctl exo watch temperature --rate 20 --count 5 --fake --csv", "Take five samples as CSV."),
     ("handctl exo position 1000 1000 1000 1000 1000 --wait 5 -p /dev/ttyUSB0", "Open the hand. Asks first."),
     ("handctl exo position 1000 1000 1000 500 1000 -n --fake", "Show the bytes and send nothing."),
+    ("handctl exo position ring=900 index=100 -n --fake", "Show the bytes that move two fingers only. Send nothing."),
     ("handctl exo force 0 0 0 0 0 --yes -p /dev/ttyUSB0", "Release the hand, from a script."),
     ("handctl exo force 200 200 200 200 200 -n --fake", "Show the bytes and send nothing."),
     ("handctl exo set force_set=0,0,0,0,0 -p /dev/ttyUSB0", "Write all elements of a quantity. Asks first."),

@@ -35,6 +35,7 @@ from handctl.devices.inspire.modbusbus import BETWEEN_PROTOCOLS, ModbusBus
 from handctl.devices.inspire.registers import RegisterBus
 from handctl.errors import HandctlError, NoAnswer, ProtocolError, UsageError
 from handctl.model.param import Element, Number, ParamMap, Reading, Step, elements_of
+from handctl.model.pending import Course, Release
 from handctl.model.result import Cell, Grid, Row, Table
 from handctl.model.stopping import Aim, Known
 
@@ -43,6 +44,17 @@ T = TypeVar("T")
 LIVE = ("stroke_actual", "angle_actual", "force_actual", "current", "error", "status", "temperature")
 """What changes by itself, one block of 90 bytes on DF and TP: the default of `watch`."""
 SHOWN = ("id", "baud_code", "angle_set", "force_limit", "speed_set", *LIVE)
+
+
+COURSES = (Course("stroke_set", "stroke_actual", 40, closing=1), Course("angle_set", "angle_actual", 20, closing=-1))
+"""Counts within which a finger has arrived: it may stop short without a fault (rh56 §6). 0 is open as a stroke, closed as an angle."""
+RELEASES = (
+    Release("speed_set", "speed_set", lambda now, new: now == 0 and new > 0),
+    Release("force_limit", "force_limit", lambda now, new: new > now, closing=True),
+    Release("clear_errors", "error", lambda bits, _: bool(int(bits) & ~OVER_TEMPERATURE)),
+)
+"""A target that was written while the speed was 0 waits for the next speed; a closing finger that met the limit for a
+higher one, one with an error for the clearing (rh56, "Movement is a matter of state")."""
 
 
 class Hand(RegisterDevice):
@@ -55,6 +67,7 @@ class Hand(RegisterDevice):
 
     kind = "hand"
     live = LIVE
+    releases = RELEASES
     supply = "24 V, 2 A peak (RH56DFTP: 4.5 A)"
     save_result = "it comes about a second later, rh56 §2.1"
     not_covered = (
@@ -79,6 +92,11 @@ class Hand(RegisterDevice):
     def map(self) -> ParamMap[Any]:  # type: ignore[override]
         """The map of the generation, as far as it is known."""
         return MAPS[self._known] if self._known is not None else BYTE_MAP
+
+    @property
+    def courses(self) -> Sequence[Course]:  # type: ignore[override]
+        """Which way the angles of an RH5DG2 grow is not known (rh56 §3.2)."""
+        return [one._replace(closing=0) for one in COURSES] if self._known == DG2 else COURSES
 
     def identity(self) -> dict[str, object]:
         """What tells this device from another: the hand has no register for model, side or serial number (rh56 §1)."""
@@ -119,6 +137,10 @@ class Hand(RegisterDevice):
             self.journal.warn(
                 "model-open", f"{self.bus.where}: the generation is not certain: {found.evidence}", hint=LABEL
             )
+
+    def own_map(self) -> ParamMap[Any]:
+        self.know()
+        return self.map
 
     def _is(self, model: str) -> None:
         self._known = self.about["model"] = model

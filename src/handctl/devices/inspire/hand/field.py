@@ -13,6 +13,7 @@ from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.canbus import CanBus
 from handctl.devices.inspire.hand.map import BLOCKED, FINGERS, HOT, IP_ADDRESS, STATUS, UNMEASURED
 from handctl.devices.inspire.hand.typed import asks_rtu
+from handctl.devices.inspire.map import DRAWN
 from handctl.devices.inspire.modbusbus import BETWEEN_PROTOCOLS, ModbusBus
 from handctl.devices.inspire.twins import Row4, same_id
 from handctl.errors import HandctlError, NoAnswer, ProtocolError
@@ -36,8 +37,6 @@ CLEAR = "remove the cause, then run `handctl hand clear-errors`"
 COOL = "let the hand cool: this error cannot be cleared"
 SLOWLY = "run `handctl hand speed 100 100 100 100 100 100` before the first movement"
 EACH_SLOWLY = "run `handctl hand set speed_set.m1=100`, and so for each actuator, before the first movement"
-DRAWN = 200
-"""mA: a movement without a load draws 100 to 194 (rh56 §6)."""
 MOST_CURRENT = 1500
 OR_PAIR = ", or run `handctl hand pair`, which takes you through it"
 REFRESH = 0.0307

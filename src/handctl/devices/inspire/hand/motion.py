@@ -9,29 +9,32 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
+from handctl.devices.inspire.hand.device import COURSES
 from handctl.devices.inspire.hand.map import BLOCKED, BYTE_MAP, HOT, UNMEASURED
+from handctl.devices.inspire.map import ALONE, pushes
 from handctl.devices.inspire.registers import may_still_move
 from handctl.errors import CheckFailed, DeviceRefused, HandctlError, Left
-from handctl.model.guide import CTRL_C, Guide
+from handctl.model import pending
+from handctl.model.guide import Guide
 from handctl.model.leaving import leaving
+from handctl.model.moving import REACHED, Goal, Seen, Stillness, Watch, judged, marked, watch, with_arrival
 from handctl.model.param import Element, Number, Reading, elements_of
-from handctl.model.result import Column, Table
+from handctl.model.result import Table
 
 if TYPE_CHECKING:
     from handctl.devices.inspire.hand.device import Hand
 
-LEFT = -1
-"""Leaves a finger as it is."""
-MOVED = {"stroke_set": "stroke_actual", "angle_set": "angle_actual"}
+MOVED = {course.target: course.actual for course in COURSES}
 """What is commanded -> what shows where it is."""
-NEAR = {"stroke_set": 40, "angle_set": 20}
-"""Counts within which a finger has arrived; a finger may stop short without a fault (rh56 §6)."""
-REFRESH_SECONDS = 0.031
-"""The hand renews its state so often (rh56 §5): asking faster repeats values."""
-DEAD_SECONDS = 0.1
-"""A movement begins 55 to 80 ms after its command (rh56 §5)."""
+NEAR = {course.target: course.near for course in COURSES}
+STILL = Stillness(samples=4, seconds=1.0, refresh=0.031, dead=0.1)
+"""The hand renews its state every 31 ms, and a movement begins 55 to 80 ms after its command (rh56 §5). Where a finger
+stands and its status says that it moves, the hand gets a second to report what holds it."""
+SLOWEST_CHANGE = 3 / 1.25
+"""Seconds at speed 1 in which a moving finger must have changed its reading (rh56 §3.1: a stroke in 0.8 s at speed 1000)."""
 MOVING = frozenset({0, 1})
-STILL_SAMPLES = 3
+"""Status codes of a finger that moves, or whose command came while its speed was 0."""
+FORCE_REACHED = 3
 
 
 class Before(NamedTuple):
@@ -99,71 +102,84 @@ def question(hand: Hand, changes: Sequence[tuple[Element, Number]], before: Befo
     return f"{text}{more}{still}"
 
 
-def move(hand: Hand, group: str, changes: Sequence[tuple[Element, Number]], guide: Guide, *, wait: float) -> Table:
+def also(hand: Hand, changes: Sequence[tuple[Element, Number]]) -> str:
+    """Further fingers that the same write lets go, in words; "" = none."""
+    commanded = {element.part for element, _ in changes if element.param.name in MOVED}
+    waiting = [one for one in pending.released(hand, changes) if one.part not in commanded]
+    return pending.question(waiting) if waiting else ""
+
+
+def tell_no_speed(hand: Hand, changes: Sequence[tuple[Element, Number]], before: Before) -> None:
+    """Tell which fingers keep their place, since their speed is 0: the target waits for the next speed."""
+    held = before.values | {element.full_name: value for element, value in changes}
+    still = [e.part or "" for e, _ in changes if e.param.name in MOVED and held.get(f"speed_set.{e.part}") == 0]
+    if still:
+        hand.journal.warn(
+            "no-speed",
+            f"speed 0: {', '.join(still)} did not move, and will go to the target as soon as a speed is set",
+            hint="`handctl hand speed` sets one, and asks first",
+        )
+
+
+def move(
+    hand: Hand,
+    group: str,
+    changes: Sequence[tuple[Element, Number]],
+    guide: Guide,
+    *,
+    wait: float,
+    expect: str = REACHED,
+    before: Before | None = None,
+) -> Table:
     """Write set-points once, then watch until the fingers stand still or `wait` seconds have passed.
 
-    Ctrl-C sets the speed to 0. Returns targets against reached values, without a verdict, since an object may hold a
-    finger; but a finger that reports that it is blocked is a failure.
+    `before` is what was read for the question, with the speeds: at 0 none will move. Ctrl-C sets the speed to 0. Rows have the target and what became of it; what was not as expected is the table's failure.
     """
     hand.identify()
+    targets = {element.part or "": value for element, value in changes if value != ALONE}
+    bus = hand.bus
+    last: list[Reading] = []
+    elements = [e for name in (MOVED[group], "status") for e in elements_of(hand.map[name]) if e.part in targets]
+
+    def look() -> dict[str, Seen]:
+        last[:] = hand.read(elements)
+        at = {reading.element.full_name: reading for reading in last}
+        return {part: _seen(at[f"{MOVED[group]}.{part}"], at[f"status.{part}"]) for part in targets}
+
     with hand.driven(guide), may_still_move("the fingers"):
         hand.write(changes)
-        reached = _settle(hand, group, {e.part or "": v for e, v in changes}, guide, wait)
-    targets = {element.part: value for element, value in changes if value != LEFT}
-    rows = [{**hand.row(reading), "target": targets.get(reading.element.part)} for reading in reached]
-    rows = [row for row in rows if row["name"] != MOVED[group] or row["target"] is not None]
-    table = Table(rows=rows, columns=(*hand.columns[:4], Column("target", "Target", right=True), *hand.columns[4:]))
-    if blocked := [
-        text for reading in reached if reading.element.param.name == "status" and (text := _against(reading))
-    ]:
-        table.failure = CheckFailed(
-            f"{hand.bus.where}: the movement ended: {'; '.join(blocked)}",
-            hint="free the finger, then run `handctl hand clear-errors`",
-            code="blocked",
-        )
-    return table
+        goals = [_goal(group, part, target, before) for part, target in targets.items()]
+        clock = bus.clock(wait, STILL.refresh, "The fingers")
+        bus.pause(STILL.refresh)
+        seen = watch(goals, STILL, look, guide, clock)
+        arrivals = {one.goal.name: one for one in seen.arrivals(_evidence(hand, seen, last))}
+    rows = [marked(hand.row(reading), arrivals[reading.element.part or ""]) for reading in last]
+    failure = judged(hand.bus.where, list(arrivals.values()), expect, hint="check with `handctl hand status`")
+    return Table(rows=rows, columns=with_arrival(hand.columns), failure=failure)
 
 
-def _settle(hand: Hand, group: str, targets: dict[str, Number], guide: Guide, wait: float) -> list[Reading]:
-    """Read until every commanded finger has ended its movement, or `wait` is over."""
-    bus = hand.bus
-    elements = [e for name in (MOVED[group], "status") for e in elements_of(hand.map[name]) if _wanted(e, targets)]
-    started, end = bus.link.now(), bus.link.deadline(wait)
-    last: list[Number | None] = []
-    equal = 0
-    while True:
-        bus.pause(REFRESH_SECONDS)
-        readings = hand.read(elements)
-        here = [reading.value for reading in readings if reading.element.param.name != "status"]
-        codes = [reading.value for reading in readings if reading.element.param.name == "status"]
-        equal = equal + 1 if here == last else 0
-        last = here
-        now = bus.link.now()
-        guide.progress(f"{now - started:4.1f} s  {' '.join(map(str, here))}", CTRL_C)
-        begun = now - started > DEAD_SECONDS
-        if begun and equal >= STILL_SAMPLES and not any(code in MOVING for code in codes):
-            break
-        if end.expired:
-            hand.journal.warn(
-                "moving", f"the fingers still move after {wait:g} s", hint="`handctl hand status` shows where they are"
-            )
-            guide.done()
-            return readings
-        bus.out_of_time("the arrival. The fingers may still move")
-    guide.done()
-    wanted = [targets[reading.element.part or ""] for reading in readings if reading.element.param.name != "status"]
-    off = [
-        reading.element.part
-        for reading, target in zip(readings, wanted, strict=False)
-        if reading.value is None or abs(reading.value - target) > NEAR[group]
-    ]
-    if off:
-        hand.journal.warn(
-            "short",
-            f"short of the target: {', '.join(str(part) for part in off)}",
-            hint="look at status, error and current: an object, the force limit or speed 0 holds a finger",
-        )
-    return readings
+def _goal(group: str, part: str, target: Number, before: Before | None) -> Goal:
+    speed = before.values.get(f"speed_set.{part}") if before is not None else None
+    return Goal(part, target, NEAR[group], speed, SLOWEST_CHANGE / speed if speed and speed > 0 else 0.0)
+
+
+def _seen(place: Reading, status: Reading) -> Seen:
+    """A finger by its place and its status code."""
+    code = None if status.value is None else int(status.value)
+    blocked = status.element.param.label(code) or "" if code in BLOCKED else ""
+    contact = status.element.param.label(code) or "" if code == FORCE_REACHED else ""
+    return Seen(place.value, None if code is None else code in MOVING, blocked, contact)
+
+
+def _evidence(hand: Hand, seen: Watch, last: Sequence[Reading]) -> dict[str, Seen]:
+    """Of fingers that stand off their targets, also the current shows an object; but not whatever status says already."""
+    status = {reading.element.part: reading for reading in last if reading.element.param.name == "status"}
+    short = [part for part in seen.short if status[part].value not in (*BLOCKED, FORCE_REACHED)]
+    elements = [element for element in elements_of(hand.map["current"]) if element.part in short]
+    return {
+        reading.element.part or "": Seen(None, contact=pushes(int(reading.value or 0)))
+        for reading in (hand.read(elements) if elements else ())
+    }
 
 
 NUDGE, NUDGE_SPEED, NUDGE_SECONDS = 80, 100, 3.0
@@ -211,7 +227,3 @@ def nudge(hand: Hand, plan: Nudge, guide: Guide) -> None:
         for change in (away, back):
             move(hand, "angle_set", [change], guide, wait=NUDGE_SECONDS)
     hand.write([was])
-
-
-def _wanted(element: Element, targets: dict[str, Number]) -> bool:
-    return targets.get(element.part or "", LEFT) != LEFT

@@ -7,22 +7,23 @@ from typing import TYPE_CHECKING
 
 import click
 
-from handctl.devices.inspire.exo.motion_cli import NEGATIVE_NUMBERS, Signed
 from handctl.devices.inspire.hand.map import DG2
 from handctl.devices.inspire.hand.typed import map_of, typed_model
-from handctl.errors import UsageError
+from handctl.devices.inspire.map import ALONE
+from handctl.errors import UsageError, joined
+from handctl.frame import verbs
 from handctl.frame.clikit import Group
-from handctl.frame.numbers import Seconds
+from handctl.frame.expect import expect, expected
+from handctl.frame.numbers import NEGATIVE_NUMBERS, Seconds
 from handctl.frame.run import Run
 from handctl.model.param import COMMAND, Element, Number, Step
 from handctl.model.result import Table
+from handctl.model.vectors import given
 
 if TYPE_CHECKING:
     from handctl.devices.inspire.hand.device import Hand
 
-FINGERS = "LITTLE RING MIDDLE INDEX THUMB ROTATION"
-LEFT = -1
-"""Leaves a finger as it is."""
+FINGERS = "LITTLE RING MIDDLE INDEX THUMB ROTATION | FINGER=VALUE..."
 WAIT = click.option(
     "--wait",
     type=Seconds(),
@@ -35,43 +36,48 @@ def add_movements(group: Group) -> None:
     """Add the commands to the family's group."""
 
     @group.verb("angle", "Move", writes=True)
-    @click.argument("values", nargs=-1, required=True, type=Signed(), metavar=FINGERS)
+    @click.argument("values", nargs=-1, required=True, metavar=FINGERS)
     @WAIT
-    def angle(run: Run, values: tuple[int, ...], wait: float | None) -> Table:
-        """Command angles from 0 (closed) to 1000 (open). -1 leaves a finger as it is. Asks first.
+    @expect
+    def angle(run: Run, values: tuple[str, ...], wait: float | None, expect: str | None) -> Table:
+        """Command angles from 0 (closed) to 1000 (open). Asks first.
 
+        -1 leaves a finger as it is. Or name single fingers: `angle ring=500 index=300`.
         The question shows the speed and the force limit that are set. `speed` and `force` change them.
         """
-        return write_asked(run, _changes(run, "angle_set", values), wait)
+        return write_asked(run, _changes(run, "angle_set", values), wait, expect)
 
     @group.verb("position", "Move", writes=True)
-    @click.argument("values", nargs=-1, required=True, type=Signed(), metavar=FINGERS)
+    @click.argument("values", nargs=-1, required=True, metavar=FINGERS)
     @WAIT
-    def position(run: Run, values: tuple[int, ...], wait: float | None) -> Table:
-        """Command strokes from 0 (open) to 2000 (closed). -1 leaves a finger as it is. Asks first.
+    @expect
+    def position(run: Run, values: tuple[str, ...], wait: float | None, expect: str | None) -> Table:
+        """Command strokes from 0 (open) to 2000 (closed). Asks first.
 
+        -1 leaves a finger as it is. Or name single fingers: `position ring=900`.
         The maker advises `angle` instead.
         """
-        return write_asked(run, _changes(run, "stroke_set", values), wait)
+        return write_asked(run, _changes(run, "stroke_set", values), wait, expect)
 
     @group.verb("force", "Move", writes=True)
-    @click.argument("values", nargs=-1, required=True, type=Signed(), metavar=FINGERS)
-    def force(run: Run, values: tuple[int, ...]) -> Table:
-        """Set the force limit in grams. -1 leaves a finger as it is.
+    @click.argument("values", nargs=-1, required=True, metavar=FINGERS)
+    def force(run: Run, values: tuple[str, ...]) -> Table:
+        """Set the force limit in grams. Asks first where a finger may go on to its target with it.
 
-        A closing finger stops at this threshold. It does not hold that force. It counts from the next movement on.
+        -1 leaves a finger as it is. Or name single fingers: `force index=300`. A closing finger stops at this threshold. It does not hold that force. It counts from the next movement on.
         """
         return write_asked(run, _changes(run, "force_limit", values))
 
     @group.verb("speed", "Move", writes=True)
-    @click.argument("values", nargs=-1, required=True, type=Signed(), metavar=FINGERS)
-    def speed(run: Run, values: tuple[int, ...]) -> Table:
-        """Set the speed of the next movement from 0 to 1000. -1 leaves a finger as it is.
+    @click.argument("values", nargs=-1, required=True, metavar=FINGERS)
+    def speed(run: Run, values: tuple[str, ...]) -> Table:
+        """Set the speed of the next movement from 0 to 1000. Asks first where a finger stopped on the way to its target.
 
-        At 1000 a finger closes in less than a second. Speed 0 stops a finger, with some run-on.
+        -1 leaves a finger as it is. Or name single fingers: `speed index=300`. At 1000 a finger closes in less than a second. Speed 0 stops a finger, with some run-on.
         """
-        table = write_asked(run, _changes(run, "speed_set", values))
-        if 0 in values and not run.settings.dry_run:
+        changes = _changes(run, "speed_set", values)
+        table = write_asked(run, changes)
+        if any(value == 0 for _, value in changes) and not run.settings.dry_run:
             run.journal.warn(
                 "speed-0",
                 "a finger with speed 0 does not move again before it has another speed",
@@ -102,42 +108,49 @@ def add_movements(group: Group) -> None:
         takes_numbers.context_settings.update(NEGATIVE_NUMBERS)
 
 
-def _changes(run: Run, name: str, values: Sequence[int]) -> list[tuple[Element, Number]]:
-    """One value for each finger of the generation that is meant. Raises UsageError."""
+def _changes(run: Run, name: str, texts: Sequence[str]) -> list[tuple[Element, Number]]:
+    """What is typed for the fingers of the generation that is meant. Raises UsageError."""
     register = map_of(run.settings)[name]
-    if len(values) != register.count:
-        more = "" if typed_model(run.settings) == DG2 else ". An RH5DG2 has 13: add --model dg2"
-        raise UsageError(
-            f"{len(values)} values for {register.count} fingers",
-            hint=f"give {' '.join(register.elements)}. -1 leaves one as it is{more}",
-        )
-    changes: list[tuple[Element, Number]] = []
-    for index, value in enumerate(values):
-        element = Element(register, index)
-        register.check(value, element.full_name)
-        changes.append((element, value))
-    return changes
+    more = "" if typed_model(run.settings) == DG2 else ". An RH5DG2 has 13: add --model dg2"
+    found = given(texts, register.elements, what=run.command, more=f". -1 leaves one as it is{more}")
+    elements = [Element(register, index) for index in found]
+    return [
+        (element, register.parse(text, element.full_name))
+        for element, text in zip(elements, found.values(), strict=True)
+    ]
 
 
-def write_asked(run: Run, changes: Sequence[tuple[Element, Number]], wait: float | None = None) -> Table:
+def write_asked(
+    run: Run, changes: Sequence[tuple[Element, Number]], wait: float | None = None, expect: str | None = None
+) -> Table:
     """Write what was checked, and read it back. What moves the hand is shown with speed and force limit, and asked."""
     from handctl.devices.inspire.hand import motion
 
+    ending = expected(expect, waits=wait is not None)
     changes = _without_left(changes)
-    steps = run.planner().plan(changes)
+    planner: Hand = run.planner()
+    steps = planner.plan(changes)
     if (plan := run.planned(steps)) is not None:
         return plan
     if any(step.moves or step.strands for step in steps):
         run.need_answer(_consequence(steps))
     hand: Hand = run.device()
     hand.identify()
+    before: motion.Before | None = None
     if any(step.moves for step in steps):
-        run.confirm(motion.question(hand, changes, motion.fit_to_move(hand)), hand.plan(changes))
+        before = motion.fit_to_move(hand)
+        question = joined(motion.question(hand, changes, before), motion.also(hand, changes))
+        run.confirm(question, hand.plan(changes))
     elif any(step.strands for step in steps):
         run.confirm(_consequence(steps), hand.plan(changes))
+    else:
+        verbs.ask_released(run, hand, changes, hand.plan(changes))
     if wait is not None:
-        return motion.move(hand, changes[0][0].param.name, changes, run.guide, wait=wait)
-    return hand.table(hand.write(changes))
+        return motion.move(hand, changes[0][0].param.name, changes, run.guide, wait=wait, expect=ending, before=before)
+    table = hand.table(hand.write(changes))
+    if before is not None:
+        motion.tell_no_speed(hand, changes, before)
+    return table
 
 
 def _consequence(steps: Sequence[Step]) -> str:
@@ -147,7 +160,7 @@ def _consequence(steps: Sequence[Step]) -> str:
 
 def _without_left(changes: Sequence[tuple[Element, Number]]) -> list[tuple[Element, Number]]:
     """Without the fingers that are left as they are: nothing is written for them (rh56 §9)."""
-    wanted = [(element, value) for element, value in changes if element.param.kind != COMMAND or value != LEFT]
+    wanted = [(element, value) for element, value in changes if element.param.kind != COMMAND or value != ALONE]
     if not wanted:
         raise UsageError("-1 leaves every finger as it is", hint="give at least one value. Nothing was sent.")
     return wanted

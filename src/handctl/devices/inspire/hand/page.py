@@ -17,7 +17,7 @@ EXAMPLES = (
     ("handctl hand watch temperature --rate 20 --count 5 --fake --csv", "Take five samples as CSV."),
     ("handctl hand angle 1000 1000 1000 1000 1000 1000 --wait 5 -p /dev/ttyUSB0", "Open the hand. Asks first."),
     (
-        "handctl hand angle -1 -1 -1 300 -1 -1 -n --fake",
+        "handctl hand angle index=300 -n --fake",
         "Show the bytes that move the index finger only. Send nothing.",
     ),
     ("handctl hand position -1 -1 -1 500 -1 -1 -n --fake", "Show the bytes and send nothing."),

@@ -8,7 +8,7 @@ import click
 
 from handctl.devices.inspire.hand.settings_cli import met
 from handctl.devices.inspire.map import address_in
-from handctl.errors import UsageError
+from handctl.errors import UsageError, joined
 from handctl.frame.clikit import Group
 from handctl.frame.numbers import Seconds
 from handctl.frame.run import Run
@@ -56,9 +56,13 @@ def add_service(group: Group) -> None:
         question = f"This writes to the hand: {step.meaning}"
         run.need_answer(question)
         hand = met(run)
+        changes = hand_raw.changes_of(hand, place, payload)
         if step.moves:
-            question = motion.question(hand, hand_raw.changes_of(hand, place, payload), motion.fit_to_move(hand))
-        run.confirm(question, [hand_raw.plan_write(hand, place, payload, undocumented)])
+            question = motion.question(hand, changes, motion.fit_to_move(hand))
+        also = motion.also(hand, changes)
+        run.confirm(joined(question, also), [hand_raw.plan_write(hand, place, payload, undocumented)])
+        if also:
+            hand.will_move()
         return exo_raw.write(hand, place, payload)
 
     @group.verb("raw", "Service", writes=True)

@@ -13,6 +13,7 @@ from handctl.frame import stored, verbs
 from handctl.frame.clikit import Group
 from handctl.frame.filetypes import OutFile
 from handctl.frame.run import Run
+from handctl.model.param import Element
 from handctl.model.result import Table
 
 if TYPE_CHECKING:
@@ -75,12 +76,19 @@ def add_settings(group: Group) -> None:
 
     @group.verb("clear-errors", "Service", writes=True)
     def clear_errors(run: Run) -> Table:
-        """Clear actuator errors and show which remain. Over-temperature cannot be cleared. It ends by cooling."""
+        """Clear actuator errors and show which remain. Asks first where a finger may go on to its target then.
+
+        Over-temperature cannot be cleared. It ends by cooling.
+        """
         from handctl.devices.inspire import flash
 
-        if (plan := run.planned([run.planner().trigger_step("clear_errors", "clear errors")])) is not None:
+        steps = [run.planner().trigger_step("clear_errors", "clear errors")]
+        if (plan := run.planned(steps)) is not None:
             return plan
-        return flash.clear_errors(met(run))
+        hand = met(run)
+        steps = [hand.trigger_step("clear_errors", "clear errors")]
+        verbs.ask_released(run, hand, [(Element(hand.map["clear_errors"], 0), 1)], steps)
+        return flash.clear_errors(hand)
 
     @group.verb("save", "Settings", writes=True)
     def save(run: Run) -> Table:

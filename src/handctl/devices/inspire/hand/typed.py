@@ -61,6 +61,11 @@ def map_of(settings: Options) -> ParamMap[Any]:
     return MAPS[model] if model is not None else BYTE_MAP
 
 
+def other_maps(settings: Options) -> tuple[ParamMap[Any], ...]:
+    """Those of the further generations that the hand may turn out to be; none where one was typed."""
+    return () if typed_model(settings) is not None else tuple(one for one in MAPS.values() if one is not BYTE_MAP)
+
+
 def over_tcp(settings: Options) -> bool:
     """Whether the LINK is Modbus TCP: tcp://, the simulator's --modbus-tcp, or a transcript of it."""
     if settings.port is None:

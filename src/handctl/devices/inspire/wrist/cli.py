@@ -11,6 +11,7 @@ from handctl.devices.inspire.identity import FamilyGate, kind_of
 from handctl.devices.inspire.map import BAUD_RATES, WRIST, address_in
 from handctl.devices.inspire.wrist.device import WIRING_HINT, Wrist
 from handctl.frame.clikit import Group
+from handctl.frame.expect import expect, expected
 from handctl.frame.family import Family
 from handctl.frame.mapverbs import add_map_verbs
 from handctl.frame.numbers import FiniteRange, Seconds
@@ -95,34 +96,38 @@ def hand_read(run: Run, address: str, count: int) -> Table:
 @click.option("--yaw", metavar="DEG", help="Yaw from -25.50 to 25.50 degrees, two decimals.")
 @click.option("--time", metavar="MS", help="Movement time in ms. Default: the time set in the wrist.")
 @click.option("--wait", type=Seconds(), metavar="S", help="Longest wait for the arrival, in seconds.")
-def move(run: Run, pitch: str | None, yaw: str | None, time: str | None, wait: float | None) -> Table:
+@expect
+def move(
+    run: Run, pitch: str | None, yaw: str | None, time: str | None, wait: float | None, expect: str | None
+) -> Table:
     """Move to angles in degrees and wait until the wrist stands still.
 
     Shows the angles that were reached. Ctrl-C holds the wrist where it is.
     """
     wanted = {"yaw_set": yaw, "pitch_set": pitch, "move_time": time}
     values = {name: WRIST[name].parse(text, name) for name, text in wanted.items() if text is not None}
-    return _move(run, values, wait)
+    return _move(run, values, wait, expect)
 
 
 @cli.verb("center", "Move", writes=True)
 @click.option("--time", metavar="MS", help="Movement time in ms. Default: the time set in the wrist.")
-def center(run: Run, time: str | None) -> Table:
+@expect
+def center(run: Run, time: str | None, expect: str | None) -> Table:
     """Move both axes to 0 degrees and wait until they stand still."""
     values = {"yaw_set": 0.0, "pitch_set": 0.0}
     if time is not None:
         values["move_time"] = WRIST["move_time"].parse(time, "move_time")
-    return _move(run, values, None)
+    return _move(run, values, None, expect)
 
 
-def _move(run: Run, values: dict[str, Any], wait: float | None) -> Table:
+def _move(run: Run, values: dict[str, Any], wait: float | None, expect: str | None) -> Table:
     planner: Wrist = run.planner()
     changes = planner.targets(values.get("pitch_set"), values.get("yaw_set"), values.get("move_time"))
     steps = planner.plan(changes)
     if (plan := run.planned(steps)) is not None:
         return plan
     device: Wrist = run.device()
-    return device.move(changes, run.guide, wait=wait)
+    return device.move(changes, run.guide, wait=wait, expect=expected(expect))
 
 
 @cli.verb("write", "Service", writes=True)

@@ -1,0 +1,26 @@
+"""`--expect`: how a movement must end to be a success. One option for every command that moves and waits."""
+
+from __future__ import annotations
+
+import click
+
+from handctl.errors import UsageError
+from handctl.model.moving import EXPECTED, REACHED
+
+expect = click.option(
+    "--expect",
+    type=click.Choice(EXPECTED),
+    default=None,
+    help="How the movement must end, else exit 7: every axis at its target (reached, the default), stopped by an object "
+    "(contact), or either of these or short of the target (any).",
+)
+
+
+def expected(given: str | None, *, waits: bool = True) -> str:
+    """What was given, or that every axis reaches its target. Raises UsageError where nobody waits for the end."""
+    if given is not None and not waits:
+        raise UsageError(
+            f"--expect {given}: without --wait this command does not see how the movement ends",
+            hint="add --wait S. Nothing was sent.",
+        )
+    return given or REACHED

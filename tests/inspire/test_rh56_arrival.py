@@ -1,0 +1,141 @@
+"""How movements of an RH56 hand end, what is expected of them, and what waits where they did not (rh56 §6)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import handctl
+from handctl.errors import NotConfirmed
+from tests.support.cli import Result, run
+from tests.support.each_row import each_row
+
+ALL = ("little", "ring", "middle", "index", "thumb_bend", "thumb_rotation")
+
+
+def hand(*words: str, at: str = "", yes: bool = True) -> Result:
+    link = f"fake://hand?clock=virtual{at}"
+    return run("hand", *words, "-p", link, "--json", *(["-y"] if yes else []))
+
+
+def stopped(state: Path, target: str = "angle_set=1000,1000,1000,1000,1000,1000") -> str:
+    """A hand with speed 0 that was told to go somewhere: as after a stop."""
+    at = f"&state={state}"
+    assert hand("speed", *["0"] * 6, at=at).code == 0
+    assert hand("set", target, at=at).code == 0
+    return at
+
+
+# -- how it ends ------------------------------------------------------------------------------------------------------
+
+
+@each_row(
+    ("at", "words", "code", "arrival"),
+    [
+        ("", ("angle", "index=900", "--wait", "3"), None, "reached"),
+        ("", ("position", "index=900", "--wait", "3"), None, "reached"),
+        ("", ("angle", "index=900", "--wait", "0.2"), "still-moving", "moving"),
+        ("", ("angle", "index=900", "--wait", "0.2", "--expect", "any"), "still-moving", "moving"),
+        ("&object=300", ("angle", "index=0", "--wait", "3"), "not-reached", "contact"),
+        ("&object=300", ("angle", "index=0", "--wait", "3", "--expect", "contact"), None, "contact"),
+        ("&object=300", ("angle", "index=0", "--wait", "3", "--expect", "any"), None, "contact"),
+        ("", ("angle", "index=900", "--wait", "3", "--expect", "contact"), "no-contact", "reached"),
+        ("&fault=blocked", ("angle", "index=0", "--wait", "3", "--expect", "any"), "blocked", "blocked"),
+        ("&fault=stops-short", ("angle", "ring=0", "--wait", "3"), "not-reached", "short"),
+        ("&fault=stops-short", ("angle", "ring=0", "--wait", "3", "--expect", "contact"), "not-reached", "short"),
+        ("&fault=stops-short", ("angle", "ring=0", "--wait", "3", "--expect", "any"), None, "short"),
+    ],
+)
+def test_the_end_of_a_movement(at: str, words: tuple[str, ...], code: str | None, arrival: str) -> None:
+    ended = hand(*words, at=at)
+    assert (ended.code, ended.error["code"] if ended.code else None) == (7 if code else 0, code), ended
+    assert {row["arrival"] for row in ended.rows} == {arrival}
+
+
+@pytest.mark.parametrize("expect", ["reached", "contact", "any"])
+def test_at_speed_0_nothing_arrives_and_nothing_is_said_to_move(tmp_path: Path, expect: str) -> None:
+    at = stopped(tmp_path / "hand.json")
+    ended = hand("angle", *["900"] * 6, "--wait", "3", "--expect", expect, at=at)
+    assert (ended.code, ended.error["code"]) == (7, "no-speed")
+    assert {row["arrival"] for row in ended.rows} == {"no-speed"}
+    assert "no-speed" in hand("angle", *["900"] * 6, at=at).codes()
+
+
+def test_a_slow_finger_is_not_taken_for_one_that_stands() -> None:
+    """At speed 1 its angle changes every 0.8 s, which is longer than the others need to count as standing."""
+    at = "&refresh=0"
+    assert hand("angle", "index=462", "--wait", "40", at=at).code == 0
+    with handctl.simulate("hand") as slow:
+        slow.speed(1, 1, 1, 1, 1, 1, confirm=True)
+        (place, _) = slow.angle("index=470", wait=60.0, confirm=True)
+        assert (place["value"], place["arrival"]) == (470, "reached")
+
+
+def test_expectations_need_a_wait() -> None:
+    assert hand("angle", "index=900", "--expect", "any").code == 2
+
+
+# -- what waits -------------------------------------------------------------------------------------------------------
+
+
+@each_row(
+    "words",
+    [
+        ("speed", *["300"] * 6),
+        ("speed", "index=300"),
+        ("set", "speed_set.index=300"),
+        ("set", "speed_set.index=300", "force_limit.index=900"),
+    ],
+)
+def test_a_speed_that_lets_a_finger_go_on_is_asked_for(tmp_path: Path, words: tuple[str, ...]) -> None:
+    at = stopped(tmp_path / "hand.json")
+    asked = hand(*words, at=at, yes=False)
+    assert (asked.code, asked.json["writes"][0]["state"]) == (8, "not-sent")
+    assert "index from 440 to 1000 (angle_set)" in asked.error["text"]
+    assert hand(*words, at=at).code == 0
+
+
+def test_what_lets_nothing_go_is_not_asked_for(tmp_path: Path) -> None:
+    at = f"&state={tmp_path / 'hand.json'}"
+    assert hand("speed", *["300"] * 6, at=at, yes=False).code == 0, "it had a speed"
+    assert hand("speed", *["0"] * 6, at=at, yes=False).code == 0, "this stops"
+    assert hand("set", "stroke_set=211,322,433,544,655,766", at=at).code == 0
+    assert hand("speed", *["300"] * 6, at=at, yes=False).code == 0, "every finger is where it was sent"
+
+
+def test_a_limit_that_lets_a_closing_finger_go_on_is_asked_for(tmp_path: Path) -> None:
+    at = f"&object=300&state={tmp_path / 'hand.json'}"
+    assert hand("set", "speed_set.index=20", at=at).code == 0
+    assert hand("angle", "index=0", "--wait", "30", "--expect", "contact", at=at).code == 0
+    assert hand("force", "index=100", at=at, yes=False).code == 0, "a lower one holds it"
+    assert hand("force", "index=900", at=at, yes=False).code == 8
+    assert hand("force", "ring=900", at=at, yes=False).code == 0
+
+
+def test_a_movement_names_the_others_that_it_lets_go(tmp_path: Path) -> None:
+    at = stopped(tmp_path / "hand.json")
+    asked = hand("set", "speed_set=300,300,300,300,300,300", "angle_set.index=500", at=at, yes=False)
+    assert asked.code == 8
+
+
+def test_the_library_asks_too() -> None:
+    with handctl.simulate("hand") as one:
+        one.speed(0, 0, 0, 0, 0, 0)
+        one.angle("index=1000", confirm=True)
+        with pytest.raises(NotConfirmed):
+            one.speed("index=300")
+        said: list[str] = []
+        one.speed(
+            "index=300",
+            confirm=lambda question, steps: bool(said.append(question)) or all(step["moves"] for step in steps),
+        )
+        assert "index from 440 to 1000 (angle_set)" in said[0]
+
+
+@each_row("family", ["exo", "hand"])
+def test_clearing_an_error_that_holds_a_finger_is_asked_for(tmp_path: Path, family: str) -> None:
+    for fault, code in (("locked-rotor", 8), ("", 0)):
+        link = f"fake://{family}?clock=virtual{f'&fault={fault}' if fault else ''}"
+        asked = run(family, "clear-errors", "-p", link, "--json")
+        assert asked.code == code, asked
