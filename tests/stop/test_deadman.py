@@ -127,12 +127,6 @@ def at_rest(target: tuple[int, int]) -> Callable[[Bench], bool]:
     return holds
 
 
-def aidin(command: str, mode: int, before: tuple[str, ...] = ("initial -y",), times: int = 5) -> Drive:
-    """Mode 3."""
-    driving = b'"hand_mode":%d' % mode
-    return Drive("aidin", command, driving, re.escape(AIDIN_STOP), power_off, "get motor_pos", before, times)
-
-
 FACTS = {family: facts_of(family) for family in FAMILIES}
 
 
@@ -171,12 +165,9 @@ OFF = b"\x031T\r"
 STAY = re.escape(frame("EB 90 01 07 31 0E 04"))
 """yaw_set with pitch_set behind it: where the wrist is just then."""
 DRIVEN = {
-    "aidin home": aidin("home -y", 1, ()),
-    "aidin initial": aidin("initial -y", 2, ("fingertips index.z=60",)),
-    "aidin encoders": aidin("encoders index.m1=200000", 10),
-    "aidin joints": aidin("joints index.q3=130", 22),
-    "aidin fingertips": aidin("fingertips index.z=60", 32),
-    "aidin currents": aidin("currents index.m1=200 -y --duration 30", 41, (), 40),
+    "aidin currents": Drive(
+        "aidin", "currents index.m1=200 -y --duration 30", b'"hand_mode":41', re.escape(AIDIN_STOP), power_off, "get motor_pos", times=40
+    ),
     "barrett realtime": Drive(
         "barrett", "realtime --motors 1 --velocity 30 --gain 40 --receive position --json", b"\x43\x1e\x28",
         re.escape(b"\x63\x00\x28" + OFF), motors_off, "motors",
@@ -187,14 +178,9 @@ DRIVEN = {
         "get 1546 10", ("position 1000 1000 1000 1000 1000 -y --wait 3",), 3,
     ),
     "hand angle": rh56(CLOSE, "hand", frame("EB 90 01 04 11 0A 06"), RH56_STOP),
-    "hand position": rh56("position 2000 2000 2000 2000 -1 -1", "hand", frame("EB 90 01 04 11 FE 05"), RH56_STOP),
     "wrist move": Drive(
         "wrist", "move --pitch 20 --yaw -20 --time 1500", frame("EB 90 01 04 30 FC 03"), STAY, at_rest((2000, -2000)),
         "get 1020 4", ("center --time 100",), 3,
-    ),
-    "wrist center": Drive(
-        "wrist", "center --time 1500", frame("EB 90 01 04 30 FC 03"), STAY, at_rest((0, 0)),
-        "get 1020 4", ("move --pitch 20 --yaw -20 --time 100",), 3,
     ),
     **{f"{family} {facts.drives[0].split()[0]}": by_facts(family, *facts.drives) for family, facts in FACTS.items() if facts.drives},
 }  # fmt: skip
@@ -209,7 +195,8 @@ FURTHER = {
 }  # fmt: skip
 """The same command on another wire."""
 STAYS = "what it commands stays in force when the command ends, too, and it says so: nothing is promised to be stopped"
-AS_CLOSE = "its movement is guarded as that of `close` is"
+AS_ANOTHER = "its movement is guarded as that of `{}` is; the bytes of its own death are in the golden wire"
+AS_CLOSE = AS_ANOTHER.format("close")
 VALUES = "it changes values, and nothing moves for it"
 STOPS = "it is a stop"
 LINES = "its lines are commands, each of which is declared here: the child that stops the device is that of the line"
@@ -238,6 +225,11 @@ ENDED = {
     "ekso cancel": "it ends the action of the wearer's device; the protocol has no stop (ekso §6)",
     **dict.fromkeys(("ekso restore", "ekso set"), VALUES),
     **dict.fromkeys(("aidin bias", "aidin max-torque"), VALUES),
+    **dict.fromkeys(
+        [f"aidin {name}" for name in ("home", "initial", "encoders", "joints", "fingertips")], AS_ANOTHER.format("currents")
+    ),
+    "hand position": AS_ANOTHER.format("angle"),
+    "wrist center": AS_ANOTHER.format("move"),
     "aidin stop": STOPS,
     **dict.fromkeys(("devices add", "devices remove", "completion"), HERE),
     "stop": STOPS,
@@ -344,8 +336,8 @@ def test_a_killed_batch_stops_the_device(bench_of: Callable[[str], Bench], tmp_p
     wait_until(lambda: drive.stands(bench))
 
 
-CELLS = [*((name, drive, False) for name, drive in {**DRIVEN, **FURTHER}.items()),
-         *((name, DRIVEN[name], True) for name in ("aidin currents", "barrett realtime"))]  # fmt: skip
+CELLS = [(name, drive, name in ("aidin currents", "barrett realtime")) for name, drive in {**DRIVEN, **FURTHER}.items()]
+"""Command, how it drives, and whether its whole group is killed."""
 
 
 @pytest.mark.real
@@ -367,14 +359,7 @@ def test_a_killed_command_stops_the_device(
     wait_until(lambda: drive.stands(bench))
     wait_until(lambda: standing(bench, drive.place))
     record_property("milliseconds", round((first - moment) * 1000, 1))
-
-
-@pytest.mark.real
-def test_the_next_command_finds_the_device_free(bench_of: Callable[[str], Bench]) -> None:
-    """It waits for the stop of the one that was killed, and then has lock and port."""
-    bench, drive = bench_of("barrett"), DRIVEN["barrett realtime"]
-    killed(bench, drive, group=False)
-    bench.do("status")
+    bench.do("status")  # who comes next has lock and port
 
 
 @pytest.mark.real
