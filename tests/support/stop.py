@@ -39,10 +39,7 @@ HOW: dict[str, How] = {
     "barrett": How(
         (b"\x03", b"T\r"),
         ("--set", "initialized=1"),
-        drives=(
-            (("close", "--motors", "1"), b"1C\r"),  # at MCV 16, which takes seconds
-            (("realtime", "--motors", "1", "--velocity", "20", "--receive", "position", "--json"), b"C\x14"),
-        ),
+        drives=((("realtime", "--motors", "1", "--velocity", "20", "--receive", "position", "--json"), b"C\x14"),),
     ),
     "ekso": How((bytes.fromhex("9C02"),)),
     "hand": How(
