@@ -92,10 +92,9 @@ def test_status_dump_and_set(start: Start, place: str) -> None:
 
 
 @pytest.mark.real
-@places
-def test_movements(start: Start, place: str) -> None:
+def test_movements(start: Start) -> None:
     """HI, then C."""
-    link = start(place).link
+    link = start("tcp").link
     assert run("barrett", "close", "-p", link).code == 6
     assert [row["value"] for row in do(link, "init").rows] == [0] * 4
 
@@ -107,18 +106,16 @@ def test_movements(start: Start, place: str) -> None:
 
 
 @pytest.mark.real
-@places
-def test_baud_and_the_next_command_finds_it(start: Start, tmp_path: Path, place: str) -> None:
-    link, trace = start(place, *READY).link, tmp_path / "t.txt"
+def test_baud_and_the_next_command_finds_it(start: Start, tmp_path: Path) -> None:
+    link, trace = start("pty", *READY).link, tmp_path / "t.txt"
     result = do(link, "baud", "38400", "--yes", "--trace", trace)
     assert values_of(result) == {("BAUD", None): 384} and written_lines(trace) == ["PSET BAUD 384"]
     later = do(link, "get", "BAUD", "SN")
     assert values_of(later) == {("BAUD", None): 384, ("SN", None): 1042}
-    if place == "pty":
-        (found,) = [message for message in later.json["messages"] if message["code"] == "speed"]
-        assert "38400" in found["text"] and "--baud 38400" in found["hint"]
-        at_once = run("barrett", "get", "SN", "-p", link, "--baud", "38400", "--json")
-        assert (at_once.code, at_once.codes()) == (0, [])
+    (found,) = [message for message in later.json["messages"] if message["code"] == "speed"]
+    assert "38400" in found["text"] and "--baud 38400" in found["hint"]
+    at_once = run("barrett", "get", "SN", "-p", link, "--baud", "38400", "--json")
+    assert (at_once.code, at_once.codes()) == (0, [])
 
 
 @pytest.mark.real

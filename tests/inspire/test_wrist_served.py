@@ -112,7 +112,7 @@ def test_status_and_scan(links: dict[str, str], place: str) -> None:
 
 
 @pytest.mark.real
-@each_row("place", ["pty", "tcp", "slcan-pty"])
+@each_row("place", ["slcan-pty"])
 def test_move_and_what_it_leaves(start: Start, tmp_path: Path, place: str) -> None:
     """Every further verb works on the moved wrist."""
     prepare(tmp_path)
