@@ -283,15 +283,8 @@ def killed(
         process.kill()
         process.communicate()
     wait_until(lambda: gone(guard))
-    wait_until(lambda: settled(bench) and first_of(drive, bench.heard()[begun:]) is not None)
+    wait_until(lambda: first_of(drive, bench.heard()[begun:]) is not None)
     return moment, bench.heard()[begun:]
-
-
-def settled(bench: Bench) -> bool:
-    """Whether nothing has reached the device for a while of its own clock: the line may still be sending."""
-    count = len(bench.heard())
-    time.sleep(0.03)
-    return len(bench.heard()) == count
 
 
 def standing(bench: Bench, place: str) -> bool:
