@@ -15,7 +15,6 @@ import pytest
 import serial
 
 from tests.barrett.commands import names, power_on, sent_lines, values_of, written_lines
-from tests.support import forks
 from tests.support.cli import (
     PATIENCE,
     Result,
@@ -26,6 +25,9 @@ from tests.support.cli import (
     run,
     run_program,
     wait_until,
+)
+from tests.support.cli import (
+    start as started,
 )
 from tests.support.each_row import each_row
 
@@ -154,7 +156,7 @@ def test_interrupt_in_the_middle_of_a_movement(start: Start, tmp_path: Path, pla
     panel, trace = tmp_path / "panel", tmp_path / "t.txt"
     link = start(place, *READY, "--control", panel).link
     do(link, "set", "MCV=20", "--force")  # 17,000 counts in 3.5 s
-    process = forks.start(
+    process = started(
         ["barrett", "close", "-p", link, "--json", "--trace", trace],
         clean_environment(),
         stdout=subprocess.PIPE,
@@ -181,7 +183,7 @@ def test_a_hand_that_ignores_the_abort(start: Start, tmp_path: Path) -> None:
     panel, trace = tmp_path / "panel", tmp_path / "t.txt"
     link = start("pty", *READY, "--fault", "no-abort", "--control", panel).link
     do(link, "set", "MCV=16", "--force")
-    process = forks.start(
+    process = started(
         ["barrett", "close", "-p", link, "--json", "--trace", trace],
         clean_environment(),
         stdout=subprocess.PIPE,
@@ -202,7 +204,7 @@ def test_a_hand_that_ignores_the_abort(start: Start, tmp_path: Path) -> None:
 def test_a_second_opener_is_told(start: Start, tmp_path: Path) -> None:
     link = start("pty", *READY).link
     do(link, "set", "MCV=40")  # 17,000 counts in 1.8 s
-    process = forks.start(
+    process = started(
         ["barrett", "close", "--motors", "1", "-p", link, "--trace", tmp_path / "trace"],
         clean_environment(),
         stdout=subprocess.PIPE,
@@ -219,7 +221,7 @@ def test_a_second_opener_is_told(start: Start, tmp_path: Path) -> None:
 @places
 def test_a_server_that_is_killed(start: Start, tmp_path: Path, place: str) -> None:
     simulator, trace = start(place, *READY), tmp_path / "t.txt"
-    process = forks.start(
+    process = started(
         ["barrett", "watch", "P", "--rate", "50", "-p", simulator.link, "--json", "--trace", trace],
         clean_environment(),
         stdout=subprocess.PIPE,

@@ -15,7 +15,6 @@ import pytest
 import serial
 from rh56_sdk import RH56Driver
 
-from tests.support import forks
 from tests.support.cli import (
     PATIENCE,
     POWER_ON,
@@ -28,6 +27,9 @@ from tests.support.cli import (
     run,
     run_program,
     sent,
+)
+from tests.support.cli import (
+    start as started,
 )
 from tests.support.each_row import each_row
 
@@ -106,7 +108,7 @@ def test_a_wrong_speed_is_found_and_named(start: Start) -> None:
 @pytest.mark.real
 def test_the_second_opener_is_told_that_the_port_is_busy(start: Start) -> None:
     link = start("--pty").link
-    first = forks.start(
+    first = started(
         ["exo", "watch", "id", "-p", link, "--json"],
         clean_environment(),
         stdout=subprocess.PIPE,
@@ -129,7 +131,7 @@ def test_the_second_opener_is_told_that_the_port_is_busy(start: Start) -> None:
 @each_row("where, number", [(PLACES["pty"], signal.SIGKILL), (PLACES["tcp"], signal.SIGTERM)])
 def test_a_server_that_goes_away_is_exit_3(start: Start, where: tuple[str, ...], number: signal.Signals) -> None:
     simulator = start(*where)
-    process = forks.start(
+    process = started(
         ["exo", "watch", "id", "--rate", "100", "-p", simulator.link, "--json"],
         clean_environment(),
         stdout=subprocess.PIPE,
@@ -185,7 +187,7 @@ def test_speed_change_save_power_cycle(start: Start, tmp_path: Path) -> None:
 def test_verify_waits_for_the_operator(start: Start, tmp_path: Path) -> None:
     panel = tmp_path / "panel"
     link = start("--pty", "--control", panel).link
-    process = forks.start(
+    process = started(
         ["exo", "baud", "57600", "--save", "--verify", "-y", "-p", link, "--json"],
         clean_environment(),
         stdout=subprocess.PIPE,

@@ -9,8 +9,7 @@ from pathlib import Path
 import pytest
 
 from handctl.sim.engine.serve import send_control
-from tests.support.cli import Simulator, clean_environment, run, wait_until
-from tests.support.forks import start
+from tests.support.cli import Simulator, clean_environment, run, start, wait_until
 
 pytestmark = pytest.mark.real
 

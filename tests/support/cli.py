@@ -32,7 +32,6 @@ from handctl import cli
 from handctl.errors import HandctlError
 from handctl.frame import clikit
 from handctl.model.result import Journal
-from tests.support.forks import start
 
 PATIENCE = 30.0
 """Seconds for what must come or end: only a hang takes so long, on any machine."""
@@ -234,6 +233,11 @@ def hearing(said: list[str]) -> Iterator[None]:
 def program(*args: str | Path) -> list[str]:
     """The command line that runs handctl as a program of its own."""
     return [sys.executable, "-m", "handctl", *(str(arg) for arg in args)]
+
+
+def start(args: Sequence[str | Path], env: Mapping[str, str], **more: Any) -> subprocess.Popen[bytes]:
+    """handctl as a process of its own, with no stdin."""
+    return subprocess.Popen(program(*args), env=dict(env), stdin=subprocess.DEVNULL, **more)
 
 
 def run_program(*args: str | Path, env: Mapping[str, str] | None = None, timeout: float = 30.0, **more: Any) -> Result:

@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from handctl.sim.engine.serve import send_control
-from tests.support.cli import PATIENCE, Result, Simulator, clean_environment, wait_until
-from tests.support.forks import start
+from tests.support.cli import PATIENCE, Result, Simulator, clean_environment, start, wait_until
 
 
 class How(NamedTuple):
