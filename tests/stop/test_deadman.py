@@ -1,17 +1,17 @@
 """kill -9 in every command that drives a device: its stop reaches the device, and the device stands.
 
 Every writing command is declared here: driven, with how it is killed; or ended by the device itself, with the reason.
-What reached the device, and when, is told by the simulator with its own clock (recorded_sim.py).
+What reached the device, and when, is told by the simulator with its own clock.
 """
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import signal
 import struct
 import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -24,16 +24,15 @@ from handctl.families import FAMILIES
 from handctl.sim.engine.serve import send_control
 from tests.contract.facts import facts_of
 from tests.support.cli import Result, Simulator, clean_environment, frame, program, run, wait_until
-from tests.support.places import TESTS
 
 
 class Bench:
-    """A served simulator that notes what reaches the device."""
+    """A served simulator, and what has reached it."""
 
     def __init__(self, folder: Path, family: str, *args: str) -> None:
-        self.family, self.log, self.panel = family, folder / "log", folder / "panel"
-        recorder = (sys.executable, str(TESTS / "support" / "recorded_sim.py"), str(self.log))
-        self.simulator = Simulator(*args, "--control", self.panel, kind=family, begin=recorder)
+        self.family, self.panel = family, folder / "panel"
+        self._heard: list[tuple[float, bytes]] = []
+        self.simulator = Simulator(*args, "--control", self.panel, kind=family)
 
     def words(self, command: str) -> list[str]:
         return [self.family, *command.split(), "-p", self.simulator.link]
@@ -51,8 +50,8 @@ class Bench:
 
     def heard(self) -> list[tuple[float, bytes]]:
         """What has reached the device, with its clock."""
-        lines = self.log.read_text(encoding="utf-8").rpartition("\n")[0].splitlines()
-        return [(float(moment), bytes.fromhex(digits)) for moment, _, digits in (line.partition(" ") for line in lines)]
+        self._heard += [(moment, bytes.fromhex(digits)) for moment, digits in json.loads(self.ask("heard"))]
+        return self._heard
 
     def bytes_since(self, place: int) -> bytes:
         return b"".join(data for _, data in self.heard()[place:])
@@ -158,7 +157,7 @@ ZEROS = bytes(12)
 RH56_STOP = re.escape(frame("EB 90 01 0F 12 F2 05") + ZEROS + b"\x19")
 RTU_STOP = re.escape(frame("01 10 05 F2 00 06 0C") + ZEROS + frame("DC A3"))
 TCP_STOP = re.escape(frame("00 01 00 00 00 13 FF 10 05 F2 00 06 0C") + ZEROS)
-CAN_STOP = re.escape(frame("05 7C 80 01") + ZEROS[:8]) + b".*" + re.escape(frame("05 7E 80 01") + ZEROS[:4])
+CAN_STOP = b"T057C80018" + b"00" * 8 + b".*T057E80014" + b"00" * 4
 """speed_set of six fingers (rh56 §2.1 to §2.4)."""
 CLOSE = "angle 0 0 0 0 0 -1"
 OFF = b"\x031T\r"
@@ -187,9 +186,9 @@ DRIVEN = {
 FURTHER = {
     "hand angle over Modbus RTU": rh56(CLOSE, "hand-rtu", frame("01 03 06 0A"), RTU_STOP),
     "hand angle over Modbus TCP": rh56(CLOSE, "hand-tcp", frame("FF 03 06 0A"), TCP_STOP),
-    "hand angle on CAN": rh56(CLOSE, "hand-can", frame("01 82 80 01"), CAN_STOP),
+    "hand angle on CAN": rh56(CLOSE, "hand-can", b"T01828001", CAN_STOP),
     "wrist move on CAN": Drive(
-        "wrist-can", "move --pitch 20 --yaw -20 --time 1500", frame("10 FF 00 01"), re.escape(frame("10 FF 00 01")) + b"." + re.escape(frame("15 03 80 01")),
+        "wrist-can", "move --pitch 20 --yaw -20 --time 1500", b"T10FF0001", rb"T10FF0001\w+\s+T15038001",
         at_rest((2000, -2000)), "get 1020 4", ("center --time 100",), 3,
     ),
 }  # fmt: skip
