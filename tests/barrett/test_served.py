@@ -15,7 +15,6 @@ import pytest
 import serial
 
 from tests.barrett.commands import names, power_on, sent_lines, values_of, written_lines
-from tests.support import forks
 from tests.support.cli import (
     PATIENCE,
     Result,
@@ -26,6 +25,9 @@ from tests.support.cli import (
     run,
     run_program,
     wait_until,
+)
+from tests.support.cli import (
+    start as started,
 )
 from tests.support.each_row import each_row
 
@@ -92,10 +94,9 @@ def test_status_dump_and_set(start: Start, place: str) -> None:
 
 
 @pytest.mark.real
-@places
-def test_movements(start: Start, place: str) -> None:
+def test_movements(start: Start) -> None:
     """HI, then C."""
-    link = start(place).link
+    link = start("tcp").link
     assert run("barrett", "close", "-p", link).code == 6
     assert [row["value"] for row in do(link, "init").rows] == [0] * 4
 
@@ -107,18 +108,16 @@ def test_movements(start: Start, place: str) -> None:
 
 
 @pytest.mark.real
-@places
-def test_baud_and_the_next_command_finds_it(start: Start, tmp_path: Path, place: str) -> None:
-    link, trace = start(place, *READY).link, tmp_path / "t.txt"
+def test_baud_and_the_next_command_finds_it(start: Start, tmp_path: Path) -> None:
+    link, trace = start("pty", *READY).link, tmp_path / "t.txt"
     result = do(link, "baud", "38400", "--yes", "--trace", trace)
     assert values_of(result) == {("BAUD", None): 384} and written_lines(trace) == ["PSET BAUD 384"]
     later = do(link, "get", "BAUD", "SN")
     assert values_of(later) == {("BAUD", None): 384, ("SN", None): 1042}
-    if place == "pty":
-        (found,) = [message for message in later.json["messages"] if message["code"] == "speed"]
-        assert "38400" in found["text"] and "--baud 38400" in found["hint"]
-        at_once = run("barrett", "get", "SN", "-p", link, "--baud", "38400", "--json")
-        assert (at_once.code, at_once.codes()) == (0, [])
+    (found,) = [message for message in later.json["messages"] if message["code"] == "speed"]
+    assert "38400" in found["text"] and "--baud 38400" in found["hint"]
+    at_once = run("barrett", "get", "SN", "-p", link, "--baud", "38400", "--json")
+    assert (at_once.code, at_once.codes()) == (0, [])
 
 
 @pytest.mark.real
@@ -157,7 +156,7 @@ def test_interrupt_in_the_middle_of_a_movement(start: Start, tmp_path: Path, pla
     panel, trace = tmp_path / "panel", tmp_path / "t.txt"
     link = start(place, *READY, "--control", panel).link
     do(link, "set", "MCV=20", "--force")  # 17,000 counts in 3.5 s
-    process = forks.start(
+    process = started(
         ["barrett", "close", "-p", link, "--json", "--trace", trace],
         clean_environment(),
         stdout=subprocess.PIPE,
@@ -184,7 +183,7 @@ def test_a_hand_that_ignores_the_abort(start: Start, tmp_path: Path) -> None:
     panel, trace = tmp_path / "panel", tmp_path / "t.txt"
     link = start("pty", *READY, "--fault", "no-abort", "--control", panel).link
     do(link, "set", "MCV=16", "--force")
-    process = forks.start(
+    process = started(
         ["barrett", "close", "-p", link, "--json", "--trace", trace],
         clean_environment(),
         stdout=subprocess.PIPE,
@@ -205,7 +204,7 @@ def test_a_hand_that_ignores_the_abort(start: Start, tmp_path: Path) -> None:
 def test_a_second_opener_is_told(start: Start, tmp_path: Path) -> None:
     link = start("pty", *READY).link
     do(link, "set", "MCV=40")  # 17,000 counts in 1.8 s
-    process = forks.start(
+    process = started(
         ["barrett", "close", "--motors", "1", "-p", link, "--trace", tmp_path / "trace"],
         clean_environment(),
         stdout=subprocess.PIPE,
@@ -222,7 +221,7 @@ def test_a_second_opener_is_told(start: Start, tmp_path: Path) -> None:
 @places
 def test_a_server_that_is_killed(start: Start, tmp_path: Path, place: str) -> None:
     simulator, trace = start(place, *READY), tmp_path / "t.txt"
-    process = forks.start(
+    process = started(
         ["barrett", "watch", "P", "--rate", "50", "-p", simulator.link, "--json", "--trace", trace],
         clean_environment(),
         stdout=subprocess.PIPE,

@@ -12,6 +12,7 @@ from handctl.docgen.tree import map_of
 from handctl.families import FAMILIES
 from tests.contract.facts import facts_of
 from tests.support.cli import check_schema, run
+from tests.support.each_row import each_row
 from tests.support.places import TESTS
 
 BEFORE = json.loads((TESTS / "contract" / "envelopes.json").read_text(encoding="utf-8"))
@@ -43,7 +44,7 @@ def test_a_sample_has_a_time_of_day(family: str) -> None:
 
 
 @pytest.mark.real
-@pytest.mark.parametrize("family", FAMILIES)
+@each_row("family", FAMILIES)
 def test_in_real_time_it_is_the_time_of_day(family: str) -> None:
     link = facts_of(family).link(family).replace("clock=virtual", "seed=1")
     before = datetime.now(timezone.utc) - timedelta(milliseconds=1)

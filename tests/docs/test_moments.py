@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from tests.support.cli import PATIENCE
-from tests.support.forks import ROOT
+from tests.support.places import PROJECT as ROOT
 
 TESTS = ROOT / "tests"
 LEAST = 20.0

@@ -13,7 +13,7 @@ from handctl import guides
 from handctl.docgen.tree import read_tree
 from handctl.families import COMMANDS
 from tests.support.each_row import each_row
-from tests.support.forks import ROOT
+from tests.support.places import PROJECT as ROOT
 from tests.support.places import TEXTS
 
 SOURCE = ROOT / "src/handctl"

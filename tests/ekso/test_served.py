@@ -15,8 +15,8 @@ import pytest
 import serial
 
 from tests.ekso.commands import DATA_WORDS, ME, SETTING_WORDS
-from tests.support import forks
 from tests.support.cli import PATIENCE, Result, Simulator, clean_environment, run, run_program, unhurried, wait_until
+from tests.support.cli import start as started
 from tests.support.each_row import each_row
 
 pytestmark = pytest.mark.real
@@ -127,7 +127,7 @@ def test_the_audit_log_survives_kill_9_and_the_next_set_tells(start: Start, tmp_
     link = start("pty", "--control", panel, "--fault", "set-unanswered").link
 
     def killed() -> Result:
-        process = forks.start(
+        process = started(
             ["ekso", "set", "step_length=15.5", *ME, "-p", link, "--timeout", "5"],
             clean_environment(),
             stdout=subprocess.DEVNULL,
@@ -159,7 +159,7 @@ def test_the_audit_log_survives_kill_9_and_the_next_set_tells(start: Start, tmp_
 def test_a_power_cycle_in_a_log_is_a_new_segment(start: Start, tmp_path: Path) -> None:
     panel, file = tmp_path / "panel", tmp_path / "gait.csv"
     link = start("pty", "--control", panel, "--set", "startup=0.2").link
-    process = forks.start(
+    process = started(
         ["ekso", "log", file, "-p", link, "--rate", "100", "--timeout", "0.2", "--json"],
         clean_environment(),
         stdout=subprocess.PIPE,

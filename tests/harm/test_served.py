@@ -8,23 +8,16 @@ from typing import Any
 
 import pytest
 
-from tests.harm import lines
 from tests.support.cli import Simulator, run
 
 pytestmark = pytest.mark.real
 
-DEVICES = ("exo", "wrist", "barrett", "ekso")
 COMMANDS = {
-    "exo": (
-        "exo force 1000 1000 1000 1000 1000 -y",
-        "exo clear-errors",
-        "exo restore {dir}/exo/stored.json --setpoints -y",
-    ),
-    "wrist": ("wrist move --pitch 5", "wrist hand-write 1486 F401 -y"),
+    "exo": ("exo force 1000 1000 1000 1000 1000 -y", "exo clear-errors"),
+    "wrist": ("wrist move --pitch 5",),
     "barrett": ("barrett set MCV=80",),
-    "ekso": ("ekso set step_length=15.5 -y --operator me", "ekso cancel"),
-    "": ("scan", "doctor --count 2"),
 }
+"""What is meant for one family; all others get it."""
 MOVES = {"boot_ms", "rtc", "clock", "heat", "temperatures", "temperature", "peak", "uptime", "feedback"}
 """What goes on by itself in a device at rest."""
 
@@ -40,16 +33,14 @@ def _still(value: Any) -> Any:
     return [_still(item) for item in value] if isinstance(value, list) else value
 
 
-@pytest.mark.parametrize("device", DEVICES)
+@pytest.mark.parametrize("device", ["exo", "barrett"])
 def test_no_harm_on_a_port(device: str, tmp_path: Path) -> None:
-    lines.prepare(tmp_path)
     untouched, met = tmp_path / "untouched.json", tmp_path / "met.json"
     extra = ("--set", "initialized=1") if device == "barrett" else ()
     for path in (untouched, met):
         with Simulator("--pty", "--state", path, "--duration", "600", *extra, kind=device) as simulator:
             for family, commands in COMMANDS.items() if path == met else ():
                 for command in commands if family != device else ():
-                    words = command.replace("{dir}", str(tmp_path)).split()
-                    done = run(*words, "-p", simulator.link, env={"XDG_RUNTIME_DIR": str(tmp_path)})
-                    assert done.code not in (1, 130) and (not family or done.code != 0), (command, done)
+                    done = run(*command.split(), "-p", simulator.link, env={"XDG_RUNTIME_DIR": str(tmp_path)})
+                    assert done.code not in (0, 1, 130), (command, done)
     assert state_of(met) == state_of(untouched)

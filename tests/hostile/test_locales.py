@@ -17,8 +17,6 @@ PLACES = (
     {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"},
     {"LC_ALL": "POSIX", "LANG": "nonsense"},
     {"PYTHONIOENCODING": "ascii:strict"},
-    {"PYTHONIOENCODING": "latin-1"},
-    {"PYTHONIOENCODING": "gbk"},
 )
 PROGRAMS = (
     (b"-h",),

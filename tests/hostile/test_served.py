@@ -19,15 +19,9 @@ from tests.hostile.devices import Place
 pytestmark = pytest.mark.real
 
 PLACES = (
-    (Place("exo", "escapes before", "tcp"), "tcp", ("exo", "dump")),
     (Place("exo", "a byte a second", "serial"), "pty", ("exo", "status")),
-    (Place("wrist", "noise without end", "serial"), "pty", ("wrist", "status")),
     (Place("barrett", "escapes behind words", "serial"), "pty", ("barrett", "help", "HI")),
-    (Place("barrett", "nesting", "tcp"), "tcp", ("barrett", "status")),
-    (Place("aidin", "escapes inside", "tcp"), "tcp", ("aidin", "status")),
-    (Place("aidin", "nesting", "tcp"), "tcp", ("aidin", "watch", "motor_pos", "--count", "2")),
     (Place("aidin", "a string without end", "tcp"), "tcp", ("aidin", "status")),
-    (Place("ekso", "escapes without end", "serial"), "pty", ("ekso", "status")),
     (Place("ekso", "junk behind", "tcp"), "tcp", ("ekso", "dump")),
 )
 """The device, the wire, a command."""

@@ -16,7 +16,6 @@ import serial
 
 from handctl.sim.engine.serve import send_control
 from tests.inspire.wrist_commands import POWER_ON, SETTINGS, prepare, sent_frames, written_frames
-from tests.support import forks
 from tests.support.cli import (
     PATIENCE,
     Result,
@@ -27,6 +26,9 @@ from tests.support.cli import (
     run,
     run_program,
     s16,
+)
+from tests.support.cli import (
+    start as started,
 )
 from tests.support.each_row import each_row
 
@@ -112,7 +114,7 @@ def test_status_and_scan(links: dict[str, str], place: str) -> None:
 
 
 @pytest.mark.real
-@each_row("place", ["pty", "tcp", "slcan-pty"])
+@each_row("place", ["slcan-pty"])
 def test_move_and_what_it_leaves(start: Start, tmp_path: Path, place: str) -> None:
     """Every further verb works on the moved wrist."""
     prepare(tmp_path)
@@ -164,7 +166,7 @@ def test_a_wrong_serial_speed(start: Start) -> None:
 @each_row("place", ["pty", "slcan-pty"])
 def test_the_second_opener_is_told_that_the_port_is_busy(start: Start, place: str) -> None:
     link = start(place).link
-    first = forks.start(
+    first = started(
         ["wrist", "watch", "yaw_set", "-p", link, "--json"],
         clean_environment(),
         stdout=subprocess.PIPE,
@@ -188,7 +190,7 @@ def test_the_second_opener_is_told_that_the_port_is_busy(start: Start, place: st
 @places
 def test_a_server_that_goes_away_is_exit_3(start: Start, place: str) -> None:
     simulator = start(place)
-    process = forks.start(
+    process = started(
         ["wrist", "watch", "yaw_set", "--rate", "100", "-p", simulator.link, "--json"],
         clean_environment(),
         stdout=subprocess.PIPE,

@@ -15,8 +15,7 @@ import pytest
 from handctl.sim.engine.canline import CanLine
 from tests.inspire.wrist_commands import LIVE, POWER_ON, WIRES, written_frames
 from tests.inspire.wrist_support import fake_port
-from tests.support import forks
-from tests.support.cli import Simulator, clean_environment, run, s16, wait_until
+from tests.support.cli import Simulator, clean_environment, run, s16, start, wait_until
 from tests.support.each_row import each_row
 from tests.support.person import once, person
 from tests.support.screen import screen
@@ -175,7 +174,7 @@ def test_interrupt_without_a_terminal(tmp_path: Path) -> None:
     """A script's background job is stopped the same way; JSON says so."""
     trace = tmp_path / "t.txt"
     with Simulator("--pty", kind="wrist") as sim:
-        process = forks.start(
+        process = start(
             ["wrist", "center", "--time", "15000", "-p", sim.link, "--json", "--trace", trace],
             clean_environment(),
             stdout=subprocess.PIPE,

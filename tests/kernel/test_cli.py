@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import handctl
-from tests.support.cli import Result, check_schema, fake, run, run_program, sent, spying
+from tests.support.cli import Result, check_schema, fake, run, sent, spying
 from tests.support.each_row import each_row
 
 BUS_2 = "EB 90 02 04 11 E8 03 01 03"
@@ -165,10 +165,9 @@ def test_a_command_that_writes_says_so_in_its_help() -> None:
         assert any(word in text.split("options:")[0] for word in words), verb
 
 
-@pytest.mark.real
 @pytest.mark.parametrize("args", [(), ("exo",)])
 def test_without_a_command_the_help_is_shown(args: Sequence[str]) -> None:
-    result = run_program(*args)
+    result = run(*args)
     text = result.out + result.err
     assert "Usage: handctl" in text and ("Look:" if args else "Devices:") in text
     assert "handctl: error" not in text
@@ -289,7 +288,7 @@ def test_a_stream_that_cannot_start_ends_as_a_stream(args: Sequence[str]) -> Non
 
 
 @pytest.mark.real
-@pytest.mark.parametrize(
+@each_row(
     ("link", "code"),
     [("/dev/no-such-port", "not-found"), ("/dev/null", "not-a-port"), ("tcp://127.0.0.1:1", "refused")],
 )

@@ -73,7 +73,6 @@ def test_where_no_snapshot_can_be_written_is_told_before_anything_is_sent(tmp_pa
     for path in (tmp_path / "no" / "such.json", "/proc/1/such.json"):
         result = run("exo", "snapshot", path, "-p", fake(), "--json")
         assert (result.code, result.json["counters"]["sent"]) == (1, 0)
-        assert "Nothing was sent" in result.error["hint"]
 
 
 @pytest.mark.real

@@ -22,7 +22,8 @@ from handctl.screen import render
 from handctl.screen.filter import no_formula, shown, text_shown, value_shown
 from handctl.screen.render import show, stream
 from handctl.screen.sink import Sink
-from tests.support.cli import PATIENCE, clean_environment, program, run, run_program
+from tests.hostile.locale_cells import judge, run_in
+from tests.support.cli import PATIENCE, clean_environment, fake, program, run
 from tests.support.each_row import each_row
 
 HOSTILE = {
@@ -137,41 +138,36 @@ def test_messages_spell_it_out(text: str) -> None:
         assert len([line for line in done.err.splitlines() if line.startswith("handctl:")]) == 1
 
 
-@pytest.mark.real
 def test_a_variable_and_a_key_of_the_configuration(tmp_path: Path) -> None:
-    done = run_program("exo", "dump", "--fake", env={"HANDCTL_TIMEOUT": "\x1b]0;x\x07"})
+    done = run("exo", "dump", "--fake", env={"HANDCTL_TIMEOUT": "\x1b]0;x\x07"})
     assert (done.code, harmless(done.err)) == (2, True)
     (tmp_path / "c.toml").write_text('"\\u001b]0;x\\u0007" = 1\n')
-    done = run_program("exo", "dump", "--fake", env={"HANDCTL_CONFIG": str(tmp_path / "c.toml")})
+    done = run("exo", "dump", "--fake", env={"HANDCTL_CONFIG": str(tmp_path / "c.toml")})
     assert (done.code, harmless(done.err)) == (2, True)
 
+
+AT = ("-p", fake())
 
 # -- encodings ----------------------------------------------------------------------------------------------------
 
-PLACES = ({"PYTHONIOENCODING": "ascii"}, {"PYTHONIOENCODING": "latin-1:strict"}, {"PYTHONIOENCODING": "gbk"},
-          {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"})  # fmt: skip
 
-
-WORDS = (("-h",), ("barrett", "-h"), ("doctor",), ("exo", "describe"), ("exo", "dump", "--fake"),
-         ("exo", "watch", "--fake", "--count", "2"), ("exo", "describe", "--json"),
-         ("exo", "dump", "--fake", "--color", "always"))  # fmt: skip
-
-
-@pytest.mark.real
-@pytest.mark.parametrize(
-    ("place", "words"),
-    [(PLACES[0], words) for words in WORDS] + [(place, words) for place in PLACES[1:] for words in WORDS[4:6]],
-)
-def test_a_stdout_that_lacks_a_character_gets_a_substitute(place: dict[str, str], words: tuple[str, ...]) -> None:
-    env = clean_environment() | place
-    done = subprocess.run(program(*words), capture_output=True, env=env, timeout=30, check=False)
-    assert done.returncode == (7 if words == ("doctor",) else 0), done.stderr
-    assert b"internal error" not in done.stderr
-    if "--json" in words:
-        text = json.loads(done.stdout.decode("utf-8"))["rows"]
-        assert any("°C" in str(row["unit"]) for row in text)
-    elif words[-1] == "describe" and "ascii" in str(place):
-        assert b"deg C" in done.stdout
+@each_row("encoding", ["ascii", "latin-1", "gbk"])
+@each_row("words", [
+    ("-h",), ("barrett", "-h"), ("doctor",), ("exo", "describe"), ("exo", "dump", *AT), ("exo", "watch", "--count", "2", *AT),
+    ("exo", "describe", "--json"), ("exo", "dump", "--color", "always", *AT),
+])  # fmt: skip
+def test_a_stdout_that_lacks_a_character_gets_a_substitute(
+    tmp_path: Path, encoding: str, words: tuple[str, ...]
+) -> None:
+    """Programs in locales of the system are in tests/hostile/test_locales."""
+    code, out, err = run_in(encoding, words, tmp_path)
+    assert code == (7 if words == ("doctor",) else 0), err
+    how = "json" if "--json" in words else "table"
+    assert not judge(code, out, err, encoding, how)
+    if how == "json":
+        assert any("°C" in str(row["unit"]) for row in json.loads(out.decode("utf-8"))["rows"])
+    elif words[-1] == "describe" and encoding == "ascii":
+        assert b"deg C" in out
 
 
 @pytest.mark.real

@@ -505,7 +505,7 @@ def test_devices_never_look_at_a_clock_of_their_own() -> None:
 
 
 @pytest.mark.real
-@pytest.mark.parametrize("option", ["--version", "-V"])
+@each_row("option", ["--version", "-V"])
 def test_version_loads_nothing(option: str) -> None:
     code, modules = loaded(option)
     assert code == 0
@@ -556,7 +556,7 @@ def test_describe_needs_no_device() -> None:
 
 
 @pytest.mark.real
-@pytest.mark.parametrize("output", ["--json", "--csv", "--format=plain", "--format=table"])
+@each_row("output", ["--csv", "--format=table"])
 def test_a_dump_from_the_simulator_loads_neither_rich_nor_pyserial(output: str) -> None:
     """A pipe is no terminal: rich stays away also from the table."""
     code, modules = loaded("exo", "dump", "--fake", output)

@@ -48,7 +48,6 @@ def test_ends_of_a_range_belong_to_it(param: Param, value: float, allowed: bool)
         param.check(value)
     assert (caught.value.exit_code, caught.value.code) == (2, "out-of-range")
     assert param.source in caught.value.hint
-    assert "Nothing was sent" in caught.value.hint
 
 
 @pytest.mark.parametrize(
@@ -216,4 +215,3 @@ def test_a_trigger_names_its_command() -> None:
     with pytest.raises(UsageError) as caught:
         MAP.assignments(["start=1"])
     assert caught.value.code == "trigger"
-    assert "handctl toy start" in caught.value.hint

@@ -6,11 +6,9 @@ import csv
 import io
 import json
 import os
-import re
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
@@ -27,35 +25,22 @@ from tests.support.cli import (
     PATIENCE,
     POWER_ON,
     Result,
-    check_schema,
     clean_environment,
     fake,
     in_time,
     program,
+    refusing,
     run,
     run_program,
     wait_until,
 )
+from tests.support.each_row import each_row
+from tests.support.person import pressed_at
 
-BOXES = re.compile(r"[\u2500-\u257f\u2580-\u259f]")
 FORMATS = ("table", "plain", "json", "ndjson", "csv")
 
 
-# -- tables on a pipe -------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.real
-@pytest.mark.parametrize("args", [("dump",), ("status",), ("describe",), ("get", "error"), ("scan",), ("read", "1472", "60"),
-                                  ("set", "position_set.index=3", "-n"), ("watch", "--count", "2")])  # fmt: skip
-def test_a_table_on_a_pipe_is_plain_text_at_any_width(args: tuple[str, ...]) -> None:
-    wide = run_program("exo", *args, "-p", fake(), env={"COLUMNS": "300"})
-    narrow = run_program("exo", *args, "-p", fake(), env={"COLUMNS": "20", "TERM": "xterm-256color", "LINES": "5"})
-    assert wide.code == narrow.code == 0
-    assert narrow.out == wide.out
-    assert not BOXES.search(narrow.out)
-    assert "\x1b" not in narrow.out + narrow.err
-    assert "…" not in narrow.out
-    assert all(line == line.rstrip() for line in narrow.lines)
+# -- tables on a pipe: at any width in test_screens ----------------------------------------------------------------------
 
 
 def test_the_dump_table_is_aligned() -> None:
@@ -121,7 +106,6 @@ def test_plain_in_a_shell() -> None:
     assert (done.stdout, done.stderr, done.returncode) == ("[558]\n", "", 0)
 
 
-@pytest.mark.real
 def test_csv_is_rfc_4180() -> None:
     result = run("exo", "dump", "--csv", "-p", fake())
     assert result.raw.count(b"\r\n") == 43
@@ -136,7 +120,6 @@ def test_csv_is_rfc_4180() -> None:
     assert not any("error" in row for row in rows)
     quoted = run("exo", "describe", "baud_code", "--csv")
     assert '"0 = 115200 baud, 1 = 57600 baud, 2 = 19200 baud"' in quoted.out
-    assert run_program("exo", "dump", "--csv", "-p", fake()).raw == result.raw
 
 
 def test_csv_of_a_stream_keeps_its_columns_when_a_sample_fails() -> None:
@@ -184,20 +167,6 @@ def test_quiet_leaves_errors_only() -> None:
     assert failed.err.startswith("handctl: error: ")
 
 
-# -- colour -----------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.real
-def test_colour_on_a_pipe() -> None:
-    assert "\x1b[" in run_program("exo", "status", "--fake", "--color", "always").out
-    assert "\x1b[" in run_program("exo", "status", "--fake", "--color", "always", env={"NO_COLOR": "1"}).out
-    for more, env in ((("--color", "never"), {}), ((), {}), (("--color", "auto"), {"NO_COLOR": "1"}),
-                      (("--color", "never"), {"FORCE_COLOR": "1", "TERM": "xterm"}), ((), {"FORCE_COLOR": "1"})):  # fmt: skip
-        assert "\x1b" not in run_program("exo", "status", "--fake", *more, env=env).out, (more, env)
-    for form in ("json", "ndjson", "csv", "plain"):
-        assert "\x1b" not in run("exo", "dump", "--fake", "--color", "always", "--format", form).out
-
-
 # -- full disk, closed pipe -------------------------------------------------------------------------------------------
 
 
@@ -209,27 +178,37 @@ def test_colours_are_codes_where_there_is_no_console(monkeypatch: pytest.MonkeyP
         assert not console_for(sink).legacy_windows
 
 
-@pytest.mark.real
-@pytest.mark.parametrize("args", [
-    *(("exo", "dump", "--fake", "--format", form) for form in FORMATS),
-    ("exo", "status", "--fake", "--color", "always"), ("exo", "describe"), ("--version",), ("-h",),
-    ("exo", "watch", "--fake", "--count", "2", "--json"), ("exo", "watch", "--fake", "--count", "2", "--csv"),
-    ("exo", "watch", "--fake", "--json"), ("exo", "get", "id", "-p", "fake://exo?fault=silent", "--json"),
-    ("exo", "dmup", "--json"), ("exo", "get", "id", "--fake", "--format", "plain"),
-], ids=" ".join)  # fmt: skip
+LINK = fake()
+RESULTS = (
+    *(("exo", "dump", "-p", LINK, "--format", form) for form in FORMATS), ("exo", "describe"), ("-h",), ("exo", "-h"),
+    ("exo", "status", "-p", LINK, "--color", "always"), ("exo", "get", "id", "-p", LINK, "--format", "plain"),
+    *(("exo", "watch", "-p", LINK, "--count", "2", form) for form in ("--json", "--csv")), ("exo", "watch", "-p", LINK, "--json"),
+    ("--version",), ("completion", "bash"), ("doctor",), ("ekso", "time", "-p", "fake://ekso?clock=virtual", "--json"),
+)  # fmt: skip
+
+
+@each_row("args", RESULTS, ids=" ".join)
 def test_full_disk_is_one_line_and_not_0(args: tuple[str, ...]) -> None:
-    with open("/dev/full", "w") as full:
-        done = subprocess.run(program(*args), stdout=full, stderr=subprocess.PIPE, stdin=subprocess.DEVNULL,
-                              env=clean_environment(), timeout=20, check=False, text=True)  # fmt: skip
-    assert done.returncode not in (0, 130), done
-    own_error = [line for line in done.stderr.splitlines() if not line.startswith("  next:")]
-    if "silent" in str(args) or "dmup" in args:
-        assert len(own_error) <= 2, done.stderr
-        assert done.returncode == (4 if "silent" in str(args) else done.returncode)  # the device's error weighs more
-    else:
-        assert len(done.stderr.splitlines()) == 1, done.stderr
-        assert "stdout" in done.stderr
-    assert "Traceback" not in done.stderr and "Exception" not in done.stderr
+    with refusing("full") as full:
+        done = run(*args, stdout=full)
+    assert done.code == 1
+    (line,) = [line for line in done.err.splitlines() if not line.startswith("  next:")]
+    assert line.startswith("handctl: error: stdout")
+
+
+@each_row(
+    ("args", "code"),
+    [
+        (("exo", "get", "id", "-p", fake(fault="silent"), "--json"), 4),
+        (("exo", "get", "id", "-p", fake(fault="silent")), 4),
+        (("exo", "dmup", "--json"), 2),
+    ],
+)
+def test_an_error_on_a_full_disk_is_told_once(args: tuple[str, ...], code: int) -> None:
+    with refusing("full") as full:
+        done = run(*args, stdout=full)
+    assert done.code == code
+    assert done.err.count("handctl: error: ") == 1, done
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no /dev/full here")
@@ -241,24 +220,35 @@ def test_the_error_of_the_device_weighs_more_than_a_full_disk(words: tuple[str, 
         assert done.code == code, done
 
 
-@pytest.mark.real
-@pytest.mark.parametrize("form", ["table", "json"])
+@each_row("form", ["table", "json"])
 def test_what_was_written_is_told_though_stdout_takes_nothing(form: str) -> None:
-    args = ("exo", "force", "1", "2", "3", "4", "5", "-y", "--format", form, "-p", "fake://exo?clock=virtual")
-    with open("/dev/full", "w") as full:
-        done = subprocess.run(program(*args), stdout=full, stderr=subprocess.PIPE, stdin=subprocess.DEVNULL,
-                              env=clean_environment(), timeout=20, check=False, text=True)  # fmt: skip
-    assert done.returncode == 1, done
-    assert "handctl: note: The force stays until another is commanded" in done.stderr
-    assert "handctl: note: writes: 1 confirmed" in done.stderr and "stdout: cannot be written" in done.stderr
+    with refusing("full") as full:
+        done = run("exo", "force", *"12345", "-y", "--format", form, "-p", fake(), stdout=full)
+    assert (done.code, done.said[-1]) == (1, "output")
+    assert "handctl: note: writes: 1 confirmed" in done.err
+
+
+@each_row("args", RESULTS, ids=" ".join)
+def test_a_reader_that_has_left_is_no_error(args: tuple[str, ...]) -> None:
+    with refusing("left") as left:
+        done = run(*args, stdout=left)
+    assert (done.code, done.err) == (0, "")
 
 
 @pytest.mark.real
-@pytest.mark.parametrize("args", [
-    *(("exo", "dump", "--fake", "--format", form) for form in FORMATS), ("exo", "describe"), ("-h",),
-    ("exo", "watch", "--fake", "--json", "--rate", "0"), ("exo", "watch", "--fake", "--csv", "--rate", "50"),
-    ("exo", "status", "--fake", "--color", "always"),
-], ids=" ".join)  # fmt: skip
+@pytest.mark.parametrize("words", [("exo", "watch", "--count", "2", "--fake", "--json"), ("--version",), ("exo", "-h")], ids=" ".join)  # fmt: skip
+def test_a_program_whose_stdout_takes_nothing_says_it_in_one_line(words: tuple[str, ...]) -> None:
+    for end in (">/dev/full", ">&-"):
+        done = subprocess.run(["sh", "-c", f'exec "$@" {end}', "sh", *program(*words)], env=clean_environment(),
+                              stdin=subprocess.DEVNULL, stderr=subprocess.PIPE, timeout=PATIENCE, check=False, text=True)  # fmt: skip
+        assert (done.returncode, done.stderr.count("\n")) == (1, 1), done
+        assert done.stderr.startswith("handctl: error: stdout"), done
+
+
+@pytest.mark.real
+@pytest.mark.parametrize(
+    "args", [("exo", "describe"), ("exo", "watch", "--fake", "--json", "--rate", "0")], ids=" ".join
+)
 def test_a_closed_pipe_is_quiet(args: tuple[str, ...]) -> None:
     process = subprocess.Popen(program(*args), stdout=subprocess.PIPE, stderr=subprocess.PIPE,
                                stdin=subprocess.DEVNULL, env=clean_environment())  # fmt: skip
@@ -336,26 +326,31 @@ def test_watch_in_real_time() -> None:
     pytest.fail(f"never: {rates}")
 
 
-@pytest.mark.real
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize("how", ["--json", "--csv", "--format=plain", "--format=table"])
-def test_a_signal_ends_a_stream_in_order(number: signal.Signals, how: str, tmp_path: Path) -> None:
-    result = interrupted(number, "exo", "watch", "--rate", "10", "--fake", how)
-    assert result.code == 130
-    assert "Traceback" not in result.err
+@each_row("number", [signal.SIGINT, signal.SIGTERM])
+@each_row("how", ["--json", "--csv", "--format=plain", "--format=table"])
+def test_a_signal_ends_a_stream_in_order(number: signal.Signals, how: str) -> None:
+    with pressed_at(0.25, number):
+        result = run("exo", "watch", "--rate", "10", "-p", fake(), how)
+    assert (result.code, result.said[-1]) == (130, "interrupted")
     if how == "--json":
         rows, end = result.stream
         assert (end["exit_code"], end["ok"]) == (130, False)
-        assert end["stream"]["samples"] == len(rows) / 26
-        check_schema(end)
+        assert end["stream"]["samples"] == len(rows) / 26 == 3
     else:
         assert result.out.endswith("\n")
 
 
+@each_row("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_during_a_wait(number: signal.Signals) -> None:
+    """Not a stream: nothing reaches stdout until then. JSON says that it was interrupted."""
+    with pressed_at(1.0, number):
+        result = run("exo", "dump", "-p", fake(fault="silent"), "--timeout", "30", "--json")
+    assert (result.code, result.error["code"]) == (130, "interrupted")
+
+
 @pytest.mark.real
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_during_a_wait(number: signal.Signals, tmp_path: Path) -> None:
-    """Not a stream: nothing reaches stdout until then. JSON says that it was interrupted."""
+def test_a_signal_ends_a_program_in_a_wait(number: signal.Signals, tmp_path: Path) -> None:
     trace = tmp_path / "t.txt"
     words = ("exo", "dump", "-p", "fake://exo?fault=silent", "--timeout", "30", "--json", "--trace", trace)
     process = subprocess.Popen(program(*words),
@@ -364,21 +359,8 @@ def test_a_signal_during_a_wait(number: signal.Signals, tmp_path: Path) -> None:
     process.send_signal(number)
     out, err = process.communicate(timeout=PATIENCE)
     result = Result(process.returncode, out, err)
-    assert result.code == 130
-    assert result.error["code"] == "interrupted"
+    assert (result.code, result.error["code"]) == (130, "interrupted")
     assert "Traceback" not in result.err
-
-
-def interrupted(number: signal.Signals, *args: str) -> Result:
-    """Run, wait for some output, send a signal, wait for the end."""
-    process = subprocess.Popen(program(*args), stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-                               stdin=subprocess.DEVNULL, bufsize=0, env=clean_environment())  # fmt: skip
-    assert process.stdout is not None
-    first = b"".join(process.stdout.readline() for _ in range(52))  # two samples: the next is a while away
-    time.sleep(0.01)
-    process.send_signal(number)
-    out, err = process.communicate(timeout=30)
-    return Result(process.returncode, first + out, err)
 
 
 def test_the_closing_line_of_an_error() -> None:

@@ -72,7 +72,6 @@ def test_bytes_pass_until_the_other_end_closes(pair: tuple[tcp.TcpLink, socket.s
     with pytest.raises(LinkError) as caught:
         link.read(link.deadline(PATIENCE))
     assert (caught.value.exit_code, caught.value.code) == (3, "lost")
-    assert "Another program may hold the device: many serve one client only" in caught.value.hint
 
 
 def test_a_peer_that_takes_nothing_is_waited_for_until_the_deadline(
@@ -164,7 +163,6 @@ def test_connections_of_the_system(listener: socket.socket, monkeypatch: pytest.
         hosts = ["127.0.0.8", "127.0.0.9"]
         error = opening(f"tcp://hand:{number}")
     assert (error.exit_code, error.code) == (3, "refused")
-    assert "Another program may hold the device: many serve one client only" in error.hint
 
 
 @pytest.mark.real

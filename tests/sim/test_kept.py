@@ -15,8 +15,7 @@ import pytest
 
 from handctl.families import FAMILIES
 from handctl.link import lock
-from tests.support.cli import Result, clean_environment, run, wait_until
-from tests.support.forks import start
+from tests.support.cli import Result, clean_environment, run, start, wait_until
 from tests.support.virtual import virtual_time
 
 WRITES = {  # a change that needs no homing, and where it is read

@@ -1,4 +1,4 @@
-"""An RH56 hand is stopped from outside on each of its wires: alone, and while another handctl moves it."""
+"""An RH56 hand is stopped from outside on the wires beside EB90, which is in test_stop: alone, and while another handctl moves it."""
 
 from __future__ import annotations
 
@@ -9,19 +9,14 @@ from pathlib import Path
 import pytest
 
 from handctl.sim.engine.serve import send_control
-from tests.support.cli import Simulator, clean_environment, run, wait_until
-from tests.support.forks import start
+from tests.support.cli import Simulator, clean_environment, run, start, wait_until
 
 pytestmark = pytest.mark.real
 
 PLACES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
-    "EB90 on a pty": (("--pty",), ()),
-    "EB90 over TCP": (("--tcp", "127.0.0.1:0"), ()),
-    "Modbus RTU": (("--modbus-pty",), ()),
     "Modbus RTU, named": (("--modbus-pty",), ("--protocol", "modbus")),
     "Modbus TCP": (("--modbus-tcp", "127.0.0.1:0"), ()),
     "CAN on a pty": (("--slcan-pty",), ()),
-    "CAN over TCP": (("--slcan-tcp", "127.0.0.1:0"), ()),
 }
 """How it is served, and the options of a command there."""
 MOVES = ("angle", "1000", "1000", "1000", "1000", "1000", "-1", "-y", "--wait", "60", "--json")

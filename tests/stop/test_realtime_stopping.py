@@ -6,7 +6,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,7 @@ from handctl.frame.console import TerminalGuide
 from handctl.screen import render
 from handctl.sim.engine.line import Line
 from tests.barrett.commands import fake
-from tests.support.cli import clean_environment, run
+from tests.support.cli import clean_environment, run, wait_until
 
 MOVING = ("barrett", "realtime", "--motors", "1", "--velocity", "30", "--receive", "position")
 STOP = [b"c\x00", b"\x03", b"1T\r"]
@@ -29,11 +28,14 @@ def started(*words: str, trace: Path) -> subprocess.Popen[bytes]:
         [sys.executable, "-m", "handctl", *MOVING, "-p", port, "--baud", "9600", "--trace", str(trace), *words],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=clean_environment(),
     )  # fmt: skip
-    end = time.monotonic() + 30
-    while not (trace.exists() and "> 43 1E" in trace.read_text(encoding="utf-8")):
-        assert process.poll() is None and time.monotonic() < end
-        time.sleep(0.02)
+    reached(process, trace, "> 43 1E")
     return process
+
+
+def reached(process: subprocess.Popen[bytes], trace: Path, line: str) -> None:
+    """Waits until this is on the wire."""
+    wait_until(lambda: process.poll() is not None or (trace.exists() and line in trace.read_text(encoding="utf-8")))
+    assert process.poll() is None
 
 
 def sent(trace: Path) -> list[bytes]:
@@ -111,13 +113,9 @@ def test_two_signals_at_once_are_one_wish(tmp_path: Path) -> None:
          "--trace", str(trace)],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=clean_environment(),
     )  # fmt: skip
-    end = time.monotonic() + 30
-    while not (trace.exists() and "> 31 43 0D" in trace.read_text(encoding="utf-8")):
-        assert process.poll() is None and time.monotonic() < end
-        time.sleep(0.02)
+    reached(process, trace, "> 31 43 0D")
     for number in (signal.SIGHUP, signal.SIGTERM, signal.SIGINT):
         process.send_signal(number)
-        time.sleep(0.01)
     assert process.wait(30) in (130, -signal.SIGTERM, -signal.SIGINT)  # the last may meet the interpreter at its end
     pieces = sent(trace)
     assert b"\x03" in pieces[pieces.index(b"1C\r") :]

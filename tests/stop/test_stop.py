@@ -8,14 +8,14 @@ from __future__ import annotations
 import fcntl
 import json
 import os
+import re
 import resource
+import select
 import shutil
 import signal
 import subprocess
 import sys
-import termios
 import textwrap
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -28,17 +28,13 @@ from handctl.link.ear import STOP_SECONDS
 from handctl.model.stopping import Aim, Sent, drive, talk_of, unheard
 from handctl.sim.engine.serve import send_control
 from handctl.system import processes
-from tests.support.cli import PATIENCE, run, wait_until
+from tests.support.cli import PATIENCE, fake, run, spying, wait_until
 from tests.support.each_row import each_row
 from tests.support.scripted import ScriptedLink
 from tests.support.stop import HOW, RELEASE, Stand
 
-HOLDER, STUCK = 0.1, 0.5
-"""Seconds that asking a holder, and one that does not answer, may add to the command's own time."""
-BUSY = 3
-"""How many times its own time a command may take on a busy machine; the figures themselves are measured in bench."""
 TRIES = 3
-"""The fastest counts."""
+"""A busy machine may keep a holder from hearing of the wish in time."""
 
 MakeStand = Callable[..., Stand]
 
@@ -87,10 +83,10 @@ def test_a_stop_that_nobody_answers_ends_and_claims_nothing(family: str, speed: 
 
 
 @pytest.mark.real
-@pytest.mark.parametrize("family", FAMILIES)
-def test_a_stopper_is_light(family: str) -> None:
+def test_a_stopper_is_light() -> None:
     """It may be imported in the middle of anything: nothing beside its codec."""
-    text = f"import sys, {FAMILIES[family].module('stopper')}\nprint(' '.join(sys.modules))"
+    wanted = ", ".join(one.module("stopper") for one in FAMILIES.values())
+    text = f"import sys, {wanted}\nprint(' '.join(sys.modules))"
     done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, check=True)
     assert not {"rich", "serial", "can", "click", "crcmod", "socket"} & set(done.stdout.split())
 
@@ -101,42 +97,32 @@ def test_a_stopper_is_light(family: str) -> None:
 @pytest.mark.real
 @pytest.mark.parametrize("family", FAMILIES)
 def test_stop_with_and_without_a_holder_and_past_one_that_sleeps(family: str, stand: MakeStand) -> None:
-    """The bytes are at the device about as soon as without a holder, by its own clock."""
+    """The bytes are at the device in their order, whoever had it. How soon is a floor of `tests.bench`."""
     place = stand(family)
-    alone, asked, stuck = [], [], []
-    for _ in range(TRIES):
-        result, seconds = place.stop()
-        assert result.code == 0, result
-        assert [row["bytes"] for row in result.rows if not row["reads"]], result
-        states = {row["state"] for row in result.json["writes"]}
-        assert "confirmed" in states or family == "aidin", "no current flowed that could vanish"
-        alone.append(seconds)
-        holder = place.hold()
-        if not asked:  # what is said of a holder that reads is true
-            hint = run(family, "status", "-p", place.link, "--json", env=place.environment).error["hint"]
-            assert f"`handctl {family} stop -p {place.link}`" in hint and "stops nothing on the device" in hint
-        result, seconds = place.stop()
-        asked.append(seconds)
-        assert (result.code, holder.wait(PATIENCE)) == (0, 130), result
-        assert "asked" in result.codes() and str(holder.pid) in result.out
-        writes = result.json["writes"]
-        assert writes and [row["bytes"] for row in writes] == [row["bytes"] for row in result.rows if not row["reads"]]
-        assert {row["state"] for row in writes} == states, "as when it is sent from here"
-        assert holder.stderr is not None and b"as another handctl asked for it" in holder.stderr.read()
+    result, alone = place.stop()
+    assert result.code == 0 and alone >= 0, result
+    assert [row["bytes"] for row in result.rows if not row["reads"]], result
+    states = {row["state"] for row in result.json["writes"]}
+    assert "confirmed" in states or family == "aidin", "no current flowed that could vanish"
+    holder = place.hold()
+    hint = run(family, "status", "-p", place.link, "--json", env=place.environment).error["hint"]
+    assert f"`handctl {family} stop -p {place.link}`" in hint and "stops nothing on the device" in hint
+    result, _ = place.stop()
+    assert holder.wait(PATIENCE) == (130 if "asked" in result.codes() else -signal.SIGKILL), result
+    assert result.code == 0 and str(holder.pid) in result.out, result
+    writes = result.json["writes"]
+    assert writes and [row["bytes"] for row in writes] == [row["bytes"] for row in result.rows if not row["reads"]]
+    assert {row["state"] for row in writes} == states, "as when it is sent from here"
 
-        holder = place.hold()
-        os.kill(holder.pid, signal.SIGSTOP)
-        wait_until(lambda holder=holder: processes.sleeps(holder.pid))  # type: ignore[misc]
-        result, seconds = place.stop()
-        stuck.append(seconds)
-        assert (result.code, holder.wait(PATIENCE)) == (0, -signal.SIGKILL), result
-        assert "ended" in result.codes() and str(holder.pid) in result.out
-        if min(asked) <= BUSY * min(alone) + HOLDER and min(stuck) <= BUSY * min(alone) + STUCK:
-            return
-    raise AssertionError((alone, asked, stuck))
+    holder = place.hold()
+    os.kill(holder.pid, signal.SIGSTOP)
+    wait_until(lambda: processes.sleeps(holder.pid))
+    result, _ = place.stop()
+    assert (result.code, holder.wait(PATIENCE)) == (0, -signal.SIGKILL), result
+    assert "ended" in result.codes() and str(holder.pid) in result.out
 
 
-DRIVES = [(family, words, first) for family, how in HOW.items() for words, first in how.drives]
+DRIVES = [(family, *how.drive) for family, how in HOW.items() if how.drive]
 
 
 @pytest.mark.real
@@ -144,11 +130,8 @@ DRIVES = [(family, words, first) for family, how in HOW.items() for words, first
 def test_stop_goes_ahead_of_what_drives(family: str, words: tuple[str, ...], first: bytes, stand: MakeStand) -> None:
     """What drives ends as the stop does, and sends nothing but stops behind the stop. No stop ends a calibration."""
     place = stand(family)
-    if words[0] == "close":
-        assert run("barrett", "set", "MCV.F1=16", "--force", "-p", place.link, env=place.environment).code == 0
-    # an exoskeleton hand answers nothing meanwhile, and is sent its stop all the same; an RH56 hand goes on
-    code = {("exo", "calibrate"): 4, ("hand", "calibrate"): 6}.get((family, words[0]), 0)
-    if code == 4:
+    code = 4 if words[0] == "calibrate" else 0
+    if code:  # an exoskeleton hand answers nothing meanwhile, and is sent its stop all the same
         place.how = place.how._replace(stop=place.how.stop[:1])
     for _ in range(TRIES):
         holder = place.hold(*words, until=first)
@@ -171,7 +154,8 @@ def test_currents_of_a_command_that_sleeps_end_at_the_hand(stand: MakeStand) -> 
     def mode() -> str:
         return send_control(str(place.panel), "state").split()[2]
 
-    words, first = HOW["aidin"].drives[0]
+    assert HOW["aidin"].drive is not None
+    words, first = HOW["aidin"].drive
     holder = place.hold(*words, until=first)
     assert mode() == "41"
     os.kill(holder.pid, signal.SIGSTOP)
@@ -250,20 +234,8 @@ def test_a_holder_whose_reader_sleeps_is_stopped(stand: MakeStand) -> None:
         [sys.executable, "-m", "handctl", "aidin", "watch", "--rate", "0", "--json", "-p", place.link],
         env={**os.environ, **place.environment}, stdin=subprocess.DEVNULL, stdout=writer, stderr=subprocess.DEVNULL,
     )  # fmt: skip
+    wait_until(lambda: not select.select([], [writer], [], 0)[1])
     os.close(writer)
-    import select
-
-    assert select.select([reader], [], [], PATIENCE)[0]
-
-    def waiting() -> int:
-        return int.from_bytes(fcntl.ioctl(reader, termios.FIONREAD, bytes(4)), sys.byteorder)
-
-    def full() -> bool:
-        before = waiting()
-        time.sleep(0.2)
-        return 0 < before == waiting()
-
-    wait_until(full)
     result, _ = place.stop()
     assert result.code == 0, result
     os.close(reader)
@@ -274,13 +246,10 @@ def test_a_holder_whose_reader_sleeps_is_stopped(stand: MakeStand) -> None:
 # -- a wrist is no exoskeleton hand ------------------------------------------------------------------------------------
 
 
-@pytest.mark.real
-@pytest.mark.parametrize(("typed", "there"), [("exo", "wrist"), ("wrist", "exo")])
-def test_what_was_typed_is_what_is_stopped(typed: str, there: str, stand: MakeStand) -> None:
+@each_row(("typed", "there"), [("exo", "wrist"), ("wrist", "exo")])
+def test_what_was_typed_is_what_is_stopped(typed: str, there: str) -> None:
     """A force frame would be a write to a wrist, and a wrist's own frame one to a hand: the other is named, not written to."""
-    place = stand(there)
-    place.reached = lambda begun: 0.0  # type: ignore[method-assign]
-    result, _ = place.stop(typed, "stop", "--json")
+    result = run(typed, "stop", "-p", f"fake://{there}?clock=virtual", "--json")
     assert result.code == (6 if typed == "exo" else 4), result
     assert all(row["reads"] for row in result.rows), result
 
@@ -364,13 +333,9 @@ def test_an_echo_or_other_bytes_are_not_silence(typed: str) -> None:
     assert "only our own bytes came back" in echo.text and "3D 3E 20" in other.text, (echo, other)
 
 
-@pytest.mark.real
-def test_a_hand_that_does_not_answer_is_sent_its_stop(stand: MakeStand) -> None:
-    place = stand("exo", "--fault", "silent")
-    place.how = place.how._replace(stop=(HOW["exo"].stop[0],))
-    result, _ = place.stop()
-    assert result.code == 4, result
-    assert "commanded to 0, but no answer arrived" in result.error["text"]
+def test_a_hand_that_does_not_answer_is_sent_its_stop() -> None:
+    result = run("exo", "stop", "-p", fake(fault="silent"), "--json")
+    assert (result.code, result.error["code"]) == (4, "no-answer"), result
     asked, forces = result.rows
     assert (asked["bytes"], forces["bytes"]) == ("EB 90 01 04 30 00 04 02 3B", HOW["exo"].stop[0].hex(" ").upper())
     assert forces["times"] >= 5, "and nothing that holds FF"
@@ -385,7 +350,7 @@ def full_disk() -> None:
 
 
 @pytest.mark.real
-@pytest.mark.parametrize("family", FAMILIES)
+@pytest.mark.parametrize("family", ["exo", "aidin"])
 def test_neither_disk_nor_lock_hold_up_a_stop(family: str, stand: MakeStand) -> None:
     """A full disk, a stdout that takes nothing, a folder of locks that somebody else made before."""
     place = stand(family)
@@ -394,9 +359,7 @@ def test_neither_disk_nor_lock_hold_up_a_stop(family: str, stand: MakeStand) -> 
     with open("/dev/full", "wb") as full:
         result, _ = place.stop(stdout=full)
     assert result.code == 1 and "cannot be written" in result.err, "sent first, then told"
-    assert "handctl: note: writes: " in result.err or "handctl: warning: writes: " in result.err, (
-        "and what was sent, too"
-    )
+    assert re.search("handctl: (note|warning): writes: ", result.err), "and what was sent, too"
     shutil.rmtree(place.runtime / "handctl")
     (place.runtime / "handctl").write_text("squatted")
     result, _ = place.stop()
@@ -406,30 +369,27 @@ def test_neither_disk_nor_lock_hold_up_a_stop(family: str, stand: MakeStand) -> 
 BROKEN = {"broken": "port = [", "unknown key": "colour = 1\n", "not utf-8": "\udcff"}
 
 
-@pytest.mark.real
-@pytest.mark.parametrize("content", [*BROKEN.values(), None])
-def test_the_configuration_does_not_hold_up_a_stop(content: str | None, stand: MakeStand) -> None:
-    place = stand("exo")
-    path = place.folder / "config.toml"
+@each_row("content", [*BROKEN.values(), None])
+def test_the_configuration_does_not_hold_up_a_stop(content: str | None, tmp_path: Path) -> None:
+    path = tmp_path / "config.toml"
     if content is not None:
         path.write_bytes(content.encode("utf-8", "surrogateescape"))
     env = {"HANDCTL_CONFIG": str(path), "HANDCTL_BAUD": "fast", "HANDCTL_FORMAT": "pretty"}
-    result, _ = place.stop(env=env)
+    result = run("exo", "stop", "-p", fake(), "--json", env=env)
     assert result.code == 0, result
     messages = result.json["messages"]
     assert any(str(path) in message["text"] for message in messages), messages
     assert any("HANDCTL_BAUD" in message["text"] for message in messages), messages
-    other = run("exo", "get", "id", "-p", place.link, env={**place.environment, **env})
-    assert other.code == 2, "what reads says so before it begins"
+    assert run("exo", "get", "id", "-p", fake(), env=env).code == 2, "what reads says so before it begins"
 
 
-@pytest.mark.real
-def test_neither_trace_nor_output_hold_up_a_stop(stand: MakeStand) -> None:
-    place = stand("exo")
-    result, _ = place.stop("exo", "stop", "--json", "--trace", "/dev/null/t.txt")
+def test_neither_trace_nor_output_hold_up_a_stop() -> None:
+    result = run("exo", "stop", "-p", fake(), "--json", "--trace", "/dev/null/t.txt")
     assert result.code == 0 and "trace" in result.codes(), result
-    result, _ = place.stop("exo", "stop", "-o", "/dev/null/o.txt")
-    assert result.code == 1 and "cannot be written" in result.err, result
+    with spying() as spy:
+        result = run("exo", "stop", "-p", fake(), "-o", "/dev/null/o.txt")
+    assert (result.code, result.said[-1]) == (1, "output"), result
+    assert spy.requests >= 2
 
 
 # -- handctl stop ------------------------------------------------------------------------------------------------------
@@ -505,14 +465,11 @@ def test_another_way_to_the_port_is_not_another_device(stand: MakeStand) -> None
     place.link = link
 
 
-@pytest.mark.real
-def test_a_name_tells_the_family(stand: MakeStand) -> None:
-    place = stand("barrett")
-    path = place.folder / "config.toml"
-    path.write_text(f'[devices.left]\nkind = "barrett"\nport = "{place.link}"\n')
-    result, _ = place.stop("stop", "-d", "left", "--json", env={"HANDCTL_CONFIG": str(path)})
-    assert result.code == 0, result
-    assert run("stop", "-d", "left", env={"HANDCTL_CONFIG": str(path)}).code == 0
+def test_a_name_tells_the_family(tmp_path: Path) -> None:
+    path = tmp_path / "config.toml"
+    path.write_text('[devices.left]\nkind = "barrett"\nport = "fake://barrett?clock=virtual"\n')
+    result = run("stop", "-d", "left", "--json", env={"HANDCTL_CONFIG": str(path)})
+    assert result.code == 0 and result.json["device"]["kind"] == "barrett", result
     assert run("stop").code == 2
 
 

@@ -15,7 +15,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache
 from importlib import resources
 from pathlib import Path
@@ -32,7 +32,6 @@ from handctl import cli
 from handctl.errors import HandctlError
 from handctl.frame import clikit
 from handctl.model.result import Journal
-from tests.support.forks import start
 
 PATIENCE = 30.0
 """Seconds for what must come or end: only a hang takes so long, on any machine."""
@@ -167,9 +166,12 @@ def _become(wanted: Mapping[str, str], now: Mapping[str, str]) -> None:
             os.environ[name] = value
 
 
-def run(*args: str | Path, env: Mapping[str, str] | None = None, stdin: str = "") -> Result:
-    """Run handctl in this process, nothing being a terminal."""
-    out, err = (io.TextIOWrapper(io.BytesIO(), encoding="utf-8", newline="") for _ in range(2))
+def run(
+    *args: str | Path, env: Mapping[str, str] | None = None, stdin: str = "", stdout: io.TextIOWrapper | None = None
+) -> Result:
+    """Run handctl in this process, nothing being a terminal. What goes to a `stdout` of the test's own is not in the result."""
+    kept, err = (io.TextIOWrapper(io.BytesIO(), encoding="utf-8", newline="") for _ in range(2))
+    out = stdout or kept
     handlers = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGHUP)}
     said: list[str] = []
     with (
@@ -184,9 +186,28 @@ def run(*args: str | Path, env: Mapping[str, str] | None = None, stdin: str = ""
         finally:
             for number, handler in handlers.items():
                 signal.signal(number, handler)
-            out.flush()
+            kept.flush()
             err.flush()
-    return Result(code, out.buffer.getvalue(), err.buffer.getvalue(), said)  # type: ignore[attr-defined]
+    return Result(code, kept.buffer.getvalue(), err.buffer.getvalue(), said)  # type: ignore[attr-defined]
+
+
+@contextmanager
+def refusing(kind: str) -> Iterator[io.TextIOWrapper]:
+    """A stdout that takes nothing: a full disk ("full"), or a pipe whose reader has left ("left")."""
+    reader, writer = os.pipe()
+    os.close(reader)
+    number = writer if kind == "left" else os.open("/dev/full", os.O_WRONLY)
+    ours = os.dup(1)  # handctl lets its own go nowhere then
+    out = io.TextIOWrapper(open(number, "wb"), encoding="utf-8")  # noqa: SIM115 - closing it may fail
+    try:
+        yield out
+    finally:
+        with suppress(OSError):  # what it did not take is tried once more
+            out.close()
+        os.dup2(ours, 1)
+        os.close(ours)
+        if kind != "left":
+            os.close(writer)
 
 
 @contextmanager
@@ -212,6 +233,11 @@ def hearing(said: list[str]) -> Iterator[None]:
 def program(*args: str | Path) -> list[str]:
     """The command line that runs handctl as a program of its own."""
     return [sys.executable, "-m", "handctl", *(str(arg) for arg in args)]
+
+
+def start(args: Sequence[str | Path], env: Mapping[str, str], **more: Any) -> subprocess.Popen[bytes]:
+    """handctl as a process of its own, with no stdin."""
+    return subprocess.Popen(program(*args), env=dict(env), stdin=subprocess.DEVNULL, **more)
 
 
 def run_program(*args: str | Path, env: Mapping[str, str] | None = None, timeout: float = 30.0, **more: Any) -> Result:

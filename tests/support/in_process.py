@@ -55,8 +55,6 @@ def _audit(event: str, _args: tuple[Any, ...]) -> None:
         _WATCH.refuse(REFUSED[event])
 
 
-refuse = _WATCH.refuse
-"""For helpers of the tests whose process was started by an earlier test."""
 sys.addaudithook(_audit)
 
 

@@ -20,8 +20,7 @@ from typing import Any, NamedTuple
 
 from handctl.frame.config import from_toml
 from handctl.sim.engine.serve import send_control
-from tests.support.cli import PATIENCE, Result, Simulator, clean_environment, run, wait_until
-from tests.support.forks import start
+from tests.support.cli import PATIENCE, Result, Simulator, clean_environment, run, start, wait_until
 
 ENDS = (signal.SIGINT, signal.SIGKILL, signal.SIGTERM)
 CREEP = 30.0

@@ -9,60 +9,47 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from handctl.sim.engine.serve import send_control
-from tests.support.cli import PATIENCE, Result, Simulator, clean_environment, wait_until
-from tests.support.forks import start
+from tests.support.cli import PATIENCE, Result, Simulator, clean_environment, start, wait_until
 
 
 class How(NamedTuple):
     """How a family is stopped: bytes that its device must hear, from the manuals, and options of the simulator.
 
     watch   a reading command that holds the device, without its link
-    drives  commands that drive it, each with the first bytes that tell that it does
+    drive   a command that drives it, with the first bytes that tell that it does
     """
 
     stop: tuple[bytes, ...]
     sim: tuple[str, ...] = ()
     watch: tuple[str, ...] = ("watch", "--rate", "20", "--json")
-    drives: tuple[tuple[tuple[str, ...], bytes], ...] = ()
+    drive: tuple[tuple[str, ...], bytes] | None = None
 
 
 RELEASE = bytes.fromhex("EB90010B31000000000000000000003D")
 HOW: dict[str, How] = {
     "exo": How(
         (RELEASE, bytes.fromhex("EB90010B32")),
-        drives=((("calibrate", "-y"), bytes.fromhex("EB90010412F10301")),),
+        drive=(("calibrate", "-y"), bytes.fromhex("EB90010412F10301")),
     ),
     "wrist": How(
         (bytes.fromhex("EB900107310E04"),),
-        drives=((("move", "--pitch", "15", "--time", "8000"), bytes.fromhex("311004")),),
+        drive=(("move", "--pitch", "15", "--time", "8000"), bytes.fromhex("311004")),
     ),
     "barrett": How(
         (b"\x03", b"T\r"),
         ("--set", "initialized=1"),
-        drives=(
-            (("close", "--motors", "1"), b"1C\r"),  # at MCV 16, which takes seconds
-            (("realtime", "--motors", "1", "--velocity", "20", "--receive", "position", "--json"), b"C\x14"),
-        ),
+        drive=(("realtime", "--motors", "1", "--velocity", "20", "--receive", "position", "--json"), b"C\x14"),
     ),
     "ekso": How((bytes.fromhex("9C02"),)),
     "hand": How(
         (bytes.fromhex("EB90010F12F20500000000000000000000000019"),),
         ("--set", "speed=20"),  # a whole stroke in 40 s
-        drives=(
-            (
-                ("angle", "1000", "1000", "1000", "1000", "1000", "-1", "-y", "--wait", "30"),
-                bytes.fromhex("EB90010D12CE05"),
-            ),
-            (("calibrate", "-y"), bytes.fromhex("EB90010412F10301")),
-        ),
+        drive=(("angle", *["1000"] * 5, "-1", "-y", "--wait", "30"), bytes.fromhex("EB90010D12CE05")),
     ),
     "aidin": How(
         (b'{"hand_mode":3}\n',),
         ("--set", "start=homed", "--set", "rate=40"),
-        drives=(
-            (("currents", "index.m1=200", "-y", "--duration", "20"), b",200,"),
-            (("home", "-y"), b'"hand_mode":1}'),
-        ),
+        drive=(("currents", "index.m1=200", "-y", "--duration", "20"), b",200,"),
     ),
 }
 """By family: a new family is not in it until somebody has said what its manual calls a stop."""

@@ -221,7 +221,6 @@ def test_a_full_disk_leaves_nothing(tmp_path: Path) -> None:
     with mock.patch.object(report.os, "fsync", full):
         failed = taken("exo", tmp_path / "r.html")
     assert failed.code == OutputError.exit_code
-    assert "No space left" in failed.error["text"]
     assert os.listdir(tmp_path) == []
 
 

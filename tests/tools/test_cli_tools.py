@@ -1,4 +1,4 @@
-"""The tools of the field kit as programs: what a start loads, what a pipe gets, what a full disk does."""
+"""The tools of the field kit as programs: what a start loads, what a pipe gets, what closed streams do."""
 
 from __future__ import annotations
 
@@ -7,14 +7,15 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.cli import Simulator, clean_environment, program, run, run_program
+from tests.support.cli import Simulator, clean_environment, program, run
+from tests.support.each_row import each_row
 from tests.support.loading import heavy, loaded
 
 TOOLS = ("ports", "scan", "doctor")
 
 
 @pytest.mark.real
-@pytest.mark.parametrize("tool", TOOLS)
+@each_row("tool", TOOLS)
 def test_help_loads_no_family_and_no_back_end(tool: str) -> None:
     code, modules = loaded(tool, "-h")
     assert code == 0
@@ -23,7 +24,7 @@ def test_help_loads_no_family_and_no_back_end(tool: str) -> None:
 
 
 @pytest.mark.real
-@pytest.mark.parametrize("args", [("ports", "--json"), ("doctor", "--json")])
+@each_row("args", [("ports", "--json"), ("doctor", "--json")])
 def test_looking_at_the_machine_loads_no_family_and_on_linux_no_pyserial(args: tuple[str, ...]) -> None:
     code, modules = loaded(*args)
     assert code in (0, 7)
@@ -44,41 +45,24 @@ def test_a_dry_run_of_what_only_reads_is_refused(tool: str) -> None:
     assert run(tool, "-n").code == 2
 
 
-@pytest.mark.real
 def test_stdout_holds_data_only() -> None:
-    answer = run_program("scan", "-p", "fake://ekso?clock=virtual", "--format", "plain", "-v")
+    answer = run("scan", "-p", "fake://ekso?clock=virtual", "--format", "plain", "-v")
     assert (answer.code, answer.lines) == (0, [answer.out.rstrip("\n")])
     assert answer.out.startswith("ekso\t")
     assert "> 96 00 00 01" in answer.err
 
 
 @pytest.mark.real
-@pytest.mark.parametrize("end", [">/dev/full", ">&-"])
-@pytest.mark.parametrize("words", [
-    ("doctor",), ("exo", "status", "--fake"), ("exo", "describe", "--json"), ("exo", "watch", "--count", "2", "--fake"),
-    ("exo", "-h"), ("--version",), ("completion", "bash"), ("ekso", "time", "--fake", "--json"),
-])  # fmt: skip
-def test_a_stdout_that_takes_nothing_is_one_line_and_no_success(words: tuple[str, ...], end: str) -> None:
-    done = subprocess.run(
-        ["sh", "-c", f'exec "$@" {end}', "sh", *program(*words)], env=clean_environment(), stdin=subprocess.DEVNULL,
-        stderr=subprocess.PIPE, timeout=30, check=False, text=True,
-    )  # fmt: skip
-    assert done.returncode == 1
-    (line,) = [text for text in done.stderr.splitlines() if "error" in text]
-    assert "cannot be written" in line and "Traceback" not in done.stderr
-
-
-@pytest.mark.real
-@pytest.mark.parametrize(("end", "code"), [("<&- >&- 2>&-", 1), (">&-", 1), ("2>&-", 0), ("<&-", 0)])
-def test_closed_streams_are_not_taken_by_a_link(tmp_path: Path, end: str, code: int) -> None:
+def test_closed_streams_are_not_taken_by_a_link(tmp_path: Path) -> None:
     """Else the port would be descriptor 1 or 2, and what is meant for a person would go to the device."""
     trace = tmp_path / "trace.txt"
     with Simulator("--pty") as simulator:
-        words = program("exo", "get", "id", "-v", "--trace", trace, "-p", simulator.link)
-        done = subprocess.run(
-            ["sh", "-c", f'exec "$@" {end}', "sh", *words], env=clean_environment(), capture_output=True, timeout=30,
-            check=False,
-        )  # fmt: skip
-    assert (done.returncode, b"id" in done.stdout) == (code, not code)
-    sent = [line.split("> ")[1] for line in trace.read_text().splitlines() if " > " in line]
-    assert sent == ["EB 90 01 04 11 E8 03 01 02"]
+        for end, code in (("<&- >&- 2>&-", 1), (">&-", 1), ("2>&-", 0), ("<&-", 0)):
+            words = program("exo", "get", "id", "-v", "--trace", trace, "-p", simulator.link)
+            done = subprocess.run(
+                ["sh", "-c", f'exec "$@" {end}', "sh", *words], env=clean_environment(), capture_output=True, timeout=30,
+                check=False,
+            )  # fmt: skip
+            assert (done.returncode, b"id" in done.stdout) == (code, not code), end
+            sent = [line.split("> ")[1] for line in trace.read_text().splitlines() if " > " in line]
+            assert sent == ["EB 90 01 04 11 E8 03 01 02"], end

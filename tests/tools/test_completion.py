@@ -24,6 +24,7 @@ from handctl.families import COMMANDS, FAMILIES
 from handctl.frame.clikit import root
 from handctl.tools import completion as tool
 from tests.support.cli import run
+from tests.support.each_row import each_row
 from tests.support.shell import PRESENT, PROJECT, SCRIPTS, Terminal
 
 BATCH = r"""
@@ -110,7 +111,7 @@ def test_bash_offers_every_fixed_choice() -> None:
 
 
 @pytest.mark.real
-@pytest.mark.parametrize("family", FAMILIES)
+@each_row("family", FAMILIES)
 def test_names_and_elements_are_those_of_the_map(family: str) -> None:
     book = map_of(family)
     assert book is not None, f"the module of {family} has no map of its kind"

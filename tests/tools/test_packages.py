@@ -12,6 +12,7 @@ import pytest
 
 from handctl.frame.config import from_toml
 from handctl.tools.chips import CHIPS
+from tests.support.each_row import each_row
 from tests.support.places import PROJECT
 
 DEBIAN = PROJECT / ".packaging/debian"
@@ -54,7 +55,7 @@ def test_it_asks_for_the_python_of_the_project() -> None:
 
 
 @pytest.mark.real
-@pytest.mark.parametrize(("user", "reason"), [("1000", "a chroot needs root"), ("0", "debootstrap is not installed")])
+@each_row(("user", "reason"), [("1000", "a chroot needs root"), ("0", "debootstrap is not installed")])
 def test_without_its_tools_it_says_so(user: str, reason: str, tmp_path: Path) -> None:
     for name in ("bash", "dirname"):
         (tmp_path / name).symlink_to(str(shutil.which(name)))

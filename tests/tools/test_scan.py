@@ -519,9 +519,7 @@ def test_the_port_may_stand_before_the_verb_or_in_the_environment() -> None:
 @pytest.mark.parametrize(
     ("kind", "place", "baud"),
     [
-        ("exo", ("--pty",), 115200), ("wrist", ("--pty",), 115200), ("barrett", ("--pty",), 9600),
-        ("ekso", ("--pty",), 115200), ("wrist", ("--slcan-tcp", "127.0.0.1:0"), None),
-        ("aidin", ("--tcp", "127.0.0.1:0", "--set", "exchange=poll"), None),
+        ("barrett", ("--pty",), 9600), ("wrist", ("--slcan-tcp", "127.0.0.1:0"), None),
     ],
 )  # fmt: skip
 def test_served_simulators_are_named(kind: str, place: tuple[str, ...], baud: int | None) -> None:
