@@ -141,18 +141,18 @@ def check_schema(envelope: object) -> None:
     assert not problems, problems
 
 
-def clean_environment(extra: Mapping[str, str] | None = None) -> dict[str, str]:
-    """The environment without anything that changes handctl's output, plus `extra`."""
+def clean_environment(extra: Mapping[str, str] | None = None, of: Mapping[str, str] = os.environ) -> dict[str, str]:
+    """An environment without anything that changes handctl's output, plus `extra`."""
     dropped = ("NO_COLOR", "COLUMNS", "LINES", "FORCE_COLOR", "PYTHONUNBUFFERED")
-    kept = {k: v for k, v in os.environ.items() if not k.startswith("HANDCTL_") and k not in dropped}
+    kept = {k: v for k, v in of.items() if not k.startswith("HANDCTL_") and k not in dropped}
     return {**kept, "XDG_CONFIG_HOME": "/dev/null/none", **(extra or {})}
 
 
 @contextmanager
-def environment(wanted: Mapping[str, str]) -> Iterator[None]:
-    """Exactly these variables; only those that differ are touched, since thousands of commands run in one process."""
+def environment(extra: Mapping[str, str] | None = None) -> Iterator[None]:
+    """A clean environment; only what differs is touched, since thousands of commands run in one process."""
     before = dict(os.environ)
-    _become(wanted, before)
+    _become(clean_environment(extra, before), before)
     try:
         yield
     finally:
@@ -174,7 +174,7 @@ def run(*args: str | Path, env: Mapping[str, str] | None = None, stdin: str = ""
     said: list[str] = []
     with (
         hearing(said),
-        environment(clean_environment(env)),
+        environment(env),
         mock.patch.object(sys, "stdout", out),
         mock.patch.object(sys, "stderr", err),
         mock.patch.object(sys, "stdin", io.StringIO(stdin)),
