@@ -65,9 +65,14 @@ def pytest_configure(config: pytest.Config) -> None:
     config.pluginmanager.register(Collecting(KEPT))
 
 
-# The same examples in each run: what a new one finds is a task for the search, not an end of an ordinary run by chance.
+# The same few examples in each run: what a new one finds is a task for the search, not an end of an ordinary run by chance.
 settings.register_profile(
-    "any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow], derandomize=True, database=None
+    "any machine",
+    max_examples=40,
+    deadline=None,
+    suppress_health_check=[HealthCheck.too_slow],
+    derandomize=True,
+    database=None,
 )
 settings.load_profile("any machine")
 # It would take constants out of the modules that happen to be loaded: other examples in each worker, and a second to read them.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from handctl.devices.aidin.messages import (
@@ -175,7 +175,6 @@ FRAGMENTS = st.sampled_from([
 ])  # fmt: skip
 
 
-@settings(max_examples=100, deadline=None)
 @given(st.lists(st.one_of(FRAGMENTS, st.binary(max_size=40)), max_size=30))
 def test_fuzz_only_protocol_errors_and_a_bounded_buffer(pieces: list[bytes]) -> None:
     decoder = Decoder()
@@ -189,7 +188,6 @@ def test_fuzz_only_protocol_errors_and_a_bounded_buffer(pieces: list[bytes]) -> 
     assert drained(decoder)[-1] == A
 
 
-@settings(max_examples=100, deadline=None)
 @given(st.lists(st.one_of(FRAGMENTS, st.binary(max_size=40)), max_size=20), st.integers(1, 9))
 def test_fuzz_pieces_do_not_matter(pieces: list[bytes], size: int) -> None:
     data = b"".join(pieces)
@@ -225,7 +223,6 @@ def test_numbers_refused(value: object, int_range: tuple[int, int] | None, code:
     assert caught.value.code == code
 
 
-@settings(max_examples=100, deadline=None)
 @given(
     st.recursive(st.none() | st.booleans() | st.floats() | st.integers() | st.text(), lambda x: st.lists(x, max_size=4))
     | st.lists(st.floats() | st.integers(), min_size=3, max_size=3)

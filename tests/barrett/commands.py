@@ -13,6 +13,7 @@ from typing import Any
 
 from handctl.frame import snapshot
 from tests.support.cli import Result, Spy
+from tests.support.inputs import made_once
 
 MOTORS = ("F1", "F2", "F3", "SPREAD")
 Key = tuple[str, str | None]
@@ -210,6 +211,7 @@ def factory() -> dict[str, int | float]:
     }
 
 
+@made_once
 def prepare(scratch: Path) -> None:
     """The input files of the commands: `factory.json` equals a healthy hand, `stored.json` differs from it; firmware."""
     (scratch / "image.s19").write_text(FIRMWARE, encoding="ascii")

@@ -79,9 +79,8 @@ def _samples(burst: tuple[tuple[int, bytes, int], ...], listens: int, skew: int,
         bits = b"\1" * gap + b"".join(FRAMES[byte] for byte in data)
         size = baud * (1 + skew / 1000) / (SAMPLES * listens)  # bits from one sample to the next
         count = int((len(bits) - phase * size) / size + 0.999999)
-        out += bytes(
-            bits[int((number + phase) * size)] for number in range(count) if (number + phase) * size < len(bits)
-        )
+        places = [int((number + phase) * size) for number in range(count)]
+        out += bytes([bits[place] for place in places if place < len(bits)])
     return bytes(out) + b"\1" * (SAMPLES * IDLE)
 
 

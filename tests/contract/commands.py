@@ -12,6 +12,7 @@ from handctl.frame import snapshot
 from handctl.frame.clikit import Command
 from handctl.frame.family import load
 from tests.contract.facts import facts_of
+from tests.support.inputs import made_once
 
 SECONDS = 20.0
 """No command over virtual time takes so long."""
@@ -45,10 +46,10 @@ def writing_commands(family: str) -> list[str]:
     return [name for name, command in commands(family) if command.writes and (family, name) not in ELSEWHERE]
 
 
-def scratch_of(folder: Path) -> Path:
+@made_once
+def scratch_of(folder: Path) -> None:
     """A folder with a snapshot of each family that has settings."""
     for kind in FAMILIES:
         if values := facts_of(kind).snapshot:
             content = snapshot.make(kind, {"kind": kind}, dict(values), link="x", fake=True)
             snapshot.write(str(folder / f"{kind}.json"), content)
-    return folder

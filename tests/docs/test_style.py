@@ -5,7 +5,9 @@ from __future__ import annotations
 import ast
 import re
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
@@ -51,40 +53,51 @@ def column(heading: str, number: int) -> list[str]:
     return [row.split("|")[number].partition(" (")[0].strip() for row in rows[1:]]
 
 
-BANNED = [
-    re.compile(rf"(?<![\w`-])(?<!there ){re.escape(words)}(?!\w)", re.IGNORECASE)
-    for words in column("## Not this, but that", 1)
-]
+WORDS = column("## Not this, but that", 1)
+BANNED = re.compile(rf"(?<![\w`-])(?<!there )({'|'.join(map(re.escape, WORDS))})(?!\w)", re.IGNORECASE)
 
 
-def literals(path: Path) -> Iterator[tuple[int, str]]:
-    """The strings of a module without its docstrings; what is filled in is `{}`."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    inner: set[int] = set()
-    for node in ast.walk(tree):
+class Module(NamedTuple):
+    """What is read of one: its strings without the docstrings, where what is filled in is `{}`, and its unhelpful errors."""
+
+    literals: list[tuple[int, str]]
+    hintless: list[tuple[int, str]]
+
+
+@cache
+def module(path: Path) -> Module:
+    found = Module([], [])
+    tree, inner = ast.parse(path.read_text(encoding="utf-8")), set[int]()
+    for node in ast.walk(tree):  # what is around something comes before it
         if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
             inner.add(id(node.value))
-        elif isinstance(node, ast.JoinedStr):
+        elif isinstance(node, ast.JoinedStr) and id(node) not in inner:
             inner.update(id(part) for part in ast.walk(node) if part is not node)
-    for node in ast.walk(tree):
-        if id(node) in inner:
-            continue
-        if isinstance(node, ast.Constant) and isinstance(node.value, str):
-            yield node.lineno, node.value
-        elif isinstance(node, ast.JoinedStr):
-            yield (
-                node.lineno,
-                "".join(str(part.value) if isinstance(part, ast.Constant) else "{}" for part in node.values),
-            )
+            text = "".join(str(part.value) if isinstance(part, ast.Constant) else "{}" for part in node.values)
+            found.literals.append((node.lineno, text))
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in inner:
+            found.literals.append((node.lineno, node.value))
+        elif isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call):
+            if ast.unparse(node.exc.func).startswith("click."):
+                continue  # `frame.options.from_click` adds the command's own help as the next step
+            name = getattr(node.exc.func, "id", getattr(node.exc.func, "attr", ""))
+            if name in ERRORS and not any(keyword.arg == "hint" for keyword in node.exc.keywords):
+                found.hintless.append((node.lineno, name))
+    return found
+
+
+def modules(room: str) -> Iterator[tuple[str, Module]]:
+    for folder in ROOMS[room]:
+        for path in sorted(SOURCE.glob(folder) if "*" in folder else (SOURCE / folder).rglob("*.py")):
+            yield str(path.relative_to(SOURCE)), module(path)
 
 
 def texts(room: str) -> Iterator[tuple[str, str]]:
     """Place and words of every text of a room: a string of four words or more that is neither code nor markup."""
-    for folder in ROOMS[room]:
-        for path in sorted(SOURCE.glob(folder) if "*" in folder else (SOURCE / folder).rglob("*.py")):
-            for line, text in literals(path):
-                if len(text.split()) >= 4 and not re.search(r"<\w+|[{(]\n|</|: \{", text) and text not in VERBATIM:
-                    yield f"{path.relative_to(SOURCE)}:{line}", text
+    for place, one in modules(room):
+        for line, text in one.literals:
+            if len(text.split()) >= 4 and not re.search(r"<\w+|[{(]\n|</|: \{", text) and text not in VERBATIM:
+                yield f"{place}:{line}", text
 
 
 def sentences(text: str) -> list[str]:
@@ -94,9 +107,8 @@ def sentences(text: str) -> list[str]:
 def faults(text: str) -> Iterator[str]:
     """What a text has against the rules."""
     plain = re.sub(r"`[^`]*`|\"[^\"]*\"", "QUOTED", text)
-    for pattern in BANNED:
-        if found := pattern.search(plain):
-            yield f"{found[0]!r} is not a word of ours"
+    for found in BANNED.finditer(plain):
+        yield f"{found[0]!r} is not a word of ours"
 
 
 @pytest.mark.parametrize("room", ROOMS)
@@ -107,17 +119,7 @@ def test_texts(room: str) -> None:
 
 @pytest.mark.parametrize("room", ROOMS)
 def test_every_error_has_a_next_step(room: str) -> None:
-    found = []
-    for folder in ROOMS[room]:
-        for path in sorted(SOURCE.glob(folder) if "*" in folder else (SOURCE / folder).rglob("*.py")):
-            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-                if not (isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call)):
-                    continue
-                if ast.unparse(node.exc.func).startswith("click."):
-                    continue  # `frame.options.from_click` adds the command's own help as the next step
-                name = getattr(node.exc.func, "id", getattr(node.exc.func, "attr", ""))
-                if name in ERRORS and not any(keyword.arg == "hint" for keyword in node.exc.keywords):
-                    found.append(f"{path.relative_to(SOURCE)}:{node.lineno}: {name} without a hint")
+    found = [f"{place}:{line}: {name} without a hint" for place, one in modules(room) for line, name in one.hintless]
     assert not found, "\n".join(found)
 
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from handctl.frame import snapshot
+from tests.support.inputs import made_once
 
 ME = ("--yes", "--operator", "me")
 TIME, DATE, SETTINGS, DATA, FEEDBACK, SET, CANCEL = range(150, 157)
@@ -137,6 +138,7 @@ OFFLINE = (
 COMMANDS = (*READING, *WRITES, *OFFLINE)
 
 
+@made_once
 def prepare(path: Path) -> None:
     """The input files of the commands."""
     kept = {name: raw / scale for name, raw, scale in SETTING_WORDS if name not in ("swing_complete", "pilot_id")}

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from itertools import pairwise
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from handctl.devices.ekso.dataport import QUIET
@@ -216,7 +216,6 @@ def test_a_lost_link_is_not_retried() -> None:
     assert len(link.sent) == 1
 
 
-@settings(deadline=None, max_examples=150)
 @given(st.lists(st.one_of(st.binary(max_size=70), st.integers(0, 4)), min_size=1, max_size=6))
 def test_whatever_a_device_does_ends_in_an_answer_or_an_error(parts: list[bytes | int]) -> None:
     """Numbers stand for the right answer, whole or without its last bytes; bytes for anything."""

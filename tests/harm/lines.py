@@ -75,6 +75,7 @@ def leaves(group: click.Command, path: Path_) -> Iterator[tuple[Path_, click.Com
         yield from leaves(found, (*path, name))
 
 
+@cache
 def tree() -> dict[Path_, click.Command]:
     """Every command of the program that may reach a device."""
     return {

@@ -104,8 +104,8 @@ def test_a_mistake_is_found(
 ) -> None:  # fmt: skip
     before = cells(folder)
     assert before and not [one for one in before if one.failure]
-    monkeypatch.setattr(cell, "SECONDS", 2.0)
-    monkeypatch.setattr(cell, "CEILING", 256 << 20)
+    monkeypatch.setattr(cell, "SECONDS", 0.3)
+    monkeypatch.setattr(cell, "CEILING", 64 << 20)
     with mistake():
         after = [one for one in cells(folder) if one.failure]
     print(

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from handctl.frame import snapshot
 from tests.support.cli import FINGERS, POWER_ON, elements, s16
+from tests.support.inputs import made_once
 
 Truth = dict[str, int]
 """Values by full name, `error.index`."""
@@ -164,6 +165,7 @@ def power_on_truth() -> Truth:
     }
 
 
+@made_once
 def prepare(scratch: Path) -> None:
     """The input files of the commands: `power-on.json` equals a healthy hand, `stored.json` differs from it."""
     truth = power_on_truth()

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from handctl.frame import snapshot
 from handctl.sim.hand import MODELS
+from tests.support.inputs import made_once
 
 FINGERS = ("little", "ring", "middle", "index", "thumb_bend", "thumb_rotation")
 STORED = {f"default_speed.{finger}": 300 + number for number, finger in enumerate(FINGERS)}
@@ -117,6 +118,7 @@ WRITING = (
 COMMANDS = (*READING, *WRITING)
 
 
+@made_once
 def prepare(scratch: Path) -> None:
     """The input file of the commands: `stored.json` differs from a healthy hand in its default speeds."""
     values = {**STORED, **{f"default_force.{finger}": 501 + number for number, finger in enumerate(FINGERS)}}

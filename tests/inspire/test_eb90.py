@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from handctl.devices.inspire import eb90
@@ -304,7 +304,6 @@ def test_any_stream_gives_frames_none_or_protocol_errors(chunks: list[bytes], pr
     assert decoder.skipped + sum(len(frame.encode()) for frame in frames) == len(seen)
 
 
-@settings(max_examples=100)
 @given(IDS, st.integers(0, 65535), st.binary(min_size=1, max_size=30), JUNK, JUNK, st.integers(1, 50))
 def test_a_frame_in_junk_is_found(
     device_id: int, address: int, data: bytes, before: bytes, after: bytes, chunk: int

@@ -13,6 +13,7 @@ from typing import Any
 
 from handctl.frame import snapshot
 from tests.support.cli import Spy, s16
+from tests.support.inputs import made_once
 
 Truth = dict[str, float]
 """Values by name, degrees as degrees."""
@@ -180,6 +181,7 @@ def link(wire: str, **options: object) -> str:
     )
 
 
+@made_once
 def prepare(scratch: Path) -> None:
     """The input files of the commands: `power-on.json` equals a healthy wrist, `stored.json` differs from it."""
     held = names(*SETTINGS)(power_on_truth())

@@ -8,7 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from handctl.errors import OutputError, UsageError
@@ -300,7 +300,6 @@ VALUES = st.fixed_dictionaries(
 )
 
 
-@settings(max_examples=60, deadline=None)
 @given(
     st.sampled_from(["", FULL, "id = 1", FULL.replace("\n", "\r\n")]), st.sampled_from(["left", "right", "x-1"]), VALUES
 )

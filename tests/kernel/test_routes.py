@@ -102,14 +102,14 @@ def other_value(param: Param, now: object) -> float:
 
 KINDS = ("exo", "wrist", "barrett")
 """Those whose maps are written by `set` and ask by their rules; an ekso asks before every setting (test_cli_ekso)."""
+BEFORE = {kind: power_on(kind) for kind in KINDS}
 CASES = [
     (kind, route, element, value)
     for kind in KINDS
-    for now in (power_on(kind),)
     for param in map_of(kind) or ()
     if param.writable and not param.optional
     for element in elements_of(param)[:1]
-    for value in (other_value(param, now[element.full_name]),)
+    for value in (other_value(param, BEFORE[kind][element.full_name]),)
     for route in routes(kind, element, value)
 ]
 
@@ -130,14 +130,13 @@ def test_every_route_to_a_quantity_asks_as_set_does(tmp_path: Path, kind: str) -
     for route, element, value in (case[1:] for case in CASES if case[0] == kind):
         told = f"{element.full_name} by {route.name}"
         (tmp_path / "state.json").unlink(missing_ok=True)
-        before = held(kind, tmp_path)
         refused = run(*words(route, kind, tmp_path), *where)
         asks = refused.code == 8
         if not asks:
             assert refused.code == 0, (told, refused)
             (tmp_path / "state.json").unlink()
         else:
-            assert held(kind, tmp_path) == before, f"{told}: unconfirmed, nothing is written"
+            assert held(kind, tmp_path) == BEFORE[kind], f"{told}: unconfirmed, nothing is written"
         expected = element.param.strands or (kind == "exo" and element.param.moves)
         assert asks == (expected or (kind, route.name) in MORE), (told, refused)
         done = run(*words(route, kind, tmp_path), "-y", *where)

@@ -23,7 +23,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
-from types import FrameType
+from types import CodeType, FrameType
 from typing import Any, NamedTuple
 from unittest import mock
 
@@ -113,16 +113,21 @@ def numbers(place: Place) -> tuple[str, frozenset[int]]:
 class Stepper:
     """Follows the program line by line once it has sent something."""
 
-    def __init__(self, only: str = "") -> None:
-        self.only = only
-        """The one file that is followed; "" = all."""
+    def __init__(self, only: str = "", lines: frozenset[int] = frozenset()) -> None:
+        self.only, self.lines = only, lines
+        """The one file that is followed, where a function has one of these lines; "" = all."""
         self.began = False
+        self._passed: dict[CodeType, bool] = {}
 
     def call(self, frame: FrameType, _event: str, _arg: object) -> Any:
         """What the interpreter asks at each call: who follows its lines."""
-        name = frame.f_code.co_filename
+        code = frame.f_code
+        name = code.co_filename
         if self.only:
-            return self.line if name == self.only else None
+            if code not in self._passed:
+                own = name == self.only and not self.lines.isdisjoint(line or 0 for *_, line in code.co_lines())
+                self._passed[code] = not own
+            return None if self._passed[code] else self.line
         return self.line if name.startswith(PACKAGE) and not name.startswith(DEVICES) else None
 
     def line(self, frame: FrameType, event: str, _arg: object) -> Any:
@@ -166,10 +171,10 @@ class Alone(Stepper):
 
 
 class Counting(Stepper):
-    """Counts how often each line runs."""
+    """Counts how often each line runs, or each of these."""
 
-    def __init__(self) -> None:
-        super().__init__()
+    def __init__(self, only: str = "", lines: frozenset[int] = frozenset()) -> None:
+        super().__init__(only, lines)
         self.count: Counter[tuple[str, int]] = Counter()
 
     def stepped(self, path: str, line: int) -> None:
@@ -180,8 +185,8 @@ class Pressing(Stepper):
     """Ctrl-C when one of these lines runs for the `at`-th time; `then` follows what runs behind it."""
 
     def __init__(self, path: str, lines: frozenset[int], at: int, *, then: bool = False) -> None:
-        super().__init__("" if then else path)
-        self.path, self.lines, self.at, self.then = path, lines, at, then
+        super().__init__("" if then else path, lines)
+        self.path, self.at, self.then = path, at, then
         self.behind: set[tuple[str, int]] = set()
 
     def stepped(self, path: str, line: int) -> None:
@@ -245,6 +250,15 @@ def usual(moving: Moving) -> Counter[Place]:
     return count
 
 
+@cache
+def times(moving: Moving, place: Place) -> int:
+    """How often it then runs the lines of one place."""
+    whole(moving)
+    path, lines = numbers(place)
+    _apart(moving, counting := Counting(path, lines))
+    return sum(counting.count[path, line] for line in lines)
+
+
 def judged(moving: Moving, ended: Ended) -> str:
     """How it ended. Raises AssertionError where it tells less than happened, or has not stopped what it says to have ended."""
     family, name, halt = moving.family, moving.words.split()[0], moving.halt
@@ -301,7 +315,7 @@ class AnyLine(Suite):
         moving, place, when = taken(cell)
         path, lines = numbers(place)
         whole(moving)
-        stepper = Pressing(path, lines, usual(moving)[place] if when == LAST else 1, then=then)
+        stepper = Pressing(path, lines, times(moving, place) if when == LAST else 1, then=then)
         ended = go(moving, stepper)
         if stepper.at > 0:
             return NOT_REACHED, stepper

@@ -7,7 +7,7 @@ from __future__ import annotations
 from binascii import crc_hqx
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from handctl.sim import kinds, model_class
@@ -379,7 +379,6 @@ def test_requests_in_pieces_and_in_a_row() -> None:
     assert bench.ask(f"{GET_TIME} {GET_DATE} {GET_TIME[:9]}") == f"{TIME_4} {DATE_4}"
 
 
-@settings(max_examples=150, deadline=None)
 @given(st.lists(st.binary(max_size=40), max_size=6), st.sampled_from(["body", "n-4", "n-2", "frame"]))
 def test_junk_never_raises_and_never_sets(chunks: list[bytes], length: str) -> None:
     bench = Bench(length=length)
@@ -389,7 +388,6 @@ def test_junk_never_raises_and_never_sets(chunks: list[bytes], length: str) -> N
     assert bench.line.command("counts") == "set 0 cancel 0 violations 0"
 
 
-@settings(max_examples=150, deadline=None)
 @given(st.integers(0, 255), st.integers(0, 65535), st.binary(max_size=40))
 def test_any_good_message_is_answered(command: int, ident: int, body: bytes) -> None:
     bench = Bench()

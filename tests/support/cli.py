@@ -134,24 +134,37 @@ def schema() -> Draft202012Validator:
     return Draft202012Validator(content)
 
 
-def check_schema(envelope: object) -> None:
+KNOWN: set[tuple[Any, ...]] = set()
+"""Rows that the schema allows, by their shape."""
+
+
+def shape(row: Any) -> tuple[Any, ...]:
+    """All that the schema asks of a row: which keys it has, and what kind of value each."""
+    kinds = tuple((key, type(value), type(value) is list and frozenset(map(type, value))) for key, value in row.items())
+    return kinds, str(row.get("t", "")).startswith("-")
+
+
+def check_schema(envelope: Any) -> None:
     """Assert that an envelope is valid by the packaged schema."""
+    new = {shape(row): row for row in envelope.get("rows", ())}
+    envelope = {**envelope, **({"rows": [row for seen, row in new.items() if seen not in KNOWN]} if new else {})}
     problems = [f"{'/'.join(map(str, e.absolute_path))}: {e.message}" for e in schema().iter_errors(envelope)]
     assert not problems, problems
+    KNOWN.update(new)
 
 
-def clean_environment(extra: Mapping[str, str] | None = None) -> dict[str, str]:
-    """The environment without anything that changes handctl's output, plus `extra`."""
+def clean_environment(extra: Mapping[str, str] | None = None, of: Mapping[str, str] = os.environ) -> dict[str, str]:
+    """An environment without anything that changes handctl's output, plus `extra`."""
     dropped = ("NO_COLOR", "COLUMNS", "LINES", "FORCE_COLOR", "PYTHONUNBUFFERED")
-    kept = {k: v for k, v in os.environ.items() if not k.startswith("HANDCTL_") and k not in dropped}
+    kept = {k: v for k, v in of.items() if not k.startswith("HANDCTL_") and k not in dropped}
     return {**kept, "XDG_CONFIG_HOME": "/dev/null/none", **(extra or {})}
 
 
 @contextmanager
-def environment(wanted: Mapping[str, str]) -> Iterator[None]:
-    """Exactly these variables; only those that differ are touched, since thousands of commands run in one process."""
+def environment(extra: Mapping[str, str] | None = None) -> Iterator[None]:
+    """A clean environment; only what differs is touched, since thousands of commands run in one process."""
     before = dict(os.environ)
-    _become(wanted, before)
+    _become(clean_environment(extra, before), before)
     try:
         yield
     finally:
@@ -176,7 +189,7 @@ def run(
     said: list[str] = []
     with (
         hearing(said),
-        environment(clean_environment(env)),
+        environment(env),
         mock.patch.object(sys, "stdout", out),
         mock.patch.object(sys, "stderr", err),
         mock.patch.object(sys, "stdin", io.StringIO(stdin)),

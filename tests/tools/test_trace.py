@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from handctl.errors import UsageError
@@ -496,7 +496,6 @@ CHUNK = st.one_of(
 
 
 @pytest.mark.parametrize("family", TOLD)
-@settings(max_examples=60, deadline=None)
 @given(chunks=st.lists(st.tuples(st.booleans(), CHUNK), max_size=24))
 def test_garbage_is_told_and_nothing_is_lost(family: str, chunks: list[tuple[bool, bytes]]) -> None:
     lines = [f"{'>' if host else '<'} {data.hex(' ')}" for host, data in chunks]
@@ -513,13 +512,11 @@ def test_garbage_is_told_and_nothing_is_lost(family: str, chunks: list[tuple[boo
 
 
 @pytest.mark.parametrize("family", TOLD)
-@settings(max_examples=60, deadline=None)
 @given(data=st.binary(min_size=1, max_size=80))
 def test_any_bytes_decode(family: str, data: bytes) -> None:
     assert b"".join(piece.raw for piece in explainer_of(family).decode(data)) == data
 
 
-@settings(max_examples=40, deadline=None)
 @given(can_id=st.integers(0, (1 << 29) - 1), data=st.binary(max_size=8), host=st.booleans())
 def test_any_can_frame_decodes(can_id: int, data: bytes, host: bool) -> None:
     line = f"{'>' if host else '<'} can {can_id:08X} [{len(data)}] {data.hex(' ')}".rstrip()

@@ -166,6 +166,7 @@ def test_every_module_loads_from_the_file(pyz: Path) -> None:
     assert schema == json.loads((PROJECT / "src/handctl/schema/envelope-1.json").read_text(encoding="utf-8"))
 
 
+@pytest.mark.real  # with those that run the file: making it takes longer than any ordinary test
 def test_what_is_in_the_file(pyz: Path) -> None:
     assert pyz.read_bytes().startswith(b"#!/usr/bin/env python3\n")
     assert pyz.stat().st_mode & 0o777 == 0o755

@@ -9,12 +9,13 @@ import re
 import textwrap
 
 WIDTH = 78
-SPECIAL = {"\\": r"\e", "-": r"\-", "'": r"\(aq", "`": r"\(ga", "^": r"\(ha", "~": r"\(ti"}
+SPECIAL = str.maketrans({"\\": r"\e", "-": r"\-", "'": r"\(aq", "`": r"\(ga", "^": r"\(ha", "~": r"\(ti"})
 
 
 def escape(text: str) -> str:
     """Plain text as roff: hyphens stay hyphens (an option can be copied), other scripts become \\[uXXXX]."""
-    return "".join(SPECIAL.get(c) or (c if c.isascii() else f"\\[u{ord(c):04X}]") for c in text)
+    coded = text.translate(SPECIAL)
+    return coded if coded.isascii() else "".join(c if c.isascii() else f"\\[u{ord(c):04X}]" for c in coded)
 
 
 def bold(text: str) -> str:

@@ -40,8 +40,7 @@ class Value(NamedTuple):
         return f"{self.kind}:{detail}" if detail else self.kind
 
 
-@dataclass(frozen=True, slots=True)
-class Option:
+class Option(NamedTuple):
     """One option. `value` is None for a flag; `shared` options work at any level, `section` is theirs in the help."""
 
     names: tuple[str, ...]

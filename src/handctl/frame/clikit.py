@@ -19,13 +19,14 @@ from handctl.errors import HandctlError, Interrupted, OutputError, UsageError
 from handctl.families import COMMANDS, LISTED
 from handctl.frame.family import Family
 from handctl.frame.numbers import Hertz, Seconds
-from handctl.frame.options import COMMAND_LINE, STOPPING, Settings, SharedOption, config_path, read_config
+from handctl.frame.options import COMMAND_LINE, STOPPING, Settings, SharedOption, config_path, read_config, words_of
 from handctl.frame.usage import (
     HEADINGS,
     MOST,
     USUAL,
     Described,
     NoCommand,
+    bare,
     need_command,
     plain_help,
     write_examples,
@@ -134,7 +135,8 @@ class Group(Described, click.Group):
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         need_command(ctx, args)
         ctx.meta[STOPPING] = "stop" in args
-        return super().parse_args(ctx, args)
+        with bare(ctx, args[:1]):  # whatever stands behind a command is that command's
+            return super().parse_args(ctx, args)
 
     def refused(self) -> frozenset[str]:
         """What all its commands refuse."""
@@ -371,7 +373,7 @@ def run_root(args: Sequence[str], otherwise: Callable[[Sequence[str]], bool] = l
         if exc.ctx is not None:
             streams = getattr(exc.ctx.command, "streams", False)
             extra = {"writes": []} if getattr(exc.ctx.command, "writes", False) else {}
-            command = " ".join(exc.ctx.command_path.split()[1:])
+            command = " ".join(words_of(exc.ctx))
     except click.ClickException as exc:
         error = HandctlError(exc.format_message(), hint=getattr(exc, "hint", ""))
         error.exit_code = exc.exit_code

@@ -10,7 +10,7 @@ import click
 from handctl.errors import HandctlError, UsageError
 from handctl.frame.cause import from_click
 from handctl.frame.clikit import TAKEN, Command, root
-from handctl.frame.options import COMMAND_LINE, GIVEN, SOURCES
+from handctl.frame.options import COMMAND_LINE, GIVEN, SOURCES, words_of
 from handctl.frame.plan import Plan, Planning
 from handctl.frame.run import SESSION, Run
 from handctl.frame.usage import BARE, NoCommand
@@ -82,7 +82,7 @@ def line(words: Sequence[str], given: Mapping[str, Any], number: int = 0) -> Lin
             if f"{key}@" not in said:
                 said.pop(key, None)
         del leaf.meta[TAKEN]
-        command = " ".join(leaf.command_path.split()[1:])
+        command = " ".join(words_of(leaf))
         return Line(number, command, leaf, leaf.command, leaf.command.settings(leaf))
     except NoCommand as exc:
         raise UsageError(

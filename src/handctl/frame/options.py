@@ -84,6 +84,13 @@ WITHOUT_DEVICE = ("devices list", "devices add", "devices remove")
 """They edit what the named devices are made of, so they must not need one."""
 
 
+def words_of(ctx: click.Context) -> list[str]:
+    """The words that lead to a command, behind `handctl`."""
+    above = words_of(ctx.parent) if ctx.parent is not None else []
+    words = (ctx.info_name or "").split()
+    return [*above, *words] if ctx.parent is not None else words[1:]
+
+
 class SharedOption(click.Option):
     """An option that means the same at root, group and leaf. It writes `settings key = value` into the shared meta.
 
@@ -110,7 +117,10 @@ class SharedOption(click.Option):
     def handle_parse_result(
         self, ctx: click.Context, opts: Mapping[str, Any], args: list[str]
     ) -> tuple[Any, list[str]]:
-        """As click does. What makes no sense does not hold up a stop; which of two places it is meant for is no such thing."""
+        """As click does, but for what was not given: it says nothing. What makes no sense does not hold up a stop; which of two
+        places it is meant for is no such thing."""
+        if self.name not in opts:
+            return None, args
         try:
             return super().handle_parse_result(ctx, opts, args)
         except (click.UsageError, UsageError) as exc:
@@ -124,7 +134,7 @@ class SharedOption(click.Option):
         if source is not click.core.ParameterSource.COMMANDLINE or (not value and isinstance(value, bool)):
             return
         given: dict[str, Any] = ctx.meta.setdefault(GIVEN, {})
-        level = len(ctx.command_path.split())
+        level = len(words_of(ctx))
         if self.key in ("port", "fake"):
             other = "fake" if self.key == "port" else "port"
             if given.get(f"{other}@") == level:

@@ -30,6 +30,7 @@ from handctl.frame.options import (
     lasting_options,
     own_options,
     read_config,
+    words_of,
 )
 from handctl.frame.own import OWN
 
@@ -55,7 +56,7 @@ def resolve(ctx: click.Context, wires: Sequence[str] = (), device: str = "", *, 
     passed: list[UsageError] = ctx.meta.setdefault(PASSED_OVER, [])
     passed += [exc if isinstance(exc, UsageError) else UsageError(exc.format_message()) for exc in unfit]
     _take_environment(ctx, chosen, options, passed if urgent else None)
-    command = " ".join(ctx.command_path.split()[1:])
+    command = " ".join(words_of(ctx))
     if command != WITHOUT_FILE:
         try:
             _from_file(chosen, options, passed if urgent else None, with_device=command not in WITHOUT_DEVICE)

@@ -21,7 +21,7 @@ from handctl.frame.console import TerminalGuide, print_message, print_writes
 from handctl.frame.envelope import device_row, make_envelope
 from handctl.frame.family import Family, implied, in_words, load
 from handctl.frame.filetypes import files_of
-from handctl.frame.options import SOURCES, Settings, Source
+from handctl.frame.options import SOURCES, Settings, Source, words_of
 from handctl.frame.premises import check_before, link_name, refuse_other_family, tell_unasked, unsent
 from handctl.screen.filter import text_shown
 
@@ -50,7 +50,7 @@ class Run:
 
         self.settings = settings
         self.family = family
-        self.command = " ".join(ctx.command_path.split()[1:])
+        self.command = " ".join(words_of(ctx))
         self.guide = self.person()
         self.journal = Journal(self._show_message, self.guide.progress)
         self.live = False

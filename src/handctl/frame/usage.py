@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 import click
@@ -16,14 +17,14 @@ import click
 from handctl.frame.examples import MOST as MOST_EXAMPLES
 from handctl.frame.examples import examples_of
 from handctl.frame.family import Family
-from handctl.frame.options import CONNECTION, OUTPUT, WRITING, SharedOption, own_options, shared_options
+from handctl.frame.options import CONNECTION, OUTPUT, WRITING, SharedOption, own_options, shared_options, words_of
 
 MOST = 1000
 """Characters of a first sentence: all of it."""
 HEADINGS = ("Look", "Move", "Settings", "Service", "Files")
 """What a technician wants to do: the commands of a family are listed below these, in this order."""
 BARE = "handctl.bare"
-"""Key in click's shared meta: no word of the command line is an option, so that none need be looked for."""
+"""Key in click's shared meta: no word that is parsed is an option, so that none need be looked for."""
 USUAL = ("status", "dump", "get", "watch", "describe", "stop", "set", "report", "doctor", "snapshot", "diff", "restore")
 """What every device has stands first below its heading, in this order."""
 
@@ -51,6 +52,17 @@ def _show_help(ctx: click.Context, _param: click.Parameter, value: bool) -> None
 
 class NoCommand(click.UsageError):
     """A group was called without a command: the message is its help, for stderr."""
+
+
+@contextmanager
+def bare(ctx: click.Context, words: Sequence[str]) -> Iterator[None]:
+    """While these words are parsed: where none of them is an option, none is looked for."""
+    before = ctx.meta.get(BARE, False)
+    ctx.meta[BARE] = before or not (ctx.resilient_parsing or any(word.startswith("-") for word in words))
+    try:
+        yield
+    finally:
+        ctx.meta[BARE] = before
 
 
 def need_command(ctx: click.Context, args: Sequence[str]) -> None:
@@ -164,7 +176,7 @@ class Described(click.Command):
 
 def write_examples(ctx: click.Context, formatter: click.HelpFormatter) -> None:
     """Two or three command lines with what they show."""
-    if examples := examples_of(ctx.command_path.split()[1:])[:MOST_EXAMPLES]:
+    if examples := examples_of(words_of(ctx))[:MOST_EXAMPLES]:
         with formatter.section("Examples"):
             for line, text in examples:
                 formatter.write(f"  {line}\n")

@@ -230,6 +230,13 @@ def numbers(
         raise ProtocolError(f"expected an array of {count} numbers, found {_shown(value)}", hint=BYTES, code="bad-type")
     if len(value) != count:
         raise ProtocolError(f"expected {count} numbers, found {len(value)}", hint=BYTES, code="bad-length")
+    kinds = {*map(type, value)}
+    if (
+        int_range is None and kinds == {float} and isfinite(sum(value))
+    ):  # as nearly all are; what is not is looked at below
+        return tuple(value)
+    if int_range is not None and kinds == {int} and int_range[0] <= min(value) and max(value) <= int_range[1]:
+        return tuple(value)
     found: list[int | float | None] = []
     wrong: dict[int, ProtocolError] = {}
     for place, single in enumerate(value):

@@ -122,9 +122,9 @@ class Motor:
 
     def current(self, torque: int) -> int:
         """What the current sensor reads."""
-        pull = self.pull(torque)
-        most = abs(self.rest) if self.drive == "off" or self.dead else torque
-        return round(max(-most, min(most, pull + self.rest)))
+        if self.drive == "off" or self.dead:
+            return self.rest
+        return round(max(-torque, min(torque, self.pull(torque) + self.rest)))
 
 
 class Hand:
@@ -233,16 +233,13 @@ class Hand:
 
     def _forces(self) -> list[float]:
         """Zero error, drift of the force channels, touch, and the pressure of a finger on an obstacle (Fz)."""
-        values = []
-        for place in range(30):
-            finger, element = divmod(place, 6)
-            value = self.offsets[place] + self.touch[place]
-            if element < 3:
-                value += self.drift * self.warm * (1.0 + 0.1 * place)
-            third = self.motors[3 * finger + 2]
-            if element == 2 and third.ceiling < third.stroke and third.stalled():
-                value += PRESS * max(0.0, third.pull(self.torque))
-            values.append(value)
+        values = [offset + touch for offset, touch in zip(self.offsets, self.touch, strict=True)]
+        for place in range(30) if self.drift else ():
+            if place % 6 < 3:
+                values[place] += self.drift * self.warm * (1.0 + 0.1 * place)
+        for finger, third in enumerate(self.motors[2::3]):
+            if third.ceiling < third.stroke and third.stalled():
+                values[6 * finger + 2] += PRESS * max(0.0, third.pull(self.torque))
         return values
 
     def _shares(self) -> list[tuple[float, float, float]]:

@@ -148,6 +148,7 @@ class Writer:
         """What the faults "stuck" and "frozen" remember is taken anew."""
         self._stuck: str | None = None
         self._frozen = b""
+        self._spelled: dict[str, tuple[object, list[str]]] = {}  # of each key what was spelled last, and how
 
     def feedback(self, hand: Hand, hits: frozenset[str]) -> bytes:
         """All five keys at this moment, spoiled as `hits` wants."""
@@ -178,12 +179,24 @@ class Writer:
     def _rows(self, hand: Hand, degrees: bool) -> dict[str, list[str]]:
         scale = 1.0 if degrees else RADIANS
         long = min(self._digits, 3) if self._digits < 17 else 17
+        counts, currents, forces = hand.encoders(), hand.currents(), hand.sensors()
+
+        def row(key: str, source: object, spelled: Callable[[], list[str]]) -> list[str]:
+            """Values that are as they were are not spelled again."""
+            if key not in self._spelled or self._spelled[key][0] != source:
+                self._spelled[key] = source, spelled()
+            return [*self._spelled[key][1]]
+
         return {
-            "motor_pos": [f"{count}{self._point}" for count in hand.encoders()],
-            "joint_pos": [_number(angle * scale, self._digits) for angle in hand.joints()],
-            "task_space_pos": [_number(place, long) for place in hand.tips()],
-            "current_state": [f"{current}{self._point}" for current in hand.currents()],
-            "sensor_state": [_number(force, self._digits) for force in hand.sensors()],
+            "motor_pos": row("motor_pos", counts, lambda: [f"{count}{self._point}" for count in counts]),
+            "joint_pos": row(
+                "joint_pos", (counts, scale), lambda: [_number(angle * scale, self._digits) for angle in hand.joints()]
+            ),
+            "task_space_pos": row("task_space_pos", counts, lambda: [_number(place, long) for place in hand.tips()]),
+            "current_state": row(
+                "current_state", currents, lambda: [f"{current}{self._point}" for current in currents]
+            ),
+            "sensor_state": row("sensor_state", forces, lambda: [_number(force, self._digits) for force in forces]),
         }
 
     def _misread(self, rows: dict[str, list[str]], hits: frozenset[str]) -> None:

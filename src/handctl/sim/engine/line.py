@@ -276,9 +276,11 @@ class Line(Cable):
 
     def _collect(self) -> None:
         """Takes the replies of the device and puts those that are due on the wire."""
-        for reply in sorted(self.device.take(), key=lambda reply: reply.due):
-            self._transmit(reply)
-        self._dispatch(self._present())
+        if replies := self.device.take():
+            for reply in sorted(replies, key=lambda reply: reply.due):
+                self._transmit(reply)
+        if self._out:
+            self._dispatch(self._present())
         self._persist()
 
     def _transmit(self, reply: Reply) -> None:

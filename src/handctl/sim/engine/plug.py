@@ -39,11 +39,15 @@ class Plug:
 
     def out(self, now: float) -> bool:
         """Whether it is out."""
+        if not self._plan:
+            return now < self._until
         since = now - self._start
         return now < self._until or any(at <= since < at + seconds for at, seconds in self._plan)
 
     def next_event(self, now: float) -> float | None:
         """When that changes next."""
+        if not self._plan and self._until <= now:
+            return None
         moments = [self._until, *(self._start + edge for at, seconds in self._plan for edge in (at, at + seconds))]
         return min((moment for moment in moments if now < moment < float("inf")), default=None)
 

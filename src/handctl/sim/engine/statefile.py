@@ -49,8 +49,7 @@ def save(path: str, device: Model) -> None:
     temporary = f"{target}.{os.getpid()}.tmp"
     try:
         with open(temporary, "w", encoding="utf-8", newline="\n") as file:
-            json.dump(state, file, indent=1)
-            file.write("\n")
+            file.write(json.dumps(state) + "\n")
             file.flush()
             disk.sync(file.fileno())
         os.replace(temporary, target)

@@ -91,6 +91,8 @@ class Finger(Servo):
         if self.blocked and self.target is not None and self.position != self.target:
             goal = STALL_FORCE if self.target > self.position else -STALL_FORCE
         way = goal - self.force
+        if not way:
+            return
         step = min(abs(way), FORCE_RATE * seconds)
         self.force += step if way > 0 else -step
 

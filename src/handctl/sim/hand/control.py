@@ -63,6 +63,7 @@ def poke(hand: Hand, place: int, data: bytes) -> None:
     hand.publish()
     before = bytes(memory)
     memory[place : place + len(data)] = data
+    hand.felt = None
 
     def changed(word: str, number: int) -> int | None:
         """The new value of this reading, None if it is still the old one."""
@@ -127,7 +128,7 @@ def restore(device: Front, state: dict[str, Any]) -> None:
     if set(acts) != set(ACTS):
         raise ValueError("impossible acts")
     body = hand.body.check(state["fingers"])
-    hand.space.memory, hand.kept, hand.acts = memory, kept, acts
+    hand.space.memory, hand.kept, hand.acts, hand.felt = memory, kept, acts, None
     hand.flash_number, hand.flash_code, hand.flash_address = flash
     hand.number, hand.speed_code, hand.address = in_force
     hand.body.use(*body)

@@ -62,6 +62,7 @@ class Hand:
         self.kept = {word: setup.golden[word] for word in self._kept_words()}
         self.connections = 0  # clients that came over the network so far
         self._told = 0.0  # when the readings were refreshed
+        self.felt: object = None  # what the skin in memory shows
 
     def _rows(self) -> Rows:
         """Those of the generation; the speed code at its other place, and the gestures of older firmware."""
@@ -116,7 +117,7 @@ class Hand:
         self.body.power_on()
         if not on:
             return
-        self.space.memory = bytearray(MEMORY)
+        self.space.memory, self.felt = bytearray(MEMORY), None
         self.number, self.speed_code, self.address = self.flash_number, self.flash_code, self.flash_address
         self.put("id", [self.number])
         self.space.memory[self.speed_place] = self.flash_code
@@ -310,7 +311,9 @@ class Hand:
         presses = [finger.pressed() for finger in body.fingers]
         if "tactile" in generation.places:
             dead, saturated = "tactile-dead" in self.faults, "tactile-saturated" in self.faults
-            self.put("tactile", tactile.skin(presses, dead, saturated, self.setup.quiet))
+            if self.felt != (felt := (presses, dead, saturated)):
+                self.put("tactile", tactile.skin(presses, dead, saturated, self.setup.quiet))
+                self.felt = felt
         elif "touch" in generation.places:
             self.put("touch", tactile.words(presses))
 
