@@ -1,7 +1,7 @@
 # fish completion of handctl, generated from its command tree: do not edit
 
 function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets cmds opts takes args
-    set shared '-p	Where the device is: /dev/ttyUSB0, COM3, usb:VID:PID[:SERIAL], tcp://HOST:PORT, fake://…, replay:FILE, any pyserial URL.' '--port	Where the device is: /dev/ttyUSB0, COM3, usb:VID:PID[:SERIAL], tcp://HOST:PORT, fake://…, replay:FILE, any pyserial URL.' '--fake	Talk to the built-in simulator of this device.' '-d	A device of the configuration file, see handctl devices. A,B or \'*\' names several.' '--device	A device of the configuration file, see handctl devices. A,B or \'*\' names several.' '--id	Device id.' '--baud	Speed of the serial port in bit/s.' '--timeout	Seconds to wait for an answer.' '--deadline	Seconds for the whole command.' '--retries	Repeat a read without a valid answer N times. Writes are never repeated.' '--trace	Record every byte with its time. -p replay:FILE plays it back.' '--format	How results are written (default: table).' '--json	Same as --format json. A stream prints one row a line.' '--csv	Same as --format csv.' '-o	Write output to FILE instead of stdout. FILE is replaced only when complete.' '--output	Write output to FILE instead of stdout. FILE is replaced only when complete.' '--no-formulas	In CSV, put \' before a text that a spreadsheet would calculate.' '--wide	In CSV, write one row a sample, with a column for each quantity.' '--long	In CSV, write one row a value (default, but for realtime and watch -o FILE.csv).' '--no-wide	In CSV, write one row a value (default, but for realtime and watch -o FILE.csv).' '--color	Use colour (default: auto, which honours NO_COLOR).' '-q	Print only errors on stderr.' '--quiet	Print only errors on stderr.' '-v	Show every byte on stderr, as --trace records it.' '--verbose	Show every byte on stderr, as --trace records it.' '--debug	Show tracebacks.' '-n	Print the exact bytes that would be written, and send nothing.' '--dry-run	Print the exact bytes that would be written, and send nothing.' '-y	Confirm without asking.' '--yes	Confirm without asking.' '--assume-identity	Write without checking which device answers. Only accepted on the command line.'
+    set shared '-p	Where the device is: /dev/ttyUSB0, COM3, usb:VID:PID[:SERIAL], tcp://HOST:PORT, fake://…, replay:FILE, any pyserial URL.' '--port	Where the device is: /dev/ttyUSB0, COM3, usb:VID:PID[:SERIAL], tcp://HOST:PORT, fake://…, replay:FILE, any pyserial URL.' '--fake	Talk to the built-in simulator of this device.' '-d	A device of the configuration file, see handctl devices. A,B or \'*\' names several.' '--device	A device of the configuration file, see handctl devices. A,B or \'*\' names several.' '--id	Device id.' '--baud	Speed of the serial port in bit/s.' '--timeout	Seconds to wait for an answer.' '--deadline	Seconds for the whole command.' '--retries	Repeat a read without a valid answer N times. Writes are never repeated.' '--trace	Record every byte with its time. -p replay:FILE plays it back.' '--format	How results are written (default: table).' '--json	Same as --format json. A stream prints one row a line.' '--csv	Same as --format csv.' '-o	Write output to FILE instead of stdout. FILE is replaced only when complete.' '--output	Write output to FILE instead of stdout. FILE is replaced only when complete.' '--no-formulas	In CSV, put \' before a text that a spreadsheet would calculate.' '--wide	In CSV, write one row a sample, with a column for each quantity.' '--long	In CSV, write one row a value (default, but for realtime and watch -o FILE.csv).' '--no-wide	In CSV, write one row a value (default, but for realtime and watch -o FILE.csv).' '--color	Use colour (default: auto, which honours NO_COLOR).' '-q	Print only errors on stderr.' '--quiet	Print only errors on stderr.' '-v	Show every byte on stderr, as --trace records it.' '--verbose	Show every byte on stderr, as --trace records it.' '--debug	Show tracebacks.' '-n	Print the exact bytes that would be written, and send nothing.' '--dry-run	Print the exact bytes that would be written, and send nothing.' '-y	Confirm without asking.' '--yes	Confirm without asking.' '--assume-identity	Go on without checking which device answers. Only accepted on the command line.'
     set lacks
     set cmds
     set opts
@@ -12,23 +12,23 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set cmds 'exo	Inspire EH55BF1 exoskeleton hand (RS-232, Bluetooth serial)' 'wrist	Inspire wrist module of the dexterous hand (RS-232, RS-485, CAN)' 'barrett	BarrettHand BH8 series (RS-232)' 'ekso	EksoNR DataPort (serial over USB)' 'aidin	AIDIN-hand (TCP, JSON)' 'hand	Inspire RH56 dexterous hands (RS-232, RS-485, CAN, Modbus RTU, Modbus TCP)' 'ports	list serial ports and CAN interfaces, and what holds them' 'scan	find which device answers on a port: family, speed, id' 'doctor	check this computer and one link, with a remedy for each problem' 'stop	stop a device at once, also while another handctl command has it' 'shell	type commands at a prompt, on one open link' 'batch	run many commands on one open link, from a script or stdin' 'devices	name devices in the configuration file: list, add, remove, show' 'completion	print or install the shell completion: bash, zsh, fish, PowerShell' 'sim	serve a simulated device to any client: pty, TCP, slcan' 'trace	show, decode or compare recorded transcripts' 'help	show the manual, a guide, a command or the common options'
             set opts '-V	Show the version.' '--version	Show the version.' '-h	Show this help.' '--help	Show this help.'
         case 'exo'
-            set cmds 'status	Show a health summary: values per finger or motor, errors decoded.' 'dump	Show every documented quantity that can be read.' 'get	Read quantities by name, such as position_actual.index temperature.' 'watch	Show values as they change.' 'describe	List every quantity with place, type, range, access and manual section.' 'stop	Stop the device at once, also while another handctl command has it.' 'position	Command positions from 0 (bent) to 1000 (open).' 'force	Command forces from -1000 to 1000. A positive force opens the hand, a negative force closes it.' 'set	Write quantities by name and read them back. For example position_set.index=300 force_set=0,0,0,0,0.' 'id	Show the id, or give the hand a NEW one (1 to 254).' 'baud	Show the speed code, or write a new RATE: 115200, 57600 or 19200 bit/s.' 'save	Save the present parameters to flash and wait for the result (about 1 s).' 'factory-reset	Restore the factory defaults. A snapshot is written first. The manual gives no address for this.' 'report	Write one page for a service ticket: status, dump, findings, curves, bytes.' 'clear-errors	Clear actuator errors and show which remain. Over-temperature cannot be cleared. It ends by cooling.' 'calibrate	Run the calibration of forces and positions, guided step by step.' 'scan	Look for hands: id 1 at each speed, then all ids. Only reads. A hand counts when it has answered twice.' 'read	Read COUNT bytes (1 to 252) from any ADDRESS. Documented registers are decoded.' 'write	Write bytes at ADDRESS, low byte first, and read them back. They are checked against the manual. Asks first.' 'raw	Send exactly these bytes and show the answer, decoded. Everything except a read asks first.' 'snapshot	Write the settings and set-points of the device to FILE.' 'diff	Compare the settings of two snapshots, or of snapshot A with the device.' 'restore	Write the settings that differ from a snapshot, and read them back.' 'log	Record values into FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it.'
+            set cmds 'status	Show a health summary: values per finger or motor, errors decoded.' 'dump	Show every documented quantity that can be read.' 'get	Read quantities by name, such as position_actual.index temperature.' 'watch	Show values as they change.' 'describe	List every quantity with place, type, range, access and manual section.' 'stop	Stop the device at once, also while another handctl command has it.' 'position	Command positions from 0 (bent) to 1000 (open).' 'force	Command forces from -1000 to 1000. A positive force opens the hand, a negative force closes it.' 'set	Write quantities by name and read them back. For example position_set.index=300 force_set=0,0,0,0,0.' 'id	Show the id, or give the hand a NEW one (1 to 254).' 'baud	Show the speed code, or write a new RATE: 115200, 57600 or 19200 bit/s.' 'save	Save the present parameters to flash and wait for the result (about 1 s).' 'factory-reset	Restore the factory defaults. A snapshot is written first. The manual gives no address for this.' 'report	Write one page for a service ticket: status, dump, findings, curves, bytes.' 'doctor	Check this computer, the link and the device.' 'clear-errors	Clear actuator errors and show which remain. Asks first where a finger may go on to its target then.' 'calibrate	Run the calibration of forces and positions, guided step by step.' 'scan	Look for hands: id 1 at each speed, then all ids. Only reads. A hand counts when it has answered twice.' 'read	Read COUNT bytes (1 to 252) from any ADDRESS. Documented registers are decoded.' 'write	Write bytes at ADDRESS, low byte first, and read them back. They are checked against the manual. Asks first.' 'raw	Send exactly these bytes and show the answer, decoded. Everything except a read asks first.' 'snapshot	Write the settings and set-points of the device to FILE.' 'diff	Compare the settings of two snapshots, or of snapshot A with the device.' 'restore	Write the settings that differ from a snapshot, and read them back.' 'log	Record values into FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it.'
             set opts '-h	Show this help.' '--help	Show this help.'
         case 'exo status'
             set opts '--check	Exit 7 when anything is unhealthy.' '-h	Show this help.' '--help	Show this help.'
-            set lacks -n --dry-run -y --yes --assume-identity
+            set lacks -n --dry-run -y --yes
         case 'exo dump'
             set opts '-h	Show this help.' '--help	Show this help.'
-            set lacks -n --dry-run -y --yes --assume-identity
+            set lacks -n --dry-run -y --yes
         case 'exo get'
             set opts '-h	Show this help.' '--help	Show this help.'
             set args 'read:exo*'
-            set lacks -n --dry-run -y --yes --assume-identity
+            set lacks -n --dry-run -y --yes
         case 'exo watch'
             set opts '--rate	Samples per second (0: as fast as the device answers). Default: 10.' '--count	End after N samples.' '--duration	End after S seconds.' '-h	Show this help.' '--help	Show this help.'
             set takes --rate=none --count=none --duration=none
             set args 'read:exo*'
-            set lacks -n --dry-run -y --yes --assume-identity
+            set lacks -n --dry-run -y --yes
         case 'exo describe'
             set opts '-h	Show this help.' '--help	Show this help.'
             set args 'name:exo*'
@@ -36,8 +36,8 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
         case 'exo stop'
             set opts '-h	Show this help.' '--help	Show this help.'
         case 'exo position'
-            set opts '--wait	Watch for up to S seconds until the fingers stand still. Ctrl-C holds them where they are.' '-h	Show this help.' '--help	Show this help.'
-            set takes --wait=none
+            set opts '--wait	Watch for up to S seconds until the fingers stand still. Ctrl-C holds them where they are.' '--expect	How the movement must end, else exit 7: every axis at its target (reached, the default), stopped by an object (contact), or either of these or short of the target (any).' '-h	Show this help.' '--help	Show this help.'
+            set takes --wait=none --expect=choice:reached,contact,any
             set args 'none*'
         case 'exo force'
             set opts '-h	Show this help.' '--help	Show this help.'
@@ -60,7 +60,11 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set opts '--watch	Seconds of curves (0: none). Default: 3.' '--include-ids	Keep serial numbers, pilot ids, and the answers that hold them.' '--force	Replace FILE.html.' '-h	Show this help.' '--help	Show this help.'
             set takes --watch=none
             set args 'file'
-            set lacks -n --dry-run -y --yes --assume-identity
+            set lacks -n --dry-run -y --yes
+        case 'exo doctor'
+            set opts '--count	Read the device N times for the error rate. Default: 100.' '-h	Show this help.' '--help	Show this help.'
+            set takes --count=none
+            set lacks -n --dry-run -y --yes
         case 'exo clear-errors'
             set opts '-h	Show this help.' '--help	Show this help.'
         case 'exo calibrate'
@@ -68,11 +72,11 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
         case 'exo scan'
             set opts '--ids	Ids to ask. Default: 1-254.' '--speeds	Speeds to try, in bit/s. Default: 115200,57600,19200.' '--window	Ids asked in one window (1 = one by one, for RS-485). Default: 8.' '--reply-window	Milliseconds to wait per window. Default: 20, or 30 for an FTDI adapter with a high latency timer.' '--all	Ask all ids at all speeds instead of ending at the first hand.' '-h	Show this help.' '--help	Show this help.'
             set takes --ids=none --speeds=none --window=none --reply-window=none
-            set lacks -n --dry-run -y --yes --assume-identity
+            set lacks -n --dry-run -y --yes
         case 'exo read'
             set opts '-h	Show this help.' '--help	Show this help.'
             set args 'none' 'none'
-            set lacks -n --dry-run -y --yes --assume-identity
+            set lacks -n --dry-run -y --yes
         case 'exo write'
             set opts '--undocumented	Allow an address that the manual does not document.' '-h	Show this help.' '--help	Show this help.'
             set args 'none' 'none'
@@ -83,11 +87,11 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
         case 'exo snapshot'
             set opts '-h	Show this help.' '--help	Show this help.'
             set args 'file'
-            set lacks -n --dry-run -y --yes --assume-identity
+            set lacks -n --dry-run -y --yes
         case 'exo diff'
             set opts '--setpoints	Include commanded positions and forces. For forces there is a separate question.' '-h	Show this help.' '--help	Show this help.'
             set args 'file' 'file'
-            set lacks -n --dry-run -y --yes --assume-identity
+            set lacks -n --dry-run -y --yes
         case 'exo restore'
             set opts '--setpoints	Include commanded positions and forces. For forces there is a separate question.' '-h	Show this help.' '--help	Show this help.'
             set args 'file'
@@ -95,25 +99,25 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set opts '--rate	Samples per second (0: as fast as the device answers). Default: 0.' '--count	End after N samples.' '--duration	End after S seconds.' '--mark	Mark the first row.' '--silence	End after S seconds without a valid answer. A lost port is waited for as long. Default: 60.' '--force	Overwrite FILE.' '-h	Show this help.' '--help	Show this help.'
             set takes --rate=none --count=none --duration=none --mark=none --silence=none
             set args 'file' 'read:exo*'
-            set lacks -n --dry-run -y --yes --assume-identity
+            set lacks -n --dry-run -y --yes
         case 'wrist'
-            set cmds 'status	Show a health summary: values per finger or motor, errors decoded.' 'dump	Show every documented quantity that can be read.' 'get	Read quantities by name, such as pitch_actual yaw_actual.' 'watch	Show values as they change.' 'describe	List every quantity with place, type, range, access and manual section.' 'stop	Stop the device at once, also while another handctl command has it.' 'move	Move to angles in degrees and wait until the wrist stands still.' 'center	Move both axes to 0 degrees and wait until they stand still.' 'set	Write quantities by name and read them back. For example yaw_set=10 pitch_set=-10 move_time=1000.' 'report	Write one page for a service ticket: status, dump, findings, curves, bytes.' 'scan	Look for wrist modules at 115200 bit/s (or --baud), or on the CAN bus.' 'read	Read COUNT bytes from ADDRESS of the wrist\'s registers. Documented ones are decoded.' 'hand-read	Read COUNT bytes from ADDRESS of the hand that carries the wrist. Shown raw (flag 11, on CAN 0).' 'write	Write 2, 4 or 6 bytes at 1038 to 1043, low byte first, and read them back. The wrist moves.' 'hand-write	Write bytes to registers of the hand that carries the wrist. They are not documented here. Asks first.' 'raw	Send exactly these bytes (on CAN: IDENTIFIER#DATA) and show the answer.' 'snapshot	Write the settings and set-points of the device to FILE.' 'diff	Compare the settings of two snapshots, or of snapshot A with the device.' 'restore	Write the settings that differ from a snapshot, and read them back.' 'log	Record values into FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it.'
+            set cmds 'status	Show a health summary: values per finger or motor, errors decoded.' 'dump	Show every documented quantity that can be read.' 'get	Read quantities by name, such as pitch_actual yaw_actual.' 'watch	Show values as they change.' 'describe	List every quantity with place, type, range, access and manual section.' 'stop	Stop the device at once, also while another handctl command has it.' 'move	Move to angles in degrees and wait until the wrist stands still.' 'center	Move both axes to 0 degrees and wait until they stand still.' 'set	Write quantities by name and read them back. For example yaw_set=10 pitch_set=-10 move_time=1000.' 'report	Write one page for a service ticket: status, dump, findings, curves, bytes.' 'doctor	Check this computer, the link and the device.' 'scan	Look for wrist modules at 115200 bit/s (or --baud), or on the CAN bus.' 'read	Read COUNT bytes from ADDRESS of the wrist\'s registers. Documented ones are decoded.' 'hand-read	Read COUNT bytes from ADDRESS of the hand that carries the wrist. Shown raw (flag 11, on CAN 0).' 'write	Write 2, 4 or 6 bytes at 1038 to 1043, low byte first, and read them back. The wrist moves.' 'hand-write	Write bytes to registers of the hand that carries the wrist. They are not documented here. Asks first.' 'raw	Send exactly these bytes (on CAN: IDENTIFIER#DATA) and show the answer.' 'snapshot	Write the settings and set-points of the device to FILE.' 'diff	Compare the settings of two snapshots, or of snapshot A with the device.' 'restore	Write the settings that differ from a snapshot, and read them back.' 'log	Record values into FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it.'
             set opts '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
         case 'wrist status'
             set opts '--check	Exit 7 when anything is unhealthy.' '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
-            set lacks -n --dry-run -y --yes --assume-identity
+            set lacks -n --dry-run -y --yes
         case 'wrist dump'
             set opts '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
-            set lacks -n --dry-run -y --yes --assume-identity
+            set lacks -n --dry-run -y --yes
         case 'wrist get'
             set opts '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
             set args 'read:wrist*'
-            set lacks -n --dry-run -y --yes --assume-identity
+            set lacks -n --dry-run -y --yes
         case 'wrist watch'
             set opts '--rate	Samples per second (0: as fast as the device answers). Default: 10.' '--count	End after N samples.' '--duration	End after S seconds.' '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
             set takes --rate=none --count=none --duration=none
             set args 'read:wrist*'
-            set lacks -n --dry-run -y --yes --assume-identity
+            set lacks -n --dry-run -y --yes
         case 'wrist describe'
             set opts '-h	Show this help.' '--help	Show this help.'
             set args 'name:wrist*'
@@ -121,11 +125,11 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
         case 'wrist stop'
             set opts '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
         case 'wrist move'
-            set opts '--pitch	Pitch from -22.66 to 22.12 degrees, two decimals.' '--yaw	Yaw from -25.50 to 25.50 degrees, two decimals.' '--time	Movement time in ms. Default: the time set in the wrist.' '--wait	Longest wait for the arrival, in seconds.' '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
-            set takes --pitch=none --yaw=none --time=none --wait=none
+            set opts '--pitch	Pitch from -22.66 to 22.12 degrees, two decimals.' '--yaw	Yaw from -25.50 to 25.50 degrees, two decimals.' '--time	Movement time in ms. Default: the time set in the wrist.' '--wait	Longest wait for the arrival, in seconds.' '--expect	How the movement must end, else exit 7: every axis at its target (reached, the default), stopped by an object (contact), or either of these or short of the target (any).' '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
+            set takes --pitch=none --yaw=none --time=none --wait=none --expect=choice:reached,contact,any
         case 'wrist center'
-            set opts '--time	Movement time in ms. Default: the time set in the wrist.' '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
-            set takes --time=none
+            set opts '--time	Movement time in ms. Default: the time set in the wrist.' '--expect	How the movement must end, else exit 7: every axis at its target (reached, the default), stopped by an object (contact), or either of these or short of the target (any).' '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
+            set takes --time=none --expect=choice:reached,contact,any
         case 'wrist set'
             set opts '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
             set args 'set:wrist*'
@@ -133,19 +137,23 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set opts '--watch	Seconds of curves (0: none). Default: 3.' '--include-ids	Keep serial numbers, pilot ids, and the answers that hold them.' '--force	Replace FILE.html.' '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
             set takes --watch=none
             set args 'file'
-            set lacks -n --dry-run -y --yes --assume-identity
+            set lacks -n --dry-run -y --yes
+        case 'wrist doctor'
+            set opts '--count	Read the device N times for the error rate. Default: 100.' '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
+            set takes --count=none
+            set lacks -n --dry-run -y --yes
         case 'wrist scan'
             set opts '--ids	Ids to ask. On CAN up to 16383, at most 4096 at once. Default: 1-254.' '--window	Ids asked in one window of a serial line. More than 1 needs full duplex (RS-232). Default: 1.' '--reply-window	Milliseconds to wait per window. Default: 20.' '--all	Ask all ids instead of ending at the first wrist.' '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
             set takes --ids=none --window=none --reply-window=none
-            set lacks -n --dry-run -y --yes --assume-identity
+            set lacks -n --dry-run -y --yes
         case 'wrist read'
             set opts '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
             set args 'none' 'none'
-            set lacks -n --dry-run -y --yes --assume-identity
+            set lacks -n --dry-run -y --yes
         case 'wrist hand-read'
             set opts '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
             set args 'none' 'none'
-            set lacks -n --dry-run -y --yes --assume-identity
+            set lacks -n --dry-run -y --yes
         case 'wrist write'
             set opts '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
             set args 'none' 'none'
@@ -159,11 +167,11 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
         case 'wrist snapshot'
             set opts '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
             set args 'file'
-            set lacks -n --dry-run -y --yes --assume-identity
+            set lacks -n --dry-run -y --yes
         case 'wrist diff'
             set opts '--setpoints	Include commanded positions and forces. For forces there is a separate question.' '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
             set args 'file' 'file'
-            set lacks -n --dry-run -y --yes --assume-identity
+            set lacks -n --dry-run -y --yes
         case 'wrist restore'
             set opts '--setpoints	Include commanded positions and forces. For forces there is a separate question.' '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
             set args 'file'
@@ -171,33 +179,33 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set opts '--rate	Samples per second (0: as fast as the device answers). Default: 0.' '--count	End after N samples.' '--duration	End after S seconds.' '--mark	Mark the first row.' '--silence	End after S seconds without a valid answer. A lost port is waited for as long. Default: 60.' '--force	Overwrite FILE.' '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).'
             set takes --rate=none --count=none --duration=none --mark=none --silence=none
             set args 'file' 'read:wrist*'
-            set lacks -n --dry-run -y --yes --assume-identity
+            set lacks -n --dry-run -y --yes
         case 'barrett'
-            set cmds 'status	Show a health summary: values per finger or motor, errors decoded.' 'dump	Show every documented quantity that can be read.' 'get	Read quantities by name, such as P SG.F1 temperature.' 'watch	Show values as they change.' 'describe	List every parameter with range, defaults, access and manual section.' 'version	Show the firmware version.' 'errors	Explain status codes in the manual\'s words. CODE may be a sum. Needs no device.' 'help	Show the hand\'s own help for COMMAND or a parameter, and the manual\'s.' 'fingertips	Show each fingertip\'s position in mm and its joint angles (§9.5, §9.6).' 'stop	Stop the hand at once, even while another handctl uses it. Asks nothing.' 'init	Initialize the motors: the fingers open fully (HI). Needed once after power-on or reset.' 'open	Open until OT is reached.' 'close	Close until CT is reached or the fingers meet an object.' 'move	Move to POSITION in counts (default: the parameter DP).' 'home	Move to position 0.' 'step-open	Open by COUNTS (default: the parameter DS).' 'step-close	Close by COUNTS (default: the parameter DS).' 'torque-open	Open under torque control until the motors stall.' 'torque-close	Close under torque control until the motors stall.' 'realtime	Exchange RealTime blocks (LOOP): live view, NDJSON or CSV.' 'set	Set parameters in RAM and read them back.' 'save	Save the settings from RAM to EEPROM. Asks first.' 'baud	Show the speed of the serial line, or change it.' 'load	Load the saved settings from EEPROM into RAM (FLOAD, PLOAD).' 'defaults	Set all parameters in RAM to their factory values (FDEF, PDEF). Saves nothing.' 'report	Write one page for a service ticket: status, dump, findings, curves, bytes.' 'diagnose	Run the checks of §8. For a SYMPTOM, also list the manual steps.' 'maintenance	Show the strokes of each motor and the maintenance that is due (§7).' 'strain	Measure the strain gauges without load, and show how to adjust them (§7.4).' 'reset	Restart the firmware, as a power cycle does, and show its banner. Asks first.' 'gcl	Send any GCL commands, one per argument.' 'firmware	Check a firmware file, or load one into the hand (barrett §3.7).' 'snapshot	Write the settings and set-points of the device to FILE.' 'diff	Compare the settings of two snapshots, or of snapshot A with the device.' 'restore	Write the values that differ from a snapshot into RAM and read them back.' 'log	Record values into FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it.'
+            set cmds 'status	Show a health summary: values per finger or motor, errors decoded.' 'dump	Show every documented quantity that can be read.' 'get	Read quantities by name, such as P SG.F1 temperature.' 'watch	Show values as they change.' 'describe	List every parameter with range, defaults, access and manual section.' 'version	Show the firmware version.' 'errors	Explain status codes in the manual\'s words. CODE may be a sum. Needs no device.' 'help	Show the hand\'s own help for COMMAND or a parameter, and the manual\'s.' 'fingertips	Show each fingertip\'s position in mm and its joint angles (§9.5, §9.6).' 'stop	Stop the hand at once, even while another handctl uses it. Asks nothing.' 'init	Initialize the motors: the fingers open fully (HI). Needed once after power-on or reset.' 'open	Open until OT is reached.' 'close	Close until CT is reached. To grip an object, add --expect contact.' 'move	Move to POSITION in counts (default: the parameter DP).' 'home	Move to position 0.' 'step-open	Open by COUNTS (default: the parameter DS).' 'step-close	Close by COUNTS (default: the parameter DS).' 'torque-open	Open under torque control until the motors stall.' 'torque-close	Close under torque control until the motors stall.' 'realtime	Exchange RealTime blocks (LOOP): live view, NDJSON or CSV.' 'set	Set parameters in RAM and read them back.' 'save	Save the settings from RAM to EEPROM. Asks first.' 'baud	Show the speed of the serial line, or change it.' 'load	Load the saved settings from EEPROM into RAM (FLOAD, PLOAD).' 'defaults	Set all parameters in RAM to their factory values (FDEF, PDEF). Saves nothing.' 'report	Write one page for a service ticket: status, dump, findings, curves, bytes.' 'doctor	Check this computer, the link and the device.' 'diagnose	Run the checks of §8. For a SYMPTOM, also list the manual steps.' 'maintenance	Show the strokes of each motor and the maintenance that is due (§7).' 'strain	Measure the strain gauges without load, and show how to adjust them (§7.4).' 'reset	Restart the firmware, as a power cycle does, and show its banner. Asks first.' 'gcl	Send any GCL commands, one per argument.' 'firmware	Check a firmware file, or load one into the hand (barrett §3.7).' 'snapshot	Write the settings and set-points of the device to FILE.' 'diff	Compare the settings of two snapshots, or of snapshot A with the device.' 'restore	Write the values that differ from a snapshot into RAM and read them back.' 'log	Record values into FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it.'
             set opts '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
             set lacks --id
         case 'barrett status'
             set opts '--check	Exit 7 when anything is unhealthy.' '--include-ids	Show the serial number in device of the JSON too.' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
-            set lacks --id -n --dry-run -y --yes --assume-identity
+            set lacks --id -n --dry-run -y --yes
         case 'barrett dump'
             set opts '--include-ids	Show the serial number in device of the JSON too.' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
-            set lacks --id -n --dry-run -y --yes --assume-identity
+            set lacks --id -n --dry-run -y --yes
         case 'barrett get'
             set opts '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
             set args 'read:barrett*'
-            set lacks --id -n --dry-run -y --yes --assume-identity
+            set lacks --id -n --dry-run -y --yes
         case 'barrett watch'
             set opts '--rate	Samples per second (0: as fast as the device answers). Default: 10.' '--count	End after N samples.' '--duration	End after S seconds.' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
             set takes --rate=none --count=none --duration=none
             set args 'read:barrett*'
-            set lacks --id -n --dry-run -y --yes --assume-identity
+            set lacks --id -n --dry-run -y --yes
         case 'barrett describe'
             set opts '-h	Show this help.' '--help	Show this help.'
             set args 'name:barrett*'
             set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --assume-identity
         case 'barrett version'
             set opts '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
-            set lacks --id -n --dry-run -y --yes --assume-identity
+            set lacks --id -n --dry-run -y --yes
         case 'barrett errors'
             set opts '-h	Show this help.' '--help	Show this help.'
             set args 'none'
@@ -205,53 +213,53 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
         case 'barrett help'
             set opts '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
             set args 'none'
-            set lacks --id -n --dry-run -y --yes --assume-identity
+            set lacks --id -n --dry-run -y --yes
         case 'barrett fingertips'
             set opts '--positions	Calculate with these counts instead of the hand\'s. Needs no device.' '--breakaway	With --positions: the clutch let go at COUNTS.' '--live	Repeat the reading: live view on a terminal, a stream elsewhere.' '--rate	Samples per second (0: as fast as the device answers). Default: 10.' '--count	End after N samples.' '--duration	End after S seconds.' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
             set takes --positions=none --breakaway=none --rate=none --count=none --duration=none
-            set lacks --id -n --dry-run -y --yes --assume-identity
+            set lacks --id -n --dry-run -y --yes
         case 'barrett stop'
             set opts '--motors	Motors: digits 1 to 4, G = fingers, S = spread (default: all).' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
             set takes --motors=none
             set lacks --id
         case 'barrett init'
-            set opts '--force	Also open faster than IVEL allows, or with OT and CT that reverse the movement.' '--motors	Motors: digits 1 to 4, G = fingers, S = spread (default: all).' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
-            set takes --motors=none
+            set opts '--force	Also open faster than IVEL allows, or with OT and CT that reverse the movement.' '--motors	Motors: digits 1 to 4, G = fingers, S = spread (default: all).' '--expect	How the movement must end, else exit 7: every axis at its target (reached, the default), stopped by an object (contact), or either of these or short of the target (any).' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
+            set takes --motors=none --expect=choice:reached,contact,any
             set lacks --id
         case 'barrett open'
-            set opts '--force	Also open faster than IVEL allows, or with OT and CT that reverse the movement.' '--motors	Motors: digits 1 to 4, G = fingers, S = spread (default: all).' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
-            set takes --motors=none
+            set opts '--force	Also open faster than IVEL allows, or with OT and CT that reverse the movement.' '--motors	Motors: digits 1 to 4, G = fingers, S = spread (default: all).' '--expect	How the movement must end, else exit 7: every axis at its target (reached, the default), stopped by an object (contact), or either of these or short of the target (any).' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
+            set takes --motors=none --expect=choice:reached,contact,any
             set lacks --id
         case 'barrett close'
-            set opts '--force	Also open faster than IVEL allows, or with OT and CT that reverse the movement.' '--motors	Motors: digits 1 to 4, G = fingers, S = spread (default: all).' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
-            set takes --motors=none
+            set opts '--force	Also open faster than IVEL allows, or with OT and CT that reverse the movement.' '--motors	Motors: digits 1 to 4, G = fingers, S = spread (default: all).' '--expect	How the movement must end, else exit 7: every axis at its target (reached, the default), stopped by an object (contact), or either of these or short of the target (any).' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
+            set takes --motors=none --expect=choice:reached,contact,any
             set lacks --id
         case 'barrett move'
-            set opts '--force	Also open faster than IVEL allows, or with OT and CT that reverse the movement.' '--motors	Motors: digits 1 to 4, G = fingers, S = spread (default: all).' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
-            set takes --motors=none
+            set opts '--force	Also open faster than IVEL allows, or with OT and CT that reverse the movement.' '--motors	Motors: digits 1 to 4, G = fingers, S = spread (default: all).' '--expect	How the movement must end, else exit 7: every axis at its target (reached, the default), stopped by an object (contact), or either of these or short of the target (any).' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
+            set takes --motors=none --expect=choice:reached,contact,any
             set args 'none'
             set lacks --id
         case 'barrett home'
-            set opts '--force	Also open faster than IVEL allows, or with OT and CT that reverse the movement.' '--motors	Motors: digits 1 to 4, G = fingers, S = spread (default: all).' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
-            set takes --motors=none
+            set opts '--force	Also open faster than IVEL allows, or with OT and CT that reverse the movement.' '--motors	Motors: digits 1 to 4, G = fingers, S = spread (default: all).' '--expect	How the movement must end, else exit 7: every axis at its target (reached, the default), stopped by an object (contact), or either of these or short of the target (any).' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
+            set takes --motors=none --expect=choice:reached,contact,any
             set lacks --id
         case 'barrett step-open'
-            set opts '--force	Also open faster than IVEL allows, or with OT and CT that reverse the movement.' '--motors	Motors: digits 1 to 4, G = fingers, S = spread (default: all).' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
-            set takes --motors=none
+            set opts '--force	Also open faster than IVEL allows, or with OT and CT that reverse the movement.' '--motors	Motors: digits 1 to 4, G = fingers, S = spread (default: all).' '--expect	How the movement must end, else exit 7: every axis at its target (reached, the default), stopped by an object (contact), or either of these or short of the target (any).' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
+            set takes --motors=none --expect=choice:reached,contact,any
             set args 'none'
             set lacks --id
         case 'barrett step-close'
-            set opts '--force	Also open faster than IVEL allows, or with OT and CT that reverse the movement.' '--motors	Motors: digits 1 to 4, G = fingers, S = spread (default: all).' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
-            set takes --motors=none
+            set opts '--force	Also open faster than IVEL allows, or with OT and CT that reverse the movement.' '--motors	Motors: digits 1 to 4, G = fingers, S = spread (default: all).' '--expect	How the movement must end, else exit 7: every axis at its target (reached, the default), stopped by an object (contact), or either of these or short of the target (any).' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
+            set takes --motors=none --expect=choice:reached,contact,any
             set args 'none'
             set lacks --id
         case 'barrett torque-open'
-            set opts '--force	Also open faster than IVEL allows, or with OT and CT that reverse the movement.' '--motors	Motors: digits 1 to 4, G = fingers, S = spread (default: all).' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
-            set takes --motors=none
+            set opts '--force	Also open faster than IVEL allows, or with OT and CT that reverse the movement.' '--motors	Motors: digits 1 to 4, G = fingers, S = spread (default: all).' '--expect	How the movement must end, else exit 7: every axis at its target (reached, the default), stopped by an object (contact), or either of these or short of the target (any).' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
+            set takes --motors=none --expect=choice:reached,contact,any
             set lacks --id
         case 'barrett torque-close'
-            set opts '--motors	Motors: digits 1 to 4, G = fingers, S = spread (default: all).' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
-            set takes --motors=none
+            set opts '--motors	Motors: digits 1 to 4, G = fingers, S = spread (default: all).' '--expect	How the movement must end, else exit 7: every axis at its target (reached, the default), stopped by an object (contact), or either of these or short of the target (any).' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
+            set takes --motors=none --expect=choice:reached,contact,any
             set lacks --id
         case 'barrett realtime'
             set opts '--motors	Motors of the loop: digits 1 to 4, G = fingers, S = spread (default: all).' '--send	Values in control blocks: velocity, gain. velocity@12 is for some motors only.' '--receive	Values in feedback: velocity, strain, position, delta, temperature, none. strain@12 is for some motors only (default: the hand\'s own flags).' '--velocity	Constant control velocity, -127 to 127: 20, or 20,5, or F1=20,F2=5.' '--gain	Constant proportional gain, 0 to 255, written in the same way.' '--control	Control values as CSV or JSON lines (t, velocity.F1 …). - is stdin. Live lines (without t) hold for 1 s, then velocity is 0.' '--measure	Exchange N blocks and show only the timing.' '--sequential	Wait for the whole feedback before the next block, or only for its *. Default: sequential when driving, overlapped when watching. Overlapped driving begins with a self-test that drives nothing.' '--overlapped	Wait for the whole feedback before the next block, or only for its *. Default: sequential when driving, overlapped when watching. Overlapped driving begins with a self-test that drives nothing.' '--no-guard	Switch a guard off: stall, window, strain, opening, heat, all. See GUARDS.' '--force	The same as --no-guard opening. It may deform the clutch permanently.' '--delta-unit	Counts of one unit of delta (LFDPC). Default: the hand\'s own, or more where velocity and rate need it.' '--init	Initialize the motors first (HI): the fingers open fully.' '--hold	Leave the motors powered at the end.' '--may-suspend	Do not stop the motors when this command is suspended (SIGSTOP) for 0.5 s.' '--rate	Samples per second (0: as fast as the device answers). Default: 0.' '--count	End after N samples.' '--duration	End after S seconds.' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
@@ -282,7 +290,11 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set opts '--watch	Seconds of curves (0: none). Default: 3.' '--include-ids	Keep serial numbers, pilot ids, and the answers that hold them.' '--force	Replace FILE.html.' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
             set takes --watch=none
             set args 'file'
-            set lacks --id -n --dry-run -y --yes --assume-identity
+            set lacks --id -n --dry-run -y --yes
+        case 'barrett doctor'
+            set opts '--count	Read the device N times for the error rate. Default: 100.' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
+            set takes --count=none
+            set lacks --id -n --dry-run -y --yes
         case 'barrett diagnose'
             set opts '--list	List the symptoms of the manual. Needs no device.' '--move	MOVES: also try the symptom\'s movements. Asks first.' '--motors	Fingers to move with --move. Default: G.' '--hand	Name of the hand in the journal, where its serial number is 0.' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
             set takes --motors=none --hand=none
@@ -291,7 +303,7 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
         case 'barrett maintenance'
             set opts '--greased	Record points as greased now: all, worm, spur, motor-spur, palm, or spur.F1 for one finger. Separate several by commas.' '--steps	List the steps of a procedure with manual sections. Needs no device.' '--check	Exit 7 when anything is due or too hot.' '--hand	Name of the hand in the journal, where its serial number is 0.' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
             set takes --greased=none --steps=choice:lubrication,fasteners,pretension,strain,firmware --hand=none
-            set lacks --id -n --dry-run -y --yes --assume-identity
+            set lacks --id -n --dry-run -y --yes
         case 'barrett strain'
             set opts '--open	MOVES: first initialize, free the spread and open the fingers.' '--live	Show the readings while you turn the potentiometer. The bar ends at 100 and 140.' '--check	Exit 7 when a reading is not within 100 to 140.' '--rate	Samples per second (0: as fast as the device answers). Default: 10.' '--count	End after N samples.' '--duration	End after S seconds.' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
             set takes --rate=none --count=none --duration=none
@@ -319,11 +331,11 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
         case 'barrett snapshot'
             set opts '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
             set args 'file'
-            set lacks --id -n --dry-run -y --yes --assume-identity
+            set lacks --id -n --dry-run -y --yes
         case 'barrett diff'
             set opts '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
             set args 'file' 'file'
-            set lacks --id -n --dry-run -y --yes --assume-identity
+            set lacks --id -n --dry-run -y --yes
         case 'barrett restore'
             set opts '--save	Save to EEPROM afterwards.' '--force	Write a value that the manual warns about, or save unchanged values.' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
             set args 'file'
@@ -332,29 +344,29 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set opts '--rate	Samples per second (0: as fast as the device answers). Default: 0.' '--count	End after N samples.' '--duration	End after S seconds.' '--mark	Mark the first row.' '--silence	End after S seconds without a valid answer. A lost port is waited for as long. Default: 60.' '--force	Overwrite FILE.' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.'
             set takes --rate=none --count=none --duration=none --mark=none --silence=none
             set args 'file' 'read:barrett*'
-            set lacks --id -n --dry-run -y --yes --assume-identity
+            set lacks --id -n --dry-run -y --yes
         case 'ekso'
-            set cmds 'status	Show a health summary: values per finger or motor, errors decoded.' 'dump	Show every documented quantity that can be read.' 'get	Read quantities by name, such as step_length left_knee_angle 216.' 'watch	Show values as they change.' 'describe	List every word with message, ParameterID, type, codes and aliases.' 'time	Show the device\'s time of day.' 'date	Show the device\'s date.' 'settings	Show all settings (GetSettings, 22 words).' 'data	Show the present sensor values (GetData, 27 words).' 'feedback	Show steps, times and assistance (GetFeedback, 17 words).' 'policy	Show the checks and questions before a write. Needs no device.' 'stop	Stop the device at once, also while another handctl command has it.' 'set	Write one setting, with every check.' 'cancel	Cancel the running action (CancelAction).' 'report	Write one page for a service ticket: status, dump, findings, curves, bytes.' 'snapshot	Write the settings and set-points of the device to FILE.' 'diff	Compare the settings of two snapshots, or of snapshot A with the device.' 'restore	Write the settings that differ from a snapshot, one by one.' 'log	Record GetData into FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it.' 'export	Turn a log into an OpenSim motion file or a table in SI units. Needs no device.'
+            set cmds 'status	Show a health summary: values per finger or motor, errors decoded.' 'dump	Show every documented quantity that can be read.' 'get	Read quantities by name, such as step_length left_knee_angle 216.' 'watch	Show values as they change.' 'describe	List every word with message, ParameterID, type, codes and aliases.' 'time	Show the device\'s time of day.' 'date	Show the device\'s date.' 'settings	Show all settings (GetSettings, 22 words).' 'data	Show the present sensor values (GetData, 27 words).' 'feedback	Show steps, times and assistance (GetFeedback, 17 words).' 'policy	Show the checks and questions before a write. Needs no device.' 'stop	Stop the device at once, also while another handctl command has it.' 'set	Write one setting, with every check.' 'cancel	Cancel the running action (CancelAction).' 'report	Write one page for a service ticket: status, dump, findings, curves, bytes.' 'doctor	Check this computer, the link and the device.' 'snapshot	Write the settings and set-points of the device to FILE.' 'diff	Compare the settings of two snapshots, or of snapshot A with the device.' 'restore	Write the settings that differ from a snapshot, one by one.' 'log	Record GetData into FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it.' 'export	Turn a log into an OpenSim motion file or a table in SI units. Needs no device.'
             set opts '-h	Show this help.' '--help	Show this help.'
             set lacks --id
         case 'ekso status'
             set opts '--check	Exit 7 when anything is unhealthy.' '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this help.' '--help	Show this help.'
             set takes --length-mode=none
-            set lacks --id -n --dry-run -y --yes --assume-identity
+            set lacks --id -n --dry-run -y --yes
         case 'ekso dump'
             set opts '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this help.' '--help	Show this help.'
             set takes --length-mode=none
-            set lacks --id -n --dry-run -y --yes --assume-identity
+            set lacks --id -n --dry-run -y --yes
         case 'ekso get'
             set opts '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this help.' '--help	Show this help.'
             set takes --length-mode=none
             set args 'read:ekso*'
-            set lacks --id -n --dry-run -y --yes --assume-identity
+            set lacks --id -n --dry-run -y --yes
         case 'ekso watch'
             set opts '--rate	Samples per second (0: as fast as the device answers). Default: 10.' '--count	End after N samples.' '--duration	End after S seconds.' '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this help.' '--help	Show this help.'
             set takes --rate=none --count=none --duration=none --length-mode=none
             set args 'read:ekso*'
-            set lacks --id -n --dry-run -y --yes --assume-identity
+            set lacks --id -n --dry-run -y --yes
         case 'ekso describe'
             set opts '-h	Show this help.' '--help	Show this help.'
             set args 'name:ekso*'
@@ -362,23 +374,23 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
         case 'ekso time'
             set opts '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this help.' '--help	Show this help.'
             set takes --length-mode=none
-            set lacks --id -n --dry-run -y --yes --assume-identity
+            set lacks --id -n --dry-run -y --yes
         case 'ekso date'
             set opts '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this help.' '--help	Show this help.'
             set takes --length-mode=none
-            set lacks --id -n --dry-run -y --yes --assume-identity
+            set lacks --id -n --dry-run -y --yes
         case 'ekso settings'
             set opts '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this help.' '--help	Show this help.'
             set takes --length-mode=none
-            set lacks --id -n --dry-run -y --yes --assume-identity
+            set lacks --id -n --dry-run -y --yes
         case 'ekso data'
             set opts '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this help.' '--help	Show this help.'
             set takes --length-mode=none
-            set lacks --id -n --dry-run -y --yes --assume-identity
+            set lacks --id -n --dry-run -y --yes
         case 'ekso feedback'
             set opts '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this help.' '--help	Show this help.'
             set takes --length-mode=none
-            set lacks --id -n --dry-run -y --yes --assume-identity
+            set lacks --id -n --dry-run -y --yes
         case 'ekso policy'
             set opts '--audit	The audit log to look through (default: ekso-audit.jsonl in the user\'s state folder).' '-h	Show this help.' '--help	Show this help.'
             set takes --audit=file
@@ -400,17 +412,21 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set opts '--watch	Seconds of curves (0: none). Default: 3.' '--include-ids	Keep serial numbers, pilot ids, and the answers that hold them.' '--force	Replace FILE.html.' '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this help.' '--help	Show this help.'
             set takes --watch=none --length-mode=none
             set args 'file'
-            set lacks --id -n --dry-run -y --yes --assume-identity
+            set lacks --id -n --dry-run -y --yes
+        case 'ekso doctor'
+            set opts '--count	Read the device N times for the error rate. Default: 100.' '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this help.' '--help	Show this help.'
+            set takes --count=none --length-mode=none
+            set lacks --id -n --dry-run -y --yes
         case 'ekso snapshot'
             set opts '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this help.' '--help	Show this help.'
             set takes --length-mode=none
             set args 'file'
-            set lacks --id -n --dry-run -y --yes --assume-identity
+            set lacks --id -n --dry-run -y --yes
         case 'ekso diff'
             set opts '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this help.' '--help	Show this help.'
             set takes --length-mode=none
             set args 'file' 'file'
-            set lacks --id -n --dry-run -y --yes --assume-identity
+            set lacks --id -n --dry-run -y --yes
         case 'ekso restore'
             set opts '--operator	Who does it, for the audit log. Needed with --yes.' '--audit	A second audit log, besides ekso-audit.jsonl in the user\'s state folder. No log, no write. handctl also remembers the last writes there, so the policy holds for every port and FILE.' '--override-step-limit	Allow a larger step than this tool\'s policy. Never for leg lengths.' '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this help.' '--help	Show this help.'
             set takes --operator=none --audit=file --length-mode=none
@@ -420,35 +436,35 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set opts '--rate	Samples per second (0: as fast as the device answers). Default: 0.' '--count	End after N samples.' '--duration	End after S seconds.' '--mark	Mark the first row.' '--silence	End after S seconds without a valid answer. A lost port is waited for as long. Default: 60.' '--force	Overwrite FILE.' '--raw	Append the 27 words as they came.' '--include-pilot-id	Keep the wearer\'s number in the sidecar.' '--length-mode	What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this help.' '--help	Show this help.'
             set takes --rate=none --count=none --duration=none --mark=none --silence=none --length-mode=none
             set args 'file'
-            set lacks --id -n --dry-run -y --yes --assume-identity
+            set lacks --id -n --dry-run -y --yes
         case 'ekso export'
             set opts '--to	What to make: mot (OpenSim motion file) or csv (the log\'s columns). --format is the older name.' '--format	What to make: mot (OpenSim motion file) or csv (the log\'s columns). --format is the older name.' '--si	With csv: metres and radians instead of inches and degrees.' '--segment	Only segment N. A motion file holds just one.' '--knee-sign	With mot: sign of knee flexion in your model (default 1, as in the device, gait2392 has -1).' '--rate	With mot: resample linearly, never across a gap.' '-h	Show this help.' '--help	Show this help.'
             set takes --to=choice:mot,csv --format=choice:mot,csv --segment=none --knee-sign=choice:1,-1 --rate=none
             set args 'file'
             set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace --format -n --dry-run -y --yes --assume-identity
         case 'aidin'
-            set cmds 'status	Show a health summary: values per finger or motor, errors decoded.' 'dump	Show every documented quantity that can be read.' 'get	Read quantities by name, such as joint_pos.index sensor_state.fz.' 'watch	Show live values on a terminal, or stream rows. Default: motors, joints, currents, fingertip forces.' 'describe	List every quantity with place, type, range, access and manual section.' 'stop	Stop the device at once, also while another handctl command has it.' 'home	OPEN ALL FINGERS for 3.5 s and make that place the origin (homing).' 'initial	Open all fingers to the origin that homing set. Ctrl-C stops. Asks first.' 'encoders	Move motors to encoder counts.' 'joints	Move joints to angles in degrees.' 'fingertips	Move fingertips to coordinates in mm.' 'currents	Drive motors by current: NO POSITION LIMIT.' 'bias	Make the present sensor values 0. Touch nothing: a load present now is subtracted from all later values.' 'max-torque	Set the maximum output current. 0 to 1000 in 0.1 %, 700 to 1000 is recommended. It cannot be read back.' 'report	Write one page for a service ticket: status, dump, findings, curves, bytes.' 'log	Record values into FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it.'
+            set cmds 'status	Show a health summary: values per finger or motor, errors decoded.' 'dump	Show every documented quantity that can be read.' 'get	Read quantities by name, such as joint_pos.index sensor_state.fz.' 'watch	Show live values on a terminal, or stream rows. Default: motors, joints, currents, fingertip forces.' 'describe	List every quantity with place, type, range, access and manual section.' 'stop	Stop the device at once, also while another handctl command has it.' 'home	OPEN ALL FINGERS for 3.5 s and make that place the origin (homing).' 'initial	Open all fingers to the origin that homing set. Ctrl-C stops. Asks first.' 'encoders	Move motors to encoder counts.' 'joints	Move joints to angles in degrees.' 'fingertips	Move fingertips to coordinates in mm.' 'currents	Drive motors by current: NO POSITION LIMIT.' 'bias	Make the present sensor values 0. Touch nothing: a load present now is subtracted from all later values.' 'max-torque	Set the maximum output current. 0 to 1000 in 0.1 %, 700 to 1000 is recommended. It cannot be read back.' 'report	Write one page for a service ticket: status, dump, findings, curves, bytes.' 'doctor	Check this computer, the link and the device.' 'log	Record values into FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it.'
             set opts '-h	Show this help.' '--help	Show this help.' '--exchange	Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only.' '--poll-json	The JSON object that asks for feedback (default: {}). Never one that commands.' '--tx-terminator	What follows each object that is sent (default: newline).'
             set takes --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
             set lacks --id --baud
         case 'aidin status'
             set opts '--check	Exit 7 when anything is unhealthy.' '-h	Show this help.' '--help	Show this help.' '--exchange	Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only.' '--poll-json	The JSON object that asks for feedback (default: {}). Never one that commands.' '--tx-terminator	What follows each object that is sent (default: newline).'
             set takes --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
-            set lacks --id --baud -n --dry-run -y --yes --assume-identity
+            set lacks --id --baud -n --dry-run -y --yes
         case 'aidin dump'
             set opts '-h	Show this help.' '--help	Show this help.' '--exchange	Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only.' '--poll-json	The JSON object that asks for feedback (default: {}). Never one that commands.' '--tx-terminator	What follows each object that is sent (default: newline).'
             set takes --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
-            set lacks --id --baud -n --dry-run -y --yes --assume-identity
+            set lacks --id --baud -n --dry-run -y --yes
         case 'aidin get'
             set opts '-h	Show this help.' '--help	Show this help.' '--exchange	Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only.' '--poll-json	The JSON object that asks for feedback (default: {}). Never one that commands.' '--tx-terminator	What follows each object that is sent (default: newline).'
             set takes --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
             set args 'read:aidin*'
-            set lacks --id --baud -n --dry-run -y --yes --assume-identity
+            set lacks --id --baud -n --dry-run -y --yes
         case 'aidin watch'
             set opts '--rate	Samples per second (0: as fast as the device answers). Default: 10.' '--count	End after N samples.' '--duration	End after S seconds.' '-h	Show this help.' '--help	Show this help.' '--exchange	Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only.' '--poll-json	The JSON object that asks for feedback (default: {}). Never one that commands.' '--tx-terminator	What follows each object that is sent (default: newline).'
             set takes --rate=none --count=none --duration=none --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
             set args 'read:aidin*'
-            set lacks --id --baud -n --dry-run -y --yes --assume-identity
+            set lacks --id --baud -n --dry-run -y --yes
         case 'aidin describe'
             set opts '-h	Show this help.' '--help	Show this help.'
             set args 'name:aidin*'
@@ -466,18 +482,18 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set takes --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
             set lacks --id --baud
         case 'aidin encoders'
-            set opts '--assume-homed	Go on although the encoders are out of their range, as before homing.' '-h	Show this help.' '--help	Show this help.' '--exchange	Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only.' '--poll-json	The JSON object that asks for feedback (default: {}). Never one that commands.' '--tx-terminator	What follows each object that is sent (default: newline).'
-            set takes --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
+            set opts '--assume-homed	Go on although the encoders are out of their range, as before homing.' '--expect	How the movement must end, else exit 7: every axis at its target (reached, the default), stopped by an object (contact), or either of these or short of the target (any).' '-h	Show this help.' '--help	Show this help.' '--exchange	Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only.' '--poll-json	The JSON object that asks for feedback (default: {}). Never one that commands.' '--tx-terminator	What follows each object that is sent (default: newline).'
+            set takes --expect=choice:reached,contact,any --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
             set args 'none*'
             set lacks --id --baud
         case 'aidin joints'
-            set opts '--rad	The values are radians, not degrees.' '--assume-homed	Go on although the encoders are out of their range, as before homing.' '-h	Show this help.' '--help	Show this help.' '--exchange	Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only.' '--poll-json	The JSON object that asks for feedback (default: {}). Never one that commands.' '--tx-terminator	What follows each object that is sent (default: newline).'
-            set takes --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
+            set opts '--rad	The values are radians, not degrees.' '--assume-homed	Go on although the encoders are out of their range, as before homing.' '--expect	How the movement must end, else exit 7: every axis at its target (reached, the default), stopped by an object (contact), or either of these or short of the target (any).' '-h	Show this help.' '--help	Show this help.' '--exchange	Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only.' '--poll-json	The JSON object that asks for feedback (default: {}). Never one that commands.' '--tx-terminator	What follows each object that is sent (default: newline).'
+            set takes --expect=choice:reached,contact,any --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
             set args 'none*'
             set lacks --id --baud
         case 'aidin fingertips'
-            set opts '--assume-homed	Go on although the encoders are out of their range, as before homing.' '-h	Show this help.' '--help	Show this help.' '--exchange	Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only.' '--poll-json	The JSON object that asks for feedback (default: {}). Never one that commands.' '--tx-terminator	What follows each object that is sent (default: newline).'
-            set takes --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
+            set opts '--assume-homed	Go on although the encoders are out of their range, as before homing.' '--expect	How the movement must end, else exit 7: every axis at its target (reached, the default), stopped by an object (contact), or either of these or short of the target (any).' '-h	Show this help.' '--help	Show this help.' '--exchange	Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only.' '--poll-json	The JSON object that asks for feedback (default: {}). Never one that commands.' '--tx-terminator	What follows each object that is sent (default: newline).'
+            set takes --expect=choice:reached,contact,any --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
             set args 'none*'
             set lacks --id --baud
         case 'aidin currents'
@@ -498,34 +514,38 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set opts '--watch	Seconds of curves (0: none). Default: 3.' '--include-ids	Keep serial numbers, pilot ids, and the answers that hold them.' '--force	Replace FILE.html.' '-h	Show this help.' '--help	Show this help.' '--exchange	Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only.' '--poll-json	The JSON object that asks for feedback (default: {}). Never one that commands.' '--tx-terminator	What follows each object that is sent (default: newline).'
             set takes --watch=none --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
             set args 'file'
-            set lacks --id --baud -n --dry-run -y --yes --assume-identity
+            set lacks --id --baud -n --dry-run -y --yes
+        case 'aidin doctor'
+            set opts '--count	Read the device N times for the error rate. Default: 100.' '-h	Show this help.' '--help	Show this help.' '--exchange	Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only.' '--poll-json	The JSON object that asks for feedback (default: {}). Never one that commands.' '--tx-terminator	What follows each object that is sent (default: newline).'
+            set takes --count=none --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
+            set lacks --id --baud -n --dry-run -y --yes
         case 'aidin log'
             set opts '--rate	Samples per second (0: as fast as the device answers). Default: 0.' '--count	End after N samples.' '--duration	End after S seconds.' '--mark	Mark the first row.' '--silence	End after S seconds without a valid answer. A lost port is waited for as long. Default: 60.' '--force	Overwrite FILE.' '-h	Show this help.' '--help	Show this help.' '--exchange	Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only.' '--poll-json	The JSON object that asks for feedback (default: {}). Never one that commands.' '--tx-terminator	What follows each object that is sent (default: newline).'
             set takes --rate=none --count=none --duration=none --mark=none --silence=none --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
             set args 'file' 'read:aidin*'
-            set lacks --id --baud -n --dry-run -y --yes --assume-identity
+            set lacks --id --baud -n --dry-run -y --yes
         case 'hand'
-            set cmds 'status	Show a health summary: values per finger or motor, errors decoded.' 'dump	Show every documented quantity that can be read.' 'get	Read quantities by name, such as angle_actual.index temperature.' 'watch	Show values as they change.' 'describe	List every quantity with place, type, range, access and manual section.' 'tactile	Show the tactile sensors of an RH56DFTP: 17 zones, 1062 values of 0 to 4095. Only reads.' 'stop	Stop the device at once, also while another handctl command has it.' 'angle	Command angles from 0 (closed) to 1000 (open). -1 leaves a finger as it is. Asks first.' 'position	Command strokes from 0 (open) to 2000 (closed). -1 leaves a finger as it is. Asks first.' 'speed	Set the speed of the next movement from 0 to 1000. -1 leaves a finger as it is.' 'force	Set the force limit in grams. -1 leaves a finger as it is.' 'set	Write quantities by name and read them back. For example speed_set.index=300 force_limit.index=500.' 'id	Show the id, or give the hand a NEW one (1 to 254).' 'baud	Show the speed code, or write a new RATE: 115200, 57600, 19200, on some hands 921600 bit/s.' 'save	Save the present parameters to flash and wait for the result (about 1 s).' 'factory-reset	Restore the factory defaults. A snapshot is written first.' 'network	Show the IP address of a tactile hand, or give it a new ADDRESS.' 'pair	Find out which of two hands is left and which is right, and name both.' 'report	Write one page for a service ticket: status, dump, findings, curves, bytes.' 'clear-errors	Clear actuator errors and show which remain. Over-temperature cannot be cleared. It ends by cooling.' 'calibrate	Calibrate the force sensors. The whole hand moves for about 6 s.' 'scan	Look for hands: id 1 at each speed, in EB90 and in Modbus RTU, then all ids. Only reads.' 'read	Read COUNT bytes (1 to 252) from any ADDRESS. Documented registers are decoded.' 'write	Write bytes at ADDRESS, low byte first, and read them back. They are checked against the map. Asks first.' 'raw	Send exactly these bytes, EB90 or Modbus, and show the answer, decoded. Everything except a read asks first.' 'snapshot	Write the settings and set-points of the device to FILE.' 'diff	Compare the settings of two snapshots, or of snapshot A with the device.' 'restore	Write the settings that differ from a snapshot, and read them back.' 'log	Record values into FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it.'
+            set cmds 'status	Show a health summary: values per finger or motor, errors decoded.' 'dump	Show every documented quantity that can be read.' 'get	Read quantities by name, such as angle_actual.index temperature.' 'watch	Show values as they change.' 'describe	List every quantity with place, type, range, access and manual section.' 'tactile	Show the tactile sensors of an RH56DFTP: 17 zones, 1062 values of 0 to 4095. Only reads.' 'stop	Stop the device at once, also while another handctl command has it.' 'angle	Command angles from 0 (closed) to 1000 (open). Asks first.' 'position	Command strokes from 0 (open) to 2000 (closed). Asks first.' 'speed	Set the speed of the next movement from 0 to 1000. Asks first where a finger stopped on the way to its target.' 'force	Set the force limit in grams. Asks first where a finger may go on to its target with it.' 'set	Write quantities by name and read them back. For example speed_set.index=300 force_limit.index=500.' 'id	Show the id, or give the hand a NEW one (1 to 254).' 'baud	Show the speed code, or write a new RATE: 115200, 57600, 19200, on some hands 921600 bit/s.' 'save	Save the present parameters to flash and wait for the result (about 1 s).' 'factory-reset	Restore the factory defaults. A snapshot is written first.' 'network	Show the IP address of a tactile hand, or give it a new ADDRESS.' 'pair	Find out which of two hands is left and which is right, and name both.' 'report	Write one page for a service ticket: status, dump, findings, curves, bytes.' 'doctor	Check this computer, the link and the device.' 'clear-errors	Clear actuator errors and show which remain. Asks first where a finger may go on to its target then.' 'calibrate	Calibrate the force sensors. The whole hand moves for about 6 s.' 'scan	Look for hands: id 1 at each speed, in EB90 and in Modbus RTU, then all ids. Only reads.' 'read	Read COUNT bytes (1 to 252) from any ADDRESS. Documented registers are decoded.' 'write	Write bytes at ADDRESS, low byte first, and read them back. They are checked against the map. Asks first.' 'raw	Send exactly these bytes, EB90 or Modbus, and show the answer, decoded. Everything except a read asks first.' 'snapshot	Write the settings and set-points of the device to FILE.' 'diff	Compare the settings of two snapshots, or of snapshot A with the device.' 'restore	Write the settings that differ from a snapshot, and read them back.' 'log	Record values into FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it.'
             set opts '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).' '--modbus-tcp	With --fake or --dry-run: the modbus-tcp wire (default: serial).' '--model	Generation: df, tp, f1 or dg2, or the name on the label, such as RH56DFTP. Without it the hand is looked at.' '--side	Which hand it is. The hand itself does not know it.' '--protocol	What is spoken on a serial line (default: auto, which asks in EB90, then in Modbus RTU).'
             set takes --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus
         case 'hand status'
             set opts '--check	Exit 7 when anything is unhealthy.' '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).' '--modbus-tcp	With --fake or --dry-run: the modbus-tcp wire (default: serial).' '--model	Generation: df, tp, f1 or dg2, or the name on the label, such as RH56DFTP. Without it the hand is looked at.' '--side	Which hand it is. The hand itself does not know it.' '--protocol	What is spoken on a serial line (default: auto, which asks in EB90, then in Modbus RTU).'
             set takes --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus
-            set lacks -n --dry-run -y --yes --assume-identity
+            set lacks -n --dry-run -y --yes
         case 'hand dump'
             set opts '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).' '--modbus-tcp	With --fake or --dry-run: the modbus-tcp wire (default: serial).' '--model	Generation: df, tp, f1 or dg2, or the name on the label, such as RH56DFTP. Without it the hand is looked at.' '--side	Which hand it is. The hand itself does not know it.' '--protocol	What is spoken on a serial line (default: auto, which asks in EB90, then in Modbus RTU).'
             set takes --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus
-            set lacks -n --dry-run -y --yes --assume-identity
+            set lacks -n --dry-run -y --yes
         case 'hand get'
             set opts '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).' '--modbus-tcp	With --fake or --dry-run: the modbus-tcp wire (default: serial).' '--model	Generation: df, tp, f1 or dg2, or the name on the label, such as RH56DFTP. Without it the hand is looked at.' '--side	Which hand it is. The hand itself does not know it.' '--protocol	What is spoken on a serial line (default: auto, which asks in EB90, then in Modbus RTU).'
             set takes --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus
             set args 'read:hand*'
-            set lacks -n --dry-run -y --yes --assume-identity
+            set lacks -n --dry-run -y --yes
         case 'hand watch'
             set opts '--rate	Samples per second (0: as fast as the device answers). Default: 10.' '--count	End after N samples.' '--duration	End after S seconds.' '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).' '--modbus-tcp	With --fake or --dry-run: the modbus-tcp wire (default: serial).' '--model	Generation: df, tp, f1 or dg2, or the name on the label, such as RH56DFTP. Without it the hand is looked at.' '--side	Which hand it is. The hand itself does not know it.' '--protocol	What is spoken on a serial line (default: auto, which asks in EB90, then in Modbus RTU).'
             set takes --rate=none --count=none --duration=none --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus
             set args 'read:hand*'
-            set lacks -n --dry-run -y --yes --assume-identity
+            set lacks -n --dry-run -y --yes
         case 'hand describe'
             set opts '-h	Show this help.' '--help	Show this help.'
             set args 'name:hand*'
@@ -534,17 +554,17 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set opts '--watch	Go on: a live picture on a terminal, a stream of rows elsewhere.' '--rate	Samples per second (0: as fast as the device answers). Default: 5.' '--count	End after N samples.' '--duration	End after S seconds.' '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).' '--modbus-tcp	With --fake or --dry-run: the modbus-tcp wire (default: serial).' '--model	Generation: df, tp, f1 or dg2, or the name on the label, such as RH56DFTP. Without it the hand is looked at.' '--side	Which hand it is. The hand itself does not know it.' '--protocol	What is spoken on a serial line (default: auto, which asks in EB90, then in Modbus RTU).'
             set takes --rate=none --count=none --duration=none --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus
             set args 'none*'
-            set lacks -n --dry-run -y --yes --assume-identity
+            set lacks -n --dry-run -y --yes
         case 'hand stop'
             set opts '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).' '--modbus-tcp	With --fake or --dry-run: the modbus-tcp wire (default: serial).' '--model	Generation: df, tp, f1 or dg2, or the name on the label, such as RH56DFTP. Without it the hand is looked at.' '--side	Which hand it is. The hand itself does not know it.' '--protocol	What is spoken on a serial line (default: auto, which asks in EB90, then in Modbus RTU).'
             set takes --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus
         case 'hand angle'
-            set opts '--wait	Watch for up to S seconds until the fingers stand still. Ctrl-C sets the speed to 0.' '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).' '--modbus-tcp	With --fake or --dry-run: the modbus-tcp wire (default: serial).' '--model	Generation: df, tp, f1 or dg2, or the name on the label, such as RH56DFTP. Without it the hand is looked at.' '--side	Which hand it is. The hand itself does not know it.' '--protocol	What is spoken on a serial line (default: auto, which asks in EB90, then in Modbus RTU).'
-            set takes --wait=none --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus
+            set opts '--wait	Watch for up to S seconds until the fingers stand still. Ctrl-C sets the speed to 0.' '--expect	How the movement must end, else exit 7: every axis at its target (reached, the default), stopped by an object (contact), or either of these or short of the target (any).' '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).' '--modbus-tcp	With --fake or --dry-run: the modbus-tcp wire (default: serial).' '--model	Generation: df, tp, f1 or dg2, or the name on the label, such as RH56DFTP. Without it the hand is looked at.' '--side	Which hand it is. The hand itself does not know it.' '--protocol	What is spoken on a serial line (default: auto, which asks in EB90, then in Modbus RTU).'
+            set takes --wait=none --expect=choice:reached,contact,any --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus
             set args 'none*'
         case 'hand position'
-            set opts '--wait	Watch for up to S seconds until the fingers stand still. Ctrl-C sets the speed to 0.' '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).' '--modbus-tcp	With --fake or --dry-run: the modbus-tcp wire (default: serial).' '--model	Generation: df, tp, f1 or dg2, or the name on the label, such as RH56DFTP. Without it the hand is looked at.' '--side	Which hand it is. The hand itself does not know it.' '--protocol	What is spoken on a serial line (default: auto, which asks in EB90, then in Modbus RTU).'
-            set takes --wait=none --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus
+            set opts '--wait	Watch for up to S seconds until the fingers stand still. Ctrl-C sets the speed to 0.' '--expect	How the movement must end, else exit 7: every axis at its target (reached, the default), stopped by an object (contact), or either of these or short of the target (any).' '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).' '--modbus-tcp	With --fake or --dry-run: the modbus-tcp wire (default: serial).' '--model	Generation: df, tp, f1 or dg2, or the name on the label, such as RH56DFTP. Without it the hand is looked at.' '--side	Which hand it is. The hand itself does not know it.' '--protocol	What is spoken on a serial line (default: auto, which asks in EB90, then in Modbus RTU).'
+            set takes --wait=none --expect=choice:reached,contact,any --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus
             set args 'none*'
         case 'hand speed'
             set opts '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).' '--modbus-tcp	With --fake or --dry-run: the modbus-tcp wire (default: serial).' '--model	Generation: df, tp, f1 or dg2, or the name on the label, such as RH56DFTP. Without it the hand is looked at.' '--side	Which hand it is. The hand itself does not know it.' '--protocol	What is spoken on a serial line (default: auto, which asks in EB90, then in Modbus RTU).'
@@ -584,7 +604,11 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set opts '--watch	Seconds of curves (0: none). Default: 3.' '--include-ids	Keep serial numbers, pilot ids, and the answers that hold them.' '--force	Replace FILE.html.' '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).' '--modbus-tcp	With --fake or --dry-run: the modbus-tcp wire (default: serial).' '--model	Generation: df, tp, f1 or dg2, or the name on the label, such as RH56DFTP. Without it the hand is looked at.' '--side	Which hand it is. The hand itself does not know it.' '--protocol	What is spoken on a serial line (default: auto, which asks in EB90, then in Modbus RTU).'
             set takes --watch=none --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus
             set args 'file'
-            set lacks -n --dry-run -y --yes --assume-identity
+            set lacks -n --dry-run -y --yes
+        case 'hand doctor'
+            set opts '--count	Read the device N times for the error rate. Default: 100.' '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).' '--modbus-tcp	With --fake or --dry-run: the modbus-tcp wire (default: serial).' '--model	Generation: df, tp, f1 or dg2, or the name on the label, such as RH56DFTP. Without it the hand is looked at.' '--side	Which hand it is. The hand itself does not know it.' '--protocol	What is spoken on a serial line (default: auto, which asks in EB90, then in Modbus RTU).'
+            set takes --count=none --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus
+            set lacks -n --dry-run -y --yes
         case 'hand clear-errors'
             set opts '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).' '--modbus-tcp	With --fake or --dry-run: the modbus-tcp wire (default: serial).' '--model	Generation: df, tp, f1 or dg2, or the name on the label, such as RH56DFTP. Without it the hand is looked at.' '--side	Which hand it is. The hand itself does not know it.' '--protocol	What is spoken on a serial line (default: auto, which asks in EB90, then in Modbus RTU).'
             set takes --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus
@@ -594,12 +618,12 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
         case 'hand scan'
             set opts '--ids	Ids to ask. Default: 1-254.' '--speeds	Speeds to try, in bit/s. Default: 115200,921600,57600,19200.' '--all	Ask all ids at all speeds instead of ending at the first hand.' '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).' '--modbus-tcp	With --fake or --dry-run: the modbus-tcp wire (default: serial).' '--model	Generation: df, tp, f1 or dg2, or the name on the label, such as RH56DFTP. Without it the hand is looked at.' '--side	Which hand it is. The hand itself does not know it.' '--protocol	What is spoken on a serial line (default: auto, which asks in EB90, then in Modbus RTU).'
             set takes --ids=none --speeds=none --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus
-            set lacks -n --dry-run -y --yes --assume-identity
+            set lacks -n --dry-run -y --yes
         case 'hand read'
             set opts '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).' '--modbus-tcp	With --fake or --dry-run: the modbus-tcp wire (default: serial).' '--model	Generation: df, tp, f1 or dg2, or the name on the label, such as RH56DFTP. Without it the hand is looked at.' '--side	Which hand it is. The hand itself does not know it.' '--protocol	What is spoken on a serial line (default: auto, which asks in EB90, then in Modbus RTU).'
             set takes --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus
             set args 'none' 'none'
-            set lacks -n --dry-run -y --yes --assume-identity
+            set lacks -n --dry-run -y --yes
         case 'hand write'
             set opts '--undocumented	Allow an address that is not documented.' '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).' '--modbus-tcp	With --fake or --dry-run: the modbus-tcp wire (default: serial).' '--model	Generation: df, tp, f1 or dg2, or the name on the label, such as RH56DFTP. Without it the hand is looked at.' '--side	Which hand it is. The hand itself does not know it.' '--protocol	What is spoken on a serial line (default: auto, which asks in EB90, then in Modbus RTU).'
             set takes --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus
@@ -612,12 +636,12 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set opts '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).' '--modbus-tcp	With --fake or --dry-run: the modbus-tcp wire (default: serial).' '--model	Generation: df, tp, f1 or dg2, or the name on the label, such as RH56DFTP. Without it the hand is looked at.' '--side	Which hand it is. The hand itself does not know it.' '--protocol	What is spoken on a serial line (default: auto, which asks in EB90, then in Modbus RTU).'
             set takes --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus
             set args 'file'
-            set lacks -n --dry-run -y --yes --assume-identity
+            set lacks -n --dry-run -y --yes
         case 'hand diff'
             set opts '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).' '--modbus-tcp	With --fake or --dry-run: the modbus-tcp wire (default: serial).' '--model	Generation: df, tp, f1 or dg2, or the name on the label, such as RH56DFTP. Without it the hand is looked at.' '--side	Which hand it is. The hand itself does not know it.' '--protocol	What is spoken on a serial line (default: auto, which asks in EB90, then in Modbus RTU).'
             set takes --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus
             set args 'file' 'file'
-            set lacks -n --dry-run -y --yes --assume-identity
+            set lacks -n --dry-run -y --yes
         case 'hand restore'
             set opts '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).' '--modbus-tcp	With --fake or --dry-run: the modbus-tcp wire (default: serial).' '--model	Generation: df, tp, f1 or dg2, or the name on the label, such as RH56DFTP. Without it the hand is looked at.' '--side	Which hand it is. The hand itself does not know it.' '--protocol	What is spoken on a serial line (default: auto, which asks in EB90, then in Modbus RTU).'
             set takes --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus
@@ -626,7 +650,7 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set opts '--rate	Samples per second (0: as fast as the device answers). Default: 0.' '--count	End after N samples.' '--duration	End after S seconds.' '--mark	Mark the first row.' '--silence	End after S seconds without a valid answer. A lost port is waited for as long. Default: 60.' '--force	Overwrite FILE.' '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run: the serial wire (default: serial).' '--can	With --fake or --dry-run: the can wire (default: serial).' '--modbus-tcp	With --fake or --dry-run: the modbus-tcp wire (default: serial).' '--model	Generation: df, tp, f1 or dg2, or the name on the label, such as RH56DFTP. Without it the hand is looked at.' '--side	Which hand it is. The hand itself does not know it.' '--protocol	What is spoken on a serial line (default: auto, which asks in EB90, then in Modbus RTU).'
             set takes --rate=none --count=none --duration=none --mark=none --silence=none --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus
             set args 'file' 'read:hand*'
-            set lacks -n --dry-run -y --yes --assume-identity
+            set lacks -n --dry-run -y --yes
         case 'ports'
             set opts '-h	Show this help.' '--help	Show this help.'
             set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --assume-identity
@@ -635,7 +659,7 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set takes -p=link --port=link --family=choice:exo,wrist,barrett,ekso,aidin,hand --ids=none
             set lacks -p --port -n --dry-run -y --yes --assume-identity
         case 'doctor'
-            set opts '--family	The family of the device on the link. -d NAME implies it.' '--count	Read the device N times for the error rate. Default: 100.' '-h	Show this help.' '--help	Show this help.'
+            set opts '--family	The family of the device on the link. Without it, and without -d NAME, handctl finds out who is there.' '--count	Read the device N times for the error rate. Default: 100.' '-h	Show this help.' '--help	Show this help.'
             set takes --family=choice:exo,wrist,barrett,ekso,aidin,hand --count=none
             set lacks -n --dry-run -y --yes --assume-identity
         case 'stop'

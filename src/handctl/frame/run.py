@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 import click
 
 from handctl.ending import end_on_signals, finish_on_signals, gave_up, served
-from handctl.errors import HandctlError, Interrupted, NotConfirmed, OutputError
+from handctl.errors import HandctlError, Interrupted, NotConfirmed, OutputError, joined
 from handctl.frame.cause import as_told, from_click, interrupted, judged, weightier
 from handctl.frame.connection import Connection, beside
 from handctl.frame.console import TerminalGuide, print_message, print_writes
