@@ -94,10 +94,11 @@ def top(words: Sequence[str]) -> str:
         return (
             meant(name, load(words[1], "cli").cli.commands) + f" The device comes first: `handctl {words[1]} COMMAND`."
         )
-    if found := meant(name, dict.fromkeys(COMMANDS)):
-        return found
     verbs = dict.fromkeys(verb for family in FAMILIES for verb in load(family, "cli").cli.commands)
-    if close := near(name, verbs, most=1):
+    slip = slips(name, verbs) if not slips(name, COMMANDS) else []
+    if not slip and (found := meant(name, dict.fromkeys(COMMANDS))):
+        return found
+    if close := slip[:1] or near(name, verbs, most=1):
         where = elsewhere([*close, *words[1:]])
         return where if where.startswith(" Did") else f" Did you mean {close[0]!r}?{where}"
     from difflib import get_close_matches

@@ -5,6 +5,7 @@ The pages are made at once from what the man pages are made of, so they fit this
 
 from __future__ import annotations
 
+import re
 import shutil
 import sys
 
@@ -36,7 +37,7 @@ def cli(run: Run, topic: tuple[str, ...]) -> Table | None:
 
     A page longer than the screen opens in the pager of the system. On a pipe it is plain text.
     """
-    words = " ".join(topic).removeprefix("handctl-").split()
+    words = re.sub(r"\(\d\)$", "", " ".join(topic).removeprefix("handctl-")).split()  # a page as it is named in print
     if not words:
         rows = [{"topic": name, "about": about} for name, about in _topics().items()]
         return Table(rows=rows, columns=(Column("topic", "Topic"), Column("about", "About")), plain=("topic",))
