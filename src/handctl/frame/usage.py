@@ -10,6 +10,8 @@ import sys
 import textwrap
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from copy import copy
+from typing import Any
 
 import click
 
@@ -97,6 +99,7 @@ class Described(click.Command):
     writes = False
     offline = False
     _shared: list[click.Parameter] | None = None
+    _parser: tuple[list[click.Parameter], Any] | None = None
 
     def refused(self) -> frozenset[str]:
         """Common options that this command cannot use, by key; "" stands for all that concern a link.
@@ -119,6 +122,15 @@ class Described(click.Command):
             wires, own = (family.wires, own_options(family.kind)) if family is not None else ((), ())
             self._shared = shared_options(wires, own, self.refused())
         return [*super().get_params(ctx), *self._shared]
+
+    def make_parser(self, ctx: click.Context) -> Any:
+        """As click does, but once for the same options: a parser keeps nothing of a line but its context."""
+        params = self.get_params(ctx)
+        if self._parser is None or list(map(id, params)) != list(map(id, self._parser[0])):
+            self._parser = params, super().make_parser(ctx)
+        parser = copy(self._parser[1])
+        parser.ctx = ctx
+        return parser
 
     def get_help_option(self, ctx: click.Context) -> click.Option | None:
         return _written_plainly(super().get_help_option(ctx))
