@@ -423,14 +423,14 @@ class AidinMachine(RuleBasedStateMachine):
 
 
 MACHINES: dict[str, tuple[type[RuleBasedStateMachine], int, int]] = {
-    "exo": (ExoMachine, 60, 15),
-    "wrist": (WristMachine, 25, 10),
-    "hand": (HandMachine, 25, 10),
-    "barrett": (BarrettMachine, 45, 12),
-    "ekso": (EksoMachine, 4, 8),
-    "aidin": (AidinMachine, 3, 8),
+    "exo": (ExoMachine, 30, 15),
+    "wrist": (WristMachine, 15, 10),
+    "hand": (HandMachine, 15, 10),
+    "barrett": (BarrettMachine, 20, 12),
+    "ekso": (EksoMachine, 3, 8),
+    "aidin": (AidinMachine, 2, 8),
 }
-"""Machine, examples and steps of the default run."""
+"""Machine, examples and steps of the default run: `tests.search` runs them without end."""
 QUIET = [HealthCheck.too_slow, HealthCheck.data_too_large, HealthCheck.filter_too_much, HealthCheck.large_base_example]
 
 

@@ -95,7 +95,7 @@ def test_dump_keeps_the_gap_bytes() -> None:
 
 
 @each_row("command", COMMANDS, ids=lambda command: command.name)
-@each_row("fault", ["healthy", "noise", "faults", "silent", "bad-checksum", "disconnect", "refuse"])
+@each_row("fault", ["healthy", "silent", "refuse"])
 def test_every_command_is_valid(scratch: Path, command: Command, fault: str) -> None:
     """json: one object with rows; ndjson: rows, then the envelope without them. Success and failure alike."""
     for form in ("json", "ndjson"):

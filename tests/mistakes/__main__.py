@@ -67,7 +67,7 @@ def check(some: Sequence[Mistake], jobs: int, folder: Path) -> int:
     broken: list[str] = []
     missed: Counter[str] = Counter()
     clean = [(f"without a mistake {part}", partial(healthy, share)) for part, share in enumerate(shares) if share]
-    for _, result in together(clean, jobs, folder):
+    for _, result in together(clean, jobs, folder, 600.0):
         wrong.update(result.get("wrong", {}))
         broken += result["broken"]
     for text in broken:

@@ -273,6 +273,8 @@ def sound(cell: Cell, fault: str) -> None:
     assert not [row for row in cell.rows if "error" in row and "value" in row], cell
     if fault in cell.facts.confusing or fault in cell.table.erratic:
         return
+    if not cell.written and cell.command not in cell.facts.writes:
+        return  # as it should be
     meant = usual(cell.family, cell.wire, cell.row.name).written
     if not meant:
         assert not cell.written, (cell.written, cell)
@@ -286,7 +288,6 @@ def sound(cell: Cell, fault: str) -> None:
 
 def truthful(cell: Cell, fault: str) -> None:
     """No value that is not the device's: before or after what the command does; of what moves between both."""
-    first, after = before(cell.family, cell.wire), usual(cell.family, cell.wire, cell.row.name).values
     changed = cell.table.changed.get(fault, {})
     for row in cell.rows:
         path = row.get("path")
@@ -298,6 +299,7 @@ def truthful(cell: Cell, fault: str) -> None:
             or path.startswith(cell.table.timed or ("\0",))
         ):
             continue
+        first, after = before(cell.family, cell.wire), usual(cell.family, cell.wire, cell.row.name).values
         good = [changed[path]] if path in changed else [values[path] for values in (first, after) if path in values]
         if path in changed and path in after and after[path] != first.get(path):
             good.append(after[path])  # what the command writes, it writes there as well

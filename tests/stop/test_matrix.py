@@ -187,7 +187,8 @@ WEATHER: dict[str, Callable[[str], Weather]] = {
     "half deaf": lambda _family: Weather(deaf=half_deaf),
     "somebody else": other_of,
 }
-OLD = {"at once": 0.0, "0.1 s old": 0.1, "1 s old": 1.0, "10 s old": 10.0}
+OLD = {"0.1 s old": 0.1, "10 s old": 10.0}
+"""What a command saw last; what it saw just now is the stop in fair weather."""
 
 
 def judge(family: str, way: str, weather: Weather, old: float = 0.0) -> None:

@@ -69,12 +69,13 @@ def may_stand(where: str, name: str, family: str) -> bool:
 
 
 def cells(where: str) -> Iterator[Cell]:
-    """What concerns a link before the stop of every family; what does not, before one of them each."""
+    """Each text before the stop of one family in turn; of what concerns a link, the first before that of every family."""
     for name, option in options().items():
-        for text in NONSENSE.get(name, ("nonsense",)):
+        for number, text in enumerate(NONSENSE.get(name, ("nonsense",))):
             turn = list(FAMILIES)[zlib.crc32(f"{name}{text}".encode()) % len(FAMILIES)]
+            every = option.section == CONNECTION and not number
             for family in FAMILIES:
-                if (option.section == CONNECTION or family == turn) and may_stand(where, name, family):
+                if (every or family == turn) and may_stand(where, name, family):
                     yield Cell(where, name, text, family)
 
 

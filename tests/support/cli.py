@@ -153,30 +153,35 @@ def check_schema(envelope: Any) -> None:
     KNOWN.update(new)
 
 
-def clean_environment(extra: Mapping[str, str] | None = None, of: Mapping[str, str] = os.environ) -> dict[str, str]:
-    """An environment without anything that changes handctl's output, plus `extra`."""
-    dropped = ("NO_COLOR", "COLUMNS", "LINES", "FORCE_COLOR", "PYTHONUNBUFFERED")
-    kept = {k: v for k, v in of.items() if not k.startswith("HANDCTL_") and k not in dropped}
+DROPPED = ("NO_COLOR", "COLUMNS", "LINES", "FORCE_COLOR", "PYTHONUNBUFFERED")
+
+
+def clean_environment(extra: Mapping[str, str] | None = None) -> dict[str, str]:
+    """The environment without anything that changes handctl's output, plus `extra`."""
+    kept = {k: v for k, v in os.environ.items() if not k.startswith("HANDCTL_") and k not in DROPPED}
     return {**kept, "XDG_CONFIG_HOME": "/dev/null/none", **(extra or {})}
 
 
 @contextmanager
 def environment(extra: Mapping[str, str] | None = None) -> Iterator[None]:
-    """A clean environment; only what differs is touched, since thousands of commands run in one process."""
-    before = dict(os.environ)
-    _become(clean_environment(extra, before), before)
+    """A clean environment; only what differs is touched, since thousands of commands run in one process.
+
+    What is there is looked at as the system has it: `os.environ` decodes all of it each time.
+    """
+    raw: dict[bytes, bytes] = os.environ._data  # type: ignore[attr-defined]
+    before = raw.copy()
+    for name in raw.keys() & UNCLEAN | {name for name in raw if name.startswith(b"HANDCTL_")}:
+        del os.environb[name]
+    os.environ.update({"XDG_CONFIG_HOME": "/dev/null/none", **(extra or {})})
     try:
         yield
     finally:
-        _become(before, dict(os.environ))
+        for name in raw.keys() - before.keys():
+            del os.environb[name]
+        os.environb.update(dict(before.items() - raw.items()))
 
 
-def _become(wanted: Mapping[str, str], now: Mapping[str, str]) -> None:
-    for name in now.keys() - wanted.keys():
-        del os.environ[name]
-    for name, value in wanted.items():
-        if now.get(name) != value:
-            os.environ[name] = value
+UNCLEAN = frozenset(map(os.fsencode, DROPPED))
 
 
 def run(

@@ -10,6 +10,7 @@ import os
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from copy import copy
 from typing import Any
 
 import click
@@ -113,6 +114,7 @@ class Described(click.Command):
     writes = False
     offline = False
     _shared: list[click.Parameter] | None = None
+    _parser: tuple[list[click.Parameter], Any] | None = None
 
     def refused(self) -> frozenset[str]:
         """Common options that this command cannot use, by key; "" stands for all that concern a link.
@@ -129,16 +131,6 @@ class Described(click.Command):
             keys |= {"baud"} if self.family.baud is None else set()
         return frozenset(keys)
 
-    def make_parser(self, ctx: click.Context) -> Any:
-        """As click does; -p is found at once. Else each short option that is typed costs click the import of difflib, for
-        what it would suggest in place of a long one.
-        """
-        parser = super().make_parser(ctx)
-        long, short = (getattr(parser, name, None) for name in ("_long_opt", "_short_opt"))
-        if isinstance(long, dict) and isinstance(short, dict):
-            long.update(short)
-        return parser
-
     def get_params(self, ctx: click.Context) -> list[click.Parameter]:
         if ctx.meta.get(BARE):
             return super().get_params(ctx)
@@ -147,6 +139,23 @@ class Described(click.Command):
             wires, own = (family.wires, own_options(family.kind)) if family is not None else ((), ())
             self._shared = shared_options(wires, own, self.refused())
         return [*super().get_params(ctx), *self._shared]
+
+    def make_parser(self, ctx: click.Context) -> Any:
+        """As click does, but once for the same options: a parser keeps nothing of a line but its context.
+
+        Short options are found at once. Else each that is typed costs click the import of difflib, for what it would suggest
+        in place of a long one.
+        """
+        params = self.get_params(ctx)
+        if self._parser is None or list(map(id, params)) != list(map(id, self._parser[0])):
+            made = super().make_parser(ctx)
+            long, short = (getattr(made, name, None) for name in ("_long_opt", "_short_opt"))
+            if isinstance(long, dict) and isinstance(short, dict):
+                long.update(short)
+            self._parser = params, made
+        parser = copy(self._parser[1])
+        parser.ctx = ctx
+        return parser
 
     def get_help_option(self, ctx: click.Context) -> click.Option | None:
         return _written_plainly(super().get_help_option(ctx))

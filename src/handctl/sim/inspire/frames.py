@@ -52,4 +52,7 @@ def frame(device_id: int, flag: int, body: bytes) -> bytes:
 
 def _sum(data: bytes | bytearray) -> int:
     """Low byte of the sum of everything between header and sum (exo §2.2.1 note 2, wrist §2.2)."""
-    return sum(data) % 256
+    total = 0
+    for byte in data:
+        total += byte
+    return total % 256
