@@ -168,7 +168,7 @@ DRIVEN = {
         "aidin", "currents index.m1=200 -y --duration 30", b'"hand_mode":41', re.escape(AIDIN_STOP), power_off, "get motor_pos", times=40
     ),
     "barrett realtime": Drive(
-        "barrett", "realtime --motors 1 --velocity 30 --gain 40 --receive position --json", b"\x43\x1e\x28",
+        "barrett", "realtime --motors 1 --velocity 30 --gain 40 --receive position --timeout 20 --json", b"\x43\x1e\x28",
         re.escape(b"\x63\x00\x28" + OFF), motors_off, "motors",
     ),
     "barrett close": Drive("barrett", "close --motors 1", b"1C\r", b"1C\r\x03", at_prompt, "motors", ("set MCV.F1=16 --force",), 1),

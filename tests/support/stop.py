@@ -38,7 +38,10 @@ HOW: dict[str, How] = {
     "barrett": How(
         (b"\x03", b"T\r"),
         ("--set", "initialized=1"),
-        drive=(("realtime", "--motors", "1", "--velocity", "20", "--receive", "position", "--json"), b"C\x14"),
+        drive=(
+            ("realtime", "--motors", "1", "--velocity", "20", "--receive", "position", "--timeout", "20", "--json"),
+            b"C\x14",
+        ),
     ),
     "ekso": How((bytes.fromhex("9C02"),)),
     "hand": How(

@@ -80,10 +80,9 @@ def examined(*arguments: str) -> tuple[Result, dict[str, tuple[str, str, str | N
 
 @pytest.mark.real
 def test_one_hand_at_an_address(system: System) -> None:
-    answer, found = examined()
+    _, found = examined()
     assert found["same_address"][:2] == ("ok", "4 connections read the same: one device has this address")
     assert found["clients"][0] == "ok"
-    assert answer.code == 0, answer
 
 
 @pytest.mark.real
