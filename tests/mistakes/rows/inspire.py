@@ -366,4 +366,22 @@ ROWS = (
         "if not side:",
         "tests/inspire/test_rh56_pairing.py::test_two_links_to_one_hand_are_seen",
     ),
+    mistake(
+        "hand-speed-0-holds-nothing",
+        "question skipped",
+        "handctl.devices.inspire.hand.device",
+        "",
+        'Release("speed_set", "speed_set", lambda now, new: now == 0 and new > 0),',
+        'Release("speed_set", "speed_set", lambda now, new: now == 0 and new < 0),',
+        "tests/inspire/test_rh56_arrival.py::test_a_speed_that_lets_a_finger_go_on_is_asked_for",
+    ),
+    mistake(
+        "exo-leaves-no-finger-alone",
+        "finger swapped",
+        "handctl.devices.inspire.exo.device",
+        "ExoHand.command_some",
+        "if len(values) == len(FINGERS):",
+        "if values:",
+        "tests/inspire/test_exo_cli.py::test_single_fingers_are_written_to_their_registers_alone",
+    ),
 )
