@@ -45,7 +45,7 @@ def test_everything_by_finger(verb: str, exchange: str) -> None:
     for key, count in KEYS.items():
         assert Counter(row["finger"] for row in result.rows if row["key"] == key) == dict.fromkeys(FINGERS, count // 5)
     assert all(set(row) - {"rad"} == ROW for row in result.rows)
-    assert result.json["device"] == {"kind": "aidin", "link": fake(start="homed", exchange=exchange), "fake": True, "id": None}  # fmt: skip
+    assert result.json["device"] == {"kind": "aidin", "link": fake(start="homed", exchange=exchange), "fake": True, "id": None, "model": "AIDIN-hand"}  # fmt: skip
     assert result.json["counters"]["sent"] == (0 if exchange == "stream" else 1)
 
 

@@ -73,7 +73,7 @@ def test_dump_is_every_parameter_by_motor_against_its_default() -> None:
     }
     assert got == expected
     assert len(result.rows) == 35 * 4 + 8
-    assert envelope["device"] == {"kind": "barrett", "link": fake(), "fake": True, "id": None}
+    assert envelope["device"] == {"kind": "barrett", "link": fake(), "fake": True, "id": None, "model": "BH8"}
 
 
 def test_dump_is_four_round_trips(tmp_path: Path) -> None:

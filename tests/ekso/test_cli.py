@@ -66,7 +66,7 @@ def test_settings_are_22_rows_in_the_order_of_the_words() -> None:
         "path": "forward_shift",
     }
     assert rows[14]["label"] == "50 %"
-    assert result.json["device"] == {"kind": "ekso", "link": unit(), "fake": True, "id": None}
+    assert result.json["device"] == {"kind": "ekso", "link": unit(), "fake": True, "id": None, "model": "EksoNR"}
     assert result.json["counters"] == {"sent": 1, "received": 1, "retries": 0, "bad_frames": 0, "stray_bytes": 0}
 
 
