@@ -148,6 +148,6 @@ def ends_in_order(bench: Bench, how: str) -> None:
     done = ended(process)
     assert done.code == (3 if how == "silence" else 130), (done, place)
     about = bench.sidecar()
-    assert (about["complete"], about["rows"]) == (True, len(bench.rows()))
+    assert (about["closed"], about["rows"]) == (True, len(bench.rows()))
     assert about["ended"] == ("lost" if how == "silence" else "interrupted")
     assert [hole["row"] for hole in about["holes"]] == [None]

@@ -28,7 +28,7 @@ from handctl.record.layout import clean
 from handctl.record.polling import Limits, record
 from handctl.record.recording import changed, file_name, undisturbed
 from handctl.record.source import Sample
-from handctl.record.timeline import LEARNED, ClockFit, Timeline
+from handctl.record.timeline import LEARNED, MOST_PARTED, ClockFit, Timeline
 from tests.ekso.recordings import STANDING, Device, opened, recorded, run, steady, words_at
 from tests.ekso.support import SETTINGS as GET_SETTINGS
 from tests.ekso.support import Unit, ekso_on, frame, pack
@@ -132,7 +132,7 @@ def test_marks_are_one_line() -> None:
 # -- time -------------------------------------------------------------------------------------------------------------
 
 
-def places(timeline: Timeline, *points: tuple[int, float]) -> list[tuple[int, int, bool, int]]:
+def places(timeline: Timeline, *points: tuple[int | None, float]) -> list[tuple[int, int, bool | None, int]]:
     found = []
     for boot, mono in points:
         place = timeline.place(boot, Moment(mono, mono))
@@ -235,6 +235,21 @@ def test_a_clock_that_stands_leaves_the_time_to_the_host() -> None:
     places(line, *((FAR, i * 0.02) for i in range(501)))
     assert abs(line.t_s - 10.0) <= 0.06 and line.standstill > 300
     assert {segment.rebooted for segment in line.segments} == {False}
+
+
+def test_a_clock_that_never_agrees_is_not_asked_for_ever() -> None:
+    """Neither memory nor sidecar grow with a log of such a device; its time is the host's."""
+    line = Timeline()
+    places(line, *((FAR + i * 5000, i * 0.02) for i in range(3000)))
+    assert (len(line.segments), line.unfit, line.segments[-1].fit.as_row()) == (MOST_PARTED + 1, True, None)
+    assert line.t_s == 59.98 and line.rate_hz() == 50.0
+
+
+def test_rounding_adds_up_to_nothing() -> None:
+    """A third of a millisecond a row, over an hour."""
+    line = Timeline()
+    places(line, *((None, i / 60) for i in range(60 * 600)))
+    assert line.t_s == round((60 * 600 - 1) / 60, 3)
 
 
 def test_counters_that_fell_show_a_restart() -> None:

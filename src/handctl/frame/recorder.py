@@ -188,11 +188,12 @@ def _tell(run: Run, recording: Recording) -> None:
         run.journal.warn("rebooted", f"the device was restarted {plural(line.reboots, 'time')}: see column segment")
     if parted := line.parted:
         most = max((segment.first.off_ms for segment in parted), key=abs) / 1000
+        unfit = f" Segment {line.segments[-1].number} does without {clock}." if line.unfit else ""
         maybe = " It may have been restarted, or be another device." if any(s.rebooted is None for s in parted) else ""
         run.journal.warn(
             "clocks-parted",
             f"{clock} and the clock of this machine parted {plural(len(parted), 'time')}, by {most:+.3f} s at the most. A segment "
-            f"begins at each, and times between segments are those of this machine.{maybe}",
+            f"begins at each, and times between segments are those of this machine.{maybe}{unfit}",
         )
     if recording.skipped:
         run.journal.info(

@@ -46,4 +46,5 @@ class Span(NamedTuple):
         return abs(self.off(ms)) <= WITHIN_MS
 
     def __str__(self) -> str:
-        return f"{self.least:.0f} to {self.most:.0f} ms"
+        least, most = f"{self.least:.0f}", f"{self.most:.0f}"
+        return f"{most} ms" if least == most else f"{least} to {most} ms"

@@ -22,6 +22,8 @@ LEAST_PERIOD_MS = 5.0
 LEARNED = 20
 """So many intervals make the device's own period known; where nothing else is known of it, FEW tell a little."""
 FEW = 3
+MOST_PARTED = 1000
+"""A clock that parted from ours so often is no witness of anything: the host's alone tells the time from then on."""
 PORT_LOST, RESTART, CLOCKS = "port-lost", "restart", "clocks"
 """Why a segment begins: the port was gone; the device restarted; its clock and ours parted."""
 
@@ -136,12 +138,12 @@ class Segment:
         """By how many ms a row that is `ms` of the device's clock after the first contradicts the rows before it."""
         return Span(moment.sent * 1000 - self.answered_least, moment.answered * 1000 - self.sent_most).off(ms)
 
-    def take(self, place: Place) -> None:
-        """A row of it."""
+    def take(self, place: Place, *, clocked: bool) -> None:
+        """A row of it; `clocked`: the device's clock tells its time."""
         self.rows += 1
         self.last = place
         ms = place.t_ms - self.first.t_ms
-        if place.boot_ms is not None:
+        if clocked:
             self.fit.add(ms / 1000, place.mono_s - self.first.mono_s)
         self.sent_most = max(self.sent_most, place.moment.sent * 1000 - ms)
         self.answered_least = min(self.answered_least, place.moment.answered * 1000 - ms)
@@ -185,6 +187,7 @@ class Timeline:
         """Those between rows, but for what lies before a segment whose port was lost or whose device restarted; and which are gaps."""
         self._within: list[int] = []
         self._restarted = False
+        self._parted = 0
         self.last = Place(None, Moment(0.0, 0.0), 0, 1)
 
     @property
@@ -196,6 +199,11 @@ class Timeline:
     def parted(self) -> list[Segment]:
         """The segments at which the clocks parted, and no restart explains it."""
         return [segment for segment in self.segments if CLOCKS in segment.first.why]
+
+    @property
+    def unfit(self) -> bool:
+        """Whether the device's clock is not asked any more."""
+        return self._parted >= MOST_PARTED
 
     def restarted(self) -> None:
         """Something else than its clock shows that the device restarted since it was asked last: the counters of its session.
@@ -221,10 +229,11 @@ class Timeline:
             return Place(boot_ms, moment, 0, 1, why=(PORT_LOST,) * reopened)
         last, segment = self.last, self.segments[-1]
         elapsed = max(0, round((moment.middle - last.moment.middle) * 1000))
-        step, off = elapsed, 0.0
+        t_ms = round((moment.middle - self.segments[0].first.moment.middle) * 1000)
+        step, off = max(0, t_ms - last.t_ms), 0.0
         rebooted: bool | None = None if reopened and boot_ms is None else self._restarted
         parted = False
-        if boot_ms is not None and last.boot_ms is not None:
+        if boot_ms is not None and last.boot_ms is not None and not self.unfit:
             step = (boot_ms - last.boot_ms + BOOT_WRAP // 2) % BOOT_WRAP - BOOT_WRAP // 2
             off = segment.off(last.t_ms - segment.first.t_ms + step, moment)
             parted = step < 0 or abs(off) > WITHIN_MS
@@ -236,7 +245,6 @@ class Timeline:
         if not why:
             gap = step if step > GAP_PERIODS * self.period_ms else 0
             return Place(boot_ms, moment, last.t_ms + step, last.segment, step, gap_ms=gap)
-        t_ms = round((moment.middle - self.segments[0].first.moment.middle) * 1000)
         gap = max(1, elapsed) if reopened or elapsed > GAP_PERIODS * self.period_ms else 0
         return Place(boot_ms, moment, t_ms, last.segment + 1, elapsed, why, round(off) if parted else 0, rebooted, gap)
 
@@ -256,7 +264,8 @@ class Timeline:
         if begins:
             self.segments.append(Segment(place.segment, self.rows + 1, place, place.rebooted, place))
             self._restarted = False
-        self.segments[-1].take(place)
+            self._parted += CLOCKS in place.why
+        self.segments[-1].take(place, clocked=place.boot_ms is not None and not self.unfit)
         self.rows += 1
         self.last = place
 
