@@ -64,7 +64,7 @@ DEVICE: dict[str, dict[str, Codes]] = {
     "no-bias": every(0, bias=7),
     "weak": every(0, home=7, initial=7, joints=7),
     **dict.fromkeys(("held", "stall"), every(0, home=7)),
-    "creep": every(0, home=7),
+    "creep": every(0, home=7, bias=7),
 }  # fmt: skip
 MADE = (
     *("rate=10", "rate=500", "merge=5", "chunk=100", "between=none", "between=nul", "between=crlf", "layout=indented"),
