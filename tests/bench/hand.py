@@ -15,12 +15,13 @@ import tty
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 
+from handctl.devices.inspire.hand.scan import SPEEDS, scan
+
 from handctl.devices.inspire import modbus
 from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.hand.device import Hand
 from handctl.devices.inspire.hand.generation import ModelGate
 from handctl.devices.inspire.hand.map import DF, TP
-from handctl.devices.inspire.hand.scan import SPEEDS, scan
 from handctl.devices.inspire.hand.tactile import ZONES, tactile
 from handctl.devices.inspire.hand.typed import RTU_SPEED
 from handctl.devices.inspire.modbusbus import ModbusBus

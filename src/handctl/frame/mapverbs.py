@@ -21,6 +21,7 @@ from handctl.frame.envelope import INCLUDE_IDS
 from handctl.frame.filetypes import InFile, OutFile
 from handctl.frame.numbers import FiniteRange
 from handctl.frame.run import Run
+from handctl.frame.scanverb import add_scan
 from handctl.model.param import COMMAND, ParamMap
 from handctl.model.result import Table
 
@@ -167,6 +168,7 @@ def add_map_verbs(
 
         return command.stop(run)
 
+    add_scan(group)
     if "stop" not in without:
         group.verb("stop", "Move", writes=True, stops=True)(stop)
     for name, heading, body, writes in (
