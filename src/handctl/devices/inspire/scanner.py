@@ -45,6 +45,8 @@ SAME = (1000, 4)
 """Id and speed: of two devices with one id the answers are alike, so they overlap to a good one (dossier 4.14)."""
 AGAIN_AMONG_OTHERS = 2
 """So many passes more where others speak and nothing was found."""
+TOGETHER = 8
+"""Questions without a pause, by which half duplex shows."""
 CONFIRM_SECONDS = (0.3, 0.6, 1.2)
 TWIN_READS = 20
 TWIN_READS_SLOW = 6
@@ -160,15 +162,20 @@ class Scanner(Asker):
             elif self.line.slow and not measured:
                 todo += asked  # their last answers may have been too late
             asked.append(speed)
-        varies = (self.line.spread or 0.0) > TURNAROUND
-        if (
-            not self._thorough
-            or self._beside is not None
-            or self.found.beheaded
-            or (self.found.hits and not (varies and len(ids) > 1))
-        ):
+        if not self._thorough or self._beside is not None or self.found.beheaded:
+            return
+        if self.found.hits and not (len(ids) > 1 and self._collides()):
             return
         yield from self._single_passes(ids, speeds)
+
+    def _collides(self) -> bool:
+        """Whether answers of others may have met a probe: on two wires, with a delay that varies."""
+        line, (speed, device_id, _) = self.line, self.found.hits[0]
+        if (line.spread or 0.0) <= TURNAROUND:
+            return False
+        self._set_speed(speed)
+        line.half_duplex = not any(self.overlaps(device_id, TOGETHER) for _ in range(2))
+        return line.half_duplex
 
     def _single_passes(self, ids: Sequence[int], speeds: Sequence[int | None]) -> Iterator[Pass]:
         """With more time for each. Where others speak, their speed is the likeliest, and a probe may have met their bytes."""
