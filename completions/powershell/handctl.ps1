@@ -32,7 +32,7 @@ function __handctl_node([string]$path) { # what stands below PATH
         'exo report' { $found.opts = '--watch --include-ids --force -h --help'; $found.takes = '--watch=none'; $found.args = 'file'; $found.lacks = '-n --dry-run -y --yes --assume-identity' }
         'exo clear-errors' { $found.opts = '-h --help' }
         'exo calibrate' { $found.opts = '-h --help' }
-        'exo scan' { $found.opts = '--ids --speeds --window --reply-window --all -h --help'; $found.takes = '--ids=none --speeds=none --window=none --reply-window=none'; $found.lacks = '-n --dry-run -y --yes --assume-identity' }
+        'exo scan' { $found.opts = '--ids --all -h --help'; $found.takes = '--ids=none'; $found.lacks = '-n --dry-run -y --yes --assume-identity' }
         'exo read' { $found.opts = '-h --help'; $found.args = 'none none'; $found.lacks = '-n --dry-run -y --yes --assume-identity' }
         'exo write' { $found.opts = '--undocumented -h --help'; $found.args = 'none none' }
         'exo raw' { $found.opts = '--wait --force-ambiguous -h --help'; $found.takes = '--wait=none'; $found.args = 'none*' }
@@ -50,7 +50,7 @@ function __handctl_node([string]$path) { # what stands below PATH
         'wrist center' { $found.opts = '--time -h --help --serial --can'; $found.takes = '--time=none' }
         'wrist set' { $found.opts = '-h --help --serial --can'; $found.args = 'set:wrist*' }
         'wrist report' { $found.opts = '--watch --include-ids --force -h --help --serial --can'; $found.takes = '--watch=none'; $found.args = 'file'; $found.lacks = '-n --dry-run -y --yes --assume-identity' }
-        'wrist scan' { $found.opts = '--ids --window --reply-window --all -h --help --serial --can'; $found.takes = '--ids=none --window=none --reply-window=none'; $found.lacks = '-n --dry-run -y --yes --assume-identity' }
+        'wrist scan' { $found.opts = '--ids --all -h --help --serial --can'; $found.takes = '--ids=none'; $found.lacks = '-n --dry-run -y --yes --assume-identity' }
         'wrist read' { $found.opts = '-h --help --serial --can'; $found.args = 'none none'; $found.lacks = '-n --dry-run -y --yes --assume-identity' }
         'wrist hand-read' { $found.opts = '-h --help --serial --can'; $found.args = 'none none'; $found.lacks = '-n --dry-run -y --yes --assume-identity' }
         'wrist write' { $found.opts = '-h --help --serial --can'; $found.args = 'none none' }
@@ -59,7 +59,7 @@ function __handctl_node([string]$path) { # what stands below PATH
         'wrist snapshot' { $found.opts = '-h --help --serial --can'; $found.args = 'file'; $found.lacks = '-n --dry-run -y --yes --assume-identity' }
         'wrist diff' { $found.opts = '--setpoints -h --help --serial --can'; $found.args = 'file file'; $found.lacks = '-n --dry-run -y --yes --assume-identity' }
         'wrist restore' { $found.opts = '--setpoints -h --help --serial --can'; $found.args = 'file' }
-        'barrett' { $found.cmds = 'status dump get watch describe version errors help fingertips stop init open close move home step-open step-close torque-open torque-close realtime set save baud load defaults report diagnose maintenance strain reset gcl firmware snapshot diff restore'; $found.opts = '-h --help --interrupt'; $found.lacks = '--id' }
+        'barrett' { $found.cmds = 'status dump get watch describe version errors help fingertips stop init open close move home step-open step-close torque-open torque-close realtime set save baud load defaults report diagnose maintenance strain scan reset gcl firmware snapshot diff restore'; $found.opts = '-h --help --interrupt'; $found.lacks = '--id' }
         'barrett status' { $found.opts = '--check --include-ids -h --help --interrupt'; $found.lacks = '--id -n --dry-run -y --yes --assume-identity' }
         'barrett dump' { $found.opts = '--include-ids -h --help --interrupt'; $found.lacks = '--id -n --dry-run -y --yes --assume-identity' }
         'barrett get' { $found.opts = '-h --help --interrupt'; $found.args = 'read:barrett*'; $found.lacks = '--id -n --dry-run -y --yes --assume-identity' }
@@ -89,6 +89,7 @@ function __handctl_node([string]$path) { # what stands below PATH
         'barrett diagnose' { $found.opts = '--list --move --motors --hand -h --help --interrupt'; $found.takes = '--motors=none --hand=none'; $found.args = 'none'; $found.lacks = '--id' }
         'barrett maintenance' { $found.opts = '--greased --steps --check --hand -h --help --interrupt'; $found.takes = '--greased=none --steps=choice:lubrication,fasteners,pretension,strain,firmware --hand=none'; $found.lacks = '--id -n --dry-run -y --yes --assume-identity' }
         'barrett strain' { $found.opts = '--open --live --check --rate --count --duration -h --help --interrupt'; $found.takes = '--rate=none --count=none --duration=none'; $found.lacks = '--id' }
+        'barrett scan' { $found.opts = '--ids --all -h --help --interrupt'; $found.takes = '--ids=none'; $found.lacks = '--id -n --dry-run -y --yes --assume-identity' }
         'barrett reset' { $found.opts = '-h --help --interrupt'; $found.lacks = '--id' }
         'barrett gcl' { $found.opts = '--keep-going -h --help --interrupt'; $found.args = 'none*'; $found.lacks = '--id' }
         'barrett firmware' { $found.cmds = 'check download'; $found.opts = '-h --help --interrupt'; $found.lacks = '--id' }
@@ -97,7 +98,7 @@ function __handctl_node([string]$path) { # what stands below PATH
         'barrett snapshot' { $found.opts = '-h --help --interrupt'; $found.args = 'file'; $found.lacks = '--id -n --dry-run -y --yes --assume-identity' }
         'barrett diff' { $found.opts = '-h --help --interrupt'; $found.args = 'file file'; $found.lacks = '--id -n --dry-run -y --yes --assume-identity' }
         'barrett restore' { $found.opts = '--save --force -h --help --interrupt'; $found.args = 'file'; $found.lacks = '--id' }
-        'ekso' { $found.cmds = 'status dump get watch describe time date settings data feedback policy stop set cancel report snapshot diff restore log export'; $found.opts = '-h --help'; $found.lacks = '--id' }
+        'ekso' { $found.cmds = 'status dump get watch describe time date settings data feedback policy stop set cancel report scan snapshot diff restore log export'; $found.opts = '-h --help'; $found.lacks = '--id' }
         'ekso status' { $found.opts = '--check --length-mode -h --help'; $found.takes = '--length-mode=none'; $found.lacks = '--id -n --dry-run -y --yes --assume-identity' }
         'ekso dump' { $found.opts = '--length-mode -h --help'; $found.takes = '--length-mode=none'; $found.lacks = '--id -n --dry-run -y --yes --assume-identity' }
         'ekso get' { $found.opts = '--length-mode -h --help'; $found.takes = '--length-mode=none'; $found.args = 'read:ekso*'; $found.lacks = '--id -n --dry-run -y --yes --assume-identity' }
@@ -113,12 +114,13 @@ function __handctl_node([string]$path) { # what stands below PATH
         'ekso set' { $found.opts = '--operator --audit --override-step-limit --length-mode -h --help'; $found.takes = '--operator=none --audit=file --length-mode=none'; $found.args = 'set:ekso*'; $found.lacks = '--id' }
         'ekso cancel' { $found.opts = '--word --operator --audit --length-mode -h --help'; $found.takes = '--word=none --operator=none --audit=file --length-mode=none'; $found.lacks = '--id' }
         'ekso report' { $found.opts = '--watch --include-ids --force --length-mode -h --help'; $found.takes = '--watch=none --length-mode=none'; $found.args = 'file'; $found.lacks = '--id -n --dry-run -y --yes --assume-identity' }
+        'ekso scan' { $found.opts = '--ids --all --length-mode -h --help'; $found.takes = '--ids=none --length-mode=none'; $found.lacks = '--id -n --dry-run -y --yes --assume-identity' }
         'ekso snapshot' { $found.opts = '--length-mode -h --help'; $found.takes = '--length-mode=none'; $found.args = 'file'; $found.lacks = '--id -n --dry-run -y --yes --assume-identity' }
         'ekso diff' { $found.opts = '--length-mode -h --help'; $found.takes = '--length-mode=none'; $found.args = 'file file'; $found.lacks = '--id -n --dry-run -y --yes --assume-identity' }
         'ekso restore' { $found.opts = '--operator --audit --override-step-limit --length-mode -h --help'; $found.takes = '--operator=none --audit=file --length-mode=none'; $found.args = 'file'; $found.lacks = '--id' }
         'ekso log' { $found.opts = '--rate --count --duration --raw --mark --silence --include-pilot-id --force --length-mode -h --help'; $found.takes = '--rate=none --count=none --duration=none --mark=none --silence=none --length-mode=none'; $found.args = 'file'; $found.lacks = '--id -n --dry-run -y --yes --assume-identity' }
         'ekso export' { $found.opts = '--to --format --si --segment --knee-sign --rate -h --help'; $found.takes = '--to=choice:mot,csv --format=choice:mot,csv --segment=none --knee-sign=choice:1,-1 --rate=none'; $found.args = 'file'; $found.lacks = '-p --port --fake -d --device --id --baud --timeout --deadline --retries --trace --format -n --dry-run -y --yes --assume-identity' }
-        'aidin' { $found.cmds = 'status dump get watch describe stop home initial encoders joints fingertips currents bias max-torque report'; $found.opts = '-h --help --exchange --poll-json --tx-terminator'; $found.takes = '--exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf'; $found.lacks = '--id --baud' }
+        'aidin' { $found.cmds = 'status dump get watch describe stop home initial encoders joints fingertips currents bias max-torque report scan'; $found.opts = '-h --help --exchange --poll-json --tx-terminator'; $found.takes = '--exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf'; $found.lacks = '--id --baud' }
         'aidin status' { $found.opts = '--check -h --help --exchange --poll-json --tx-terminator'; $found.takes = '--exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf'; $found.lacks = '--id --baud -n --dry-run -y --yes --assume-identity' }
         'aidin dump' { $found.opts = '-h --help --exchange --poll-json --tx-terminator'; $found.takes = '--exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf'; $found.lacks = '--id --baud -n --dry-run -y --yes --assume-identity' }
         'aidin get' { $found.opts = '-h --help --exchange --poll-json --tx-terminator'; $found.takes = '--exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf'; $found.args = 'read:aidin*'; $found.lacks = '--id --baud -n --dry-run -y --yes --assume-identity' }
@@ -134,6 +136,7 @@ function __handctl_node([string]$path) { # what stands below PATH
         'aidin bias' { $found.opts = '-h --help --exchange --poll-json --tx-terminator'; $found.takes = '--exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf'; $found.lacks = '--id --baud' }
         'aidin max-torque' { $found.opts = '-h --help --exchange --poll-json --tx-terminator'; $found.takes = '--exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf'; $found.args = 'none'; $found.lacks = '--id --baud' }
         'aidin report' { $found.opts = '--watch --include-ids --force -h --help --exchange --poll-json --tx-terminator'; $found.takes = '--watch=none --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf'; $found.args = 'file'; $found.lacks = '--id --baud -n --dry-run -y --yes --assume-identity' }
+        'aidin scan' { $found.opts = '--ids --all -h --help --exchange --poll-json --tx-terminator'; $found.takes = '--ids=none --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf'; $found.lacks = '--id --baud -n --dry-run -y --yes --assume-identity' }
         'hand' { $found.cmds = 'status dump get watch describe tactile stop angle position speed force set id baud save factory-reset network pair report clear-errors calibrate scan read write raw snapshot diff restore'; $found.opts = '-h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus' }
         'hand status' { $found.opts = '--check -h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus'; $found.lacks = '-n --dry-run -y --yes --assume-identity' }
         'hand dump' { $found.opts = '-h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus'; $found.lacks = '-n --dry-run -y --yes --assume-identity' }
@@ -156,7 +159,7 @@ function __handctl_node([string]$path) { # what stands below PATH
         'hand report' { $found.opts = '--watch --include-ids --force -h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--watch=none --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus'; $found.args = 'file'; $found.lacks = '-n --dry-run -y --yes --assume-identity' }
         'hand clear-errors' { $found.opts = '-h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus' }
         'hand calibrate' { $found.opts = '-h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus' }
-        'hand scan' { $found.opts = '--ids --speeds --all -h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--ids=none --speeds=none --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus'; $found.lacks = '-n --dry-run -y --yes --assume-identity' }
+        'hand scan' { $found.opts = '--ids --all -h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--ids=none --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus'; $found.lacks = '-n --dry-run -y --yes --assume-identity' }
         'hand read' { $found.opts = '-h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus'; $found.args = 'none none'; $found.lacks = '-n --dry-run -y --yes --assume-identity' }
         'hand write' { $found.opts = '--undocumented -h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus'; $found.args = 'none none' }
         'hand raw' { $found.opts = '--wait --force-ambiguous -h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--wait=none --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus'; $found.args = 'none*' }
