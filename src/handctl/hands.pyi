@@ -32,6 +32,8 @@ class Device:
 class Exo(Device):
     """Inspire EH55BF1 exoskeleton hand (RS-232, Bluetooth serial)."""
 
+    def scan(self, *, ids: str | None = None, all: bool = False) -> list[Row]:
+        """Look for devices of this family: speed, id."""
     def stop(self, *, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
         """Stop the device at once, also while another handctl command has it."""
     def status(self, *, check: bool = False) -> list[Row]:
@@ -166,21 +168,12 @@ class Exo(Device):
         dry_run: bool = False,
     ) -> list[Row]:
         """Command positions from 0 (bent) to 1000 (open)."""
-    def scan(
-        self,
-        *,
-        ids: str = "1-254",
-        speeds: str = "115200,57600,19200",
-        window: int = 8,
-        reply_window: Number | None = None,
-        all: bool = False,
-    ) -> list[Row]:
-        """Look for hands: id 1 at each speed, then all ids. Only reads. A hand counts when it has answered
-        twice."""
 
 class Wrist(Device):
     """Inspire wrist module of the dexterous hand (RS-232, RS-485, CAN)."""
 
+    def scan(self, *, ids: str | None = None, all: bool = False) -> list[Row]:
+        """Look for devices of this family: speed, id."""
     def stop(self, *, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
         """Stop the device at once, also while another handctl command has it."""
     def status(self, *, check: bool = False) -> list[Row]:
@@ -289,19 +282,12 @@ class Wrist(Device):
         dry_run: bool = False,
     ) -> list[Row]:
         """Send exactly these bytes (on CAN: IDENTIFIER#DATA) and show the answer."""
-    def scan(
-        self,
-        *,
-        ids: str = "1-254",
-        window: int = 1,
-        reply_window: Number | None = None,
-        all: bool = False,
-    ) -> list[Row]:
-        """Look for wrist modules at 115200 bit/s (or --baud), or on the CAN bus."""
 
 class Barrett(Device):
     """BarrettHand BH8 series (RS-232)."""
 
+    def scan(self, *, ids: str | None = None, all: bool = False) -> list[Row]:
+        """Look for devices of this family: speed, id."""
     def stop(self, *, motors: str | None = None, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
         """Stop the hand at once, even while another handctl uses it. Asks nothing."""
     def status(self, *, check: bool = False, include_ids: bool = False) -> list[Row]:
@@ -583,6 +569,8 @@ class Barrett(Device):
 class Ekso(Device):
     """EksoNR DataPort (serial over USB)."""
 
+    def scan(self, *, ids: str | None = None, all: bool = False, length_mode: str | None = None) -> list[Row]:
+        """Look for devices of this family: speed, id."""
     def stop(self, *, length_mode: str | None = None, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
         """Stop the device at once, also while another handctl command has it."""
     def status(self, *, check: bool = False, length_mode: str | None = None) -> list[Row]:
@@ -695,6 +683,8 @@ class Ekso(Device):
 class Aidin(Device):
     """AIDIN-hand (TCP, JSON)."""
 
+    def scan(self, *, ids: str | None = None, all: bool = False) -> list[Row]:
+        """Look for devices of this family: speed, id."""
     def stop(self, *, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
         """Stop the device at once, also while another handctl command has it."""
     def status(self, *, check: bool = False) -> list[Row]:
@@ -789,6 +779,8 @@ class Aidin(Device):
 class Hand(Device):
     """Inspire RH56 dexterous hands (RS-232, RS-485, CAN, Modbus RTU, Modbus TCP)."""
 
+    def scan(self, *, ids: str | None = None, all: bool = False) -> list[Row]:
+        """Look for devices of this family: speed, id."""
     def stop(self, *, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
         """Stop the device at once, also while another handctl command has it."""
     def status(self, *, check: bool = False) -> list[Row]:
@@ -926,14 +918,6 @@ class Hand(Device):
     ) -> list[Row]:
         """Send exactly these bytes, EB90 or Modbus, and show the answer, decoded. Everything except a read asks
         first."""
-    def scan(
-        self,
-        *,
-        ids: str = "1-254",
-        speeds: str = "115200,921600,57600,19200",
-        all: bool = False,
-    ) -> list[Row]:
-        """Look for hands: id 1 at each speed, in EB90 and in Modbus RTU, then all ids. Only reads."""
     def network(
         self,
         address: Value | None = None,

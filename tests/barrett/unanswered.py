@@ -16,7 +16,7 @@ from handctl.devices.barrett.realtime.flags import Wish
 from handctl.devices.barrett.realtime.session import Session
 from handctl.devices.barrett.stopper import power_off
 from handctl.devices.inspire.eb90 import read_request
-from handctl.devices.inspire.hand.scan import SPEEDS as HAND_SPEEDS
+from handctl.devices.inspire.hand.probe import TARGET
 from handctl.errors import HandctlError
 from handctl.families import FAMILIES
 from handctl.frame.options import Settings
@@ -28,6 +28,7 @@ from tests.barrett.support import hand_on
 from tests.support.cli import run
 from tests.support.scripted import ScriptedLink
 
+HAND_SPEEDS = TARGET.speeds
 Way = tuple[str, list[Sent]]
 GAINS = (0, 1, 3, 7, 10, 15, 63, 127, 128, 240, 254, 255)
 PREFIXES = ("", "1", "12", "123", "1234")
@@ -120,8 +121,8 @@ def connects() -> Iterator[Way]:
 COMMANDS = (
     *(("scan", "--ids", ids) for ids in ("1-2", "1-8")),
     *((family, "scan", "--ids", ids) for family in ("exo", "wrist", "hand") for ids in ("1-2", "1-20")),
-    ("wrist", "scan", "--ids", "1-20", "--window", "8"),
-    ("exo", "scan", "--ids", "3,13", "--window", "1"),
+    ("exo", "scan", "--ids", "3,13"),
+    *((family, "scan") for family in FAMILIES if "serial" in probe_of(family).WIRES),
     *((family, command) for family in ("exo", "hand") for command in ("id", "baud")),
     *((family, "status", "--baud", str(speed)) for family in ("exo", "wrist") for speed in (115200, 57600, 19200)),
     *(("hand", "status", "--baud", str(speed)) for speed in HAND_SPEEDS),

@@ -20,13 +20,14 @@ from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.hand.device import Hand
 from handctl.devices.inspire.hand.generation import ModelGate
 from handctl.devices.inspire.hand.map import DF, TP
-from handctl.devices.inspire.hand.scan import SPEEDS, scan
+from handctl.devices.inspire.hand.probe import TARGET
 from handctl.devices.inspire.hand.tactile import ZONES, tactile
-from handctl.devices.inspire.hand.typed import RTU_SPEED
+from handctl.devices.inspire.modbus import RTU_SPEED
 from handctl.devices.inspire.modbusbus import ModbusBus
 from handctl.devices.inspire.registers import RegisterBus
+from handctl.devices.inspire.scan import sweep
 from handctl.link import ByteLink, open_link
-from handctl.model.guide import Guide
+from handctl.model.quest import Quest
 from handctl.model.result import Journal
 from tests.bench.measure import Figure, served
 
@@ -173,7 +174,7 @@ def over_tcp(link: str, rounds: int) -> Iterator[Figure]:
 def searched() -> Figure:
     """Id 1 at each speed in each protocol: the slowest search. Raises AssertionError where one is not found."""
     slowest = 0.0
-    for speed in SPEEDS:
+    for speed in TARGET.speeds:
         for protocol in ("eb90", "modbus"):
             options = ("--model", "tp", "--pty", "--set", f"baud={speed}", "--set", f"speaks={protocol}")
             # Modbus RTU is asked at slow speeds only where it is typed: a BarrettHand may act upon it.
@@ -182,7 +183,7 @@ def searched() -> Figure:
                 seconds, found = search(link, typed)
             assert found == [(speed, 1)], f"{protocol} at {speed}: {found}"
             slowest = max(slowest, seconds)
-    note = f"slowest of {2 * len(SPEEDS)}; --protocol typed at {RTU_SPEED} bit/s and less"
+    note = f"slowest of {2 * len(TARGET.speeds)}; --protocol typed at {RTU_SPEED} bit/s and less"
     return Figure("hand scan, id 1 at each speed and protocol", slowest, SCAN_SECONDS, "s", 1.0, note, "2 s")
 
 
@@ -191,7 +192,7 @@ def search(link: str, protocol: str) -> tuple[float, list[tuple[object, object]]
     opened = open_link(link, baud=115200)
     assert isinstance(opened, ByteLink)
     with closing(opened):
-        hand = hand_at(Bus(opened, 1, Journal()), None)
+        quest = Quest(ids=[1], own={"protocol": protocol})
         began = time.perf_counter()
-        table = scan(hand, Guide(), range(1, 2), SPEEDS, False, protocol)
-        return time.perf_counter() - began, [(row["baud"], row["id"]) for row in table.rows]
+        sweep(opened, Journal(), None, quest, [TARGET])
+        return time.perf_counter() - began, [(row["baud"], row["id"]) for row in quest.rows]

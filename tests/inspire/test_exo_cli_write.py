@@ -147,8 +147,8 @@ REFUSED = [
     "raw EB90010B310C0400000000000000004D",  # a wrist module takes it for a write of 8 bytes at 1036
     "raw EB90010B32F401F401FFFF0000F4011B",  # position command with -1
     "raw EB90010B31E9030000000000000000 29",  # force 1001
-    "factory-reset", "scan --ids 0-5", "scan --ids 255", "scan --ids 5-x", "scan --ids ''", "scan --speeds 9600",
-    "scan --speeds ''", "scan --window 0", "scan --reply-window 0", "watch --count 0", "watch --rate -1",
+    "factory-reset", "scan --ids 0-5", "scan --ids 255", "scan --ids 5-x", "scan --ids ''",
+    "watch --count 0", "watch --rate -1",
     "watch --duration 0", "watch factory_reset",
 ]  # fmt: skip
 

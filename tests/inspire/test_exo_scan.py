@@ -1,13 +1,13 @@
-"""Looking for hands: the same ones one by one and in windows, never an echo or noise, and always with an end."""
+"""Looking for hands: one id after the other, never an echo or noise, and always with an end."""
 
 from __future__ import annotations
 
 import pytest
 
-from handctl.devices.inspire.scan_report import default_wait, parse_ids, parse_speeds
-from handctl.devices.inspire.scanner import Findings
+from handctl.devices.inspire.scanner import TURNAROUND
+from handctl.devices.inspire.target import parse_ids
 from handctl.errors import NoAnswer, ProtocolError, UsageError
-from handctl.model.result import Table
+from handctl.model.quest import Quest
 from tests.inspire.scanning import ALL_IDS, scan_hand, scan_on
 from tests.support.each_row import each_row
 from tests.support.scripted import (
@@ -64,11 +64,11 @@ class Bench:
                 replies.append((moment, self.junk[request[2]]))
         return replies
 
-    def scan(self, **options: object) -> Table:
+    def scan(self, **options: object) -> Quest:
         return scan_on(self.link, **options)
 
 
-def hits(table: Table) -> list[tuple[object, object]]:
+def hits(table: Quest) -> list[tuple[object, object]]:
     return [(row["baud"], row["id"]) for row in table.rows]
 
 
@@ -77,51 +77,48 @@ def hits(table: Table) -> list[tuple[object, object]]:
 CROWD = [(115200, 1), (115200, 8), (115200, 9), (115200, 100), (115200, 144), (115200, 235), (115200, 254)]
 
 
-@pytest.mark.parametrize("window", [1, 2, 3, 8, 16, 254])
-def test_the_same_hands_are_found_with_any_window(window: int) -> None:
-    table = Bench(*CROWD).scan(window=window)
+def test_a_crowd_is_found() -> None:
+    table = Bench(*CROWD).scan(baud=115200)
     assert hits(table) == CROWD
     assert table.failure is None
     assert table.rows[0] == {
-        "family": "exo", "link": "scripted", "baud": 115200, "id": 1, "system_voltage": 558, "suspicion": None,
+        "family": "exo", "link": "scripted", "baud": 115200, "id": 1, "protocol": "eb90", "model": None,
+        "evidence": "system_voltage reads 558, asked twice", "suspicion": None,
     }  # fmt: skip
 
 
-@pytest.mark.parametrize("window", [1, 8])
 @pytest.mark.parametrize("echo", [False, True])
-def test_hands_are_found_at_every_speed(window: int, echo: bool) -> None:
+def test_hands_are_found_at_every_speed(echo: bool) -> None:
     hands = [(115200, 3), (57600, 180), (19200, 254)]
     bench = Bench(*hands, echo=echo)
-    assert hits(bench.scan(window=window, speeds=SPEEDS)) == hands
+    assert hits(bench.scan()) == hands
     assert bench.link.baud == 115200
 
 
-@pytest.mark.parametrize("window", [1, 8])
-def test_the_simulator_is_found(window: int) -> None:
+def test_the_simulator_is_found() -> None:
     for device_id in (1, 2, 8, 9, 100, 144, 180, 235, 254):
         for fault in ("", "&fault=echo", "&fault=noise", "&fault=dribble", "&fault=split"):
             hand, link = fake_hand(f"id={device_id}{fault}")
-            table = scan_hand(hand, window=window, wait_ms=50.0)
+            table = scan_hand(hand, baud=115200)
             assert hits(table) == [(115200, device_id)], (device_id, fault)
             assert changing(link.sent) == []
 
 
-@pytest.mark.parametrize("window", [1, 8])
-def test_a_late_reply_names_its_id_in_a_later_window(window: int) -> None:
+def test_a_late_reply_names_its_id_in_a_later_window() -> None:
     """Also that of the very last id, for which no further window comes."""
-    table = Bench((115200, 7), (115200, 200), (115200, 254), delay=0.035).scan(window=window)
+    table = Bench((115200, 7), (115200, 200), (115200, 254), delay=0.035).scan(baud=115200)
     assert hits(table) == [(115200, 7), (115200, 200), (115200, 254)]
 
 
 def test_the_first_hand_ends_the_scan() -> None:
     bench = Bench((115200, 1), (115200, 2))
-    assert hits(bench.scan(find_all=False, speeds=SPEEDS)) == [(115200, 1)]
+    assert hits(bench.scan(find_all=False)) == [(115200, 1)]
     assert {device_id for _, device_id in bench.asked} == {1}
 
 
 def test_id_1_is_asked_at_every_speed_before_all_others() -> None:
     bench = Bench((19200, 1), (115200, 2))
-    assert hits(bench.scan(find_all=False, speeds=SPEEDS)) == [(19200, 1)]
+    assert hits(bench.scan(find_all=False)) == [(19200, 1)]
     assert {device_id for _, device_id in bench.asked} == {1}
     assert list(dict.fromkeys(speed for speed, _ in bench.asked)) == SPEEDS
 
@@ -138,7 +135,7 @@ def test_a_hit_counts_only_after_a_second_answer() -> None:
 
     bench.link.answer = once
     hand = hand_on(bench.link)
-    table = scan_hand(hand, speeds=[115200])
+    table = scan_hand(hand, baud=115200)
     assert table.rows == []
     assert "unconfirmed" in codes(hand)
     assert table.failure is not None
@@ -158,7 +155,7 @@ def test_only_reads_of_two_bytes_are_sent_to_look() -> None:
 def test_link_without_a_speed_is_scanned_once() -> None:
     bench = Bench((115200, 5))
     bench.link.can_set_baud = False
-    assert hits(bench.scan(speeds=SPEEDS)) == [(115200, 5)]
+    assert hits(bench.scan()) == [(115200, 5)]
     assert bench.link.bauds == []
 
 
@@ -169,40 +166,37 @@ def test_link_without_any_baud_has_null() -> None:
     bench.link.answer = lambda data: [
         (0.0, reply_to(r, (VOLTAGE * 9)[: r[7]])) for r in requests_in(data) if r[2] == 5 and r[4] == 0x11
     ]
-    assert hits(bench.scan(speeds=SPEEDS)) == [(None, 5)]
+    assert hits(bench.scan()) == [(None, 5)]
     assert plain
 
 
 # -- what is no hand --------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("window", [1, 8])
-def test_an_echo_is_never_a_hand(window: int) -> None:
-    table = Bench(echo=True).scan(window=window, speeds=SPEEDS)
+def test_an_echo_is_never_a_hand() -> None:
+    table = Bench(echo=True).scan()
     assert table.rows == []
     assert isinstance(table.failure, ProtocolError)
     assert (table.failure.exit_code, table.failure.code) == (5, "echo")
     assert "TX-RX short" in table.failure.hint
 
 
-@pytest.mark.parametrize("window", [1, 8])
-def test_a_loopback_of_the_simulator_is_never_a_hand(window: int) -> None:
+def test_a_loopback_of_the_simulator_is_never_a_hand() -> None:
     hand, _ = fake_hand("fault=loopback")
-    table = scan_hand(hand, window=window)
+    table = scan_hand(hand, baud=115200)
     assert table.rows == []
     assert table.failure is not None
     assert table.failure.code == "echo"
 
 
-@pytest.mark.parametrize("window", [1, 8])
 @pytest.mark.parametrize("seed", range(3))
-def test_noise_is_never_a_hand(window: int, seed: int) -> None:
+def test_noise_is_never_a_hand(seed: int) -> None:
     import random
 
     source = random.Random(seed)
     likely = unhex("90 EB EB 90 01 04 05 11 C0 05 02 2E")
     link = ScriptedLink(lambda data: [(0.004, bytes(source.choices(likely, k=source.randrange(30))))], baud=115200)
-    table = scan_on(link, window=window, ids=list(range(1, 60)))
+    table = scan_on(link, ids=list(range(1, 60)))
     assert table.rows == []
     assert table.failure is not None
     assert (table.failure.exit_code, table.failure.code) == (5, "garbage")
@@ -234,47 +228,43 @@ def test_silence_is_no_answer() -> None:
     assert "power" in table.failure.hint
 
 
-# -- windows, halves, bounds ------------------------------------------------------------------------------------------
+# -- bounds -----------------------------------------------------------------------------------------------------------
 
 
-def test_number_of_windows() -> None:
-    """254 ids in windows of 8 are 32 windows (dossier, section 6), and the first probe goes twice."""
+def test_each_id_has_room_for_its_answer_on_the_wire_and_no_more() -> None:
     bench = Bench()
-    table = bench.scan(thorough=False)
-    assert table.extra["scan"]["windows"] == 33
-    assert table.extra["scan"]["probes"] == 255
-    assert bench.asked[0] == bench.asked[1] == (115200, 1)
-    assert bench.link.now() < 1.0
+    table = bench.scan(baud=115200, silence=9.0)
+    assert (table.facts["probes"], bench.asked[0], bench.asked[1]) == (255, (115200, 1), (115200, 1))
+    assert bench.link.now() == pytest.approx(255 * (190 / 115200 + TURNAROUND) + 0.05 + 0.52, abs=0.05)
+    assert table.left == [
+        "a second time, with more room for each answer on a half-duplex line whose delay varies: --all asks so"
+    ]
 
 
-def test_one_by_one_takes_its_window_for_each() -> None:
+def test_a_silent_line_is_asked_for_so_long_and_what_was_left_is_told() -> None:
     bench = Bench()
-    table = bench.scan(window=1)
-    assert table.extra["scan"]["windows"] == 255
-    assert bench.link.now() == pytest.approx(255 * (0.020 + 90 / 115200) + 1.0, abs=0.05), "and waits for what is late"
+    table = bench.scan(ids=(), find_all=False, silence=1.9)
+    assert bench.link.now() <= 2.6
+    assert table.failure is not None and table.failure.code == "no-answer"
+    assert table.left[0].startswith("ids ") and "to 254 of exo at 57600" in table.left[0]
+    assert table.left[1].startswith("ids 2 to 254 of exo at 19200")
 
 
-def test_garbage_is_looked_into_by_halves() -> None:
-    """One bad id among 8: 4 + 4, 2 + 2, 1 + 1, descending only where garbage shows: 6 windows, 14 probes."""
-    bench = Bench()
-    bench.junk[11] = unhex("55 AA 90")
-    table = bench.scan(thorough=False)
-    assert table.extra["scan"]["windows"] == 33 + 6
-    assert table.extra["scan"]["probes"] == 255 + 14
-    assert table.failure is not None
-    assert table.failure.code == "garbage"
+def test_whoever_is_heard_is_asked_on() -> None:
+    """A line that is not silent has no such bound: the hand answers at the last speed."""
+    assert hits(Bench((19200, 1)).scan(ids=(), find_all=False, silence=0.5)) == [(19200, 1)]
 
 
 def test_hands_among_garbage_are_found() -> None:
     bench = Bench((115200, 9), (115200, 12), (115200, 16))
     bench.junk.update({11: unhex("90 EB 0C FF 11"), 13: unhex("90")})
-    assert hits(bench.scan()) == [(115200, 9), (115200, 12), (115200, 16)]
+    assert hits(bench.scan(baud=115200)) == [(115200, 9), (115200, 12), (115200, 16)]
 
 
 def test_the_deadline_of_the_command_ends_the_scan() -> None:
     bench = Bench()
     hand = hand_on(bench.link, bound=bench.link.deadline(0.3))
-    table = scan_hand(hand, window=1, speeds=SPEEDS)
+    table = scan_hand(hand)
     assert table.rows == []
     assert bench.link.now() < 0.6
     assert table.failure is not None
@@ -285,13 +275,15 @@ def test_the_deadline_of_the_command_ends_the_scan() -> None:
 def test_nothing_is_sent_after_the_deadline() -> None:
     bench = Bench()
     bound = bench.link.deadline(0.3)
-    scan_hand(hand_on(bench.link, bound=bound), window=1, speeds=SPEEDS)
+    scan_hand(
+        hand_on(bench.link, bound=bound),
+    )
     assert max(bench.link.sent_at) <= bound.at
 
 
 def test_a_deadline_that_was_long_enough_is_not_blamed() -> None:
     bench = Bench()
-    table = scan_hand(hand_on(bench.link, bound=bench.link.deadline(40.0)), speeds=SPEEDS)
+    table = scan_hand(hand_on(bench.link, bound=bench.link.deadline(40.0)))
     assert table.failure is not None
     assert table.failure.code == "no-answer"
 
@@ -305,7 +297,7 @@ def test_a_twin_on_a_link_without_a_speed_is_told_without_one() -> None:
 
 def test_a_flood_ends_too() -> None:
     link = Babble(baud=115200)
-    table = scan_on(link, ids=[1, 2])
+    table = scan_on(link, ids=[1, 2], baud=115200)
     assert table.rows == []
     assert link.now() < 60.0
 
@@ -314,7 +306,7 @@ def test_the_speed_of_the_port_is_restored_after_an_interrupt() -> None:
     bench = Bench()
     bench.link.interrupt_at = 1.5
     with pytest.raises(KeyboardInterrupt):
-        bench.scan(speeds=SPEEDS)
+        bench.scan()
     assert bench.link.bauds[-1] == 115200
 
 
@@ -369,7 +361,7 @@ def test_twins_of_the_simulator_are_suspected() -> None:
     ],
 )  # fmt: skip
 def test_ids(text: str, ids: list[int]) -> None:
-    assert parse_ids(text) == ids
+    assert parse_ids(text, "serial") == ids
 
 
 @each_row(
@@ -379,19 +371,5 @@ def test_ids(text: str, ids: list[int]) -> None:
 )  # fmt: skip
 def test_ids_that_do_not_exist(text: str) -> None:
     with pytest.raises(UsageError) as caught:
-        parse_ids(text)
+        parse_ids(text, "serial")
     assert caught.value.exit_code == 2
-
-
-def test_speeds() -> None:
-    assert parse_speeds("115200") == [115200]
-    assert parse_speeds("19200, 115200,19200") == [19200, 115200]
-    for text in ("", "9600", "921600", "115200,", "x", "-1", "0"):
-        with pytest.raises(UsageError) as caught:
-            parse_speeds(text)
-        assert "115200, 57600, 19200" in caught.value.hint
-
-
-def test_reply_window_without_an_adapter_is_20_ms() -> None:
-    assert default_wait("fake://exo") == 0.020
-    assert Findings().hits == []

@@ -29,7 +29,7 @@ def test_nobody_is_asked_in_modbus_unless_that_is_typed(words: str, tmp_path: Pa
     assert not [one for one in slow if {"03", "0D", "FF"} & set(one.split())]
 
 
-@pytest.mark.parametrize("words", ["status --baud 19200", "scan --ids 1-1", "scan --ids 1-1 --speeds 19200"])
+@pytest.mark.parametrize("words", ["status --baud 19200", "scan --ids 1-1", "scan --ids 1-1 --baud 19200"])
 def test_a_hand_that_is_said_to_speak_it_is_found(words: str) -> None:
     answer = run("hand", *words.split(), "--protocol", "modbus", "-p", LINK, "--json")
     assert answer.code == 0, answer

@@ -10,13 +10,15 @@ import pytest
 
 from handctl.devices.inspire import procedures
 from handctl.devices.inspire.exo.device import ExoHand
-from handctl.devices.inspire.exo.scan import scan
+from handctl.devices.inspire.scanner import TURNAROUND
 from handctl.errors import CheckFailed
+from handctl.families import FAMILIES
 from handctl.link import open_link
 from handctl.model.guide import Progress
-from handctl.model.result import Table
+from handctl.model.quest import Quest
 from handctl.sim.bus.models import text
-from tests.inspire.scanning import scan_hand
+from tests.inspire.scanning import scan_hand, scanner
+from tests.search import scan_grid
 from tests.support.cli import Result, run
 from tests.support.scripted import changing, codes, fake_hand, hand_on, message
 
@@ -60,13 +62,13 @@ def hand_behind(path: Path) -> ExoHand:
     return hand_on(open_link(f"fake://bus?file={path}&clock=virtual", baud=115200))
 
 
-def found(line: Line, folder: Path) -> tuple[Table, float]:
+def found(line: Line, folder: Path) -> tuple[Quest, float]:
     hand = hand_behind(line.file(folder))
-    table = scan_hand(hand, speeds=SPEEDS, find_all=False)
+    table = scan_hand(hand, ids=(), find_all=False)
     return table, hand.bus.link.now()
 
 
-def right(line: Line, table: Table) -> bool:
+def right(line: Line, table: Quest) -> bool:
     speed = None if line.kind == "bluetooth" else line.speed
     return [(row["baud"], row["id"]) for row in table.rows] == [(speed, line.id)]
 
@@ -79,7 +81,7 @@ def test_the_right_hand_at_the_right_speed(line: Line, tmp_path: Path) -> None:
 
 def test_late_answers_are_no_silence() -> None:
     hand, link = fake_hand("fault=late&late=0.12")
-    table = scan_hand(hand, speeds=SPEEDS, find_all=False)
+    table = scan_hand(hand, find_all=False)
     assert [(row["baud"], row["id"]) for row in table.rows] == [(115200, 1)]
     assert changing(link.sent) == []
 
@@ -91,33 +93,36 @@ def test_the_first_probes_reach_a_line_of_120_ms(speed: int, tmp_path: Path) -> 
     seen: list[float] = []
     receive = hand.bus.link.read
     hand.bus.link.read = lambda *what: _noted(receive(*what), hand, seen)  # type: ignore[method-assign]
-    table = scan_hand(hand, speeds=SPEEDS, find_all=False)
+    table = scan_hand(hand, find_all=False)
     assert seen[0] < 1.5
     assert [(row["baud"], row["id"]) for row in table.rows] == [(speed, 1)]
 
 
-@pytest.mark.parametrize("window", [8, 1])
-def test_a_full_scan_of_a_clean_line_costs_little_more_than_its_wire_and_windows(window: int) -> None:
-    """254 ids at 3 speeds: 9 bytes each, what goes ahead of them and between them, and 20 ms for each window (tests/bench has
-    the same on a real clock)."""
+def test_a_full_scan_of_a_clean_line_costs_little_more_than_its_wire() -> None:
+    """254 ids at 3 speeds: the bytes of a question, what goes ahead of them, those of an answer, and 3 ms for it to begin."""
     hand = hand_on(open_link("fake://exo?wire=auto&clock=virtual", baud=115200))
-    table = scan_hand(hand, speeds=SPEEDS, window=window, wait_ms=20)
-    more = {115200: 4 * (window > 1), 57600: 2 + 4 * (window > 1), 19200: 1}
-    floor = sum(254 * 10 * (9 + more[speed]) / speed + -(-254 // window) * 0.020 for speed in SPEEDS)
+    table = scan_hand(hand)
+    ahead = {115200: 0, 57600: 2, 19200: 1}
+    floor = sum(254 * (10 * (9 + 10 + ahead[speed]) / speed + TURNAROUND) for speed in SPEEDS)
     assert [(row["baud"], row["id"]) for row in table.rows] == [(115200, 1)]
-    assert table.extra["scan"]["seconds"] <= 1.10 * floor
+    assert table.facts["seconds"] <= 1.10 * floor
 
 
 def test_a_silent_scan_tells_what_it_waits_for() -> None:
     hand, _ = fake_hand("fault=silent")
     shown: list[str] = []
-    scan(hand, Progress(shown.append), range(1, 255), SPEEDS, 8, None, False)
-    assert shown[0] == "115200 bit/s, ids 1 to 1, found 0, 0 %"
-    alone = [line for line in shown if "One at a time" in line]
-    assert alone[0] == "115200 bit/s, id 1, found 0, 26 s left. One at a time: may be half duplex"
-    assert alone[-1].startswith("19200 bit/s, id 254, found 0, 1 s left")
+    scanner(hand, Progress(shown.append), find_all=False).run(range(1, 255), SPEEDS)
+    assert shown[0] == "115200 bit/s, id 1, found 0"
+    slowly = [line for line in shown if "Slowly" in line]
+    assert slowly[0] == "115200 bit/s, id 1, found 0, 26 s left. Slowly: it may be half duplex"
+    assert slowly[-1].startswith("19200 bit/s, id 254, found 0, 1 s left")
     assert all(len(line) < 80 for line in shown)
-    assert "then one by one, 30 ms each, as a half-duplex line loses" in message(hand, "scanned")
+    assert "then again with 30 ms for each, as a delay that varies" in scan_text(hand)
+
+
+def scan_text(hand: ExoHand) -> str:
+    scan_hand(hand, ids=())
+    return message(hand, "scanned")
 
 
 def _noted(data: bytes, hand: ExoHand, seen: list[float]) -> bytes:
@@ -140,10 +145,8 @@ def test_two_hands_on_a_half_duplex_line_are_found_one_by_one(tmp_path: Path) ->
     path = tmp_path / "bus.toml"
     path.write_text(text("half-duplex", [{"kind": "exo", "id": 97}, {"kind": "exo", "id": 100}]))
     hand = hand_behind(path)
-    table = scan_hand(hand, speeds=[115200])
+    table = scan_hand(hand, baud=115200)
     assert [row["id"] for row in table.rows] == [97, 100]
-    assert hand.journal.line.half_duplex is True
-    assert "One id at a time" in message(hand, "line")
 
 
 def test_a_line_that_swallows_first_bytes_is_named(tmp_path: Path) -> None:
@@ -240,14 +243,14 @@ def test_two_hands_and_a_logger_are_two_hands_and_twins_are_named_beside_one(tmp
     logger = {"ask": "EB 90 03 04 11 E8 03 01 04", "every_ms": 50}
     path.write_text(text("half-duplex", [{"kind": "exo"}, {"kind": "exo", "id": 3}], [logger]))  # type: ignore[list-item]
     hand = hand_behind(path)
-    table = scan_hand(hand, ids=list(range(1, 9)), speeds=SPEEDS)
+    table = scan_hand(hand, ids=list(range(1, 9)))
     assert [(row["id"], row["suspicion"]) for row in table.rows] == [(1, None), (3, None)]
     assert hand.journal.line.others is True
     path.write_text(text("half-duplex", [{"kind": "exo"}, {"kind": "exo", "seed": 5}], [logger]))  # type: ignore[list-item]
     hand = hand_behind(path)
-    table = scan_hand(hand, ids=list(range(1, 9)), speeds=SPEEDS)
+    table = scan_hand(hand, ids=list(range(1, 9)))
     assert table.failure is not None
-    assert (table.rows, table.failure.code) == ([], "bad-checksum")
+    assert (table.rows, table.failure.code) == ([], "twin-id")
     result = run("doctor", "--family", "exo", "--count", "10", "-p", f"fake://bus?file={path}&clock=virtual", "--json")
     told = {row["check"]: row for row in result.rows}
     assert "one device has this id" in told["answer"]["remedy"]
@@ -290,3 +293,56 @@ FEW = [
 def test_a_late_device_is_found_by_the_scan_of_every_family(cell: Cell, tmp_path: Path) -> None:
     answer = cell.asked(tmp_path)
     assert cell.right(answer), answer
+
+
+# -- every family -----------------------------------------------------------------------------------------------------
+
+GRID_SHARE = [
+    scan_grid.Cell("", "exo", "clean", 150, 77, 115200), scan_grid.Cell("exo", "exo", "half-duplex", 500, 254, 115200),
+    scan_grid.Cell("", "wrist", "bluetooth", 500, 1, 115200), scan_grid.Cell("wrist", "wrist", "can", 150, 254, None),
+    scan_grid.Cell("hand", "hand", "clean", 50, 2, 115200, "eb90"), scan_grid.Cell("hand", "hand", "clean", 150, 1, 115200, "eb90"),
+    scan_grid.Cell("hand", "hand", "bluetooth", 50, 2, 115200, "eb90"), scan_grid.Cell("", "hand", "half-duplex", 50, 77, 115200, "modbus"),
+    scan_grid.Cell("hand", "hand", "plain", 0, 254, 921600, "eb90"), scan_grid.Cell("", "barrett", "bluetooth", 500, None, 9600),
+    scan_grid.Cell("ekso", "ekso", "bluetooth", 500, None, 115200), scan_grid.Cell("aidin", "aidin", "tcp", 500, None, None),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("cell", GRID_SHARE, ids=lambda cell: " ".join(map(str, cell)))
+def test_every_family_is_found_by_its_own_scan_and_by_that_of_all(cell: scan_grid.Cell, tmp_path: Path) -> None:
+    """A share; the suite `scan-grid` of `tests/search` takes all."""
+    cell.found(tmp_path)
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_a_silent_line_is_told_within_six_seconds(family: str, tmp_path: Path) -> None:
+    scan_grid.Silent(family).told(tmp_path)
+
+
+@pytest.mark.parametrize(("kind", "speaks"), [("exo", ""), ("hand", "eb90"), ("hand", "modbus")])
+def test_two_devices_as_shipped_are_told_as_two_with_one_id(kind: str, speaks: str, tmp_path: Path) -> None:
+    """Not as a bad checksum, and soon."""
+    more = {"speaks": speaks, "model": "df"} if speaks else {}
+    path = tmp_path / "bus.toml"
+    path.write_text(text("half-duplex", [{"kind": kind, **more}, {"kind": kind, "seed": 5, **more}]))
+    trace = tmp_path / "trace.txt"
+    answer = run(kind, "scan", "-p", f"fake://bus?file={path}&clock=virtual", "--json", "--trace", str(trace))
+    told = [row["suspicion"] for row in answer.rows] or [answer.error["code"]]
+    assert told in (["two devices with this id?"], ["twin-id"]), answer
+    assert "twin-id" in answer.codes() and scan_grid.lasted(trace) < 7.0
+
+
+def test_modbus_rtu_at_another_speed_is_said_not_to_have_been_asked(tmp_path: Path) -> None:
+    path = tmp_path / "bus.toml"
+    path.write_text(text("half-duplex", [{"kind": "hand", "speaks": "modbus"}], baud=19200))
+    words = ("hand", "scan", "-p", f"fake://bus?file={path}&clock=virtual", "--json")
+    answer = run(*words)
+    assert answer.code == 4 and any("--protocol modbus" in text for text in answer.json["scan"]["left"]), answer
+    assert [row["baud"] for row in run(*words, "--protocol", "modbus").rows] == [19200]
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_the_scan_of_a_family_is_that_of_all_with_this_family_alone(family: str) -> None:
+    link = f"fake://{family}?clock=virtual"
+    own = run(family, "scan", "-p", link, "--json")
+    both = run("scan", "--family", family, "-p", link, "--json")
+    assert (own.code, own.rows, own.json["scan"]) == (0, both.rows, both.json["scan"])

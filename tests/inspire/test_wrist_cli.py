@@ -84,7 +84,9 @@ def test_both_wires_show_the_same(scratch: Path, command: Command) -> None:
         result = run("wrist", *command.words(scratch, wire), "-p", link(wire), "--json")
         rows = result.stream[0] if command.kind == "stream" else result.rows
         own = (
-            ("t", "baud", "link", "flag", "raw", "suspicion", "meaning") if command.kind in ("scan", "raw") else ("t",)
+            ("t", "baud", "link", "protocol", "flag", "raw", "suspicion", "meaning")
+            if command.kind in ("scan", "raw")
+            else ("t",)
         )
         shown.append([{key: value for key, value in row.items() if key not in own} for row in rows])
     assert shown[0] == shown[1]

@@ -15,7 +15,7 @@ SECONDS = 120.0
 SCANS = (
     ("scan", "--ids", "1-254"),
     *((family, "scan", *more) for family in ("exo", "wrist", "hand") for more in ((), ("--ids", "200-254,1-30"))),
-    *((family, "scan", "--window", window) for family in ("exo", "wrist") for window in ("2", "3", "16", "254")),
+    *((family, "scan", "--all") for family in ("exo", "wrist", "hand")),
 )
 
 

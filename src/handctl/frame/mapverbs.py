@@ -21,6 +21,7 @@ from handctl.frame.filetypes import InFile, OutFile
 from handctl.frame.numbers import FiniteRange
 from handctl.frame.recorder import log_options
 from handctl.frame.run import Run
+from handctl.frame.scanverb import add_scan
 from handctl.frame.usage import columns
 from handctl.model.param import COMMAND, ParamMap
 from handctl.model.result import Table
@@ -188,6 +189,7 @@ def add_map_verbs(
 
         return command.stop(run)
 
+    add_scan(group)
     if "stop" not in without:
         group.verb("stop", "Move", writes=True, stops=True)(stop)
     for name, heading, body, writes in (

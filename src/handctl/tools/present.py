@@ -13,7 +13,7 @@ from handctl.frame.run import Run
 from handctl.link import ByteLink, Deadline, Link
 from handctl.tools.machine_checks import Check
 from handctl.tools.probes import has_speed, listened, wire_of
-from handctl.tools.scan import Looking
+from handctl.tools.scan_look import Looking
 from handctl.tools.scan_report import Search, Step, report
 
 DESTROYED = ("bad-checksum", "cut-short", "wrong-id")

@@ -41,6 +41,9 @@ class FamilyProbe(Protocol):
     def ping(self, device: Any) -> None:
         """The cheapest documented read, asked once. Raises NoAnswer, ProtocolError, LinkError."""
 
+    # sweep(link, journal, bound, quest, targets) looks for all ids of one maker's families at once, each by its TARGET.
+    # ASIDE: on a serial line that others may be on it is asked by `sweep` alone, which comes behind them.
+    # parse_ids(text, wire) -> the ids of --ids; raises UsageError.
     # overheard(data) -> ids that others ask, where a family knows its own frames in what comes unasked.
     # measure(device, unasked) fills the profile of a serial line by reading, where a family can.
     # further(device, answered) -> rows (name, status, evidence, remedy): what else a family checks, by reading.

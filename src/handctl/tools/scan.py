@@ -23,41 +23,30 @@ and no device was found, this speed is asked a second time with more patience.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import groupby
 
 import click
 
 from handctl import __version__
-from handctl.errors import Interrupted, LinkError, NoAnswer, ProtocolError, UsageError
+from handctl.errors import Interrupted, LinkError, UsageError
 from handctl.families import FAMILIES, SCANNED
 from handctl.frame.clikit import Command
 from handctl.frame.options import SharedOption
 from handctl.frame.run import Run
-from handctl.link import ByteLink, Deadline, Link, open_link
+from handctl.frame.scanverb import scan_options
+from handctl.link import ByteLink, Deadline, Link, is_can, open_link
 from handctl.link.lock import Lock, hold
 from handctl.link.tap import Tap
 from handctl.link.tracefile import TraceFile
-from handctl.model.foreign import signed
-from handctl.model.param import ids_in
 from handctl.model.result import Journal, Table
 from handctl.system import clock
 from handctl.tools.machine import Machine
-from handctl.tools.probes import FamilyProbe, family_of, has_speed, listened, probe_of, wire_of
-from handctl.tools.scan_plan import Guard, guard_of, plan, port_of, safe_speeds
-from handctl.tools.scan_report import TALKATIVE, Search, Step, report
-from handctl.tools.trace_read import FAMILY_EVENT
+from handctl.tools.probes import family_of, probe_of, wire_of
+from handctl.tools.scan_look import Looking
+from handctl.tools.scan_plan import plan
+from handctl.tools.scan_report import Search, report
 
-LISTEN = 0.3
-PAUSE = 0.5
-LATE = 0.43
-"""Seconds behind the last probe at a speed: an answer that comes then is late ..."""
-PATIENCE = 0.9
-"""... and so long is waited for each when this speed is asked again."""
-ECHOES = {"echo", "echo-differs"}
-PORT_SECONDS = 45.0
-"""Bound for one port when only the usual id is asked for: 10 s in silence, 30 s when each speed is asked again ..."""
-ID_SECONDS = 2.0
-"""... and for each id: one after the other at each speed, up to four times where others speak."""
+LONG = 1800.0
+"""Bound for one port: all ids of a slow line with others on it take minutes."""
 WIRE_NAMES = {"serial": "a serial line", "tcp": "TCP", "can": "CAN"}
 
 
@@ -86,14 +75,12 @@ class _ScanCommand(Command):
     type=click.Choice(list(FAMILIES)),
     help="Look for this family only. Can be repeated.",
 )
-@click.option(
-    "--ids", metavar="FROM-TO", help="Ids to ask for where devices have one, such as 1-254 (default: --id, or 1)."
-)
-@click.option("--all", "find_all", is_flag=True, help="Go on after the first device on a port.")
+@scan_options
 def cli(links: tuple[str, ...], families: tuple[str, ...], ids: str | None, find_all: bool) -> Table:
     """Find out which device answers on a port: family, speed, id.
 
     Read-only. A port that is in use is left alone. Nothing that is sent starts or ends a movement, or triggers a boot monitor.
+    The usual ids are asked first, then all ids. What was not asked is told.
     """
     run: Run = click.get_current_context().obj
     settings = run.settings
@@ -101,12 +88,46 @@ def cli(links: tuple[str, ...], families: tuple[str, ...], ids: str | None, find
     names = list(links) or ([settings.port] if settings.port else [])
     if settings.fake and not links:
         names = [f"fake://{family}" for family in wanted]
-    elif not names:
-        names = free_ports(Machine(), run.journal)
-    chosen = parse_ids(ids or str(settings.id or 1))
+    return _scanned(run, wanted, names, ids, find_all)
+
+
+def scan_family(run: Run, ids: str | None, find_all: bool) -> Table:
+    """The same for the family of `run`; of a link that was named it is that of the run, which a session may have open."""
+    assert run.family is not None
+    settings, family = run.settings, run.family
+    if not (settings.port or settings.fake):
+        return _scanned(run, (family.kind,), [], ids, find_all)
+    name = run.link_name()
+    if ids and not family.ids:
+        raise UsageError(f"--ids: {family.kind} has no device ids", hint="leave --ids out")
+    chosen = chosen_ids(run, (family.kind,), "can" if is_can(name) else wire_of(name), ids)
+    link = run.open_link()
+    was = link.baud if isinstance(link, ByteLink) else None
+    search = Search(link.name)
+    bound = link.deadline(LONG) if run.end is None else Deadline(link.now, run.end)
+    try:
+        Looking(run, link, search, chosen, find_all, bound).at(_wire(link, name), (family.kind,))
+    finally:
+        run.guide.done()
+        if was is not None and isinstance(link, ByteLink) and link.can_set_baud and link.baud != was:
+            link.set_baud(was)
+    run.journal.line = search.line
+    return report([search], (family.kind,), run.journal)
+
+
+def _wire(link: Link, name: str) -> str:
+    return "serial" if isinstance(link, ByteLink) and wire_of(name) == "can" else wire_of(name)
+
+
+def _scanned(run: Run, wanted: Sequence[str], names: list[str], ids: str | None, find_all: bool) -> Table:
+    """The search on these links, or on all free serial ports."""
+    settings = run.settings
+    for name in names or [""]:
+        chosen_ids(run, wanted, wire_of(name), ids)  # what is wrong is told before anything is opened
+    names = names or free_ports(Machine(), run.journal)
     trace = TraceFile(settings.trace, f"handctl {__version__} {run.command}", settings.verbose)
     tap = Tap(trace.write) if settings.trace or settings.verbose else None
-    scan = Scan(run, wanted, chosen, find_all, tap)
+    scan = Scan(run, wanted, ids, find_all, tap)
     searches: list[Search] = []
     try:
         for name in names:
@@ -118,12 +139,17 @@ def cli(links: tuple[str, ...], families: tuple[str, ...], ids: str | None, find
     told = [search for search in searches if search.rows] or searches
     if len(told) == 1:
         run.journal.line = told[0].line
-    for search in told:
-        if words := search.line.words():
-            run.journal.info("line", f"{search.link}: {words}")
     table = report(searches, wanted, run.journal)
     table.failure = table.failure or trace.failure
     return table
+
+
+def chosen_ids(run: Run, families: Sequence[str], wire: str, text: str | None) -> list[int]:
+    """The ids that were asked for, [] for all. Raises UsageError."""
+    if text is None:
+        return [run.settings.id] if run.settings.id is not None else []
+    readers = [parse for family in families if (parse := getattr(probe_of(family), "parse_ids", None)) is not None]
+    return [number for parse in readers[:1] for number in parse(text, wire)]
 
 
 def free_ports(machine: Machine, journal: Journal) -> list[str]:
@@ -144,20 +170,10 @@ def free_ports(machine: Machine, journal: Journal) -> list[str]:
     return names
 
 
-def parse_ids(text: str) -> list[int]:
-    """``1-254`` or ``1,7`` -> ids 1 to 254 in that order. Raises UsageError."""
-
-    def check(number: int) -> None:
-        if not 1 <= number <= 254:
-            raise UsageError(f"--ids {text}: {number} is not 1 to 254", hint="write for example `--ids 1-254`")
-
-    return ids_in(text, check)
-
-
 class Scan:
     """Looks at one link after the other."""
 
-    def __init__(self, run: Run, families: Sequence[str], ids: Sequence[int], find_all: bool, tap: Tap | None) -> None:
+    def __init__(self, run: Run, families: Sequence[str], ids: str | None, find_all: bool, tap: Tap | None) -> None:
         self._run = run
         self._families = families
         self._ids = ids
@@ -187,8 +203,9 @@ class Scan:
             link = open_link(name, baud=self._run.settings.baud or 115200, tap=self._tap, tcp_port=port)
             self._spend(clock.now() - started)
             opened = link.now()
-            seconds = PORT_SECONDS + ID_SECONDS * len(self._ids) if self._left is None else self._left
-            looking = Looking(self._run, link, search, self._ids, self._all, link.deadline(seconds))
+            chosen = chosen_ids(self._run, self._families, wire, self._ids)
+            bound = link.deadline(LONG if self._left is None else self._left)
+            looking = Looking(self._run, link, search, chosen, self._all, bound)
             looking.at(wire, self._families)
         except LinkError as exc:
             search.error = exc
@@ -208,160 +225,3 @@ class Scan:
     def _spend(self, seconds: float) -> None:
         if self._left is not None:
             self._left -= seconds
-
-
-class Looking:
-    """All probes on one open link, into its Search, until a device answers or `bound` is over."""
-
-    def __init__(
-        self, run: Run, link: Link, search: Search, ids: Sequence[int], find_all: bool, bound: Deadline
-    ) -> None:
-        self._run = run
-        self._link = link
-        self._search = search
-        self._ids = ids
-        self._all = find_all
-        self._bound = bound
-        self._opened = link.now()
-        self._progress = ""
-        self._before: Step | None = None
-        self._families: Sequence[str] = ()
-        self._safe: frozenset[int] | None = None
-
-    def at(self, wire: str, families: Sequence[str]) -> None:
-        """Listen, then ask every family: at each speed once, and once more with patience where something came too late."""
-        link, search = self._link, self._search
-        steps = plan(
-            wire, families, has_speed(link) and wire == "serial", port_of(link.name) if wire == "tcp" else None
-        )
-        self._families = families
-        if self._run.settings.baud is not None:
-            steps = [Step(family, None) for family in dict.fromkeys(step.family for step in steps)]
-        if wire == "serial" and isinstance(link, ByteLink):
-            self._run.guide.progress(f"{search.link}: listening")
-            search.unasked = listened(link, link.deadline(LISTEN).earlier(self._bound))
-            if len(search.unasked) >= TALKATIVE:
-                for family in dict.fromkeys(step.family for step in steps):
-                    hear = getattr(probe_of(family), "overheard", None)
-                    if hear is not None and (ids := hear(search.unasked)):
-                        search.overheard[family] = ids
-                return
-        places = [(step, f"{number} of {len(steps)}") for number, step in enumerate(steps, 1)]
-        self._safe = safe_speeds(steps)
-        for _, group in groupby(places, key=lambda place: place[0].speed):
-            alike, counted = list(group), self._counted()
-            if any(self._over(*place) for place in alike):
-                return
-            if self._late(counted, [step for step, _ in alike]) and any(
-                self._over(*place, PATIENCE) for place in alike
-            ):
-                return
-        again = [place for place in places if self._may_repeat(place[0])]
-        if not search.rows and self._unclear and any(self._over(*place, PATIENCE) for place in again):
-            return
-        search.expired = self._bound.expired  # the last probe may have been cut short
-
-    def _over(self, step: Step, place: str, patience: float | None = None) -> bool:
-        """One step, unless one of those before ends the search. Whether nothing more is to be asked."""
-        link, search, before = self._link, self._search, self._before
-        if self._bound.expired:
-            search.expired = True
-            return True
-        if before is not None and (again := self._settled(before)) is not None and self._found(again, PATIENCE):
-            return True
-        if any(error.code == "boot-monitor" for error in search.met.values()):
-            return True  # what comes next could be a trigger
-        if before is not None and "serial" not in probe_of(before.family).WIRES:
-            link.sleep(min(PAUSE, self._bound.remaining))
-        if before is None or before.family != step.family:
-            link.event(f"{FAMILY_EVENT}{step.family} on {search.link}")
-        self._before = step
-        at = f" at {step.speed}" if step.speed else ""
-        more = ", again with more patience" if patience else ""
-        self._progress = f"{search.link}: {step.family}{at} ({place}{more})"
-        self._run.guide.progress(self._progress)
-        if step.speed is not None and isinstance(link, ByteLink) and link.baud != step.speed:
-            link.set_baud(step.speed)
-        return self._found(step, patience)
-
-    def _counted(self) -> int:
-        """Frames and bytes that have come, of whatever kind."""
-        counters = self._run.journal.counters
-        return counters.received + counters.bad_frames + counters.stray_bytes
-
-    @property
-    def _met(self) -> set[str]:
-        """The codes of all that was met but silence."""
-        return {error.code for error in self._search.met.values()} - {NoAnswer.default_code}
-
-    @property
-    def _unclear(self) -> bool:
-        """Whether bytes came that could be those of a late answer, and no boot monitor is there to take harm."""
-        return not self._met <= ECHOES and "boot-monitor" not in self._met and self._run.settings.timeout is None
-
-    def _late(self, counted: int, alike: Sequence[Step]) -> bool:
-        """After one speed: whether something comes now, or has come, when nobody waited for it.
-
-        At a speed that may not be asked again it must be a frame of a family: one that came late was heard by the next probe.
-        """
-        link, search = self._link, self._search
-        once = self._before is not None and not self._may_repeat(self._before)
-        met = b"".join(search.met[step].came for step in alike if step in search.met) if once else b""
-        if search.rows or self._run.settings.timeout is not None or self._guard(self._before):
-            return False
-        if self._met and not signed(met, self._families):
-            return False
-        if not isinstance(link, ByteLink):
-            return True
-        self._run.guide.progress(f"{self._progress}: listening for late answers")
-        late = listened(link, link.deadline(LATE).earlier(self._bound))
-        self._run.journal.counters.stray_bytes += len(late)
-        if once:
-            return signed(met + late, self._families)
-        return self._counted() > counted
-
-    def _may_repeat(self, step: Step) -> bool:
-        """Whether a step may be asked again although nobody was understood: a hand that was just switched on may have
-        become a boot monitor meanwhile, which takes the bytes of other speeds for a firmware download (barrett §8)."""
-        return self._safe is None or step.speed is None or step.speed in self._safe or self._guard(step) is not None
-
-    def _guard(self, done: Step | None) -> Guard | None:
-        """The guard that this step is, None for most."""
-        guard = guard_of(done.family) if done is not None else None
-        return guard if guard is not None and guard.step == done else None
-
-    def _settled(self, done: Step) -> Step | None:
-        """Behind a guard that met silence: listen until the port was open for long enough; the step once more if
-        something came."""
-        guard, link, search = self._guard(done), self._link, self._search
-        if guard is None or not isinstance(link, ByteLink) or search.rows:
-            return None
-        if search.met[done].code != NoAnswer.default_code:
-            return None
-        self._run.guide.progress(f"{search.link}: listening for a device that starts")
-        wait = link.deadline(max(0.0, self._opened + guard.seconds - link.now())).earlier(self._bound)
-        came = False
-        while not wait.expired:
-            came = bool(link.read(wait)) or came
-        return done if came else None
-
-    def _found(self, step: Step, patience: float | None) -> bool:
-        """One probe, whether it ends the search. What has answered another family's probe with its id is not counted again."""
-        link, search = self._link, self._search
-        probe: FamilyProbe = probe_of(step.family)
-        quiet = Journal(progress=lambda text: self._run.guide.progress(f"{self._progress}: {text}"))
-        quiet.counters = self._run.journal.counters
-        quiet.line = search.lines.setdefault(step.family, quiet.line)
-        where = {"family": step.family, "link": link.name, "baud": getattr(link, "baud", None), "id": None}
-        ids = self._ids[:1] if patience else self._ids
-        try:
-            rows = probe.probe(link, quiet, self._bound, ids, self._run.settings.timeout or patience)
-        except (NoAnswer, ProtocolError) as exc:
-            search.meet(step, exc)
-            return False
-        if not search.rows:
-            search.line = quiet.line
-        rows = [{**where, **row} for row in rows]
-        known = {(row["baud"], row["id"]) for row in search.rows if row["id"] is not None}
-        search.rows += [row for row in rows if (row["baud"], row["id"]) not in known]
-        return bool(search.rows) and not self._all

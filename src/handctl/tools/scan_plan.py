@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from itertools import groupby
 from typing import NamedTuple
@@ -63,3 +63,11 @@ def safe_speeds(steps: Sequence[Step]) -> frozenset[int] | None:
     """The speeds at which no family's boot monitor takes harm, None where all are such."""
     guards = [guard for step in steps if (guard := guard_of(step.family)) is not None]
     return frozenset.intersection(*(frozenset(guard.harmless) for guard in guards)) if guards else None
+
+
+def makers_of(families: Iterable[str]) -> list[tuple[Callable[..., None] | None, list[str]]]:
+    """The families by what looks for all ids of several of them at once, None = they have no ids."""
+    found: dict[Callable[..., None] | None, list[str]] = {}
+    for family in dict.fromkeys(families):
+        found.setdefault(getattr(probe_of(family), "sweep", None), []).append(family)
+    return list(found.items())

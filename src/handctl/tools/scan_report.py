@@ -22,6 +22,10 @@ COLUMNS = (
     Column("id", "Id", right=True),
     Column("evidence", "Evidence"),
 )
+MORE = (Column("protocol", "Protocol"), Column("model", "Model"), Column("suspicion", "Suspicion"))
+"""Shown where a row has them."""
+VAGUE = (NoAnswer.default_code, "echo", "garbage", "deadline", "not-asked")
+"""What a search of all families tells in its own words."""
 
 
 class Step(NamedTuple):
@@ -46,6 +50,13 @@ class Search:
     expired: bool = False
     lines: dict[str, Profile] = field(default_factory=dict)
     line: Profile = field(default_factory=Profile)
+    left: list[str] = field(default_factory=list)
+    """What was not asked, in words, with how to ask it."""
+    facts: dict[str, object] = field(default_factory=dict)
+    verdict: HandctlError | None = None
+    """Why a maker's own search found nothing."""
+    alone: bool = False
+    """That search was the only one."""
 
     def meet(self, step: Step, error: HandctlError) -> None:
         """Note what a probe met; silence never hides what it met before."""
@@ -55,18 +66,26 @@ class Search:
 
 def report(searches: Sequence[Search], families: Sequence[str], journal: Journal) -> Table:
     """All rows; for every link without a device, what was tried and what came instead."""
-    table = Table(rows=[row for search in searches for row in search.rows], columns=COLUMNS)
+    rows = [row for search in searches for row in search.rows]
+    more = [column for column in MORE if any(row.get(column.key) for row in rows)]
+    table = Table(rows=rows, columns=(*COLUMNS[:-1], *more, COLUMNS[-1]))
     stopped = [search.error for search in searches if isinstance(search.error, Interrupted)]
     errors = [_nothing(search) for search in searches if not search.rows and search.error not in stopped]
     for error in errors if table.rows or len(errors) > 1 else ():
         journal.warn(error.code, error.text, hint=error.hint)
     for search in searches:
+        if words := search.line.words():
+            journal.info("line", f"{search.link}: {words}")
         if search.expired and search.rows:
             journal.warn("deadline", f"{search.link}: --deadline ended the search")
+        if search.left and not search.rows:
+            journal.warn("not-asked", f"{search.link}: not asked were {'; '.join(search.left)}")
     if stopped:
         table.failure = stopped[0]
     elif not table.rows:
         table.failure = errors[0] if len(errors) == 1 else _none(errors)
+    elif all(row["family"] not in families for row in table.rows):
+        table.failure = next(search.verdict for search in searches if search.verdict is not None)
     table.extra = {
         "scan": {
             "links": [search.link for search in searches],
@@ -76,6 +95,8 @@ def report(searches: Sequence[Search], families: Sequence[str], journal: Journal
                 for search in searches
                 for step, error in search.met.items()
             ],
+            "left": [text for search in searches for text in search.left],
+            **{key: value for search in searches for key, value in search.facts.items()},
         }
     }
     return table
@@ -107,6 +128,8 @@ def _nothing(search: Search) -> HandctlError:
         return ProtocolError(
             text, hint="check for another device, or a wrong speed (--baud). Nothing was sent.", code="talks"
         )
+    if (told := search.verdict) is not None and (told.code not in VAGUE or search.alone):
+        return told
     tried = f"Tried {_summary(search.met)}"
     if search.expired:
         return NoAnswer(
@@ -125,8 +148,8 @@ def _nothing(search: Search) -> HandctlError:
 
 
 SILENCE = (
-    "check power, cable, crossed TX and RX, RS-232 on RS-485. For another id than 1 add --ids 1-254, "
-    f"for a CAN adapter give -p can:slcan:PORT. {MODBUS_HINT}"
+    "check power, cable, crossed TX and RX, RS-232 on RS-485. --all asks with more patience. For a CAN adapter give "
+    "-p can:slcan:PORT"
 )
 GARBAGE = "check for another kind of device, a disturbed line, two devices with one id, or an slcan adapter (-p can:slcan:PORT)"
 

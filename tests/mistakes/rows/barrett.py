@@ -93,15 +93,6 @@ ROWS = (
         "tests/barrett/test_boot_bytes.py::test_no_read_opens_the_boot_monitor_whatever_its_id",
     ),
     mistake(
-        "scan-window-is-a-boot-trigger",
-        "boot trigger",
-        "handctl.devices.inspire.quiet",
-        "apart",
-        'return APART if baud is not None and baud > 38400 else b""',
-        'return b""',
-        "tests/barrett/test_boot_bytes.py::test_no_command_that_looks_for_somebody_opens_the_boot_monitor",
-    ),
-    mistake(
         "barrett-question-is-an-interrupt",
         "boot trigger",
         CONNECTING,

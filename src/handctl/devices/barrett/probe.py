@@ -56,6 +56,7 @@ def probe(
             f"{link.name}: no prompt, but {len(came)} bytes: {hex_bytes(came[:24])}",
             hint="check the port and the speed: another device, an echo or a wrong speed",
             code="echo" if seen == connecting.ECHO else "garbage",
+            came=came,
         )
     found = _identity(link, journal, deadline, timeout or READ_TIMEOUT)
     note = ", was in RealTime" if seen == connecting.LOOP else ""

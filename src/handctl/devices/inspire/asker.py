@@ -10,11 +10,13 @@ from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.eb90 import Decoder, Frame
 from handctl.devices.inspire.identity import Kind
 from handctl.devices.inspire.mishaps import beheaded, foreign_in
-from handctl.devices.inspire.quiet import FRESH, READS, Span, ahead, apart, question
+from handctl.devices.inspire.quiet import FRESH, READS, Span, ahead, question
 from handctl.errors import ProtocolError
 from handctl.model.frames import frames_in
 from handctl.model.profile import Profile
 
+LATELY = 4096
+"""Bytes sent: those of the last seconds."""
 TRICKLE_SECONDS = 0.2
 """A reply that comes in pieces may outlast its window by this much."""
 
@@ -23,8 +25,8 @@ TRICKLE_SECONDS = 0.2
 class Findings:
     """What a scan saw: `hits` (speed, id, value of the probed register), `twins`, replies with a wrong sum by id (`damaged`), answers under an id that
     does not answer when asked alone (`foreign`), ids whose answers lack their first byte (`beheaded`), what kind of device each hit is (`kinds`, None =
-    unknown), `echo`, bytes of no reply (`garbage`, and the last of them, `came`), whether the deadline of the command `cut` it off, probes and windows used, and the seconds of each
-    single id where ids were asked one at a time (`single`). The speed of a hit is None where it does not matter."""
+    unknown), `echo`, bytes of no reply (`garbage`, and the last of them, `came`), whether the deadline of the command `cut` it off, probes used, and the seconds of each
+    id where they were asked with more time (`single`). The speed of a hit is None where it does not matter."""
 
     hits: list[tuple[int | None, int, int]] = field(default_factory=list)
     twins: set[tuple[int | None, int]] = field(default_factory=set)
@@ -38,7 +40,6 @@ class Findings:
     came: bytes = b""
     cut: bool = False
     probes: int = 0
-    windows: int = 0
     seconds: float = 0.0
     single: float | None = None
 
@@ -54,6 +55,7 @@ class Asker:
         self._prefixes = [eb90.read_reply_prefix(i, *span, bus.read_flag) for i in range(1, 255) for span in spans]
         self._decoder = Decoder(self._prefixes)
         self._fresh = 0
+        self._lately = b""  # what was sent: an echo may be as late as an answer
         self._seen: dict[tuple[int, Span], bytes] = {}  # answers that came since they were last waited for
         self.others_at: int | None = None  # the speed at which others were understood
         self.line: Profile = bus.journal.line
@@ -69,25 +71,24 @@ class Asker:
         """How long an answer is waited for: by the round trips that were measured."""
         return max(0.02, 1.5 * self.line.worst + 0.03) if len(self.line.trips) else otherwise
 
-    def _group(self, group: Sequence[int], answered: dict[int, int]) -> bool:
-        """Probe `group` in one window, each id by its first question. False when bytes came that belong to no valid reply."""
+    def _first(self, device_id: int, answered: dict[int, int]) -> bool:
+        """The first question to an id, and what comes meanwhile. False when bytes came that belong to no valid reply."""
         flag, link = self._bus.read_flag, self._bus.link
-        baud = link.baud if link.can_set_baud else None
-        asked = [eb90.read_request(i, *question(i, flag), flag) for i in group]
-        probes = apart(baud).join(ahead(baud) + one for one in asked)
-        if link.replayed and not link.recorded_next(probes):
-            probes = b"".join(asked)  # an older recording
-        wire = self._send(probes, len(group))
-        return self._collect(answered, wire + self._wait, probes, alone=len(group) == 1)
+        request = eb90.read_request(device_id, *question(device_id, flag), flag)
+        probe = ahead(link.baud if link.can_set_baud else None) + request
+        if link.replayed and not link.recorded_next(probe):
+            probe = request  # an older recording
+        wire = self._send(probe, 1)
+        return self._collect(answered, wire + self._wait, probe, alone=device_id)
 
     def _send(self, probes: bytes, count: int) -> float:
         """Send so many probes; returns the seconds that they need on the wire."""
         bus = self._bus
         wire = bus.wire_seconds(len(probes))
         bus.link.write(probes, bus.deadline(self._wait + wire + 1.0))
+        self._lately = (self._lately + probes)[-LATELY:]
         bus.journal.counters.sent += count
         self.found.probes += count
-        self.found.windows += 1
         return wire
 
     def _collect(
@@ -96,13 +97,13 @@ class Asker:
         seconds: float,
         sent: bytes = b"",
         *,
-        alone: bool = False,
+        alone: int = 0,
         until: Sequence[tuple[int, Span]] = (),
     ) -> bool:
         """Listen for replies of any id (a late one still names its own). False when bytes of no reply came.
 
         A reply that has begun may go on into the next window; the window is extended while it trickles in. With
-        `alone` the one answer that can come ends the window, with `until` any of these.
+        `alone` the answer of that id ends the window, with `until` any of these.
         """
         bus = self._bus
         deadline = bus.deadline(seconds)
@@ -121,9 +122,8 @@ class Asker:
                 echo = b""  # an echo comes first and whole, or there is none
             decoder.feed(chunk)
             received += chunk
-            before = len(answered)
             garbage += self._take(answered)
-            if (alone and len(answered) > before) or any(each in self._seen for each in until):
+            if alone in answered or any(each in self._seen for each in until):
                 break
             if decoder.pending and deadline.remaining < self._wait:
                 deadline = bus.link.deadline(self._wait).earlier(last)
@@ -138,7 +138,7 @@ class Asker:
         self.found.came = (self.found.came + received)[-256:]
         self.found.beheaded |= {frame.id for frame in beheaded(received) if _span(frame) in self._firsts}
         known = {*self._firsts, *FRESH[self._bus.read_flag]}
-        if foreign_in(received, sent, lambda frame: _span(frame) in known):
+        if foreign_in(received, self._lately, lambda frame: _span(frame) in known):
             self.line.others, self.others_at = True, self._bus.link.baud
 
     def _take(self, answered: dict[int, int]) -> int:

@@ -13,7 +13,6 @@ from handctl.devices.inspire import eb90
 from handctl.devices.inspire.canwords import CanWords
 from handctl.devices.inspire.eb90 import FORCE_COMMAND, POSITION_COMMAND, READ, WRIST_READ, WRIST_WRITE, WRITE, Frame
 from handctl.devices.inspire.map import EXO, FINGERS, WRIST, Register
-from handctl.devices.inspire.quiet import APART
 from handctl.devices.inspire.spans import describe, span_name, span_parts, span_values
 from handctl.devices.inspire.wrist.raw import CAN_MISPRINTS, MISPRINTS
 from handctl.model.cutting import Cut, Cutter
@@ -99,7 +98,7 @@ class InspireExplainer(Cutter):
     def piece(self, direction: str, raw: bytes, cut: Cut) -> Piece:
         problem = cut.problem
         if problem == "stray":
-            if direction == HOST and (raw == APART or not raw.strip(b"\0")):
+            if direction == HOST and not raw.strip(b"\0"):
                 return stray(direction, raw, "ahead of the first question", "")
             return stray(direction, raw)
         if problem == "cut-short":

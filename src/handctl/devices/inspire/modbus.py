@@ -28,6 +28,8 @@ FAILED = 0x80
 """Added to the function of a request in the answer that refuses it."""
 NO_PATH, NO_TARGET = 0x0A, 0x0B
 """A gateway says so: it has no way to the unit, or the unit is silent."""
+RTU_SPEED = 115200
+"""bit/s: the only one at which a BarrettHand acts upon nothing of a question in Modbus RTU."""
 AT_WORK = (5, 6)
 PASSING = (4, *AT_WORK)
 """Says nothing about which device refuses: the same question may be answered next."""

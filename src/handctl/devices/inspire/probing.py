@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import suppress
 
 from handctl.devices.inspire import eb90
@@ -11,45 +12,34 @@ from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.identity import Kind, Look
 from handctl.devices.inspire.mishaps import foreign_in
 from handctl.devices.inspire.quiet import Span
+from handctl.devices.inspire.scan import Sweep
+from handctl.devices.inspire.target import Target
 from handctl.errors import NoAnswer, ProtocolError
-from handctl.model.result import Row, Table
+from handctl.link import Deadline, Link
+from handctl.model.quest import Quest
+from handctl.model.result import Journal, Row
 
-SPEEDS = (115200, 57600, 19200)
-"""exo §2.3.2; the wrist's manual has 115200 only, its hand's the others too."""
 BURST = 8
 """Questions back to back, of which the first is answered while the last are sent."""
 ASIDE = 0.02
 """Seconds for a burst to be sent beyond its time on the wire."""
-WAIT_MS = 120.0
-"""Reply window of a single id, with room for Bluetooth."""
 
 
-def window_ms(timeout: float | None, ids: int) -> float | None:
-    """Reply window of a probe of so many ids: what the user allows in seconds, or ours; None = that of a scan of many."""
-    if timeout is not None:
-        return 1000 * timeout
-    return WAIT_MS if ids == 1 else None
+WAIT = 0.12
+"""Seconds for the answer of one id, with room for Bluetooth."""
 
 
-def found(table: Table, value: str) -> list[Row]:
-    """The rows of a scan with the reading as evidence. Raises what the scan met instead of a device."""
-    if table.failure is not None and table.failure.code == "deadline":
-        raise NoAnswer(
-            table.failure.text, hint=table.failure.hint
-        )  # the deadline is the search's, which says so itself
-    if table.failure is not None and not table.rows:
-        raise table.failure
-    return [
-        {
-            "family": row["family"],
-            "link": row["link"],
-            "baud": row["baud"],
-            "id": row["id"],
-            "evidence": f"{value} reads {row[value]}, asked twice"
-            + (f"; {row['suspicion']}" if row.get("suspicion") else ""),
-        }
-        for row in table.rows
-    ]
+def asked(
+    link: Link, journal: Journal, bound: Deadline, ids: Sequence[int], timeout: float | None, target: Target
+) -> list[Row]:
+    """Rows of whoever answers to `ids` at the link's present speed. Raises what came instead of a device."""
+    quest = Quest(ids=ids, baud=getattr(link, "baud", None) or 0, patience=timeout, progress=journal.progress)
+    Sweep(link, journal, bound, quest, [target], beside=timeout or WAIT).run()
+    if quest.failure is not None and not quest.rows:
+        if quest.failure.code == "deadline":
+            raise NoAnswer(quest.failure.text, hint=quest.failure.hint)  # it is the search's, which says so itself
+        raise quest.failure
+    return quest.rows
 
 
 def identified(device: RegisterDevice, own: Kind) -> tuple[str, str, str]:

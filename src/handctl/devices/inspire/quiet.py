@@ -5,7 +5,7 @@ quiet, but for 3 and 13, which are such bytes themselves.
 
 A BarrettHand that starts listens at 9600 whatever its speed, and FF opens its boot monitor: it hears one where the line falls
 idle behind the beginning of a byte. At 115200 a read is shorter than one byte at 9600, which holds all of it. At other speeds
-bytes ahead of the frame see to that. Frames that follow each other are kept apart (a test samples the bits).
+bytes ahead of the frame see to that. (A test samples the bits.)
 """
 
 from __future__ import annotations
@@ -41,15 +41,8 @@ def question(device_id: int, flag: int) -> Span:
 
 AHEAD = {19200: 1, 57600: 2, 921600: 32}
 """bit/s -> how many 00 go ahead of a read: it ends within a byte that they have begun, and none begins at its end."""
-APART = b"\xff\xff\xff\xff"
-"""Between frames at 115200 and 57600: nothing but start bits, too short for a receiver at 9600, until its byte is over."""
 
 
 def ahead(baud: int | None) -> bytes:
     """What goes ahead of a read at a speed in bit/s at which nobody has answered yet; None = the port has none."""
     return bytes(AHEAD.get(baud or 0, 0))
-
-
-def apart(baud: int | None) -> bytes:
-    """What goes between reads that are sent without a pause."""
-    return APART if baud is not None and baud > 38400 else b""

@@ -1,44 +1,52 @@
 """Looking for devices on a serial line: ids and speeds, read-only, never mistaking an echo or noise for a device.
 
 A probe reads two bytes of a register that the id may be asked for on any line (`quiet`): its reply is longer than the
-request and names its id. The first pass asks k ids back to back, then waits one window; a late reply still names its id
-and counts in any later window, so the shorter wait loses nothing. A window that holds bytes of no frame is asked
-again in halves, down to single ids.
+request and names its id. One id is asked at a time, with room for its answer on the wire and no more: so answers collide with
+no probe on two wires (RS-485) either, and one that arrives here later still names its id, and counts whenever it comes.
 
 An answer to a probe may be late: that of an earlier speed. So a hit is confirmed by another register and length, which no
 earlier probe asked (`fresh`), at this speed and then at those before. The first hit measures the line (`measure`).
 
-Windows need a line that carries both directions at once (RS-232). On RS-485 a reply collides with the probes still being
-sent: a pass without a hit, or one that meets such a line, is followed by one that asks one id at a time.
+At the slower speeds of a line that carries both directions (RS-232) no room is left. A delay that varies may push probes together: with `thorough`, a silent line is asked again with more time between them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
+from contextlib import suppress
 from typing import NamedTuple
 
 from handctl.devices.inspire.asker import Asker, Findings
 from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.identity import WRIST, Kind, Look
 from handctl.devices.inspire.quiet import Span
-from handctl.errors import NoAnswer, ProtocolError
+from handctl.errors import DeviceRefused, NoAnswer, ProtocolError
+from handctl.link import Deadline
 from handctl.model.guide import Guide
 
+TURNAROUND = 0.003
+"""Seconds from the end of a question to the beginning of its answer on the wire, at the most (inspire, section 6)."""
+ROOMLESS = 0.0015
+"""Between two probes where no answer can collide: a receiver at 9600 bit/s does not take them for one."""
+FIRST_SECONDS = 0.15
+"""How long to listen behind id 1 at each speed, time for Bluetooth ..."""
 DRAIN_SECONDS = 0.05
-"""How long to listen behind the last probe of a pass in windows, as long as no round trip was measured ..."""
-FIRST_SECONDS = 0.25
-"""... behind id 1 at each speed: time for Bluetooth ..."""
+"""... behind the last probe of a pass, as long as no round trip was measured ..."""
+LATE_SECONDS = 0.52
+"""... behind the last probe of all ..."""
 SILENCE_SECONDS = 1.0
-"""... and behind a pass of one id at a time: what has not come then is silence."""
-TWICE_SECONDS = 0.005
-"""Between the first probe of a pass in windows and the same in its window: the second one has the time for an answer."""
+"""... and behind a pass with more time for each: what has not come then is silence."""
 SINGLE_SECONDS = 0.030
 """Between two ids of the pass that follows silence: on the wire, a delay that varies must not push them together."""
 MOST_SINGLE = 0.150
 """However slow the line: the answers overlap, and name their ids."""
-PROBE_BYTES = 9
+PROBE_BYTES, ANSWER_BYTES = 9, 10
+SAME = (1000, 4)
+"""Id and speed: of two devices with one id the answers are alike, so they overlap to a good one (dossier 4.14)."""
 AGAIN_AMONG_OTHERS = 2
 """So many passes more where others speak and nothing was found."""
+TOGETHER = 8
+"""Questions without a pause, by which half duplex shows."""
 CONFIRM_SECONDS = (0.3, 0.6, 1.2)
 TWIN_READS = 20
 TWIN_READS_SLOW = 6
@@ -46,54 +54,82 @@ TWIN_READS_SLOW = 6
 
 
 class Pass(NamedTuple):
-    """Ids at one speed: how many a window, how long a window waits, how long to listen behind the last probe, how many
-    speeds come after it."""
+    """Ids at one speed: how long each has for its answer (None: room on the wire), how long to listen behind the last, how
+    many speeds come after it, and whether something else may be asked behind it."""
 
     speed: int | None
     ids: Sequence[int]
-    window: int
-    wait: float
+    wait: float | None
     dwell: float
     more: int = 0
+    between: bool = False
 
 
 class Scanner(Asker):
-    """Scans one line. `window` = ids per reply window (1 = sequential), `wait` = reply window in seconds; `thorough`: silence is asked again, with
-    more patience."""
+    """Scans one line.
+
+    find_all  the first hit does not end it
+    thorough  silence is asked again, with more patience
+    silence   for so many seconds a line is asked on which nobody is heard, None = until all were asked
+    between   whether something else was found: asked behind the pass at the speeds `behind`
+    patience  seconds for the answer of the first id at the least, and of one that has answered
+    both_ways  such a device's line carries both directions at once: at the speeds behind the first no room is left
+    beside    so long the first id is waited for, and nothing behind it: others are asked here as well; None = they are not
+    """
 
     def __init__(
         self,
         bus: Bus,
         guide: Guide,
         *,
-        window: int,
-        wait: float,
         find_all: bool,
         probe: Span,
         twin: Span,
         own: Kind,
         thorough: bool = True,
+        silence: float | None = None,
+        between: Callable[[], bool] | None = None,
+        behind: Collection[int | None] = (),
+        patience: float = 0.0,
+        both_ways: bool = False,
+        beside: float | None = None,
     ) -> None:
-        super().__init__(bus, wait, probe)
+        super().__init__(bus, TURNAROUND, probe)
         self._own = own
         self._probe, self._twin_span = probe, twin
         self._guide = guide
-        self._window = window
-        self._usual = wait
         self._find_all = find_all
         self._thorough = thorough
+        self._until: Deadline | None = None if silence is None else bus.link.deadline(silence)
+        self._between, self._behind = between, behind
+        self._allowed = patience
+        self._both_ways = both_ways
+        self._beside = beside
+        self.left: list[tuple[int | None, int]] = []
+        """Speed, and the first id that was not asked there since `silence` was over."""
         self._doubted: set[int] = set()  # ids that answered in this pass, and not when asked again
         self._asked: list[int] = []  # speeds, the last one last
+        self._judged: set[tuple[int | None, int]] = set()  # whose damaged answers were looked at
 
     def run(self, ids: Sequence[int], speeds: Sequence[int | None]) -> Findings:
         """Scan `ids` at each of `speeds` (None = the link has no speed). The first hit ends it unless all are wanted."""
         link = self._bus.link
-        started, first = link.now(), link.baud
+        started, first, awaited = link.now(), link.baud, 0
         try:
             for each in self._passes(ids, speeds):
                 self._pass(each)
-                if (self.found.hits and not self._find_all) or self._cut():
+                done = bool(self.found.hits) or self._collided(each.speed)
+                between = self._between if each.between and each.speed in self._behind else None
+                if between is not None and not (done or self._cut() or self._spent):
+                    if self._beside is None:
+                        self._await_late(ids[:1])  # an answer must not come among those in another protocol
+                    done = bool(self.found.hits) or between()
+                    awaited = self.found.probes
+                if (done and not self._find_all) or self._cut():
                     break
+            unheard = not (self.found.hits or self._thorough or awaited == self.found.probes)
+            if unheard and self._beside is None and not self._cut():
+                self._await_late(ids[:1])
         finally:
             self._guide.done()
             if first is not None and link.can_set_baud:
@@ -101,33 +137,48 @@ class Scanner(Asker):
         self.found.seconds = link.now() - started
         return self.found
 
+    def _await_late(self, ids: Sequence[int]) -> None:
+        """Listen for answers to all that was asked so far."""
+        self._collect(answered := dict[int, int](), max(LATE_SECONDS, self._allowed))
+        self._confirm(self._asked[-1] if self._asked else None, answered, ids)
+
     # -- passes --------------------------------------------------------------------------------------------------
 
     def _passes(self, ids: Sequence[int], speeds: Sequence[int | None]) -> Iterator[Pass]:
-        """Id 1 at every speed first (factory default), then all in windows, then one at a time where that can matter."""
-        rest, usual = ids, self._usual
+        """Id 1 at every speed first (factory default), then all, then all with more time where that can matter."""
+        rest, patient = ids, max(FIRST_SECONDS, self._allowed) if self._beside is None else self._beside
         if not self._find_all and 1 in ids and len(ids) > 1:
             rest = [i for i in ids if i != 1]
             for speed in speeds:
-                yield Pass(speed, [1], 1, usual, FIRST_SECONDS)
-        alone = self._window == 1
-        dwell = SILENCE_SECONDS if alone and len(ids) > 1 and self._thorough else DRAIN_SECONDS
+                yield Pass(speed, [1], DRAIN_SECONDS, patient)
         todo, asked = list(speeds), list[int | None]()
-        while todo and not self._singly:
+        while todo:
             speed = todo.pop(0)
             measured = len(self.line.trips)
-            yield Pass(speed, rest, self._window, usual, dwell)
+            wait = ROOMLESS if self._both_ways and asked else None
+            yield Pass(speed, rest, wait if len(rest) > 1 else patient, DRAIN_SECONDS, between=True)
             if self.line.speed_matters is False:
                 todo.clear()
             elif self.line.slow and not measured:
                 todo += asked  # their last answers may have been too late
             asked.append(speed)
-        if alone or self.found.beheaded or not self._thorough or (self.found.hits and not self._singly):
+        if not self._thorough or self._beside is not None or self.found.beheaded:
+            return
+        if self.found.hits and not (len(ids) > 1 and self._collides()):
             return
         yield from self._single_passes(ids, speeds)
 
+    def _collides(self) -> bool:
+        """Whether answers of others may have met a probe: on two wires, with a delay that varies."""
+        line, (speed, device_id, _) = self.line, self.found.hits[0]
+        if (line.spread or 0.0) <= TURNAROUND:
+            return False
+        self._set_speed(speed)
+        line.half_duplex = not any(self.overlaps(device_id, TOGETHER) for _ in range(2))
+        return line.half_duplex
+
     def _single_passes(self, ids: Sequence[int], speeds: Sequence[int | None]) -> Iterator[Pass]:
-        """One id at a time. Where others speak, their speed is the likeliest, and a probe may have met their bytes."""
+        """With more time for each. Where others speak, their speed is the likeliest, and a probe may have met their bytes."""
         for number, speed in enumerate(sorted(speeds, key=lambda speed: speed != self.others_at), 1):
             if number > 1 and self.line.speed_matters is False:
                 break
@@ -138,63 +189,57 @@ class Scanner(Asker):
             yield self._single(ids, self.others_at)
 
     def _single(self, ids: Sequence[int], speed: int | None) -> Pass:
-        """One id at a time, at the pace of the line as far as that is known."""
-        if not len(self.line.trips):
-            wait = max(SINGLE_SECONDS, 1.5 * self._usual)
-        else:
-            wait = min(MOST_SINGLE, max(self._usual, 2 * self.line.worst + 0.01))
+        """At the pace of the line as far as that is known."""
+        wait = SINGLE_SECONDS
+        if len(self.line.trips):
+            wait = min(MOST_SINGLE, max(0.02, 2 * self.line.worst + 0.01))
         self.found.single = wait
-        return Pass(speed, ids, 1, wait, SILENCE_SECONDS)
-
-    @property
-    def _singly(self) -> bool:
-        """Whether windows do not fit what was measured: answers collide with the next probes."""
-        return self._window > 1 and self.line.half_duplex is True
+        return Pass(speed, ids, wait, SILENCE_SECONDS)
 
     def _pass(self, this: Pass) -> None:
         speed, ids = this.speed, this.ids
-        self._wait = this.wait
         self._set_speed(speed)
+        # A question, and room for its answer.
+        self._wait = TURNAROUND + self._bus.wire_seconds(ANSWER_BYTES) if this.wait is None else this.wait
         if speed is not None and self._bus.link.can_set_baud:
             self._asked = [*(each for each in self._asked if each != speed), speed]
         self._doubted.clear()
         answered: dict[int, int] = {}
         # The first probe goes twice: a frame cut by wrong-speed garbage may swallow one.
-        groups = [ids[:1]] + [ids[i : i + this.window] for i in range(0, len(ids), this.window)]
-        for number, group in enumerate(groups):
-            self._tell(this, group, number / len(groups))
-            self._wait = this.wait if number or this.window == 1 else min(this.wait, TWICE_SECONDS)
-            whole = self._group(group, answered)
-            if not whole and len(group) > 1:
-                self._split(group, answered)
-            elif not whole and self.found.single and group[0] not in answered:
-                self._group(group, answered)  # somebody spoke at the same time
-            self._confirm(speed, answered, group)
-            if (self.found.hits and not self._find_all) or (number < len(groups) - 1 and self._cut()):
+        for number, device_id in enumerate([ids[0], *ids]):
+            if self._spent:
+                self.left.append((speed, device_id))
                 return
-            if this.window > 1 and self._singly:
+            self._tell(this, device_id, number / (len(ids) + 1))
+            whole = self._first(device_id, answered)
+            if not whole and self.found.single and device_id not in answered:
+                self._first(device_id, answered)  # somebody spoke at the same time
+            self._confirm(speed, answered, [device_id])
+            if (self.found.hits and not self._find_all) or (number < len(ids) and self._cut()):
                 return
-        self._collect(answered, max(0.0, self._patience(this.dwell) - this.wait), alone=len(ids) == 1)
-        self._confirm(speed, answered, group)
+        alone = ids[0] if len(ids) == 1 else 0
+        self._collect(answered, max(0.0, self._patience(this.dwell) - self._wait), alone=alone)
+        self._confirm(speed, answered, ids[-1:])
 
-    def _tell(self, this: Pass, group: Sequence[int], part: float) -> None:
-        """How far it is; of one id at a time, which is long, why and how long, too."""
+    def _patience(self, otherwise: float) -> float:
+        return max(self._allowed, super()._patience(otherwise))
+
+    @property
+    def _spent(self) -> bool:
+        """Whether nobody was heard for as long as a silent line is asked."""
+        found = self.found
+        heard = found.hits or found.damaged or found.beheaded or found.foreign or len(self.line.trips)
+        return self._until is not None and self._until.expired and not heard
+
+    def _tell(self, this: Pass, device_id: int, part: float) -> None:
+        """How far it is; of the pass with more time, which is long, why and how long, too."""
         at = f"{this.speed} bit/s, " if this.speed else ""
-        found = f"found {len(self.found.hits)}"
-        if not self.found.single:
-            self._guide.progress(f"{at}ids {group[0]} to {group[-1]}, {found}, {100 * part:.0f} %")
-            return
-        asking = len(this.ids) * (this.wait + self._bus.wire_seconds(PROBE_BYTES))
-        left = asking * (1.0 - part) + this.dwell + this.more * (asking + this.dwell)
-        why = "half duplex" if self._singly else "may be half duplex"
-        self._guide.progress(f"{at}id {group[0]}, {found}, {left:.0f} s left. One at a time: {why}")
-
-    def _split(self, group: Sequence[int], answered: dict[int, int]) -> None:
-        """Ask a group with garbage again in halves, descending only where garbage shows again."""
-        middle = len(group) // 2
-        for half in (group[:middle], group[middle:]):
-            if half and not self._group(half, answered) and len(half) > 1:
-                self._split(half, answered)
+        text = f"{at}id {device_id}, found {len(self.found.hits)}"
+        if this.wait is not None and self.found.single:
+            asking = len(this.ids) * (this.wait + self._bus.wire_seconds(PROBE_BYTES))
+            left = asking * (1.0 - part) + this.dwell + this.more * (asking + this.dwell)
+            text += f", {left:.0f} s left. Slowly: it may be half duplex"
+        self._guide.progress(text)
 
     # -- hits ----------------------------------------------------------------------------------------------------
 
@@ -209,9 +254,10 @@ class Scanner(Asker):
                 self._doubted.add(device_id)
                 if (speed, device_id) not in self.found.unconfirmed:
                     self.found.unconfirmed.append((speed, device_id))
-                # The whole group once more: does another id answer under this name, or was it a single answer?
+                # The same question once more: does another id answer under this name, or was it a single answer?
                 again: dict[int, int] = {}
-                self._group(group, again)
+                for each in group:
+                    self._first(each, again)
                 self.found.foreign += device_id in again
             finally:
                 self._return_to(speed)
@@ -273,8 +319,6 @@ class Scanner(Asker):
             line.speed_matters = not self._ask(device_id, (self._patience(0.0),) * 2)
             link.set_baud(speed)
             self._ask(device_id, (self._patience(0.0),) * 2)  # what the other speed left half read is passed over
-        if line.half_duplex is None and self._window > 1 and (self._find_all or self.found.single):
-            line.half_duplex = not any(self.overlaps(device_id, self._window) for _ in range(2))
         if line.others is None:
             line.others = False
 
@@ -290,10 +334,30 @@ class Scanner(Asker):
         except ProtocolError as exc:
             return (None, exc.text) if exc.code == "unknown-device" else (self._own, "")
 
+    def _collided(self, speed: int | None) -> bool:
+        """Whether two devices with one id answer at this speed: each answer is damaged, but for those that are alike."""
+        bus = self._bus
+        wanted, bus.timeout = bus.timeout, max(bus.timeout, self._patience(DRAIN_SECONDS))
+        try:
+            for device_id, damaged in list(self.found.damaged.items()):
+                if damaged < 2 or (speed, device_id) in self._judged:
+                    continue
+                self._judged.add((speed, device_id))
+                good = 0
+                for _ in range(4):
+                    with suppress(NoAnswer, ProtocolError, DeviceRefused):
+                        bus.read(*SAME, device_id=device_id, retries=0)
+                        good += 1
+                if good > 1:
+                    self.found.twins.add((speed, device_id))
+        finally:
+            bus.timeout = wanted
+        return bool(self.found.twins)
+
     def _twin(self, device_id: int) -> bool:
         """Two devices with one id: good and bad sums mixed on values that jitter, in 20 reads (RS-232: a Y cable)."""
         bus = self._bus
-        wanted, bus.timeout = bus.timeout, min(bus.timeout, max(self._usual, 0.05, self._patience(0.0)))
+        wanted, bus.timeout = bus.timeout, min(bus.timeout, max(0.05, self._patience(0.0)))
         good = bad = 0
         reads = TWIN_READS_SLOW if self.line.slow else TWIN_READS
         try:

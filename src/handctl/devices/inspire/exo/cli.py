@@ -18,7 +18,7 @@ from handctl.frame.clikit import Group
 from handctl.frame.family import Family
 from handctl.frame.filetypes import OutFile
 from handctl.frame.mapverbs import add_map_verbs
-from handctl.frame.numbers import FiniteRange, Seconds
+from handctl.frame.numbers import Seconds
 from handctl.frame.run import Run
 from handctl.model.device import limits_of
 from handctl.model.param import Element
@@ -318,35 +318,3 @@ def factory_reset(run: Run, undocumented_address: bool, backup: str | None, skip
 
 
 add_movements(cli)
-
-
-# -- looking for hands --------------------------------------------------------------------------------------------
-
-
-@cli.verb("scan", "Service")
-@click.option("--ids", default="1-254", show_default=True, metavar="FROM-TO", help="Ids to ask.")
-@click.option(
-    "--speeds", default="115200,57600,19200", show_default=True, metavar="LIST", help="Speeds to try, in bit/s."
-)
-@click.option(
-    "--window",
-    type=click.IntRange(1, 254),
-    default=8,
-    show_default=True,
-    metavar="K",
-    help="Ids asked in one window (1 = one by one, for RS-485).",
-)
-@click.option(
-    "--reply-window",
-    type=FiniteRange(min=1, max=1000),
-    metavar="MS",
-    help="Milliseconds to wait per window. Default: 20, or 30 for an FTDI adapter with a high latency timer.",
-)
-@click.option("--all", "find_all", is_flag=True, help="Ask all ids at all speeds instead of ending at the first hand.")
-def scan(run: Run, ids: str, speeds: str, window: int, reply_window: float | None, find_all: bool) -> Table:
-    """Look for hands: id 1 at each speed, then all ids. Only reads. A hand counts when it has answered twice."""
-    from handctl.devices.inspire import scan_report
-    from handctl.devices.inspire.exo import scan as exo_scan
-
-    wanted, rates = scan_report.parse_ids(ids), scan_report.parse_speeds(speeds)
-    return exo_scan.scan(run.device(), run.guide, wanted, rates, window, reply_window, find_all)

@@ -30,7 +30,7 @@ EXAMPLES = (
     ("handctl exo clear-errors -n --fake", "Show the bytes and send nothing."),
     ("handctl exo calibrate -p /dev/ttyUSB0", "Calibrate step by step. The hand must be worn."),
     ("handctl exo scan -p /dev/ttyUSB0", "Find the id and the speed of the hand."),
-    ("handctl exo scan --ids 1-10 --speeds 115200 -p /dev/ttyUSB0", "Ask ten ids at one speed."),
+    ("handctl exo scan --ids 1-10 --baud 115200 -p /dev/ttyUSB0", "Ask ten ids at one speed."),
     ("handctl exo diff exo-before.json --fake", "Show the changes since the snapshot."),
     ("handctl exo restore exo-before.json -n --fake", "Show the bytes and send nothing."),
     ("handctl exo read 1000 2 --fake", "Read two bytes from address 1000."),

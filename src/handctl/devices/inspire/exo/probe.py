@@ -8,36 +8,40 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from handctl.devices.inspire import probing
-from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.exo.device import ExoHand
-from handctl.devices.inspire.exo.scan import TARGET, scan
+from handctl.devices.inspire.identity import EXO
+from handctl.devices.inspire.mishaps import SILENCE_HINT
+from handctl.devices.inspire.scan import sweep
+from handctl.devices.inspire.target import SPEEDS, Target, parse_ids
 from handctl.devices.inspire.twins import same_id
 from handctl.link import ByteLink, Deadline
-from handctl.model.guide import Progress
 from handctl.model.result import Journal, Row
+
+__all__ = ["SPEEDS", "parse_ids", "sweep"]
 
 FAMILY = "exo"
 WIRES = ("serial", "tcp")
-SPEEDS = probing.SPEEDS
 PING = "force_actual"
 LIVE = (1582, 2)
 """What is measured again and again: a constant would be the same of two devices with one id."""
 ECHOES = False
 LONG = (1472, 151)
 """One long answer of documented registers (exo §2.3)."""
-WINDOW = 8
-"""Ids asked back to back: RS-232 and Bluetooth have both directions (dossier, windowed scan)."""
+TARGET = Target(
+    EXO,
+    probe=(1472, 2),
+    twin=(1546, 12),
+    value="system_voltage",
+    both_ways=True,  # RS-232 and Bluetooth (exo §1.1)
+    silence_hint=SILENCE_HINT.replace("--id 1 at 115200 bit/s, `handctl exo scan`, ", ""),
+)
 
 
 def probe(
     link: ByteLink, journal: Journal, deadline: Deadline, ids: Sequence[int] = (1,), timeout: float | None = None
 ) -> list[Row]:
     """Rows family, link, baud, id, evidence. Raises NoAnswer on silence, ProtocolError for what came instead."""
-    bus = Bus(link, ids[0], journal, retries=0, bound=deadline)
-    at_once = 1 if len(ids) == 1 else WINDOW
-    wait = probing.window_ms(timeout, len(ids))
-    table = scan(ExoHand(bus), Progress(journal.progress), ids, [link.baud or 0], at_once, wait, False, len(ids) > 1)
-    return probing.found(table, TARGET.value)
+    return probing.asked(link, journal, deadline, ids, timeout, TARGET)
 
 
 def ping(device: ExoHand) -> None:

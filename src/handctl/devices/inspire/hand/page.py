@@ -41,7 +41,7 @@ EXAMPLES = (
     ("handctl hand clear-errors -n --fake", "Show the bytes and send nothing."),
     ("handctl hand calibrate -p /dev/ttyUSB0", "Calibrate the force sensors. The hand must be open and empty."),
     ("handctl hand scan -p /dev/ttyUSB0", "Find the id, the speed and the protocol of the hand."),
-    ("handctl hand scan --ids 1-10 --speeds 115200 -p /dev/ttyUSB0", "Ask ten ids at one speed."),
+    ("handctl hand scan --ids 1-10 --baud 115200 -p /dev/ttyUSB0", "Ask ten ids at one speed."),
     ("handctl hand network --fake", "Show the IP address of a tactile hand, and what this computer needs."),
     ("handctl hand network 192.168.11.211 -n --fake", "Show the bytes and send nothing."),
     (

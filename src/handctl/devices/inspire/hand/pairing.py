@@ -14,20 +14,26 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple, Protocol
 
 from handctl.devices.inspire import flash, procedures, twins
+from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.hand import field, place
 from handctl.devices.inspire.hand.device import Hand
 from handctl.devices.inspire.hand.motion import nudge, plan_nudge
-from handctl.devices.inspire.hand.scan import ids_on
+from handctl.devices.inspire.hand.probe import TARGET
+from handctl.devices.inspire.scan import sweep
 from handctl.errors import CheckFailed, HandctlError, Left, LinkError, NoAnswer, NotConfirmed, UsageError
+from handctl.link import ByteLink
 from handctl.model.guide import Guide
 from handctl.model.leaving import leaving
 from handctl.model.param import Step, elements_of
+from handctl.model.quest import Quest
 
 LEFT, RIGHT = "left", "right"
 OTHER = {LEFT: RIGHT, RIGHT: LEFT}
 NOBODY = Left("no hand is named", joint=". ")
 AGAIN = "run `handctl hand pair` again: it begins with what it finds then"
 LOOKS = 3
+SEARCH_SECONDS = 6.0
+"""So long a silent line is asked for both hands."""
 WAIT_SECONDS, AGAIN_SECONDS = 120.0, 1.0
 """How long a hand is waited for whose power or network was switched, and how often it is looked for."""
 
@@ -138,6 +144,19 @@ def _two(one: Hand, other: Hand) -> None:
         hint="leave --first out: then each hand moves a finger, and you say which one it was",
         code="same-hand",
     )
+
+
+def ids_on(hand: Hand, guide: Guide) -> list[int]:
+    """The ids that answer to `hand` at its speed, in a protocol that anybody answers in, also where two hands have one."""
+    protocol = "auto" if len(hand.wires) > 1 else {True: "eb90", False: "modbus"}[isinstance(hand.bus, Bus)]
+    link = hand.link
+    baud = link.baud if isinstance(link, ByteLink) else None
+    quest = Quest(
+        find_all=True, baud=baud or 0, silence=SEARCH_SECONDS, own={"protocol": protocol}, progress=guide.progress
+    )
+    sweep(link, hand.journal, hand.bus.bound, quest, [TARGET])
+    guide.done()
+    return sorted({row["id"] for row in quest.rows} | {*quest.twins})
 
 
 # -- one serial line or CAN bus ---------------------------------------------------------------------------------------

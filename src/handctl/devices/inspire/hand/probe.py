@@ -6,48 +6,67 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from handctl.devices.inspire import canreg, probing
-from handctl.devices.inspire.bus import Bus
-from handctl.devices.inspire.canbus import CanBus
 from handctl.devices.inspire.hand.field import address_of, fingerprint, further
-from handctl.devices.inspire.hand.generation import LABEL, look
-from handctl.devices.inspire.hand.typed import asks_rtu, is_modbus_tcp
-from handctl.devices.inspire.modbusbus import BETWEEN_PROTOCOLS, ModbusBus
-from handctl.errors import HandctlError, NoAnswer
-from handctl.link import ByteLink, Deadline, FrameLink, Link
+from handctl.devices.inspire.hand.generation import AT, LABEL, look
+from handctl.devices.inspire.hand.typed import spoken
+from handctl.devices.inspire.identity import BYTE_HAND, Kind
+from handctl.devices.inspire.mishaps import SILENCE_HINTS
+from handctl.devices.inspire.scan import sweep
+from handctl.devices.inspire.target import Target, parse_ids
+from handctl.errors import NoAnswer
+from handctl.link import ByteLink, Deadline, FrameLink
 from handctl.model.result import Journal, Row
 
 if TYPE_CHECKING:
     from handctl.devices.inspire.hand.device import Hand
     from handctl.devices.inspire.registers import RegisterBus
 
-__all__ = ["address_of", "fingerprint", "further", "identify", "ignores_speed", "measure", "overheard", "ping", "probe"]
+__all__ = [
+    "address_of",
+    "fingerprint",
+    "further",
+    "identify",
+    "ignores_speed",
+    "measure",
+    "overheard",
+    "parse_ids",
+    "ping",
+    "probe",
+    "sweep",
+]
 
 FAMILY = "hand"
 WIRES = ("serial", "tcp", "can")
 SPEEDS = (115200,)
 """At the slower ones the question of the exoskeleton hand, which every hand answers, finds it (rh56 §2.1). 921600 reads as
 a trigger to a BarrettHand in its boot window: only `handctl hand scan` asks there."""
+ASIDE = True
+"""On a line that a BarrettHand may be on, Modbus RTU waits until that was asked: 03 is its ^C, where the speed does not matter."""
 PING = "angle_actual"
 ECHOES = False
 ANGLES = (1546, 4)
 LIVE = (1534, 90)
 """One long answer of documented registers, and the gap between them (rh56 §5)."""
 OWN_PORT = ":6000"
-WAIT = 0.12
-"""Seconds for the answer of one id, with room for Bluetooth."""
 
 
-def wires_of(link: Link, journal: Journal, deadline: Deadline | None, number: int, wait: float) -> list[RegisterBus]:
-    if isinstance(link, FrameLink):
-        flags = {"read_flag": canreg.READ_HAND, "write_flag": canreg.WRITE_HAND}
-        return [CanBus(link, number, journal, retries=0, bound=deadline, timeout=wait, **flags)]
-    assert isinstance(link, ByteLink)
-    if is_modbus_tcp(link.name):
-        return [ModbusBus(link, number, journal, tcp=True, retries=0, bound=deadline, timeout=max(wait, 0.5))]
-    line: list[RegisterBus] = [Bus(link, number, journal, retries=0, bound=deadline, timeout=wait, family=FAMILY)]
-    if asks_rtu(link):
-        line.append(ModbusBus(link, number, journal, tcp=False, retries=0, bound=deadline, timeout=wait))
-    return line
+def who(bus: RegisterBus) -> tuple[Kind, str | None, str]:
+    """Who answers, which generation, and what shows it."""
+    found = look(bus)
+    return found.kind, found.model, f"{found.words}: {found.evidence}"
+
+
+TARGET = Target(
+    BYTE_HAND,
+    probe=(1472, 2),
+    twin=AT,
+    value="system_voltage",
+    silence_hint=SILENCE_HINTS["hand"].replace("--id 1 at 115200 bit/s, `handctl hand scan`, ", ""),
+    speeds=(115200, 921600, 57600, 19200),
+    can=(canreg.READ_HAND, ANGLES),
+    look=who,
+    spoken=spoken,
+)
 
 
 def probe(
@@ -58,27 +77,7 @@ def probe(
     if link.name.startswith("tcp://") and not link.name.endswith(OWN_PORT):
         # Whoever listens elsewhere may pass the bytes on to a serial line, where another device would act on them.
         raise NoAnswer(f"{link.name}: not asked: Modbus TCP of a hand is port 6000", hint=LABEL, code="not-asked")
-    rows: list[Row] = []
-    first: HandctlError | None = None
-    for number in ids:
-        for bus in wires_of(link, journal, deadline, number, timeout or WAIT):
-            try:
-                bus.read(*ANGLES)
-                found = look(bus)
-            except HandctlError as exc:
-                first = first or exc
-                link.sleep(BETWEEN_PROTOCOLS)
-                continue
-            if found.kind.family != FAMILY:
-                continue
-            protocol = "Modbus" if isinstance(bus, ModbusBus) else "EB90"
-            evidence = f"{found.words}, {protocol}: {found.evidence}"
-            row: Row = {"family": FAMILY, "link": link.name, "baud": getattr(link, "baud", None), "id": number}
-            rows.append({**row, "evidence": evidence})
-            break
-    if not rows:
-        raise first or NoAnswer(f"{link.name}: no RH56 hand", hint=LABEL)
-    return rows
+    return probing.asked(link, journal, deadline, ids, timeout, TARGET)
 
 
 def ping(device: Hand) -> None:

@@ -1,4 +1,4 @@
-"""`handctl hand read | write | raw | scan`: registers and frames by number, and who is on the line."""
+"""`handctl hand read | write | raw`: registers and frames by number."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import click
 
 from handctl.devices.inspire.hand.settings_cli import met
 from handctl.devices.inspire.map import address_in
-from handctl.errors import UsageError, joined
+from handctl.errors import joined
 from handctl.frame.clikit import Group
 from handctl.frame.numbers import Seconds
 from handctl.frame.run import Run
@@ -95,45 +95,3 @@ def add_service(group: Group) -> None:
         hand: Hand = run.device()
         with exo_raw.goes_on(hand, step):
             return hand_raw.exchange(hand, frame, wait)
-
-    @group.verb("scan", "Service")
-    @click.option("--ids", default="1-254", show_default=True, metavar="FROM-TO", help="Ids to ask.")
-    @click.option(
-        "--speeds",
-        default="115200,921600,57600,19200",
-        show_default=True,
-        metavar="LIST",
-        help="Speeds to try, in bit/s.",
-    )
-    @click.option(
-        "--all", "find_all", is_flag=True, help="Ask all ids at all speeds instead of ending at the first hand."
-    )
-    def scan(run: Run, ids: str, speeds: str, find_all: bool) -> Table:
-        """Look for hands: id 1 at each speed, in EB90 and in Modbus RTU, then all ids. Only reads.
-
-        At other speeds than 115200 bit/s EB90 only, unless --protocol modbus is given: a BarrettHand may act upon a question of
-        Modbus there.
-        """
-        from handctl.devices.inspire import scan_report
-        from handctl.devices.inspire.hand import scan as hand_scan
-        from handctl.devices.inspire.hand.typed import protocol_of
-
-        wanted = scan_report.parse_ids(ids)
-        protocol = protocol_of(run.settings)
-        return hand_scan.scan(run.device(), run.guide, wanted, _rates(speeds), find_all, protocol)
-
-
-def _rates(text: str) -> list[int]:
-    """Speeds of a serial line. Raises UsageError."""
-    from handctl.devices.inspire.hand.scan import SPEEDS
-
-    try:
-        rates = [int(word) for word in text.split(",")]
-    except ValueError:
-        rates = []
-    if not rates or set(rates) - set(SPEEDS):
-        raise UsageError(
-            f"--speeds {text}: not a list of speeds of these hands",
-            hint=f"choose from {', '.join(map(str, SPEEDS))}, separated by commas",
-        )
-    return list(dict.fromkeys(rates))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from handctl.devices.inspire.hand.map import BYTE_MAP, MAPS, MODELS, model_of
+from handctl.devices.inspire.modbus import RTU_SPEED
 from handctl.devices.inspire.modbuswords import RTU, TCP, mode_of
 from handctl.digits import number_in
 from handctl.errors import UsageError
@@ -12,8 +13,6 @@ from handctl.model.param import ParamMap
 
 PORT = 6000
 """Modbus TCP (rh56 §2.3)."""
-RTU_SPEED = 115200
-"""bit/s: the only one at which a BarrettHand acts upon nothing of a question in Modbus RTU."""
 HERE = ("127.0.0.1", "localhost", "[::1]")
 """This machine, where simulators are served."""
 
@@ -81,9 +80,16 @@ def simulated(settings: Settings) -> str:
 
 def protocol_of(settings: Settings) -> str:
     """What is spoken on a serial line: auto, eb90 or modbus; a transcript shows it."""
-    typed: str = settings.own.get("protocol") or "auto"
-    shown = recorded(settings.port or "")
-    return "modbus" if typed == "auto" and shown == RTU else typed
+    typed: str | None = settings.own.get("protocol")
+    found = spoken(settings.port or "", typed)
+    return typed or "auto" if found == "tcp" else found
+
+
+def spoken(link: str, typed: str | None) -> str:
+    """What a scan speaks on a LINK: eb90, modbus, tcp, or auto; a transcript shows it."""
+    if is_modbus_tcp(link) or recorded(link) == TCP:
+        return "tcp"
+    return "modbus" if typed in (None, "auto") and recorded(link) == RTU else typed or "auto"
 
 
 def recorded(link: str) -> str:

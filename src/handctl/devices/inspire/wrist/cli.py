@@ -14,7 +14,7 @@ from handctl.frame.clikit import Group
 from handctl.frame.expect import expect, expected
 from handctl.frame.family import Family
 from handctl.frame.mapverbs import add_map_verbs
-from handctl.frame.numbers import FiniteRange, Seconds
+from handctl.frame.numbers import Seconds
 from handctl.frame.run import Run
 from handctl.link import FrameLink
 from handctl.model.device import limits_of
@@ -202,44 +202,3 @@ def raw(run: Run, data: tuple[str, ...], wait: float, force_ambiguous: bool) -> 
         if frame is not None:
             return wrist_raw.exchange_can(wrist, frame, wait)
         return exo_raw.exchange(wrist, payload, wait)
-
-
-# -- files, scan ----------------------------------------------------------------------------------------------------
-
-
-@cli.verb("scan", "Service")
-@click.option(
-    "--ids",
-    default="1-254",
-    show_default=True,
-    metavar="FROM-TO",
-    help="Ids to ask. On CAN up to 16383, at most 4096 at once.",
-)
-@click.option(
-    "--window",
-    type=click.IntRange(1, 254),
-    default=1,
-    show_default=True,
-    metavar="K",
-    help="Ids asked in one window of a serial line. More than 1 needs full duplex (RS-232).",
-)
-@click.option(
-    "--reply-window",
-    type=FiniteRange(min=1, max=1000),
-    metavar="MS",
-    help="Milliseconds to wait per window. Default: 20.",
-)
-@click.option("--all", "find_all", is_flag=True, help="Ask all ids instead of ending at the first wrist.")
-def scan(run: Run, ids: str, window: int, reply_window: float | None, find_all: bool) -> Table:
-    """Look for wrist modules at 115200 bit/s (or --baud), or on the CAN bus.
-
-    Only reads. A wrist counts when it has answered twice.
-    """
-    from handctl.devices.inspire import scan_report
-    from handctl.devices.inspire.canbus import CanBus
-    from handctl.devices.inspire.wrist import scan as wrist_scan
-
-    can = isinstance(run.planner().bus, CanBus)
-    wanted = wrist_scan.parse_can_ids(ids) if can else scan_report.parse_ids(ids)
-    speeds = [run.settings.baud or 115200]
-    return wrist_scan.scan_wrist(run.device(), run.guide, wanted, speeds, window, reply_window, find_all)

@@ -8,23 +8,29 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from handctl.devices.inspire import eb90, probing
-from handctl.devices.inspire.bus import Bus
-from handctl.devices.inspire.canbus import CanBus
-from handctl.devices.inspire.identity import ITS_CURRENT
-from handctl.devices.inspire.scan_report import scan
+from handctl.devices.inspire import canreg, probing
+from handctl.devices.inspire.identity import ITS_CURRENT, WRIST
+from handctl.devices.inspire.scan import sweep
+from handctl.devices.inspire.target import SPEEDS, Target, parse_ids
 from handctl.devices.inspire.twins import same_id
-from handctl.devices.inspire.wrist.device import Wrist
-from handctl.devices.inspire.wrist.scan import TARGET, scan_wrist
+from handctl.devices.inspire.wrist.device import WIRING_HINT, Wrist
 from handctl.link import ByteLink, Deadline, FrameLink
-from handctl.model.guide import Progress
 from handctl.model.result import Journal, Row
+
+__all__ = ["SPEEDS", "parse_ids", "sweep"]
 
 FAMILY = "wrist"
 WIRES = ("serial", "tcp", "can")
-SPEEDS = probing.SPEEDS
 PING = "current_1024"
 ECHOES = False
+TARGET = Target(
+    WRIST,
+    probe=(1020, 2),
+    twin=(1020, 4),
+    value="pitch_raw",
+    silence_hint=WIRING_HINT,
+    can=(canreg.READ_WRIST, (1020, 2)),
+)
 LONG = (1020, 24)
 """One long answer of documented registers (wrist §2.1)."""
 
@@ -33,28 +39,8 @@ def probe(
     link: ByteLink | FrameLink, journal: Journal, deadline: Deadline, ids: Sequence[int] = (1,),
     timeout: float | None = None,
 ) -> list[Row]:  # fmt: skip
-    """Rows family, link, baud, id, evidence. Raises NoAnswer on silence, ProtocolError for what came instead.
-
-    One id after the other: on RS-485 an answer would collide with the next question.
-    """
-    wait = probing.window_ms(timeout, len(ids))
-    if isinstance(link, FrameLink):
-        bus = CanBus(link, ids[0], journal, retries=0, bound=deadline)
-        return probing.found(
-            scan_wrist(Wrist(bus), Progress(journal.progress), ids, [0], 1, wait, False, len(ids) > 1), TARGET.value
-        )
-    line = Bus(
-        link,
-        ids[0],
-        journal,
-        retries=0,
-        bound=deadline,
-        read_flag=eb90.WRIST_READ,
-        write_flag=eb90.WRIST_WRITE,
-        family=FAMILY,
-    )
-    table = scan(line, TARGET, Progress(journal.progress), ids, [link.baud or 0], 1, wait, False, len(ids) > 1)
-    return probing.found(table, TARGET.value)
+    """Rows family, link, baud, id, evidence. Raises NoAnswer on silence, ProtocolError for what came instead."""
+    return probing.asked(link, journal, deadline, ids, timeout, TARGET)
 
 
 def ping(device: Wrist) -> None:
