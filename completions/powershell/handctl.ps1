@@ -33,7 +33,7 @@ function __handctl_node([string]$path) { # what stands below PATH
         'exo doctor' { $found.opts = '--count -h --help'; $found.takes = '--count=none'; $found.lacks = '-n --dry-run -y --yes' }
         'exo clear-errors' { $found.opts = '-h --help' }
         'exo calibrate' { $found.opts = '-h --help' }
-        'exo scan' { $found.opts = '--ids --speeds --window --reply-window --all -h --help'; $found.takes = '--ids=none --speeds=none --window=none --reply-window=none'; $found.lacks = '-n --dry-run -y --yes' }
+        'exo scan' { $found.opts = '--ids --all -h --help'; $found.takes = '--ids=none'; $found.lacks = '-n --dry-run -y --yes' }
         'exo read' { $found.opts = '-h --help'; $found.args = 'none none'; $found.lacks = '-n --dry-run -y --yes' }
         'exo write' { $found.opts = '--undocumented -h --help'; $found.args = 'none none' }
         'exo raw' { $found.opts = '--wait --force-ambiguous -h --help'; $found.takes = '--wait=none'; $found.args = 'none*' }
@@ -53,7 +53,7 @@ function __handctl_node([string]$path) { # what stands below PATH
         'wrist set' { $found.opts = '-h --help --serial --can'; $found.args = 'set:wrist*' }
         'wrist report' { $found.opts = '--watch --include-ids --force -h --help --serial --can'; $found.takes = '--watch=none'; $found.args = 'file'; $found.lacks = '-n --dry-run -y --yes' }
         'wrist doctor' { $found.opts = '--count -h --help --serial --can'; $found.takes = '--count=none'; $found.lacks = '-n --dry-run -y --yes' }
-        'wrist scan' { $found.opts = '--ids --window --reply-window --all -h --help --serial --can'; $found.takes = '--ids=none --window=none --reply-window=none'; $found.lacks = '-n --dry-run -y --yes' }
+        'wrist scan' { $found.opts = '--ids --all -h --help --serial --can'; $found.takes = '--ids=none'; $found.lacks = '-n --dry-run -y --yes' }
         'wrist read' { $found.opts = '-h --help --serial --can'; $found.args = 'none none'; $found.lacks = '-n --dry-run -y --yes' }
         'wrist hand-read' { $found.opts = '-h --help --serial --can'; $found.args = 'none none'; $found.lacks = '-n --dry-run -y --yes' }
         'wrist write' { $found.opts = '-h --help --serial --can'; $found.args = 'none none' }
@@ -63,7 +63,7 @@ function __handctl_node([string]$path) { # what stands below PATH
         'wrist diff' { $found.opts = '--setpoints -h --help --serial --can'; $found.args = 'file file'; $found.lacks = '-n --dry-run -y --yes' }
         'wrist restore' { $found.opts = '--setpoints -h --help --serial --can'; $found.args = 'file' }
         'wrist log' { $found.opts = '--rate --count --duration --mark --silence --force -h --help --serial --can'; $found.takes = '--rate=none --count=none --duration=none --mark=none --silence=none'; $found.args = 'file read:wrist*'; $found.lacks = '-n --dry-run -y --yes' }
-        'barrett' { $found.cmds = 'status dump get watch describe version errors help fingertips stop init open close move home step-open step-close torque-open torque-close realtime set save baud load defaults report doctor diagnose maintenance strain reset gcl firmware snapshot diff restore log'; $found.opts = '-h --help --interrupt'; $found.lacks = '--id' }
+        'barrett' { $found.cmds = 'status dump get watch describe version errors help fingertips stop init open close move home step-open step-close torque-open torque-close realtime set save baud load defaults report doctor diagnose maintenance strain scan reset gcl firmware snapshot diff restore log'; $found.opts = '-h --help --interrupt'; $found.lacks = '--id' }
         'barrett status' { $found.opts = '--check --include-ids -h --help --interrupt'; $found.lacks = '--id -n --dry-run -y --yes' }
         'barrett dump' { $found.opts = '--include-ids -h --help --interrupt'; $found.lacks = '--id -n --dry-run -y --yes' }
         'barrett get' { $found.opts = '-h --help --interrupt'; $found.args = 'read:barrett*'; $found.lacks = '--id -n --dry-run -y --yes' }
@@ -94,6 +94,7 @@ function __handctl_node([string]$path) { # what stands below PATH
         'barrett diagnose' { $found.opts = '--list --move --motors --hand -h --help --interrupt'; $found.takes = '--motors=none --hand=none'; $found.args = 'none'; $found.lacks = '--id' }
         'barrett maintenance' { $found.opts = '--greased --steps --check --hand -h --help --interrupt'; $found.takes = '--greased=none --steps=choice:lubrication,fasteners,pretension,strain,firmware --hand=none'; $found.lacks = '--id -n --dry-run -y --yes' }
         'barrett strain' { $found.opts = '--open --live --check --rate --count --duration -h --help --interrupt'; $found.takes = '--rate=none --count=none --duration=none'; $found.lacks = '--id' }
+        'barrett scan' { $found.opts = '--ids --all -h --help --interrupt'; $found.takes = '--ids=none'; $found.lacks = '--id -n --dry-run -y --yes' }
         'barrett reset' { $found.opts = '-h --help --interrupt'; $found.lacks = '--id' }
         'barrett gcl' { $found.opts = '--keep-going -h --help --interrupt'; $found.args = 'none*'; $found.lacks = '--id' }
         'barrett firmware' { $found.cmds = 'check download'; $found.opts = '-h --help --interrupt'; $found.lacks = '--id' }
@@ -103,7 +104,7 @@ function __handctl_node([string]$path) { # what stands below PATH
         'barrett diff' { $found.opts = '-h --help --interrupt'; $found.args = 'file file'; $found.lacks = '--id -n --dry-run -y --yes' }
         'barrett restore' { $found.opts = '--save --force -h --help --interrupt'; $found.args = 'file'; $found.lacks = '--id' }
         'barrett log' { $found.opts = '--rate --count --duration --mark --silence --force -h --help --interrupt'; $found.takes = '--rate=none --count=none --duration=none --mark=none --silence=none'; $found.args = 'file read:barrett*'; $found.lacks = '--id -n --dry-run -y --yes' }
-        'ekso' { $found.cmds = 'status dump get watch describe time date settings data feedback policy stop set cancel report doctor snapshot diff restore log export'; $found.opts = '-h --help'; $found.lacks = '--id' }
+        'ekso' { $found.cmds = 'status dump get watch describe time date settings data feedback policy stop set cancel report doctor scan snapshot diff restore log export'; $found.opts = '-h --help'; $found.lacks = '--id' }
         'ekso status' { $found.opts = '--check --length-mode -h --help'; $found.takes = '--length-mode=none'; $found.lacks = '--id -n --dry-run -y --yes' }
         'ekso dump' { $found.opts = '--length-mode -h --help'; $found.takes = '--length-mode=none'; $found.lacks = '--id -n --dry-run -y --yes' }
         'ekso get' { $found.opts = '--length-mode -h --help'; $found.takes = '--length-mode=none'; $found.args = 'read:ekso*'; $found.lacks = '--id -n --dry-run -y --yes' }
@@ -120,12 +121,13 @@ function __handctl_node([string]$path) { # what stands below PATH
         'ekso cancel' { $found.opts = '--word --operator --audit --length-mode -h --help'; $found.takes = '--word=none --operator=none --audit=file --length-mode=none'; $found.lacks = '--id' }
         'ekso report' { $found.opts = '--watch --include-ids --force --length-mode -h --help'; $found.takes = '--watch=none --length-mode=none'; $found.args = 'file'; $found.lacks = '--id -n --dry-run -y --yes' }
         'ekso doctor' { $found.opts = '--count --length-mode -h --help'; $found.takes = '--count=none --length-mode=none'; $found.lacks = '--id -n --dry-run -y --yes' }
+        'ekso scan' { $found.opts = '--ids --all --length-mode -h --help'; $found.takes = '--ids=none --length-mode=none'; $found.lacks = '--id -n --dry-run -y --yes' }
         'ekso snapshot' { $found.opts = '--length-mode -h --help'; $found.takes = '--length-mode=none'; $found.args = 'file'; $found.lacks = '--id -n --dry-run -y --yes' }
         'ekso diff' { $found.opts = '--length-mode -h --help'; $found.takes = '--length-mode=none'; $found.args = 'file file'; $found.lacks = '--id -n --dry-run -y --yes' }
         'ekso restore' { $found.opts = '--operator --audit --override-step-limit --length-mode -h --help'; $found.takes = '--operator=none --audit=file --length-mode=none'; $found.args = 'file'; $found.lacks = '--id' }
         'ekso log' { $found.opts = '--rate --count --duration --mark --silence --force --raw --include-pilot-id --length-mode -h --help'; $found.takes = '--rate=none --count=none --duration=none --mark=none --silence=none --length-mode=none'; $found.args = 'file'; $found.lacks = '--id -n --dry-run -y --yes' }
         'ekso export' { $found.opts = '--to --format --si --segment --knee-sign --rate -h --help'; $found.takes = '--to=choice:mot,csv --format=choice:mot,csv --segment=none --knee-sign=choice:1,-1 --rate=none'; $found.args = 'file'; $found.lacks = '-p --port --fake -d --device --id --baud --timeout --deadline --retries --trace --format -n --dry-run -y --yes --assume-identity' }
-        'aidin' { $found.cmds = 'status dump get watch describe stop home initial encoders joints fingertips currents bias max-torque report doctor log'; $found.opts = '-h --help --exchange --poll-json --tx-terminator'; $found.takes = '--exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf'; $found.lacks = '--id --baud' }
+        'aidin' { $found.cmds = 'status dump get watch describe stop home initial encoders joints fingertips currents bias max-torque report doctor scan log'; $found.opts = '-h --help --exchange --poll-json --tx-terminator'; $found.takes = '--exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf'; $found.lacks = '--id --baud' }
         'aidin status' { $found.opts = '--check -h --help --exchange --poll-json --tx-terminator'; $found.takes = '--exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf'; $found.lacks = '--id --baud -n --dry-run -y --yes' }
         'aidin dump' { $found.opts = '-h --help --exchange --poll-json --tx-terminator'; $found.takes = '--exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf'; $found.lacks = '--id --baud -n --dry-run -y --yes' }
         'aidin get' { $found.opts = '-h --help --exchange --poll-json --tx-terminator'; $found.takes = '--exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf'; $found.args = 'read:aidin*'; $found.lacks = '--id --baud -n --dry-run -y --yes' }
@@ -142,6 +144,7 @@ function __handctl_node([string]$path) { # what stands below PATH
         'aidin max-torque' { $found.opts = '-h --help --exchange --poll-json --tx-terminator'; $found.takes = '--exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf'; $found.args = 'none'; $found.lacks = '--id --baud' }
         'aidin report' { $found.opts = '--watch --include-ids --force -h --help --exchange --poll-json --tx-terminator'; $found.takes = '--watch=none --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf'; $found.args = 'file'; $found.lacks = '--id --baud -n --dry-run -y --yes' }
         'aidin doctor' { $found.opts = '--count -h --help --exchange --poll-json --tx-terminator'; $found.takes = '--count=none --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf'; $found.lacks = '--id --baud -n --dry-run -y --yes' }
+        'aidin scan' { $found.opts = '--ids --all -h --help --exchange --poll-json --tx-terminator'; $found.takes = '--ids=none --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf'; $found.lacks = '--id --baud -n --dry-run -y --yes' }
         'aidin log' { $found.opts = '--rate --count --duration --mark --silence --force -h --help --exchange --poll-json --tx-terminator'; $found.takes = '--rate=none --count=none --duration=none --mark=none --silence=none --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf'; $found.args = 'file read:aidin*'; $found.lacks = '--id --baud -n --dry-run -y --yes' }
         'hand' { $found.cmds = 'status dump get watch describe tactile stop angle position speed force set id baud save factory-reset network pair report doctor clear-errors calibrate scan read write raw snapshot diff restore log'; $found.opts = '-h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus' }
         'hand status' { $found.opts = '--check -h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus'; $found.lacks = '-n --dry-run -y --yes' }
@@ -166,7 +169,7 @@ function __handctl_node([string]$path) { # what stands below PATH
         'hand doctor' { $found.opts = '--count -h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--count=none --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus'; $found.lacks = '-n --dry-run -y --yes' }
         'hand clear-errors' { $found.opts = '-h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus' }
         'hand calibrate' { $found.opts = '-h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus' }
-        'hand scan' { $found.opts = '--ids --speeds --all -h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--ids=none --speeds=none --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus'; $found.lacks = '-n --dry-run -y --yes' }
+        'hand scan' { $found.opts = '--ids --all -h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--ids=none --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus'; $found.lacks = '-n --dry-run -y --yes' }
         'hand read' { $found.opts = '-h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus'; $found.args = 'none none'; $found.lacks = '-n --dry-run -y --yes' }
         'hand write' { $found.opts = '--undocumented -h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus'; $found.args = 'none none' }
         'hand raw' { $found.opts = '--wait --force-ambiguous -h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--wait=none --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus'; $found.args = 'none*' }
