@@ -244,8 +244,13 @@ def whole(answer: Answer) -> Answer:
     """The same answer. Raises ProtocolError where a character of it is none of GCL's: a bit was lost on the line."""
     for line in answer.lines:
         if not line.isascii():
-            raise ProtocolError(f"{answer.command}: a damaged character came: {line!r}", hint=DISTURBED, code="damaged")
+            text = f"{answer.command}: a damaged character came: {line!r} ({_bytes_of(answer, line)})"
+            raise ProtocolError(text, hint=DISTURBED, code="damaged")
     return answer
+
+
+def _bytes_of(answer: Answer, line: str) -> str:
+    return next((part for part in _parts(answer.raw) if _text(part) == line), b"").hex(" ").upper()
 
 
 def _prompt_at(buffer: bytearray, start: int, known: int) -> int | None:
@@ -278,9 +283,8 @@ def values(answer: Answer, names: int, motors: int) -> list[list[int]]:
         words = line.split()
         numbers = [int(word) for word in words if word.removeprefix("-").isdecimal() and len(word) <= 11]
         if len(numbers) != motors or len(words) != motors:
-            came = next((part for part in _parts(answer.raw) if _text(part) == line), b"").hex(" ").upper()
             raise ProtocolError(
-                f"{answer.command}: expected {motors} numbers a line, got {line!r} ({came})",
+                f"{answer.command}: expected {motors} numbers a line, got {line!r} ({_bytes_of(answer, line)})",
                 hint=DISTURBED,
                 code="bad-line",
             )

@@ -204,7 +204,8 @@ class GclLine(Line):
 
     def _judge(self, answer: Answer, check: Callable[[Answer], object]) -> None:
         try:
-            check(whole(answer))
+            check(answer)
+            whole(answer)
         except ProtocolError as exc:
             self.journal.counters.bad_frames += 1
             raise ProtocolError(f"{self.link.name}: {exc.text}", hint=DISTURBED, code=exc.code) from exc
@@ -259,13 +260,12 @@ class GclLine(Line):
         if not received:
             return self.unanswered(f"{command}{speed}", self.timeout or ECHO_SECONDS, since, SILENCE)
         self.journal.counters.bad_frames += 1
-        shown = received[:48].hex(" ").upper()
         if decoder.echoed:
             code, text = "cut-short", "the answer has no prompt"
         else:
             code, text = "echo-differs", f"the echo differs from {encode(command).hex(' ').upper()}"
         return ProtocolError(
-            f"{self.where}{speed}: {text}, received {shown}",
+            f"{self.where}{speed}: {text}, received {received[:48].hex(' ').upper()}",
             hint="run it again and check the cable: the line is disturbed, or the speed is wrong",
             code=code,
         )
