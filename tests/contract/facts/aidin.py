@@ -23,6 +23,7 @@ FACTS = Facts(
     reads={
         "get": "motor_pos",
         "watch": "--count 2",
+        "scan": "",
         "report": "{dir}/report.html --watch 0 --force",
     },
     state="start=homed",

@@ -88,6 +88,7 @@ FACTS = Facts(
         "snapshot": "{dir}/new.json",
         "diff": "{barrett}",
         "watch": "--count 2",
+        "scan": "",
         "report": "{dir}/report.html --watch 0 --force",
         "errors": "",
         "help": "",
