@@ -99,6 +99,7 @@ def _tools() -> Iterator[tuple[str, ...]]:
     yield from (("scan",), ("scan", "--all"), ("scan", "--ids", "1-2"), ("doctor",))
     for name in families.FAMILIES:
         yield "scan", "--family", name
+        yield name, "scan"
         yield "doctor", "--family", name, "--count", "3"
         yield name, "doctor", "--count", "3"
     if "stop" in families.COMMANDS:

@@ -236,7 +236,7 @@ def test_impossible_format() -> None:
 
 
 def test_no_device_is_exit_2() -> None:
-    for args in (("dump",), ("status",), ("scan",), ("watch",), ("id", "2", "-y"), ("calibrate", "-y")):
+    for args in (("dump",), ("status",), ("watch",), ("id", "2", "-y"), ("calibrate", "-y")):
         result = run("exo", *args)
         assert (result.code, result.out) == (2, "")
         assert "error: No device" in result.err and "--fake" in result.err

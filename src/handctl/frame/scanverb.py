@@ -42,7 +42,7 @@ def add_scan(group: Group) -> None:
     def scan(run: Run, ids: str | None, find_all: bool) -> Table:
         """Look for devices of this family: speed, id.
 
-        Only reads. The usual id is asked at each speed first, then all ids. Says what it did not ask.
+        Only reads. The usual id is asked at each speed first, then all ids. It says what it did not ask.
         """
         assert run.family is not None
         found: Table = import_module(COMMANDS[NAME][0]).scan_family(run, ids, find_all)

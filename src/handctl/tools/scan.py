@@ -80,7 +80,7 @@ def cli(links: tuple[str, ...], families: tuple[str, ...], ids: str | None, find
     """Find out which device answers on a port: family, speed, id.
 
     Read-only. A port that is in use is left alone. Nothing that is sent starts or ends a movement, or triggers a boot monitor.
-    The usual ids are asked first, then all ids. What was not asked is told.
+    The usual ids are asked first, then all ids. It says what it did not ask.
     """
     run: Run = click.get_current_context().obj
     settings = run.settings

@@ -24,6 +24,7 @@ FACTS = Facts(
     reads={
         "get": "motor_pos",
         "watch": "--count 2",
+        "scan": "",
         "report": "{dir}/report.html --watch 0 --force",
         "log": "{dir}/log.csv --count 2 --force",
     },

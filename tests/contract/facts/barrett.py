@@ -89,6 +89,7 @@ FACTS = Facts(
         "snapshot": "{dir}/new.json",
         "diff": "{barrett}",
         "watch": "--count 2",
+        "scan": "",
         "report": "{dir}/report.html --watch 0 --force",
         "log": "{dir}/log.csv --count 2 --force",
         "errors": "",

@@ -25,6 +25,7 @@ FACTS = Facts(
         "snapshot": "{dir}/new.json",
         "diff": "{ekso}",
         "watch": "--count 2",
+        "scan": "",
         "report": "{dir}/report.html --watch 0 --force",
         "log": "{dir}/log.csv --count 2 --force",
     },
