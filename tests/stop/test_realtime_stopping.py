@@ -16,6 +16,7 @@ from handctl.screen import render
 from handctl.sim.engine.line import Line
 from tests.barrett.commands import fake
 from tests.support.cli import clean_environment, run, wait_until
+from tests.support.person import pressed_at
 
 MOVING = ("barrett", "realtime", "--motors", "1", "--velocity", "30", "--receive", "position", "--timeout", "20")
 STOP = [b"c\x00", b"\x03", b"1T\r"]
@@ -167,3 +168,13 @@ def test_a_signal_while_the_result_is_shown_changes_nothing(monkeypatch: pytest.
     finally:
         signal.signal(signal.SIGINT, before)
     assert done.code == 0 and [row["value"] for row in done.rows] == [1] and not done.err
+
+
+def test_an_answer_that_is_still_due_keeps_no_stop_waiting(tmp_path: Path) -> None:
+    """The hand has fallen silent when Ctrl-C comes: ^C goes out within a second, however long --timeout lets an answer take."""
+    trace, pressed = tmp_path / "t.txt", 0.8
+    with pressed_at(pressed):
+        result = run(*MOVING, "-p", fake(wire="auto", fault="silent", after=16), "--json", "--trace", trace)
+    lines = [line.split() for line in trace.read_text(encoding="utf-8").splitlines() if " > " in line]
+    first = next(float(moment) for moment, _, *digits in lines if float(moment) > pressed and digits == ["03"])
+    assert first - pressed < 1.0, result

@@ -46,6 +46,15 @@ ROWS = (
         "tests/barrett/test_line.py::test_an_interrupt_is_no_trigger_to_a_boot_monitor_at_any_speed",
     ),
     mistake(
+        "realtime-stop-waits-for-a-late-answer",
+        "stop not sent",
+        "handctl.devices.barrett.realtime.session",
+        "Session._go_out",
+        "stands = self.stand(LATE_SECONDS)",
+        "stands = self.stand()",
+        "tests/stop/test_realtime_stopping.py::test_an_answer_that_is_still_due_keeps_no_stop_waiting",
+    ),
+    mistake(
         "barrett-stop-is-a-boot-trigger",
         "boot trigger",
         "handctl.devices.barrett.stopper",

@@ -84,11 +84,10 @@ def test_all_readings_are_those_of_eb90(wire: str) -> None:
     assert list(swapped) == bench.bytes_at(1500, 250)
 
 
-@WIRES
-def test_words_of_an_f1_are_registers(wire: str) -> None:
-    if wire == "rtu":
-        assert pdu(wire, model="f1")("03 04 28 00 06") == "03 0C 03 E9 03 F3 03 FD 04 07 04 BA 05 28"
-        assert pdu(wire, model="f1")("06 04 10 03 E8") == "06 04 10 03 E8"
+def test_words_of_an_f1_are_registers() -> None:
+    assert pdu("rtu", model="f1")("03 04 28 00 06") == "03 0C 03 E9 03 F3 03 FD 04 07 04 BA 05 28"
+    assert pdu("rtu", model="f1")("06 04 10 03 E8") == "06 04 10 03 E8"
+
 
 
 @WIRES

@@ -6,6 +6,7 @@ the motors.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -27,6 +28,8 @@ ANSWER_SECONDS = 0.01
 """What the hand needs to answer, beside the time on the wire, where nobody can wait for the answer."""
 LEAVING_SECONDS = 3.0
 """How long this command may be silent while it leaves: ^C and T take their time at a slow speed."""
+LATE_SECONDS = 0.5
+"""For an answer that is still due when the motors are to be stopped: ^C waits no longer for it, whatever --timeout says."""
 NOT_INITIALIZED = 4
 """T says so of such a motor and cuts its power all the same (barrett §5.2.1)."""
 
@@ -119,7 +122,7 @@ class Session:
         stands = False
         if self.inside:
             self.inside = False
-            stands = self.stand()
+            stands = self.stand(LATE_SECONDS)
             if stands:
                 self.hand.journal.ledger.confirm("each block was acknowledged", since=self.mark)
             if not (stands and line.abort() is not None) and line.leave_loop() is not None:
@@ -135,8 +138,11 @@ class Session:
             line.abort()
         return stands
 
-    def stand(self) -> bool:
-        """Whether the hand took a last block of velocity 0 (or needs none) and now awaits a header."""
+    def stand(self, most: float = math.inf) -> bool:
+        """Whether the hand took a last block of velocity 0 (or needs none) and now awaits a header.
+
+        An answer is waited for as long as --timeout allows, and no longer than `most` seconds.
+        """
         if self.stood:
             return True
         line, decoder = self.hand.line, self.decoder
@@ -149,7 +155,7 @@ class Session:
                     if isinstance(decoder.next(), LoopError):
                         return False
                     if decoder.outstanding:
-                        chunk = line.link.read(self.block_deadline(self.hand.link.now()))
+                        chunk = line.link.read(self.hand.link.deadline(min(self.patience, most)))
                         if not chunk:
                             return False
                         decoder.feed(chunk)
