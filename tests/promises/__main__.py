@@ -10,14 +10,14 @@ import time
 from pathlib import Path
 
 from handctl.docgen.promises import WORDS, exceptions
-from tests.promises.cells import broken, tried
+from tests.promises.cells import tried
 from tests.promises.tables import TABLES
 from tests.support import own_state
 from tests.support.in_process import in_process
 
 
 def main() -> int:
-    """Each table with its cells, those that fail, and those that are known to; then the exceptions. 1 where one fails."""
+    """Each table with its cells and those that fail; then the exceptions. 1 where one fails."""
     parser = argparse.ArgumentParser(prog="python -m tests.promises", description=__doc__)
     parser.add_argument("tables", nargs="*", choices=[[], *TABLES], metavar="TABLE", help=", ".join(TABLES))
     asked = parser.parse_args()
@@ -30,12 +30,11 @@ def main() -> int:
             began, place = time.process_time(), Path(folder) / table
             with in_process():
                 names, failed = tried(TABLES[table](), place)
-            known = {cell: finding for finding, cell in broken(table)}
             print(
                 f"{table}: {len(names)} cells, {len(failed)} broken, {time.process_time() - began:.1f} s of a processor"
             )
             for cell, why in failed.items():
-                print(f"{table}\t{cell}\t{known.get(cell, 'new')}\t{why}")
+                print(f"{table}\t{cell}\t{why}")
             count, bad = count + len(names), bad + len(failed)
     rows = list(exceptions())
     print(f"{count} cells, {bad} broken, {len(rows)} exceptions:")

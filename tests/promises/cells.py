@@ -1,4 +1,4 @@
-"""Cells of the matrix, what runs them, and which of them are known to be broken."""
+"""Cells of the matrix, and what runs them."""
 
 from __future__ import annotations
 
@@ -19,8 +19,6 @@ from tests.contract.facts import facts_of
 from tests.support import own_state
 from tests.support.cli import Result, run
 
-BROKEN = Path(__file__).with_name("broken.txt")
-"""Cells that fail today: number of the finding, table, cell. Each is taken out by the commit that mends it."""
 Check = Callable[[Path], None]
 
 
@@ -55,21 +53,11 @@ def tried(cells: Iterable[Cell], folder: Path) -> Outcome:
 
 
 def hold(table: str, cells: Iterable[Cell], folder: Path) -> None:
-    """Every cell holds, but for those in BROKEN, which all must fail: one that was mended leaves the list."""
+    """Every cell holds."""
     names, failed = tried(cells, folder)
     assert names, table
-    known = {cell for _, cell in broken(table)}
-    told = [f"[{name}] {why}" for name, why in failed.items() if name not in known]
-    told += [f"[{name}] holds now: take it out of {BROKEN.name}" for name in names if name in known - set(failed)]
-    told += [f"[{name}] is in {BROKEN.name}, and no cell of this table" for name in sorted(known - set(names))]
-    assert not told, f"{len(told)} of {len(names)} cells\n" + "\n".join(told)
-
-
-def broken(table: str) -> list[tuple[str, str]]:
-    """Finding and cell of those of a table that are known to fail."""
-    lines = BROKEN.read_text(encoding="utf-8").splitlines() if BROKEN.exists() else []
-    rows = [line.split("\t") for line in lines if line and not line.startswith("#")]
-    return [(finding, cell) for finding, at, cell in rows if at == table]
+    told = "\n".join(f"[{name}] {why}" for name, why in failed.items())
+    assert not failed, f"{len(failed)} of {len(names)} cells\n{told}"
 
 
 # -- what there is to try -----------------------------------------------------------------------------------------------

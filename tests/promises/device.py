@@ -65,6 +65,10 @@ def movements(family: str) -> Iterator[tuple[str, list[str], str]]:
 def not_reached() -> Iterator[Cell]:
     """A movement that is held up ends with exit code 7, unless that was expected."""
     for family in FAMILIES:
+        unfit = {
+            name for name, *_ in movements(family) if exempt(family, "expect", name) or exempt(family, "arrival", name)
+        }
+        taking = [name for name, *_ in movements(family) if name not in unfit]
         for name, words, before in movements(family):
             excused = exempt(family, "arrival", name)
             tried = partial(_moved, family, name, words, before)
@@ -73,12 +77,10 @@ def not_reached() -> Iterator[Cell]:
                 yield Cell(f"{family} {name} at speed 0", partial(tried, "speed=0", "", 7))
             if excused:
                 continue
-            unfit = exempt(family, "expect", name)
-            yield Cell(f"{family} {name} takes --expect", unless(unfit, partial(_expects, family, name)))
-            if name == next(
-                (name for name, *_ in list(movements(family))[1:]), name
-            ):  # one of them is enough for its effect
-                yield Cell(f"{family} {name} --expect any", partial(tried, "fault=blocked", "any", 0))
+            takes = partial(_expects, family, name)
+            yield Cell(f"{family} {name} takes --expect", unless(exempt(family, "expect", name), takes))
+            if name == taking[min(1, len(taking) - 1)]:  # one of them is enough for its effect
+                yield Cell(f"{family} {name} --expect any", partial(_any_end, family, name, words, before))
                 yield Cell(f"{family} {name} --expect contact", partial(tried, "", "contact", 7))
     yield Cell("handctl aidin home", _homed)
 
@@ -88,14 +90,29 @@ def _expects(family: str, name: str, _folder: Path) -> None:
     assert command is not None and any("--expect" in param.opts for param in command.params)
 
 
+def _any_end(family: str, name: str, words: list[str], before: str, folder: Path) -> None:
+    """A stop short of the target is taken, a fault that the device reports is not."""
+    link = _way_open(family, before, folder)
+    result = run(family, *words, "--expect", "any", "-y", "--json", "-p", f"{link}&fault=blocked")
+    ends = {row["arrival"] for row in result.json["rows"] if row.get("arrival")}
+    assert ends & {"short", "contact", "blocked"}, ends
+    assert result.code == (7 if ends & {"blocked", "moving", "no-speed"} else 0), ends
+
+
 def _moved(
     family: str, name: str, words: list[str], before: str, state: str, expect: str, code: int, folder: Path
 ) -> None:
+    link = _way_open(family, before, folder)
+    wanted = ["--expect", expect] if expect else []
+    needs(run(family, *words, *wanted, "-y", "-p", f"{link}&{state}" if state else link), code)
+
+
+def _way_open(family: str, before: str, folder: Path) -> str:
+    """The link of a device whose movement has a way to go."""
     link = f"fake://{family}?clock=virtual&{outcomes_of(family).state.replace('rate=25', 'rate=10')}&state={made(folder) / 'kept.json'}"
     if before:
         needs(run(family, before, "-p", link), 0)
-    wanted = ["--expect", expect] if expect else []
-    needs(run(family, *words, *wanted, "-y", "-p", f"{link}&{state}" if state else link), code)
+    return link
 
 
 def _homed(folder: Path) -> None:
@@ -104,7 +121,7 @@ def _homed(folder: Path) -> None:
     link = f"fake://{family}?clock=virtual&rate=10&state={kept}"
     words = (family, "joints", "index.q3=130", "thumb.q1=10", "-y", "-p", link)
     needs(run(*words[:-1], f"{link}&start=cold"), 7, said="not-reached")
-    needs(run(*step("not-reached", family, link), "-y"), 0)
+    needs(run(*step("not-reached", family, link), "-y"), 7, said="homing-unproven")  # nothing shows the open stop yet
     needs(run(*words), 0)
 
 

@@ -17,7 +17,7 @@ from handctl.link.fake import FakeFrames, FakeLink
 from tests.contract.facts import facts_of
 from tests.promises.cells import Cell, commands, made
 
-MOST = 400
+MOST = 5000
 """Times that a stream of 0.2 s may listen: each takes its time on the wire."""
 
 

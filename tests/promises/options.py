@@ -268,7 +268,7 @@ def _fifo(family: str, name: str, folder: Path) -> None:
     try:
         with bounded(FIFO_SECONDS, name):
             result = run(
-                family, name, "--control", pipe, "--send", "velocity", "--deadline", "3", "-p", link_of(family)
+                family, name, "--control", pipe, "--send", "velocity", "--deadline", "0.2", "-p", link_of(family)
             )
     except Hang as exc:
         raise AssertionError(str(exc)) from None

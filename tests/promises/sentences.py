@@ -49,6 +49,11 @@ COVERED: Mapping[str, tuple[str, str]] = {
     "refused by name, with exit code 6": ("promises/symptoms.py", "other_family"),
     "Silence has exit code 4": ("promises/sentences.py", "_silent"),
     "The hand has no serial port": ("promises/symptoms.py", "no_port"),
+    "A fault, or an axis that still moves or has no speed": ("kernel/test_moving.py", "test_what_is_expected"),
+    "Where two answer": ("inspire/test_twins.py", "test_nothing_that_strands_reaches_two_devices_with_one_id"),
+    "A port that another program has open is refused": ("link/test_rivals.py", "test_"),
+    "show no table": ("contract/test_strangers.py", "test_a_stranger_is_never_shown_as_a_table"),
+    "Silence, and data that form no answer, prove nothing": ("contract/test_strangers.py", "test_"),
 }
 """Words of a sentence -> the test that holds it against the families: file, and how its function begins."""
 

@@ -98,7 +98,7 @@ def log(run: Run, file: str, wishes: Wishes, source_of: Callable[[Callable[[], b
             run.guide.say(f"recording into {path}. {'a key sets a mark, ' if keys.heard else ''}Ctrl-C ends")
             failure = polling.record(
                 recording,
-                polling.Limits(wishes.rate, wishes.count, wishes.duration, wishes.silence),
+                polling.Limits(wishes.rate, wishes.count, wishes.duration, wishes.silence, run.end),
                 mark=_first(wishes.mark, keys.pressed),
                 guide=run.guide,
                 before=before,

@@ -32,12 +32,14 @@ class Limits(NamedTuple):
     rows      rows of the file; None = no limit
     duration  seconds; None = no limit
     silence   seconds without an answer that end it
+    bound     when --deadline is over, by the clock of the link; None = never
     """
 
     rate: float = 0.0
     rows: int | None = None
     duration: float | None = None
     silence: float = 60.0
+    bound: float | None = None
 
 
 class Pace:
@@ -117,7 +119,8 @@ class _Loop:
             if exc.code == "deadline":  # it was not even sent
                 raise
             recording.lost += 1
-            if self._clock.now() - self._heard >= self._limits.silence:
+            now, bound = self._clock.now(), self._limits.bound
+            if now - self._heard >= self._limits.silence or (bound is not None and now >= bound):
                 raise
             if not self._limits.rate:
                 self._clock.sleep(PAUSE_S)

@@ -102,16 +102,27 @@ def examine(run: Run, machine: Machine, kind: str | None, reads: int) -> Iterato
 
     if kind is None and run.settings.fake:
         raise UsageError("no simulator given", hint=f"add --family with one of {', '.join(FAMILIES)}", code="no-family")
-    run.family = family_of(kind) if kind is not None else Family("unknown", _no_device, 115200, wires=WIRES, ids=True)
+    if kind is not None:
+        families = [family_of(kind)]
+    else:  # a tcp:// without a port leads to the usual port of each family that has one, the first that opens
+        usual = dict.fromkeys(port for each in FAMILIES if (port := family_of(each).tcp_port) is not None)
+        families = [Family("unknown", _no_device, 115200, wires=WIRES, ids=True, tcp_port=port) for port in usual]
+    run.family = families[0]
     if run.family.check is not None:
         run.family.check(run.settings)
     name = run.link_name()
     yield from port_checks(machine, name)
     run.guide.progress(f"{name}: opening")
-    try:
-        link = run.open_link()
-    except LinkError as exc:
-        yield from failed_open(exc)
+    link, failure = None, None
+    for run.family in families if name.startswith("tcp://") else families[:1]:
+        try:
+            link = run.open_link()
+            break
+        except LinkError as exc:
+            failure = exc
+    if link is None:
+        assert failure is not None
+        yield from failed_open(failure)
         yield from subnet(machine, host_in(name), reached=False)
         return
     speed = getattr(link, "baud", None)

@@ -89,7 +89,6 @@ def test_words_of_an_f1_are_registers() -> None:
     assert pdu("rtu", model="f1")("06 04 10 03 E8") == "06 04 10 03 E8"
 
 
-
 @WIRES
 @pytest.mark.parametrize(
     ("options", "request_", "answer"),

@@ -7,7 +7,7 @@ EXCEPTIONS = (
     ("option", "`--id`, `--baud`", "The hand is reached by its address, over TCP."),
     ("no-port", "`/dev/ttyUSB0`", "The hand has no serial port: exit code 2."),
     ("arrival", "`currents`", "A current has no target."),
-    ("expect", "`home`", "Without its end stops a motor has no origin: it must find them."),
+    ("expect", "`home`, `initial`", "They have checks of their own: each motor must have rested at its origin."),
 )
 EXAMPLES = (
     ("handctl aidin status -p tcp://192.168.0.20", "Port 8000 when none is given."),

@@ -11,7 +11,7 @@ FILES = (
 EXCEPTIONS = (
     ("option", "`--id`", "GCL has no device ids."),
     ("arrival", "`torque-open`, `torque-close`", "They push until the motors stall, and have no target."),
-    ("expect", "`init`", "Without its end stops a motor has no position: it must find them."),
+    ("arrival", "`init`", "HI takes the place where a motor stalls for its end stop, wherever that is."),
     ("hot", "`status --check`", "While its temperature fault is set the hand refuses to report: exit code 6."),
 )
 EXAMPLES = (

@@ -160,7 +160,7 @@ class CanBus(RegisterBus):
             if access.hand_id != self.id:
                 return ProtocolError(
                     f"{self.where}: id {access.hand_id} answered instead: {others[0]} (sent {request})",
-                    hint="use the --id it shows, or look with `handctl wrist scan`",
+                    hint=f"use the --id it shows, or look with `handctl scan -p {self.link.name}`",
                     code="wrong-id",
                 )
             return ProtocolError(
@@ -180,7 +180,7 @@ class CanBus(RegisterBus):
                 hint=DAMAGED_HINT,
                 code="damaged",
             )
-        hint = f"look for the id of the hand with `handctl wrist scan`. If it finds none, {NO_ACK_HINT}"
+        hint = f"look for the id of the device with `handctl scan -p {self.link.name}`. If it finds none, {NO_ACK_HINT}"
         return self.silence(request, errors, self.timeout, since, hint)
 
     def silence(self, request: CanFrame, before: int, allowed: float, since: float, hint: str) -> HandctlError:
