@@ -78,8 +78,9 @@ def report(searches: Sequence[Search], families: Sequence[str], journal: Journal
             journal.info("line", f"{search.link}: {words}")
         if search.expired and search.rows:
             journal.warn("deadline", f"{search.link}: --deadline ended the search")
-        if search.left and not search.rows:
-            journal.warn("not-asked", f"{search.link}: not asked were {'; '.join(search.left)}")
+        silent = search.verdict is not None and search.verdict.code == NoAnswer.default_code
+        if search.left and silent and not search.rows:
+            journal.warn("not-asked", f"{search.link}: this was not asked: {'; '.join(search.left)}")
     if stopped:
         table.failure = stopped[0]
     elif not table.rows:

@@ -354,7 +354,7 @@ class Sweep:
         left = list(self.left)
         if self.quest.silence is not None:
             left.append(
-                "a second time, with more room for each answer on a half-duplex line whose delay varies: --all asks so"
+                "all ids a second time, with more room for each answer, as a half-duplex line needs whose delay varies: --all asks so"
             )
         if self.quest.rows or self.collided or not link.can_set_baud or link.replayed or self.look is None:
             return left
