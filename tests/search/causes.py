@@ -17,7 +17,7 @@ CAUSES: dict[str, set[str]] = {
     "noise": {"echo-differs", "garbage", "cut-short", "bad-line"},  # before, in or behind an answer, as chance has it
     "refuse": {"refused"}, "refuse can": {"read-back"}, "refuse aidin": {"not-reached"},
     **{name: {"not-reached"} for name in ("blocked", "foreign", "weak", "frozen", "swapped")},
-    **{f"{name} wrist": {"not-arrived"} for name in ("blocked", "foreign")},
+    "blocked wrist": {"blocked"}, "blocked exo": {"blocked"},
     **{f"{name} hand": {"not-fit"} for name in (
         "faults", "hot", "locked-rotor", "over-temperature", "over-current", "motor-abnormal", "communication", "unknown-bits")},
     "blocked hand": {"blocked"},

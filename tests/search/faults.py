@@ -56,7 +56,8 @@ class Cell:
         self.link = f"fake://{family}?{'&'.join(filter(None, ['clock=virtual', *kept, *options]))}"
         args = getattr(row, "on_can", ()) if "bus=can" in own.options else ()
         typed = [word.replace("{dir}", str(folder)) for word in (args or row.args)]
-        asked = ["--yes"] if getattr(row, "asks", False) else ["--timeout", "1"] if row.kind == "scan" else []
+        asks = getattr(row, "asks", False) or row.kind == "write"  # some ask in some states only
+        asked = ["--yes"] if asks else ["--timeout", "1"] if row.kind == "scan" else []
         more = ["--json", "--trace", str(trace), *own.words, *words, *asked]
         with bounded(SECONDS, f"{family} {row.name}"), spying() as spy:
             self.result: Result = run(

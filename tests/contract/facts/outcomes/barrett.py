@@ -19,15 +19,16 @@ LINE: dict[str, Codes] = {
     **{key: {0, 5} for key in ("noise", "duplicate", "echo")},
 }  # fmt: skip
 NAMES = [command.name for command in COMMANDS]
-STALLS: dict[str, Codes] = {key: {6} for key in ("move", "move-default", "step-close", "gcl-move")}
-"""M, HOME, IC and IO report 16 when they do not arrive (§5.5); O, C, TC and TO never do."""
+STALLS: dict[str, Codes] = {"gcl-move": {6}, **{key: {7} for key in ("close", "move", "move-default", "step-close")}}
+"""M, HOME, IC and IO report 16 when they do not arrive (§5.5); O, C, TC and TO never do: where they are tells."""
 MOVES = [command.name for command in MOVING if command.name != "stop"]
 NO_MOTOR_COMMAND = ("get-hand", "version", "help", "baud-show", "set-hand", "baud", "baud-save", "reset")
 """All others begin with a motor command; FGET and FSET are motor commands too (§5.4.1, sim notes)."""
 CHECK: dict[str, Codes] = {"status-check": {7}}
 DEVICE: dict[str, dict[str, Codes]] = {
     "no-echo": {key: {5} for key in [name for name in NAMES if name != "reset"]},  # its banner is proof enough
-    **{name: {} for name in ("no-abort", "strain", "strain-offset", "no-gauges", "breakaway", "eeprom-worn", "obstacle")},
+    **{name: {} for name in ("no-abort", "strain", "strain-offset", "no-gauges", "breakaway", "eeprom-worn")},
+    "obstacle": {"close": {7}},
     "blocked": STALLS, "reversed": STALLS,
     "hot": CHECK, "unknown-codes": CHECK,
     "over-temperature": {key: {6} for key in [name for name in NAMES if name not in NO_MOTOR_COMMAND]},

@@ -19,7 +19,7 @@ LINE: dict[str, Codes] = {
     "refuse": RIGHT,
 }  # fmt: skip
 DEVICE: dict[str, dict[str, Codes]] = {
-    "strict": {}, "block-silent": {}, "no-late-frames": {}, "blocked": {},
+    "strict": {}, "block-silent": {}, "no-late-frames": {}, "blocked": {"move": {7}},
     "save-fails": {"save": {6}, "baud-save": {6}},
     "fresh": {"diff": {7}},
     "foreign": {key: {7} for key in ("status-check", "diff", "save", "baud-save", "factory-reset")},
@@ -51,6 +51,8 @@ OUTCOMES = Outcomes(
     exceptions={
         # every acknowledged write is refused; force and position commands have no acknowledgement (exo §2.2.1)
         **{("", "refuse", command.name): {6} for command in WRITING if command.kind in ("write", "raw")},
+        # their effect is not seen, either
+        ("", "refuse", "move"): {7},
         # two hands with one id: replies that do not jitter overlap to perfect frames (dossier 4.14)
         **{("", "twin-id", name): RIGHT for name in (*FIXED, "raw-write")},
         # a scan may name the suspicion beside the hand, or find no valid answer
