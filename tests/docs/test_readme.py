@@ -117,7 +117,8 @@ def on_a_bench(words: tuple[str, ...]) -> tuple[str, ...]:
                 return f"fake://{kind or usual}?clock=virtual{'&bus=can' if start == 'can:' else ''}"
         return word
 
-    return tuple(map(link, words))
+    found = tuple(map(link, words))
+    return found if words[0] != "scan" or "-p" in words or "-h" in words else (*found, "-p", link("/dev/"))
 
 
 def served(words: tuple[str, ...]) -> Result:
