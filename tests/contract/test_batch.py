@@ -106,4 +106,4 @@ def test_a_dry_run_of_a_batch_sends_nothing(family: str, scratch: Path) -> None:
     lines = [[family, "status"], *(words_of(family, name, scratch) for name in facts.writes if not facts.states)]
     result, _, _ = batch(lines, scratch, "-p", facts.link(family), "-n", "--keep-going")
     assert result.code == 0, result
-    assert passed(scratch / "trace.txt") == []
+    assert [entry for entry in passed(scratch / "trace.txt") if entry.mark == ">"] == []  # a hand may speak unasked

@@ -264,5 +264,5 @@ class EksoLog:
         except UsageError as exc:
             assert exc.exit_code == 2
             return 9
-        assert not log.complete or count == log.sidecar["rows"]  # type: ignore[index]
+        assert not log.closed or count == log.sidecar["rows"]  # type: ignore[index]
         return 9

@@ -91,7 +91,7 @@ def named(kind: str, words: str) -> Callable[[Folder], list[Tried]]:
 @pytest.mark.parametrize(
     ("mistake", "cells"),
     [
-        (unfiltered_csv, devices("escapes behind words", "barrett", "barrett help")),
+        (unfiltered_csv, devices("escapes behind words", "barrett", "barrett gcl")),
         (bypassed, named("a pipe", "exo restore")),
         (unbounded, named("/dev/zero", "exo diff")),
         (long_messages, named("tables in TOML", "barrett realtime")),

@@ -63,4 +63,4 @@ def test_doctor_names_them(kind: str, apart: float, tmp_path: Path) -> None:
     for words in (("doctor", "--family", kind), (kind, "doctor"), ("doctor",)):
         result = run(*words, "-p", link, "--json", "--count", "10")
         rows = {row["check"]: row["status"] for row in result.rows}
-        assert (result.code, rows.get("same_id")) == (7, "fail"), (words, result)
+        assert result.code == 7 and "fail" in (rows.get("same_id"), rows.get("device")), (words, result)

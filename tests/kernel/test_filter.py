@@ -210,4 +210,4 @@ def test_json_has_no_number_that_json_does_not_have() -> None:
     """NaN and Infinity are no JSON: a reader other than Python's stops at them."""
     for number in (float("nan"), float("inf")):
         with pytest.raises(ValueError, match="JSON compliant"):
-            render._dumps({"value": [number]})
+            render.dumps({"value": [number]})

@@ -24,10 +24,10 @@ def fake(family: str, **options: str) -> str:
 
 STOPS = "Ctrl-C stops."
 MOVEMENTS = {
-    "aidin home": (("aidin", "home", "-p", fake("aidin"), "-y"), STOPS, "of 3.5 s"),
+    "aidin home": (("aidin", "home", "-p", fake("aidin", start="homed"), "-y"), STOPS, "of 3.5 s"),
     "aidin initial": (("aidin", "initial", "-p", fake("aidin", start="homed"), "-y"), STOPS, "Moving"),
     "barrett close": (("barrett", "close", "-p", fake("barrett", initialized="1"), "-y"), STOPS, "C: moving"),
-    "exo position": (("exo", "position", "--wait", "3", "500", "500", "500", "500", "500", "-p", fake("exo"), "-y"), STOPS, "positions"),
+    "exo position": (("exo", "position", "--wait", "3", "500", "500", "500", "500", "500", "-p", fake("exo"), "-y"), STOPS, " s  little"),
     "exo calibrate": (
         ("exo", "calibrate", "-p", fake("exo", calibration="1.5"), "-y"),
         "Ctrl-C does not stop the hand. To stop it, switch its power off.",

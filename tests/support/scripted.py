@@ -103,7 +103,7 @@ class Babble(ScriptedLink):
 
     def read(self, deadline: Deadline, size: int = 4096) -> bytes:
         self._reads += 1
-        assert self._reads < 100_000, "the command does not end while the line babbles"
+        assert self._reads < 200_000, "the command does not end while the line babbles"
         self._pass_to(self.clock + 0.0001)
         return self._junk.randbytes(min(64, size))
 

@@ -102,6 +102,7 @@ USUAL: Examples = (
     ("handctl {0} watch --duration 60 --csv -o curve.csv -d left", "One minute into a file."),
     ("handctl {0} log {0}.csv --count 5 --fake", "Five rows into a file, with a sidecar that describes them."),
     ("handctl {0} log {0}.csv --duration 60 --rate 20 -d left", "One minute, 20 rows a second."),
+    ("handctl {0} scan --fake", "What a scan shows, here of the simulated device."),
     ("handctl {0} stop -d left", "Stop at once, also while another handctl uses the device."),
     ("handctl {0} stop -n --fake", "The bytes that would be sent."),
     ("handctl {0} report {0}.html --fake", "One page for a service ticket."),

@@ -26,6 +26,7 @@ class MapSource(Source):
         self.layout = RowsLayout([(column_of(row), row) for row in rows])
         self._device, self._elements, self._again = device, list(elements), again
         self._identity = device.identity()
+        self._met = False
         self._settings = kept_of(device.map, setpoints=False, further=device.further(self._identity))
 
     def sample(self) -> Sample:
@@ -42,6 +43,9 @@ class MapSource(Source):
         return Sample(moment, (texts, errors))
 
     def settings(self) -> dict[str, dict[str, Any]]:
+        if not self._settings and not self._met:  # a stranger is seen before there is a file
+            self._device.read(self._elements)
+        self._met = True
         rows = [self._device.row(reading) for reading in self._device.read(self._settings)] if self._settings else []
         return {
             str(element.full_name): {"value": row.get("value"), "unit": row.get("unit")}
