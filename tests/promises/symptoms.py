@@ -14,8 +14,7 @@ import serial
 from handctl.docgen.promises import SYMPTOMS
 from handctl.families import FAMILIES
 from handctl.frame.clikit import Command
-from handctl.link import serial as serial_module
-from handctl.link import tcp
+from handctl.link import owners, tcp
 from handctl.link.owners import Process
 from handctl.tools import doctor, ports
 from tests.contract.facts import facts_of
@@ -103,7 +102,8 @@ def in_use() -> Iterator[Cell]:
 
 def _held(family: str, name: str, folder: Path) -> None:
     with (
-        mock.patch.object(serial_module, "holders", lambda _device: [Process(4711, "screen")]),
+        mock.patch.object(owners, "held_by_name", lambda _device: True),
+        mock.patch.object(owners, "holders", lambda _device: [Process(4711, "screen")]),
         mock.patch.object(serial, "serial_for_url") as opened,
     ):
         result = needs(typed(family, name, made(folder), PORT), 3, said="busy")
