@@ -134,8 +134,8 @@ def schema() -> Draft202012Validator:
     return Draft202012Validator(content)
 
 
-KNOWN: set[tuple[Any, ...]] = set()
-"""Rows that the schema allows, by their shape."""
+KNOWN: set[object] = set()
+"""What the schema allows: rows by their shape, messages and writes as they are."""
 
 
 def shape(row: Any) -> tuple[Any, ...]:
@@ -146,8 +146,12 @@ def shape(row: Any) -> tuple[Any, ...]:
 
 def check_schema(envelope: Any) -> None:
     """Assert that an envelope is valid by the packaged schema."""
-    new = {shape(row): row for row in envelope.get("rows", ())}
-    envelope = {**envelope, **({"rows": [row for seen, row in new.items() if seen not in KNOWN]} if new else {})}
+    new: dict[object, Any] = {}
+    for part, kind in (("rows", shape), ("messages", repr), ("writes", repr)):
+        if items := envelope.get(part):
+            found = {kind(item): item for item in items}
+            left = [item for key, item in found.items() if key not in KNOWN or item.get("level") == "error"]
+            envelope, new = {**envelope, part: left}, {**new, **found}
     problems = [f"{'/'.join(map(str, e.absolute_path))}: {e.message}" for e in schema().iter_errors(envelope)]
     assert not problems, problems
     KNOWN.update(new)

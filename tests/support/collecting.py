@@ -49,3 +49,9 @@ class Collecting:
         gc.freeze()
         gc.set_threshold(20_000, 20, 20)  # a command makes some thousand objects, and nearly all go without it
         gc.enable()
+
+    @pytest.hookimpl(trylast=True)
+    def pytest_sessionfinish(self) -> None:
+        # pytest looks for what nobody closed; what has been there for long is no garbage, and is not gone over again.
+        gc.collect(1)
+        gc.freeze()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cache
 
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.bus import Bus
@@ -44,6 +45,12 @@ class Findings:
     single: float | None = None
 
 
+@cache
+def _prefixes(spans: tuple[Span, ...], flag: int) -> tuple[bytes, ...]:
+    """With what the answers of all ids begin."""
+    return tuple(eb90.read_reply_prefix(i, *span, flag) for i in range(1, 255) for span in spans)
+
+
 class Asker:
     """Asks ids on one line. `wait` = reply window in seconds; `probe` is asked of whoever has answered."""
 
@@ -51,8 +58,7 @@ class Asker:
         self._bus = bus
         self._wait = wait
         self._firsts = {*READS[bus.read_flag], probe}
-        spans = (*self._firsts, *FRESH[bus.read_flag])
-        self._prefixes = [eb90.read_reply_prefix(i, *span, bus.read_flag) for i in range(1, 255) for span in spans]
+        self._prefixes = _prefixes((*sorted(self._firsts), *FRESH[bus.read_flag]), bus.read_flag)
         self._decoder = Decoder(self._prefixes)
         self._fresh = 0
         self._lately = b""  # what was sent: an echo may be as late as an answer

@@ -178,6 +178,7 @@ class Decoder:
 
     def __init__(self, prefixes: Sequence[bytes] = ()) -> None:
         self._prefixes = tuple(prefixes) or (HOST, DEVICE)
+        self._known: _Known | None = None
         self._buffer = bytearray()
         self.skipped = 0
         self.rejected = b""
@@ -253,16 +254,26 @@ class Decoder:
         buffer = self._buffer
         if place + 3 < len(buffer) and buffer[place + 3] < MIN_LENGTH:
             return False
-        if buffer.startswith(self._prefixes, place):
-            return True
         tail = bytes(buffer[place : place + LONGEST_PREFIX])
-        return place + len(tail) == len(buffer) and tail in _beginnings(self._prefixes)
+        known = self._known = self._known or _Known.of(self._prefixes)
+        if any(tail[:size] in known.whole for size in known.sizes):
+            return True
+        return place + len(tail) == len(buffer) and tail in known.beginnings
 
 
-@lru_cache(maxsize=8)
-def _beginnings(prefixes: tuple[bytes, ...]) -> frozenset[bytes]:
-    """Every beginning of the prefixes: a scan has thousands, and looks in them at each byte of noise."""
-    return frozenset(prefix[:size] for prefix in prefixes for size in range(1, len(prefix) + 1))
+class _Known(NamedTuple):
+    """The prefixes to look one up in: a scan has thousands, and looks at each byte of noise."""
+
+    whole: frozenset[bytes]
+    sizes: tuple[int, ...]
+    beginnings: frozenset[bytes]
+
+    @staticmethod
+    @lru_cache(maxsize=8)
+    def of(prefixes: tuple[bytes, ...]) -> _Known:
+        sizes = tuple({len(prefix) for prefix in prefixes})
+        beginnings = (prefix[:size] for prefix in prefixes for size in range(1, len(prefix) + 1))
+        return _Known(frozenset(prefixes), sizes, frozenset(beginnings))
 
 
 # -- whose bytes are these ------------------------------------------------------------------------------------------
