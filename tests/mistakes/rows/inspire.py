@@ -446,6 +446,8 @@ ROWS = (
         "if other is not None and first is not None:",
         "if other is not None and not first:",
         "tests/inspire/test_rh56_pairing.py::test_two_links_that_read_the_same_name_no_hand",
+    ),
+    mistake(
         "hand-speed-0-holds-nothing",
         "question skipped",
         "handctl.devices.inspire.hand.device",

@@ -33,9 +33,9 @@ DEVICE: dict[str, dict[str, Codes]] = {
     "strict": {}, "block-silent": {"read": {4}}, "save-fails": {},
     "blocked": MOVES,
     "foreign": {**UNHEALTHY, **MOVES},
-    # a hand without a wrist is read in its own space only; what is to be written meets the look at who is there
+    # a hand without a wrist is read in its own space only, and is named by all that asks for its wrist
     "no-wrist": {
-        **{command.name: {0} if command.kind == "hand" else {4} for command in READING},
+        **{command.name: {0} if command.kind == "hand" else {4} if command.kind == "scan" else {6} for command in READING},
         **{command.name: {6} for command in WRITING},
     },
     **{key: dict(UNHEALTHY) for key in ("unknown-bits", *MOTOR_FAULTS)},
