@@ -44,7 +44,10 @@ COVERED: Mapping[str, tuple[str, str]] = {
         "contract/test_contract.py",
         "test_ctrl_c_in_a_movement_sends_its_stop",
     ),
-    "means that the stop was not acknowledged": ("stop/test_talk.py", "test_a_hold_that_is_not_acknowledged_is_no_stop"),
+    "means that the stop was not acknowledged": (
+        "stop/test_talk.py",
+        "test_a_hold_that_is_not_acknowledged_is_no_stop",
+    ),
     "Exit code 0 means that Ctrl-C came too late": ("kernel/test_ending.py", "test_"),
     "the command is refused with exit code 6": ("promises/symptoms.py", "other_family"),
     "If the device does not reply": ("promises/sentences.py", "_silent"),

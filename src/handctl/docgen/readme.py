@@ -59,7 +59,7 @@ def _verbs(tree: Node) -> Iterable[str]:
 
 
 def _links(_tree: Node) -> Iterable[str]:
-    return _table(("LINK (`-p`)", "what"), ((f"`{name}`", text) for name, text in LINKS))
+    return _table(("LINK (`-p`)", "meaning"), ((f"`{name}`", text) for name, text in LINKS))
 
 
 def _exit_codes(_tree: Node) -> Iterable[str]:

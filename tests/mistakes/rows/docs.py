@@ -10,8 +10,8 @@ ROWS = (
         LIES,
         "src/handctl/guides/links.md",
         "",
-        "The name is a table of the configuration file. `--model` and `--side` of an RH56 hand are kept there as two lines of your own:",
-        "The name is a table of the configuration file:",
+        "It is a table of the configuration file. To store `--model` and `--side` of an RH56 hand there, add two lines yourself:",
+        "It is a table of the configuration file:",
         "tests/docs/test_named.py::test_what_a_topic_is_said_to_show_is_in_it",
     ),
     mistake(
@@ -37,8 +37,8 @@ ROWS = (
         LIES,
         "README.md",
         "",
-        "handctl ports                                    # what is plugged in, who holds it",
-        "handctl port                                     # what is plugged in, who holds it",
+        "handctl ports                         # connected adapters, and which program has each one open",
+        "handctl port                          # connected adapters, and which program has each one open",
         "tests/docs/test_readme.py::test_every_example_is_a_line_that_handctl_takes",
     ),
     mistake(
@@ -46,8 +46,8 @@ ROWS = (
         LIES,
         "README.md",
         "",
-        "| `connection refused` (3) | The server is off, or another client holds the device. | `handctl doctor -p tcp://192.168.0.10` |",
-        "| `connection rejected` (3) | The server is off, or another client holds the device. | `handctl doctor -p tcp://192.168.0.10` |",
+        "| `connection refused` (3) | The server is off, or another client is connected to the device. | `handctl doctor -p tcp://192.168.0.10` |",
+        "| `connection rejected` (3) | The server is off, or another client is connected to the device. | `handctl doctor -p tcp://192.168.0.10` |",
         "tests/docs/test_readme.py::test_each_message_of_the_table_is_met",
     ),
     mistake(
