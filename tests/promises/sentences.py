@@ -37,7 +37,7 @@ def sentences() -> list[str]:
 
 
 COVERED: Mapping[str, tuple[str, str]] = {
-    "If the device still moves, or has a new target": ("stop/test_talk.py", "test_"),
+    "If the device still moves or has a new target": ("stop/test_talk.py", "test_"),
     "If the device turns out to be a different one, nothing is written": ("stop/test_whose.py", "test_"),
     "That command sends the stop ahead of everything else": ("stop/test_stop.py", "test_"),
     "Exit code 130 means that the stop was acknowledged": (
@@ -51,10 +51,9 @@ COVERED: Mapping[str, tuple[str, str]] = {
     "Exit code 0 means that Ctrl-C came too late": ("kernel/test_ending.py", "test_"),
     "the command is refused with exit code 6": ("promises/symptoms.py", "other_family"),
     "If the device does not reply": ("promises/sentences.py", "_silent"),
-    "The hand has no serial port": ("promises/symptoms.py", "no_port"),
     "A fault, an axis that is still moving": ("kernel/test_moving.py", "test_what_is_expected"),
     "If two devices reply": ("inspire/test_twins.py", "test_nothing_that_strands_reaches_two_devices_with_one_id"),
-    "If another program has the port open, handctl refuses it": ("link/test_rivals.py", "test_"),
+    "If another program has the port open, handctl refuses to use it": ("link/test_rivals.py", "test_"),
     "show no table": ("contract/test_strangers.py", "test_a_stranger_is_never_shown_as_a_table"),
     "Silence and invalid data prove nothing": ("contract/test_strangers.py", "test_"),
 }
