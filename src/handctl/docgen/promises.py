@@ -58,7 +58,7 @@ class Verb(NamedTuple):
 
 
 VERBS = (
-    Verb("status", "status [--check]", "Shows the health of the device, decoded. With `--check`, the exit code is 7 if something is wrong."),
+    Verb("status", "status [--check]", "Shows a decoded health summary. With `--check`, the exit code is 7 if something is wrong."),
     Verb("dump", "dump", "Shows every documented quantity that can be read."),
     Verb("get", "get NAME...", "Shows quantities by name. `NAME.ELEMENT` selects one element."),
     Verb("set", "set NAME=VALUE...", "Writes quantities and reads them back. Everything that can be set can be read with `get`."),

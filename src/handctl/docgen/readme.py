@@ -77,7 +77,7 @@ def _usual(_tree: Node) -> Iterable[str]:
 
 def _exceptions(_tree: Node) -> Iterable[str]:
     rows = ((f"`{row.family}`", WORDS[row.promise], row.where, row.why) for row in exceptions())
-    return _table(("device", "promise", "not for", "why"), rows)
+    return _table(("device", "promise", "exception", "reason"), rows)
 
 
 MAKERS: dict[str, Callable[[Node], Iterable[str]]] = {

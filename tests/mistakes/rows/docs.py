@@ -10,8 +10,8 @@ ROWS = (
         LIES,
         "src/handctl/guides/links.md",
         "",
-        "It is a table of the configuration file. To store `--model` and `--side` of an RH56 hand there, add two lines yourself:",
-        "It is a table of the configuration file:",
+        "The name is a table of the configuration file. To store `--model` and `--side` of an RH56 hand there, add two lines yourself:",
+        "The name is a table of the configuration file:",
         "tests/docs/test_named.py::test_what_a_topic_is_said_to_show_is_in_it",
     ),
     mistake(

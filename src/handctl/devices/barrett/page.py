@@ -11,7 +11,7 @@ FILES = (
 EXCEPTIONS = (
     ("option", "`--id`", "GCL has no device ids."),
     ("arrival", "`torque-open`, `torque-close`", "They close or open until the motors stall, and have no target."),
-    ("arrival", "`init`", "HI takes the position at which a motor stalls for its end stop, wherever that is."),
+    ("arrival", "`init`", "HI treats the position at which a motor stalls as its end stop, wherever that is."),
     (
         "hot",
         "`status --check`",
