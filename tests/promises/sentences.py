@@ -37,23 +37,25 @@ def sentences() -> list[str]:
 
 
 COVERED: Mapping[str, tuple[str, str]] = {
-    "If the device still moves, or is commanded elsewhere": ("stop/test_talk.py", "test_"),
-    "on a device that shows itself as another, nothing is written": ("stop/test_whose.py", "test_"),
-    "It sends the stop ahead of everything else": ("stop/test_stop.py", "test_"),
+    "If the device still moves or has a new target": ("stop/test_talk.py", "test_"),
+    "If the device turns out to be a different one, nothing is written": ("stop/test_whose.py", "test_"),
+    "That command sends the stop ahead of everything else": ("stop/test_stop.py", "test_"),
     "Exit code 130 means that the stop was acknowledged": (
         "contract/test_contract.py",
         "test_ctrl_c_in_a_movement_sends_its_stop",
     ),
-    "A stop that was not": ("stop/test_talk.py", "test_a_hold_that_is_not_acknowledged_is_no_stop"),
+    "means that the stop was not acknowledged": (
+        "stop/test_talk.py",
+        "test_a_hold_that_is_not_acknowledged_is_no_stop",
+    ),
     "Exit code 0 means that Ctrl-C came too late": ("kernel/test_ending.py", "test_"),
-    "refused by name, with exit code 6": ("promises/symptoms.py", "other_family"),
-    "Silence has exit code 4": ("promises/sentences.py", "_silent"),
-    "The hand has no serial port": ("promises/symptoms.py", "no_port"),
-    "A fault, or an axis that still moves or has no speed": ("kernel/test_moving.py", "test_what_is_expected"),
-    "Where two answer": ("inspire/test_twins.py", "test_nothing_that_strands_reaches_two_devices_with_one_id"),
-    "A port that another program has open is refused": ("link/test_rivals.py", "test_"),
+    "the command is refused with exit code 6": ("promises/symptoms.py", "other_family"),
+    "If the device does not reply": ("promises/sentences.py", "_silent"),
+    "A fault, an axis that is still moving": ("kernel/test_moving.py", "test_what_is_expected"),
+    "If two devices reply": ("inspire/test_twins.py", "test_nothing_that_strands_reaches_two_devices_with_one_id"),
+    "If another program has the port open, handctl refuses to use it": ("link/test_rivals.py", "test_"),
     "show no table": ("contract/test_strangers.py", "test_a_stranger_is_never_shown_as_a_table"),
-    "Silence, and data that form no answer, prove nothing": ("contract/test_strangers.py", "test_"),
+    "Silence and invalid data prove nothing": ("contract/test_strangers.py", "test_"),
 }
 """Words of a sentence -> the test that holds it against the families: file, and how its function begins."""
 

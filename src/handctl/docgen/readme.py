@@ -59,7 +59,7 @@ def _verbs(tree: Node) -> Iterable[str]:
 
 
 def _links(_tree: Node) -> Iterable[str]:
-    return _table(("LINK (`-p`)", "what"), ((f"`{name}`", text) for name, text in LINKS))
+    return _table(("LINK (`-p`)", "meaning"), ((f"`{name}`", text) for name, text in LINKS))
 
 
 def _exit_codes(_tree: Node) -> Iterable[str]:
@@ -77,7 +77,7 @@ def _usual(_tree: Node) -> Iterable[str]:
 
 def _exceptions(_tree: Node) -> Iterable[str]:
     rows = ((f"`{row.family}`", WORDS[row.promise], row.where, row.why) for row in exceptions())
-    return _table(("device", "promise", "not for", "why"), rows)
+    return _table(("device", "promise", "exception", "reason"), rows)
 
 
 MAKERS: dict[str, Callable[[Node], Iterable[str]]] = {

@@ -8,19 +8,19 @@ it has more to say.
 from __future__ import annotations
 
 LINKS = (
-    ("/dev/ttyUSB0, COM3", "A serial port, opened exclusively. Any URL of pyserial will do too."),
-    ("usb:VID:PID[:SERIAL]", "The serial port of that USB device and no other."),
-    ("tcp://HOST:PORT", "Bytes over TCP."),
+    ("/dev/ttyUSB0, COM3", "A serial port, opened exclusively. pyserial URLs work too."),
+    ("usb:VID:PID[:SERIAL]", "The serial port of exactly that USB device."),
+    ("tcp://HOST:PORT", "A TCP connection."),
     (
         "can:INTERFACE:CHANNEL[?bitrate=N]",
         "Any python-can interface, such as `can:socketcan:can0` or `can:slcan:/dev/ttyACM0`.",
     ),
     (
         "fake://DEVICE[?KEY=VALUE&...]",
-        "The simulator in this process, begun afresh. The keys are those of handctl-sim(1). Plain `--fake` keeps what was "
-        "done to the device until you log out.",
+        "The simulator in this process, which starts over each time. The keys are listed in handctl-sim(1). Plain `--fake` "
+        "keeps the device's state until you log out.",
     ),
-    ("replay:FILE", "A transcript that `--trace` recorded plays the device."),
+    ("replay:FILE", "A transcript recorded with `--trace` plays the device."),
 )
 
 OUTPUT = (

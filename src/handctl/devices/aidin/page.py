@@ -3,11 +3,11 @@
 from handctl.devices.aidin.speaking import section
 
 EXCEPTIONS = (
-    ("verb", "`set`, `snapshot`, `diff`, `restore`", "The hand keeps no settings."),
-    ("option", "`--id`, `--baud`", "The hand is reached by its address, over TCP."),
+    ("verb", "`set`, `snapshot`, `diff`, `restore`", "The hand does not store settings."),
+    ("option", "`--id`, `--baud`", "The hand is on the network and has an address instead."),
     ("no-port", "`/dev/ttyUSB0`", "The hand has no serial port: exit code 2."),
     ("arrival", "`currents`", "A current has no target."),
-    ("expect", "`home`, `initial`", "They have checks of their own: each motor must have rested at its origin."),
+    ("expect", "`home`, `initial`", "They have their own check: each motor must come to rest at its origin."),
 )
 EXAMPLES = (
     ("handctl aidin status -p tcp://192.168.0.20", "Port 8000 when none is given."),

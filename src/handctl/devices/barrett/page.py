@@ -10,9 +10,13 @@ FILES = (
 )
 EXCEPTIONS = (
     ("option", "`--id`", "GCL has no device ids."),
-    ("arrival", "`torque-open`, `torque-close`", "They push until the motors stall, and have no target."),
-    ("arrival", "`init`", "HI takes the place where a motor stalls for its end stop, wherever that is."),
-    ("hot", "`status --check`", "While its temperature fault is set the hand refuses to report: exit code 6."),
+    ("arrival", "`torque-open`, `torque-close`", "They close or open until the motors stall, and have no target."),
+    ("arrival", "`init`", "HI treats the position at which a motor stalls as its end stop, wherever that is."),
+    (
+        "hot",
+        "`status --check`",
+        "While its temperature fault is set, the hand refuses to report anything: exit code 6.",
+    ),
 )
 EXAMPLES = (
     ("handctl barrett status -p /dev/ttyUSB0", "Show a health summary. handctl finds the speed."),

@@ -1,7 +1,7 @@
 """What the manual page says beside the commands (see `docgen.texts`). Data only."""
 
 FILES = (("exo-before-reset.json", "The snapshot that `factory-reset` writes first. `--backup` names another file."),)
-EXCEPTIONS = (("leave-alone", "`force`", "-1 is a force of its own."),)
+EXCEPTIONS = (("leave-alone", "`force`", "-1 is a valid force."),)
 EXAMPLES = (
     ("handctl exo get position_actual temperature --fake", "Show positions and temperatures of all fingers."),
     ("handctl exo get system_voltage --fake --format plain", "Print a bare number for a script."),

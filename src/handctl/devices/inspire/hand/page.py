@@ -5,7 +5,7 @@ EXCEPTIONS = (
     (
         "other-family",
         "`wrist`",
-        "A hand that carries a wrist module answers next to it, and is the hand that is shown.",
+        "If a hand carries a wrist module, both reply, and handctl shows the hand.",
     ),
 )
 EXAMPLES = (

@@ -4,9 +4,9 @@ EXCEPTIONS = (
     (
         "settings",
         "`diff`, `restore`",
-        "The module keeps no settings: exit code 2. With `--setpoints` they take the set-points.",
+        "The module does not store settings: exit code 2. With `--setpoints`, they use the set points.",
     ),
-    ("hot", "`clear-errors`", "The manual has no command that clears the errors of the module."),
+    ("hot", "`clear-errors`", "The manual has no command to clear the module's errors."),
 )
 EXAMPLES = (
     ("handctl wrist status --fake --can", "Show the simulated module on its CAN wire."),
