@@ -19,6 +19,8 @@ from tests.support.scripted import ScriptedLink
 GET = "exo get system_voltage"
 ID = bytes.fromhex("90EB010411E8030102")
 """The answer to `get id`."""
+ITSELF = bytes.fromhex("90EB0115114606000000000000000000000000001F202122230018")
+"""What shows that it is no other hand."""
 
 
 def batch(*lines: str, more: tuple[str | Path, ...] = (), link: str = "") -> Result:
@@ -98,7 +100,8 @@ RELEASED, HELD = "90EB010D3184038E039803A203AC03F40156", "90EB010B32000000000000
 def test_what_came_between_two_lines_belongs_to_neither() -> None:
     """Answers of an earlier stop, late on the line: believed, they would make a success of a stop that nobody heard."""
     stale = [(0.0, bytes.fromhex(text)) for text in (RELEASED, HELD)]
-    link = ScriptedLink(lambda request: [(0.0, ID), *stale] if request[4:7] == b"\x11\xe8\x03" else [])
+    answers = {b"\x11\xe8\x03": [(0.0, ID)], b"\x11F\x06": [(0.0, ITSELF), *stale]}
+    link = ScriptedLink(lambda request: answers.get(request[4:7], []))
     with mock.patch.object(simulated, "opened", lambda *_: link):
         result = batch("exo get id", "exo stop", more=("--json",))
     assert [end["end"]["exit_code"] for end in ends(result)] == [0, 4, 4], result
