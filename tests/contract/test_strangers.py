@@ -64,6 +64,12 @@ def code_of(result: Result) -> str:
 PAIRS = [(mine, other) for mine in FAMILIES for other in FAMILIES if mine != other and serial(mine) and serial(other)]
 
 
+def test_a_table_of_foreign_registers_is_refused(tmp_path: Path) -> None:
+    """One of the pairs below, for the seeded mistakes."""
+    result = asked("exo", "status", devices("hand")[0], tmp_path)
+    assert (result.code, code_of(result)) == (6, "other-device")
+
+
 @each_row(("mine", "other"), PAIRS)
 @each_row("verb", READING)
 def test_a_stranger_is_never_shown_as_a_table(mine: str, other: str, verb: str, tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ from tests.support.scripted import ScriptedLink
 GET = "exo get system_voltage"
 ID = bytes.fromhex("90EB010411E8030102")
 """The answer to `get id`."""
-ITSELF = bytes.fromhex("90EB0115114606000000000000000000000000001F202122230018")
+ITSELF = bytes.fromhex("90EB01151146060000000000000000000000001F202122230018")
 """What shows that it is no other hand."""
 
 

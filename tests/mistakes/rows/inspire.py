@@ -391,7 +391,7 @@ ROWS = (
         "FamilyGate._judge_read",
         "if kind is not None:",
         "if kind is not None and not blocks:",
-        "tests/contract/test_strangers.py::test_a_generation_that_was_typed_makes_no_exo_a_hand",
+        "tests/contract/test_strangers.py::test_a_table_of_foreign_registers_is_refused",
     ),
     mistake(
         "read-of-a-hand-without-a-wrist",
