@@ -289,7 +289,7 @@ class Barrett(Device):
     def scan(self, *, ids: str | None = None, all: bool = False) -> list[Row]:
         """Look for devices of this family: speed, id."""
     def stop(self, *, motors: str | None = None, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
-        """Stop the hand at once, even while another handctl uses it. Asks nothing."""
+        """Stop the hand immediately, even while another handctl is using it."""
     def status(self, *, check: bool = False, include_ids: bool = False) -> list[Row]:
         """Show a health summary: values per finger or motor, errors decoded."""
     def dump(self, *, include_ids: bool = False) -> list[Row]:
@@ -332,13 +332,13 @@ class Barrett(Device):
     def doctor(self, *, count: int = 100) -> list[Row]:
         """Check this computer, the link and the device."""
     def describe(self, *names: str) -> list[Row]:
-        """List every parameter with range, defaults, access and manual section."""
+        """List all parameters with range, defaults, access and manual section."""
     def version(self) -> list[Row]:
         """Show the firmware version."""
     def errors(self, code: int | None = None) -> list[Row]:
-        """Explain status codes in the manual's words. CODE may be a sum. Needs no device."""
+        """Explain status codes as the manual does. CODE can be a sum. Needs no device."""
     def help(self, command: Value | None = None) -> list[Row]:
-        """Show the hand's own help for COMMAND or a parameter, and the manual's."""
+        """Show what the hand and the manual say about COMMAND or a parameter."""
     def set(
         self,
         assignments: Mapping[str, Value | Sequence[Value]] | Sequence[str] | str,
@@ -357,9 +357,9 @@ class Barrett(Device):
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> list[Row]:
-        """Show the speed of the serial line, or change it."""
+        """Show the baud rate, or change it."""
     def reset(self, *, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
-        """Restart the firmware, as a power cycle does, and show its banner. Asks first."""
+        """Restart the firmware, like a power-cycle, and show its banner. Asks first."""
     def gcl(
         self,
         *commands: str,
@@ -367,7 +367,7 @@ class Barrett(Device):
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> list[Row]:
-        """Send any GCL commands, one per argument."""
+        """Send GCL commands, one per argument."""
     def init(
         self,
         *,
@@ -377,7 +377,7 @@ class Barrett(Device):
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> list[Row]:
-        """Initialize the motors: the fingers open fully (HI). Needed once after power-on or reset."""
+        """Initialize the motors (HI): the fingers open fully. Run it after power-on or reset."""
     def open(
         self,
         *,
@@ -387,7 +387,7 @@ class Barrett(Device):
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> list[Row]:
-        """Open until OT is reached."""
+        """Open to OT."""
     def close(
         self,
         *,
@@ -397,7 +397,7 @@ class Barrett(Device):
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> list[Row]:
-        """Close until CT is reached. To grip an object, add --expect contact."""
+        """Close to CT. To grip an object, add --expect contact."""
     def move(
         self,
         value: int | None = None,
@@ -482,7 +482,7 @@ class Barrett(Device):
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> list[Row]:
-        """Write the values that differ from a snapshot into RAM and read them back."""
+        """Write the values that differ from a snapshot to RAM and read them back."""
     def realtime(
         self,
         *,
@@ -528,7 +528,7 @@ class Barrett(Device):
         check: bool = False,
         hand: str = "",
     ) -> list[Row]:
-        """Show the strokes of each motor and the maintenance that is due (§7)."""
+        """Show the strokes of each motor and any maintenance that is due (§7)."""
     def strain(
         self,
         *,
@@ -564,7 +564,7 @@ class Barrett(Device):
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> list[Row]:
-        """Run the checks of §8. For a SYMPTOM, also list the manual steps."""
+        """Run the checks of §8. With a SYMPTOM, also list the steps to do by hand."""
 
 class Ekso(Device):
     """EksoNR DataPort (serial over USB)."""
@@ -618,7 +618,7 @@ class Ekso(Device):
         include_pilot_id: bool = False,
         length_mode: str | None = None,
     ) -> list[Row]:
-        """Record GetData into FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it."""
+        """Record GetData to FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it."""
     def export(
         self,
         log: Path,
@@ -637,13 +637,13 @@ class Ekso(Device):
     def settings(self, *, length_mode: str | None = None) -> list[Row]:
         """Show all settings (GetSettings, 22 words)."""
     def data(self, *, length_mode: str | None = None) -> list[Row]:
-        """Show the present sensor values (GetData, 27 words)."""
+        """Show the current sensor values (GetData, 27 words)."""
     def feedback(self, *, length_mode: str | None = None) -> list[Row]:
         """Show steps, times and assistance (GetFeedback, 17 words)."""
     def describe(self, *names: str) -> list[Row]:
-        """List every word with message, ParameterID, type, codes and aliases."""
+        """List all words with message, ParameterID, type, codes and aliases."""
     def policy(self, *, audit: Path | None = None) -> list[Row]:
-        """Show the checks and questions before a write. Needs no device."""
+        """Show the checks and confirmations before a write. Needs no device."""
     def set(
         self,
         assignments: Mapping[str, Value | Sequence[Value]] | Sequence[str] | str,
@@ -727,15 +727,13 @@ class Aidin(Device):
     ) -> Iterator[list[Row]]:
         """Show live values on a terminal, or stream rows. Default: motors, joints, currents, fingertip forces."""
     def home(self, *, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
-        """OPEN ALL FINGERS for 3.5 s and make that place the origin (homing)."""
+        """OPEN ALL FINGERS for 3.5 s and set that position as the origin (homing)."""
     def initial(self, *, assume_homed: bool = False, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
-        """Open all fingers to the origin that homing set. Ctrl-C stops. Asks first."""
+        """Open all fingers to the origin set by homing. Asks first. Ctrl-C stops."""
     def bias(self, *, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
-        """Make the present sensor values 0. Touch nothing: a load present now is subtracted from all later
-        values."""
+        """Set the sensors to 0. Touch nothing: any load is subtracted from all later values."""
     def max_torque(self, value: Value, *, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
-        """Set the maximum output current. 0 to 1000 in 0.1 %, 700 to 1000 is recommended. It cannot be read
-        back."""
+        """Set the maximum output current: 0 to 1000 in 0.1 % (recommended: 700 to 1000)."""
     def encoders(
         self,
         *values: Value | Mapping[str, Value],

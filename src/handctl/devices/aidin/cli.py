@@ -46,7 +46,7 @@ def open_aidin(link: ByteLink, settings: Settings, journal: Journal) -> AidinHan
 cli = Group(
     "aidin",
     family=Family("aidin", open_aidin, tcp_port=PORT, check=way_of),
-    help="AIDIN-hand over TCP with JSON (-p tcp://HOST, port 8000 when not given).",
+    help="Check and move an AIDIN-hand over TCP (-p tcp://HOST, default port 8000).",
 )
 add_map_verbs(
     cli,
@@ -78,41 +78,41 @@ def _step(run: Run, meaning: str, mode: Mode, **data: int) -> Step:
 
 
 ASSUME = click.option(
-    "--assume-homed", is_flag=True, help="Go on although the encoders are out of their range, as before homing."
+    "--assume-homed", is_flag=True, help="Continue even if the encoders are out of range, as they are before homing."
 )
 
 
 @cli.verb("home", "Move", writes=True)
 def home(run: Run) -> Table:
-    """OPEN ALL FINGERS for 3.5 s and make that place the origin (homing).
+    """OPEN ALL FINGERS for 3.5 s and set that position as the origin (homing).
 
-    Ctrl-C stops. Asks first. Home after every power-on: the encoders are incremental.
+    Asks first. Ctrl-C stops. Home the hand after every power-on, because its encoders are incremental.
     """
     from handctl.devices.aidin import homing
 
-    steps = [_step(run, f"homing, every 20 ms for {homing.HOLD:g} s and nothing else in between", Mode.HOMING)]
+    steps = [_step(run, f"homing, every 20 ms for {homing.HOLD:g} s with nothing else in between", Mode.HOMING)]
     if (plan := run.planned(steps)) is not None:
         return plan
-    run.confirm(f"All fingers will OPEN for {homing.HOLD:g} s, a held object falls. Keep clear", steps)
+    run.confirm(f"All fingers will OPEN for {homing.HOLD:g} s and drop any held object. Keep clear", steps)
     return homing.home(run.device(), run.guide)
 
 
 @cli.verb("initial", "Move", writes=True)
 @ASSUME
 def initial(run: Run, assume_homed: bool) -> Table:
-    """Open all fingers to the origin that homing set. Ctrl-C stops. Asks first."""
+    """Open all fingers to the origin set by homing. Asks first. Ctrl-C stops."""
     from handctl.devices.aidin import homing
 
     steps = [_step(run, "initial position, every 20 ms until it is reached", Mode.INITIAL)]
     if (plan := run.planned(steps)) is not None:
         return plan
-    run.confirm("All fingers will move to their origin and OPEN, a held object falls", steps)
+    run.confirm("All fingers will OPEN to their origin and drop any held object", steps)
     return homing.initial(run.device(), run.guide, assume_homed=assume_homed)
 
 
 @cli.verb("bias", "Settings", writes=True)
 def bias(run: Run) -> Table:
-    """Make the present sensor values 0. Touch nothing: a load present now is subtracted from all later values."""
+    """Set the sensors to 0. Touch nothing: any load is subtracted from all later values."""
     from handctl.devices.aidin import adjust
 
     if (plan := run.planned([_step(run, "sensor bias, every 20 ms for 0.5 s", Mode.BIAS)])) is not None:
@@ -123,7 +123,9 @@ def bias(run: Run) -> Table:
 @cli.verb("max-torque", "Settings", writes=True)
 @click.argument("value", metavar="N")
 def max_torque(run: Run, value: str) -> Table:
-    """Set the maximum output current. 0 to 1000 in 0.1 %, 700 to 1000 is recommended. It cannot be read back."""
+    """Set the maximum output current: 0 to 1000 in 0.1 % (recommended: 700 to 1000).
+
+    It cannot be read back."""
     from handctl.devices.aidin import adjust
 
     param = AIDIN["maxtorque"]
@@ -134,7 +136,7 @@ def max_torque(run: Run, value: str) -> Table:
     if (plan := run.planned(steps)) is not None:
         return plan
     if number == 0:
-        run.confirm("Without torque the fingers do not move, and may not hold what they hold", steps)
+        run.confirm("Without torque the fingers do not move, and may drop a held object", steps)
     return adjust.max_torque(run.device(), number)
 
 
@@ -171,24 +173,25 @@ def _move(
 def encoders(run: Run, values: tuple[str, ...], assume_homed: bool, expect: str | None) -> Table:
     """Move motors to encoder counts.
 
-    All 15 (thumb, index, middle, ring, little, each m1 m2 m3), or pairs.
-    Others keep their place: `encoders index.m3=85000`. The hand must be homed.
-    The ramp takes five seconds for a whole stroke. Ctrl-C stops and switches motor power off.
+    Give all 15 (thumb, index, middle, ring, little, each m1 m2 m3), or only some as pairs: `encoders index.m3=85000`.
+    The others keep their position. The hand must be homed.
+    A whole stroke takes five seconds. Ctrl-C stops and switches the motor power off.
     """
     return _move(run, ENCODERS, values, assume_homed, expect)
 
 
 @cli.verb("joints", "Move", writes=True)
 @_values
-@click.option("--rad", is_flag=True, help="The values are radians, not degrees.")
+@click.option("--rad", is_flag=True, help="Values are in radians, not degrees.")
 @ASSUME
 @expect
 def joints(run: Run, values: tuple[str, ...], rad: bool, assume_homed: bool, expect: str | None) -> Table:
     """Move joints to angles in degrees.
 
-    All 15 (thumb, index, middle, ring, little, each q1 q2 q3) or 20 (with q4), or pairs.
-    Others keep their place: `joints index.q3=160 thumb.q1=10`. q3 is the angle between two links (180 is straight).
-    q4 follows q3. The hand must be homed. The ramp has 60 degrees a second. Ctrl-C stops and switches motor power off.
+    Give all 15 (thumb, index, middle, ring, little, each q1 q2 q3) or 20 (with q4), or only some as pairs:
+    `joints index.q3=160 thumb.q1=10`. The others keep their position. q3 is the angle between two links (180 is
+    straight), and q4 follows q3. The hand must be homed.
+    Joints move at 60 degrees per second. Ctrl-C stops and switches the motor power off.
     """
     return _move(run, ANGLES, values, assume_homed, expect, rad=rad)
 
@@ -200,35 +203,38 @@ def joints(run: Run, values: tuple[str, ...], rad: bool, assume_homed: bool, exp
 def fingertips(run: Run, values: tuple[str, ...], assume_homed: bool, expect: str | None) -> Table:
     """Move fingertips to coordinates in mm.
 
-    All 15 (thumb, index, middle, ring, little, each x y z in its finger's own frame), or pairs.
-    Others keep their place: `fingertips index.z=120`. The hand must be homed.
-    The ramp has 60 mm a second. Ctrl-C stops and switches motor power off.
+    Give all 15 (thumb, index, middle, ring, little, each x y z in its finger's own frame), or only some as pairs:
+    `fingertips index.z=120`. The others keep their position. The hand must be homed.
+    Fingertips move at 60 mm per second. Ctrl-C stops and switches the motor power off.
     """
     return _move(run, TIPS, values, assume_homed, expect)
 
 
 @cli.verb("currents", "Move", writes=True)
 @_values
-@click.option("--cap", type=FiniteRange(0, 1000), default=CAP, show_default=True, metavar="N", help="Refuse more.")
+@click.option(
+    "--cap", type=FiniteRange(0, 1000), default=CAP, show_default=True, metavar="N", help="Refuse currents above N."
+)
 @click.option(
     "--duration",
     type=FiniteRange(0, 60, min_open=True),
     default=1.0,
     show_default=True,
     metavar="S",
-    help="How long they flow once the ramp is over.",
+    help="How long the currents flow after the ramp.",
 )
-@click.option("--ramp-down", is_flag=True, help="Ctrl-C takes the currents back to 0 on the ramp before it stops.")
+@click.option("--ramp-down", is_flag=True, help="Make Ctrl-C ramp the currents down to 0 before it stops.")
 @suspendable
 def currents(
     run: Run, values: tuple[str, ...], cap: float, duration: float, ramp_down: bool, may_suspend: bool
 ) -> Table:
     """Drive motors by current: NO POSITION LIMIT.
 
-    All 15 (thumb, index, middle, ring, little, each m1 m2 m3), or pairs. The fingers push as far as they get.
-    Ctrl-C stops at once: the fingers move freely then. With --ramp-down a second Ctrl-C does. Asks first.
-    Sets the maximum torque to 1000 first, as the manual requires, and leaves it there.
-    The ramp has 200 a second up, a hold, the same ramp back to 0, then stop.
+    The fingers push as far as they can. Asks first. Ctrl-C stops immediately, and the fingers then move freely. With
+    --ramp-down, Ctrl-C ramps down, and a second Ctrl-C stops immediately.
+    Give all 15 (thumb, index, middle, ring, little, each m1 m2 m3), or only some as pairs.
+    First sets the maximum torque to 1000, as the manual requires, and leaves it there. Then ramps up by 200 per
+    second, holds, ramps down to 0 and stops.
     """
     from handctl.devices.aidin import currents as driving
     from handctl.devices.aidin.targets import parse
@@ -239,7 +245,9 @@ def currents(
     if run.settings.dry_run:
         return run.dry_run([first, *_plan(run, goal), last])
     if not any(goal.named.values()) and goal.names_all:
-        raise UsageError("all currents are 0: nothing would flow", hint="`handctl aidin stop` switches the motors off")
+        raise UsageError(
+            "all currents are 0, so there is nothing to do", hint="to switch the motors off, use `handctl aidin stop`"
+        )
     run.confirm(
         f"The motors will be driven by CURRENT for {duration:g} s: the fingers push without a position limit, "
         "and the maximum torque stays at 1000",

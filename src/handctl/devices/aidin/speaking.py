@@ -9,25 +9,25 @@ from typing import NamedTuple
 
 LISTENED, ASKED, AGAIN, DOUBTED = "listened", "asked", "again", "doubted"
 STATES = {
-    LISTENED: "connected, and listened to for 0.3 s. With `--exchange stream` for 1 s, or --timeout. What has begun may finish",
-    ASKED: "the empty object, or that of `--poll-json`, was sent. `--exchange poll` begins here",
-    AGAIN: "sent once more. Never with `--retries 0`",
-    DOUBTED: "the answer may be the next object of a slow stream: listened to for 1.2 s, nothing is sent",
+    LISTENED: "connected: listen for 0.3 s, or with `--exchange stream` for 1 s or --timeout. An object that has begun may finish",
+    ASKED: "the empty object, or the one in `--poll-json`, has been sent. `--exchange poll` starts here",
+    AGAIN: "it has been sent once more. Skipped with `--retries 0`",
+    DOUBTED: "the reply may be the next object of a slow stream: listen for 1.2 s and send nothing",
 }
 FEEDBACK, LATE, DAMAGED, OTHER, NOTHING = "feedback", "late", "damaged", "other", "nothing"
 SEEN = {
-    FEEDBACK: "an object with keys of feedback",
-    LATE: "the same, but later than 0.13 s after it was asked for. Only with `--exchange auto`",
-    DAMAGED: "bytes that are not a JSON object. Before anything was sent, half an object too",
-    OTHER: "objects that are not feedback, or what was sent comes back",
+    FEEDBACK: "an object with feedback keys",
+    LATE: "the same, but more than 0.13 s after the request. Only with `--exchange auto`",
+    DAMAGED: "bytes that are not a JSON object or, before the first request, half an object",
+    OTHER: "objects that are not feedback, or an echo of the request",
     NOTHING: "silence",
 }
 STREAMS, ANSWERS, STRANGER, SILENT = "streams", "answers", "stranger", "silent"
 ENDS = {
-    STREAMS: "the hand sends feedback unasked: nothing is sent to read it",
-    ANSWERS: "the hand answers: it is asked for each reading",
-    STRANGER: "exit 5: something speaks, but not as an AIDIN-hand does",
-    SILENT: "exit 4: nothing answers",
+    STREAMS: "the hand streams feedback: handctl reads it without sending a request",
+    ANSWERS: "the hand replies: handctl sends a request for each reading",
+    STRANGER: "exit code 5: data arrived, but not from an AIDIN-hand",
+    SILENT: "exit code 4: no reply",
 }
 
 
@@ -62,10 +62,11 @@ UNASKED = {OTHER: STRANGER, NOTHING: SILENT}
 """The end instead of ASKED or AGAIN where nothing may be sent any more: `--exchange stream`, a dry run, `--retries 0`."""
 
 PAGE = (
-    "The manual does not say who speaks first, so it is found out before anything is read. Each line below is what is seen, "
-    "and the next state. What is asked with commands nothing: a mode moves the hand or drops what it holds.",
-    "Where nothing may be sent, with `--exchange stream` and in a dry run, `listened` ends in `stranger` or `silent` "
-    "instead of asking. With `--exchange command` nothing is asked: the hand only answers commands, and cannot be read.",
+    "The manual does not say whether the hand or the computer sends first, so handctl finds out before it reads anything. "
+    "Each line below shows what handctl receives and the next state. The request commands nothing, because any mode would "
+    "move the hand or drop what it holds.",
+    "With `--exchange stream` and in a dry run handctl sends nothing, so `listened` ends in `stranger` or `silent` instead. "
+    "With `--exchange command` it sends no request: such a hand only replies to commands and cannot be read.",
 )
 
 

@@ -80,7 +80,7 @@ add_map_verbs(
 @cli.verb("describe", "Look", offline=True)
 @click.argument("names", nargs=-1, metavar="[NAME]...")
 def describe(run: Run, names: tuple[str, ...]) -> Table:
-    """List every parameter with range, defaults, access and manual section.
+    """List all parameters with range, defaults, access and manual section.
 
     Needs no device.
     """
@@ -114,7 +114,7 @@ def version(run: Run) -> Table:
 @cli.verb("errors", "Look", offline=True)
 @click.argument("code", required=False, type=click.IntRange(0, 1 << 32))
 def errors(run: Run, code: int | None) -> Table:
-    """Explain status codes in the manual's words. CODE may be a sum. Needs no device."""
+    """Explain status codes as the manual does. CODE can be a sum. Needs no device."""
     from handctl.devices.barrett.gcl.language import ERRORS, explain_status, hint_for, split_status
 
     codes = sorted(ERRORS) if code is None else split_status(code)
@@ -130,7 +130,7 @@ def errors(run: Run, code: int | None) -> Table:
 @cli.verb("help", "Look")
 @click.argument("command", required=False)
 def help_(run: Run, command: str | None) -> Table:
-    """Show the hand's own help for COMMAND or a parameter, and the manual's."""
+    """Show what the hand and the manual say about COMMAND or a parameter."""
     from handctl.devices.barrett.gcl import passthrough
     from handctl.devices.barrett.gcl.commands import COMMANDS
 
@@ -164,7 +164,7 @@ def help_(run: Run, command: str | None) -> Table:
 def set_(run: Run, assignments: tuple[str, ...], motors: str | None, force: bool) -> Table:
     """Set parameters in RAM and read them back.
 
-    `MCV=80` goes to all motors, or to those of --motors. `HSG.F1=150` goes to one.
+    `MCV=80` sets all motors, or those in --motors. `HSG.F1=150` sets one.
     """
     chosen = [MOTORS[int(digit) - 1] for digit in motor_prefix(motors)] if motors is not None else list(MOTORS)
     changes = BARRETT.assignments_on(assignments, chosen)
@@ -181,42 +181,44 @@ def set_(run: Run, assignments: tuple[str, ...], motors: str | None, force: bool
 
 @cli.verb("baud", "Settings", writes=True)
 @click.argument("rate", required=False, type=int)
-@click.option("--save", "save_too", is_flag=True, help="Save the speed to EEPROM: the hand then starts with it.")
+@click.option("--save", "save_too", is_flag=True, help="Also save the baud rate to EEPROM, so the hand starts with it.")
 def baud(run: Run, rate: int | None, save_too: bool) -> Table:
-    """Show the speed of the serial line, or change it.
+    """Show the baud rate, or change it.
 
-    The hand and the port change together. handctl then reads the speed back.
+    The hand and the port switch together. handctl then reads the baud rate back.
     """
     from handctl.devices.barrett import eeprom
     from handctl.devices.barrett.gcl import speed
 
     if rate is None:
         if run.settings.dry_run:
-            raise UsageError("`handctl barrett baud` without a rate only reads", hint="run it without -n")
+            raise UsageError("`handctl barrett baud` without a baud rate only reads", hint="run it without -n")
         run.only_reads()
         return verbs.get(run, BARRETT, ["BAUD"])
     code = speed.code_of(rate)
     texts = [f"PSET BAUD {code}", *(["PSAVE"] if save_too else [])]
     if (plan := run.planned([step_of(text) for text in texts])) is not None:
         return plan
-    ask(run, texts, f"The hand changes to {rate} bit/s at once{' and starts with it from then on' if save_too else ''}")
+    ask(
+        run, texts, f"The hand switches to {rate} bit/s immediately{' and will also start with it' if save_too else ''}"
+    )
     hand: BarrettHand = run.device()
     ledger = eeprom.Ledger(hand, simulated=run.simulated) if save_too else None
     readings = hand.write([(BARRETT.find("BAUD")[1][0], code)])
     if ledger is not None:
         hand.do("PSAVE")
         ledger.count_common(baud_rate=code)
-        run.journal.info("saved", f"PSAVE was acknowledged: the hand starts at {rate} bit/s from now on")
+        run.journal.info("saved", f"PSAVE was acknowledged: from now on the hand starts at {rate} bit/s")
     else:
-        run.journal.info("volatile", "the new speed lasts until reset or power-off", hint="use --save to keep it")
+        run.journal.info("volatile", "the new baud rate lasts until reset or power-off", hint="use --save to keep it")
     return hand.table(readings)
 
 
 @cli.verb("reset", "Service", writes=True)
 def reset(run: Run) -> Table:
-    """Restart the firmware, as a power cycle does, and show its banner. Asks first.
+    """Restart the firmware, like a power-cycle, and show its banner. Asks first.
 
-    The motors need `init` afterwards. The hand restarts at its saved speed, where handctl looks for it.
+    Run `init` afterwards. The hand restarts at its saved baud rate, and handctl looks for it there.
     """
     from handctl.devices.barrett.gcl import speed
 
@@ -235,12 +237,12 @@ def reset(run: Run) -> Table:
 
 @cli.verb("gcl", "Service", writes=True)
 @click.argument("commands", nargs=-1, metavar="[COMMAND]...")
-@click.option("--keep-going", is_flag=True, help="Continue after an error.")
+@click.option("--keep-going", is_flag=True, help="Keep going after an error.")
 def gcl_(run: Run, commands: tuple[str, ...], keep_going: bool) -> Table:
-    """Send any GCL commands, one per argument.
+    """Send GCL commands, one per argument.
 
-    Without arguments, handctl reads a script from stdin, or opens a prompt on a terminal. The prompt has history,
-    completion of commands and parameters, and ?NAME for help.
+    Without arguments, handctl opens a prompt on a terminal, or reads a script from stdin. The prompt has history,
+    completion for commands and parameters, and ?NAME for help.
     """
     from handctl.devices.barrett import eeprom
     from handctl.devices.barrett.gcl import passthrough
@@ -251,7 +253,7 @@ def gcl_(run: Run, commands: tuple[str, ...], keep_going: bool) -> Table:
     if not wanted:
         raise UsageError(
             "no command given",
-            hint='name some, such as handctl barrett gcl "HI" "GC" "FGET P", or send a script on stdin',
+            hint='give some, such as handctl barrett gcl "HI" "GC" "FGET P", or send a script on stdin',
         )
     for text in wanted:
         passthrough.refuse(text)
@@ -275,7 +277,8 @@ def _prompt(run: Run) -> Table:
 
     if run.settings.dry_run:
         raise UsageError(
-            "the prompt has no dry run: it sends each line as typed", hint="give the commands as arguments"
+            "the prompt cannot do a dry run, because it sends each line as you type it",
+            hint="give the commands as arguments",
         )
     if run.settings.format != "table" or run.settings.output or not sys.stdout.isatty():
         raise UsageError(

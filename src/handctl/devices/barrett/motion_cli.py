@@ -15,21 +15,19 @@ from handctl.model.param import Step
 from handctl.model.result import Table
 
 MOTORS_OPTION = click.option(
-    "--motors", metavar="12S", help="Motors: digits 1 to 4, G = fingers, S = spread (default: all)."
+    "--motors", metavar="12S", help="Motors: digits 1 to 4, G for the fingers, S for the spread (default: all)."
 )
-SPEED = "The hand may change its speed at once"
+SPEED = "The hand may change its baud rate immediately"
 QUESTIONS = {
     **dict.fromkeys(("baud", "speed", "reset"), SPEED),
-    "save": "This writes the EEPROM, which lasts 5,000 saves",
+    "save": "This writes the EEPROM, which is rated for 5,000 saves",
 }
 """Kind of a GCL command (`commands`) -> what is asked before it."""
-FORCE = click.option(
-    "--force", is_flag=True, help="Write a value that the manual warns about, or save unchanged values."
-)
+FORCE = click.option("--force", is_flag=True, help="Write a value the manual warns about, or save unchanged values.")
 
 
 HARM = click.option(
-    "--force", is_flag=True, help="Also open faster than IVEL allows, or with OT and CT that reverse the movement."
+    "--force", is_flag=True, help="Open even if faster than IVEL allows, or if OT and CT reverse the movement."
 )
 
 
@@ -68,9 +66,10 @@ def add_movements(group: Group) -> None:
     @group.verb("stop", "Move", writes=True, stops=True)
     @MOTORS_OPTION
     def stop(run: Run, motors: str | None) -> Table:
-        """Stop the hand at once, even while another handctl uses it. Asks nothing.
+        """Stop the hand immediately, even while another handctl is using it.
 
-        ^C ends the movement of all motors. T then switches the motors off: all of them, or those of --motors.
+        Sends ^C, which ends the movement of all motors, then T, which switches off all motors or those in --motors.
+        Never asks.
         """
         from handctl.devices.barrett import motion
         from handctl.devices.barrett.stopper import power_off
@@ -105,9 +104,9 @@ def _movement(group: Group, name: str, gcl_name: str, doc: str, argument: str) -
 
 
 MOVEMENTS = (
-    ("init", "HI", "Initialize the motors: the fingers open fully (HI). Needed once after power-on or reset.", ""),
-    ("open", "O", "Open until OT is reached.", ""),
-    ("close", "C", "Close until CT is reached. To grip an object, add --expect contact.", ""),
+    ("init", "HI", "Initialize the motors (HI): the fingers open fully. Run it after power-on or reset.", ""),
+    ("open", "O", "Open to OT.", ""),
+    ("close", "C", "Close to CT. To grip an object, add --expect contact.", ""),
     ("move", "M", "Move to POSITION in counts (default: the parameter DP).", "[POSITION]"),
     ("step-open", "IO", "Open by COUNTS (default: the parameter DS).", "[COUNTS]"),
     ("step-close", "IC", "Close by COUNTS (default: the parameter DS).", "[COUNTS]"),

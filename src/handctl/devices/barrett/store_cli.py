@@ -25,8 +25,8 @@ def add_store_commands(group: Group) -> None:
     def load(run: Run, motors: str | None) -> Table:
         """Load the saved settings from EEPROM into RAM (FLOAD, PLOAD).
 
-        The speed may change: handctl asks first and then looks for the hand. With --motors, only the settings of those
-        motors are loaded (3FLOAD). The hand's own settings and its speed stay.
+        The baud rate may change, so handctl asks first and then looks for the hand. With --motors, only the settings of
+        those motors are loaded (3FLOAD), and the hand settings and the baud rate stay the same.
         """
         return _plain_commands(run, _motors_first(motors, "FLOAD", "PLOAD"))
 
@@ -35,8 +35,8 @@ def add_store_commands(group: Group) -> None:
     def defaults(run: Run, motors: str | None) -> Table:
         """Set all parameters in RAM to their factory values (FDEF, PDEF). Saves nothing.
 
-        The speed goes to 9600 bit/s: handctl asks first. With --motors, only the settings of those motors are set
-        (SFDEF). The hand's own settings and its speed stay.
+        The baud rate changes to 9600 bit/s, so handctl asks first. With --motors, only the settings of those motors are
+        set (SFDEF), and the hand settings and the baud rate stay the same.
         """
         return _plain_commands(run, _motors_first(motors, "FDEF", "PDEF"))
 
@@ -46,8 +46,8 @@ def add_store_commands(group: Group) -> None:
     def save(run: Run, motors: str | None, force: bool) -> Table:
         """Save the settings from RAM to EEPROM. Asks first.
 
-        The EEPROM lasts 5,000 saves. handctl counts them and refuses a save that changes nothing. With --motors, only
-        the settings of those motors are saved (123FSAVE). The hand's own settings stay as they were saved.
+        The EEPROM is rated for 5,000 saves. handctl counts them and refuses a save that changes nothing. With --motors,
+        only the settings of those motors are saved (123FSAVE), and the saved hand settings stay the same.
         """
         from handctl.devices.barrett import eeprom
         from handctl.devices.barrett.device import BarrettHand
@@ -67,12 +67,12 @@ def add_store_commands(group: Group) -> None:
 
     @group.verb("restore", "Files", writes=True)
     @click.argument("file", type=InFile())
-    @click.option("--save", "save_too", is_flag=True, help="Save to EEPROM afterwards.")
+    @click.option("--save", "save_too", is_flag=True, help="Then save to EEPROM.")
     @FORCE
     def restore(run: Run, file: str, save_too: bool, force: bool) -> Table:
-        """Write the values that differ from a snapshot into RAM and read them back.
+        """Write the values that differ from a snapshot to RAM and read them back.
 
-        The speed is written last.
+        The baud rate is written last.
         """
         from handctl.devices.barrett import eeprom
 
@@ -120,7 +120,7 @@ def _refuse_to_keep(code: int, force: bool) -> None:
     """A BAUD other than the factory's is not saved by accident. Raises UsageError."""
     if code != 96 and not force:
         raise UsageError(
-            f"BAUD is {code}: once saved, the hand always starts at {code * 100} bit/s",
-            hint="`handctl barrett baud 9600` first, or use --force to save it anyway",
+            f"BAUD is {code}, so once saved the hand always starts at {code * 100} bit/s",
+            hint="run `handctl barrett baud 9600` first, or use --force to save it anyway",
             code="baud-not-default",
         )

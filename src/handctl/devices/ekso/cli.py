@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from handctl.link import ByteLink
     from handctl.model.result import Journal
 
-NOT_MEDICAL = "handctl is not a medical device. Whoever changes a setting is responsible for the result"
+NOT_MEDICAL = "handctl is not a medical device, and you are responsible for the settings you change"
 
 
 def open_ekso(link: ByteLink, settings: Settings, journal: Journal) -> Ekso:
@@ -46,8 +46,8 @@ def open_ekso(link: ByteLink, settings: Settings, journal: Journal) -> Ekso:
 cli = Group(
     "ekso",
     family=Family("ekso", open_ekso, 115200, speeds=(115200,)),
-    help="EksoNR exoskeleton over its DataPort (serial, USB). A person may stand in it. "
-    f"Reading changes nothing. Every write of a setting asks first, is checked, read back and logged. {NOT_MEDICAL}.",
+    help="Read, set and record an EksoNR through its DataPort (serial over USB). A person may be standing in it. "
+    f"Reading changes nothing. Every write of a setting is checked, asks first, is read back and logged. {NOT_MEDICAL}.",
 )
 add_map_verbs(cli, EKSO, example="step_length left_knee_angle 216", without=("set", "describe", "log", "restore"))
 add_log_commands(cli)
@@ -76,9 +76,9 @@ def settings(run: Run) -> Table:
 
 @cli.verb("data", "Look")
 def data(run: Run) -> Table:
-    """Show the present sensor values (GetData, 27 words).
+    """Show the current sensor values (GetData, 27 words).
 
-    Trunk, soles, hips, motor currents, joint angles, state, boot time.
+    Trunk, soles, hips, motor currents, joint angles, state and boot time.
     """
     return run.device().message("data")  # type: ignore[no-any-return]
 
@@ -92,9 +92,9 @@ def feedback(run: Run) -> Table:
 @cli.verb("describe", "Look", offline=True)
 @click.argument("names", nargs=-1, metavar=NAMES)
 def describe(run: Run, names: tuple[str, ...]) -> Table:
-    """List every word with message, ParameterID, type, codes and aliases.
+    """List all words with message, ParameterID, type, codes and aliases.
 
-    Shows the step that handctl writes at once, too. Needs no device.
+    Also shows the largest step that handctl writes at once. Needs no device.
     """
     table = verbs.describe(EKSO, names)
     for row in table.rows:
@@ -127,13 +127,13 @@ def describe(run: Run, names: tuple[str, ...]) -> Table:
     envvar="HANDCTL_AUDIT",
     metavar="FILE",
     type=InFile(),
-    help="The audit log to look through (default: ekso-audit.jsonl in the user's state folder).",
+    help="Audit log to check (default: ekso-audit.jsonl in the user's state folder).",
 )
 def policy(run: Run, audit: str | None) -> Table:
-    """Show the checks and questions before a write. Needs no device.
+    """Show the checks and confirmations before a write. Needs no device.
 
-    Steps, postures, second questions, stillness. The device's own limits are not documented.
-    Checks the audit log too: exit code 7 when an entry was edited, removed or moved.
+    Steps, postures, second confirmations and stillness. The device's own limits are not documented.
+    Also checks the audit log: the exit code is 7 if an entry was edited, removed or moved.
     """
     from pathlib import Path
 
@@ -156,8 +156,8 @@ def _audit_options(body: Callable[..., Any]) -> Callable[..., Any]:
         envvar="HANDCTL_AUDIT",
         metavar="FILE",
         type=OutFile(grows=True),
-        help="A second audit log, besides ekso-audit.jsonl in the user's state folder. No log, no write. handctl also remembers "
-        "the last writes there, so the policy holds for every port and FILE.",
+        help="A second audit log, as well as ekso-audit.jsonl in the user's state folder. Without a log no setting is written. The "
+        "step limits use the last writes in ekso-audit.jsonl, so they hold for every port and FILE.",
     )(body)
     return click.option("--operator", cls=Own, of="ekso")(body)
 
@@ -166,7 +166,7 @@ OVERRIDE = click.option(
     "--override-step-limit",
     "override",
     is_flag=True,
-    help="Allow a larger step than this tool's policy. Never for leg lengths.",
+    help="Allow a larger step than this tool's policy, except for leg lengths.",
 )
 
 
@@ -196,7 +196,7 @@ def _with_writer(run: Run, file: str | None, *, override: bool, stepwise: bool =
     from handctl.devices.ekso.audit import logs
     from handctl.devices.ekso.settings import Writer
 
-    run.need_answer("This changes a setting of an exoskeleton that may be worn")
+    run.need_answer("This changes a setting of an exoskeleton that someone may be wearing")
     ekso: Ekso = run.device()
     run.guide.say(NOT_MEDICAL)
 
@@ -221,7 +221,7 @@ def _tell_edited(run: Run, audit: AuditLog) -> None:
         run.journal.warn(
             "audit-edited",
             f"{audit.path}: an entry {place.partition(') ')[2]}",
-            hint="`handctl ekso policy` shows where",
+            hint="run `handctl ekso policy` to see where",
         )
 
 
@@ -232,9 +232,9 @@ def _tell_unfinished(run: Run, audit: AuditLog) -> None:
     old, new = ((last.get(key) or {}).get("value") for key in ("old", "new"))
     run.journal.warn(
         "unfinished-write",
-        f"{audit.path} ends with a write that has no result: {last.get('name')} {old} -> {new} at {last.get('utc')} "
+        f"the last write in {audit.path} has no result: {last.get('name')} {old} -> {new} at {last.get('utc')} "
         f"on {last.get('port')}",
-        hint="handctl was killed or lost its log there: compare with `handctl ekso settings`",
+        hint="compare it with `handctl ekso settings`: handctl was killed or could no longer write its log",
     )
 
 
@@ -254,8 +254,8 @@ def _need_operator(run: Run) -> None:
 def set_(run: Run, assignments: tuple[str, ...], audit: str | None, override: bool) -> Table:
     """Write one setting, with every check.
 
-    Such as `step_length=15.5`, `walk_mode=ProStep`, `216='50 %'`. Shows old -> new and asks.
-    The wearer must be still. Sends it once, reads back all settings, and keeps an audit log.
+    For example `step_length=15.5`, `walk_mode=ProStep` or `216='50 %'`. Shows old -> new and asks.
+    The wearer must stay still. Sends the setting once, reads all settings back, and keeps an audit log.
     """
     change = one_setting(assignments)
     _need_operator(run)
@@ -263,15 +263,14 @@ def set_(run: Run, assignments: tuple[str, ...], audit: str | None, override: bo
         steps = run.planner().plan([change])
         run.journal.info(
             "dry-run-gates",
-            "step limit and stillness are checked against the device, when it is written. The message number (and with it the CRC) "
-            "counts the reads before it",
+            "the step limit and stillness are checked with the device, when the setting is written. The msgID, and so the CRC, depends on the reads before it",
         )
         return run.dry_run(steps)
     ekso = _with_writer(run, audit, override=override)
     before = ekso.words("settings")
     param = EKSO[change[0].param.name]
     if before[param.word] == param.to_raw(change[1]):
-        run.journal.info("equal", f"{param.name} is {param.shown(change[1])} already. Nothing was written")
+        run.journal.info("equal", f"{param.name} is already {param.shown(change[1])}. Nothing was written")
     else:
         run.ledger.plan(ekso.plan([change]))
     return written_table(ekso, before, ekso.write([change]))
@@ -284,8 +283,8 @@ def set_(run: Run, assignments: tuple[str, ...], audit: str | None, override: bo
 def restore(run: Run, file: str, audit: str | None, override: bool) -> Table:
     """Write the settings that differ from a snapshot, one by one.
 
-    Has the checks and questions of `set`. Goes to a far value in permitted steps, one in 10 s, each read back.
-    After an interruption run it again: it continues where the settings stand.
+    Uses the same checks and confirmations as `set`. Reaches a distant value in permitted steps, one every 10 s, and
+    reads each one back. If it is interrupted, run it again: it continues from the current settings.
     """
     _need_operator(run)
     if not run.settings.dry_run:
@@ -295,7 +294,8 @@ def restore(run: Run, file: str, audit: str | None, override: bool) -> Table:
 
         return stored.restore(run, EKSO, file, check=check)
     run.journal.info(
-        "steps", "a far value is reached in permitted steps, one in 10 s. Their number is only known with the device"
+        "steps",
+        "a distant value is reached in permitted steps, one every 10 s. How many it takes depends on the device's current values",
     )
     return stored.restore(run, EKSO, file)
 
@@ -317,14 +317,14 @@ class _WordRange(click.IntRange):
     show_default=True,
     metavar="N",
     type=_WordRange(1, 0xFFFF),
-    help="Command word, any but 0. 0x0100 is 256.",
+    help="Command word, not 0. 0x0100 is 256.",
 )
 @_audit_options
 def cancel(run: Run, word: int, audit: str | None) -> Table:
     """Cancel the running action (CancelAction).
 
-    Sends it once, without asking, and logs it. A log that cannot be written does not delay it.
-    The manual does not say which actions it stops.
+    Sends it once, without asking, and logs it. It is sent even if the log cannot be written.
+    The manual does not say which actions it cancels.
     """
     if (plan := run.planned(run.planner().plan_cancel(word))) is not None:
         return plan

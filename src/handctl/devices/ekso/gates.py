@@ -13,14 +13,14 @@ from handctl.errors import CheckFailed, DeviceRefused, HandctlError, LinkError, 
 TYPED, READ, ASKED, TURN, ALONE, SENT = "typed", "read", "asked", "turn", "alone", "sent"
 LOOK, LOOKS = "look", "looks"
 MOMENTS = {
-    TYPED: "what was typed, before the port is opened",
-    READ: "before the question: the audit log, then the settings that were read",
-    ASKED: "the question to a person, which `--yes` with `--operator` answers",
-    TURN: "alone with the audit logs: what may follow the last writes to any EksoNR, whatever the run, the port or the log",
-    ALONE: "right before SetValue, still alone with the log",
+    TYPED: "the command line, before the port is opened",
+    READ: "before the confirmation: the audit log, then the settings read from the device",
+    ASKED: "the confirmation by a person, which `--yes` with `--operator` gives",
+    TURN: "with the audit logs locked: the last writes to any EksoNR, in any run, on any port and in any log",
+    ALONE: "right before SetValue, with the log still locked",
     SENT: "after SetValue, which is sent once",
-    LOOK: "each of the two looks at the wearer (`still`)",
-    LOOKS: "the two looks together",
+    LOOK: "each of the two readings of `still`",
+    LOOKS: "the two readings together",
 }
 
 UNKNOWN, READ_ONLY, NUMBER, AMBIGUOUS = "known", "writable", "number", "unambiguous"
@@ -49,40 +49,40 @@ class Gate(NamedTuple):
 
 
 TABLE = (
-    Gate(TYPED, UNKNOWN, "the name or ParameterID", "one that no table has", UsageError, "unknown-name", "", "ekso §6"),
-    Gate(TYPED, READ_ONLY, "its ParameterID", "a quantity without one", UsageError, "read-only", "", "ekso §6"),
-    Gate(TYPED, NUMBER, "the value", "no number, no label, no code", UsageError, "not-a-number", "", "dossier 6.4"),
-    Gate(TYPED, AMBIGUOUS, "a bare number for assistance", "it may be percent or a code", UsageError, "ambiguous", "", "dossier 3.1"),
-    Gate(TYPED, EXACT, "its decimals", "more than the scale has. Nothing is rounded", UsageError, "not-exact", "", "dossier 6.4"),
-    Gate(TYPED, RANGE, "the word", "a value beyond the wire type, a code of no table", UsageError, "out-of-range", "", "dossier 6.4"),
+    Gate(TYPED, UNKNOWN, "the name or ParameterID", "not in any table", UsageError, "unknown-name", "", "ekso §6"),
+    Gate(TYPED, READ_ONLY, "its ParameterID", "a quantity that has none", UsageError, "read-only", "", "ekso §6"),
+    Gate(TYPED, NUMBER, "the value", "not a number, label or code", UsageError, "not-a-number", "", "dossier 6.4"),
+    Gate(TYPED, AMBIGUOUS, "a bare number for assistance", "could be percent or a code", UsageError, "ambiguous", "", "dossier 3.1"),
+    Gate(TYPED, EXACT, "its decimals", "more than its scale has, because nothing is rounded", UsageError, "not-exact", "", "dossier 6.4"),
+    Gate(TYPED, RANGE, "the word", "a value that does not fit the word, or a code that is in no table", UsageError, "out-of-range", "", "dossier 6.4"),
     Gate(TYPED, ONE, "how many settings", "more than one", UsageError, "one-by-one", "", "dossier 6.1"),
-    Gate(TYPED, OPERATOR, "`--operator` with `--yes`", "nobody is named", UsageError, "no-operator", "", "dossier 6.1"),
-    Gate(TYPED, TERMINAL, "whether a person can answer", "no terminal", NotConfirmed, "not-confirmed", "--yes", "dossier 6.1"),
-    Gate(READ, LOG, "the audit log", "no file that can be written", OutputError, "audit", "", "dossier 6.7"),
-    Gate(READ, LISTED, "the new code", "one that is not documented", UsageError, "unlisted", "", "dossier 3.1"),
-    Gate(READ, STEP, "old and new value", "more than the step of `ekso policy`, which the option lifts but for leg lengths. `restore` goes there in steps", UsageError, "step-limit", OVERRIDE, "dossier 6.3"),
-    Gate(READ, STILL, "two GetData, 0.1 s apart", "a wearer who moves", CheckFailed, "not-still", "", "dossier 6.2"),
-    Gate(READ, RESTARTED, "BootTime since the last look", "a restart: other settings may hold", CheckFailed, "restarted", "", "dossier 5"),
+    Gate(TYPED, OPERATOR, "`--operator` with `--yes`", "no operator is named", UsageError, "no-operator", "", "dossier 6.1"),
+    Gate(TYPED, TERMINAL, "a terminal where a person can confirm", "none", NotConfirmed, "not-confirmed", "--yes", "dossier 6.1"),
+    Gate(READ, LOG, "the audit log", "a file that cannot be written", OutputError, "audit", "", "dossier 6.7"),
+    Gate(READ, LISTED, "the new code", "a code that is not documented", UsageError, "unlisted", "", "dossier 3.1"),
+    Gate(READ, STEP, "old and new value", "a larger step than `ekso policy` allows. The option lifts this except for leg lengths, and `restore` goes in several steps", UsageError, "step-limit", OVERRIDE, "dossier 6.3"),
+    Gate(READ, STILL, "two GetData, 0.1 s apart", "a wearer who is moving", CheckFailed, "not-still", "", "dossier 6.2"),
+    Gate(READ, RESTARTED, "BootTime since the last reading", "a restart, because other settings may be active", CheckFailed, "restarted", "", "dossier 5"),
     Gate(ASKED, CONFIRMED, "the new value, typed", "anything else", NotConfirmed, "not-confirmed", "--yes", "dossier 6.1"),
-    Gate(ASKED, TWICE, "a second yes for a mode that drives otherwise", "anything else", NotConfirmed, "not-confirmed", "--yes", "dossier 6.3"),
-    Gate(TURN, FREE, "the lock of the log", "another handctl writes now", LinkError, "busy", "", "dossier 5"),
+    Gate(ASKED, TWICE, "a second yes for a mode that changes how the device drives", "anything else", NotConfirmed, "not-confirmed", "--yes", "dossier 6.3"),
+    Gate(TURN, FREE, "the lock of the log", "another handctl is writing", LinkError, "busy", "", "dossier 5"),
     Gate(TURN, EDITED, "the hashes of its last entries", "an edit in the last 10 s", CheckFailed, "audit-edited", "", "dossier 6.7"),
-    Gate(TURN, DAMAGED, "the last lines", "one of the last 10 s that cannot be read", CheckFailed, "audit-damaged", "", "dossier 6.7"),
-    Gate(TURN, CLOCK, "an entry of another machine", "one from the future", CheckFailed, "clock-set-back", "", "dossier 6.7"),
-    Gate(TURN, PACE, "each value of the last 10 s, of any EksoNR", "more than the step from one of them. `restore` waits", UsageError, "step-limit", OVERRIDE, "dossier 6.6"),
-    Gate(TURN, WAITED, "the waits of `restore`", "30 s: somebody else writes all the time", CheckFailed, "step-limit", OVERRIDE, "dossier 6.6"),
-    Gate(ALONE, SAME, "GetSettings once more", "settings other than shown", CheckFailed, "changed-meanwhile", "", "dossier 6.5"),
-    Gate(ALONE, STILL, "two GetData, 0.1 s apart", "a wearer who moves", CheckFailed, "not-still", "", "dossier 6.2"),
-    Gate(ALONE, RESTARTED, "BootTime since the last look", "a restart: other settings may hold", CheckFailed, "restarted", "", "dossier 5"),
-    Gate(ALONE, INTENT, "the entry of the audit log", "one that is not on the disk", OutputError, "audit", "", "dossier 6.7"),
+    Gate(TURN, DAMAGED, "the last lines", "an entry of the last 10 s that cannot be read", CheckFailed, "audit-damaged", "", "dossier 6.7"),
+    Gate(TURN, CLOCK, "the times of the entries", "a time in the future", CheckFailed, "clock-set-back", "", "dossier 6.7"),
+    Gate(TURN, PACE, "each value of the last 10 s, of any EksoNR", "a larger step than allowed from any of them. `restore` waits instead", UsageError, "step-limit", OVERRIDE, "dossier 6.6"),
+    Gate(TURN, WAITED, "the waits of `restore`", "a wait of 30 s, because someone else keeps writing", CheckFailed, "step-limit", OVERRIDE, "dossier 6.6"),
+    Gate(ALONE, SAME, "GetSettings once more", "settings that differ from those shown", CheckFailed, "changed-meanwhile", "", "dossier 6.5"),
+    Gate(ALONE, STILL, "two GetData, 0.1 s apart", "a wearer who is moving", CheckFailed, "not-still", "", "dossier 6.2"),
+    Gate(ALONE, RESTARTED, "BootTime since the last reading", "a restart, because other settings may be active", CheckFailed, "restarted", "", "dossier 5"),
+    Gate(ALONE, INTENT, "the entry of the audit log", "an entry that could not be written to the disk", OutputError, "audit", "", "dossier 6.7"),
     Gate(SENT, STATUS, "the status word", "any but 0", DeviceRefused, "status-{}", "", "dossier 2"),
-    Gate(SENT, READ_BACK, "all 22 settings", "another value than sent, a change of another", CheckFailed, "read-back", "", "dossier 6.5"),
-    Gate(SENT, RESULT, "the entry of the result", "one that is not on the disk", OutputError, "audit", "", "dossier 6.7"),
-    Gate(LOOK, POSTURE, "State, its high digit", "neither sitting nor standing", CheckFailed, "not-still", "", "dossier 6.2"),
+    Gate(SENT, READ_BACK, "all 22 settings", "a value other than the one sent, or a change of another setting", CheckFailed, "read-back", "", "dossier 6.5"),
+    Gate(SENT, RESULT, "the entry of the result", "an entry that could not be written to the disk", OutputError, "audit", "", "dossier 6.7"),
+    Gate(LOOK, POSTURE, "State, its high digit", "a posture other than sitting or standing", CheckFailed, "not-still", "", "dossier 6.2"),
     Gate(LOOK, DRIVEN, "State, bit 0x0400", "joints that are being driven", CheckFailed, "not-still", "", "dossier 6.2"),
     Gate(LOOK, SEATED, "State, for leg lengths, `walk_mode`, `injury_mode`", "standing", CheckFailed, "not-still", "", "dossier 6.2"),
-    Gate(LOOKS, REBOOT, "BootTime", "it went back", CheckFailed, "not-still", "", "dossier 6.2"),
-    Gate(LOOKS, FRESH, "BootTime against our clock", "50 ms apart: the values are not fresh", CheckFailed, "not-still", "", "dossier 6.2"),
+    Gate(LOOKS, REBOOT, "BootTime", "BootTime that went back", CheckFailed, "not-still", "", "dossier 6.2"),
+    Gate(LOOKS, FRESH, "BootTime against this computer's clock", "a difference of 50 ms, because the values are not fresh", CheckFailed, "not-still", "", "dossier 6.2"),
     Gate(LOOKS, SPEED, "hips and knees", "5 deg/s or more", CheckFailed, "not-still", "", "dossier 6.2"),
 )  # fmt: skip
 GATES = {gate.name: gate for gate in TABLE}
@@ -100,10 +100,10 @@ def refusal(name: str, text: str, hint: str, *numbers: int) -> HandctlError:
 
 
 PAGE = (
-    "What `set` and `restore` ask before one SetValue goes out, and after it, in this order. Each line below is a gate, its exit "
-    "code, the code of its error and the option that lifts it. The first that does not hold ends the command.",
-    "All of it is this tool's policy, but that a setting is written by a ParameterID (ekso §6), and the status that the device "
-    "answers: its own limits are not documented. `handctl ekso policy` prints the numbers.",
+    "The checks that `set` and `restore` make before they send a SetValue, and after it, in this order. Each line below is a "
+    "check with its exit code, its error code and the option that lifts it. The first check that fails ends the command.",
+    "All of these are this tool's policy, except that a setting is written by its ParameterID (ekso §6), and the status in "
+    "the reply. The device's own limits are not documented. `handctl ekso policy` prints the figures.",
 )
 
 

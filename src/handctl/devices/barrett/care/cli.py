@@ -12,7 +12,7 @@ from handctl.model.result import Column, Table
 
 PROCEDURE_NAMES = ("lubrication", "fasteners", "pretension", "strain", "firmware")
 HAND_NAME = click.option(
-    "--hand", "name", default="", metavar="NAME", help="Name of the hand in the journal, where its serial number is 0."
+    "--hand", "name", default="", metavar="NAME", help="Name for this hand in the journal if its serial number is 0."
 )
 
 
@@ -27,7 +27,7 @@ def add_care_commands(group: Group) -> None:
 def _live(run: Run, live: bool, count: int | None, duration: float | None) -> None:
     """Make this run a stream, or refuse a stream's options without --live. Raises UsageError."""
     if not live and (count is not None or duration is not None):
-        raise UsageError("--count and --duration need a stream", hint="add --live")
+        raise UsageError("--count and --duration work only with --live", hint="add --live")
     run.streams = live
 
 
@@ -37,15 +37,15 @@ def _add_maintenance(group: Group) -> None:
     @click.option(
         "--steps",
         type=click.Choice(PROCEDURE_NAMES),
-        help="List the steps of a procedure with manual sections. Needs no device.",
+        help="List the steps of a procedure, with manual sections. Needs no device.",
     )
-    @click.option("--check", is_flag=True, help="Exit 7 when anything is due or too hot.")
+    @click.option("--check", is_flag=True, help="Exit with code 7 if anything is due or too hot.")
     @HAND_NAME
     def maintenance(run: Run, greased: str | None, steps: str | None, check: bool, name: str) -> Table:
-        """Show the strokes of each motor and the maintenance that is due (§7).
+        """Show the strokes of each motor and any maintenance that is due (§7).
 
-        It lists greasing by point, fasteners, pretension and temperatures. The journal of greasing is a file on this
-        machine. Nothing is written to the hand.
+        Lists the greasing points, fasteners, pretension and temperatures. The greasing journal is a file on this
+        computer. Nothing is written to the hand.
         """
         if steps is not None:
             return _procedure(steps)
@@ -59,7 +59,7 @@ def _add_maintenance(group: Group) -> None:
         return upkeep.table_of(hand, care, check=check)
 
 
-GREASED_HELP = "Record points as greased now: all, worm, spur, motor-spur, palm, or spur.F1 for one finger. Separate several by commas."
+GREASED_HELP = "Record points as greased today: all, worm, spur, motor-spur, palm, or spur.F1 for one finger. Separate points with commas."
 
 
 def _procedure(name: str) -> Table:
@@ -80,20 +80,25 @@ def _procedure(name: str) -> Table:
 def _add_strain(group: Group) -> None:
     @group.verb("strain", "Service", writes=True)
     @click.option(
-        "--open", "open_first", is_flag=True, help="MOVES: first initialize, free the spread and open the fingers."
+        "--open",
+        "open_first",
+        is_flag=True,
+        help="MOVES the hand: initialize it, free the spread and open the fingers first.",
     )
     @click.option(
-        "--live", is_flag=True, help="Show the readings while you turn the potentiometer. The bar ends at 100 and 140."
+        "--live",
+        is_flag=True,
+        help="Show the readings live while you turn the potentiometer. The bar spans 100 to 140.",
     )
-    @click.option("--check", is_flag=True, help="Exit 7 when a reading is not within 100 to 140.")
+    @click.option("--check", is_flag=True, help="Exit with code 7 if a reading is outside 100 to 140.")
     @stream_options
     def strain(
         run: Run, open_first: bool, live: bool, check: bool, rate: float, count: int | None, duration: float | None
     ) -> Table:
         """Measure the strain gauges without load, and show how to adjust them (§7.4).
 
-        20 readings per finger are compared with 100 to 140. Read-only. Readings are without load only when the fingers
-        are open. --open opens them first (HI, ST, GO).
+        Checks 20 readings per finger against 100 to 140. Read-only. The gauges are unloaded only when the fingers
+        are open; --open opens them first (HI, ST, GO).
         """
         from handctl.devices.barrett.care import procedures
         from handctl.devices.barrett.care import strain as gauges
@@ -125,12 +130,12 @@ def _add_fingertips(group: Group) -> None:
         nargs=4,
         type=click.IntRange(0, 20000),
         metavar="F1 F2 F3 SPREAD",
-        help="Calculate with these counts instead of the hand's. Needs no device.",
+        help="Use these counts instead of the hand's. Needs no device.",
     )
     @click.option(
-        "--breakaway", multiple=True, metavar="FINGER=COUNTS", help="With --positions: the clutch let go at COUNTS."
+        "--breakaway", multiple=True, metavar="FINGER=COUNTS", help="With --positions: the clutch broke away at COUNTS."
     )
-    @click.option("--live", is_flag=True, help="Repeat the reading: live view on a terminal, a stream elsewhere.")
+    @click.option("--live", is_flag=True, help="Keep reading: a live view on a terminal, otherwise a stream.")
     @stream_options
     def fingertips(
         run: Run,
@@ -143,8 +148,8 @@ def _add_fingertips(group: Group) -> None:
     ) -> Table:
         """Show each fingertip's position in mm and its joint angles (§9.5, §9.6).
 
-        Read-only. Positions are measured from the palm's centre. Firmware 4.34 and later reports where a clutch let go,
-        and the angles follow from that. With older firmware handctl assumes that no clutch has let go.
+        Read-only. Positions are measured from the centre of the palm. The angles depend on whether a clutch has broken
+        away, which firmware 4.34 and later reports. With older firmware handctl assumes that none has.
         """
         from handctl.devices.barrett.care import fingertips as tips
 
@@ -155,7 +160,8 @@ def _add_fingertips(group: Group) -> None:
             return tips.offline(positions, tips.breakaways(breakaway))
         if breakaway:
             raise UsageError(
-                "--breakaway needs --positions", hint="leave it out: firmware 4.34 and later reports its own breakaway"
+                "--breakaway needs --positions",
+                hint="leave it out: firmware 4.34 and later report the breakaway themselves",
             )
         if live:
             return tips.stream(run.device(), rate=rate, count=count, duration=duration)
@@ -165,14 +171,16 @@ def _add_fingertips(group: Group) -> None:
 def _add_diagnose(group: Group) -> None:
     @group.verb("diagnose", "Service", writes=True)
     @click.argument("symptom", required=False)
-    @click.option("--list", "listed", is_flag=True, help="List the symptoms of the manual. Needs no device.")
-    @click.option("--move", is_flag=True, help="MOVES: also try the symptom's movements. Asks first.")
-    @click.option("--motors", metavar="123", default="G", show_default=True, help="Fingers to move with --move.")
+    @click.option("--list", "listed", is_flag=True, help="List the symptoms in the manual. Needs no device.")
+    @click.option(
+        "--move", is_flag=True, help="MOVES the hand: also run the movements that test the symptom. Asks first."
+    )
+    @click.option("--motors", metavar="123", default="G", show_default=True, help="Fingers that --move may move.")
     @HAND_NAME
     def diagnose(run: Run, symptom: str | None, listed: bool, move: bool, motors: str, name: str) -> Table:
-        """Run the checks of §8. For a SYMPTOM, also list the manual steps.
+        """Run the checks of §8. With a SYMPTOM, also list the steps to do by hand.
 
-        Exit 7 when a check warns or fails, or when the hand does not answer.
+        The exit code is 7 if a check warns or fails, or if the hand does not answer.
         """
         from handctl.devices.barrett.care import diagnose as doctor
         from handctl.devices.barrett.care import trials
@@ -185,7 +193,7 @@ def _add_diagnose(group: Group) -> None:
         digits = motor_prefix(motors)
         if move and (not names or "4" in digits):
             raise UsageError(
-                "--move needs a symptom that has movements, and fingers to move",
+                "--move needs a symptom with test movements, and fingers to move",
                 hint="`handctl barrett diagnose --list` shows the symptoms. Fingers are 1, 2, 3 or G. Nothing was sent.",
             )
         steps = trials.steps(names, digits) if move else []

@@ -27,18 +27,18 @@ def add_firmware(group: Group) -> None:
         "firmware",
         heading="Service",
         family=group.family,
-        help="Check a firmware file, or load one into the hand (barrett §3.7).",
+        help="Check a firmware file, or load it into the hand (barrett §3.7).",
     )
     group.add_command(firmware)
 
     @firmware.verb("check", offline=True)
     @click.argument("file", type=InFile())
-    @click.option("--force", is_flag=True, help="Accept a file without an end record.")
+    @click.option("--force", is_flag=True, help="Accept a file that has no end record.")
     def check(run: Run, file: str, force: bool) -> Table:
         """Check an S-record FILE. Needs no device.
 
-        The check covers records, checksums, ranges, overlaps, counts and the end record. Exit 7 when the file must not be
-        loaded.
+        Checks the records, checksums, ranges, overlaps, counts and the end record. The exit code is 7 if the file must
+        not be loaded.
         """
         found = _load(file)
         table = _table(found)
@@ -49,22 +49,24 @@ def add_firmware(group: Group) -> None:
 
     @firmware.verb("download", writes=True)
     @click.argument("file", type=InFile())
-    @click.option("--force", is_flag=True, help="Load a file without an end record.")
-    @click.option("--expect", metavar="VERSION", help="Exit 7 unless the hand then reports this version, such as 4.34.")
+    @click.option("--force", is_flag=True, help="Load a file even if it has no end record.")
+    @click.option(
+        "--expect", metavar="VERSION", help="Exit with code 7 unless the hand then reports this version, such as 4.34."
+    )
     @click.option(
         "--window",
         type=click.IntRange(1, 4),
         default=1,
         show_default=True,
         metavar="N",
-        help="Bytes sent ahead of their echo, 1 to 4. 2 halves the time. More than 2 is unproven on hardware.",
+        help="Bytes to send ahead of their echo, 1 to 4. 2 halves the time. More than 2 has not been tried on hardware.",
     )
     def download(run: Run, file: str, force: bool, expect: str | None, window: int) -> Table:
         """Load a firmware FILE into the hand.
 
-        You switch the power supply off and on when asked. The first Ctrl-C only warns. The second one stops and leaves
-        the hand without firmware. handctl checks the file first and compares the echo of every byte. The hand must answer
-        afterwards. Only RAM is written: parameters stay.
+        handctl checks the file, asks you to switch the power supply off and on, and compares the echo of every byte. The
+        hand must answer afterwards. Only RAM is written, so the parameters stay as they are. The first Ctrl-C only
+        warns. The second one stops the download and leaves the hand without firmware.
         """
         from handctl.devices.barrett.firmware.download import Loader, version_in
 
@@ -78,14 +80,14 @@ def add_firmware(group: Group) -> None:
         if run.settings.deadline is not None and run.settings.deadline < needed:
             raise UsageError(
                 f"--deadline {run.settings.deadline:g} is too short: this download takes about {needed:.0f} s",
-                hint="use a longer one, or none. A download that is cut off leaves the hand without firmware. Nothing was sent.",
+                hint="use a longer one, or none. An interrupted download leaves the hand without firmware. Nothing was sent.",
             )
         if run.settings.dry_run:
             return _plan(run, found)
         run.confirm(
-            f"{_summary(found)}. This replaces the hand's firmware. A download that is cut off leaves the hand without any"
+            f"{_summary(found)}. This replaces the hand's firmware. An interrupted download leaves the hand without firmware"
         )
-        run.guide.say(f"Firmware file ok: {_summary(found)}")
+        run.guide.say(f"Firmware file OK: {_summary(found)}")
         loader = Loader(run.device(), run.guide, found, window=window, expect=version_in(expect) if expect else None)
         done = loader.run()
         return Table(
@@ -105,7 +107,7 @@ def _load(path: str) -> Firmware:
     from handctl.devices.barrett.firmware.srecord import parse
 
     content = read(
-        path, "a firmware file", 4_000_000, hint="use the vendor's .S19 file. One for 64 KiB has less than 300 kB"
+        path, "a firmware file", 4_000_000, hint="use the vendor's .S19 file. A file for 64 KiB is smaller than 300 kB"
     )
     return parse(path.replace("\\", "/").rpartition("/")[2], content)
 

@@ -45,13 +45,13 @@ NOTHING, PROMPT, LATE, LOOP = "nothing", "prompt", "late prompt", "ERR 2048"
 RESTART, BANNER_ONLY, COLON, ECHO, BYTES = "banner and prompt", "banner", "':'", "echo", "other bytes"
 SEEN = {
     NOTHING: "silence until the end of the wait",
-    PROMPT: "a prompt that answers the question, or one that was already there",
-    LATE: "a prompt without the echo of the question: a command before it has ended",
-    LOOP: "ERR 2048 and a prompt: the question was not a header of RealTime",
+    PROMPT: "a prompt in reply to the request, or one that was already there",
+    LATE: "a prompt without an echo of the request: an earlier command has just ended",
+    LOOP: "ERR 2048 and a prompt: RealTime rejected the request as a block header",
     RESTART: "the banner, then a prompt",
-    BANNER_ONLY: "the banner, no prompt yet",
-    COLON: "':' of the boot monitor, nothing behind it",
-    ECHO: "the question itself, its CR too: a hand with firmware never echoes CR",
+    BANNER_ONLY: "the banner, but no prompt yet",
+    COLON: "the ':' of the boot monitor, and nothing after it",
+    ECHO: "the request itself, including its CR, which a hand with firmware never echoes",
     BYTES: "anything else",
 }
 
@@ -59,29 +59,29 @@ OPENED, REMEMBERED, ASKED, SILENT, BOOTING = "opened", "remembered", "asked", "s
 RESTARTED, LEAVING, ECHOED, ELSEWHERE, AGAIN = "restarted", "leaving", "echoed", "elsewhere", "again"
 CONFIRMED, FILLED_FIRST, FILLED = "confirmed", "filled first", "filled"
 STATES = {
-    OPENED: "the port is open: read the bytes that have arrived unasked",
-    REMEMBERED: "asked at the last known speed, which is not 9600",
-    FILLED_FIRST: "no prompt at the last known speed: RealTime may want the rest of a control block",
-    ASKED: "asked at 9600, or at the only speed of the link",
-    FILLED: "no answer there either: the same at 9600, or at the only speed",
-    SILENT: "no answer at 9600 (off, no cable, busy, starting, or another speed): listen until the port has been open for 3 s",
+    OPENED: "the port is open: read any bytes that have already arrived",
+    REMEMBERED: "request sent at the last known baud rate, if that is not 9600",
+    FILLED_FIRST: "no prompt at the last known baud rate: RealTime may be waiting for the rest of a control block",
+    ASKED: "request sent at 9600, or at the only baud rate of the link",
+    FILLED: "no reply there either: the same at 9600, or at the only baud rate",
+    SILENT: "no reply at 9600 (off, no cable, busy, starting, or another baud rate): listen until the port has been open for 3 s",
     BOOTING: "boot window, or no firmware: send nothing for 6 s",
-    CONFIRMED: "asked once more at 9600: a ':' may have been noise",
-    RESTARTED: "the banner is there: its prompt must follow, or is asked for",
-    LEAVING: "noise, a wrong speed, or RealTime in the middle of a control block",
-    ECHOED: "our bytes came back: a wire does that at 115200 too, where the monitor cannot hear it",
-    ELSEWHERE: "asked at one of the other speeds",
-    AGAIN: "no speed answered, or a banner without a prompt: asked once more, at the first speed or at that of the banner",
+    CONFIRMED: "request sent once more at 9600, because the ':' may have been noise",
+    RESTARTED: "the banner has arrived: wait for its prompt, or request it",
+    LEAVING: "noise, a wrong baud rate, or RealTime in the middle of a control block",
+    ECHOED: "our own bytes came back: a short circuit also returns them at 115200, where the monitor does not",
+    ELSEWHERE: "request sent at one of the other baud rates",
+    AGAIN: "no reply at any baud rate, or a banner without a prompt: request sent once more, at the first baud rate or at that of the banner",
 }
 FILLING = (FILLED_FIRST, FILLED, LEAVING)
 """What is seen there was asked with FILL."""
 READY, MONITOR, WIRE, NOBODY, GARBAGE = "ready", "monitor", "wire", "nobody", "garbage"
 ENDS = {
-    READY: "go on",
-    MONITOR: "exit 6: boot monitor, no firmware, or just switched on",
-    WIRE: "exit 5: TX and RX are joined",
-    NOBODY: "exit 4: nothing answers",
-    GARBAGE: "exit 5: bytes arrived, but no prompt",
+    READY: "connected",
+    MONITOR: "exit code 6: boot monitor (no firmware, or just switched on)",
+    WIRE: "exit code 5: TX and RX are connected to each other",
+    NOBODY: "exit code 4: no reply",
+    GARBAGE: "exit code 5: bytes arrived, but no prompt",
 }
 SECONDS = {OPENED: 0.0, REMEMBERED: 0.4, FILLED_FIRST: 0.1, ASKED: 0.4, FILLED: 0.1, SILENT: 3.0, BOOTING: 6.0, CONFIRMED: 0.5, RESTARTED: 5.0, LEAVING: 0.2,
            ECHOED: 0.05, ELSEWHERE: 0.3, AGAIN: 0.5}  # fmt: skip
@@ -106,17 +106,11 @@ class Row(NamedTuple):
     said: str = ""
 
 
-BUSY = "the hand was in the middle of a command, which has ended"
-IN_LOOP = "the hand was in RealTime and left it when handctl asked. The motors may still run"
-IN_BLOCK = (
-    "the hand was in RealTime, in a control block that was cut off. handctl sent 0 for the rest of it, and the hand left "
-    "RealTime. The motors may still run"
-)
-RESTARTED_TEXT = "the hand restarted: power or cable. HI is needed"
-SILENCE = (
-    "check the hand's power supply, then the serial cable (straight-through, 9 pins), then the port. A hand without "
-    "firmware (off for more than a day or two) does not answer: load it again"
-)
+BUSY = "the hand was still running an earlier command, which has ended"
+IN_LOOP = "the hand was in RealTime and left it when handctl connected. The motors may still be running"
+IN_BLOCK = "the hand was in RealTime, in a control block that was cut off. handctl sent 0 for the rest of it, and the hand left RealTime. The motors may still be running"
+RESTARTED_TEXT = "the hand restarted because of its power or its cable, and needs HI"
+SILENCE = "check the hand's power supply, then the serial cable (straight-through, 9 pins), then the port. A hand that was off for more than a day or two may have lost its firmware and does not reply: load it again"
 MONITOR_TEXT = "boot monitor: no firmware, or just switched on"
 
 _ANSWERED = (
@@ -240,19 +234,19 @@ RULES = {(row.state, row.seen): row for row in TABLE}
 
 
 PAGE = (
-    "This section shows how handctl finds a hand on a link. Each line below gives what handctl sees, the next state, and "
-    "what it sends on the way. The question is the mark !, 00 and CR. It ends no movement. A half-typed command becomes an "
-    "unknown one. In a control block of RealTime that was cut off it starts no motor. After silence handctl sends 0 for "
-    "the rest of such a block. A command that moves, writes or stops sends ^C first. So does `--interrupt`.",
-    "The boot monitor listens at 9600, and FF is its trigger: good firmware would be overwritten. handctl therefore sends "
-    "nothing that the monitor could hear as FF until 9600 was asked and the port was open for 3 s. `handctl scan` may send "
-    "such a byte after that. A monitor that neither speaks nor echoes for longer looks like a port with nothing on it.",
-    "A port that is silent for 3 s and then sends bytes may be a hand whose firmware has just started. handctl then asks "
-    "all speeds once more.",
-    "A hand says nothing while it moves or saves. When it does not answer at any speed, it may be in the middle of a long "
+    "How handctl finds a hand on a link. Each line below shows the data received, the next state, and the bytes sent on the "
+    "way there. The request is !, 00 and CR. It ends no movement. It turns a half-typed command into an unknown one, and "
+    "in a RealTime control block that was cut off it starts no motor. If there is no reply, handctl sends 0 for the rest "
+    "of such a block. Commands that move, write or stop send ^C first, and so does `--interrupt`.",
+    "The boot monitor listens at 9600 and takes FF as its trigger, which would overwrite good firmware. So handctl sends "
+    "nothing the monitor could read as FF until it has tried 9600 and the port has been open for 3 s. After that, "
+    "`handctl scan` may send such a byte. A monitor that stays silent for longer looks like an unconnected port.",
+    "If a port is silent for 3 s and then sends bytes, the firmware of the hand may have just started, so handctl tries "
+    "all baud rates once more.",
+    "A hand does not reply while it moves or saves. If it replies at no baud rate, it may be in the middle of a long "
     "movement. `handctl barrett stop` ends it.",
-    "A banner, or the monitor's : alone, also ends every later wait for an answer. The hand restarted, because of its "
-    "power or its cable, and needs `init`.",
+    "A banner, or a single : from the monitor, also ends every later wait for a reply: the hand has restarted because of "
+    "its power or its cable, and needs `init`.",
 )
 
 

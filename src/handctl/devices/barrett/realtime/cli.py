@@ -38,35 +38,37 @@ def add_realtime(group: Group) -> None:
 
     @group.verb("realtime", "Move", writes=True, streams=True)
     @click.option(
-        "--motors", metavar="12S", help="Motors of the loop: digits 1 to 4, G = fingers, S = spread (default: all)."
+        "--motors",
+        metavar="12S",
+        help="Motors in the loop: digits 1 to 4, G for the fingers, S for the spread (default: all).",
     )
     @click.option(
         "--send",
         metavar="NAMES",
-        help="Values in control blocks: velocity, gain. `velocity@12` is for some motors only.",
+        help="Values in control blocks: velocity, gain. `velocity@12` limits it to some motors.",
     )
     @click.option(
         "--receive",
         metavar="NAMES",
-        help="Values in feedback: velocity, strain, position, delta, temperature, none. `strain@12` is for some motors only "
+        help="Values in feedback: velocity, strain, position, delta, temperature, none. `strain@12` limits it to some motors "
         "(default: the hand's own flags).",
     )
     @click.option("--velocity", metavar="V", help="Constant control velocity, -127 to 127: 20, or 20,5, or F1=20,F2=5.")
-    @click.option("--gain", metavar="K", help="Constant proportional gain, 0 to 255, written in the same way.")
+    @click.option("--gain", metavar="K", help="Constant proportional gain, 0 to 255, in the same form.")
     @click.option(
         "--control",
         "path",
         metavar="FILE",
         type=InFile(),
-        help="Control values as CSV or JSON lines (t, velocity.F1 …). - is stdin. Live lines (without t) hold for 1 s, then velocity is 0.",
+        help="Control values as CSV or JSON lines (t, velocity.F1 …). - is stdin. Live lines (without t) are valid for 1 s, then velocity is 0.",
     )
     @click.option(
-        "--measure", type=click.IntRange(min=2), metavar="N", help="Exchange N blocks and show only the timing."
+        "--measure", type=click.IntRange(min=2), metavar="N", help="Exchange N blocks and show only their timing."
     )
     @click.option(
         "--sequential/--overlapped",
         default=None,
-        help="Wait for the whole feedback before the next block, or only for its *. Default: sequential when driving, overlapped when watching. Overlapped driving begins with a self-test that drives nothing.",
+        help="Wait for the whole feedback before the next block, or only for its *. Default: sequential when driving, overlapped when watching. Overlapped driving starts with a self-test that moves nothing.",
     )
     @click.option(
         "--no-guard",
@@ -74,17 +76,17 @@ def add_realtime(group: Group) -> None:
         multiple=True,
         metavar="NAME",
         type=click.Choice([*GUARDS, "all"]),
-        help=f"Switch a guard off: {', '.join(GUARDS)}, all. See GUARDS.",
+        help=f"Switch off a guard: {', '.join(GUARDS)}, all. See GUARDS.",
     )
-    @click.option("--force", is_flag=True, help="The same as --no-guard opening. It may deform the clutch permanently.")
+    @click.option("--force", is_flag=True, help="Same as --no-guard opening. This may deform the clutch permanently.")
     @click.option(
         "--delta-unit",
         type=click.IntRange(1, 255),
         metavar="N",
-        help="Counts of one unit of delta (LFDPC). Default: the hand's own, or more where velocity and rate need it.",
+        help="Counts per unit of delta (LFDPC). Default: the hand's own, or more if velocity and rate need it.",
     )
     @click.option(
-        "--init", "initialize", is_flag=True, help="Initialize the motors first (HI): the fingers open fully."
+        "--init", "initialize", is_flag=True, help="First initialize the motors (HI): the fingers open fully."
     )
     @click.option("--hold", is_flag=True, help="Leave the motors powered at the end.")
     @suspendable
@@ -112,16 +114,16 @@ def add_realtime(group: Group) -> None:
         """Exchange RealTime blocks (LOOP): live view, NDJSON or CSV.
 
         Without control values nothing moves. With them, each motor keeps its last velocity until the next block. However
-        the loop ends, handctl commands velocity 0, leaves the loop, and switches the motors off unless --hold is given. It
-        then restores the flags.
+        the loop ends, handctl sends velocity 0, leaves the loop, switches the motors off (unless you give --hold), and
+        restores the flags.
 
-        GUARDS, all on while motors are driven: stall sends velocity 0 to a motor that stands still longer than TSTOP.
-        window sends it to a motor that would leave 0 to CT. strain sends it beyond HSG and LSG. opening refuses to open
-        faster than IVEL allows. heat ends the loop above 65 °C or OTEMP. A guard takes in the feedback that it needs
-        without showing it.
+        GUARDS, all on while motors are driven: stall sends velocity 0 to a motor that has not moved for TSTOP. window
+        sends it to a motor that would leave the range 0 to CT. strain sends it above HSG or below LSG. opening refuses
+        to open faster than IVEL allows. heat ends the loop above 65 °C or OTEMP. If a guard needs feedback that you did
+        not request, handctl reads it without showing it.
 
-        `doubt` in a row says why its value may be wrong: a delta did not fit its byte, or the bytes after a block did not
-        confirm its place in the stream.
+        `doubt` in a row says why its value may be wrong: a delta did not fit into its byte, or the bytes after a block did
+        not confirm its position in the stream.
         """
         from handctl.devices.barrett.realtime.flags import Wish, refuse_disabled
         from handctl.devices.barrett.realtime.loop import RealtimeLoop
@@ -278,12 +280,12 @@ def _steps(run: Run, wish: Wish, controls: Controls | None) -> list[Step]:
     steps.append(Step(f"{entry}: enter RealTime", encode(entry)))
     values = controls.first if controls is not None else None
     if controls is None or values is None:
-        steps.append(Step("ask for feedback, repeatedly", b"A"))
+        steps.append(Step("request feedback, repeatedly", b"A"))
     else:
         layout = Layout({index: Selection(controls.carries[index], ()) for index in wish.motors})
         zero = {index: {**names, **({"velocity": 0} if "velocity" in names else {})} for index, names in values.items()}
         steps.append(Step("first control block", layout.control(values), moves=True))
-        steps.append(Step("last control block: stand", layout.control(zero, feedback=False)))
+        steps.append(Step("last control block: velocity 0", layout.control(zero, feedback=False)))
     steps.append(Step("leave RealTime", abort_at(run.settings.baud)))
     if controls is not None and not wish.hold:
         steps.append(Step(f"{wish.prefix}T: motor power off", encode(f"{wish.prefix}T")))

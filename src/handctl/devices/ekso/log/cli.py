@@ -35,12 +35,12 @@ def add_log_commands(group: Group) -> None:
 
 
 @log_options
-@click.option("--raw", is_flag=True, help="Append the 27 words as they came.")
+@click.option("--raw", is_flag=True, help="Append the 27 raw words to each row.")
 @click.option("--include-pilot-id", is_flag=True, help="Keep the wearer's number in the sidecar.")
 def log(run: Run, file: str, raw: bool, include_pilot_id: bool, **wishes: Any) -> Table:
-    """Record GetData into FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it.
+    """Record GetData to FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it.
 
-    FILE may be a directory. On a terminal any letter or space sets a mark.
+    FILE can be a directory. On a terminal, press any letter or space to set a mark.
     """
 
     def source(again: Callable[[], bool]) -> Source:
@@ -81,29 +81,29 @@ def _own_format(group: Group, name: str, body: Callable[..., Table]) -> click.Co
     "--format",
     "kind",
     type=click.Choice(["mot", "csv"]),
-    help="What to make: mot (OpenSim motion file) or csv (the log's columns). --format is the older name.",
+    help="Output: mot (OpenSim motion file) or csv (the columns of the log). --format is the older name.",
 )
 @click.option("--si", is_flag=True, help="With csv: metres and radians instead of inches and degrees.")
 @click.option(
-    "--segment", type=click.IntRange(min=1), metavar="N", help="Only segment N. A motion file holds just one."
+    "--segment", type=click.IntRange(min=1), metavar="N", help="Only segment N. A motion file can hold only one."
 )
 @click.option(
     "--knee-sign",
     type=click.Choice(["1", "-1"]),
-    help="With mot: sign of knee flexion in your model (default 1, as in the device, gait2392 has -1).",
+    help="With mot: sign of knee flexion in your model (default 1, as in the device; gait2392 needs -1).",
 )
 @click.option(
     "--rate",
     type=FiniteRange(min=0, min_open=True, max=1000),
     metavar="HZ",
-    help="With mot: resample linearly, never across a gap.",
+    help="With mot: resample linearly, but never across a gap.",
 )
 def export(
     run: Run, log: str, kind: str | None, si: bool, segment: int | None, knee_sign: str | None, rate: float | None
 ) -> Table:
     """Turn a log into an OpenSim motion file or a table in SI units. Needs no device.
 
-    The output goes to stdout, or into FILE with -o.
+    The output goes to stdout, or to FILE with -o.
     """
     from handctl.devices.ekso.log import export as exports
     from handctl.devices.ekso.log.file import LogFile
@@ -121,23 +121,23 @@ def export(
         if knee_sign is None:
             run.journal.warn(
                 "knee-sign",
-                "knee flexion is positive, as the device has it",
-                hint="--knee-sign -1 for models like gait2392",
+                "knee flexion is positive, as in the device",
+                hint="use --knee-sign -1 for models like gait2392",
             )
         result = exports.motion(source, segment=segment, knee_sign=sign, rate=rate, tool=f"handctl {__version__}")
     if source.simulated:
         run.settings = run.settings._replace(port=None, fake=True)
-        run.journal.info("simulated", f"{log}: a simulator was recorded, not a device")
+        run.journal.info("simulated", f"{log}: this is a recording of a simulator, not of a device")
     return _shown(run, result, as_rows)
 
 
 def _check_options(kind: str | None, *, si: bool, knee_sign: str | None, rate: float | None) -> None:
     if kind is None:
-        raise UsageError("which format?", hint="--to mot or --to csv")
+        raise UsageError("no format given", hint="use --to mot or --to csv")
     if kind == "csv" and (knee_sign is not None or rate is not None):
-        raise UsageError("--knee-sign and --rate are for --to mot", hint="leave them out")
+        raise UsageError("--knee-sign and --rate work only with --to mot", hint="leave them out")
     if kind == "mot" and si:
-        raise UsageError("--si is for --to csv", hint="a motion file is in degrees")
+        raise UsageError("--si works only with --to csv", hint="leave it out: a motion file is in degrees")
 
 
 def _shown(run: Run, result: Exported, as_rows: bool) -> Table:
