@@ -1,26 +1,29 @@
 """What the manual page says beside the commands (see `docgen.texts`). Data only."""
 
-FILES = (("exo-before-reset.json", "The snapshot that `factory-reset` writes first. `--backup` names another file."),)
-EXCEPTIONS = (("leave-alone", "`force`", "-1 is a force of its own."),)
+FILES = (("exo-before-reset.json", "The snapshot that `factory-reset` writes first. `--backup` changes its name."),)
+EXCEPTIONS = (("leave-alone", "`force`", "Here -1 is an ordinary force."),)
 EXAMPLES = (
     ("handctl exo get position_actual temperature --fake", "Show positions and temperatures of all fingers."),
     ("handctl exo get system_voltage --fake --format plain", "Print a bare number for a script."),
     ("handctl exo watch temperature --rate 20 --count 5 --fake --csv", "Take five samples as CSV."),
     ("handctl exo position 1000 1000 1000 1000 1000 --wait 5 -p /dev/ttyUSB0", "Open the hand. Asks first."),
     ("handctl exo position 1000 1000 1000 500 1000 -n --fake", "Show the bytes and send nothing."),
-    ("handctl exo position ring=900 index=100 -n --fake", "Show the bytes that move two fingers only. Send nothing."),
+    (
+        "handctl exo position ring=900 index=100 -n --fake",
+        "Show the bytes that move two fingers only, and send nothing.",
+    ),
     ("handctl exo force 0 0 0 0 0 --yes -p /dev/ttyUSB0", "Release the hand, from a script."),
     ("handctl exo force 200 200 200 200 200 -n --fake", "Show the bytes and send nothing."),
     ("handctl exo set force_set=0,0,0,0,0 -p /dev/ttyUSB0", "Write all elements of a quantity. Asks first."),
     ("handctl exo set position_set.index=300 -n --fake", "Show the bytes and send nothing."),
     ("handctl exo id --fake", "Show the id of the hand."),
     ("handctl exo id 2 -p /dev/ttyUSB0", "Give the hand another id. Asks first."),
-    ("handctl exo baud --fake", "Show the speed code of the hand."),
+    ("handctl exo baud --fake", "Show the baud rate code of the hand."),
     (
         "handctl exo baud 57600 --save --verify -p /dev/ttyUSB0",
-        "Change the speed, save it, and look for the hand there.",
+        "Change the baud rate, save it, and check the hand after a power-cycle.",
     ),
-    ("handctl exo save -p /dev/ttyUSB0", "Save the present parameters. Asks first."),
+    ("handctl exo save -p /dev/ttyUSB0", "Save the present settings. Asks first."),
     ("handctl exo save -n --fake", "Show the bytes and send nothing."),
     (
         "handctl exo factory-reset --backup before-reset.json -p /dev/ttyUSB0",
@@ -28,10 +31,10 @@ EXAMPLES = (
     ),
     ("handctl exo clear-errors -p /dev/ttyUSB0", "Clear the errors and show which remain."),
     ("handctl exo clear-errors -n --fake", "Show the bytes and send nothing."),
-    ("handctl exo calibrate -p /dev/ttyUSB0", "Calibrate step by step. The hand must be worn."),
-    ("handctl exo scan -p /dev/ttyUSB0", "Find the id and the speed of the hand."),
-    ("handctl exo scan --ids 1-10 --baud 115200 -p /dev/ttyUSB0", "Ask ten ids at one speed."),
-    ("handctl exo diff exo-before.json --fake", "Show the changes since the snapshot."),
+    ("handctl exo calibrate -p /dev/ttyUSB0", "Calibrate step by step. Someone has to wear the hand."),
+    ("handctl exo scan -p /dev/ttyUSB0", "Find the id and the baud rate of the hand."),
+    ("handctl exo scan --ids 1-10 --baud 115200 -p /dev/ttyUSB0", "Try ten ids at one baud rate."),
+    ("handctl exo diff exo-before.json --fake", "Show what has changed since the snapshot."),
     ("handctl exo restore exo-before.json -n --fake", "Show the bytes and send nothing."),
     ("handctl exo read 1000 2 --fake", "Read two bytes from address 1000."),
     ("handctl exo write 1486 2C01 -n --fake", "Show the bytes and send nothing."),
